@@ -6,8 +6,10 @@ use std::cell::RefCell;
 use std::error::Error;
 use std::process::ExitCode;
 
-use condor_dev::conformance::{self, Ground};
-use condor_dev::{Bus, BusErrorKind, Location, Mode, NoInterrupts, Switch, Width, device_switch};
+use condor_dev::conformance::{self, BusMemory};
+use condor_dev::{
+    Bus, BusErrorKind, Location, NoInterrupts, OpenMode, Switch, Width, device_switch,
+};
 use utah_mit_boards::Adc16;
 
 /// Boards behind a bridge. A request is a command (1, 2 or 4 bytes, 0x80 to write), the address
@@ -116,7 +118,7 @@ fn main() -> ExitCode {
 
 fn run() -> Result<(), Box<dyn Error>> {
     let bridge = Bridge(FarEnd::new());
-    let ground = Ground {
+    let ground = BusMemory {
         memory: 0x200,
         absent: Some(0x240),
         refuses_misaligned: true,
@@ -128,7 +130,7 @@ fn run() -> Result<(), Box<dyn Error>> {
     switch.start();
     print!("{}", switch.inventory());
     let fd = switch
-        .open(":adc", 0, Mode::READ)
+        .open(":adc", 0, OpenMode::READ)
         .map_err(|error| error.to_string())?;
     let adc = switch.device(Boards::adc, fd)?;
     let mut channels = [0; Adc16::CHANNELS];

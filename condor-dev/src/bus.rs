@@ -33,7 +33,7 @@ pub enum BusErrorKind {
     Other,
 }
 
-/// An error of a bus: [`AccessError`] for those of this crate; a backend may bring its own.
+/// An error of a bus: [`BusAccessError`] for those of this crate; a backend may bring its own.
 pub trait BusError: core::error::Error {
     /// Returns the kind, which generic code can handle.
     fn kind(&self) -> BusErrorKind;
@@ -55,14 +55,14 @@ impl BusError for BusErrorKind {
 /// The error of an access that was refused, or to which nothing answered.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("bus error at {address:#x}: {kind}")]
-pub struct AccessError {
+pub struct BusAccessError {
     /// The bus address of the access.
     pub address: usize,
     /// The kind of error.
     pub kind: BusErrorKind,
 }
 
-impl BusError for AccessError {
+impl BusError for BusAccessError {
     fn kind(&self) -> BusErrorKind {
         self.kind
     }
@@ -94,12 +94,12 @@ impl Width {
 
     /// Returns `Ok` if an access of this width may be made at `address`.
     #[inline(always)]
-    pub(crate) const fn check(self, address: usize) -> Result<(), AccessError> {
+    pub(crate) const fn check(self, address: usize) -> Result<(), BusAccessError> {
         if address.is_multiple_of(self.bytes()) {
             return Ok(());
         }
         let kind = BusErrorKind::Misaligned;
-        Err(AccessError { address, kind })
+        Err(BusAccessError { address, kind })
     }
 }
 

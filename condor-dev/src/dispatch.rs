@@ -4,7 +4,7 @@ use core::num::NonZeroU32;
 
 use crate::bus::Bus;
 use crate::driver::{Attention, Driver};
-use crate::interrupt::{InterruptController, Vector};
+use crate::interrupt::{InterruptController, InterruptVector};
 use crate::record::{Answer, ENDLESS, InterruptCounts};
 use crate::set::{DeviceSet, Link, Visitor};
 use crate::switch::Switch;
@@ -57,7 +57,7 @@ impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Switch<B, C, 
 
     /// Iterates over the first eight vectors that interrupted and belong to no board, with the
     /// counts of their interrupts.
-    pub fn unhandled(&self) -> impl Iterator<Item = (Vector, u32)> + '_ {
+    pub fn unhandled(&self) -> impl Iterator<Item = (InterruptVector, u32)> + '_ {
         self.interrupts.strangers()
     }
 
@@ -65,7 +65,7 @@ impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Switch<B, C, 
     /// with how often each was disabled.
     ///
     /// When the cause is gone, [`start`](Self::start) enables them again.
-    pub fn stuck(&self) -> impl Iterator<Item = (Vector, u32)> + '_ {
+    pub fn stuck(&self) -> impl Iterator<Item = (InterruptVector, u32)> + '_ {
         let lines = S::CHAIN.iter().zip(self.devices.lines());
         lines.filter_map(|(link, line)| {
             let stuck = line.stuck();
@@ -74,7 +74,7 @@ impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Switch<B, C, 
     }
 
     /// Polls the boards of a vector; says whether it is to be disabled.
-    fn serve(&self, vector: Vector, storm: bool) -> bool {
+    fn serve(&self, vector: InterruptVector, storm: bool) -> bool {
         let first = S::CHAIN.partition_point(|link| link.vector < vector);
         let chain = S::CHAIN.get(first..).unwrap_or_default();
         let length = chain

@@ -4,7 +4,7 @@ use core::fmt;
 
 use crate::bus::BusErrorKind;
 use crate::driver::DeviceError;
-use crate::fd::{FdError, Mode};
+use crate::fd::{FdError, OpenMode};
 use crate::unit::Presence;
 
 /// The reason for which a device cannot be opened.
@@ -44,7 +44,7 @@ pub enum OpenError<'n> {
         /// The device.
         name: &'n str,
         /// The requested mode.
-        mode: Mode,
+        mode: OpenMode,
     },
     /// The board is open already, and the old or the new descriptor is exclusive; or another
     /// context is opening or closing it.
@@ -83,7 +83,7 @@ pub enum IoError<E> {
     #[error("the device is not ready")]
     WouldBlock,
     /// There is nothing more to read, as at the end of a file. Devices never return it; a
-    /// [`Stream`](crate::Stream) reads 0 bytes.
+    /// [`DeviceStream`](crate::DeviceStream) reads 0 bytes.
     #[error("there is no more to read")]
     End,
     /// The device does not transfer this many bytes at a time.

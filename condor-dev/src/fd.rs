@@ -8,7 +8,7 @@ use bitflags::bitflags;
 bitflags! {
     /// The mode in which a device is opened: a combination of these.
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-    pub struct Mode: u8 {
+    pub struct OpenMode: u8 {
         /// Opens for reading.
         const READ = 1;
         /// Opens for writing.
@@ -76,9 +76,9 @@ pub enum FdError {
         /// The descriptor.
         fd: Fd,
         /// The direction of the call.
-        wanted: Mode,
+        wanted: OpenMode,
         /// The mode in which it was opened.
-        opened: Mode,
+        opened: OpenMode,
     },
     /// The descriptor belongs to another device.
     #[error("{fd} is not of device {wanted}")]
@@ -111,12 +111,12 @@ impl Entry {
     /// Kinds of devices, and boards of a kind, of which an entry can tell all apart.
     pub(crate) const MOST: usize = 64;
 
-    const fn new(generation: u16, slot: u16, mode: Mode) -> Self {
+    const fn new(generation: u16, slot: u16, mode: OpenMode) -> Self {
         Self((slot as u32) << SLOT | Self::wanted(generation, mode))
     }
 
     /// What all entries of a generation have that are open, and for `mode`.
-    const fn wanted(generation: u16, mode: Mode) -> u32 {
+    const fn wanted(generation: u16, mode: OpenMode) -> u32 {
         OPEN | (mode.bits() as u32) << MODE | generation as u32
     }
 
@@ -129,8 +129,8 @@ impl Entry {
         (self.0 >> SLOT) as u16
     }
 
-    const fn mode(self) -> Mode {
-        Mode::from_bits_truncate((self.0 >> MODE & 7) as u8)
+    const fn mode(self) -> OpenMode {
+        OpenMode::from_bits_truncate((self.0 >> MODE & 7) as u8)
     }
 }
 
@@ -158,7 +158,7 @@ impl<const F: usize> FdTable<F> {
     }
 
     /// Takes a free place, in a critical section.
-    pub(crate) fn insert(&self, slot: u16, mode: Mode) -> Option<Fd> {
+    pub(crate) fn insert(&self, slot: u16, mode: OpenMode) -> Option<Fd> {
         for (index, place) in self.entries.iter().enumerate() {
             let entry = Entry(place.load(Ordering::Relaxed));
             if entry.0 & OPEN == 0 {
@@ -176,7 +176,7 @@ impl<const F: usize> FdTable<F> {
 
     /// What `fd` is open for, if it is open for `wanted`.
     #[inline(always)]
-    pub(crate) fn get(&self, fd: Fd, wanted: Mode) -> Result<Entry, FdError> {
+    pub(crate) fn get(&self, fd: Fd, wanted: OpenMode) -> Result<Entry, FdError> {
         if let Some(place) = self.entries.get(usize::from(fd.index)) {
             // Acquire: pairs with the Release store in `insert`.
             let entry = Entry(place.load(Ordering::Acquire));
@@ -190,7 +190,7 @@ impl<const F: usize> FdTable<F> {
 
     /// Gives a place back, in a critical section.
     pub(crate) fn remove(&self, fd: Fd) -> Result<Entry, FdError> {
-        let entry = self.get(fd, Mode::empty())?;
+        let entry = self.get(fd, OpenMode::empty())?;
         let index = usize::from(fd.index);
         if let (Some(place), Some(holders)) = (self.entries.get(index), self.holders.get(index)) {
             if holders.load(Ordering::Relaxed) != 0 {
@@ -211,7 +211,7 @@ impl<const F: usize> FdTable<F> {
     }
 
     #[cold]
-    fn misuse(&self, fd: Fd, wanted: Mode) -> FdError {
+    fn misuse(&self, fd: Fd, wanted: OpenMode) -> FdError {
         let place = self.entries.get(usize::from(fd.index));
         // Relaxed: only the error depends on it.
         let entry = Entry(place.map_or(0, |place| place.load(Ordering::Relaxed)));

@@ -2,11 +2,11 @@
 
 /// The number of an interrupt vector in its controller.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub struct Vector(pub u16);
+pub struct InterruptVector(pub u16);
 
 /// The urgency of an interrupt: a higher level interrupts a lower one; 0 never interrupts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub struct Level(pub u8);
+pub struct InterruptLevel(pub u8);
 
 /// The controller that delivers the interrupts of boards to one processor.
 ///
@@ -26,37 +26,37 @@ pub struct Level(pub u8);
 /// Call [`conformance::interrupt_controller`](conformance/fn.interrupt_controller.html) from one test.
 pub trait InterruptController {
     /// Enables a vector, and sets its level.
-    fn enable(&self, vector: Vector, level: Level);
+    fn enable(&self, vector: InterruptVector, level: InterruptLevel);
 
     /// Disables a vector.
-    fn disable(&self, vector: Vector);
+    fn disable(&self, vector: InterruptVector);
 
     /// Claims the most urgent vector that is pending, and returns it; `None` if none is pending and
     /// enabled.
-    fn claim(&self) -> Option<Vector>;
+    fn claim(&self) -> Option<InterruptVector>;
 
     /// Completes the service of a vector that [`claim`](Self::claim) returned; it can be claimed again.
-    fn complete(&self, vector: Vector);
+    fn complete(&self, vector: InterruptVector);
 }
 
 impl<C: InterruptController + ?Sized> InterruptController for &C {
     #[inline]
-    fn enable(&self, vector: Vector, level: Level) {
+    fn enable(&self, vector: InterruptVector, level: InterruptLevel) {
         C::enable(self, vector, level);
     }
 
     #[inline]
-    fn disable(&self, vector: Vector) {
+    fn disable(&self, vector: InterruptVector) {
         C::disable(self, vector);
     }
 
     #[inline]
-    fn claim(&self) -> Option<Vector> {
+    fn claim(&self) -> Option<InterruptVector> {
         C::claim(self)
     }
 
     #[inline]
-    fn complete(&self, vector: Vector) {
+    fn complete(&self, vector: InterruptVector) {
         C::complete(self, vector);
     }
 }
@@ -66,13 +66,13 @@ impl<C: InterruptController + ?Sized> InterruptController for &C {
 pub struct NoInterrupts;
 
 impl InterruptController for NoInterrupts {
-    fn enable(&self, _: Vector, _: Level) {}
+    fn enable(&self, _: InterruptVector, _: InterruptLevel) {}
 
-    fn disable(&self, _: Vector) {}
+    fn disable(&self, _: InterruptVector) {}
 
-    fn claim(&self) -> Option<Vector> {
+    fn claim(&self) -> Option<InterruptVector> {
         None
     }
 
-    fn complete(&self, _: Vector) {}
+    fn complete(&self, _: InterruptVector) {}
 }

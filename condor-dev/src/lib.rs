@@ -8,7 +8,7 @@
 //! [fderror]: FdError
 //! [io]: IoError
 //! [device]: Device
-//! [stream]: Stream
+//! [stream]: DeviceStream
 //! [stdio]: mod@stdio
 //! [switch]: Switch::on_interrupt
 //! [ring]: Ring
@@ -80,19 +80,19 @@ mod unit;
 #[path = "../tests/interrupted/mod.rs"]
 mod interrupted;
 
-pub use bus::{AccessError, Bus, BusError, BusErrorKind, Registers, Width};
+pub use bus::{Bus, BusAccessError, BusError, BusErrorKind, Registers, Width};
 pub use device::Device;
 pub use driver::{Attention, DeviceError, Driver};
 #[cfg(not(condor_loom))]
-pub use drivers::register::{Count, Kept};
+pub use drivers::register::{Count, ShadowRegister};
 pub use error::{IoError, OpenError};
-pub use fd::{Fd, FdError, Mode};
-pub use interrupt::{InterruptController, Level, NoInterrupts, Vector};
+pub use fd::{Fd, FdError, OpenMode};
+pub use interrupt::{InterruptController, InterruptLevel, InterruptVector, NoInterrupts};
 pub use mmio::Mmio;
 pub use record::InterruptCounts;
-pub use ring::{Reader, Ring, Writer};
+pub use ring::{Ring, RingReader, RingWriter};
 pub use serial::{I2cBus, SpiBus, SpiCommand};
-pub use set::{DeviceSet, Kind};
-pub use stream::{Descriptors, Stream, StreamError, looks, timeout};
+pub use set::{DeviceSet, DriverSlot};
+pub use stream::{Descriptors, DeviceStream, DeviceStreamError, looks, timeout};
 pub use switch::Switch;
 pub use unit::{Location, Presence, Unit};

@@ -2,7 +2,7 @@
 
 use core::ffi::c_void;
 
-use crate::bus::{AccessError, Bus, BusErrorKind, Width};
+use crate::bus::{Bus, BusAccessError, BusErrorKind, Width};
 
 /// A range of addresses at which boards answer: each access of a driver is one volatile access.
 ///
@@ -67,22 +67,22 @@ impl Mmio {
         &self,
         address: usize,
         width: Width,
-    ) -> Result<*mut c_void, AccessError> {
+    ) -> Result<*mut c_void, BusAccessError> {
         width.check(address)?;
         let offset = address.wrapping_sub(self.first);
         if offset >= self.len || self.len - offset < width.bytes() {
             let kind = BusErrorKind::OutOfRange;
-            return Err(AccessError { address, kind });
+            return Err(BusAccessError { address, kind });
         }
         Ok(self.memory.wrapping_add(offset).cast())
     }
 }
 
 impl Bus for Mmio {
-    type Error = AccessError;
+    type Error = BusAccessError;
 
     #[inline(always)]
-    fn read(&self, address: usize, width: Width) -> Result<u32, AccessError> {
+    fn read(&self, address: usize, width: Width) -> Result<u32, BusAccessError> {
         let register = self.register(address, width)?;
         // SAFETY: it is aligned and in the range for which the constructor's caller vouches.
         Ok(unsafe {
@@ -95,7 +95,7 @@ impl Bus for Mmio {
     }
 
     #[inline(always)]
-    fn write(&self, address: usize, width: Width, value: u32) -> Result<(), AccessError> {
+    fn write(&self, address: usize, width: Width, value: u32) -> Result<(), BusAccessError> {
         let register = self.register(address, width)?;
         // SAFETY: it is aligned and in the range for which the constructor's caller vouches.
         unsafe {

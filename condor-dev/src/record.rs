@@ -1,10 +1,10 @@
-//! What the entry of interrupts notes: a [`Line`] for each vector of boards, and [`Interrupts`].
+//! What the entry of interrupts notes: a [`VectorRecord`] for each vector of boards, and [`Interrupts`].
 
 use core::num::NonZeroU32;
 #[cfg(condor_loom)]
 use core::sync::atomic::AtomicU32;
 
-use crate::interrupt::Vector;
+use crate::interrupt::InterruptVector;
 #[cfg(not(condor_loom))]
 use crate::sync::AtomicU32;
 use crate::sync::{Ordering::Relaxed, masked};
@@ -37,7 +37,7 @@ pub struct InterruptCounts {
 ///
 /// Only the context that has claimed the vector writes the record, until it completes the vector.
 #[derive(Debug)]
-pub struct Line {
+pub struct VectorRecord {
     /// Who of its boards is polled first the next time.
     turn: AtomicU32,
     served: AtomicU32,
@@ -49,7 +49,7 @@ pub struct Line {
     stuck: AtomicU32,
 }
 
-impl Line {
+impl VectorRecord {
     /// Makes the record of a vector that has not interrupted.
     #[must_use]
     #[allow(
@@ -142,7 +142,7 @@ impl Interrupts {
 
     /// Counts an interrupt that no board has; says whether its vector is to be disabled.
     #[cold]
-    pub(crate) fn is_stuck(&self, vector: Vector) -> bool {
+    pub(crate) fn is_stuck(&self, vector: InterruptVector) -> bool {
         let name = u32::from(vector.0) + 1;
         masked(|| {
             let known = self.strangers.iter().find(|(known, _)| {
@@ -165,16 +165,16 @@ impl Interrupts {
     }
 
     /// The vectors that no board has, as far as they are told apart, and how often each came.
-    pub(crate) fn strangers(&self) -> impl Iterator<Item = (Vector, u32)> + '_ {
+    pub(crate) fn strangers(&self) -> impl Iterator<Item = (InterruptVector, u32)> + '_ {
         self.strangers.iter().filter_map(|(known, counted)| {
             let vector = known.load(Relaxed).checked_sub(1)?;
-            Some((Vector(vector as u16), counted.load(Relaxed)))
+            Some((InterruptVector(vector as u16), counted.load(Relaxed)))
         })
     }
 }
 
 impl InterruptCounts {
-    pub(crate) fn of(lines: &[Line], interrupts: &Interrupts) -> Self {
+    pub(crate) fn of(lines: &[VectorRecord], interrupts: &Interrupts) -> Self {
         let sum = |words: &mut dyn Iterator<Item = &AtomicU32>| {
             words.fold(0, |sum: u32, word| sum.wrapping_add(word.load(Relaxed)))
         };

@@ -60,15 +60,15 @@ impl<const N: usize> Ring<N> {
     /// Claims the writer; returns `None` while another context has it.
     #[inline]
     #[must_use]
-    pub fn writer(&self) -> Option<Writer<'_, N>> {
-        claim(&self.writing).then(|| Writer(self))
+    pub fn writer(&self) -> Option<RingWriter<'_, N>> {
+        claim(&self.writing).then(|| RingWriter(self))
     }
 
     /// Claims the reader; returns `None` while another context has it.
     #[inline]
     #[must_use]
-    pub fn reader(&self) -> Option<Reader<'_, N>> {
-        claim(&self.reading).then(|| Reader(self))
+    pub fn reader(&self) -> Option<RingReader<'_, N>> {
+        claim(&self.reading).then(|| RingReader(self))
     }
 
     /// Returns the number of bytes to read at this moment.
@@ -123,9 +123,9 @@ fn claim(taken: &AtomicBool) -> bool {
 
 /// The writer of a [`Ring`].
 #[derive(Debug)]
-pub struct Writer<'r, const N: usize>(&'r Ring<N>);
+pub struct RingWriter<'r, const N: usize>(&'r Ring<N>);
 
-impl<const N: usize> Writer<'_, N> {
+impl<const N: usize> RingWriter<'_, N> {
     /// Returns the number of bytes for which there is room.
     #[inline]
     #[must_use]
@@ -146,7 +146,7 @@ impl<const N: usize> Writer<'_, N> {
         let ring = self.0;
         // Relaxed: this end is the only one that stores it.
         let written = ring.written.load(Ordering::Relaxed);
-        // Acquire: pairs with the Release store in `Reader::advance`; the bytes there were taken out.
+        // Acquire: pairs with the Release store in `RingReader::advance`; the bytes there were taken out.
         let read = ring.read.load(Ordering::Acquire);
         let room = N.saturating_sub(written.wrapping_sub(read) as usize);
         let mut position = written;
@@ -156,13 +156,13 @@ impl<const N: usize> Writer<'_, N> {
             }
             position = position.wrapping_add(1);
         }
-        // Release: pairs with the Acquire load in `Reader`; the bytes are there.
+        // Release: pairs with the Acquire load in `RingReader`; the bytes are there.
         ring.written.store(position, Ordering::Release);
         position.wrapping_sub(written) as usize
     }
 }
 
-impl<const N: usize> Drop for Writer<'_, N> {
+impl<const N: usize> Drop for RingWriter<'_, N> {
     fn drop(&mut self) {
         // Release: pairs with the Acquire load in `claim`.
         self.0.writing.store(false, Ordering::Release);
@@ -171,9 +171,9 @@ impl<const N: usize> Drop for Writer<'_, N> {
 
 /// The reader of a [`Ring`].
 #[derive(Debug)]
-pub struct Reader<'r, const N: usize>(&'r Ring<N>);
+pub struct RingReader<'r, const N: usize>(&'r Ring<N>);
 
-impl<const N: usize> Reader<'_, N> {
+impl<const N: usize> RingReader<'_, N> {
     /// Returns the next byte without taking it out; `None` if there is none.
     #[inline]
     #[must_use]
@@ -207,7 +207,7 @@ impl<const N: usize> Reader<'_, N> {
         let ring = self.0;
         // Relaxed: this end is the only one that stores it.
         let read = ring.read.load(Ordering::Relaxed);
-        // Acquire: pairs with the Release store in `Writer::write`; the bytes are there.
+        // Acquire: pairs with the Release store in `RingWriter::write`; the bytes are there.
         let written = ring.written.load(Ordering::Acquire);
         let count = (written.wrapping_sub(read) as usize).min(into.len());
         let mut position = read;
@@ -222,14 +222,14 @@ impl<const N: usize> Reader<'_, N> {
 
     fn advance(&mut self, count: u32) {
         let read = self.0.read.load(Ordering::Relaxed);
-        // Release: pairs with the Acquire load in `Writer::write`; the bytes have been taken out.
+        // Release: pairs with the Acquire load in `RingWriter::write`; the bytes have been taken out.
         self.0
             .read
             .store(read.wrapping_add(count), Ordering::Release);
     }
 }
 
-impl<const N: usize> Drop for Reader<'_, N> {
+impl<const N: usize> Drop for RingReader<'_, N> {
     fn drop(&mut self) {
         // Release: pairs with the Acquire load in `claim`.
         self.0.reading.store(false, Ordering::Release);

@@ -3,8 +3,8 @@
 use embedded_hal::i2c::{self, Error as _, I2c, NoAcknowledgeSource};
 use embedded_hal::spi::{Operation, SpiDevice};
 
-use crate::bus::{AccessError, Bus, BusErrorKind, Width};
-use crate::stdio::Claim;
+use crate::bus::{Bus, BusAccessError, BusErrorKind, Width};
+use crate::stdio::ClaimCell;
 
 /// The registers of all parts on one I2C bus, through any [`I2c`] of embedded-hal.
 ///
@@ -17,7 +17,7 @@ use crate::stdio::Claim;
 /// interrupt handler, is refused as [`Busy`](BusErrorKind::Busy). A transfer takes about 25 µs per
 /// byte at 400 kHz; it masks no interrupts during that time.
 pub struct I2cBus<I> {
-    i2c: Claim<I>,
+    i2c: ClaimCell<I>,
     first: usize,
 }
 
@@ -35,7 +35,7 @@ impl<I: I2c> I2cBus<I> {
     /// second bus in one [`Switch`](crate::Switch).
     #[must_use]
     pub const fn from(first: usize, i2c: I) -> Self {
-        let i2c = Claim::new(i2c);
+        let i2c = ClaimCell::new(i2c);
         Self { i2c, first }
     }
 
@@ -45,8 +45,8 @@ impl<I: I2c> I2cBus<I> {
         address: usize,
         len: usize,
         with: impl FnOnce(&mut I, u8, u8) -> Result<(), I::Error>,
-    ) -> Result<(), AccessError> {
-        let error = |kind| AccessError { address, kind };
+    ) -> Result<(), BusAccessError> {
+        let error = |kind| BusAccessError { address, kind };
         let offset = address.wrapping_sub(self.first);
         let (part, register) = (offset >> 8, offset as u8);
         if part > 0x7f || usize::from(register) + len > 0x100 {
@@ -65,23 +65,23 @@ impl<I: I2c> I2cBus<I> {
 }
 
 impl<I: I2c> Bus for I2cBus<I> {
-    type Error = AccessError;
+    type Error = BusAccessError;
 
-    fn read(&self, address: usize, width: Width) -> Result<u32, AccessError> {
+    fn read(&self, address: usize, width: Width) -> Result<u32, BusAccessError> {
         read_wide(self, address, width)
     }
 
-    fn write(&self, address: usize, width: Width, value: u32) -> Result<(), AccessError> {
+    fn write(&self, address: usize, width: Width, value: u32) -> Result<(), BusAccessError> {
         write_wide(self, address, width, value)
     }
 
-    fn read_block(&self, address: usize, into: &mut [u8]) -> Result<(), AccessError> {
+    fn read_block(&self, address: usize, into: &mut [u8]) -> Result<(), BusAccessError> {
         self.transfer(address, into.len(), |i2c, part, register| {
             i2c.write_read(part, &[register], into)
         })
     }
 
-    fn write_block(&self, mut address: usize, from: &[u8]) -> Result<(), AccessError> {
+    fn write_block(&self, mut address: usize, from: &[u8]) -> Result<(), BusAccessError> {
         for part_of in from.chunks(BLOCK) {
             self.transfer(address, part_of.len(), |i2c, part, register| {
                 let mut bytes = [register; BLOCK + 1];
@@ -105,7 +105,7 @@ impl<I: I2c> Bus for I2cBus<I> {
 /// wires is refused as [`Busy`](BusErrorKind::Busy). SPI has no acknowledgement: an absent part
 /// reads as ones or zeros, so a driver's probe must check an identification.
 pub struct SpiBus<S> {
-    spi: Claim<S>,
+    spi: ClaimCell<S>,
     first: usize,
     command: SpiCommand,
 }
@@ -124,7 +124,7 @@ impl<S: SpiDevice> SpiBus<S> {
     /// The numbers of registers are those below the lowest bit that is set in `command`.
     #[must_use]
     pub const fn new(first: usize, spi: S, command: SpiCommand) -> Self {
-        let spi = Claim::new(spi);
+        let spi = ClaimCell::new(spi);
         Self {
             spi,
             first,
@@ -138,8 +138,8 @@ impl<S: SpiDevice> SpiBus<S> {
         flags: u8,
         len: usize,
         data: Operation<'_, u8>,
-    ) -> Result<(), AccessError> {
-        let error = |kind| AccessError { address, kind };
+    ) -> Result<(), BusAccessError> {
+        let error = |kind| BusAccessError { address, kind };
         let register = address.wrapping_sub(self.first);
         let flag_bits = self.command.read | self.command.write;
         let registers = match flag_bits {
@@ -157,17 +157,17 @@ impl<S: SpiDevice> SpiBus<S> {
 }
 
 impl<S: SpiDevice> Bus for SpiBus<S> {
-    type Error = AccessError;
+    type Error = BusAccessError;
 
-    fn read(&self, address: usize, width: Width) -> Result<u32, AccessError> {
+    fn read(&self, address: usize, width: Width) -> Result<u32, BusAccessError> {
         read_wide(self, address, width)
     }
 
-    fn write(&self, address: usize, width: Width, value: u32) -> Result<(), AccessError> {
+    fn write(&self, address: usize, width: Width, value: u32) -> Result<(), BusAccessError> {
         write_wide(self, address, width, value)
     }
 
-    fn read_block(&self, address: usize, into: &mut [u8]) -> Result<(), AccessError> {
+    fn read_block(&self, address: usize, into: &mut [u8]) -> Result<(), BusAccessError> {
         self.transfer(
             address,
             self.command.read,
@@ -176,7 +176,7 @@ impl<S: SpiDevice> Bus for SpiBus<S> {
         )
     }
 
-    fn write_block(&self, address: usize, from: &[u8]) -> Result<(), AccessError> {
+    fn write_block(&self, address: usize, from: &[u8]) -> Result<(), BusAccessError> {
         self.transfer(
             address,
             self.command.write,
@@ -187,9 +187,9 @@ impl<S: SpiDevice> Bus for SpiBus<S> {
 }
 
 /// Reads a register of some bytes as the block that it is.
-fn read_wide<B>(bus: &B, address: usize, width: Width) -> Result<u32, AccessError>
+fn read_wide<B>(bus: &B, address: usize, width: Width) -> Result<u32, BusAccessError>
 where
-    B: Bus<Error = AccessError>,
+    B: Bus<Error = BusAccessError>,
 {
     width.check(address)?;
     let (mut byte, mut pair, mut word) = ([0; 1], [0; 2], [0; 4]);
@@ -203,9 +203,9 @@ where
 }
 
 /// Writes a register of some bytes as the block that it is.
-fn write_wide<B>(bus: &B, address: usize, width: Width, value: u32) -> Result<(), AccessError>
+fn write_wide<B>(bus: &B, address: usize, width: Width, value: u32) -> Result<(), BusAccessError>
 where
-    B: Bus<Error = AccessError>,
+    B: Bus<Error = BusAccessError>,
 {
     width.check(address)?;
     match width {

@@ -1,11 +1,11 @@
 //! [`DeviceSet`]: the devices that a program was built for.
 
 #[doc(hidden)]
-pub use crate::record::Line;
+pub use crate::record::VectorRecord;
 
 use crate::driver::Driver;
 use crate::fd::Entry;
-use crate::interrupt::Vector;
+use crate::interrupt::InterruptVector;
 use crate::unit::{Location, Unit};
 
 /// The boards that may exist, grouped by kind; [`device_switch!`](crate::device_switch) implements
@@ -22,7 +22,7 @@ pub trait DeviceSet: Sync {
 
     /// Returns the records of vectors. The record of a vector is at the index of its first board in
     /// [`CHAIN`](Self::CHAIN), which has the same length.
-    fn lines(&self) -> &[Line];
+    fn lines(&self) -> &[VectorRecord];
 
     /// Calls `visitor` with the board in a slot, with its type; returns `None` if there is no such
     /// board.
@@ -31,20 +31,20 @@ pub trait DeviceSet: Sync {
 
 /// The boards of a field of [`device_switch!`](crate::device_switch), with the type of their driver;
 /// the macro makes one for each field, with its name.
-pub struct Kind<S, D> {
+pub struct DriverSlot<S, D> {
     number: u8,
     units: fn(&S) -> &[Unit<D>],
 }
 
-impl<S, D> Clone for Kind<S, D> {
+impl<S, D> Clone for DriverSlot<S, D> {
     fn clone(&self) -> Self {
         *self
     }
 }
 
-impl<S, D> Copy for Kind<S, D> {}
+impl<S, D> Copy for DriverSlot<S, D> {}
 
-impl<S, D> Kind<S, D> {
+impl<S, D> DriverSlot<S, D> {
     #[doc(hidden)]
     #[must_use]
     pub const fn new(number: u8, units: fn(&S) -> &[Unit<D>]) -> Self {
@@ -77,7 +77,7 @@ pub(crate) const fn slot(kind: u8, board: u8) -> u16 {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Link {
     /// The vector of the board.
-    pub vector: Vector,
+    pub vector: InterruptVector,
     /// The slot of the board: `kind << 6 | board`.
     pub slot: u16,
 }
@@ -133,7 +133,7 @@ pub const fn links(kinds: &[(&str, &[Location])]) -> usize {
 #[must_use]
 pub const fn chain<const N: usize>(kinds: &[(&str, &[Location])]) -> [Link; N] {
     let none = Link {
-        vector: Vector(0),
+        vector: InterruptVector(0),
         slot: 0,
     };
     let mut chain = [none; N];
@@ -248,7 +248,7 @@ macro_rules! device_switch {
         $(#[$attribute])*
         $visibility struct $set {
             $($device: [$crate::Unit<$driver>; <[$crate::Location]>::len(&[$($place),+])],)+
-            lines: [$crate::set::Line; Self::LINKS.len()],
+            lines: [$crate::set::VectorRecord; Self::LINKS.len()],
         }
 
         impl $set {
@@ -262,7 +262,7 @@ macro_rules! device_switch {
             $visibility const fn new() -> Self {
                 Self {
                     $($device: [$($crate::Unit::new($place)),+],)+
-                    lines: [const { $crate::set::Line::new() }; Self::LINKS.len()],
+                    lines: [const { $crate::set::VectorRecord::new() }; Self::LINKS.len()],
                 }
             }
         }
@@ -281,8 +281,8 @@ macro_rules! device_switch {
                 $(
                     #[doc = concat!("The boards of `", stringify!($device), "`.")]
                     #[allow(non_upper_case_globals)]
-                    $visibility const $device: $crate::Kind<Self, $driver> =
-                        $crate::Kind::new(Number::$device as u8, |set| &set.$device);
+                    $visibility const $device: $crate::DriverSlot<Self, $driver> =
+                        $crate::DriverSlot::new(Number::$device as u8, |set| &set.$device);
                 )+
             }
         };
@@ -293,7 +293,7 @@ macro_rules! device_switch {
             ];
             const CHAIN: &'static [$crate::set::Link] = &Self::LINKS;
 
-            fn lines(&self) -> &[$crate::set::Line] {
+            fn lines(&self) -> &[$crate::set::VectorRecord] {
                 &self.lines
             }
 

@@ -1,8 +1,8 @@
 //! Two buses as one.
 
-use crate::bus::{AccessError, Bus, BusErrorKind, Width};
+use crate::bus::{Bus, BusAccessError, BusErrorKind, Width};
 
-type Answer<T> = Result<T, AccessError>;
+type Answer<T> = Result<T, BusAccessError>;
 
 /// What `next` says, if `answer` is that the address is of another bus.
 #[inline]
@@ -15,8 +15,8 @@ fn or_else<T>(answer: Answer<T>, next: impl FnOnce() -> Answer<T>) -> Answer<T> 
 
 /// Combines two buses: an access that the first one refuses as
 /// [`OutOfRange`](BusErrorKind::OutOfRange) goes to the second one. For more than two, nest pairs.
-impl<A: Bus<Error = AccessError>, B: Bus<Error = AccessError>> Bus for (A, B) {
-    type Error = AccessError;
+impl<A: Bus<Error = BusAccessError>, B: Bus<Error = BusAccessError>> Bus for (A, B) {
+    type Error = BusAccessError;
 
     #[inline]
     fn read(&self, address: usize, width: Width) -> Answer<u32> {

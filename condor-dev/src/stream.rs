@@ -1,4 +1,4 @@
-//! [`Stream`]: a descriptor with the traits of `embedded-io`, whose reads and writes wait for a
+//! [`DeviceStream`]: a descriptor with the traits of `embedded-io`, whose reads and writes wait for a
 //! bounded time.
 
 use core::fmt;
@@ -13,7 +13,7 @@ use crate::interrupt::InterruptController;
 use crate::set::DeviceSet;
 use crate::switch::Switch;
 
-/// The transfers of a switch, without the types of which it is made; a [`Stream`] needs them.
+/// The transfers of a switch, without the types of which it is made; a [`DeviceStream`] needs them.
 ///
 /// # For users
 /// `&dyn Descriptors<Error = …>` names a switch if its full type would be too long.
@@ -90,7 +90,7 @@ impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Descriptors
     }
 }
 
-/// Returns a way to wait for a [`Stream`]: it looks at the device `count` times and then gives up;
+/// Returns a way to wait for a [`DeviceStream`]: it looks at the device `count` times and then gives up;
 /// if `count` is 0, it looks once. It is for programs without a clock, and, with 0, for contexts
 /// that must not wait.
 pub fn looks(count: u32) -> impl FnMut(u32) -> bool + Clone {
@@ -100,7 +100,7 @@ pub fn looks(count: u32) -> impl FnMut(u32) -> bool + Clone {
     }
 }
 
-/// Returns a way to wait for a [`Stream`]: it looks at the device until `ticks` ticks of `clock`
+/// Returns a way to wait for a [`DeviceStream`]: it looks at the device until `ticks` ticks of `clock`
 /// have passed since the first look of a call.
 ///
 /// The clock returns a count, which never runs backwards and may wrap as a `u32` does; then a wait
@@ -119,8 +119,8 @@ pub fn timeout(mut clock: impl FnMut() -> u32, ticks: u32) -> impl FnMut(u32) ->
 
 /// The reason for which a call of a stream failed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum StreamError<E: fmt::Debug> {
-    /// The device was not ready for as long as the [`Stream`] waits. Nothing was moved.
+pub enum DeviceStreamError<E: fmt::Debug> {
+    /// The device was not ready for as long as the [`DeviceStream`] waits. Nothing was moved.
     #[error("the device was not ready in time")]
     TimedOut,
     /// The switch, the device or the bus returned this error; it is never [`IoError::WouldBlock`],
@@ -129,7 +129,7 @@ pub enum StreamError<E: fmt::Debug> {
     Io(#[from] IoError<E>),
 }
 
-impl<E: BusError> embedded_io::Error for StreamError<E> {
+impl<E: BusError> embedded_io::Error for DeviceStreamError<E> {
     fn kind(&self) -> ErrorKind {
         match self {
             Self::TimedOut => ErrorKind::TimedOut,
@@ -159,7 +159,7 @@ impl<E: BusError> embedded_io::Error for IoError<E> {
 }
 
 /// A descriptor of a switch with the traits of `embedded-io`. Reads, writes and flushes wait for
-/// the device as `W` says, and then fail with [`StreamError::TimedOut`].
+/// the device as `W` says, and then fail with [`DeviceStreamError::TimedOut`].
 ///
 /// `W` is a function that is called when the device was not ready for the `looks`th time in one
 /// call, and returns whether to look again: [`looks`], [`timeout`], or one that sleeps until an
@@ -172,13 +172,13 @@ impl<E: BusError> embedded_io::Error for IoError<E> {
 /// descriptor, and dropping them closes nothing. The part of the program that opened the descriptor
 /// closes it with [`Switch::close`]; from then on its streams fail with [`FdError::Closed`].
 #[derive(Debug)]
-pub struct Stream<'s, S: ?Sized, W> {
+pub struct DeviceStream<'s, S: ?Sized, W> {
     switch: &'s S,
     fd: Fd,
     wait: W,
 }
 
-impl<S: ?Sized, W: Clone> Clone for Stream<'_, S, W> {
+impl<S: ?Sized, W: Clone> Clone for DeviceStream<'_, S, W> {
     fn clone(&self) -> Self {
         Self {
             wait: self.wait.clone(),
@@ -187,7 +187,7 @@ impl<S: ?Sized, W: Clone> Clone for Stream<'_, S, W> {
     }
 }
 
-impl<'s, S: Descriptors + ?Sized, W: FnMut(u32) -> bool> Stream<'s, S, W> {
+impl<'s, S: Descriptors + ?Sized, W: FnMut(u32) -> bool> DeviceStream<'s, S, W> {
     /// Makes a stream of `fd`, whose reads and writes wait as `wait` says.
     pub const fn new(switch: &'s S, fd: Fd, wait: W) -> Self {
         Self { switch, fd, wait }
@@ -204,7 +204,7 @@ impl<'s, S: Descriptors + ?Sized, W: FnMut(u32) -> bool> Stream<'s, S, W> {
     fn moved(
         &mut self,
         mut attempt: impl FnMut(&S, Fd) -> Result<usize, IoError<S::Error>>,
-    ) -> Result<usize, StreamError<S::Error>> {
+    ) -> Result<usize, DeviceStreamError<S::Error>> {
         let mut looks = 0_u32;
         loop {
             match attempt(self.switch, self.fd) {
@@ -215,29 +215,29 @@ impl<'s, S: Descriptors + ?Sized, W: FnMut(u32) -> bool> Stream<'s, S, W> {
             }
             looks = looks.saturating_add(1);
             if !(self.wait)(looks) {
-                return Err(StreamError::TimedOut);
+                return Err(DeviceStreamError::TimedOut);
             }
         }
     }
 }
 
-impl<S: Descriptors + ?Sized, W> ErrorType for Stream<'_, S, W> {
-    type Error = StreamError<S::Error>;
+impl<S: Descriptors + ?Sized, W> ErrorType for DeviceStream<'_, S, W> {
+    type Error = DeviceStreamError<S::Error>;
 }
 
-impl<S: Descriptors + ?Sized, W: FnMut(u32) -> bool> Read for Stream<'_, S, W> {
+impl<S: Descriptors + ?Sized, W: FnMut(u32) -> bool> Read for DeviceStream<'_, S, W> {
     fn read(&mut self, into: &mut [u8]) -> Result<usize, Self::Error> {
         if into.is_empty() {
             return Ok(0);
         }
         match self.moved(|switch, fd| switch.read(fd, into)) {
-            Err(StreamError::Io(IoError::End)) => Ok(0),
+            Err(DeviceStreamError::Io(IoError::End)) => Ok(0),
             outcome => outcome,
         }
     }
 }
 
-impl<S: Descriptors + ?Sized, W: FnMut(u32) -> bool> Write for Stream<'_, S, W> {
+impl<S: Descriptors + ?Sized, W: FnMut(u32) -> bool> Write for DeviceStream<'_, S, W> {
     fn write(&mut self, from: &[u8]) -> Result<usize, Self::Error> {
         if from.is_empty() {
             return Ok(0);
@@ -251,13 +251,13 @@ impl<S: Descriptors + ?Sized, W: FnMut(u32) -> bool> Write for Stream<'_, S, W> 
     }
 }
 
-impl<S: Descriptors + ?Sized, W> ReadReady for Stream<'_, S, W> {
+impl<S: Descriptors + ?Sized, W> ReadReady for DeviceStream<'_, S, W> {
     fn read_ready(&mut self) -> Result<bool, Self::Error> {
         Ok(self.switch.read_ready(self.fd)?)
     }
 }
 
-impl<S: Descriptors + ?Sized, W> WriteReady for Stream<'_, S, W> {
+impl<S: Descriptors + ?Sized, W> WriteReady for DeviceStream<'_, S, W> {
     fn write_ready(&mut self) -> Result<bool, Self::Error> {
         Ok(self.switch.write_ready(self.fd)?)
     }

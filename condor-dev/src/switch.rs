@@ -6,10 +6,10 @@ use crate::bus::{Bus, BusError};
 use crate::device::Device;
 use crate::driver::Driver;
 use crate::error::{IoError, OpenError};
-use crate::fd::{Entry, Fd, FdError, FdTable, Mode};
+use crate::fd::{Entry, Fd, FdError, FdTable, OpenMode};
 use crate::interrupt::InterruptController;
 use crate::record::Interrupts;
-use crate::set::{DeviceSet, Kind, Visitor, slot};
+use crate::set::{DeviceSet, DriverSlot, Visitor, slot};
 use crate::unit::{Presence, Unit};
 
 /// The device switch of one processor (A. I. Memo 977, section 3.1): the devices of a set `S` on a
@@ -63,7 +63,7 @@ impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Switch<B, C, 
     /// # Errors
     /// [`OpenError`] if there is no such device or board, if the board is not ready, is open, or
     /// does not answer, if it cannot be opened in this mode, or if all descriptors are open.
-    pub fn open<'n>(&self, name: &'n str, board: u8, mode: Mode) -> Result<Fd, OpenError<'n>> {
+    pub fn open<'n>(&self, name: &'n str, board: u8, mode: OpenMode) -> Result<Fd, OpenError<'n>> {
         let plain = name.strip_prefix(':').unwrap_or(name);
         let mut kinds = (0_u8..).zip(S::KINDS);
         let found = kinds.find(|(_, (known, _))| *known == plain);
@@ -80,9 +80,9 @@ impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Switch<B, C, 
     /// it cannot be opened in this mode, or if all descriptors are open.
     pub fn open_typed<D: Driver>(
         &self,
-        kind: Kind<S, D>,
+        kind: DriverSlot<S, D>,
         board: u8,
-        mode: Mode,
+        mode: OpenMode,
     ) -> Result<Device<'_, B, D, F>, OpenError<'static>> {
         let number = kind.number() as u8;
         let (name, _) = S::KINDS
@@ -100,7 +100,7 @@ impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Switch<B, C, 
         kind: u8,
         name: &'n str,
         board: u8,
-        mode: Mode,
+        mode: OpenMode,
     ) -> Result<Fd, OpenError<'n>> {
         let boards = S::KINDS
             .get(usize::from(kind))
@@ -134,7 +134,7 @@ impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Switch<B, C, 
     /// refuses.
     #[inline]
     pub fn read(&self, fd: Fd, into: &mut [u8]) -> Result<usize, IoError<B::Error>> {
-        let entry = self.fds.get(fd, Mode::READ)?;
+        let entry = self.fds.get(fd, OpenMode::READ)?;
         if into.is_empty() {
             return Ok(0);
         }
@@ -150,7 +150,7 @@ impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Switch<B, C, 
     /// refuses.
     #[inline]
     pub fn write(&self, fd: Fd, from: &[u8]) -> Result<usize, IoError<B::Error>> {
-        let entry = self.fds.get(fd, Mode::WRITE)?;
+        let entry = self.fds.get(fd, OpenMode::WRITE)?;
         if from.is_empty() {
             return Ok(0);
         }
@@ -162,7 +162,7 @@ impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Switch<B, C, 
     /// # Errors
     /// [`IoError::Fd`] if the descriptor is refused, [`IoError::Bus`] if the bus fails.
     pub fn read_ready(&self, fd: Fd) -> Result<bool, IoError<B::Error>> {
-        self.ask(fd, Mode::READ, Question::Read)
+        self.ask(fd, OpenMode::READ, Question::Read)
     }
 
     /// Returns whether [`write`](Self::write) would write something.
@@ -170,7 +170,7 @@ impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Switch<B, C, 
     /// # Errors
     /// [`IoError::Fd`] if the descriptor is refused, [`IoError::Bus`] if the bus fails.
     pub fn write_ready(&self, fd: Fd) -> Result<bool, IoError<B::Error>> {
-        self.ask(fd, Mode::WRITE, Question::Write)
+        self.ask(fd, OpenMode::WRITE, Question::Write)
     }
 
     /// Returns whether all bytes that were written have left the board.
@@ -178,10 +178,10 @@ impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Switch<B, C, 
     /// # Errors
     /// [`IoError::Fd`] if the descriptor is refused, [`IoError::Bus`] if the bus fails.
     pub fn is_flushed(&self, fd: Fd) -> Result<bool, IoError<B::Error>> {
-        self.ask(fd, Mode::WRITE, Question::Flushed)
+        self.ask(fd, OpenMode::WRITE, Question::Flushed)
     }
 
-    fn ask(&self, fd: Fd, mode: Mode, question: Question) -> Result<bool, IoError<B::Error>> {
+    fn ask(&self, fd: Fd, mode: OpenMode, question: Question) -> Result<bool, IoError<B::Error>> {
         let entry = self.fds.get(fd, mode)?;
         self.visit(fd, entry, Ready(&self.bus, question))?
             .map_err(IoError::Bus)
@@ -207,11 +207,11 @@ impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Switch<B, C, 
     /// [`FdError`] if the descriptor is not open, or belongs to another device.
     pub fn device<D: Driver>(
         &self,
-        kind: Kind<S, D>,
+        kind: DriverSlot<S, D>,
         fd: Fd,
     ) -> Result<Device<'_, B, D, F>, FdError> {
         critical_section::with(|_| {
-            let entry = self.fds.get(fd, Mode::empty())?;
+            let entry = self.fds.get(fd, OpenMode::empty())?;
             let unit = kind.unit(&self.devices, entry.slot()).ok_or_else(|| {
                 let named = S::KINDS.get(usize::from(kind.number()));
                 let wanted = named.copied().unwrap_or_default().0;
@@ -280,7 +280,7 @@ struct Open<'s, 'n, B, C, S, const F: usize> {
     name: &'n str,
     board: u8,
     slot: u16,
-    mode: Mode,
+    mode: OpenMode,
 }
 
 impl<'n, B: Bus, C, S, const F: usize> Visitor for Open<'_, 'n, B, C, S, F> {
@@ -298,15 +298,15 @@ impl<'n, B: Bus, C, S, const F: usize> Visitor for Open<'_, 'n, B, C, S, F> {
                 presence,
             });
         }
-        let direction = mode & (Mode::READ | Mode::WRITE);
-        let wrong =
-            (mode.contains(Mode::READ) && !D::READS) || (mode.contains(Mode::WRITE) && !D::WRITES);
+        let direction = mode & (OpenMode::READ | OpenMode::WRITE);
+        let wrong = (mode.contains(OpenMode::READ) && !D::READS)
+            || (mode.contains(OpenMode::WRITE) && !D::WRITES);
         if direction.is_empty() || wrong {
             return Err(OpenError::Direction { name, mode });
         }
         let fds = &self.switch.fds;
         let (fd, first) = critical_section::with(|_| {
-            let exclusive = mode.contains(Mode::EXCLUSIVE);
+            let exclusive = mode.contains(OpenMode::EXCLUSIVE);
             let busy = OpenError::Busy { name, board };
             let first = unit.count_open(exclusive).ok_or(busy)?;
             if let Some(fd) = fds.insert(self.slot, mode) {

@@ -4,7 +4,7 @@ use core::sync::atomic::{AtomicU8, AtomicU16, Ordering};
 
 use crate::bus::{Bus, Registers};
 use crate::driver::Driver;
-use crate::interrupt::{Level, Vector};
+use crate::interrupt::{InterruptLevel, InterruptVector};
 
 /// A bus address at which a board may be, and its interrupt: an entry of the system
 /// configuration file of A. I. Memo 977.
@@ -13,7 +13,7 @@ pub struct Location {
     base: usize,
     /// The 7-bit address of a part on I2C.
     i2c: Option<u8>,
-    interrupt: Option<(Vector, Level)>,
+    interrupt: Option<(InterruptVector, InterruptLevel)>,
 }
 
 impl Location {
@@ -60,7 +60,7 @@ impl Location {
     #[must_use]
     pub const fn interrupting(self, vector: u16, level: u8) -> Self {
         Self {
-            interrupt: Some((Vector(vector), Level(level))),
+            interrupt: Some((InterruptVector(vector), InterruptLevel(level))),
             ..self
         }
     }
@@ -73,7 +73,7 @@ impl Location {
 
     /// Returns the vector and level of its interrupt, if it has one.
     #[must_use]
-    pub const fn interrupt(self) -> Option<(Vector, Level)> {
+    pub const fn interrupt(self) -> Option<(InterruptVector, InterruptLevel)> {
         self.interrupt
     }
 }

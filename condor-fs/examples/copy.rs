@@ -13,8 +13,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use condor_fs::{Buffer, OpenOptions};
-use condor_mbox::linux::{LinuxWindow, System};
-use condor_mbox::{Places, Processor, Region};
+use condor_mbox::linux::{LinuxSystem, LinuxWindow};
+use condor_mbox::{Allocator, Processor, Region};
 use serving::{AnyError, BYTES, Files, N, ServerProcess, on_processor, served};
 
 const COPIER: Processor = Processor(1);
@@ -44,7 +44,7 @@ fn run() -> Result<(), AnyError> {
     let root = tempfile::tempdir_in(place)?;
     plant(&root.path().join("source"))?;
 
-    let system = System::<N>::family(BYTES)?;
+    let system = LinuxSystem::<N>::family(BYTES)?;
     let done = AtomicBool::new(false);
     let begun = Instant::now();
     let (kills, copied) = std::thread::scope(|threads| {
@@ -75,7 +75,7 @@ fn run() -> Result<(), AnyError> {
 }
 
 /// Kills a server every 50 ms and starts another one; gives how many were killed.
-fn kill_until(done: &AtomicBool, system: &System<N>, root: &Path) -> Result<u32, AnyError> {
+fn kill_until(done: &AtomicBool, system: &LinuxSystem<N>, root: &Path) -> Result<u32, AnyError> {
     let mut kills = 0;
     loop {
         let server = ServerProcess::start(system, root)?;
@@ -95,7 +95,7 @@ fn kill_until(done: &AtomicBool, system: &System<N>, root: &Path) -> Result<u32,
 fn copy_tree(
     files: &Files<'_, '_>,
     own: &Region<LinuxWindow>,
-    places: &mut Places,
+    places: &mut Allocator,
     from: &str,
     to: &str,
 ) -> Result<u64, AnyError> {

@@ -15,10 +15,11 @@ mod errno;
 #[cfg(feature = "dev")]
 pub use client::dev;
 pub use client::{
-    Allocation, Answer, Area, Buffer, Directory, Entry, Error, File, FileReader, FileSystem,
-    FileWriter, Kept, Lent, OpenOptions, Parts, Receipt, Ticket, Unwritten,
+    AllocationMode, Area, Buffer, BufferError, BufferResult, Directory, DirectoryEntry, File,
+    FileError, FileReader, FileSystem, FileTicket, FileWriter, OpenOptions, OperationResult,
+    Receipt, WriterError, WriterParts,
 };
 /// What files and buffers implement, so that a program needs no dependency on embedded-io.
 pub use embedded_io::{BufRead, Read, Seek, SeekFrom, Write};
 pub use errno::Errno;
-pub use wire::{SetTime, Space, Status, Times};
+pub use wire::{FileStatus, SetTime, Space, Times};

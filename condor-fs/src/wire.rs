@@ -49,7 +49,7 @@ pub mod slot {
     /// The sequence number of the request to which the state belongs; 2 words.
     pub const STATE_SEQUENCE: u32 = 140;
     /// The number of runs of the server that have taken the request.
-    pub const LIVES: u32 = 148;
+    pub const INCARNATIONS: u32 = 148;
     /// The errno with which the operation failed; 0 for success.
     pub const ERRNO: u32 = 152;
     /// The value that the operation returns, such as the number of bytes read; 2 words.
@@ -57,7 +57,7 @@ pub mod slot {
     /// The evidence, by which a file is recognised: device, inode and birth time; 8 words. While an
     /// append is staged, these words hold the end of the file instead.
     pub const EVIDENCE: u32 = 192;
-    /// The [`Status`](super::Status) of the file or directory, or the [`Space`](super::Space) of the
+    /// The [`FileStatus`](super::FileStatus) of the file or directory, or the [`Space`](super::Space) of the
     /// file system.
     pub const STATUS: u32 = 224;
     /// The number of words of the status.
@@ -253,7 +253,7 @@ impl Operation {
 
 /// The client's part of a slot.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Request {
+pub struct RequestSlot {
     /// The number of the client's session.
     pub session: u64,
     /// The sequence number of the operation in its session: see [`following`].
@@ -395,15 +395,15 @@ macro_rules! words {
 pub(crate) use words;
 
 words!(Span: offset, len);
-words!(Request: session, sequence, operation, flags, file, handle, path, position, buffer, second_path);
-words!(Evidence: device, inode, born_s, born_ns);
+words!(RequestSlot: session, sequence, operation, flags, file, handle, path, position, buffer, second_path);
+words!(FileIdentity: device, inode, born_s, born_ns);
 words!(
-    Status: size, modified_s, modified_ns, mode, links, device, inode, accessed_s, accessed_ns,
+    FileStatus: size, modified_s, modified_ns, mode, links, device, inode, accessed_s, accessed_ns,
     changed_s, changed_ns, blocks, owner, group
 );
 words!(Space: block_bytes, blocks, free, available, files, free_files, name_bytes);
 
-impl Request {
+impl RequestSlot {
     /// Returns the words of the request, the magic number first.
     #[must_use]
     pub fn to_words(&self) -> [u32; slot::REQUEST_WORDS] {
@@ -484,7 +484,7 @@ pub enum SetTime {
     Now,
     /// This time.
     At {
-        /// Seconds since 1970; a time before 1970 is a two's complement, as in [`Status`].
+        /// Seconds since 1970; a time before 1970 is a two's complement, as in [`FileStatus`].
         s: u64,
         /// Nanoseconds within that second, below 10⁹.
         ns: u32,
@@ -512,7 +512,7 @@ impl SetTime {
 
 /// The numbers by which a file is recognised as the same one; inode numbers alone are reused.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub struct Evidence {
+pub struct FileIdentity {
     /// The number of the device on which the file system is.
     pub device: u64,
     /// The number of the inode.
@@ -523,7 +523,7 @@ pub struct Evidence {
     pub born_ns: u32,
 }
 
-impl Evidence {
+impl FileIdentity {
     /// Returns the words in which a slot or a block holds it.
     #[must_use]
     pub fn to_words(self) -> [u32; 8] {
@@ -539,7 +539,7 @@ impl Evidence {
 
 /// The status of a file or directory.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Status {
+pub struct FileStatus {
     /// The length in bytes.
     pub size: u64,
     /// The time of the last modification, in seconds since 1970.
@@ -570,7 +570,7 @@ pub struct Status {
     pub group: u32,
 }
 
-impl Status {
+impl FileStatus {
     /// Returns whether it is a directory.
     #[must_use]
     pub const fn is_directory(&self) -> bool {
@@ -636,7 +636,7 @@ mod tests {
     #[test]
     fn words_come_back() {
         let words = core::array::from_fn(|n| if n == 0 { slot::MAGIC } else { 7 * n as u32 });
-        let request = Request::from_words(&words).expect("it has the magic");
+        let request = RequestSlot::from_words(&words).expect("it has the magic");
         assert_eq!(request.to_words(), words);
         assert_eq!(request.sequence, whole(7 * 3, 7 * 4));
         assert_eq!(request.handle, whole(7 * 8, 7 * 9));
@@ -647,12 +647,12 @@ mod tests {
         assert_eq!(request.operation, words[slot::OPERATION as usize / 4]);
         let mut bad = words;
         bad[0] ^= 1;
-        assert_eq!(Request::from_words(&bad), None);
+        assert_eq!(RequestSlot::from_words(&bad), None);
         let words = [1, 2, 3, 4, 5, 6, 7, 0];
-        assert_eq!(Evidence::from_words(&words).to_words(), words);
+        assert_eq!(FileIdentity::from_words(&words).to_words(), words);
         // The words behind those of a status or space are reserved.
         let words = core::array::from_fn(|n| if n < 21 { 3 * n as u32 } else { 0 });
-        assert_eq!(Status::from_words(&words).to_words(), words);
+        assert_eq!(FileStatus::from_words(&words).to_words(), words);
         let words = core::array::from_fn(|n| if n < 13 { 5 * n as u32 } else { 0 });
         assert_eq!(Space::from_words(&words).to_words(), words);
     }
@@ -666,10 +666,13 @@ mod tests {
             },
             modified: SetTime::Now,
         };
-        assert_eq!(Request::default().with_times(times).times(), Some(times));
-        let kept = Request::default().with_times(Times::default());
+        assert_eq!(
+            RequestSlot::default().with_times(times).times(),
+            Some(times)
+        );
+        let kept = RequestSlot::default().with_times(Times::default());
         assert_eq!(kept.times(), Some(Times::default()));
-        let bad = Request {
+        let bad = RequestSlot {
             position: whole(1_000_000_000, 0),
             ..kept
         };

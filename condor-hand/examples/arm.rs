@@ -12,8 +12,8 @@
 use std::process::ExitCode;
 
 use condor_hand::Pose;
-use condor_hand::dynamics::{Drive, Dynamics};
-use condor_hand::kinematics::{Body, Chain, Joint, Motion};
+use condor_hand::dynamics::{DriveDynamics, Dynamics};
+use condor_hand::kinematics::{Chain, ChainBody, ChainJoint, ChainMotion};
 use condor_hand::math::{clamp, max};
 use nalgebra::{Matrix3, SVector, Vector3};
 
@@ -100,7 +100,7 @@ fn run(load_kg: f64, start: &Joints, end: &Joints) -> Option<(f64, f64)> {
 /// The torques with which every joint corrects its error as if it were alone.
 fn computed_torque(
     arm: &Chain<f64, JOINTS>,
-    drive: &Drive<f64, JOINTS>,
+    drive: &DriveDynamics<f64, JOINTS>,
     wanted: &Setpoint,
     q: &Joints,
     qd: &Joints,
@@ -143,9 +143,9 @@ fn arm(load_kg: f64) -> Chain<f64, JOINTS> {
     // On a table, with its first axis upright.
     Chain::new(
         Pose::identity(),
-        std::array::from_fn(|joint| Joint {
+        std::array::from_fn(|joint| ChainJoint {
             placement: Pose::at(0.0, 0.0, links[joint].0),
-            motion: Motion::Revolute(if joint % 2 == 0 {
+            motion: ChainMotion::Revolute(if joint % 2 == 0 {
                 Vector3::z()
             } else {
                 Vector3::y()
@@ -158,14 +158,14 @@ fn arm(load_kg: f64) -> Chain<f64, JOINTS> {
 }
 
 /// A round rod along z, 8 cm thick, with a point mass at its end.
-fn rod(mass: f64, length: f64, load_kg: f64) -> Body {
+fn rod(mass: f64, length: f64, load_kg: f64) -> ChainBody {
     let radius = 0.04;
     let along = mass * radius * radius / 2.0;
     let across = mass * (3.0 * radius * radius + length * length) / 12.0;
     let whole = mass + load_kg;
     let apart = mass * load_kg / whole * length * length / 4.0;
     let inertia = Vector3::new(across + apart, across + apart, along);
-    Body {
+    ChainBody {
         mass: whole,
         center: Vector3::new(0.0, 0.0, length * (mass / 2.0 + load_kg) / whole),
         inertia: Matrix3::from_diagonal(&inertia),
@@ -173,8 +173,8 @@ fn rod(mass: f64, length: f64, load_kg: f64) -> Body {
 }
 
 /// Direct drives: rotors without gears, and little friction.
-fn drive() -> Drive<f64, JOINTS> {
-    Drive {
+fn drive() -> DriveDynamics<f64, JOINTS> {
+    DriveDynamics {
         armature: Joints::from([8.0, 8.0, 5.0, 5.0, 1.0, 1.0, 0.5]) * 1e-3,
         viscous: Joints::from([0.2, 0.2, 0.1, 0.1, 0.02, 0.02, 0.01]),
         coulomb: Joints::from([0.1, 0.1, 0.08, 0.08, 0.02, 0.02, 0.01]),

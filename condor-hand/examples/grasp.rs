@@ -15,13 +15,13 @@ use condor_hand::config::Hand;
 use condor_hand::controller::FingerController;
 use condor_hand::dynamics::Dynamics;
 use condor_hand::grasp::{
-    FingerState, Friction, GraspStiffness, GraspTuning, Posture, SpatialGain, Squeeze, Surface,
-    TorqueLimits, Wrench,
+    ContactFriction, FingerState, GraspStiffness, GraspTuning, Posture, SpatialGain, Squeeze,
+    TorqueLimits, TuningSurface, Wrench,
 };
 use condor_hand::kinematics::{JointLimits, PlanarFinger, Redundancy};
 use condor_hand::math;
-use condor_hand::plant::{self, DriveKind, Object, ObjectParameters, PlantModel, Stop};
-use condor_hand::servo::{JointTarget, Sensed};
+use condor_hand::plant::{self, DriveKind, ObjectParameters, PlantModel, SimObject, SimStop};
+use condor_hand::servo::{FingerReadings, JointTarget};
 use nalgebra::{Vector3, Vector4};
 
 const HAND: &str = include_str!("../hands/utah-mit.toml");
@@ -100,7 +100,7 @@ fn hold<const M: usize>(numbers: [usize; M]) -> Result<bool, Box<dyn Error>> {
 /// A simulated hand, its controllers, and the law that makes the ball stiff.
 struct Bench<const M: usize> {
     hand: Hand<4, 4>,
-    plant: plant::Hand<PlanarFinger, M, 4>,
+    plant: plant::SimHand<PlanarFinger, M, 4>,
     fingers: [FingerController<PlanarFinger, 4>; M],
     velocities: [Vector4<f64>; M],
     law: Option<GraspStiffness<f64, M, 4>>,
@@ -118,17 +118,17 @@ impl<const M: usize> Bench<M> {
         let hand = Hand::<4, 4>::from_toml(HAND, "utah-mit.toml")?;
         let machine = PlantModel {
             actuator: DriveKind::exact,
-            joint_stop: Stop {
+            joint_stop: SimStop {
                 stiffness: 50.0,
                 damping: 0.1,
             },
-            axis_stop: Stop {
+            axis_stop: SimStop {
                 stiffness: 0.0,
                 damping: 0.0,
             },
             updates: 25,
             tip_radius: 0.0,
-            surface: plant::Surface {
+            surface: plant::SimSurface {
                 stiffness: 5e4,
                 damping: 20.0,
                 shear_stiffness: 5e4,
@@ -155,11 +155,11 @@ impl<const M: usize> Bench<M> {
         let fingers = controllers
             .try_into()
             .map_err(|_| "as many controllers as numbers")?;
-        let ball = Object::new(ObjectParameters::ball(MASS_KG, RADIUS_M), center)?;
+        let ball = SimObject::new(ObjectParameters::ball(MASS_KG, RADIUS_M), center)?;
         let mut parameters = machine.hand_parameters(&hand);
         parameters.tip_object = machine.surface;
         Ok(Self {
-            plant: plant::Hand::new(plants, parameters)?.with_object(ball),
+            plant: plant::SimHand::new(plants, parameters)?.with_object(ball),
             hand,
             fingers,
             velocities: [Vector4::zeros(); M],
@@ -211,8 +211,8 @@ impl<const M: usize> Bench<M> {
             center,
             feed_forward: Wrench::zero(),
             squeeze: Squeeze::equal(squeeze * SQUEEZE_N)?,
-            surface: Surface::Ball(center),
-            friction: Friction::point(0.8)?,
+            surface: TuningSurface::Ball(center),
+            friction: ContactFriction::point(0.8)?,
             posture: Posture {
                 stiffness: 0.1,
                 damping: 2e-3,
@@ -255,7 +255,7 @@ impl<const M: usize> Bench<M> {
             .zip(&mut commands)
             .zip(&mut self.velocities)
         {
-            let sensed = Sensed {
+            let sensed = FingerReadings {
                 position: *plant.q(),
                 tension: *plant.tensions(),
                 touch: 0.0,
@@ -312,7 +312,7 @@ impl<const M: usize> Bench<M> {
     fn ball(&self) -> condor_hand::Pose {
         self.plant
             .object()
-            .map_or_else(condor_hand::Pose::identity, Object::pose)
+            .map_or_else(condor_hand::Pose::identity, SimObject::pose)
     }
 }
 

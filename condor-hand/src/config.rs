@@ -40,7 +40,7 @@
 //! | table | content |
 //! |---|---|
 //! | the file itself | [`Hand`]: name, rates, gravity |
-//! | `[faults]`, `[contact]` | [`FaultPolicy`], [`Contact`] |
+//! | `[faults]`, `[contact]` | [`FaultPolicy`], [`ContactSurface`] |
 //! | `[[processors]]` | [`ControlProcessor`]: number, kind, rate, and how long its work takes |
 //! | `[[table.axes]]` | [`Axis`] of the table that carries the hand, if there is one |
 //! | `[[fingers]]` | [`Finger`]: name, base, form |
@@ -48,11 +48,11 @@
 //! | `flexor`, `extensor` of a joint | [`Tendon`]: sensor, output, arm, tensions, gains |
 //! | `touch` of a finger | [`Touch`]: the tactile sensor of its tip, and the force of a contact; optional |
 //! | `crosses` of a joint | [`Crossing`]: a proximal joint that its tendons have arms at too |
-//! | `adc`, `dac` | [`Input`] and [`Output`]: board, channel and calibration |
+//! | `adc`, `dac` | [`InputChannel`] and [`OutputChannel`]: board, channel and calibration |
 //!
 //! A choice is a word or a table with one key: `rectification = "hard"`, or
 //! `rectification = { smooth = { softness_n = 3.0 } }`. So are a [`Form`], a [`Rotation`],
-//! a [`Motion`] and a [`Shape`].
+//! a [`JointMotion`] and a [`Shape`].
 //!
 //! Joints need not repeat values. A value that a joint leaves out is taken from `joint_defaults` of
 //! its finger, then from the joint at the same place of the finger that its finger is `like`, and
@@ -87,17 +87,18 @@ mod wiring;
 #[cfg(feature = "text")]
 pub use condor_toml::TextError;
 pub use finger::{
-    Body, Crossing, Finger, Form, Friction, Joint, JointServo, Motion, Mount, Placement, ServoLaw,
-    Shape, SoftStop, Tendon, Touch,
+    Crossing, Finger, Form, Joint, JointFriction, JointMotion, JointServo, LinkBody, Mount,
+    Placement, ServoLaw, Shape, SoftStopSettings, Tendon, Touch,
 };
 pub use hand::{
-    Axis, AxisServo, Contact, ControlProcessor, FaultPolicy, Hand, PROCESSORS, ProcessorKind, Table,
+    Axis, AxisServoSettings, ContactSurface, ControlProcessor, FaultPolicy, Hand, PROCESSORS,
+    ProcessorKind, TableSettings,
 };
-pub use image::ImageError;
+pub use image::HandImageError;
 pub use limits::{Limits, MotionLimits};
-pub use mistake::{Field, Mistake, Owner, Place, Problem};
+pub use mistake::{Mistake, MistakeField, MistakeOwner, MistakePlace, Problem};
 pub use rotation::Rotation;
-pub use wiring::{Channel, Converter, Input, Output, Wire};
+pub use wiring::{Channel, Converter, InputChannel, OutputChannel, Wire};
 
 /// The name of a hand, a finger, a joint or an axis: at most 15 bytes.
-pub type Name = heapless::String<15, u8>;
+pub type ShortName = heapless::String<15, u8>;

@@ -7,14 +7,14 @@ mod chain;
 mod drive;
 mod finger;
 
-pub use drive::Drive;
+pub use drive::DriveDynamics;
 
 use nalgebra::{SMatrix, SVector, Vector3};
 
 use crate::Real;
 
 /// The rigid-body dynamics of a serial mechanism of N joints, without friction and armature (the
-/// inertia of the drives), which belong to a [`Drive`].
+/// inertia of the drives), which belong to a [`DriveDynamics`].
 ///
 /// In all methods `gravity` is the acceleration of gravity in the axes of the palm, m/s². For a
 /// sliding joint, read m for rad, N for N m and kg for kg m². For finite arguments the results are

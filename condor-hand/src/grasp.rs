@@ -37,12 +37,12 @@ mod limits;
 mod tuning;
 
 pub use contacts::{Contacts, FingerForces};
-pub use error::{GraspError, Quantity};
-pub use friction::{Friction, SqueezeRange};
+pub use error::{GraspError, GraspQuantity};
+pub use friction::{ContactFriction, SqueezeRange};
 pub use gain::SpatialGain;
 pub use law::{FingerState, GraspOutput, GraspStiffness};
 pub use limits::{TorqueExcess, TorqueLimits};
 pub use normals::Normals;
 pub use squeeze::Squeeze;
-pub use tuning::{GraspTuning, Posture, Surface};
+pub use tuning::{GraspTuning, Posture, TuningSurface};
 pub use wrench::{Twist, Wrench};

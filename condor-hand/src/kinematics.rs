@@ -11,7 +11,7 @@ mod nearest;
 mod null;
 mod product;
 
-pub use chain::{Body, Chain, Joint, Motion};
+pub use chain::{Chain, ChainBody, ChainJoint, ChainMotion};
 pub(crate) use check::is_inertia;
 pub use check::{MechanismError, Part};
 pub use finger::{PlanarFinger, Rod};

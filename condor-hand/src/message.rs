@@ -2,7 +2,7 @@
 //!
 //! Any processor can enable, disable, query and restart any servo (memo, sections 3.5 and 4.2). A
 //! servo processor owns a [`ServoObject`]. Its [`ServoHandler`] answers messages in the background;
-//! its [`ServoLoop`] controls the fingers in the servo loop. The loop never serves and never waits.
+//! its [`HandLoop`] controls the fingers in the servo loop. The loop never serves and never waits.
 //! The handler stores a request as a *state* in private memory of the object, and the loop takes it
 //! over at the beginning of a tick. If a state changes twice between two ticks, only the last
 //! change takes effect; restarts are counted all the same. The loop also stores its results there,
@@ -11,7 +11,7 @@
 //!
 //! The set-points of the master, 50 times a second, are not messages: a [`SetPoints`] publishes
 //! them in the window of the servo processor, and the loop polls them there. With them come the motion
-//! of each joint and what stops it, which the loop checks in every tick. [`GraspPlaces`] are
+//! of each joint and what stops it, which the loop checks in every tick. [`GraspLayout`] are
 //! for orders to a [`DistributedGrasp`](crate::grasp::distributed::DistributedGrasp) and its reports.
 //!
 //! # The protocol
@@ -25,13 +25,13 @@
 //!
 //! | word of the request | content |
 //! |---|---|
-//! | 0 | a [`Verb`] |
+//! | 0 | a [`ServoOperation`] |
 //! | 1 | the finger of the hand, from 0 |
 //! | 2 | the joint, from 0; or [`ALL_JOINTS`] |
 //! | 3 | the argument |
 //! | 4 … | numbers |
 //!
-//! | verb | argument | numbers | response from word 1 on |
+//! | operation | argument | numbers | response from word 1 on |
 //! |---|---|---|---|
 //! | `Hello` | | | version, a bit for each finger that the processor serves, joints of a finger, servo ticks in a second, names of the hand (4 words) and of the finger (4 words) |
 //! | `Mode` | [`Mode`](crate::servo::Mode) | | number of the order |
@@ -42,7 +42,7 @@
 //!
 //! Word 0 of the response is 0 for success. It is 1 if another request was being answered and this
 //! one was ignored. For `Outcome` it is 2 until the loop has processed the order, and 3 if a later
-//! order replaced it. Any other number is the code of a [`Refusal`], whose values follow.
+//! order replaced it. Any other number is the code of a [`ServoRefusal`], whose values follow.
 //!
 //! An order is checked once, in the copy that the handler makes. Only the servo knows, for example,
 //! whether a position is within its limits, or whether the finger rests after a fault. The loop
@@ -63,15 +63,15 @@ mod status;
 mod values;
 mod words;
 
-pub use asked::Asked;
-pub use client::{ClientError, Hello, ServoClient};
-pub use grasp::{GraspEnd, GraspPlaces};
-pub use handler::{Identity, ServoHandler};
+pub use asked::FingerRequest;
+pub use client::{Hello, ServoClient, ServoClientError};
+pub use grasp::{GraspEnd, GraspLayout};
+pub use handler::{HandIdentity, ServoHandler};
 pub use object::{ServoEnds, ServoObject};
-pub use places::{ServoPlaces, SetPoints};
-pub use refusal::Refusal;
-pub use servo_loop::ServoLoop;
-pub use status::Status;
+pub use places::{ServoLayout, SetPoints};
+pub use refusal::ServoRefusal;
+pub use servo_loop::HandLoop;
+pub use status::ServoStatus;
 
 use condor_mbox::Vector;
 
@@ -86,10 +86,10 @@ pub const REQUEST_WORDS: usize = 32;
 /// The size of a block in shared memory, in bytes: a request and its response.
 pub const BLOCK_BYTES: u32 = 8 * REQUEST_WORDS as u32;
 
-/// The verb of a request.
+/// The operation of a request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u32)]
-pub enum Verb {
+pub enum ServoOperation {
     /// Asks for the names of the hand and the finger.
     Hello = 1,
     /// Sets another mode, in which the joint keeps its present position, torque or tensions; `Off`
@@ -105,8 +105,8 @@ pub enum Verb {
     Outcome = 6,
 }
 
-impl Verb {
-    /// Returns the verb that has this number; `None` if there is none.
+impl ServoOperation {
+    /// Returns the operation that has this number; `None` if there is none.
     #[must_use]
     pub const fn from_number(number: u32) -> Option<Self> {
         match number {

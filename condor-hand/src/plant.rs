@@ -2,8 +2,8 @@
 //! sensors.
 //!
 //! A [`Finger`] is a mechanism with [`Kinematics`](crate::kinematics::Kinematics) and
-//! [`Dynamics`](crate::dynamics::Dynamics), [`JointParameters`] and one [`Drive`] for each tendon.
-//! A [`Hand`] has fingers, an [`Object`] and a [`Ground`] that their tips touch, and a [`Table`]
+//! [`Dynamics`](crate::dynamics::Dynamics), [`JointParameters`] and one [`SimDrive`] for each tendon.
+//! A [`Hand`] has fingers, an [`SimObject`] and a [`SimGround`] that their tips touch, and a [`SimTable`]
 //! that carries the palm. A [`SensorBank`] converts the state into the readings of converters, with
 //! noise and scripted [`SensorFault`]s.
 //!
@@ -36,19 +36,19 @@ mod sensor;
 mod table;
 
 // Fingers.
-pub use drive::{Drive, DriveKind};
-pub use finger::{Finger, FingerParameters};
-pub use joint::{JointParameters, Stop};
+pub use drive::{DriveKind, SimDrive};
+pub use finger::{FingerParameters, SimFinger};
+pub use joint::{JointParameters, SimStop};
 pub use pneumatic::{Elastic, Pneumatic};
 
 // What a configuration says of them.
 pub use configured::PlantModel;
 
 // What they touch, and what carries them.
-pub use contact::{Contact, Ground, Surface};
-pub use hand::{Hand, HandParameters};
-pub use object::{Object, ObjectParameters};
-pub use table::{AxisParameters, Table};
+pub use contact::{SimContact, SimGround, SimSurface};
+pub use hand::{HandParameters, SimHand};
+pub use object::{ObjectParameters, SimObject};
+pub use table::{AxisParameters, SimTable};
 
 // What is measured of them.
 pub use noise::Noise;

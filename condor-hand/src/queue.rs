@@ -1,7 +1,7 @@
 //! A queue of motions for several clients, in which no request runs twice. With the feature `mbox`,
 //! `message::motions` serves it by message.
 //!
-//! A client opens a session, and gives each request an [`Identity`]: the session and a number that
+//! A client opens a session, and gives each request an [`RequestIdentity`]: the session and a number that
 //! counts up. Whatever is lost on the way, the client sends the same request again until it gets an
 //! answer. The queue records what becomes of each request in a [`Ledger`], whose rows outlive the
 //! program, so the same identity always has the same outcome:
@@ -18,9 +18,9 @@
 //!
 //! A request begins only after the row that says so was written, and an answer is given only after
 //! its row was written. So a program that ends at any instant leaves a ledger from which the next one
-//! tells every client the truth. It does not go on with motions of its former life.
+//! tells every client the truth. It does not go on with motions of its former incarnation.
 //!
-//! A session belongs to the life of the processor that opened it, its [`Owner`]. When that has ended,
+//! A session belongs to the incarnation of the processor that opened it, its [`SessionOwner`]. When that has ended,
 //! the program [closes](MotionQueue::close) the session: what has come from it goes on, and nothing
 //! more comes. The outcomes stay for whoever asks.
 //!
@@ -29,30 +29,30 @@
 //! [tells](MotionQueue::take_control) so that the program can announce it.
 //!
 //! ```
-//! use condor_hand::queue::{Answer, Identity, MotionQueue, Owner, Reason, Row, State};
+//! use condor_hand::queue::{QueueAnswer, Identity, MotionQueue, Owner, RefusalReason, LedgerRow, RequestState};
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! // A ledger in memory; that of a program is a file, or memory that outlives it.
-//! let mut rows = vec![Row::default(); MotionQueue::<&str, 4, 2, 8>::ROWS];
-//! let mut write = |row: usize, bytes: &Row| {
+//! let mut rows = vec![LedgerRow::default(); MotionQueue::<&str, 4, 2, 8>::ROWS];
+//! let mut write = |row: usize, bytes: &LedgerRow| {
 //!     rows[row] = *bytes;
 //!     Ok::<_, std::io::Error>(())
 //! };
 //! let mut queue = MotionQueue::<&str, 4, 2, 8>::restore(&[], 1, &mut write)?;
-//! let arm = Owner { processor: 3, life: 1 };
+//! let arm = Owner { processor: 3, incarnation: 1 };
 //! let session = queue.open(arm, &mut write)?.expect("a place for a session");
 //! queue.take_control(session, false);
 //! let wave = Identity { session, number: 1 };
 //! queue.offer(wave, &mut write, || Ok("wave"))?;
 //! queue.offer(wave, &mut write, || Ok("wave"))?; // sent again: nothing changes
 //! assert_eq!(queue.start(&mut write)?, Some((wave, "wave")));
-//! queue.end(State::Done, Reason::None, &mut write)?;
-//! assert_eq!(queue.answer(wave), Answer::Known(State::Done, Reason::None));
+//! queue.end(RequestState::Done, RefusalReason::None, &mut write)?;
+//! assert_eq!(queue.answer(wave), QueueAnswer::Known(RequestState::Done, RefusalReason::None));
 //!
-//! // The next life of the program knows it still.
+//! // The next incarnation of the program knows it still.
 //! let bytes = rows.concat();
 //! let mut queue = MotionQueue::<&str, 4, 2, 8>::restore(&bytes, 1, |_, _| Ok::<_, std::io::Error>(()))?;
-//! assert_eq!(queue.answer(wave), Answer::Known(State::Done, Reason::None));
+//! assert_eq!(queue.answer(wave), QueueAnswer::Known(RequestState::Done, RefusalReason::None));
 //! # Ok(())
 //! # }
 //! ```
@@ -60,5 +60,8 @@
 mod ledger;
 mod requests;
 
-pub use ledger::{Identity, Ledger, LedgerError, Owner, ROW_BYTES, Reason, Row, State};
-pub use requests::{Answer, MotionQueue, RestoreError};
+pub use ledger::{
+    Ledger, LedgerError, LedgerRow, ROW_BYTES, RefusalReason, RequestIdentity, RequestState,
+    SessionOwner,
+};
+pub use requests::{MotionQueue, QueueAnswer, RestoreError};

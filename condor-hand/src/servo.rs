@@ -2,7 +2,7 @@
 //!
 //! One [`FingerServo`] runs the two lower levels of the controller in every tick of the servo loop:
 //! joint servos compute torques, the tendons' level turns them into tensions, and a servo for each
-//! tendon commands its actuator (memo, section 4.1). Every joint has a [`Mode`] of its own.
+//! tendon commands its actuator (memo, section 4.1). Every joint has a [`ServoMode`] of its own.
 //!
 //! # Changes of mode
 //!
@@ -10,7 +10,7 @@
 //! tension servo the tensions, a torque servo their torque, and an impedance servo both the position and,
 //! unless the joint was off, the torque. A remaining step in the desired tensions is spread linearly over
 //! [`transition_s`](FingerSettings::transition_s); tensions never jump. In that time, too, a joint in
-//! [`Mode::Impedance`] goes from one impedance to the next.
+//! [`ServoMode::Impedance`] goes from one impedance to the next.
 //!
 //! What a joint keeps are the tensions that it was given, or the mean of those for which its law asked.
 //! The mean is over the last ticks: as many as `transition_s` has, or at least half as many; over fewer if
@@ -20,7 +20,7 @@
 //!
 //! # Impedance
 //!
-//! In [`Mode::Impedance`] a joint has the torque
+//! In [`ServoMode::Impedance`] a joint has the torque
 //!
 //! ```text
 //! stiffness (position - q) - damping q̇ + gravity
@@ -30,7 +30,7 @@
 //! Approach to Manipulation, Parts I-III, ASME J. Dynamic Systems, Measurement, and Control 107, 1985;
 //! here joint by joint, without shaping the inertia). It feeds no friction forward, since it asks for no
 //! rate, and it has no integral: a load moves the joint by load / stiffness, and friction adds to the
-//! damping. In [`Mode::Torque`] nothing is added but the soft stop, so a torque that holds a weight
+//! damping. In [`ServoMode::Torque`] nothing is added but the soft stop, so a torque that holds a weight
 //! must hold the links, too.
 //!
 //! The stiffness and damping may be at most those by which the joint's [`PositionLaw`] holds a
@@ -47,9 +47,9 @@ mod readings;
 mod settings;
 mod transition;
 
-pub use finger::{FingerServo, Sensed, ServoOutput};
+pub use finger::{FingerReadings, FingerServo, ServoOutput};
 pub use law::{PositionLaw, SoftStop};
-pub use mode::{JointTarget, Mode};
+pub use mode::{JointTarget, ServoMode};
 pub use settings::{
-    FingerSettings, JointGains, JointSettings, Quantity, SettingError, TargetError,
+    FingerSettings, JointGains, JointSettings, SettingError, TargetError, TargetQuantity,
 };

@@ -6,7 +6,7 @@ pub mod fault;
 mod pair;
 mod servo;
 
-pub use allocation::{Allocated, Allocation, Rectification};
+pub use allocation::{AllocatedTensions, Rectification, TensionAllocation};
 pub use arms::{ArmError, MomentArms};
-pub use pair::{Pair, Pairs};
+pub use pair::{Pair, TendonPairs};
 pub use servo::{TensionGains, TensionServos};

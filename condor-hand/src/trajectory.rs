@@ -38,18 +38,18 @@ pub use segments::{Bounds, Segments};
 pub use spline::Spline;
 
 // Motions.
-pub use event::{Ended, Event, Happening, Progress, Ticket};
+pub use event::{Happening, MotionEnd, MotionEvent, MotionProgress, MotionTicket};
 pub use generator::Generator;
 pub use guard::StopGuard;
 pub use primitive::{
-    Begin, Guard, Guards, MAX_VIAS, Observations, OnEnd, Pace, Primitive, PrimitiveError, Profile,
-    Target, Via,
+    Begin, Guards, MAX_VIAS, MotionGuard, Observations, OnEnd, Pace, Primitive, PrimitiveError,
+    Profile, Target, Via,
 };
 
 // Points that come while the joints move.
 #[cfg(feature = "mbox")]
 pub(crate) use stream::QUANTITIES;
-pub use stream::{JointStream, StreamEnd, StreamError, StreamPoint};
+pub use stream::{JointStream, JointStreamError, StreamEnd, StreamPoint};
 
 // The servo's side.
 pub use interpolator::{Interpolator, SetPointError};
@@ -89,7 +89,7 @@ impl<T: Real> SetPoint<T> {
 
 /// The limits of a joint's motion.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-pub struct Limits<T> {
+pub struct JointLimits<T> {
     /// The least position, rad.
     pub low: T,
     /// The greatest position, rad.
@@ -119,7 +119,7 @@ pub enum TrajectoryError {
     Number(#[from] NumberError),
 }
 
-impl<T: Real> Limits<T> {
+impl<T: Real> JointLimits<T> {
     /// Checks the limits of joint number `joint`.
     ///
     /// # Errors
@@ -156,7 +156,7 @@ fn check_start<T: Real>(joint: usize, position: T) -> Result<(), TrajectoryError
 
 /// The extremes of a profile from its beginning to its end.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Peaks<T> {
+pub struct ProfilePeaks<T> {
     /// The least position, rad.
     pub low: T,
     /// The greatest position, rad.
@@ -167,7 +167,7 @@ pub struct Peaks<T> {
     pub acceleration: T,
 }
 
-impl<T: Real> Peaks<T> {
+impl<T: Real> ProfilePeaks<T> {
     fn of(point: &SetPoint<T>) -> Self {
         Self {
             low: point.position,

@@ -10,8 +10,8 @@ use std::process::ExitCode;
 use std::sync::OnceLock;
 use std::time::Duration;
 
-use condor_mbox::linux::{Mailbox, PollableBell, System};
-use condor_mbox::{Error, Messenger, Processor, Vector};
+use condor_mbox::linux::{LinuxMailbox, LinuxSystem, PollableBell};
+use condor_mbox::{MailboxError, Messenger, Processor, Vector};
 use embassy_executor::Executor;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 
@@ -27,7 +27,7 @@ const TICK: Timespec = Timespec {
     tv_nsec: 10_000_000,
 };
 
-static MAILBOX: OnceLock<Mailbox<'static, 2>> = OnceLock::new();
+static MAILBOX: OnceLock<LinuxMailbox<'static, 2>> = OnceLock::new();
 
 fn main() -> ExitCode {
     match run() {
@@ -40,11 +40,11 @@ fn main() -> ExitCode {
 }
 
 fn run() -> Result<(), Box<dyn std::error::Error>> {
-    let system = System::<2>::family(4096)?;
+    let system = LinuxSystem::<2>::family(4096)?;
     let mut server = system.claim(SERVER)?.mailbox()?;
     server.set_vector(DOUBLE, &|call| call.data() * 2, "double")?;
     server.join()?;
-    std::thread::spawn(move || -> Result<(), Error> {
+    std::thread::spawn(move || -> Result<(), MailboxError> {
         loop {
             server.serve(SECOND)?;
         }
@@ -67,7 +67,7 @@ fn run() -> Result<(), Box<dyn std::error::Error>> {
 
 /// Asks, and awaits the reply, until all have come.
 #[embassy_executor::task]
-async fn ask(mailbox: &'static Mailbox<'static, 2>) {
+async fn ask(mailbox: &'static LinuxMailbox<'static, 2>) {
     for number in 0..REQUESTS {
         match reply(mailbox, number).await {
             Ok(reply) => assert_eq!(reply, number * 2),
@@ -81,12 +81,12 @@ async fn ask(mailbox: &'static Mailbox<'static, 2>) {
     std::process::exit(0);
 }
 
-async fn reply(mailbox: &Mailbox<'_, 2>, number: u32) -> Result<u32, Error> {
+async fn reply(mailbox: &LinuxMailbox<'_, 2>, number: u32) -> Result<u32, MailboxError> {
     mailbox.begin(SERVER, DOUBLE, number, Duration::ZERO)?.await
 }
 
 /// The mailbox interrupt.
-fn interrupt(mailbox: &Mailbox<'_, 2>, bell: &PollableBell) {
+fn interrupt(mailbox: &LinuxMailbox<'_, 2>, bell: &PollableBell) {
     loop {
         let mut descriptors = [PollFd::new(bell, PollFlags::IN)];
         // A signal may end it early.

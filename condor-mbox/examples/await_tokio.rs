@@ -11,7 +11,7 @@ use std::process::{Command, ExitCode};
 use std::rc::Rc;
 use std::time::Duration;
 
-use condor_mbox::linux::{Mailbox, System};
+use condor_mbox::linux::{LinuxMailbox, LinuxSystem};
 use condor_mbox::{Call, Messenger, Processor, Vector};
 use tokio::net::unix::pipe;
 
@@ -44,7 +44,7 @@ fn demonstrate() -> Result<(), AnyError> {
     if std::env::args().nth(1).as_deref() == Some("server") {
         return serve();
     }
-    let system = System::<2>::family(4096)?;
+    let system = LinuxSystem::<2>::family(4096)?;
     let mut command = Command::new(std::env::current_exe()?);
     let mut child = system.pass_to(command.arg("server")).spawn()?;
     let mut mailbox = system.claim(TASKS)?.mailbox()?;
@@ -62,7 +62,7 @@ fn demonstrate() -> Result<(), AnyError> {
     Ok(())
 }
 
-async fn run(mailbox: &Mailbox<'_, 2>) -> Result<(), AnyError> {
+async fn run(mailbox: &LinuxMailbox<'_, 2>) -> Result<(), AnyError> {
     let ticks = Rc::new(Cell::new(0_u32));
     let counted = Rc::clone(&ticks);
     let tasks = tokio::task::LocalSet::new();
@@ -85,7 +85,7 @@ async fn run(mailbox: &Mailbox<'_, 2>) -> Result<(), AnyError> {
 }
 
 /// Requests and awaits, two at a time.
-async fn ask(mailbox: &Mailbox<'_, 2>) -> Result<(), AnyError> {
+async fn ask(mailbox: &LinuxMailbox<'_, 2>) -> Result<(), AnyError> {
     for number in (0..REQUESTS).step_by(2) {
         let one = mailbox.begin(SERVER, SCALE, number, SECOND)?;
         let other = mailbox.begin(SERVER, SCALE, number + 1, SECOND)?;
@@ -98,7 +98,7 @@ async fn ask(mailbox: &Mailbox<'_, 2>) -> Result<(), AnyError> {
 }
 
 /// Serves what comes, and so wakes those that await replies.
-async fn serve_when_rung(mailbox: &Mailbox<'_, 2>) -> Result<(), AnyError> {
+async fn serve_when_rung(mailbox: &LinuxMailbox<'_, 2>) -> Result<(), AnyError> {
     let bell = mailbox.doorbell().pollable();
     let bell = pipe::Receiver::from_owned_fd(bell.as_fd().try_clone_to_owned()?)?;
     loop {
@@ -122,7 +122,7 @@ fn serve() -> Result<(), AnyError> {
         stopped.store(true, std::sync::atomic::Ordering::Relaxed);
         0
     };
-    let mut mailbox = System::<2>::inherited()?.claim(SERVER)?.mailbox()?;
+    let mut mailbox = LinuxSystem::<2>::inherited()?.claim(SERVER)?.mailbox()?;
     mailbox.set_vector(SCALE, &scale, "scale")?;
     mailbox.set_vector(STOP, &stop, "stop")?;
     mailbox.join()?;

@@ -7,8 +7,8 @@ use std::process::{Child, Command, ExitCode};
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 
-use condor_mbox::linux::{Claim, Mailbox, System};
-use condor_mbox::{Call, Error, Messenger, Processor, Vector, Waiting};
+use condor_mbox::linux::{Claim, LinuxMailbox, LinuxSystem};
+use condor_mbox::{Call, MailboxError, Messenger, Processor, Vector, Waiting};
 
 type AnyError = Box<dyn std::error::Error>;
 
@@ -36,9 +36,9 @@ fn main() -> ExitCode {
 
 fn run() -> Result<(), AnyError> {
     if std::env::args().nth(1).as_deref() == Some("server") {
-        return serve(System::<2>::inherited()?.claim(SERVER)?);
+        return serve(LinuxSystem::<2>::inherited()?.claim(SERVER)?);
     }
-    let system = System::<2>::family(4096)?;
+    let system = LinuxSystem::<2>::family(4096)?;
     let mut command = Command::new(std::env::current_exe()?);
     let mut server = Server(system.pass_to(command.arg("server")).spawn()?);
     ask(system.claim(CLIENT)?)?;
@@ -110,7 +110,7 @@ fn ask(claim: Claim<2>) -> Result<(), AnyError> {
     Ok(())
 }
 
-fn open<'v>(claim: Claim<2>) -> Result<Mailbox<'v, 2>, Error> {
+fn open<'v>(claim: Claim<2>) -> Result<LinuxMailbox<'v, 2>, MailboxError> {
     let mut mailbox = claim.mailbox()?;
     mailbox.set_waiting(Waiting::SpinThenSleep {
         spin: Duration::from_millis(1),
@@ -118,7 +118,7 @@ fn open<'v>(claim: Claim<2>) -> Result<Mailbox<'v, 2>, Error> {
     Ok(mailbox)
 }
 
-fn median_round_trip(mailbox: &Mailbox<'_, 2>) -> Result<Duration, Error> {
+fn median_round_trip(mailbox: &LinuxMailbox<'_, 2>) -> Result<Duration, MailboxError> {
     let mut taken = Vec::with_capacity(ROUND_TRIPS);
     for _ in 0..ROUND_TRIPS {
         let begun = Instant::now();

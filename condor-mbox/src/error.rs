@@ -5,7 +5,7 @@ use crate::window::WindowErrorKind;
 
 /// One of the two memory objects of a processor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Object {
+pub enum MemoryObject {
     /// `mail`, which only its processor writes.
     Mail,
     /// `data`, which every processor writes.
@@ -47,7 +47,7 @@ pub enum ProtocolWord {
 /// The progress of a request at the moment when its sender gave up: whether the receiver has run
 /// it, or may run it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Progress {
+pub enum SendProgress {
     /// The request did not run and never will: it was not sent, or its receiver ended before it
     /// took it.
     Never,
@@ -61,7 +61,7 @@ pub enum Progress {
 /// An error of a mailbox.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
-pub enum Error {
+pub enum MailboxError {
     /// The number is not below the number of processors of the system.
     #[error("{number} does not exist: the system has {processors} processors")]
     NoSuchProcessor {
@@ -143,7 +143,7 @@ pub enum Error {
         /// The processor whose window it is.
         processor: Processor,
         /// The memory object of that processor.
-        object: Object,
+        object: MemoryObject,
         /// The word that differs.
         field: LayoutField,
         /// The value that was found.
@@ -165,7 +165,7 @@ pub enum Error {
         /// The vector of the request.
         vector: Vector,
         /// How far the request had come.
-        progress: Progress,
+        progress: SendProgress,
     },
     /// The deadline passed, and the receiver's heartbeat stood still all the while.
     ///
@@ -177,7 +177,7 @@ pub enum Error {
         /// The vector of the request.
         vector: Vector,
         /// How far the request had come.
-        progress: Progress,
+        progress: SendProgress,
     },
     /// The program that held the receiver's number ended.
     #[error("{to} died ({progress:?})")]
@@ -185,7 +185,7 @@ pub enum Error {
         /// The processor to which the message was sent.
         to: Processor,
         /// How far the request had come.
-        progress: Progress,
+        progress: SendProgress,
     },
     /// The receiver left the system in an orderly way, or was reset by the host.
     #[error("{to} left ({progress:?})")]
@@ -193,7 +193,7 @@ pub enum Error {
         /// The processor to which the message was sent.
         to: Processor,
         /// How far the request had come.
-        progress: Progress,
+        progress: SendProgress,
     },
     /// The receiver has joined anew, with a new incarnation, since the request was sent. The
     /// request is gone.
@@ -202,7 +202,7 @@ pub enum Error {
         /// The processor to which the message was sent.
         to: Processor,
         /// How far the request had come.
-        progress: Progress,
+        progress: SendProgress,
     },
     /// A handler waited for a reply although [`Call::MAX_DEPTH`](crate::Call::MAX_DEPTH) handlers
     /// are in progress, each nested in the one before.
@@ -227,7 +227,7 @@ pub enum Error {
         /// The processor whose window it is.
         processor: Processor,
         /// The memory object of that processor.
-        object: Object,
+        object: MemoryObject,
         /// The kind of error.
         kind: WindowErrorKind,
     },

@@ -9,11 +9,11 @@ use core::time::Duration;
 
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
-use crate::error::Error;
+use crate::error::MailboxError;
 use crate::id::{Processor, Vector};
 use crate::layout::LINE;
-use crate::mailbox::{Call, Messenger, Ticket};
-use crate::region::{Place, Places, Region};
+use crate::mailbox::{Call, MessageTicket, Messenger};
+use crate::region::{Allocator, Offset, Region};
 use crate::window::{AccessError, MemoryWindow};
 
 /// The reply of a handler that answered, and of one that could not reach the block.
@@ -33,7 +33,7 @@ const REFUSED: u32 = 0;
 /// use condor_mbox::sim::System;
 /// use condor_mbox::exchange::answer;
 /// use condor_mbox::{
-///     Call, Exchange, MemoryWindow, Messenger, Places, Processor, Region, Vector,
+///     Call, Exchange, MemoryWindow, Messenger, Allocator, Processor, Region, Vector,
 /// };
 ///
 /// const CONTROLLER: Processor = Processor(0);
@@ -65,7 +65,7 @@ const REFUSED: u32 = 0;
 /// std::thread::scope(|threads| {
 ///     threads.spawn(move || controller.serve(Duration::from_secs(10)));
 ///     let own = host.region(HOST)?;
-///     let mut places = Places::new(own.size());
+///     let mut places = Allocator::new(own.size());
 ///     let mut exchange = Exchange::<_, _, Gains, f32>::new(host, own, &mut places)?;
 ///     let gains = Gains { joint: 3, proportional: 1.5, derivative: 0.1 };
 ///     let doubled = exchange.call(CONTROLLER, SET_GAINS, &gains, Duration::from_secs(10))?;
@@ -80,7 +80,7 @@ pub struct Exchange<'m, M: Messenger + ?Sized, W, Q, R> {
     own: Region<W>,
     offset: u32,
     /// The request that was given up while its reply was still to come.
-    late: Option<Ticket<'m>>,
+    late: Option<MessageTicket<'m>>,
     of: PhantomData<fn(Q) -> R>,
 }
 
@@ -90,7 +90,7 @@ pub struct Exchange<'m, M: Messenger + ?Sized, W, Q, R> {
 pub enum ExchangeError {
     /// The message was not answered.
     #[error(transparent)]
-    Mailbox(#[from] Error),
+    Mailbox(#[from] MailboxError),
     /// The sender cannot access the block.
     #[error(transparent)]
     Access(#[from] AccessError),
@@ -124,7 +124,11 @@ where
     ///
     /// # Errors
     /// [`AccessError`] of the kind `OutOfBounds` if `places` has no room for [`Self::BYTES`].
-    pub fn new(messenger: &'m M, own: Region<W>, places: &mut Places) -> Result<Self, AccessError> {
+    pub fn new(
+        messenger: &'m M,
+        own: Region<W>,
+        places: &mut Allocator,
+    ) -> Result<Self, AccessError> {
         let offset = places.bytes(Self::BYTES)?;
         Ok(Self {
             messenger,
@@ -155,19 +159,22 @@ where
             return Err(ExchangeError::InDoubt);
         }
         self.late = None;
-        self.own.set(Place::at(self.offset), request)?;
+        self.own.set(Offset::at(self.offset), request)?;
         let deadline = self.messenger.now().after(timeout);
         let mut ticket = self.messenger.begin(to, vector, self.offset, timeout)?;
         let left = Duration::from_nanos(deadline.ns_since(self.messenger.now()));
         match ticket.wait(left) {
-            Ok(Some(ANSWERED)) => Ok(self.own.get(Place::at(response_at::<Q>(self.offset)))?),
+            Ok(Some(ANSWERED)) => Ok(self.own.get(Offset::at(response_at::<Q>(self.offset)))?),
             Ok(_) => Err(ExchangeError::Refused {
                 to,
                 offset: self.offset,
             }),
             Err(error) => {
                 // After any other error nothing more is to come.
-                if matches!(error, Error::TimedOut { .. } | Error::Stalled { .. }) {
+                if matches!(
+                    error,
+                    MailboxError::TimedOut { .. } | MailboxError::Stalled { .. }
+                ) {
                     self.late = Some(ticket);
                 }
                 Err(error.into())
@@ -191,8 +198,8 @@ where
     Q: FromBytes + IntoBytes + Immutable,
     R: FromBytes + IntoBytes + Immutable,
 {
-    let response = Place::<R>::at(response_at::<Q>(call.data()));
-    let Ok(request) = data_of_sender.get(Place::<Q>::at(call.data())) else {
+    let response = Offset::<R>::at(response_at::<Q>(call.data()));
+    let Ok(request) = data_of_sender.get(Offset::<Q>::at(call.data())) else {
         return REFUSED;
     };
     match data_of_sender.set(response, &respond(request)) {

@@ -62,15 +62,16 @@ mod time;
 pub mod window;
 mod windows;
 
-pub use error::{Error, Progress};
+pub use error::{MailboxError, SendProgress};
 pub use id::{Processor, Vector};
 pub use mailbox::{
-    Call, Handler, Mailbox, Messenger, PeerState, Pending, Ticket, VectorStatistics, Waiting,
+    Call, Handler, Mailbox, MessageTicket, Messenger, PeerState, PendingReply, VectorStatistics,
+    Waiting,
 };
 
 pub use exchange::Exchange;
 pub use published::Published;
-pub use region::{Place, Places, Region};
+pub use region::{Allocator, Offset, Region};
 pub use spin_lock::SpinLock;
 
 pub use backend::Backend;

@@ -2,10 +2,10 @@
 
 use core::sync::atomic::{AtomicU32, Ordering};
 
-use crate::error::{Error, LayoutField, Object};
+use crate::error::{LayoutField, MailboxError, MemoryObject};
 use crate::id::{Processor, Vector};
 use crate::layout::{self, entry, header};
-use crate::window::{LoadOrder, MemoryWindow, StoreOrder, WindowError, Words};
+use crate::window::{LoadOrder, MemoryWindow, StoreOrder, WindowError, WindowWords};
 
 /// The number of a word of a `mail` in a system of `N`: one of them.
 #[derive(Clone, Copy)]
@@ -134,7 +134,7 @@ impl<'w, W: MemoryWindow, const N: usize> Mail<'w, W, N> {
 
     /// In a window of whatever size.
     pub(crate) fn new(window: &'w W, owner: &'w Processor) -> Self {
-        let words = window.words().map(Words::get);
+        let words = window.words().map(WindowWords::get);
         Self {
             window,
             words: words.filter(|words| words.len() >= Self::BYTES as usize / 4),
@@ -150,30 +150,35 @@ impl<'w, W: MemoryWindow, const N: usize> Mail<'w, W, N> {
     pub(crate) unsafe fn large_enough(window: &'w W, owner: &'w Processor) -> Self {
         Self {
             window,
-            words: window.words().map(Words::get),
+            words: window.words().map(WindowWords::get),
             owner,
         }
     }
 
     #[inline(always)]
-    pub(crate) fn load(&self, at: At<N>, order: LoadOrder) -> Result<u32, Error> {
+    pub(crate) fn load(&self, at: At<N>, order: LoadOrder) -> Result<u32, MailboxError> {
         self.window
             .load(at.offset(), order)
             .map_err(|error| self.refused(&error))
     }
 
     #[inline(always)]
-    pub(crate) fn store(&self, at: At<N>, value: u32, order: StoreOrder) -> Result<(), Error> {
+    pub(crate) fn store(
+        &self,
+        at: At<N>,
+        value: u32,
+        order: StoreOrder,
+    ) -> Result<(), MailboxError> {
         self.window
             .store(at.offset(), value, order)
             .map_err(|error| self.refused(&error))
     }
 
     #[cold]
-    fn refused(&self, error: &W::Error) -> Error {
-        Error::Window {
+    fn refused(&self, error: &W::Error) -> MailboxError {
+        MailboxError::Window {
             processor: *self.owner,
-            object: Object::Mail,
+            object: MemoryObject::Mail,
             kind: error.kind(),
         }
     }
@@ -265,7 +270,7 @@ impl<'w, W: MemoryWindow, const N: usize> Mail<'w, W, N> {
     }
 
     /// Whether this `mail` is laid out as this build expects.
-    pub(crate) fn check_layout(&self, data_bytes: u32) -> Result<(), Error> {
+    pub(crate) fn check_layout(&self, data_bytes: u32) -> Result<(), MailboxError> {
         let expected = [
             (LayoutField::Magic, header::MAGIC, layout::MAGIC),
             (LayoutField::Version, header::VERSION, layout::VERSION),
@@ -287,33 +292,49 @@ impl<'w, W: MemoryWindow, const N: usize> Mail<'w, W, N> {
             // Acquire, for the first: pairs with the Release store of the magic number in `format`.
             let found = self.load(At::header(offset), LoadOrder::Acquire)?;
             if found != expected {
-                return Err(self.disagrees(Object::Mail, field, found, expected));
+                return Err(self.disagrees(MemoryObject::Mail, field, found, expected));
             }
         }
         Ok(())
     }
 
     /// Checks that the window is large enough, before anything is read.
-    pub(crate) fn check_size(&self) -> Result<(), Error> {
+    pub(crate) fn check_size(&self) -> Result<(), MailboxError> {
         let found = self.window.size();
         if found < Self::BYTES {
-            return Err(self.disagrees(Object::Mail, LayoutField::MailSize, found, Self::BYTES));
+            return Err(self.disagrees(
+                MemoryObject::Mail,
+                LayoutField::MailSize,
+                found,
+                Self::BYTES,
+            ));
         }
         Ok(())
     }
 
     /// Checks the sizes of both objects.
-    pub(crate) fn check_sizes(&self, data_bytes: u32) -> Result<(), Error> {
+    pub(crate) fn check_sizes(&self, data_bytes: u32) -> Result<(), MailboxError> {
         self.check_size()?;
         if data_bytes < layout::BELL_BYTES {
             let expected = layout::BELL_BYTES;
-            return Err(self.disagrees(Object::Data, LayoutField::DataSize, data_bytes, expected));
+            return Err(self.disagrees(
+                MemoryObject::Data,
+                LayoutField::DataSize,
+                data_bytes,
+                expected,
+            ));
         }
         Ok(())
     }
 
-    fn disagrees(&self, object: Object, field: LayoutField, found: u32, expected: u32) -> Error {
-        Error::Layout {
+    fn disagrees(
+        &self,
+        object: MemoryObject,
+        field: LayoutField,
+        found: u32,
+        expected: u32,
+    ) -> MailboxError {
+        MailboxError::Layout {
             processor: *self.owner,
             object,
             field,
@@ -323,7 +344,7 @@ impl<'w, W: MemoryWindow, const N: usize> Mail<'w, W, N> {
     }
 
     /// Writes everything of the header that does not change, the magic number last.
-    pub(crate) fn format(&self, data_bytes: u32) -> Result<(), Error> {
+    pub(crate) fn format(&self, data_bytes: u32) -> Result<(), MailboxError> {
         for (offset, value) in [
             (header::VERSION, layout::VERSION),
             (header::PROCESSORS, Self::PROCESSORS),

@@ -25,15 +25,15 @@ use crate::window::{AccessError, LoadOrder, MemoryWindow, StoreOrder, WindowErro
 /// contents cause wrong values or errors, and the next publications repair them.
 ///
 /// ```
-/// # use condor_mbox::published::ReadError;
-/// # use condor_mbox::{MemoryWindow, Places, Published, Region, StaticMemory};
+/// # use condor_mbox::published::PublishedReadError;
+/// # use condor_mbox::{MemoryWindow, Allocator, Published, Region, StaticMemory};
 /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
 /// static MEMORY: StaticMemory<256> = StaticMemory::new();
 /// let ram = Region::users(MEMORY.window())?;
-/// let angles: Published<[f32; 4]> = Places::new(ram.size()).published()?;
+/// let angles: Published<[f32; 4]> = Allocator::new(ram.size()).published()?;
 ///
 /// let subscriber = angles.subscriber(&ram)?;
-/// assert_eq!(subscriber.read(), Err(ReadError::Unpublished));
+/// assert_eq!(subscriber.read(), Err(PublishedReadError::Unpublished));
 ///
 /// let mut publisher = angles.publisher(&ram)?;
 /// publisher.publish(&[0.1, 0.2, 0.3, 0.4])?;
@@ -159,7 +159,7 @@ pub struct Subscriber<T, W> {
 }
 
 impl<T, W> Subscriber<T, W> {
-    /// Sets how often a read tries before it returns [`Contended`](ReadError::Contended).
+    /// Sets how often a read tries before it returns [`Contended`](PublishedReadError::Contended).
     ///
     /// A try fails only if the writer overtakes it: it completes one publication and begins another
     /// one in the same buffer while the value is copied. The default is 4.
@@ -173,12 +173,12 @@ impl<T: FromBytes + IntoBytes, W: MemoryWindow> Subscriber<T, W> {
     /// Returns the value that was published last.
     ///
     /// # Errors
-    /// [`ReadError::Unpublished`] if nothing was published, [`ReadError::Contended`] if the writer
-    /// was too fast, [`ReadError::Access`] if the memory cannot be accessed.
-    pub fn read(&self) -> Result<Latest<T>, ReadError> {
+    /// [`PublishedReadError::Unpublished`] if nothing was published, [`PublishedReadError::Contended`] if the writer
+    /// was too fast, [`PublishedReadError::Access`] if the memory cannot be accessed.
+    pub fn read(&self) -> Result<PublishedValue<T>, PublishedReadError> {
         let mut value = T::new_zeroed();
         let sequence = self.cell.latest(value.as_mut_bytes(), self.attempts)?;
-        Ok(Latest { value, sequence })
+        Ok(PublishedValue { value, sequence })
     }
 }
 
@@ -188,20 +188,20 @@ impl<T: FromBytes + IntoBytes, W: MemoryWindow> Subscriber<T, W> {
 /// `value` must have as many bytes as the writer's type.
 ///
 /// # Errors
-/// [`ReadError::Unpublished`] if nothing was published, [`ReadError::Contended`] if the writer was
-/// too fast, [`ReadError::Access`] if `value` does not fit the window or the memory cannot be
+/// [`PublishedReadError::Unpublished`] if nothing was published, [`PublishedReadError::Contended`] if the writer was
+/// too fast, [`PublishedReadError::Access`] if `value` does not fit the window or the memory cannot be
 /// accessed.
 pub fn read_bytes<W: MemoryWindow>(
     window: W,
     offset: u32,
     value: &mut [u8],
-) -> Result<u32, ReadError> {
+) -> Result<u32, PublishedReadError> {
     Cell::new(offset, value.len(), window)?.latest(value, ATTEMPTS)
 }
 
 /// A value with its sequence number, as a reader of a [`Published`] cell gets it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Latest<T> {
+pub struct PublishedValue<T> {
     /// The value, as the writer published it: never a mixture of two values.
     pub value: T,
     /// The sequence number of its publication; it changes with each new value.
@@ -214,7 +214,7 @@ pub struct Latest<T> {
 /// The reason for which a reader of a [`Published`] cell got no value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
-pub enum ReadError {
+pub enum PublishedReadError {
     /// Nothing has been published yet.
     #[error("nothing has been published yet")]
     Unpublished,
@@ -293,14 +293,14 @@ impl<W: MemoryWindow> Cell<W> {
     }
 
     /// Copies the latest value, of as many bytes as the cell was made for, and returns its sequence.
-    fn latest(&self, value: &mut [u8], attempts: u32) -> Result<u32, ReadError> {
+    fn latest(&self, value: &mut [u8], attempts: u32) -> Result<u32, PublishedReadError> {
         for _ in 0..attempts {
             let sequences = self.sequences()?;
             let Some(sequence) = newest(sequences) else {
                 // The first was looked at before the second: not even publication 1 was
                 // complete by then. Any other pair was caught in motion, or is garbage.
                 if sequences[0] == 0 && (sequences[1] == 0 || sequences[1] == writing(FIRST)) {
-                    return Err(ReadError::Unpublished);
+                    return Err(PublishedReadError::Unpublished);
                 }
                 continue;
             };
@@ -313,7 +313,7 @@ impl<W: MemoryWindow> Cell<W> {
                 return Ok(sequence);
             }
         }
-        Err(ReadError::Contended { attempts })
+        Err(PublishedReadError::Contended { attempts })
     }
 
     /// Offset of a buffer; inside the window, since the cell is.

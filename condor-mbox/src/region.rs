@@ -1,4 +1,4 @@
-//! [`Region`] and [`Place`]: long data in shared memory, named by checked offsets.
+//! [`Region`] and [`Offset`]: long data in shared memory, named by checked offsets.
 
 use core::fmt;
 use core::marker::PhantomData;
@@ -10,7 +10,7 @@ use crate::layout::{BELL_BYTES, LINE};
 use crate::published::Published;
 use crate::window::{
     AccessError, CompareExchange, LoadOrder, MemoryWindow, StoreOrder, WindowError,
-    WindowErrorKind, Words, check_access,
+    WindowErrorKind, WindowWords, check_access,
 };
 
 /// A part of a window, with offsets that count from its own beginning.
@@ -28,7 +28,7 @@ use crate::window::{
 /// `processor3_ram.set_word(4 * 100, value)?` here, where every offset is in bytes.
 ///
 /// ```
-/// # use condor_mbox::{AccessError, MemoryWindow, Place, Places, Region, StaticMemory};
+/// # use condor_mbox::{AccessError, MemoryWindow, Offset, Allocator, Region, StaticMemory};
 /// use zerocopy::{FromBytes, Immutable, IntoBytes};
 ///
 /// #[derive(FromBytes, IntoBytes, Immutable)]
@@ -44,16 +44,16 @@ use crate::window::{
 /// let processor3_ram = Region::users(MEMORY.window())?;
 /// processor3_ram.set_word(4 * 100, 977)?;
 ///
-/// let mut places = Places::new(processor3_ram.size());
+/// let mut places = Allocator::new(processor3_ram.size());
 /// places.bytes(4 * 101)?;
-/// let gains: Place<Gains> = places.place()?;
+/// let gains: Offset<Gains> = places.place()?;
 /// processor3_ram.set(gains, &Gains { stiffness: [1.0; 3], damping: 0.5 })?;
 ///
 /// // The offset is what a message carries; its receiver need not trust it.
 /// let message: u32 = gains.offset();
-/// let received = processor3_ram.get(Place::<Gains>::at(message))?;
+/// let received = processor3_ram.get(Offset::<Gains>::at(message))?;
 /// assert_eq!(received.damping.to_bits(), 0.5_f32.to_bits());
-/// assert!(processor3_ram.get(Place::<Gains>::at(u32::MAX - 3)).is_err());
+/// assert!(processor3_ram.get(Offset::<Gains>::at(u32::MAX - 3)).is_err());
 /// # Ok(())
 /// # }
 /// ```
@@ -140,7 +140,7 @@ impl<W: MemoryWindow> Region<W> {
     /// # Errors
     /// [`AccessError`] if the place is misaligned or not wholly inside the region (an offset that
     /// came in a message may be any number), or if the memory is gone.
-    pub fn get<T: FromBytes + IntoBytes>(&self, place: Place<T>) -> Result<T, AccessError> {
+    pub fn get<T: FromBytes + IntoBytes>(&self, place: Offset<T>) -> Result<T, AccessError> {
         let mut value = T::new_zeroed();
         self.read(place.offset, value.as_mut_bytes())?;
         Ok(value)
@@ -153,7 +153,7 @@ impl<W: MemoryWindow> Region<W> {
     /// read-only, or if the memory is gone.
     pub fn set<T: IntoBytes + Immutable>(
         &self,
-        place: Place<T>,
+        place: Offset<T>,
         value: &T,
     ) -> Result<(), AccessError> {
         self.write(place.offset, value.as_bytes())
@@ -195,7 +195,7 @@ impl<W: MemoryWindow> MemoryWindow for Region<W> {
     }
 
     #[inline(always)]
-    fn words(&self) -> Option<Words<'_>> {
+    fn words(&self) -> Option<WindowWords<'_>> {
         self.window.words()?.part(self.start, self.size)
     }
 
@@ -262,12 +262,12 @@ impl<W: CompareExchange> CompareExchange for Region<W> {
 /// alignment in Rust; in a region it begins at a multiple of four bytes.
 /// `T`'s numbers are stored as the processor stores them, that is little-endian on every
 /// target of this crate; use the little-endian types of `zerocopy` on any other.
-pub struct Place<T> {
+pub struct Offset<T> {
     offset: u32,
     of: PhantomData<fn() -> T>,
 }
 
-impl<T> Place<T> {
+impl<T> Offset<T> {
     /// Returns the place at `offset` bytes from the beginning of a region.
     #[must_use]
     pub const fn at(offset: u32) -> Self {
@@ -285,23 +285,23 @@ impl<T> Place<T> {
     }
 }
 
-impl<T> Clone for Place<T> {
+impl<T> Clone for Offset<T> {
     fn clone(&self) -> Self {
         *self
     }
 }
 
-impl<T> Copy for Place<T> {}
+impl<T> Copy for Offset<T> {}
 
-impl<T> PartialEq for Place<T> {
+impl<T> PartialEq for Offset<T> {
     fn eq(&self, other: &Self) -> bool {
         self.offset == other.offset
     }
 }
 
-impl<T> Eq for Place<T> {}
+impl<T> Eq for Offset<T> {}
 
-impl<T> fmt::Debug for Place<T> {
+impl<T> fmt::Debug for Offset<T> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_tuple("Place").field(&self.offset).finish()
     }
@@ -315,12 +315,12 @@ impl<T> fmt::Debug for Place<T> {
 /// board does. Two programs that take the same places in the same order get the same offsets; this
 /// also works at compile time.
 #[derive(Clone, Debug)]
-pub struct Places {
+pub struct Allocator {
     next: u32,
     size: u32,
 }
 
-impl Places {
+impl Allocator {
     /// Makes a distributor for a region of `size` bytes.
     #[must_use]
     pub const fn new(size: u32) -> Self {
@@ -338,9 +338,9 @@ impl Places {
     ///
     /// # Errors
     /// [`AccessError`] of the kind `OutOfBounds` if there is no room.
-    pub const fn place<T>(&mut self) -> Result<Place<T>, AccessError> {
+    pub const fn place<T>(&mut self) -> Result<Offset<T>, AccessError> {
         match self.bytes(size_of::<T>()) {
-            Ok(offset) => Ok(Place::at(offset)),
+            Ok(offset) => Ok(Offset::at(offset)),
             Err(error) => Err(error),
         }
     }

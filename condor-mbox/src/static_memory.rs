@@ -2,7 +2,7 @@
 
 use crate::sync::AtomicU32;
 use crate::window::{
-    AccessError, LoadOrder, MemoryWindow, StoreOrder, WindowErrorKind, Words, check_access,
+    AccessError, LoadOrder, MemoryWindow, StoreOrder, WindowErrorKind, WindowWords, check_access,
 };
 
 /// A block of `WORDS` words that several harts, or interrupts and background, share.
@@ -118,9 +118,9 @@ impl MemoryWindow for StaticWindow<'_> {
     }
 
     #[inline(always)]
-    fn words(&self) -> Option<Words<'_>> {
+    fn words(&self) -> Option<WindowWords<'_>> {
         // SAFETY: they are all, and never change.
-        cfg!(target_endian = "little").then(|| unsafe { Words::new(self.words) })
+        cfg!(target_endian = "little").then(|| unsafe { WindowWords::new(self.words) })
     }
 
     fn check(&self, offset: u32, len: usize) -> Result<(), AccessError> {

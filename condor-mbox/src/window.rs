@@ -158,7 +158,7 @@ pub trait MemoryWindow {
     /// Memory that has vanished must read as 0 for ever. Words of a window that is mapped read-only
     /// must not be stored to.
     #[inline(always)]
-    fn words(&self) -> Option<Words<'_>> {
+    fn words(&self) -> Option<WindowWords<'_>> {
         None
     }
 
@@ -269,9 +269,9 @@ pub trait MemoryWindow {
 
 /// All words of a window, as [`MemoryWindow::words`] returns them.
 #[derive(Clone, Copy, Debug)]
-pub struct Words<'w>(&'w [AtomicU32]);
+pub struct WindowWords<'w>(&'w [AtomicU32]);
 
-impl<'w> Words<'w> {
+impl<'w> WindowWords<'w> {
     /// Wraps the words of a window.
     ///
     /// # Safety
@@ -335,7 +335,7 @@ impl<T: Deref<Target: MemoryWindow>> MemoryWindow for T {
     }
 
     #[inline(always)]
-    fn words(&self) -> Option<Words<'_>> {
+    fn words(&self) -> Option<WindowWords<'_>> {
         (**self).words()
     }
 

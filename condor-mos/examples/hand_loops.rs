@@ -4,9 +4,9 @@
 //!
 //! `cargo run --release -p condor-mos --features sim --example hand_loops`
 
-use condor_mos::sim::Processor;
+use condor_mos::sim::SimPlatform;
 use condor_mos::{
-    Analysis, Clock, EventTable, LoopError, LoopId, LoopLock, Loops, Overrun, Rate, Scheduler,
+    Analysis, ClockSpec, EventTable, LoopError, LoopId, LoopLock, Loops, Overrun, Rate, Scheduler,
     Timer,
 };
 use std::process::ExitCode;
@@ -21,7 +21,7 @@ const TRAJECTORY: LoopId = LoopId(2);
 /// The place of a rate is the number of its loop. One entry less would not compile.
 const TABLE: EventTable<3, 8> = EventTable::new(
     &[Rate::hz(400), Rate::hz(100), Rate::hz(50)],
-    Clock::of::<u64>(MICROSECONDS),
+    ClockSpec::of::<u64>(MICROSECONDS),
 );
 
 fn main() -> ExitCode {
@@ -36,7 +36,7 @@ fn main() -> ExitCode {
 
 fn run() -> Result<(), LoopError> {
     println!("{TABLE}\n");
-    let hand = Processor::new(MICROSECONDS);
+    let hand = SimPlatform::new(MICROSECONDS);
     let scheduler = Scheduler::new(hand.clone(), TABLE);
 
     // Where the joint is to be, of which the trajectory loop tells the torque loop.

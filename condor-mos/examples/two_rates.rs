@@ -7,7 +7,7 @@ use std::process::ExitCode;
 use std::thread;
 use std::time::{Duration, Instant};
 
-use condor_mos::linux::{CLOCK, RealTime, Signals, Threads};
+use condor_mos::linux::{CLOCK, RealTime, SignalPlatform, Threads};
 use condor_mos::{EventTable, LoopId, LoopLock, Loops, Overrun, Rate, Scheduler};
 
 const RATES: [Rate; 2] = [Rate::hz(400), Rate::hz(50)];
@@ -86,7 +86,7 @@ fn run() -> Result<(), Box<dyn Error>> {
     // A loop interrupts the background without any privilege, but not other programs.
     let privileges = RealTime::default().request();
     // SAFETY: both loops only compute, on a stack of megabytes, and so does the lock.
-    let signals = unsafe { Signals::new() };
+    let signals = unsafe { SignalPlatform::new() };
     let scheduler = Scheduler::new(signals, EventTable::<2, 8>::new(&RATES, CLOCK));
     println!("\nOne stack, in signals");
     control(&scheduler, length)?;

@@ -6,7 +6,7 @@ use crate::process::LoopId;
 use crate::rate::Rate;
 use crate::statistics::Statistics;
 
-/// Steps after which a response is [`Response::Undecided`]. A step passes at least one release of
+/// Steps after which a response is [`ResponseTime::Undecided`]. A step passes at least one release of
 /// a faster loop, so that only rates which differ by more than this factor come here.
 const MOST_STEPS: u32 = 1 << 20;
 
@@ -64,7 +64,7 @@ impl Load {
 
 /// The response time of a loop: how long after its release it ends at worst.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Response {
+pub enum ResponseTime {
     /// The response time is at most this number of ticks, which is within the deadline.
     Within(u64),
     /// The response time exceeds the deadline, at least when all loops are released at once.
@@ -91,7 +91,7 @@ pub enum Response {
 /// In a constant, a set that cannot be scheduled is an error of compilation:
 ///
 /// ```
-/// use condor_mos::{Analysis, Load, LoopId, Rate, Response};
+/// use condor_mos::{Analysis, Load, LoopId, Rate, ResponseTime};
 ///
 /// const MICROSECONDS: Rate = Rate::hz(1_000_000);
 /// const HAND: Analysis<3> = Analysis::new(
@@ -103,7 +103,7 @@ pub enum Response {
 ///     ],
 /// );
 /// const { assert!(HAND.is_schedulable()) };
-/// assert_eq!(HAND.response(LoopId(2)), Some(Response::Within(8_650)));
+/// assert_eq!(HAND.response(LoopId(2)), Some(ResponseTime::Within(8_650)));
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Analysis<const L: usize> {
@@ -111,7 +111,7 @@ pub struct Analysis<const L: usize> {
     /// By rank, from the fastest on, as is what follows.
     numbers: [u8; L],
     loads: [Load; L],
-    responses: [Response; L],
+    responses: [ResponseTime; L],
 }
 
 impl<const L: usize> Analysis<L> {
@@ -133,7 +133,7 @@ impl<const L: usize> Analysis<L> {
             frequency,
             numbers: [0; L],
             loads,
-            responses: [Response::Late; L],
+            responses: [ResponseTime::Late; L],
         };
         let mut placed = 0;
         while placed < L {
@@ -176,7 +176,7 @@ impl<const L: usize> Analysis<L> {
     pub const fn first_late(&self) -> Option<LoopId> {
         let mut rank = 0;
         while rank < L {
-            if !matches!(self.responses[rank], Response::Within(_)) {
+            if !matches!(self.responses[rank], ResponseTime::Within(_)) {
                 return Some(LoopId(self.numbers[rank]));
             }
             rank += 1;
@@ -186,7 +186,7 @@ impl<const L: usize> Analysis<L> {
 
     /// Returns the response time of a loop; `None` if there is no such loop.
     #[must_use]
-    pub const fn response(&self, id: LoopId) -> Option<Response> {
+    pub const fn response(&self, id: LoopId) -> Option<ResponseTime> {
         let mut rank = 0;
         while rank < L {
             if self.numbers[rank] == id.0 {
@@ -208,7 +208,7 @@ impl<const L: usize> Analysis<L> {
     }
 
     /// Solves the equation for the loop at `rank`, from below: all loops are due at once.
-    const fn respond(&self, rank: usize, overhead: u32) -> Response {
+    const fn respond(&self, rank: usize, overhead: u32) -> ResponseTime {
         let own = self.loads[rank];
         let alone = own.worst_run as u64 + own.blocking as u64;
         let mut response = 0;
@@ -226,15 +226,15 @@ impl<const L: usize> Analysis<L> {
             if needed > own.deadline as u64 && own.deadline != u32::MAX
                 || !self.is_within_period(own.rate, needed)
             {
-                return Response::Late;
+                return ResponseTime::Late;
             }
             if needed == response {
-                return Response::Within(response);
+                return ResponseTime::Within(response);
             }
             response = needed;
             step += 1;
         }
-        Response::Undecided
+        ResponseTime::Undecided
     }
 
     /// The most releases in `ticks`, of which the first one is at their beginning.
@@ -286,9 +286,9 @@ impl<const L: usize> fmt::Display for Analysis<L> {
             match response {
                 // Below 2^53 ticks nothing is lost.
                 #[allow(clippy::cast_precision_loss)]
-                Response::Within(ticks) => write!(f, "{:>12.1}", microseconds(*ticks as f64))?,
-                Response::Late => write!(f, "{:>12}", "late")?,
-                Response::Undecided => write!(f, "{:>12}", "undecided")?,
+                ResponseTime::Within(ticks) => write!(f, "{:>12.1}", microseconds(*ticks as f64))?,
+                ResponseTime::Late => write!(f, "{:>12}", "late")?,
+                ResponseTime::Undecided => write!(f, "{:>12}", "undecided")?,
             }
             writeln!(f, " {:>12.1}", 1e6 / load.rate.as_hz())?;
         }

@@ -1,21 +1,21 @@
-//! [`Body`]: what a loop runs, without its type.
+//! [`LoopBody`]: what a loop runs, without its type.
 
-use crate::instant::Instant;
+use crate::instant::CounterReading;
 
 /// The body of a loop: a function and its context, as pointers.
 ///
 /// The function also gets the instant, an `I`, at which the run was due.
 #[derive(Clone, Copy, Debug)]
-pub struct Body<I> {
+pub struct LoopBody<I> {
     call: unsafe fn(*mut (), I),
     context: *mut (),
 }
 
 // SAFETY: both ways to make one ask for a context that is `Send`, and it is used by one context of
 // the processor at a time.
-unsafe impl<I> Send for Body<I> {}
+unsafe impl<I> Send for LoopBody<I> {}
 
-impl<I: Instant> Body<I> {
+impl<I: CounterReading> LoopBody<I> {
     /// Of a loop that has none yet: does nothing.
     pub(crate) const NOTHING: Self = {
         unsafe fn nothing<I>(_: *mut (), _: I) {}

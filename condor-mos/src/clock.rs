@@ -1,28 +1,28 @@
-//! [`Clock`]: the properties of a timer on which a schedule depends.
+//! [`ClockSpec`]: the properties of a timer on which a schedule depends.
 
 use core::fmt;
 
-use crate::instant::Instant;
+use crate::instant::CounterReading;
 use crate::rate::Rate;
 
 /// The frequency of a timer, and the number of bits of its counter.
 ///
 /// ```
-/// use condor_mos::{Clock, Rate, Wrapping};
+/// use condor_mos::{ClockSpec, Rate, Wrapping};
 ///
-/// const SYSTEM_TICK: Clock = Clock::of::<Wrapping<24>>(Rate::hz(16_000_000));
+/// const SYSTEM_TICK: ClockSpec = ClockSpec::of::<Wrapping<24>>(Rate::hz(16_000_000));
 /// assert_eq!(SYSTEM_TICK.longest_gap(), (1 << 23) - 1);
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Clock {
+pub struct ClockSpec {
     frequency: Rate,
     bits: u32,
 }
 
-impl Clock {
+impl ClockSpec {
     /// Makes the clock of a timer with `frequency` ticks per second and readings of type `I`.
     #[must_use]
-    pub const fn of<I: Instant>(frequency: Rate) -> Self {
+    pub const fn of<I: CounterReading>(frequency: Rate) -> Self {
         Self {
             frequency,
             bits: I::BITS,
@@ -53,7 +53,7 @@ impl Clock {
     }
 }
 
-impl fmt::Display for Clock {
+impl fmt::Display for ClockSpec {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{} with {} bits", self.frequency, self.bits)
     }

@@ -8,7 +8,7 @@
 //! use condor_mos::{Rate, Timer, conformance};
 //! use std::sync::atomic::{AtomicU32, Ordering};
 //!
-//! let processor = Processor::new(Rate::hz(1_000_000));
+//! let processor = SimPlatform::new(Rate::hz(1_000_000));
 //! let interrupts = AtomicU32::new(0);
 //! let verdict = processor.with_handler(
 //!     || {
@@ -29,7 +29,7 @@
 //! wraps within a few seconds. The program may be disturbed meanwhile: an attempt that came too
 //! late to give a result is repeated. If the counter stands still, the suite never ends.
 
-use crate::instant::Instant;
+use crate::instant::CounterReading;
 use crate::rate::Rate;
 use crate::timer::{Armed, Timer};
 
@@ -53,7 +53,7 @@ type Verdict<T = ()> = Result<T, TimerFailure>;
 
 /// Whether an attempt was fast enough to tell.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Told {
+enum TimingOutcome {
     Yes,
     TooLate,
 }
@@ -109,7 +109,7 @@ fn same(check: &'static str, found: u32, expected: u32) -> Verdict {
 
 /// Some milliseconds, or a small part of the counter's range.
 fn short_span<T: Timer>(timer: &T) -> u32 {
-    let bits = <T::Instant as Instant>::BITS.min(32);
+    let bits = <T::Instant as CounterReading>::BITS.min(32);
     let range = 1_u64 << (bits - 1);
     let ticks = ticks_in(timer.frequency(), 5);
     let span = ticks.clamp(1, (range / 16).max(1));
@@ -190,11 +190,11 @@ impl<T: Timer, I: Fn() -> u32, P: FnMut()> Suite<'_, T, I, P> {
     fn attempt(
         &mut self,
         check: &'static str,
-        attempt: impl Fn(&mut Self) -> Verdict<Told>,
+        attempt: impl Fn(&mut Self) -> Verdict<TimingOutcome>,
     ) -> Verdict {
         for _ in 0..ATTEMPTS {
             self.quiet();
-            if attempt(self)? == Told::Yes {
+            if attempt(self)? == TimingOutcome::Yes {
                 return Ok(());
             }
         }
@@ -218,24 +218,24 @@ impl<T: Timer, I: Fn() -> u32, P: FnMut()> Suite<'_, T, I, P> {
         Ok(())
     }
 
-    fn one_interrupt_comes(&mut self) -> Verdict<Told> {
+    fn one_interrupt_comes(&mut self) -> Verdict<TimingOutcome> {
         let count = (self.interrupts)();
         let at = self.ahead(2);
         if self.timer.arm(at) == Armed::Past {
             self.has_come("ticks left to an instant that was reported as past", at)?;
-            return Ok(Told::TooLate);
+            return Ok(TimingOutcome::TooLate);
         }
         self.interrupt_comes("interrupts at the instant that was armed", count)?;
         self.has_come("ticks left to the instant when its interrupt came", at)?;
         let later = self.ahead(4);
         self.pass_until(later);
         self.have_come("interrupts for one instant", count, 1)?;
-        Ok(Told::Yes)
+        Ok(TimingOutcome::Yes)
     }
 
     /// Arms instants all around a counter that begins anew soon.
     fn interrupts_across_the_end_of_the_counter(&mut self) -> Verdict {
-        let bits = <T::Instant as Instant>::BITS;
+        let bits = <T::Instant as CounterReading>::BITS;
         let soon = 3 * ticks_in(self.timer.frequency(), 1000);
         if bits > 32 || 1_u64 << bits > soon.max(1 << 16) {
             return Ok(());
@@ -259,53 +259,53 @@ impl<T: Timer, I: Fn() -> u32, P: FnMut()> Suite<'_, T, I, P> {
         same("reports of an instant that has passed", reports, 1)
     }
 
-    fn replaces_by_later(&mut self) -> Verdict<Told> {
+    fn replaces_by_later(&mut self) -> Verdict<TimingOutcome> {
         let count = (self.interrupts)();
         let (first, second) = (self.ahead(2), self.ahead(6));
         if self.timer.arm(first) == Armed::Past || self.timer.arm(second) == Armed::Past {
-            return Ok(Told::TooLate);
+            return Ok(TimingOutcome::TooLate);
         }
         if self.has_reached(first) {
-            return Ok(Told::TooLate);
+            return Ok(TimingOutcome::TooLate);
         }
         self.interrupt_comes("interrupts after the timer was armed again", count)?;
         self.has_come(
             "ticks left to the later instant when an interrupt came",
             second,
         )?;
-        Ok(Told::Yes)
+        Ok(TimingOutcome::Yes)
     }
 
-    fn replaces_by_earlier(&mut self) -> Verdict<Told> {
+    fn replaces_by_earlier(&mut self) -> Verdict<TimingOutcome> {
         let count = (self.interrupts)();
         let (far, near) = (self.ahead(7), self.ahead(2));
         if self.timer.arm(far) == Armed::Past || self.timer.arm(near) == Armed::Past {
-            return Ok(Told::TooLate);
+            return Ok(TimingOutcome::TooLate);
         }
         self.interrupt_comes("interrupts after the timer was armed again", count)?;
         if self.has_reached(far) {
             // Late, or not replaced: there is no telling.
-            return Ok(Told::TooLate);
+            return Ok(TimingOutcome::TooLate);
         }
         let later = self.ahead(8);
         self.pass_until(later);
         self.have_come("interrupts after an instant was replaced", count, 1)?;
-        Ok(Told::Yes)
+        Ok(TimingOutcome::Yes)
     }
 
-    fn disarms(&mut self) -> Verdict<Told> {
+    fn disarms(&mut self) -> Verdict<TimingOutcome> {
         let count = (self.interrupts)();
         let at = self.ahead(2);
         if self.timer.arm(at) == Armed::Past {
-            return Ok(Told::TooLate);
+            return Ok(TimingOutcome::TooLate);
         }
         self.timer.disarm();
         if self.has_reached(at) {
-            return Ok(Told::TooLate);
+            return Ok(TimingOutcome::TooLate);
         }
         let later = self.ahead(6);
         self.pass_until(later);
         self.have_come("interrupts after disarming", count, 0)?;
-        Ok(Told::Yes)
+        Ok(TimingOutcome::Yes)
     }
 }

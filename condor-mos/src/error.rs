@@ -2,7 +2,7 @@
 
 use thiserror::Error;
 
-use crate::clock::Clock;
+use crate::clock::ClockSpec;
 use crate::process::LoopId;
 use crate::rate::Rate;
 
@@ -110,9 +110,9 @@ pub enum StartError {
     #[error("the timer counts at {timer}, the schedule was made for {schedule}")]
     Clock {
         /// The clock of the platform.
-        timer: Clock,
+        timer: ClockSpec,
         /// The clock of the schedule.
-        schedule: Clock,
+        schedule: ClockSpec,
     },
     /// The platform's interrupts have no handler: [`Loops::run`](crate::Loops::run) connects one.
     #[error("no handler is connected to the timer's interrupt")]
@@ -162,7 +162,7 @@ pub enum ConnectError {
 
 /// The reason for which a [`LoopLock`](crate::LoopLock) cannot be taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
-pub enum LockError {
+pub enum LoopLockError {
     /// A loop that is faster than all declared users asked for it.
     #[error("a loop that is faster than all declared users of the lock asked for it")]
     Undeclared,

@@ -1,6 +1,6 @@
 //! How a timer's interrupt keeps up with events, and never loses the next one.
 
-use crate::instant::Instant;
+use crate::instant::CounterReading;
 use crate::timer::{Armed, Timer};
 
 /// Events that one interrupt catches up with before the background gets a chance.

@@ -1,4 +1,4 @@
-//! [`Instant`]: readings of a counter, which may wrap.
+//! [`CounterReading`]: readings of a counter, which may wrap.
 
 /// Instants are computed with inside critical sections, where nothing may call back.
 pub trait Sealed {}
@@ -10,7 +10,7 @@ impl<const BITS: u32> Sealed for Wrapping<BITS> {}
 ///
 /// Implemented by `u64`, for counters that never wrap in practice, and by [`Wrapping`], for those
 /// that do. Distances are in ticks.
-pub trait Instant: Sealed + Copy + Send + Sync + 'static {
+pub trait CounterReading: Sealed + Copy + Send + Sync + 'static {
     /// The number of the counter's bits. An instant more than half of the range ahead counts as
     /// past.
     const BITS: u32;
@@ -31,7 +31,7 @@ pub trait Instant: Sealed + Copy + Send + Sync + 'static {
     fn has_reached(self, due: Self) -> bool;
 }
 
-impl Instant for u64 {
+impl CounterReading for u64 {
     const BITS: u32 = 64;
     const ZERO: Self = 0;
 
@@ -83,7 +83,7 @@ impl<const BITS: u32> Wrapping<BITS> {
     }
 }
 
-impl<const BITS: u32> Instant for Wrapping<BITS> {
+impl<const BITS: u32> CounterReading for Wrapping<BITS> {
     const BITS: u32 = BITS;
     const ZERO: Self = Self(0);
 

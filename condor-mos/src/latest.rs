@@ -38,7 +38,7 @@ pub struct Latest<T> {
 }
 
 // SAFETY: each buffer is reached by the one end that holds its index, and each index of `ends` by
-// its end; there is one `Writer` and one `Reader`, as `split` and `split_mut` see to.
+// its end; there is one `LatestWriter` and one `LatestReader`, as `split` and `split_mut` see to.
 unsafe impl<T: Send> Sync for Latest<T> {}
 
 impl<T> Latest<T> {
@@ -72,19 +72,19 @@ impl<T> Latest<T> {
     }
 
     /// Returns the writer and the reader; `None` if they were returned before.
-    pub fn split(&self) -> Option<(Writer<'_, T>, Reader<'_, T>)> {
+    pub fn split(&self) -> Option<(LatestWriter<'_, T>, LatestReader<'_, T>)> {
         // Relaxed: pairs with itself only; what the ends share begins with their first exchange.
         if self.split.swap(true, Ordering::Relaxed) {
             return None;
         }
-        Some((Writer { cell: self }, Reader { cell: self }))
+        Some((LatestWriter { cell: self }, LatestReader { cell: self }))
     }
 
     /// Returns the writer and the reader for as long as the cell is borrowed. The latest value is
     /// kept.
-    pub fn split_mut(&mut self) -> (Writer<'_, T>, Reader<'_, T>) {
+    pub fn split_mut(&mut self) -> (LatestWriter<'_, T>, LatestReader<'_, T>) {
         // `&mut self`: the ends of former calls are gone, and their indices are kept in the cell.
-        (Writer { cell: self }, Reader { cell: self })
+        (LatestWriter { cell: self }, LatestReader { cell: self })
     }
 
     fn buffer(&self, index: u8) -> &UnsafeCell<T> {
@@ -98,11 +98,11 @@ impl<T> Latest<T> {
 }
 
 /// The writer of a [`Latest`].
-pub struct Writer<'l, T> {
+pub struct LatestWriter<'l, T> {
     cell: &'l Latest<T>,
 }
 
-impl<T> Writer<'_, T> {
+impl<T> LatestWriter<'_, T> {
     /// Makes `value` the latest value.
     pub fn write(&mut self, value: T) {
         *self.buffer() = value;
@@ -136,11 +136,11 @@ impl<T> Writer<'_, T> {
 }
 
 /// The reader of a [`Latest`].
-pub struct Reader<'l, T> {
+pub struct LatestReader<'l, T> {
     cell: &'l Latest<T>,
 }
 
-impl<T> Reader<'_, T> {
+impl<T> LatestReader<'_, T> {
     /// Returns the latest value, which does not change until the next call.
     pub fn read(&mut self) -> &T {
         let [_, front] = &self.cell.ends;

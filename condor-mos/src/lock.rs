@@ -3,7 +3,7 @@
 #[cfg(all(feature = "linux", target_os = "linux", not(condor_loom)))]
 use condor_platform::linux::PiLock;
 
-use crate::error::LockError;
+use crate::error::LoopLockError;
 use crate::loops::Loops;
 use crate::process::LoopId;
 use crate::runner::Gate;
@@ -57,14 +57,14 @@ impl<T> LoopLock<T> {
     /// Calls a function with the value; no other user of the value runs meanwhile.
     ///
     /// # Errors
-    /// [`LockError::Undeclared`], on one stack, if the caller is a loop that is faster than all
-    /// users; [`LockError::Taken`] if the caller uses the value already, which is a mistake of the
+    /// [`LoopLockError::Undeclared`], on one stack, if the caller is a loop that is faster than all
+    /// users; [`LoopLockError::Taken`] if the caller uses the value already, which is a mistake of the
     /// program.
     pub fn lock<L: Loops + ?Sized, R>(
         &self,
         loops: &L,
         f: impl FnOnce(&mut T) -> R,
-    ) -> Result<R, LockError> {
+    ) -> Result<R, LoopLockError> {
         let former = loops.enter(&self.gate)?;
         let _unlock = Unlock {
             loops,

@@ -1,7 +1,7 @@
 //! One servo loop's entry of the process table: what it runs, its counts, and what an overrun does.
 
-use crate::body::Body;
-use crate::instant::Instant;
+use crate::body::LoopBody;
+use crate::instant::CounterReading;
 use crate::record::Record;
 
 /// The number of a loop: the index of its rate in the schedule.
@@ -28,7 +28,7 @@ pub enum Overrun {
 /// waits or runs.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Process<I, K> {
-    pub(crate) body: Body<I>,
+    pub(crate) body: LoopBody<I>,
     /// When the release that runs, or runs next, was due.
     pub(crate) due: I,
     pub(crate) record: K,
@@ -39,9 +39,9 @@ pub(crate) struct Process<I, K> {
     pub(crate) faulted: bool,
 }
 
-impl<I: Instant, K: Record> Process<I, K> {
+impl<I: CounterReading, K: Record> Process<I, K> {
     pub(crate) const NEW: Self = Self {
-        body: Body::NOTHING,
+        body: LoopBody::NOTHING,
         due: I::ZERO,
         record: K::NEW,
         queued: 0,

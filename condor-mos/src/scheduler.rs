@@ -2,11 +2,11 @@
 
 use critical_section::CriticalSection;
 
-use crate::body::Body;
-use crate::clock::Clock;
-use crate::error::{LockError, LoopError, RateError, StartError};
+use crate::body::LoopBody;
+use crate::clock::ClockSpec;
+use crate::error::{LoopError, LoopLockError, RateError, StartError};
 use crate::events::catch_up;
-use crate::instant::Instant;
+use crate::instant::CounterReading;
 use crate::loops::{Loops, Stop};
 use crate::masked::{Masked, masked, section};
 use crate::platform::Platform;
@@ -52,7 +52,7 @@ impl<P: Platform, const L: usize, const E: usize> Scheduler<P, L, E> {
     /// [`RateError::Loops`] unless there are 1 to `L` rates, [`RateError::TooFast`] if a period is
     /// shorter than a tick.
     pub fn with_rates(platform: P, rates: &[Rate]) -> Result<Self, RateError> {
-        let clock = Clock::of::<P::Instant>(platform.frequency());
+        let clock = ClockSpec::of::<P::Instant>(platform.frequency());
         Ok(Self::new(platform, EventTable::or_scan(rates, &[], clock)?))
     }
 }
@@ -87,11 +87,11 @@ impl<P: Platform, const L: usize, const E: usize, K: Keep> Scheduler<P, L, E, K>
         body: fn(&mut C, P::Instant),
         context: &'static mut C,
     ) -> Result<(), LoopError> {
-        self.assign_body(id, overrun, Body::of_function(body, context))
+        self.assign_body(id, overrun, LoopBody::of_function(body, context))
     }
 
     fn begin_schedule(&self, at: Option<P::Instant>) -> Result<(), StartError> {
-        let timer = Clock::of::<P::Instant>(self.platform.frequency());
+        let timer = ClockSpec::of::<P::Instant>(self.platform.frequency());
         section(|section| {
             let at = at.unwrap_or_else(|| self.platform.now());
             self.state.with(section, |state| {
@@ -509,7 +509,7 @@ impl<P: Platform, const L: usize, const E: usize, K: Keep> Runner for Scheduler<
         &self,
         id: LoopId,
         overrun: Overrun,
-        body: Body<P::Instant>,
+        body: LoopBody<P::Instant>,
     ) -> Result<(), LoopError> {
         self.with_state(|state| {
             let number = state.number(id)?;
@@ -527,17 +527,17 @@ impl<P: Platform, const L: usize, const E: usize, K: Keep> Runner for Scheduler<
         }
     }
 
-    fn enter(&self, gate: &Gate) -> Result<u32, LockError> {
+    fn enter(&self, gate: &Gate) -> Result<u32, LoopLockError> {
         section(|section| {
             // What is taken is left alone. Pairs with the store of whoever had it.
             if gate.taken.load(Ordering::Relaxed) || gate.taken.swap(true, Ordering::Acquire) {
-                return Err(LockError::Taken);
+                return Err(LoopLockError::Taken);
             }
             let former = self.state.with(section, |state| state.lock(gate.users));
             if former.is_none() {
                 gate.taken.store(false, Ordering::Release);
             }
-            former.ok_or(LockError::Undeclared)
+            former.ok_or(LoopLockError::Undeclared)
         })
     }
 

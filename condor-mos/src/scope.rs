@@ -3,9 +3,9 @@
 use core::cell::Cell;
 use core::marker::PhantomData;
 
-use crate::body::Body;
+use crate::body::LoopBody;
 use crate::error::LoopError;
-use crate::instant::Instant;
+use crate::instant::CounterReading;
 use crate::process::{LoopId, Overrun};
 use crate::runner::Runner;
 
@@ -15,10 +15,10 @@ use crate::runner::Runner;
 /// A closure, and everything that it borrows, must outlive the scope:
 ///
 /// ```compile_fail,E0597
-/// # use condor_mos::{Clock, LoopId, Loops, Overrun, Rate, Scan, Scheduler, sim::Processor};
+/// # use condor_mos::{ClockSpec, LoopId, Loops, Overrun, Rate, Scan, Scheduler, sim::SimPlatform};
 /// # let hertz = Rate::hz(1000);
-/// # let schedule = Scan::<1>::new(&[Rate::hz(1)], Clock::of::<u64>(hertz));
-/// # let scheduler = Scheduler::new(Processor::new(hertz), schedule);
+/// # let schedule = Scan::<1>::new(&[Rate::hz(1)], ClockSpec::of::<u64>(hertz));
+/// # let scheduler = Scheduler::new(SimPlatform::new(hertz), schedule);
 /// scheduler.scope(|scope| {
 ///     let mut runs = 0;
 ///     let mut body = |_| runs += 1;
@@ -29,10 +29,10 @@ use crate::runner::Runner;
 /// Only the loop can use them until then:
 ///
 /// ```compile_fail,E0503
-/// # use condor_mos::{Clock, LoopId, Loops, Overrun, Rate, Scan, Scheduler, sim::Processor};
+/// # use condor_mos::{ClockSpec, LoopId, Loops, Overrun, Rate, Scan, Scheduler, sim::SimPlatform};
 /// # let hertz = Rate::hz(1000);
-/// # let schedule = Scan::<1>::new(&[Rate::hz(1)], Clock::of::<u64>(hertz));
-/// # let scheduler = Scheduler::new(Processor::new(hertz), schedule);
+/// # let schedule = Scan::<1>::new(&[Rate::hz(1)], ClockSpec::of::<u64>(hertz));
+/// # let scheduler = Scheduler::new(SimPlatform::new(hertz), schedule);
 /// let mut runs = 0;
 /// let mut body = |_| runs += 1;
 /// scheduler.scope(|scope| {
@@ -52,7 +52,7 @@ pub struct Scope<'scope, 'env: 'scope, I> {
     env: PhantomData<&'env mut &'env ()>,
 }
 
-impl<'scope, I: Instant> Scope<'scope, '_, I> {
+impl<'scope, I: CounterReading> Scope<'scope, '_, I> {
     /// Makes `closure` the body of a loop, and enables the loop. The closure gets the instant at
     /// which the loop was due.
     ///
@@ -66,14 +66,14 @@ impl<'scope, I: Instant> Scope<'scope, '_, I> {
         closure: &'scope mut F,
     ) -> Result<(), LoopError> {
         self.loops
-            .assign_body(id, overrun, Body::of_closure(closure))?;
+            .assign_body(id, overrun, LoopBody::of_closure(closure))?;
         self.assigned
             .set(self.assigned.get() | 1_u32.unbounded_shl(u32::from(id.0)));
         Ok(())
     }
 }
 
-impl<I: Instant> Scope<'_, '_, I> {
+impl<I: CounterReading> Scope<'_, '_, I> {
     pub(crate) fn run<'env, R>(
         loops: &dyn Runner<Instant = I>,
         f: impl for<'scope> FnOnce(&'scope Scope<'scope, 'env, I>) -> R,
@@ -93,12 +93,12 @@ impl<I: Instant> Scope<'_, '_, I> {
 }
 
 /// Disarms a scope's loops, also when it unwinds.
-struct Withdraw<'w, I: Instant> {
+struct Withdraw<'w, I: CounterReading> {
     loops: &'w dyn Runner<Instant = I>,
     assigned: &'w Cell<u32>,
 }
 
-impl<I: Instant> Drop for Withdraw<'_, I> {
+impl<I: CounterReading> Drop for Withdraw<'_, I> {
     fn drop(&mut self) {
         self.loops.withdraw(self.assigned.get());
     }

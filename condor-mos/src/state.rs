@@ -1,11 +1,11 @@
 //! [`SchedulerState`]: what is due, what runs next, what was interrupted. All decisions, and no platform.
 
-use crate::body::Body;
+use crate::body::LoopBody;
 use crate::error::LoopError;
-use crate::instant::Instant;
+use crate::instant::CounterReading;
 use crate::process::{LoopId, Overrun, Process};
 use crate::record::Record;
-use crate::schedule::{Event, EventTable};
+use crate::schedule::{EventTable, ScheduleEvent};
 use crate::statistics::Statistics;
 
 /// The scheduler's memory: the process table, and where it is in the schedule.
@@ -40,7 +40,7 @@ pub(crate) struct SchedulerState<I, const L: usize, const E: usize, K> {
 #[must_use]
 pub(crate) struct Start<I> {
     pub(crate) due: I,
-    pub(crate) body: Body<I>,
+    pub(crate) body: LoopBody<I>,
     pub(crate) running: Running<I>,
 }
 
@@ -52,7 +52,7 @@ pub(crate) struct Running<I> {
     pub(crate) busy: u32,
 }
 
-impl<I: Instant, const L: usize, const E: usize, K: Record> SchedulerState<I, L, E, K> {
+impl<I: CounterReading, const L: usize, const E: usize, K: Record> SchedulerState<I, L, E, K> {
     pub(crate) const fn new(schedule: EventTable<L, E>) -> Self {
         Self {
             schedule,
@@ -105,7 +105,7 @@ impl<I: Instant, const L: usize, const E: usize, K: Record> SchedulerState<I, L,
     /// The event that is due by `now`, if it is in the table and all of its loops may start: when it
     /// was due, and its index. All else is left to [`pass_event`](Self::pass_event).
     #[inline(always)]
-    pub(crate) fn peek_event(&self, now: I) -> Option<(I, Event, usize)> {
+    pub(crate) fn peek_event(&self, now: I) -> Option<(I, ScheduleEvent, usize)> {
         // Where nothing is started, the schedule is at a turn.
         let (event, index) = self.schedule.peek()?;
         let may_start = event.ranks & (self.unfinished | self.held) == 0;
@@ -115,7 +115,7 @@ impl<I: Instant, const L: usize, const E: usize, K: Record> SchedulerState<I, L,
     /// Takes the event at that index, and gives when the next one is due. Its loops are unfinished from
     /// here on; who takes them begins them or makes them runnable.
     #[inline(always)]
-    pub(crate) fn take_event(&mut self, due: I, event: Event, index: usize) -> I {
+    pub(crate) fn take_event(&mut self, due: I, event: ScheduleEvent, index: usize) -> I {
         self.schedule.pass(index);
         self.due = due.after(event.gap);
         self.unfinished |= event.ranks;
@@ -371,7 +371,7 @@ impl<I: Instant, const L: usize, const E: usize, K: Record> SchedulerState<I, L,
     }
 
     /// Gives a loop that has none a body, and enables it; says whether it had none.
-    pub(crate) fn assign(&mut self, number: usize, overrun: Overrun, body: Body<I>) -> bool {
+    pub(crate) fn assign(&mut self, number: usize, overrun: Overrun, body: LoopBody<I>) -> bool {
         let Some(rank) = self.rank(number) else {
             return false;
         };
@@ -424,7 +424,7 @@ impl<I: Instant, const L: usize, const E: usize, K: Record> SchedulerState<I, L,
         }
         for rank in bits(ranks) {
             if let Some(process) = self.processes.get_mut(rank as usize) {
-                process.body = Body::NOTHING;
+                process.body = LoopBody::NOTHING;
             }
         }
         true

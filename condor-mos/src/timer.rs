@@ -1,6 +1,6 @@
 //! [`Timer`]: a counter with one compare; [`Alarm`]: a timer whose interrupt can be pended.
 
-use crate::instant::Instant;
+use crate::instant::CounterReading;
 use crate::rate::Rate;
 
 /// A monotonic counter that raises one interrupt at one instant.
@@ -22,7 +22,7 @@ use crate::rate::Rate;
 pub trait Timer {
     /// The type of the counter's readings: `u64`, or [`Wrapping`](crate::Wrapping) for a counter
     /// that wraps.
-    type Instant: Instant;
+    type Instant: CounterReading;
 
     /// Returns the ticks per second.
     fn frequency(&self) -> Rate;

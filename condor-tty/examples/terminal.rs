@@ -7,10 +7,12 @@
 use std::process::{Child, Command, ExitCode};
 use std::time::{Duration, SystemTime};
 
-use condor_mbox::linux::{Claim, System};
+use condor_mbox::linux::{Claim, LinuxSystem};
 use condor_mbox::{Call, CriticalSection, Messenger, Processor, Region};
-use condor_tty::linux::{Host, Log, Pty};
-use condor_tty::{ConsoleError, Policy, Reader, ReaderError, Terminal, Vectors};
+use condor_tty::linux::{Pty, TerminalHost, TerminalLog};
+use condor_tty::{
+    ConsoleError, Policy, Terminal, TerminalReader, TerminalReaderError, TerminalVectors,
+};
 use embedded_io::{Read, Write};
 
 type AnyError = Box<dyn std::error::Error>;
@@ -33,9 +35,9 @@ fn main() -> ExitCode {
 
 fn run() -> Result<(), AnyError> {
     if std::env::args().nth(1).as_deref() == Some("hand") {
-        return hand(System::<2>::inherited()?.claim(HAND)?);
+        return hand(LinuxSystem::<2>::inherited()?.claim(HAND)?);
     }
-    let system = System::<2>::family(64 * 1024)?;
+    let system = LinuxSystem::<2>::family(64 * 1024)?;
     let mut command = Command::new(std::env::current_exe()?);
     let hand = Hand(system.pass_to(command.arg("hand")).spawn()?);
     host(system.claim(HOST)?, hand)
@@ -49,8 +51,8 @@ fn hand(mut claim: Claim<2>) -> Result<(), AnyError> {
     terminal.set_policy(Policy::Block { timeout: SECOND })?;
     let receive = |call: &Call<'_>| terminal.receive(call);
     let mut mailbox = claim.mailbox()?;
-    mailbox.set_vector(Vectors::DEFAULT.input, &receive, "terminal input")?;
-    mailbox.set_vector(Vectors::DEFAULT.room, &receive, "terminal room")?;
+    mailbox.set_vector(TerminalVectors::DEFAULT.input, &receive, "terminal input")?;
+    mailbox.set_vector(TerminalVectors::DEFAULT.room, &receive, "terminal room")?;
     mailbox.join()?;
 
     let mut console = terminal.console(&mailbox);
@@ -75,20 +77,20 @@ fn hand(mut claim: Claim<2>) -> Result<(), AnyError> {
 fn host(claim: Claim<2>, mut hand: Hand) -> Result<(), AnyError> {
     let ram = Region::users(claim.windows()[HAND.index()].data.clone())?;
     let mut mailbox = claim.mailbox()?;
-    mailbox.set_vector(Vectors::DEFAULT.output, &|_| 0, "terminal output")?;
+    mailbox.set_vector(TerminalVectors::DEFAULT.output, &|_| 0, "terminal output")?;
     mailbox.join()?;
     let clock = || SystemTime::UNIX_EPOCH.elapsed().unwrap_or_default();
     let pty = Pty::open()?;
     println!("the terminal is {}", pty.path().display());
     // The hand has put it in order, or does so in a moment.
-    while let Err(error) = Reader::attach(ram.clone(), 0, HOST) {
+    while let Err(error) = TerminalReader::attach(ram.clone(), 0, HOST) {
         match error {
-            ReaderError::NotReady { .. } => mailbox.serve(LOOK)?,
+            TerminalReaderError::NotReady { .. } => mailbox.serve(LOOK)?,
             error => return Err(error.into()),
         };
     }
-    let mut log = Log::new(pty, std::io::stdout(), clock);
-    let mut tty = Host::attach(ram, 0, HAND, HOST)?;
+    let mut log = TerminalLog::new(pty, std::io::stdout(), clock);
+    let mut tty = TerminalHost::attach(ram, 0, HAND, HOST)?;
     while hand.0.try_wait()?.is_none() {
         tty.serve(&mailbox, &mut log)?;
         mailbox.serve(LOOK)?;

@@ -1,7 +1,7 @@
 //! Terminals as boards of a `condor-dev` device switch.
 //!
 //! [`Tty`] is the driver. A terminal has no address that could be probed, so the program says by
-//! [`Terminals`] which terminal is at which place; until it does, the start of the switch finds
+//! [`TerminalTable`] which terminal is at which place; until it does, the start of the switch finds
 //! none. From then on `open(":tty", board, mode)` returns a descriptor, like that of any device,
 //! and `condor-dev`'s [`Stream`](condor_dev::Stream) and buffered standard output and input work
 //! over it.
@@ -12,11 +12,11 @@
 //!
 //! use condor_dev::sim::Bus;
 //! use condor_dev::stdio::{self, Buffering, Output};
-//! use condor_dev::{Mode, NoInterrupts, Location, Stream, Switch, device_switch};
+//! use condor_dev::{Mode, NoInterrupts, Location, DeviceStream, Switch, device_switch};
 //! use condor_mbox::sim::{Mailbox, SimWindow, System};
-//! use condor_mbox::{Call, CriticalSection, MemoryWindow, Messenger, Places, Processor, Region};
-//! use condor_tty::dev::{AnyTerminal, Terminals, TerminalBoard, Tty};
-//! use condor_tty::{Reader, Terminal, Vectors};
+//! use condor_mbox::{Call, CriticalSection, MemoryWindow, Messenger, Allocator, Processor, Region};
+//! use condor_tty::dev::{AnyTerminal, TerminalTable, TerminalBoard, Tty};
+//! use condor_tty::{Reader, Terminal, TerminalVectors};
 //!
 //! # const HOST: Processor = Processor(0);
 //! const HAND: Processor = Processor(1);
@@ -29,7 +29,7 @@
 //! /// One terminal, at a place that is nobody's address.
 //! struct Panel;
 //!
-//! impl Terminals for Panel {
+//! impl TerminalTable for Panel {
 //!     fn terminal(base: usize) -> Option<&'static dyn AnyTerminal> {
 //!         (base == 0).then(|| BOARD.get().map(|board| board as _)).flatten()
 //!     }
@@ -47,21 +47,21 @@
 //! }
 //!
 //! static SWITCH: OnceLock<Hand> = OnceLock::new();
-//! static OUTPUT: Output<Stream<'static, Hand, fn(u32) -> bool>, 256> = Output::new(Buffering::Line);
+//! static OUTPUT: Output<DeviceStream<'static, Hand, fn(u32) -> bool>, 256> = Output::new(Buffering::Line);
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! # let system = System::<2>::in_virtual_time(4096);
 //! # let [_, windows] = system.windows(HAND);
 //! # let bus = Bus::new();
 //! let ram = Region::users(windows.data)?;
-//! let mut places = Places::new(ram.size());
+//! let mut places = Allocator::new(ram.size());
 //! let terminal = Terminal::new(ram.clone(), &mut places, 1024, CriticalSection)?;
 //! let terminal = TERMINAL.get_or_init(|| terminal);
 //! let mut mailbox = system.mailbox(HAND)?;
 //! let receive: &(dyn Fn(&Call<'_>) -> u32 + Sync) =
 //!     &|call| TERMINAL.get().map_or(0, |terminal| terminal.receive(call));
-//! mailbox.set_vector(Vectors::DEFAULT.input, receive, "terminal input")?;
-//! mailbox.set_vector(Vectors::DEFAULT.room, receive, "terminal room")?;
+//! mailbox.set_vector(TerminalVectors::DEFAULT.input, receive, "terminal input")?;
+//! mailbox.set_vector(TerminalVectors::DEFAULT.room, receive, "terminal room")?;
 //! mailbox.join()?;
 //! let mailbox = MAILBOX.get_or_init(|| mailbox);
 //! BOARD.get_or_init(|| TerminalBoard::new(terminal, mailbox));
@@ -69,7 +69,7 @@
 //! let devices = SWITCH.get_or_init(|| Switch::new(bus, NoInterrupts, Devices::new()));
 //! devices.start();
 //! let fd = devices.open(":tty", 0, Mode::READ | Mode::WRITE)?;
-//! OUTPUT.open(Stream::new(devices, fd, serve as fn(u32) -> bool)).ok();
+//! OUTPUT.open(DeviceStream::new(devices, fd, serve as fn(u32) -> bool)).ok();
 //! stdio::set_output(&OUTPUT)?;
 //! condor_dev::println!("joint {} is at {:.3} rad", 3, 0.25);
 //! # let mut reader = Reader::attach(ram, 0, HOST)?;
@@ -113,7 +113,7 @@ pub const INTERRUPTED: u8 = 2;
 pub const UNREACHABLE: u8 = 4;
 
 /// The terminals of a program, where [`Tty`] finds them. The program implements it.
-pub trait Terminals: Sync + 'static {
+pub trait TerminalTable: Sync + 'static {
     /// Returns the terminal with the base `base`; `None` as long as there is none.
     ///
     /// The bases are those that the program gave to `device_switch!`. They are numbers of its
@@ -273,7 +273,7 @@ impl<T> core::fmt::Debug for Tty<T> {
     }
 }
 
-impl<T: Terminals> Driver for Tty<T> {
+impl<T: TerminalTable> Driver for Tty<T> {
     const NEW: Self = Self(PhantomData);
     const READS: bool = true;
     const WRITES: bool = true;

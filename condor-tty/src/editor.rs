@@ -10,7 +10,7 @@ const WIDTH: usize = 79;
 ///
 /// `LINE` is the length of the longest line in bytes, and `LINES` the number of lines that are kept
 /// as history. Use it with a terminal of the settings
-/// [`Settings::CBREAK`](crate::Settings::CBREAK), whose program echoes what is typed.
+/// [`TerminalSettings::CBREAK`](crate::TerminalSettings::CBREAK), whose program echoes what is typed.
 ///
 /// | key | effect |
 /// |---|---|
@@ -48,39 +48,39 @@ const WIDTH: usize = 79;
 /// ```
 #[derive(Clone, Debug)]
 pub struct LineEditor<const LINE: usize, const LINES: usize> {
-    line: Line<LINE>,
+    line: InputLine<LINE>,
     /// Where the next character goes, in bytes.
     cursor: usize,
     /// The first character that is shown.
     left: usize,
     /// The newest line is the first one.
-    history: [Line<LINE>; LINES],
+    history: [InputLine<LINE>; LINES],
     /// How many lines the history has.
     kept: usize,
     /// Which line of the history is shown, from 1; 0 for the new one.
     back: usize,
     /// The new line, while another one is shown.
-    draft: Line<LINE>,
+    draft: InputLine<LINE>,
     escape: Escape,
     /// The beginning of a character of several bytes.
-    begun: Line<4>,
+    begun: InputLine<4>,
 }
 
 /// A line of at most `LINE` bytes.
 #[derive(Clone, Copy, Debug)]
-pub struct Line<const LINE: usize> {
+pub struct InputLine<const LINE: usize> {
     /// Those behind `len` are what was there before.
     bytes: [u8; LINE],
     len: usize,
 }
 
-impl<const LINE: usize> PartialEq for Line<LINE> {
+impl<const LINE: usize> PartialEq for InputLine<LINE> {
     fn eq(&self, other: &Self) -> bool {
         self.as_str() == other.as_str()
     }
 }
 
-impl<const LINE: usize> Eq for Line<LINE> {}
+impl<const LINE: usize> Eq for InputLine<LINE> {}
 
 /// How much of an escape sequence has come.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -130,7 +130,7 @@ enum Key {
 /// calls the function that it gets with each whole word that may stand at its end.
 pub type Complete<'c> = dyn FnMut(&str, &mut dyn FnMut(&str)) + 'c;
 
-impl<const LINE: usize> Line<LINE> {
+impl<const LINE: usize> InputLine<LINE> {
     const EMPTY: Self = Self {
         bytes: [0; LINE],
         len: 0,
@@ -197,15 +197,15 @@ impl<const LINE: usize, const LINES: usize> LineEditor<LINE, LINES> {
     #[must_use]
     pub const fn new() -> Self {
         Self {
-            line: Line::EMPTY,
+            line: InputLine::EMPTY,
             cursor: 0,
             left: 0,
-            history: [Line::EMPTY; LINES],
+            history: [InputLine::EMPTY; LINES],
             kept: 0,
             back: 0,
-            draft: Line::EMPTY,
+            draft: InputLine::EMPTY,
             escape: Escape::None,
-            begun: Line::EMPTY,
+            begun: InputLine::EMPTY,
         }
     }
 
@@ -223,7 +223,7 @@ impl<const LINE: usize, const LINES: usize> LineEditor<LINE, LINES> {
 
     /// Drops the line that is being typed and shows nothing, as after an interrupt.
     pub fn clear(&mut self) {
-        (self.line, self.begun, self.escape) = (Line::EMPTY, Line::EMPTY, Escape::None);
+        (self.line, self.begun, self.escape) = (InputLine::EMPTY, InputLine::EMPTY, Escape::None);
         (self.cursor, self.left, self.back) = (0, 0, 0);
     }
 
@@ -237,7 +237,7 @@ impl<const LINE: usize, const LINES: usize> LineEditor<LINE, LINES> {
         byte: u8,
         complete: &mut Complete<'_>,
         out: &mut dyn Write,
-    ) -> Result<Option<Line<LINE>>, fmt::Error> {
+    ) -> Result<Option<InputLine<LINE>>, fmt::Error> {
         match self.meaning(byte) {
             Meaning::Nothing => {}
             Meaning::Character => self.character(byte, out)?,
@@ -298,7 +298,7 @@ impl<const LINE: usize, const LINES: usize> LineEditor<LINE, LINES> {
             _ => control(byte),
         };
         if meaning != Meaning::Character {
-            self.begun = Line::EMPTY;
+            self.begun = InputLine::EMPTY;
         }
         meaning
     }
@@ -307,9 +307,9 @@ impl<const LINE: usize, const LINES: usize> LineEditor<LINE, LINES> {
     fn character(&mut self, byte: u8, out: &mut dyn Write) -> fmt::Result {
         if byte & 0xc0 != 0x80 {
             // A new one; what there was of another one was none.
-            self.begun = Line::EMPTY;
+            self.begun = InputLine::EMPTY;
         }
-        let Line { bytes, len } = &mut self.begun;
+        let InputLine { bytes, len } = &mut self.begun;
         if let Some(place) = bytes.get_mut(*len) {
             *place = byte;
             *len = len.saturating_add(1);
@@ -318,7 +318,7 @@ impl<const LINE: usize, const LINES: usize> LineEditor<LINE, LINES> {
         let bytes = begun.bytes.get(..begun.len).unwrap_or_default();
         match str::from_utf8(bytes) {
             Ok(text) => {
-                self.begun = Line::EMPTY;
+                self.begun = InputLine::EMPTY;
                 // Some of them are control characters, too.
                 if text.chars().any(char::is_control) {
                     return Ok(());
@@ -327,7 +327,7 @@ impl<const LINE: usize, const LINES: usize> LineEditor<LINE, LINES> {
             }
             Err(error) => {
                 if error.error_len().is_some() {
-                    self.begun = Line::EMPTY;
+                    self.begun = InputLine::EMPTY;
                 }
                 Ok(())
             }
@@ -348,7 +348,7 @@ impl<const LINE: usize, const LINES: usize> LineEditor<LINE, LINES> {
     }
 
     /// Ends the line.
-    fn end(&mut self, out: &mut dyn Write) -> Result<Line<LINE>, fmt::Error> {
+    fn end(&mut self, out: &mut dyn Write) -> Result<InputLine<LINE>, fmt::Error> {
         let line = self.line;
         let is_cut = columns(line.as_str()) > WIDTH;
         self.clear();
@@ -387,7 +387,7 @@ impl<const LINE: usize, const LINES: usize> LineEditor<LINE, LINES> {
                 let count = blanks.saturating_add(word).saturating_add(1);
                 self.remove_before(count.min(before.len()));
             }
-            Key::KillLine => (self.line, self.cursor) = (Line::EMPTY, 0),
+            Key::KillLine => (self.line, self.cursor) = (InputLine::EMPTY, 0),
             Key::Former => self.recall(self.back.saturating_add(1)),
             Key::Next => self.recall(self.back.saturating_sub(1)),
             Key::Complete | Key::Show | Key::Enter => {}
@@ -411,7 +411,7 @@ impl<const LINE: usize, const LINES: usize> LineEditor<LINE, LINES> {
             Some(number) => self.history.get(number),
             None => Some(&self.draft),
         };
-        self.line = recalled.copied().unwrap_or(Line::EMPTY);
+        self.line = recalled.copied().unwrap_or(InputLine::EMPTY);
         (self.back, self.cursor) = (back, self.line.len);
     }
 
@@ -426,7 +426,7 @@ impl<const LINE: usize, const LINES: usize> LineEditor<LINE, LINES> {
             .count();
         let begin = before.len().saturating_sub(behind);
         let (_, word) = before.split_at_checked(begin).unwrap_or_default();
-        let (mut common, mut count) = (Line::<LINE>::EMPTY, 0_usize);
+        let (mut common, mut count) = (InputLine::<LINE>::EMPTY, 0_usize);
         complete(before, &mut |offered| {
             // Of the others nothing can be made here.
             let is_word = !offered.chars().any(|it| it == ' ' || it.is_control());

@@ -1,6 +1,6 @@
 //! Errors on the processor's side.
 
-use condor_mbox::{AccessError, Error as MailboxError};
+use condor_mbox::{AccessError, MailboxError};
 use embedded_io::ErrorKind;
 
 use crate::layout::{ALIGNMENT, MAX_CAPACITY, MIN_CAPACITY};

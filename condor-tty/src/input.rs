@@ -3,23 +3,23 @@
 use core::array;
 
 use crate::layout::mode;
-use crate::settings::{Characters, Mode, Settings};
+use crate::settings::{Characters, InputMode, TerminalSettings};
 use crate::sync::{AtomicU16, Ordering, Word};
 
 /// Flags of an element of the queue, above its character.
 const LINE_ENDS: u16 = 0x100;
 const END_OF_FILE: u16 = 0x200;
 
-const RAW: u8 = Mode::Raw as u8;
-const CBREAK: u8 = Mode::Cbreak as u8;
-const CLOSED: u8 = Mode::Closed as u8;
+const RAW: u8 = InputMode::Raw as u8;
+const CBREAK: u8 = InputMode::Cbreak as u8;
+const CLOSED: u8 = InputMode::Closed as u8;
 
 const BACKSPACE: u8 = 8;
 const BELL: u8 = 7;
 
 /// The result of passing a typed character to a terminal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Accepted {
+pub enum InputResult {
     /// The terminal has taken the character.
     Taken,
     /// The terminal has taken the character, which interrupts the program.
@@ -116,12 +116,12 @@ impl<const N: usize> Input<N> {
             interrupts: word(),
             overlong: word(),
         };
-        this.configure(&Settings::COOKED);
+        this.configure(&TerminalSettings::COOKED);
         this
     }
 
-    pub(crate) fn configure(&self, settings: &Settings) {
-        let Settings {
+    pub(crate) fn configure(&self, settings: &TerminalSettings) {
+        let TerminalSettings {
             mode,
             echo,
             newlines,
@@ -137,25 +137,25 @@ impl<const N: usize> Input<N> {
         for (word, bytes) in self.settings.iter().zip(words) {
             word.set(u32::from_le_bytes(bytes));
         }
-        if matches!(mode, Mode::Raw | Mode::Cbreak) {
+        if matches!(mode, InputMode::Raw | InputMode::Cbreak) {
             self.committed.set(self.typed.get());
         }
-        if mode == Mode::Raw {
+        if mode == InputMode::Raw {
             self.stopped.set(0);
         }
     }
 
-    pub(crate) fn settings(&self) -> Settings {
+    pub(crate) fn settings(&self) -> TerminalSettings {
         let [first, second, third] = &self.settings;
         let [mode, echo, newlines, erase] = first.get().to_le_bytes();
         let [kill_word, kill_line, end_of_file, interrupt] = second.get().to_le_bytes();
         let [stop, start, ..] = third.get().to_le_bytes();
-        Settings {
+        TerminalSettings {
             mode: match mode {
-                RAW => Mode::Raw,
-                CBREAK => Mode::Cbreak,
-                CLOSED => Mode::Closed,
-                _ => Mode::Cooked,
+                RAW => InputMode::Raw,
+                CBREAK => InputMode::Cbreak,
+                CLOSED => InputMode::Closed,
+                _ => InputMode::Cooked,
             },
             echo: echo != 0,
             newlines: newlines != 0,
@@ -177,10 +177,10 @@ impl<const N: usize> Input<N> {
         let flag = |word: &Word, bit| if word.get() == 0 { 0 } else { bit };
         let full = flag(&self.refused, mode::FULL);
         match settings.mode {
-            Mode::Raw => full,
-            Mode::Closed => mode::FULL,
-            Mode::Cooked | Mode::Cbreak => {
-                let cooked = u32::from(settings.mode == Mode::Cooked) * mode::COOKED;
+            InputMode::Raw => full,
+            InputMode::Closed => mode::FULL,
+            InputMode::Cooked | InputMode::Cbreak => {
+                let cooked = u32::from(settings.mode == InputMode::Cooked) * mode::COOKED;
                 let interrupt = u32::from(settings.characters.interrupt);
                 let stopped = flag(&self.stopped, mode::STOPPED);
                 cooked | stopped | full | interrupt << mode::INTERRUPT_SHIFT
@@ -189,33 +189,33 @@ impl<const N: usize> Input<N> {
     }
 
     /// Takes a character that was typed.
-    pub(crate) fn accept(&self, character: u8) -> (Accepted, Echo) {
+    pub(crate) fn accept(&self, character: u8) -> (InputResult, Echo) {
         let settings = self.settings();
         let (accepted, echo) = match settings.mode {
-            Mode::Raw => self.accept_raw(character),
-            Mode::Cooked => self.accept_cooked(character, settings.characters),
-            Mode::Cbreak => self
+            InputMode::Raw => self.accept_raw(character),
+            InputMode::Cooked => self.accept_cooked(character, settings.characters),
+            InputMode::Cbreak => self
                 .accept_special(character, settings.characters)
                 .unwrap_or_else(|| self.accept_raw(character)),
-            Mode::Closed => return (Accepted::Full, Echo::NOTHING),
+            InputMode::Closed => return (InputResult::Full, Echo::NOTHING),
         };
-        if accepted == Accepted::Full {
+        if accepted == InputResult::Full {
             self.refused.set(1);
         }
         (accepted, if settings.echo { echo } else { Echo::NOTHING })
     }
 
-    fn accept_raw(&self, character: u8) -> (Accepted, Echo) {
+    fn accept_raw(&self, character: u8) -> (InputResult, Echo) {
         if self.room() == 0 {
-            return (Accepted::Full, Echo::NOTHING);
+            return (InputResult::Full, Echo::NOTHING);
         }
         self.push(character.into());
         self.committed.set(self.typed.get());
-        (Accepted::Taken, Echo::of(character))
+        (InputResult::Taken, Echo::of(character))
     }
 
     /// Takes a character that interrupts, stops or starts; `None` if it is another one.
-    fn accept_special(&self, character: u8, special: Characters) -> Option<(Accepted, Echo)> {
+    fn accept_special(&self, character: u8, special: Characters) -> Option<(InputResult, Echo)> {
         let is = |one: u8| one != 0 && character == one;
         if is(special.interrupt) {
             self.read.set(self.typed.get());
@@ -224,16 +224,16 @@ impl<const N: usize> Input<N> {
             self.refused.set(0);
             self.interrupts.set(self.interrupts.get().wrapping_add(1));
             let shown = [b'^', character ^ 0x40, b'\r', b'\n'];
-            return Some((Accepted::Interrupts, Echo::once(shown, 4)));
+            return Some((InputResult::Interrupts, Echo::once(shown, 4)));
         }
         if is(special.stop) || is(special.start) {
             self.stopped.set(is(special.stop).into());
-            return Some((Accepted::Taken, Echo::NOTHING));
+            return Some((InputResult::Taken, Echo::NOTHING));
         }
         None
     }
 
-    fn accept_cooked(&self, character: u8, special: Characters) -> (Accepted, Echo) {
+    fn accept_cooked(&self, character: u8, special: Characters) -> (InputResult, Echo) {
         let is = |one: u8| one != 0 && character == one;
         if let Some(accepted) = self.accept_special(character, special) {
             return accepted;
@@ -255,25 +255,25 @@ impl<const N: usize> Input<N> {
             self.push(character.into());
             Echo::of(character)
         };
-        (Accepted::Taken, echo)
+        (InputResult::Taken, echo)
     }
 
-    fn end_line(&self, element: u16, echo: Echo) -> (Accepted, Echo) {
+    fn end_line(&self, element: u16, echo: Echo) -> (InputResult, Echo) {
         if self.room() == 0 {
             return self.no_room();
         }
         self.push(element);
         self.committed.set(self.typed.get());
-        (Accepted::Taken, echo)
+        (InputResult::Taken, echo)
     }
 
     /// Waiting for the program helps only if there is something for it to read.
-    fn no_room(&self) -> (Accepted, Echo) {
+    fn no_room(&self) -> (InputResult, Echo) {
         if self.is_ready() {
-            return (Accepted::Full, Echo::NOTHING);
+            return (InputResult::Full, Echo::NOTHING);
         }
         self.overlong.set(self.overlong.get().wrapping_add(1));
-        (Accepted::Taken, Echo::once([BELL, 0, 0, 0], 1))
+        (InputResult::Taken, Echo::once([BELL, 0, 0, 0], 1))
     }
 
     /// Removes the last character, which may be several bytes of UTF-8; returns its width in

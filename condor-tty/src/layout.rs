@@ -26,12 +26,12 @@ pub mod processor {
     pub const MAGIC: u32 = 0;
     /// The offset of the word that holds [`VERSION`](super::VERSION).
     pub const VERSION: u32 = 4;
-    /// The life of the terminal: a number that changes each time a program makes the terminal anew.
+    /// The incarnation of the terminal: a number that changes each time a program makes the terminal anew.
     /// It is 0 while the block is being initialised.
-    pub const LIFE: u32 = 8;
+    pub const INCARNATION: u32 = 8;
     /// The size of the ring in bytes, a power of two.
     pub const CAPACITY: u32 = 12;
-    /// The position in the output up to which writing has begun: a count of bytes of this life.
+    /// The position in the output up to which writing has begun: a count of bytes of this incarnation.
     pub const RESERVED: u32 = 16;
     /// The position in the output up to which bytes have been written.
     pub const HEAD: u32 = 20;
@@ -58,8 +58,8 @@ pub mod host {
     /// The attached host: its number plus one in bits 0–7, 0 if none is attached; above them a count
     /// of attachments.
     pub const ATTACHED: u32 = LINE + 4;
-    /// The life of the terminal to which these words belong.
-    pub const LIFE: u32 = LINE + 8;
+    /// The incarnation of the terminal to which these words belong.
+    pub const INCARNATION: u32 = LINE + 8;
     /// The offsets of two records of two words each: a value of [`TAIL`], then the number of bytes
     /// before it that were overwritten. The record whose first word equals the present tail is
     /// valid; the host writes the other one before it stores the next tail.
@@ -102,7 +102,7 @@ pub mod reply {
 
 /// The vectors of the messages between processor and host; both sides must use the same.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Vectors {
+pub struct TerminalVectors {
     /// A message to the host: bytes have been written; its word is the terminal's offset.
     pub output: Vector,
     /// A message to the processor: a character, packed by [`input_data`].
@@ -111,7 +111,7 @@ pub struct Vectors {
     pub room: Vector,
 }
 
-impl Vectors {
+impl TerminalVectors {
     /// The default vectors: 56, 57 and 58.
     pub const DEFAULT: Self = Self {
         output: Vector(56),
@@ -120,7 +120,7 @@ impl Vectors {
     };
 }
 
-impl Default for Vectors {
+impl Default for TerminalVectors {
     fn default() -> Self {
         Self::DEFAULT
     }

@@ -5,7 +5,7 @@
 //! [terminal]: Terminal
 //! [console]: Console
 //! [policy]: Policy
-//! [reader]: Reader
+//! [reader]: TerminalReader
 //! [editor]: LineEditor
 //!
 #![doc = include_str!("../README.md")]
@@ -31,15 +31,15 @@ mod terminal;
 
 // The processor's end.
 pub use console::{Console, Poster};
-pub use editor::{Complete, Line, LineEditor};
+pub use editor::{Complete, InputLine, LineEditor};
 pub use error::{ConsoleError, TerminalError};
-pub use input::Accepted;
+pub use input::InputResult;
 pub use policy::Policy;
-pub use settings::{Characters, Mode, Settings};
+pub use settings::{Characters, InputMode, TerminalSettings};
 pub use terminal::Terminal;
 
 // The host's end, anywhere.
-pub use reader::{Fetched, Reader, ReaderError, Status};
+pub use reader::{FetchedOutput, TerminalReader, TerminalReaderError, TerminalStatus};
 
 // Both.
-pub use layout::Vectors;
+pub use layout::TerminalVectors;

@@ -25,7 +25,7 @@ pub(crate) struct Output<W, X> {
     region: Region<W>,
     offset: u32,
     capacity: u32,
-    life: u32,
+    incarnation: u32,
     exclusion: X,
     reserved: Word,
     head: Word,
@@ -63,7 +63,7 @@ impl<W: MemoryWindow, X: Exclusion> Output<W, X> {
             region,
             offset,
             capacity,
-            life: 0,
+            incarnation: 0,
             exclusion,
             reserved: zero(),
             head: zero(),
@@ -81,30 +81,33 @@ impl<W: MemoryWindow, X: Exclusion> Output<W, X> {
         Ok(this)
     }
 
-    /// Puts the block in order and begins a new life.
+    /// Puts the block in order and begins a new incarnation.
     ///
-    /// A host of the former life may go on writing its words: they name that life.
+    /// A host of the former incarnation may go on writing its words: they name that incarnation.
     fn format(&mut self) -> Result<(), AccessError> {
         let former = self
-            .load(words::LIFE, LoadOrder::Relaxed)?
-            .max(self.first_life());
-        self.store(words::LIFE, 0, StoreOrder::Relaxed)?;
+            .load(words::INCARNATION, LoadOrder::Relaxed)?
+            .max(self.first_incarnation());
+        self.store(words::INCARNATION, 0, StoreOrder::Relaxed)?;
         fence(Ordering::Release);
-        for word in (0..BLOCK_BYTES).step_by(4).filter(|at| *at != words::LIFE) {
+        for word in (0..BLOCK_BYTES)
+            .step_by(4)
+            .filter(|at| *at != words::INCARNATION)
+        {
             self.store(word, 0, StoreOrder::Relaxed)?;
         }
         self.store(words::MAGIC, MAGIC, StoreOrder::Relaxed)?;
         self.store(words::VERSION, VERSION, StoreOrder::Relaxed)?;
         self.store(words::CAPACITY, self.capacity, StoreOrder::Relaxed)?;
         self.store(words::POLICY, self.policy.get(), StoreOrder::Relaxed)?;
-        self.life = former.wrapping_add(1).max(1);
-        // Release: pairs with the Acquire load in `Reader::attach`; the block is in order.
-        self.store(words::LIFE, self.life, StoreOrder::Release)
+        self.incarnation = former.wrapping_add(1).max(1);
+        // Release: pairs with the Acquire load in `TerminalReader::attach`; the block is in order.
+        self.store(words::INCARNATION, self.incarnation, StoreOrder::Release)
     }
 
     /// What lives are counted from: a program that makes its terminal at another place than before
-    /// begins another life there, too.
-    const fn first_life(&self) -> u32 {
+    /// begins another incarnation there, too.
+    const fn first_incarnation(&self) -> u32 {
         (self.offset / ALIGNMENT) << 8
     }
 
@@ -145,10 +148,10 @@ impl<W: MemoryWindow, X: Exclusion> Output<W, X> {
         self.store(words::MODE, mode, StoreOrder::Relaxed)
     }
 
-    /// The host that is attached to this life of the terminal; it may be dead.
+    /// The host that is attached to this incarnation of the terminal; it may be dead.
     pub(crate) fn attached(&self) -> Result<Option<Processor>, AccessError> {
-        // Acquire: pairs with the Release store in `Reader::attach`.
-        if self.load(host::LIFE, LoadOrder::Acquire)? != self.life {
+        // Acquire: pairs with the Release store in `TerminalReader::attach`.
+        if self.load(host::INCARNATION, LoadOrder::Acquire)? != self.incarnation {
             return Ok(None);
         }
         let [number, ..] = self.load(host::ATTACHED, LoadOrder::Relaxed)?.to_le_bytes();
@@ -178,7 +181,7 @@ impl<W: MemoryWindow, X: Exclusion> Output<W, X> {
         let end = position.wrapping_add(count as u32);
         // A reader that copied any of the bytes that follow passes its fence after this one, and
         // finds this mark or a later one. Release: pairs with the Acquire load in
-        // `Reader::skip_overwritten`; the head before is seen with it.
+        // `TerminalReader::skip_overwritten`; the head before is seen with it.
         self.store(words::RESERVED, end, StoreOrder::Release)?;
         fence(Ordering::Release);
         let taken = bytes.get(..count).unwrap_or(bytes);
@@ -231,7 +234,7 @@ impl<W: MemoryWindow, X: Exclusion> Output<W, X> {
         }
         let head = self.reserved.get();
         self.head.set(head);
-        // Release: pairs with the Acquire load in `Reader::fetch`; the bytes are there.
+        // Release: pairs with the Acquire load in `TerminalReader::fetch`; the bytes are there.
         self.store(words::HEAD, head, StoreOrder::Release)
     }
 
@@ -265,11 +268,11 @@ impl<W: MemoryWindow, X: Exclusion> Output<W, X> {
     /// The host's cursor, as far as it can be believed.
     fn tail_alone(&self) -> Result<u32, AccessError> {
         let believed = self.tail.get();
-        // Acquire: pairs with the Release store in `Reader::attach`.
-        if self.load(host::LIFE, LoadOrder::Acquire)? != self.life {
+        // Acquire: pairs with the Release store in `TerminalReader::attach`.
+        if self.load(host::INCARNATION, LoadOrder::Acquire)? != self.incarnation {
             return Ok(believed);
         }
-        // Acquire: pairs with the Release store in `Reader::commit`; the host has copied what is
+        // Acquire: pairs with the Release store in `TerminalReader::commit`; the host has copied what is
         // overwritten from now on.
         let tail = self.load(host::TAIL, LoadOrder::Acquire)?;
         let most = self.head.get().wrapping_sub(believed);
@@ -313,7 +316,7 @@ impl<W: MemoryWindow, X: Exclusion> Output<W, X> {
             let change = if waits { 1 } else { u32::MAX };
             self.count(words::WAITING, &self.waiting, change)
         });
-        // Pairs with the fence in `Reader::acknowledge`: either the host sees that somebody
+        // Pairs with the fence in `TerminalReader::acknowledge`: either the host sees that somebody
         // waits, or the next look here sees what it has dealt with.
         fence(Ordering::SeqCst);
         stored

@@ -1,4 +1,4 @@
-//! [`Reader`]: the host's half of a terminal's ring in shared memory.
+//! [`TerminalReader`]: the host's half of a terminal's ring in shared memory.
 
 use condor_mbox::{AccessError, LoadOrder, MemoryWindow, Processor, Region, StoreOrder};
 
@@ -15,18 +15,18 @@ use crate::sync::{Ordering, fence};
 /// attaches displaces the host that was attached before.
 ///
 /// ```
-/// use condor_mbox::{CriticalSection, MemoryWindow, Places, Processor, Region, StaticMemory};
-/// use condor_tty::{Reader, Terminal};
+/// use condor_mbox::{CriticalSection, MemoryWindow, Allocator, Processor, Region, StaticMemory};
+/// use condor_tty::{TerminalReader, Terminal};
 ///
 /// static MEMORY: StaticMemory<512> = StaticMemory::new();
 ///
 /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
 /// let ram = Region::users(MEMORY.window())?;
-/// let mut places = Places::new(ram.size());
+/// let mut places = Allocator::new(ram.size());
 /// let terminal = Terminal::<_, _, 64>::new(ram, &mut places, 256, CriticalSection)?;
 /// terminal.accept(b'a')?; // which is echoed
 ///
-/// let mut reader = Reader::attach(ram, terminal.offset(), Processor(1))?;
+/// let mut reader = TerminalReader::attach(ram, terminal.offset(), Processor(1))?;
 /// let mut bytes = [0; 64];
 /// let fetched = reader.fetch(&mut bytes)?;
 /// assert_eq!((&bytes[..fetched.len], fetched.skipped), (&b"a"[..], 0));
@@ -35,11 +35,11 @@ use crate::sync::{Ordering, fence};
 /// # }
 /// ```
 #[derive(Debug)]
-pub struct Reader<W> {
+pub struct TerminalReader<W> {
     pub(crate) region: Region<W>,
     offset: u32,
     capacity: u32,
-    life: u32,
+    incarnation: u32,
     /// The word by which this host is marked as attached.
     attached: u32,
     /// What has been acknowledged, as in shared memory.
@@ -55,7 +55,7 @@ pub struct Reader<W> {
 
 /// The result of a read of the ring.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Fetched {
+pub struct FetchedOutput {
     /// The number of bytes that were copied.
     pub len: usize,
     /// The number of bytes directly before them that had been overwritten unread.
@@ -64,7 +64,7 @@ pub struct Fetched {
 
 /// The state of a terminal, apart from its output.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Status {
+pub struct TerminalStatus {
     /// The number of bytes for which there was no room, counted by the processor; wraps.
     pub lost: u32,
     /// The number of bytes that were overwritten before a host had acknowledged them; wraps.
@@ -89,7 +89,7 @@ pub struct Status {
 /// The reason for which a terminal cannot be read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
-pub enum ReaderError {
+pub enum TerminalReaderError {
     /// The terminal's memory cannot be accessed.
     #[error(transparent)]
     Access(#[from] AccessError),
@@ -113,12 +113,12 @@ pub enum ReaderError {
         offset: u32,
     },
     /// The processor has made the terminal anew: attach again.
-    #[error("the terminal at offset {offset:#x} has a new life, {life}")]
+    #[error("the terminal at offset {offset:#x} has a new incarnation, {incarnation}")]
     Restarted {
         /// The offset of the terminal in the users' region, in bytes.
         offset: u32,
-        /// The number of the terminal's present life, the time since a program made it.
-        life: u32,
+        /// The number of the terminal's present incarnation, the time since a program made it.
+        incarnation: u32,
     },
     /// Another host has attached.
     #[error("another host is attached to the terminal at offset {offset:#x}: {attached:#x}")]
@@ -141,7 +141,7 @@ pub enum ReaderError {
     },
 }
 
-impl<W: MemoryWindow> Reader<W> {
+impl<W: MemoryWindow> TerminalReader<W> {
     /// Attaches the host `me` to the terminal at `offset` bytes of `region`, the users' region of
     /// its processor.
     ///
@@ -150,16 +150,20 @@ impl<W: MemoryWindow> Reader<W> {
     /// the oldest byte that is still there.
     ///
     /// # Errors
-    /// [`ReaderError::NoTerminal`] if there is none of this layout, [`ReaderError::NotReady`] if it
-    /// is being initialised, [`ReaderError::Restarted`] if it was made anew meanwhile,
-    /// [`ReaderError::Broken`] if a word is invalid, [`ReaderError::Access`] if the memory cannot
+    /// [`TerminalReaderError::NoTerminal`] if there is none of this layout, [`TerminalReaderError::NotReady`] if it
+    /// is being initialised, [`TerminalReaderError::Restarted`] if it was made anew meanwhile,
+    /// [`TerminalReaderError::Broken`] if a word is invalid, [`TerminalReaderError::Access`] if the memory cannot
     /// be accessed.
-    pub fn attach(region: Region<W>, offset: u32, me: Processor) -> Result<Self, ReaderError> {
+    pub fn attach(
+        region: Region<W>,
+        offset: u32,
+        me: Processor,
+    ) -> Result<Self, TerminalReaderError> {
         let mut this = Self {
             region,
             offset,
             capacity: 0,
-            life: 0,
+            incarnation: 0,
             attached: 0,
             tail: 0,
             overwritten: 0,
@@ -173,26 +177,26 @@ impl<W: MemoryWindow> Reader<W> {
         Ok(this)
     }
 
-    /// Checks that there is a terminal, and notes what does not change in its life.
-    fn look(&mut self) -> Result<(), ReaderError> {
+    /// Checks that there is a terminal, and notes what does not change in its incarnation.
+    fn look(&mut self) -> Result<(), TerminalReaderError> {
         let offset = self.offset;
         if !is_offset(offset) {
             let (magic, version) = (0, 0);
-            return Err(ReaderError::NoTerminal {
+            return Err(TerminalReaderError::NoTerminal {
                 offset,
                 magic,
                 version,
             });
         }
         // Acquire: pairs with the Release store that ends `Output::format`; the block is in order.
-        let life = self.load(processor::LIFE, LoadOrder::Acquire)?;
+        let incarnation = self.load(processor::INCARNATION, LoadOrder::Acquire)?;
         let magic = self.load(processor::MAGIC, LoadOrder::Relaxed)?;
         let version = self.load(processor::VERSION, LoadOrder::Relaxed)?;
-        if life == 0 && (magic == 0 || magic == MAGIC) {
-            return Err(ReaderError::NotReady { offset });
+        if incarnation == 0 && (magic == 0 || magic == MAGIC) {
+            return Err(TerminalReaderError::NotReady { offset });
         }
         if magic != MAGIC || version != VERSION {
-            return Err(ReaderError::NoTerminal {
+            return Err(TerminalReaderError::NoTerminal {
                 offset,
                 magic,
                 version,
@@ -204,7 +208,7 @@ impl<W: MemoryWindow> Reader<W> {
         }
         self.region
             .check(offset, (BLOCK_BYTES + capacity) as usize)?;
-        self.life = life;
+        self.incarnation = incarnation;
         self.capacity = capacity;
         Ok(())
     }
@@ -214,7 +218,7 @@ impl<W: MemoryWindow> Reader<W> {
         let before = self.load(words::ATTACHED, LoadOrder::Relaxed)?;
         let number = u32::from(me.0).wrapping_add(1) & 0xff;
         self.attached = (before | 0xff).wrapping_add(1) | number;
-        if self.load(words::LIFE, LoadOrder::Acquire)? == self.life {
+        if self.load(words::INCARNATION, LoadOrder::Acquire)? == self.incarnation {
             // Acquire: pairs with the Release store in `commit`; its record is there.
             self.tail = self.load(words::TAIL, LoadOrder::Acquire)?;
             for (record, at) in words::RECORDS.into_iter().enumerate() {
@@ -235,8 +239,8 @@ impl<W: MemoryWindow> Reader<W> {
         self.begin = self.tail;
         self.end = self.tail;
         self.store(words::ATTACHED, self.attached, StoreOrder::Relaxed)?;
-        // Release: pairs with the Acquire loads in `Output`; the words above are about this life.
-        self.store(words::LIFE, self.life, StoreOrder::Release)
+        // Release: pairs with the Acquire loads in `Output`; the words above are about this incarnation.
+        self.store(words::INCARNATION, self.incarnation, StoreOrder::Release)
     }
 
     /// Copies the bytes after the acknowledged ones into `into`, as many as there are and as fit.
@@ -244,10 +248,10 @@ impl<W: MemoryWindow> Reader<W> {
     /// skipped.
     ///
     /// # Errors
-    /// [`ReaderError::Displaced`] if another host has attached, [`ReaderError::Restarted`] if the
-    /// terminal was made anew, [`ReaderError::Broken`] if a word is invalid,
-    /// [`ReaderError::Access`] if the memory cannot be accessed.
-    pub fn fetch(&mut self, into: &mut [u8]) -> Result<Fetched, ReaderError> {
+    /// [`TerminalReaderError::Displaced`] if another host has attached, [`TerminalReaderError::Restarted`] if the
+    /// terminal was made anew, [`TerminalReaderError::Broken`] if a word is invalid,
+    /// [`TerminalReaderError::Access`] if the memory cannot be accessed.
+    pub fn fetch(&mut self, into: &mut [u8]) -> Result<FetchedOutput, TerminalReaderError> {
         self.check_attached()?;
         self.begin = self.tail;
         self.skipped = 0;
@@ -268,10 +272,10 @@ impl<W: MemoryWindow> Reader<W> {
         let gone = (self.skip_overwritten()? as usize).min(copied.len());
         copied.copy_within(gone.., 0);
         let len = copied.len() - gone;
-        // A new life that began meanwhile has bytes of its own.
+        // A new incarnation that began meanwhile has bytes of its own.
         self.check_attached()?;
         self.end = self.begin.wrapping_add(len as u32);
-        Ok(Fetched {
+        Ok(FetchedOutput {
             len,
             skipped: self.skipped,
         })
@@ -323,12 +327,12 @@ impl<W: MemoryWindow> Reader<W> {
 
     /// Acknowledges the next `count` bytes of the last fetch, and bytes that were overwritten
     /// before them. Returns whether the processor waits for room; the caller then sends it a
-    /// message to [`Vectors::room`](crate::layout::Vectors::room).
+    /// message to [`TerminalVectors::room`](crate::layout::TerminalVectors::room).
     ///
     /// # Errors
-    /// [`ReaderError::Displaced`] if another host has attached, [`ReaderError::Restarted`] if the
-    /// terminal was made anew, [`ReaderError::Access`] if the memory cannot be accessed.
-    pub fn acknowledge(&mut self, count: usize) -> Result<bool, ReaderError> {
+    /// [`TerminalReaderError::Displaced`] if another host has attached, [`TerminalReaderError::Restarted`] if the
+    /// terminal was made anew, [`TerminalReaderError::Access`] if the memory cannot be accessed.
+    pub fn acknowledge(&mut self, count: usize) -> Result<bool, TerminalReaderError> {
         self.check_attached()?;
         let fetched = self.end.wrapping_sub(self.begin) as usize;
         let tail = self.begin.wrapping_add(count.min(fetched) as u32);
@@ -362,9 +366,9 @@ impl<W: MemoryWindow> Reader<W> {
     /// Detaches: from now on no program waits for this host.
     ///
     /// # Errors
-    /// [`ReaderError::Displaced`] if another host has attached, [`ReaderError::Restarted`] if the
-    /// terminal was made anew, [`ReaderError::Access`] if the memory cannot be accessed.
-    pub fn detach(self) -> Result<(), ReaderError> {
+    /// [`TerminalReaderError::Displaced`] if another host has attached, [`TerminalReaderError::Restarted`] if the
+    /// terminal was made anew, [`TerminalReaderError::Access`] if the memory cannot be accessed.
+    pub fn detach(self) -> Result<(), TerminalReaderError> {
         self.check_attached()?;
         Ok(self.store(words::ATTACHED, self.attached & !0xff, StoreOrder::Release)?)
     }
@@ -373,12 +377,12 @@ impl<W: MemoryWindow> Reader<W> {
     ///
     /// # Errors
     /// [`AccessError`] if the memory cannot be accessed.
-    pub fn status(&self) -> Result<Status, AccessError> {
+    pub fn status(&self) -> Result<TerminalStatus, AccessError> {
         let word = |word| self.load(word, LoadOrder::Relaxed);
         let behind = word(processor::RESERVED)?.wrapping_sub(self.tail);
         let mode = word(processor::MODE)?;
         let interrupt = (mode >> mode::INTERRUPT_SHIFT).to_le_bytes()[0];
-        Ok(Status {
+        Ok(TerminalStatus {
             lost: word(processor::LOST)?,
             overwritten: self
                 .overwritten
@@ -399,11 +403,11 @@ impl<W: MemoryWindow> Reader<W> {
         self.offset
     }
 
-    /// Returns the life of the terminal to which this host is attached: a number that changes each
+    /// Returns the incarnation of the terminal to which this host is attached: a number that changes each
     /// time a program makes the terminal anew.
     #[must_use]
-    pub const fn life(&self) -> u32 {
-        self.life
+    pub const fn incarnation(&self) -> u32 {
+        self.incarnation
     }
 
     /// Returns how many bytes of output have been acknowledged or overwritten since the program
@@ -419,21 +423,24 @@ impl<W: MemoryWindow> Reader<W> {
         self.capacity
     }
 
-    fn check_attached(&self) -> Result<(), ReaderError> {
+    fn check_attached(&self) -> Result<(), TerminalReaderError> {
         let offset = self.offset;
-        let life = self.load(processor::LIFE, LoadOrder::Relaxed)?;
-        if life != self.life {
-            return Err(ReaderError::Restarted { offset, life });
+        let incarnation = self.load(processor::INCARNATION, LoadOrder::Relaxed)?;
+        if incarnation != self.incarnation {
+            return Err(TerminalReaderError::Restarted {
+                offset,
+                incarnation,
+            });
         }
         let attached = self.load(words::ATTACHED, LoadOrder::Relaxed)?;
         if attached != self.attached {
-            return Err(ReaderError::Displaced { offset, attached });
+            return Err(TerminalReaderError::Displaced { offset, attached });
         }
         Ok(())
     }
 
-    const fn broken(&self, word: u32, value: u32) -> ReaderError {
-        ReaderError::Broken {
+    const fn broken(&self, word: u32, value: u32) -> TerminalReaderError {
+        TerminalReaderError::Broken {
             offset: self.offset,
             word,
             value,

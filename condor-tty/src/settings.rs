@@ -1,8 +1,8 @@
-//! [`Settings`]: the treatment of input and output by a terminal.
+//! [`TerminalSettings`]: the treatment of input and output by a terminal.
 
 /// The form in which a program gets what is typed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Mode {
+pub enum InputMode {
     /// The program gets whole lines, after a person has edited them; [`Characters`] have their
     /// effects.
     Cooked,
@@ -16,7 +16,7 @@ pub enum Mode {
     Closed,
 }
 
-/// The characters that have effects in [`Mode::Cooked`], and some of them in [`Mode::Cbreak`]; 0
+/// The characters that have effects in [`InputMode::Cooked`], and some of them in [`InputMode::Cbreak`]; 0
 /// means that there is no such character.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Characters {
@@ -53,9 +53,9 @@ impl Characters {
 
 /// The treatment of input and output by a terminal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Settings {
+pub struct TerminalSettings {
     /// The form in which the program gets what is typed.
-    pub mode: Mode,
+    pub mode: InputMode,
     /// Whether typed characters are written to the output, so that they are shown.
     pub echo: bool,
     /// Whether a newline is sent to the host as carriage return and newline.
@@ -64,10 +64,10 @@ pub struct Settings {
     pub characters: Characters,
 }
 
-impl Settings {
+impl TerminalSettings {
     /// The default settings: edited lines, echo, and newlines as terminals need them.
     pub const COOKED: Self = Self {
-        mode: Mode::Cooked,
+        mode: InputMode::Cooked,
         echo: true,
         newlines: true,
         characters: Characters::UNIX,
@@ -76,21 +76,21 @@ impl Settings {
     /// The settings of a terminal with output only, such as that of a program that reads its
     /// configuration before it begins.
     pub const OUTPUT: Self = Self {
-        mode: Mode::Closed,
+        mode: InputMode::Closed,
         ..Self::COOKED
     };
 
     /// The settings of a terminal whose program edits lines itself, as a
     /// [`LineEditor`](crate::LineEditor) does: every character at once, without echo.
     pub const CBREAK: Self = Self {
-        mode: Mode::Cbreak,
+        mode: InputMode::Cbreak,
         echo: false,
         ..Self::COOKED
     };
 
     /// The settings of a terminal with unchanged bytes in both directions, without echo.
     pub const RAW: Self = Self {
-        mode: Mode::Raw,
+        mode: InputMode::Raw,
         echo: false,
         newlines: false,
         characters: Characters::UNIX,

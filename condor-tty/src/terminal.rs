@@ -3,15 +3,16 @@
 use core::time::Duration;
 
 use condor_mbox::{
-    AccessError, Call, Exclusion, MemoryWindow, Messenger as _, Places, Processor, Region, Vector,
+    AccessError, Allocator, Call, Exclusion, MemoryWindow, Messenger as _, Processor, Region,
+    Vector,
 };
 
 use crate::error::TerminalError;
-use crate::input::{Accepted, Input};
-use crate::layout::{self, ALIGNMENT, BLOCK_BYTES, Vectors, reply};
+use crate::input::{Input, InputResult};
+use crate::layout::{self, ALIGNMENT, BLOCK_BYTES, TerminalVectors, reply};
 use crate::output::Output;
 use crate::policy::Policy;
-use crate::settings::Settings;
+use crate::settings::TerminalSettings;
 
 /// A virtual terminal of this processor (memo, section 3.6.3).
 ///
@@ -24,14 +25,14 @@ use crate::settings::Settings;
 /// | background | a [`Console`](crate::Console), which waits as the [`Policy`] says, and serves messages meanwhile |
 /// | handler, interrupt, servo loop | a [`Poster`](crate::Poster), which never waits: bytes without room are lost and counted |
 ///
-/// The initial settings are [`Settings::COOKED`] and [`Policy::DropNew`].
+/// The initial settings are [`TerminalSettings::COOKED`] and [`Policy::DropNew`].
 ///
 /// ```
 /// use std::time::Duration;
 ///
 /// use condor_mbox::sim::System;
-/// use condor_mbox::{Call, CriticalSection, MemoryWindow, Places, Processor, Region};
-/// use condor_tty::{Terminal, Vectors};
+/// use condor_mbox::{Call, CriticalSection, MemoryWindow, Allocator, Processor, Region};
+/// use condor_tty::{Terminal, TerminalVectors};
 /// use embedded_io::{Read, Write};
 ///
 /// # const HOST: Processor = Processor(0);
@@ -42,12 +43,12 @@ use crate::settings::Settings;
 /// // The terminal before the mailbox, whose handlers borrow it.
 /// let [_, windows] = system.windows(HAND);
 /// let ram = Region::users(windows.data)?;
-/// let mut places = Places::new(ram.size()); // one for all that the processor has there
+/// let mut places = Allocator::new(ram.size()); // one for all that the processor has there
 /// let terminal = Terminal::<_, _, 128>::new(ram.clone(), &mut places, 1024, CriticalSection)?;
 /// let receive = |call: &Call<'_>| terminal.receive(call);
 /// let mut hand = system.mailbox(HAND)?;
-/// hand.set_vector(Vectors::DEFAULT.input, &receive, "terminal input")?;
-/// hand.set_vector(Vectors::DEFAULT.room, &receive, "terminal room")?;
+/// hand.set_vector(TerminalVectors::DEFAULT.input, &receive, "terminal input")?;
+/// hand.set_vector(TerminalVectors::DEFAULT.room, &receive, "terminal room")?;
 /// hand.join()?;
 ///
 /// let mut console = terminal.console(&hand).with_read_timeout(Duration::from_secs(1));
@@ -61,7 +62,7 @@ use crate::settings::Settings;
 pub struct Terminal<W, X, const IN: usize> {
     output: Output<W, X>,
     input: Input<IN>,
-    vectors: Vectors,
+    vectors: TerminalVectors,
 }
 
 impl<W: MemoryWindow, X: Exclusion, const IN: usize> Terminal<W, X, IN> {
@@ -77,7 +78,7 @@ impl<W: MemoryWindow, X: Exclusion, const IN: usize> Terminal<W, X, IN> {
     /// [`TerminalError::Access`] if there is no room.
     pub fn new(
         own: Region<W>,
-        places: &mut Places,
+        places: &mut Allocator,
         capacity: u32,
         exclusion: X,
     ) -> Result<Self, TerminalError> {
@@ -88,15 +89,15 @@ impl<W: MemoryWindow, X: Exclusion, const IN: usize> Terminal<W, X, IN> {
         let this = Self {
             output: Output::new(own, offset, capacity, exclusion)?,
             input: Input::new(),
-            vectors: Vectors::DEFAULT,
+            vectors: TerminalVectors::DEFAULT,
         };
         this.output.set_mode(this.input.mode_word())?;
         Ok(this)
     }
 
-    /// Uses these vectors instead of [`Vectors::DEFAULT`].
+    /// Uses these vectors instead of [`TerminalVectors::DEFAULT`].
     #[must_use]
-    pub fn with_vectors(self, vectors: Vectors) -> Self {
+    pub fn with_vectors(self, vectors: TerminalVectors) -> Self {
         Self { vectors, ..self }
     }
 
@@ -107,8 +108,8 @@ impl<W: MemoryWindow, X: Exclusion, const IN: usize> Terminal<W, X, IN> {
         self.output.offset()
     }
 
-    /// Handles a message of the host. The handlers for the vectors [`input`](Vectors::input) and
-    /// [`room`](Vectors::room) call this.
+    /// Handles a message of the host. The handlers for the vectors [`input`](TerminalVectors::input) and
+    /// [`room`](TerminalVectors::room) call this.
     ///
     /// Returns the reply, which the handler returns; [`reply::NO_TERMINAL`] if the message is for
     /// another terminal.
@@ -132,15 +133,17 @@ impl<W: MemoryWindow, X: Exclusion, const IN: usize> Terminal<W, X, IN> {
             let _ = call.send(to, vector, data, Duration::ZERO);
         };
         // A terminal whose memory is gone has nothing to show, but still takes what is typed.
-        let accepted = self.accept_and(character, post).unwrap_or(Accepted::Taken);
-        if accepted != Accepted::Full {
+        let accepted = self
+            .accept_and(character, post)
+            .unwrap_or(InputResult::Taken);
+        if accepted != InputResult::Full {
             // Before the reply: a host that dies without it leaves the count to the next one.
             let _ = self.output.count_typed();
         }
         match accepted {
-            Accepted::Full => reply::FULL,
-            Accepted::Taken => reply::ACCEPTED,
-            Accepted::Interrupts => {
+            InputResult::Full => reply::FULL,
+            InputResult::Taken => reply::ACCEPTED,
+            InputResult::Interrupts => {
                 on_interrupt();
                 reply::ACCEPTED
             }
@@ -154,7 +157,7 @@ impl<W: MemoryWindow, X: Exclusion, const IN: usize> Terminal<W, X, IN> {
     ///
     /// # Errors
     /// [`AccessError`] if the memory cannot be accessed; even then the character has been taken.
-    pub fn accept(&self, character: u8) -> Result<Accepted, AccessError> {
+    pub fn accept(&self, character: u8) -> Result<InputResult, AccessError> {
         self.accept_and(character, |_, _, _| ())
     }
 
@@ -162,7 +165,7 @@ impl<W: MemoryWindow, X: Exclusion, const IN: usize> Terminal<W, X, IN> {
         &self,
         character: u8,
         post: impl Fn(Processor, Vector, u32),
-    ) -> Result<Accepted, AccessError> {
+    ) -> Result<InputResult, AccessError> {
         let ((accepted, echo), told) = self.telling_mode(|| self.input.accept(character));
         told?;
         // No line has more columns than two for each place of the queue.
@@ -276,12 +279,12 @@ impl<W: MemoryWindow, X: Exclusion, const IN: usize> Terminal<W, X, IN> {
     ///
     /// # Errors
     /// [`AccessError`] if the memory cannot be accessed; even then the settings apply.
-    pub fn configure(&self, settings: &Settings) -> Result<(), AccessError> {
+    pub fn configure(&self, settings: &TerminalSettings) -> Result<(), AccessError> {
         self.telling_mode(|| self.input.configure(settings)).1
     }
 
     /// Returns the present settings.
-    pub fn settings(&self) -> Settings {
+    pub fn settings(&self) -> TerminalSettings {
         self.exclusive(|| self.input.settings())
     }
 

@@ -64,17 +64,17 @@ pub fn regions(bytes: &[u8]) {
 /// # Panics
 /// If it is not.
 pub fn remote_request(bytes: &[u8]) {
-    use remote_wire::{Asked, MOTION_BYTES, by, check_name};
+    use remote_wire::{ClientRequest, MOTION_BYTES, by, check_name};
     let mut parts = bytes.splitn(3, |byte| *byte == 0);
     let mut part = || parts.next().unwrap_or_default();
     let (key, payload, attachment) = (String::from_utf8_lossy(part()), part(), part());
-    let Ok(asked) = Asked::read("hand", &key, payload, attachment) else {
+    let Ok(asked) = ClientRequest::read("hand", &key, payload, attachment) else {
         return;
     };
     check_name("client", &asked.client).unwrap();
     assert!(asked.motion.len() <= MOTION_BYTES);
     let key = by("hand", &asked.client, asked.request.right().word());
-    let again = Asked::read("hand", &key, &asked.request.payload(), &asked.motion);
+    let again = ClientRequest::read("hand", &key, &asked.request.payload(), &asked.motion);
     assert_eq!(again, Ok(asked));
 }
 
@@ -94,11 +94,11 @@ pub fn debug_gateway(bytes: &[u8]) {
     packets::run(bytes);
 }
 
-/// The debugger's slave bears any words in its area, which change while it works.
+/// The debugger's stub bears any words in its area, which change while it works.
 ///
 /// # Panics
 /// If it does not.
-pub fn debug_slave(bytes: &[u8]) {
+pub fn debug_stub(bytes: &[u8]) {
     debug_words::run(bytes);
 }
 

@@ -45,7 +45,7 @@ macro_rules! targets {
 
 targets! {
     debug_gateway,
-    debug_slave,
+    debug_stub,
     drivers,
     fs_client,
     fs_host,

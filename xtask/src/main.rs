@@ -5,7 +5,7 @@ use std::process::ExitCode;
 use clap::Parser as _;
 
 use context::Context;
-use request::{Asked, Request};
+use request::{Request, Selection};
 
 mod command;
 mod context;
@@ -32,8 +32,8 @@ fn main() -> ExitCode {
     let mut parts = Vec::new();
     for asked in request.parts {
         match asked {
-            Asked::Verify => return outcome::verify(&context, request.rest),
-            Asked::Part(part) => parts.push(part),
+            Selection::Verify => return outcome::verify(&context, request.rest),
+            Selection::Part(part) => parts.push(part),
         }
     }
     outcome::each(&context, &parts)

@@ -12,7 +12,7 @@ use crate::parts::{PARTS, Part};
 pub(crate) struct Request {
     /// `verify`, which makes all parts, then a table of what took how long, and a count; or parts
     #[arg(value_name = "PART", value_parser = part, required = true)]
-    pub parts: Vec<Asked>,
+    pub parts: Vec<Selection>,
     /// With `verify`: a part of which target/checks has the record of an earlier call counts as that says
     #[arg(long)]
     pub rest: bool,
@@ -32,7 +32,7 @@ pub(crate) struct Request {
 
 /// All parts, or one.
 #[derive(Clone)]
-pub(crate) enum Asked {
+pub(crate) enum Selection {
     Verify,
     Part(&'static Part),
 }
@@ -50,11 +50,11 @@ fn list() -> String {
     text
 }
 
-fn part(name: &str) -> Result<Asked, String> {
+fn part(name: &str) -> Result<Selection, String> {
     if name == "verify" {
-        return Ok(Asked::Verify);
+        return Ok(Selection::Verify);
     }
     let found = PARTS.iter().find(|part| part.name == name);
     let part = found.ok_or_else(|| format!("there is no part `{name}`"))?;
-    Ok(Asked::Part(part))
+    Ok(Selection::Part(part))
 }

@@ -4,7 +4,7 @@ use crate::bus::{Bus, BusError, BusErrorKind, Width};
 
 /// The addresses of a bus that the checks may access.
 #[derive(Clone, Copy, Debug)]
-pub struct Ground {
+pub struct BusMemory {
     /// The address, a multiple of 8, of eight bytes that keep what is written to them.
     pub memory: usize,
     /// The address, a multiple of 8, of eight bytes where nothing answers, if the bus can know that.
@@ -16,7 +16,7 @@ pub struct Ground {
 
 /// An access of the suite.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Access {
+pub enum BusAccess {
     /// A read.
     Read,
     /// A write of this value.
@@ -37,7 +37,7 @@ pub struct BusFailure {
     /// The rule that is broken.
     pub check: &'static str,
     /// The access that showed it.
-    pub access: Access,
+    pub access: BusAccess,
     /// The width of the access.
     pub width: Width,
     /// The bus address of the access.
@@ -55,7 +55,7 @@ const BACKGROUND: [u32; 2] = [0x0123_4567, 0x89ab_cdef];
 ///
 /// # Errors
 /// [`BusFailure`] for the first check that fails.
-pub fn bus<B: Bus>(bus: &B, ground: Ground) -> Result<(), BusFailure> {
+pub fn bus<B: Bus>(bus: &B, ground: BusMemory) -> Result<(), BusFailure> {
     let suite = Suite { bus, ground };
     suite.values_are_kept()?;
     suite.neighbours_are_left_alone()?;
@@ -72,7 +72,7 @@ pub fn bus<B: Bus>(bus: &B, ground: Ground) -> Result<(), BusFailure> {
 
 struct Suite<'b, B> {
     bus: &'b B,
-    ground: Ground,
+    ground: BusMemory,
 }
 
 impl<B: Bus> Suite<'_, B> {
@@ -82,9 +82,9 @@ impl<B: Bus> Suite<'_, B> {
             for offset in (0..8).step_by(width.bytes()) {
                 for pattern in [0, u32::MAX, 0x8182_8384, 0x1020_4080] {
                     let value = pattern & width.mask();
-                    self.expect(check, Access::Write(value), width, offset, Ok(0))?;
-                    self.expect(check, Access::Answers, width, offset, Ok(1))?;
-                    self.expect(check, Access::Read, width, offset, Ok(value))?;
+                    self.expect(check, BusAccess::Write(value), width, offset, Ok(0))?;
+                    self.expect(check, BusAccess::Answers, width, offset, Ok(1))?;
+                    self.expect(check, BusAccess::Read, width, offset, Ok(value))?;
                 }
             }
         }
@@ -96,7 +96,7 @@ impl<B: Bus> Suite<'_, B> {
         for width in WIDTHS {
             for offset in (0..8).step_by(width.bytes()) {
                 let mut bytes = self.lay_background(check)?;
-                self.expect(check, Access::Write(0), width, offset, Ok(0))?;
+                self.expect(check, BusAccess::Write(0), width, offset, Ok(0))?;
                 for byte in bytes.iter_mut().skip(offset).take(width.bytes()) {
                     *byte = 0;
                 }
@@ -113,7 +113,7 @@ impl<B: Bus> Suite<'_, B> {
         let (pairs, _) = bytes.as_chunks::<2>();
         for (offset, pair) in (0..).step_by(2).zip(pairs) {
             let value = u16::from_ne_bytes(*pair).into();
-            self.expect(check, Access::Read, Width::Bits16, offset, Ok(value))?;
+            self.expect(check, BusAccess::Read, Width::Bits16, offset, Ok(value))?;
         }
         Ok(())
     }
@@ -133,7 +133,7 @@ impl<B: Bus> Suite<'_, B> {
                 let moved = moved.and_then(|()| self.bus.read_block(address, into));
                 let found = moved.map(|()| u32::from(into == part));
                 let found = found.map_err(|error| error.kind());
-                let at = (Access::Block(len), Width::Bits8, address);
+                let at = (BusAccess::Block(len), Width::Bits8, address);
                 compare(check, at, found, Ok(1))?;
                 self.expect_bytes(check, bytes)?;
             }
@@ -152,9 +152,9 @@ impl<B: Bus> Suite<'_, B> {
             (Width::Bits32, 2),
             (Width::Bits32, 3),
         ] {
-            self.expect(check, Access::Read, width, offset, refused)?;
-            self.expect(check, Access::Write(0), width, offset, refused)?;
-            self.expect(check, Access::Answers, width, offset, Ok(0))?;
+            self.expect(check, BusAccess::Read, width, offset, refused)?;
+            self.expect(check, BusAccess::Write(0), width, offset, refused)?;
+            self.expect(check, BusAccess::Answers, width, offset, Ok(0))?;
         }
         self.expect_bytes(check, bytes)
     }
@@ -164,7 +164,7 @@ impl<B: Bus> Suite<'_, B> {
         for width in WIDTHS {
             for offset in (0..8).step_by(width.bytes()) {
                 let address = absent.wrapping_add(offset);
-                for access in [Access::Read, Access::Write(0), Access::Answers] {
+                for access in [BusAccess::Read, BusAccess::Write(0), BusAccess::Answers] {
                     let found = match self.make(access, width, address) {
                         // Any of these would do.
                         Err(BusErrorKind::OutOfRange | BusErrorKind::Lost) => {
@@ -173,7 +173,7 @@ impl<B: Bus> Suite<'_, B> {
                         found => found,
                     };
                     let expected = match access {
-                        Access::Answers => Ok(0),
+                        BusAccess::Answers => Ok(0),
                         _ => Err(BusErrorKind::NoAnswer),
                     };
                     compare(check, (access, width, address), found, expected)?;
@@ -188,7 +188,7 @@ impl<B: Bus> Suite<'_, B> {
         let mut bytes = [0; 8];
         let (words, _) = bytes.as_chunks_mut::<4>();
         for ((offset, value), word) in (0..).step_by(4).zip(BACKGROUND).zip(words) {
-            self.expect(check, Access::Write(value), Width::Bits32, offset, Ok(0))?;
+            self.expect(check, BusAccess::Write(value), Width::Bits32, offset, Ok(0))?;
             *word = value.to_ne_bytes();
         }
         Ok(bytes)
@@ -196,7 +196,13 @@ impl<B: Bus> Suite<'_, B> {
 
     fn expect_bytes(&self, check: &'static str, bytes: [u8; 8]) -> Result<(), BusFailure> {
         for (offset, byte) in bytes.into_iter().enumerate() {
-            self.expect(check, Access::Read, Width::Bits8, offset, Ok(byte.into()))?;
+            self.expect(
+                check,
+                BusAccess::Read,
+                Width::Bits8,
+                offset,
+                Ok(byte.into()),
+            )?;
         }
         Ok(())
     }
@@ -204,7 +210,7 @@ impl<B: Bus> Suite<'_, B> {
     fn expect(
         &self,
         check: &'static str,
-        access: Access,
+        access: BusAccess,
         width: Width,
         offset: usize,
         expected: Result<u32, BusErrorKind>,
@@ -214,12 +220,12 @@ impl<B: Bus> Suite<'_, B> {
         compare(check, (access, width, address), found, expected)
     }
 
-    fn make(&self, access: Access, width: Width, address: usize) -> Result<u32, BusErrorKind> {
+    fn make(&self, access: BusAccess, width: Width, address: usize) -> Result<u32, BusErrorKind> {
         let bus = self.bus;
         let result = match access {
-            Access::Read => bus.read(address, width),
-            Access::Write(value) => bus.write(address, width, value).map(|()| 0),
-            Access::Answers | Access::Block(_) => Ok(bus.answers(address, width).into()),
+            BusAccess::Read => bus.read(address, width),
+            BusAccess::Write(value) => bus.write(address, width, value).map(|()| 0),
+            BusAccess::Answers | BusAccess::Block(_) => Ok(bus.answers(address, width).into()),
         };
         result.map_err(|error| error.kind())
     }
@@ -227,7 +233,7 @@ impl<B: Bus> Suite<'_, B> {
 
 fn compare(
     check: &'static str,
-    (access, width, address): (Access, Width, usize),
+    (access, width, address): (BusAccess, Width, usize),
     found: Result<u32, BusErrorKind>,
     expected: Result<u32, BusErrorKind>,
 ) -> Result<(), BusFailure> {

@@ -1,6 +1,6 @@
 //! The checks of [`InterruptController`].
 
-use crate::interrupt::{InterruptController, Level, Vector};
+use crate::interrupt::{InterruptController, InterruptLevel, InterruptVector};
 
 /// The failure of a check of an interrupt controller.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -9,13 +9,13 @@ pub struct ControllerFailure {
     /// The rule that is broken.
     pub check: &'static str,
     /// The vector that was claimed.
-    pub found: Option<Vector>,
+    pub found: Option<InterruptVector>,
     /// The vector that should have been claimed.
-    pub expected: Option<Vector>,
+    pub expected: Option<InterruptVector>,
 }
 
-const LOW: Level = Level(1);
-const HIGH: Level = Level(2);
+const LOW: InterruptLevel = InterruptLevel(1);
+const HIGH: InterruptLevel = InterruptLevel(2);
 
 /// Checks a controller with two lines of level-triggered interrupts. They must be low and disabled,
 /// and not be used otherwise; after a success they are low and disabled again.
@@ -28,9 +28,9 @@ const HIGH: Level = Level(2);
 /// [`ControllerFailure`] for the first check that fails.
 pub fn interrupt_controller<C: InterruptController>(
     controller: &C,
-    lines: [Vector; 2],
-    nobody: Vector,
-    set: impl FnMut(Vector, bool),
+    lines: [InterruptVector; 2],
+    nobody: InterruptVector,
+    set: impl FnMut(InterruptVector, bool),
 ) -> Result<(), ControllerFailure> {
     let [one, other] = lines;
     let mut bench = Bench { controller, set };
@@ -49,11 +49,11 @@ struct Bench<'c, C, F> {
     set: F,
 }
 
-impl<C: InterruptController, F: FnMut(Vector, bool)> Bench<'_, C, F> {
+impl<C: InterruptController, F: FnMut(InterruptVector, bool)> Bench<'_, C, F> {
     fn gives(
         &self,
         check: &'static str,
-        expected: Option<Vector>,
+        expected: Option<InterruptVector>,
     ) -> Result<(), ControllerFailure> {
         let found = self.controller.claim();
         if found == expected {
@@ -67,17 +67,17 @@ impl<C: InterruptController, F: FnMut(Vector, bool)> Bench<'_, C, F> {
     }
 
     /// Ends what was claimed of a line that is served now.
-    fn serve(&mut self, line: Vector) -> Result<(), ControllerFailure> {
+    fn serve(&mut self, line: InterruptVector) -> Result<(), ControllerFailure> {
         (self.set)(line, false);
         self.controller.complete(line);
         self.gives("a line that was served is not pending", None)
     }
 
-    fn single(&mut self, line: Vector) -> Result<(), ControllerFailure> {
+    fn single(&mut self, line: InterruptVector) -> Result<(), ControllerFailure> {
         let controller = self.controller;
         (self.set)(line, true);
         self.gives("a disabled vector is not claimed", None)?;
-        controller.enable(line, Level(0));
+        controller.enable(line, InterruptLevel(0));
         self.gives("level 0 never interrupts", None)?;
         controller.enable(line, LOW);
         self.gives(
@@ -106,7 +106,7 @@ impl<C: InterruptController, F: FnMut(Vector, bool)> Bench<'_, C, F> {
         Ok(())
     }
 
-    fn disabled_in_service(&mut self, line: Vector) -> Result<(), ControllerFailure> {
+    fn disabled_in_service(&mut self, line: InterruptVector) -> Result<(), ControllerFailure> {
         let controller = self.controller;
         controller.enable(line, LOW);
         (self.set)(line, true);
@@ -124,7 +124,11 @@ impl<C: InterruptController, F: FnMut(Vector, bool)> Bench<'_, C, F> {
         Ok(())
     }
 
-    fn levels(&mut self, urgent: Vector, other: Vector) -> Result<(), ControllerFailure> {
+    fn levels(
+        &mut self,
+        urgent: InterruptVector,
+        other: InterruptVector,
+    ) -> Result<(), ControllerFailure> {
         let controller = self.controller;
         controller.enable(other, LOW);
         controller.enable(urgent, HIGH);
@@ -140,7 +144,11 @@ impl<C: InterruptController, F: FnMut(Vector, bool)> Bench<'_, C, F> {
         Ok(())
     }
 
-    fn both_in_service(&mut self, one: Vector, other: Vector) -> Result<(), ControllerFailure> {
+    fn both_in_service(
+        &mut self,
+        one: InterruptVector,
+        other: InterruptVector,
+    ) -> Result<(), ControllerFailure> {
         let controller = self.controller;
         controller.enable(one, HIGH);
         controller.enable(other, LOW);
@@ -161,7 +169,11 @@ impl<C: InterruptController, F: FnMut(Vector, bool)> Bench<'_, C, F> {
         Ok(())
     }
 
-    fn unknown(&mut self, line: Vector, nobody: Vector) -> Result<(), ControllerFailure> {
+    fn unknown(
+        &mut self,
+        line: InterruptVector,
+        nobody: InterruptVector,
+    ) -> Result<(), ControllerFailure> {
         let controller = self.controller;
         controller.enable(nobody, HIGH);
         self.gives("a vector that there is not is never pending", None)?;

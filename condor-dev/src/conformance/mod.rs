@@ -5,5 +5,5 @@
 mod bus;
 mod interrupt_controller;
 
-pub use bus::{Access, BusFailure, Ground, bus};
+pub use bus::{BusAccess, BusFailure, BusMemory, bus};
 pub use interrupt_controller::{ControllerFailure, interrupt_controller};

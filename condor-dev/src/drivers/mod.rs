@@ -6,5 +6,5 @@ pub(crate) mod register;
 mod uart16550;
 
 pub use as5600::{As5600, Magnet};
-pub use pca9685::{Clock, ClockError, Pca9685};
+pub use pca9685::{ChipClock, ClockError, Pca9685};
 pub use uart16550::{Format, LineErrors, Uart16550};

@@ -34,7 +34,7 @@ pub struct Pca9685;
 
 /// The clock of a chip, with its frequency in hertz.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Clock {
+pub enum ChipClock {
     /// The internal oscillator. Chips differ by several percent from [`NOMINAL`](Self::NOMINAL).
     /// To measure one, set a frequency with the nominal clock, and measure that of an output: the
     /// clock is 4096 · (`PRE_SCALE` + 1) times as fast.
@@ -43,7 +43,7 @@ pub enum Clock {
     External(u32),
 }
 
-impl Clock {
+impl ChipClock {
     /// The internal oscillator with the 25 MHz of the data sheet.
     pub const NOMINAL: Self = Self::Internal(25_000_000);
 }
@@ -123,7 +123,7 @@ impl Pca9685 {
     /// prescaler is set, so outputs are off for that long, and then go on as they were. Its
     /// oscillator needs 500 µs to start, in which the outputs are not right yet.
     ///
-    /// [`Clock::External`] has the chip use that clock until its power is switched off.
+    /// [`ChipClock::External`] has the chip use that clock until its power is switched off.
     ///
     /// # Errors
     /// [`ClockError::External`] if the clock is to be internal, but the chip runs on its external
@@ -132,18 +132,18 @@ impl Pca9685 {
     pub fn set_frequency<B: Bus>(
         &self,
         registers: Registers<'_, B>,
-        clock: Clock,
+        clock: ChipClock,
         hertz: u16,
     ) -> Result<u16, ClockError<B::Error>> {
         let asleep = mode1::AWAKE | mode1::SLEEP;
         let is_external = registers.read8(register::MODE1)? & mode1::EXTERNAL_CLOCK != 0;
         let clock = match clock {
-            Clock::Internal(_) if is_external => return Err(ClockError::External),
-            Clock::Internal(clock) => {
+            ChipClock::Internal(_) if is_external => return Err(ClockError::External),
+            ChipClock::Internal(clock) => {
                 registers.write8(register::MODE1, asleep)?;
                 clock
             }
-            Clock::External(clock) => {
+            ChipClock::External(clock) => {
                 // The chip changes its clock only if it slept before.
                 registers.write8(register::MODE1, asleep)?;
                 registers.write8(register::MODE1, asleep | mode1::EXTERNAL_CLOCK)?;

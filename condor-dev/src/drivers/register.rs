@@ -1,4 +1,4 @@
-//! [`Kept`]: a register that both halves of a driver write. [`Count`]: a number that both count up.
+//! [`ShadowRegister`]: a register that both halves of a driver write. [`Count`]: a number that both count up.
 
 use crate::sync::{AtomicU32, Ordering::Relaxed, masked};
 
@@ -11,9 +11,9 @@ const UNKNOWN: u32 = u32::MAX;
 /// critical section: otherwise a context that was interrupted in between would write what the one
 /// that interrupted it had put right.
 #[derive(Debug)]
-pub struct Kept(AtomicU32);
+pub struct ShadowRegister(AtomicU32);
 
-impl Kept {
+impl ShadowRegister {
     /// Makes a register that may have any value.
     #[must_use]
     #[allow(clippy::new_without_default, reason = "a part of `Driver::NEW`")]

@@ -4,7 +4,7 @@ use core::num::NonZeroU16;
 
 use uart_16550::spec::registers::{FCR, FifoTriggerLevel, IER, ISR, LCR, LSR, MCR, offsets};
 
-use super::register::{Count, Kept};
+use super::register::{Count, ShadowRegister};
 use crate::bus::{Bus, Registers, Width};
 use crate::driver::{Attention, DeviceError, Driver};
 use crate::ring::Ring;
@@ -37,8 +37,8 @@ use crate::sync::{AtomicBool, AtomicU8, Ordering::Relaxed, masked};
 pub struct Uart16550<const STRIDE: usize = 1, const BUFFER: usize = 256, const DIVISOR: u16 = 1> {
     received: Ring<BUFFER>,
     to_send: Ring<BUFFER>,
-    interrupts: Kept,
-    line: Kept,
+    interrupts: ShadowRegister,
+    line: ShadowRegister,
     format: AtomicU8,
     open: AtomicBool,
     /// The board may have forgotten that it was to tell when it can send: told so, it says it again.
@@ -255,8 +255,8 @@ impl<const STRIDE: usize, const BUFFER: usize, const DIVISOR: u16> Driver
     const NEW: Self = Self {
         received: Ring::new(),
         to_send: Ring::new(),
-        interrupts: Kept::new(),
-        line: Kept::new(),
+        interrupts: ShadowRegister::new(),
+        line: ShadowRegister::new(),
         format: AtomicU8::new(Format::EIGHT_BITS.0.bits()),
         open: AtomicBool::new(false),
         stalled: AtomicBool::new(false),

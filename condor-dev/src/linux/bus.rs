@@ -10,17 +10,17 @@ use std::os::unix::fs::OpenOptionsExt as _;
 use std::path::Path;
 use std::sync::Arc;
 
-use condor_platform::linux::{BusError, on_bus_error};
+use condor_platform::linux::{MemoryFault, on_bus_error};
 use rustix::fs::{FileType, OFlags};
 use rustix::mm::{MapFlags, ProtFlags};
 
-use crate::bus::{AccessError, Bus, BusErrorKind, Width};
+use crate::bus::{Bus, BusAccessError, BusErrorKind, Width};
 use crate::guarded::{load, resume, store};
 use crate::mmio::Mmio;
 
 /// The accesses that a mapping allows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Access {
+pub enum MapAccess {
     /// Reads only; the file need only be open for reading.
     ReadOnly,
     /// Reads and writes; the file must be open for both.
@@ -30,7 +30,7 @@ pub enum Access {
 /// The reason for which a mapping could not be made.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
-pub enum MapError {
+pub enum BusMapError {
     /// The bus address or the offset in the file is not a multiple of four, or the length is zero.
     #[error("{len:#x} bytes of registers at offset {offset:#x} cannot be at address {base:#x}")]
     Misaligned {
@@ -67,8 +67,8 @@ pub enum MapError {
     },
 }
 
-fn system<E: Into<io::Error>>(doing: &'static str) -> impl FnOnce(E) -> MapError {
-    move |source| MapError::System {
+fn system<E: Into<io::Error>>(doing: &'static str) -> impl FnOnce(E) -> BusMapError {
+    move |source| BusMapError::System {
         doing,
         source: source.into(),
     }
@@ -99,7 +99,7 @@ fn system<E: Into<io::Error>>(doing: &'static str) -> impl FnOnce(E) -> MapError
 #[derive(Clone, Debug)]
 pub struct LinuxBus {
     registers: Mmio,
-    access: Access,
+    access: MapAccess,
     /// What a bus error means.
     silence: BusErrorKind,
     /// Keeps `registers` mapped.
@@ -130,16 +130,16 @@ impl LinuxBus {
     /// not begin a page.
     ///
     /// # Errors
-    /// [`MapError::Misaligned`] if offset or base is not a multiple of four, [`MapError::TooLarge`]
-    /// if the range is too large, [`MapError::TooShort`] if a regular file ends before the range
-    /// does, [`MapError::System`] if the operating system refuses.
+    /// [`BusMapError::Misaligned`] if offset or base is not a multiple of four, [`BusMapError::TooLarge`]
+    /// if the range is too large, [`BusMapError::TooShort`] if a regular file ends before the range
+    /// does, [`BusMapError::System`] if the operating system refuses.
     pub fn map(
         file: impl AsFd,
         offset: u64,
         base: usize,
         len: usize,
-        access: Access,
-    ) -> Result<Self, MapError> {
+        access: MapAccess,
+    ) -> Result<Self, BusMapError> {
         Self::map_pages(file, offset, base, len, access, BusErrorKind::Lost)
     }
 
@@ -151,14 +151,18 @@ impl LinuxBus {
     /// example).
     ///
     /// # Errors
-    /// [`MapError::Misaligned`] or [`MapError::TooLarge`] if `base` or `len` is unsuitable;
-    /// [`MapError::System`] if the operating system refuses. Usually only root may do this, and the
+    /// [`BusMapError::Misaligned`] or [`BusMapError::TooLarge`] if `base` or `len` is unsuitable;
+    /// [`BusMapError::System`] if the operating system refuses. Usually only root may do this, and the
     /// kernel may refuse memory of its own.
-    pub unsafe fn physical(base: usize, len: usize, access: Access) -> Result<Self, MapError> {
+    pub unsafe fn physical(
+        base: usize,
+        len: usize,
+        access: MapAccess,
+    ) -> Result<Self, BusMapError> {
         // Without O_SYNC, some processors would cache the registers.
         let opened = File::options()
             .read(true)
-            .write(access == Access::ReadWrite)
+            .write(access == MapAccess::ReadWrite)
             .custom_flags(OFlags::SYNC.bits().cast_signed())
             .open("/dev/mem");
         let file = opened.map_err(system("open /dev/mem"))?;
@@ -170,14 +174,14 @@ impl LinuxBus {
     /// Address, size and place are read from `/sys/class/uio/uio{device}/maps/map{map}`.
     ///
     /// # Errors
-    /// [`MapError::System`] if the device or the memory does not exist or may not be opened;
-    /// [`MapError::Misaligned`] or [`MapError::TooLarge`] if its address or size is unsuitable.
-    pub fn uio(device: u32, map: u32, access: Access) -> Result<Self, MapError> {
+    /// [`BusMapError::System`] if the device or the memory does not exist or may not be opened;
+    /// [`BusMapError::Misaligned`] or [`BusMapError::TooLarge`] if its address or size is unsuitable.
+    pub fn uio(device: u32, map: u32, access: MapAccess) -> Result<Self, BusMapError> {
         let described = format!("/sys/class/uio/uio{device}/maps/map{map}");
         let UioMemory { offset, base, len } = UioMemory::read(Path::new(&described), map)?;
         let opened = File::options()
             .read(true)
-            .write(access == Access::ReadWrite)
+            .write(access == MapAccess::ReadWrite)
             .open(format!("/dev/uio{device}"));
         let file = opened.map_err(system("open the UIO device"))?;
         Self::map(file, offset, base, len, access)
@@ -188,13 +192,13 @@ impl LinuxBus {
         offset: u64,
         base: usize,
         len: usize,
-        access: Access,
+        access: MapAccess,
         silence: BusErrorKind,
-    ) -> Result<Self, MapError> {
+    ) -> Result<Self, BusMapError> {
         if len == 0 || !offset.is_multiple_of(4) || !base.is_multiple_of(4) {
-            return Err(MapError::Misaligned { offset, base, len });
+            return Err(BusMapError::Misaligned { offset, base, len });
         }
-        let too_large = || MapError::TooLarge { offset, len };
+        let too_large = || BusMapError::TooLarge { offset, len };
         let page = rustix::param::page_size() as u64;
         let skip = offset % page;
         let end = offset
@@ -206,12 +210,12 @@ impl LinuxBus {
         let stat = rustix::fs::fstat(&file).map_err(system("examine the file"))?;
         let found = u64::try_from(stat.st_size).unwrap_or(0);
         if FileType::from_raw_mode(stat.st_mode) == FileType::RegularFile && found < end {
-            return Err(MapError::TooShort { needed: end, found });
+            return Err(BusMapError::TooShort { needed: end, found });
         }
         on_bus_error(go_on).map_err(system("handle SIGBUS"))?;
         let protection = match access {
-            Access::ReadOnly => ProtFlags::READ,
-            Access::ReadWrite => ProtFlags::READ | ProtFlags::WRITE,
+            MapAccess::ReadOnly => ProtFlags::READ,
+            MapAccess::ReadWrite => ProtFlags::READ | ProtFlags::WRITE,
         };
         let (anywhere, first) = (ptr::null_mut(), offset - skip);
         // SAFETY: without FIXED the kernel chooses addresses that nothing else uses, and no reference
@@ -239,8 +243,8 @@ impl LinuxBus {
     }
 
     #[cold]
-    fn silent(&self, address: usize) -> AccessError {
-        AccessError {
+    fn silent(&self, address: usize) -> BusAccessError {
+        BusAccessError {
             address,
             kind: self.silence,
         }
@@ -248,10 +252,10 @@ impl LinuxBus {
 }
 
 impl Bus for LinuxBus {
-    type Error = AccessError;
+    type Error = BusAccessError;
 
     #[inline]
-    fn read(&self, address: usize, width: Width) -> Result<u32, AccessError> {
+    fn read(&self, address: usize, width: Width) -> Result<u32, BusAccessError> {
         let register = self.registers.register(address, width)?;
         // SAFETY: it is aligned and in the mapping, which may be read; `go_on` is
         // installed.
@@ -259,11 +263,11 @@ impl Bus for LinuxBus {
     }
 
     #[inline]
-    fn write(&self, address: usize, width: Width, value: u32) -> Result<(), AccessError> {
+    fn write(&self, address: usize, width: Width, value: u32) -> Result<(), BusAccessError> {
         let register = self.registers.register(address, width)?;
-        if self.access == Access::ReadOnly {
+        if self.access == MapAccess::ReadOnly {
             let kind = BusErrorKind::ReadOnly;
-            return Err(AccessError { address, kind });
+            return Err(BusAccessError { address, kind });
         }
         // SAFETY: it is aligned and in the mapping, which may be written; `go_on` is
         // installed.
@@ -273,7 +277,7 @@ impl Bus for LinuxBus {
 
 /// Lets a bus error of a [guarded](crate::guarded) access be an error of that access: it touches nothing
 /// but the interrupted context, and is async-signal-safe.
-fn go_on(error: &mut BusError<'_>) -> bool {
+fn go_on(error: &mut MemoryFault<'_>) -> bool {
     // SAFETY: where `resume` says, the function of the access returns with an error.
     resume(error.instruction()).is_some_and(|end| unsafe { error.resume_at(end) })
 }
@@ -289,8 +293,8 @@ struct UioMemory {
 
 impl UioMemory {
     /// Reads its directory in sysfs.
-    fn read(described: &Path, map: u32) -> Result<Self, MapError> {
-        let number = |name: &str| -> Result<u64, MapError> {
+    fn read(described: &Path, map: u32) -> Result<Self, BusMapError> {
+        let number = |name: &str| -> Result<u64, BusMapError> {
             let fail = system("read the description of the UIO device");
             let text = match std::fs::read_to_string(described.join(name)) {
                 Ok(text) => text,
@@ -307,7 +311,7 @@ impl UioMemory {
         let base = address - address % page + within % page;
         match (usize::try_from(base), usize::try_from(size)) {
             (Ok(base), Ok(len)) => Ok(Self { offset, base, len }),
-            _ => Err(MapError::TooLarge {
+            _ => Err(BusMapError::TooLarge {
                 offset,
                 len: usize::MAX,
             }),

@@ -28,5 +28,5 @@
 mod bus;
 mod uio;
 
-pub use bus::{Access, LinuxBus, MapError};
+pub use bus::{BusMapError, LinuxBus, MapAccess};
 pub use uio::UioInterrupts;

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::io::Errno;
 
-use crate::interrupt::{InterruptController, Level, Vector};
+use crate::interrupt::{InterruptController, InterruptLevel, InterruptVector};
 
 /// The interrupts of UIO devices, each a vector of its own.
 ///
@@ -16,11 +16,11 @@ use crate::interrupt::{InterruptController, Level, Vector};
 /// enables it again. A thread of the program takes the part of the interrupt handler:
 ///
 /// ```no_run
-/// # use condor_dev::{InterruptController, Vector};
+/// # use condor_dev::{InterruptController, InterruptVector};
 /// # use condor_dev::linux::UioInterrupts;
 /// # use std::time::{Duration, Instant};
 /// let device = std::fs::File::options().read(true).write(true).open("/dev/uio0")?;
-/// let interrupts = UioInterrupts::new([(Vector(64), device.into())])?;
+/// let interrupts = UioInterrupts::new([(InterruptVector(64), device.into())])?;
 /// # condor_dev::device_switch! {
 /// #     struct Boards {
 /// #         uart: condor_dev::drivers::Uart16550 = [condor_dev::Location::at(0x1000).interrupting(64, 1)],
@@ -45,7 +45,7 @@ const MOST: usize = 64;
 
 #[derive(Debug)]
 struct Line {
-    vector: Vector,
+    vector: InterruptVector,
     device: OwnedFd,
     /// 0 while it is disabled.
     level: AtomicU8,
@@ -62,7 +62,7 @@ impl UioInterrupts {
     /// # Errors
     /// [`InvalidInput`](io::ErrorKind::InvalidInput) if there are more devices; otherwise the error
     /// of the operating system.
-    pub fn new(devices: impl IntoIterator<Item = (Vector, OwnedFd)>) -> io::Result<Self> {
+    pub fn new(devices: impl IntoIterator<Item = (InterruptVector, OwnedFd)>) -> io::Result<Self> {
         let lines = devices.into_iter().map(|(vector, device)| {
             rustix::io::ioctl_fionbio(&device, true)?;
             let line = Line {
@@ -103,12 +103,12 @@ impl UioInterrupts {
 
     /// Returns whether the device of a vector has failed; it will not interrupt again then.
     #[must_use]
-    pub fn is_lost(&self, vector: Vector) -> bool {
+    pub fn is_lost(&self, vector: InterruptVector) -> bool {
         self.line(vector)
             .is_some_and(|line| line.lost.load(Ordering::Relaxed))
     }
 
-    fn line(&self, vector: Vector) -> Option<&Line> {
+    fn line(&self, vector: InterruptVector) -> Option<&Line> {
         self.lines.iter().find(|line| line.vector == vector)
     }
 
@@ -145,8 +145,8 @@ impl UioInterrupts {
 }
 
 impl Line {
-    fn level(&self) -> Level {
-        Level(self.level.load(Ordering::Relaxed))
+    fn level(&self) -> InterruptLevel {
+        InterruptLevel(self.level.load(Ordering::Relaxed))
     }
 
     fn is_open(&self) -> bool {
@@ -180,7 +180,7 @@ impl Line {
 }
 
 impl InterruptController for UioInterrupts {
-    fn enable(&self, vector: Vector, level: Level) {
+    fn enable(&self, vector: InterruptVector, level: InterruptLevel) {
         if let Some(line) = self.line(vector) {
             line.level.store(level.0, Ordering::Relaxed);
             // What is being served is let in by `complete`.
@@ -190,14 +190,14 @@ impl InterruptController for UioInterrupts {
         }
     }
 
-    fn disable(&self, vector: Vector) {
+    fn disable(&self, vector: InterruptVector) {
         if let Some(line) = self.line(vector) {
             line.level.store(0, Ordering::Relaxed);
             line.allow(false);
         }
     }
 
-    fn claim(&self) -> Option<Vector> {
+    fn claim(&self) -> Option<InterruptVector> {
         loop {
             let line = self.poll(Duration::ZERO).ok()??;
             // One of several threads takes it; the Acquire pairs with the Release in `complete`.
@@ -211,7 +211,7 @@ impl InterruptController for UioInterrupts {
         }
     }
 
-    fn complete(&self, vector: Vector) {
+    fn complete(&self, vector: InterruptVector) {
         if let Some(line) = self.line(vector) {
             line.claimed.store(false, Ordering::Release);
             if line.level().0 > 0 {

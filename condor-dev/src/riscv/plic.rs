@@ -1,7 +1,7 @@
 //! [`Plic`]: the platform-level interrupt controller.
 
 use crate::bus::{Bus, Registers};
-use crate::interrupt::{InterruptController, Level, Vector};
+use crate::interrupt::{InterruptController, InterruptLevel, InterruptVector};
 
 const PRIORITY: usize = 0;
 const ENABLE: usize = 0x2000;
@@ -48,7 +48,7 @@ pub struct Plic<B> {
     base: usize,
     context: Context,
     sources: u16,
-    highest: Level,
+    highest: InterruptLevel,
 }
 
 impl<B: Bus> Plic<B> {
@@ -58,7 +58,13 @@ impl<B: Bus> Plic<B> {
     /// Only one hart may use the context, and each hart needs its own: the words of a context are
     /// changed in critical sections of that hart.
     #[must_use]
-    pub const fn new(bus: B, base: usize, context: Context, sources: u16, highest: Level) -> Self {
+    pub const fn new(
+        bus: B,
+        base: usize,
+        context: Context,
+        sources: u16,
+        highest: InterruptLevel,
+    ) -> Self {
         let sources = if sources < MOST_SOURCES {
             sources
         } else {
@@ -81,14 +87,14 @@ impl<B: Bus> Plic<B> {
         for word in 0..=usize::from(self.sources / 32) {
             self.registers().write32(self.enable_word(word), 0)?;
         }
-        self.set_threshold(Level(0))
+        self.set_threshold(InterruptLevel(0))
     }
 
     /// Sets the threshold: only vectors of a higher level than `level` interrupt.
     ///
     /// # Errors
     /// The bus's error if an access fails.
-    pub fn set_threshold(&self, level: Level) -> Result<(), B::Error> {
+    pub fn set_threshold(&self, level: InterruptLevel) -> Result<(), B::Error> {
         let level = level.min(self.highest);
         self.registers()
             .write32(self.of_context(THRESHOLD), level.0.into())
@@ -106,12 +112,12 @@ impl<B: Bus> Plic<B> {
         CONTEXT + CONTEXT_STRIDE * usize::from(self.context.0) + register
     }
 
-    fn is_source(&self, vector: Vector) -> bool {
+    fn is_source(&self, vector: InterruptVector) -> bool {
         (1..=self.sources).contains(&vector.0)
     }
 
     /// Enables or disables, in a critical section; says whether it was enabled.
-    fn switch(&self, vector: Vector, on: bool) -> Result<bool, B::Error> {
+    fn switch(&self, vector: InterruptVector, on: bool) -> Result<bool, B::Error> {
         let word = self.enable_word(usize::from(vector.0 / 32));
         let bit = 1_u32 << (vector.0 % 32);
         let before = self.registers().read32(word)?;
@@ -122,7 +128,7 @@ impl<B: Bus> Plic<B> {
         Ok(before & bit != 0)
     }
 
-    fn try_complete(&self, vector: Vector) -> Result<(), B::Error> {
+    fn try_complete(&self, vector: InterruptVector) -> Result<(), B::Error> {
         // The PLIC ignores the completion of a source that is not enabled, and would never
         // let it interrupt again.
         let enabled = self.switch(vector, true)?;
@@ -137,7 +143,7 @@ impl<B: Bus> Plic<B> {
 }
 
 impl<B: Bus> InterruptController for Plic<B> {
-    fn enable(&self, vector: Vector, level: Level) {
+    fn enable(&self, vector: InterruptVector, level: InterruptLevel) {
         if !self.is_source(vector) {
             return;
         }
@@ -150,22 +156,22 @@ impl<B: Bus> InterruptController for Plic<B> {
         });
     }
 
-    fn disable(&self, vector: Vector) {
+    fn disable(&self, vector: InterruptVector) {
         if self.is_source(vector) {
             // As above.
             let _ = critical_section::with(|_| self.switch(vector, false));
         }
     }
 
-    fn claim(&self) -> Option<Vector> {
+    fn claim(&self) -> Option<InterruptVector> {
         let claimed = self.registers().read32(self.of_context(CLAIM)).ok()?;
         u16::try_from(claimed)
             .ok()
             .filter(|&source| source != 0)
-            .map(Vector)
+            .map(InterruptVector)
     }
 
-    fn complete(&self, vector: Vector) {
+    fn complete(&self, vector: InterruptVector) {
         if self.is_source(vector) {
             // As above.
             let _ = critical_section::with(|_| self.try_complete(vector));

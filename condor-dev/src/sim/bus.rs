@@ -1,14 +1,14 @@
-//! [`Bus`]: models at addresses, with injected faults.
+//! [`SimBus`]: models at addresses, with injected faults.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use super::Model;
-use crate::bus::{self, AccessError, BusErrorKind, Width};
+use crate::bus::{self, BusAccessError, BusErrorKind, Width};
 
 /// A simulated bus with models of boards on it. All clones are the same bus.
 #[derive(Clone, Default)]
-pub struct Bus {
+pub struct SimBus {
     inside: Arc<Mutex<Inside>>,
 }
 
@@ -34,7 +34,7 @@ impl Inside {
     }
 }
 
-impl Bus {
+impl SimBus {
     /// Makes a bus without boards: every access is a bus error.
     #[must_use]
     pub fn new() -> Self {
@@ -76,8 +76,8 @@ impl Bus {
         address: usize,
         width: Width,
         access: impl FnOnce(&mut dyn Model, usize) -> Option<R>,
-    ) -> Result<R, AccessError> {
-        let error = |kind| AccessError { address, kind };
+    ) -> Result<R, BusAccessError> {
+        let error = |kind| BusAccessError { address, kind };
         width.check(address)?;
         let board = {
             let mut inside = self.inside();
@@ -102,21 +102,21 @@ pub(crate) fn lock<T: ?Sized>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-impl bus::Bus for Bus {
-    type Error = AccessError;
+impl bus::Bus for SimBus {
+    type Error = BusAccessError;
 
-    fn read(&self, address: usize, width: Width) -> Result<u32, AccessError> {
+    fn read(&self, address: usize, width: Width) -> Result<u32, BusAccessError> {
         self.access(address, width, |model, offset| model.read(offset, width))
             .map(|value| value & width.mask())
     }
 
-    fn write(&self, address: usize, width: Width, value: u32) -> Result<(), AccessError> {
+    fn write(&self, address: usize, width: Width, value: u32) -> Result<(), BusAccessError> {
         self.access(address, width, |model, offset| {
             model.write(offset, width, value & width.mask())
         })
     }
 
-    fn read_block(&self, mut address: usize, into: &mut [u8]) -> Result<(), AccessError> {
+    fn read_block(&self, mut address: usize, into: &mut [u8]) -> Result<(), BusAccessError> {
         into.iter_mut().try_for_each(|byte| {
             address = self.access(address, Width::Bits8, |model, offset| {
                 *byte = model.read(offset, Width::Bits8)? as u8;
@@ -126,7 +126,7 @@ impl bus::Bus for Bus {
         })
     }
 
-    fn write_block(&self, mut address: usize, from: &[u8]) -> Result<(), AccessError> {
+    fn write_block(&self, mut address: usize, from: &[u8]) -> Result<(), BusAccessError> {
         from.iter().try_for_each(|&byte| {
             address = self.access(address, Width::Bits8, |model, offset| {
                 model.write(offset, Width::Bits8, byte.into())?;

@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex, MutexGuard};
 
 use super::Model;
 use super::bus::lock;
-use crate::interrupt::{InterruptController, Level, Vector};
+use crate::interrupt::{InterruptController, InterruptLevel, InterruptVector};
 
 /// An interrupt controller whose lines are set by models of boards or by a test. All clones are the
 /// same controller.
@@ -16,17 +16,17 @@ pub struct Controller {
 
 #[derive(Default)]
 struct Inside {
-    enabled: BTreeMap<Vector, Level>,
-    boards: Vec<(Vector, Arc<Mutex<dyn Model>>)>,
+    enabled: BTreeMap<InterruptVector, InterruptLevel>,
+    boards: Vec<(InterruptVector, Arc<Mutex<dyn Model>>)>,
     /// Lines that a test holds up.
-    raised: BTreeMap<Vector, bool>,
+    raised: BTreeMap<InterruptVector, bool>,
     /// Claimed and not completed.
-    claimed: Vec<Vector>,
+    claimed: Vec<InterruptVector>,
 }
 
 impl Inside {
-    fn is_pending(&self, vector: Vector) -> bool {
-        let asked = |(line, board): &(Vector, Arc<Mutex<dyn Model>>)| {
+    fn is_pending(&self, vector: InterruptVector) -> bool {
+        let asked = |(line, board): &(InterruptVector, Arc<Mutex<dyn Model>>)| {
             *line == vector && lock(board).interrupts()
         };
         self.raised.get(&vector) == Some(&true) || self.boards.iter().any(asked)
@@ -41,12 +41,12 @@ impl Controller {
     }
 
     /// Connects the interrupt request of a board to a vector.
-    pub fn connect<M: Model + 'static>(&self, vector: Vector, board: Arc<Mutex<M>>) {
+    pub fn connect<M: Model + 'static>(&self, vector: InterruptVector, board: Arc<Mutex<M>>) {
         self.inside().boards.push((vector, board));
     }
 
     /// Raises or lowers the line of a vector, independently of the boards.
-    pub fn set(&self, vector: Vector, raised: bool) {
+    pub fn set(&self, vector: InterruptVector, raised: bool) {
         self.inside().raised.insert(vector, raised);
     }
 
@@ -58,11 +58,11 @@ impl Controller {
 
     /// Returns whether a vector may interrupt.
     #[must_use]
-    pub fn is_enabled(&self, vector: Vector) -> bool {
+    pub fn is_enabled(&self, vector: InterruptVector) -> bool {
         self.inside().enabled.contains_key(&vector)
     }
 
-    fn most_urgent(&self) -> Option<Vector> {
+    fn most_urgent(&self) -> Option<InterruptVector> {
         let inside = self.inside();
         let pending = inside.enabled.iter().filter(|&(vector, level)| {
             level.0 > 0 && !inside.claimed.contains(vector) && inside.is_pending(*vector)
@@ -79,21 +79,21 @@ impl Controller {
 }
 
 impl InterruptController for Controller {
-    fn enable(&self, vector: Vector, level: Level) {
+    fn enable(&self, vector: InterruptVector, level: InterruptLevel) {
         self.inside().enabled.insert(vector, level);
     }
 
-    fn disable(&self, vector: Vector) {
+    fn disable(&self, vector: InterruptVector) {
         self.inside().enabled.remove(&vector);
     }
 
-    fn claim(&self) -> Option<Vector> {
+    fn claim(&self) -> Option<InterruptVector> {
         let vector = self.most_urgent()?;
         self.inside().claimed.push(vector);
         Some(vector)
     }
 
-    fn complete(&self, vector: Vector) {
+    fn complete(&self, vector: InterruptVector) {
         self.inside().claimed.retain(|&claimed| claimed != vector);
     }
 }

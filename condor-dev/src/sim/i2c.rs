@@ -2,10 +2,10 @@
 
 use embedded_hal::i2c::{self, NoAcknowledgeSource};
 
-use crate::bus::{AccessError, Bus, BusErrorKind};
+use crate::bus::{Bus, BusAccessError, BusErrorKind};
 
 /// An I2C controller. Its part with the 7-bit address `d` is the model at `d << 8` of a bus of
-/// models: a [`Joint`](super::Joint), or a bus of the feature `sim`.
+/// models: a [`SimJoint`](super::SimJoint), or a bus of the feature `sim`.
 ///
 /// The first byte written is the number of a register, which advances within each operation as the
 /// part does it; a transaction begins at register 0. An absent part does not acknowledge its address.
@@ -16,7 +16,7 @@ impl<B> i2c::ErrorType for I2c<B> {
     type Error = i2c::ErrorKind;
 }
 
-impl<B: Bus<Error = AccessError>> i2c::I2c for I2c<B> {
+impl<B: Bus<Error = BusAccessError>> i2c::I2c for I2c<B> {
     fn transaction(
         &mut self,
         part: u8,

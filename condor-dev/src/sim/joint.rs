@@ -1,11 +1,11 @@
-//! [`Joint`]: a joint with a motor driver and an angle sensor.
+//! [`SimJoint`]: a joint with a motor driver and an angle sensor.
 
 use core::f32::consts::TAU;
 
 use super::{As5600Model, Model, Pca9685Model};
-use crate::bus::{AccessError, Bus, BusErrorKind, Width};
+use crate::bus::{Bus, BusAccessError, BusErrorKind, Width};
 use crate::drivers::{As5600, Pca9685};
-use crate::stdio::Claim;
+use crate::stdio::ClaimCell;
 
 const FRICTION_NM_S: f32 = 0.05;
 const INERTIA_KG_M2: f32 = 0.01;
@@ -17,8 +17,8 @@ const INERTIA_KG_M2: f32 = 0.01;
 ///
 /// ```
 /// use condor_dev::drivers::{As5600, Pca9685};
-/// use condor_dev::sim::{I2c, Joint};
-/// use condor_dev::{I2cBus, Mode, NoInterrupts, Location, Switch, device_switch};
+/// use condor_dev::sim::{I2c, SimJoint};
+/// use condor_dev::{I2cBus, OpenMode, NoInterrupts, Location, Switch, device_switch};
 ///
 /// device_switch! {
 ///     struct Boards {
@@ -27,11 +27,11 @@ const INERTIA_KG_M2: f32 = 0.01;
 ///     }
 /// }
 ///
-/// let joint = Joint::default();
+/// let joint = SimJoint::default();
 /// let boards = Switch::<_, _, _, 2>::new(I2cBus::new(I2c(&joint)), NoInterrupts, Boards::new());
 /// boards.start();
-/// let motor = boards.open_typed(Boards::motor, 0, Mode::WRITE)?;
-/// let sensor = boards.open_typed(Boards::sensor, 0, Mode::READ)?;
+/// let motor = boards.open_typed(Boards::motor, 0, OpenMode::WRITE)?;
+/// let sensor = boards.open_typed(Boards::sensor, 0, OpenMode::READ)?;
 /// motor.set_duties(motor.registers, 0, &[Pca9685::CYCLE / 2, 0]).unwrap();
 /// for _ in 0..10 {
 ///     joint.advance(0.002);
@@ -39,10 +39,10 @@ const INERTIA_KG_M2: f32 = 0.01;
 /// assert!((2049..2100).contains(&sensor.angle(sensor.registers).unwrap()));
 /// # Ok::<_, condor_dev::OpenError>(())
 /// ```
-pub struct Joint(Claim<Parts>);
+pub struct SimJoint(ClaimCell<JointBoards>);
 
 #[derive(Default)]
-struct Parts {
+struct JointBoards {
     motor: Pca9685Model,
     sensor: As5600Model,
     /// rad, 0 in the middle of the sensor's turn.
@@ -51,16 +51,16 @@ struct Parts {
     speed: f32,
 }
 
-impl Default for Joint {
+impl Default for SimJoint {
     /// A joint that rests, with its parts as they are after power came.
     fn default() -> Self {
-        let joint = Self(Claim::new(Parts::default()));
+        let joint = Self(ClaimCell::new(JointBoards::default()));
         joint.advance(0.0);
         joint
     }
 }
 
-impl Joint {
+impl SimJoint {
     /// The stall torque of the motor at full duty, N m.
     pub const STALL_NM: f32 = 2.0;
 
@@ -82,8 +82,8 @@ impl Joint {
         &self,
         address: usize,
         access: impl FnOnce(&mut dyn Model, usize) -> Option<R>,
-    ) -> Result<R, AccessError> {
-        let error = |kind| AccessError { address, kind };
+    ) -> Result<R, BusAccessError> {
+        let error = |kind| BusAccessError { address, kind };
         let mut parts = self.0.claim().ok_or(error(BusErrorKind::Busy))?;
         let (part, offset): (&mut dyn Model, _) = match address >> 8 {
             0x40 => (&mut parts.motor, address & 0xff),
@@ -98,19 +98,19 @@ impl Joint {
     }
 }
 
-impl Bus for Joint {
-    type Error = AccessError;
+impl Bus for SimJoint {
+    type Error = BusAccessError;
 
-    fn read(&self, address: usize, width: Width) -> Result<u32, AccessError> {
+    fn read(&self, address: usize, width: Width) -> Result<u32, BusAccessError> {
         self.access(address, |model, offset| model.read(offset, width))
     }
 
-    fn write(&self, address: usize, width: Width, value: u32) -> Result<(), AccessError> {
+    fn write(&self, address: usize, width: Width, value: u32) -> Result<(), BusAccessError> {
         let value = value & width.mask();
         self.access(address, |model, offset| model.write(offset, width, value))
     }
 
-    fn read_block(&self, mut address: usize, into: &mut [u8]) -> Result<(), AccessError> {
+    fn read_block(&self, mut address: usize, into: &mut [u8]) -> Result<(), BusAccessError> {
         into.iter_mut().try_for_each(|byte| {
             address = self.access(address, |model, offset| {
                 *byte = model.read(offset, Width::Bits8)? as u8;
@@ -120,7 +120,7 @@ impl Bus for Joint {
         })
     }
 
-    fn write_block(&self, mut address: usize, from: &[u8]) -> Result<(), AccessError> {
+    fn write_block(&self, mut address: usize, from: &[u8]) -> Result<(), BusAccessError> {
         from.iter().try_for_each(|&byte| {
             address = self.access(address, |model, offset| {
                 model.write(offset, Width::Bits8, byte.into())?;

@@ -16,11 +16,11 @@ mod uart;
 
 pub use as5600::As5600Model;
 #[cfg(all(feature = "sim", not(target_os = "none")))]
-pub use bus::Bus;
+pub use bus::SimBus;
 #[cfg(all(feature = "sim", not(target_os = "none")))]
 pub use controller::Controller;
 pub use i2c::I2c;
-pub use joint::Joint;
+pub use joint::SimJoint;
 pub use pca9685::Pca9685Model;
 #[cfg(all(feature = "sim", not(target_os = "none")))]
 pub use spi::Spi;

@@ -2,7 +2,7 @@
 
 use embedded_hal::spi::{self, SpiDevice};
 
-use super::Bus;
+use super::SimBus;
 use crate::bus::Bus as _;
 use crate::serial::SpiCommand;
 
@@ -13,7 +13,7 @@ use crate::serial::SpiCommand;
 #[derive(Clone)]
 pub struct Spi {
     /// The bus of the model.
-    pub bus: Bus,
+    pub bus: SimBus,
     /// The bus address of the model.
     pub base: usize,
     /// The bits that the part expects in a command byte, apart from the register's number.

@@ -1,4 +1,4 @@
-//! [`Claim`]: a value that one context at a time can claim, without waiting.
+//! [`ClaimCell`]: a value that one context at a time can claim, without waiting.
 
 use core::cell::UnsafeCell;
 use core::ops::{Deref, DerefMut};
@@ -8,9 +8,9 @@ use core::sync::atomic::{AtomicBool, Ordering};
 /// by another context fails.
 ///
 /// ```
-/// use condor_dev::stdio::Claim;
+/// use condor_dev::stdio::ClaimCell;
 ///
-/// static COUNT: Claim<u32> = Claim::new(1);
+/// static COUNT: ClaimCell<u32> = ClaimCell::new(1);
 ///
 /// let mut first = COUNT.claim().unwrap();
 /// *first += 1;
@@ -18,15 +18,15 @@ use core::sync::atomic::{AtomicBool, Ordering};
 /// drop(first);
 /// assert_eq!(*COUNT.claim().unwrap(), 2);
 /// ```
-pub struct Claim<T> {
+pub struct ClaimCell<T> {
     claimed: AtomicBool,
     value: UnsafeCell<T>,
 }
 
-// SAFETY: a reference to the value is made by `Claimed` alone, of which `claim` lets one exist.
-unsafe impl<T: Send> Sync for Claim<T> {}
+// SAFETY: a reference to the value is made by `ClaimGuard` alone, of which `claim` lets one exist.
+unsafe impl<T: Send> Sync for ClaimCell<T> {}
 
-impl<T> Claim<T> {
+impl<T> ClaimCell<T> {
     /// Makes a value that is not claimed.
     #[must_use]
     pub const fn new(value: T) -> Self {
@@ -37,9 +37,9 @@ impl<T> Claim<T> {
     }
 
     /// Claims the value; returns `None` if another context has it. Never waits.
-    pub fn claim(&self) -> Option<Claimed<'_, T>> {
+    pub fn claim(&self) -> Option<ClaimGuard<'_, T>> {
         let free = critical_section::with(|_| {
-            // Acquire: pairs with the Release store of `Claimed::drop`. In a critical section
+            // Acquire: pairs with the Release store of `ClaimGuard::drop`. In a critical section
             // nobody comes between load and store, on processors without compare-and-swap too.
             let free = !self.claimed.load(Ordering::Acquire);
             if free {
@@ -48,32 +48,32 @@ impl<T> Claim<T> {
             free
         });
         // Made only if it is free: even one that is dropped at once gives the value back.
-        free.then(|| Claimed { claim: self })
+        free.then(|| ClaimGuard { claim: self })
     }
 }
 
 /// A claimed value; dropping it ends the claim.
-pub struct Claimed<'c, T> {
-    claim: &'c Claim<T>,
+pub struct ClaimGuard<'c, T> {
+    claim: &'c ClaimCell<T>,
 }
 
-impl<T> Deref for Claimed<'_, T> {
+impl<T> Deref for ClaimGuard<'_, T> {
     type Target = T;
 
     fn deref(&self) -> &T {
-        // SAFETY: `claim` made this the only `Claimed` until it is dropped.
+        // SAFETY: `claim` made this the only `ClaimGuard` until it is dropped.
         unsafe { &*self.claim.value.get() }
     }
 }
 
-impl<T> DerefMut for Claimed<'_, T> {
+impl<T> DerefMut for ClaimGuard<'_, T> {
     fn deref_mut(&mut self) -> &mut T {
         // SAFETY: as above; and `self` is borrowed as long as the reference lives.
         unsafe { &mut *self.claim.value.get() }
     }
 }
 
-impl<T> Drop for Claimed<'_, T> {
+impl<T> Drop for ClaimGuard<'_, T> {
     fn drop(&mut self) {
         // Release: pairs with the Acquire load in `claim`.
         self.claim.claimed.store(false, Ordering::Release);

@@ -1,12 +1,12 @@
-//! [`Input`]: one buffered reader for all contexts of a program.
+//! [`BufferedInput`]: one buffered reader for all contexts of a program.
 
 use embedded_io::{Error as _, ErrorType, Read};
 
-use super::claim::Claim;
+use super::claim::ClaimCell;
 use super::error::StdioError;
 use super::read::{BufReader, LineError, ReadLine, UntilError, line};
 
-/// A standard input that all contexts share, with any reader; [`Input`] implements it.
+/// A standard input that all contexts share, with any reader; [`BufferedInput`] implements it.
 ///
 /// A read while another context reads is refused, so calls wait only for the reader. For code that
 /// is generic over [`Read`], a reference to a standard input is a reader.
@@ -36,13 +36,13 @@ pub trait StandardInput: Sync {
 }
 
 /// A buffered reader in a `static` for all contexts of a program, with a buffer of `N` bytes.
-pub struct Input<R, const N: usize>(Claim<Option<BufReader<R, N>>>);
+pub struct BufferedInput<R, const N: usize>(ClaimCell<Option<BufReader<R, N>>>);
 
-impl<R, const N: usize> Input<R, N> {
+impl<R, const N: usize> BufferedInput<R, N> {
     /// Makes an input that has no reader yet.
     #[must_use]
     pub const fn new() -> Self {
-        Self(Claim::new(None))
+        Self(ClaimCell::new(None))
     }
 
     /// Sets the reader, which stays for the whole program.
@@ -65,13 +65,13 @@ impl<R, const N: usize> Input<R, N> {
     }
 }
 
-impl<R, const N: usize> Default for Input<R, N> {
+impl<R, const N: usize> Default for BufferedInput<R, N> {
     fn default() -> Self {
         Self::new()
     }
 }
 
-impl<R: Read + Send, const N: usize> StandardInput for Input<R, N> {
+impl<R: Read + Send, const N: usize> StandardInput for BufferedInput<R, N> {
     fn read(&self, into: &mut [u8]) -> Result<usize, StdioError> {
         self.with(|reader| reader.read(into))?
             .map_err(|error| StdioError::Failed(error.kind()))

@@ -1,9 +1,9 @@
 //! Buffered input and output over any type that implements `embedded-io`: devices through a
-//! [`Stream`](crate::Stream), terminals, files (A. I. Memo 977, section 3.1).
+//! [`DeviceStream`](crate::DeviceStream), terminals, files (A. I. Memo 977, section 3.1).
 //!
 //! * [`BufReader`] and [`BufWriter`] belong to one context, like any value. [`ReadLine`] reads
 //!   lines and pieces into the caller's memory.
-//! * [`Output`] and [`Input`] are shared: each is a `static`, installed once as the program's
+//! * [`Output`] and [`BufferedInput`] are shared: each is a `static`, installed once as the program's
 //!   standard output and input with [`set_output`] and [`set_input`]. [`print!`](crate::print!) and
 //!   [`println!`](crate::println!) write to the output and may wait for it; [`post!`](crate::post!)
 //!   and [`postln!`](crate::postln!) never wait.
@@ -19,7 +19,7 @@
 //!
 //! static OUTPUT: Output<Console, 256> = Output::new(Buffering::Line);
 //!
-//! // At start-up, with a `Stream` of an open descriptor for example:
+//! // At start-up, with a `DeviceStream` of an open descriptor for example:
 //! OUTPUT.open(Console).ok().unwrap();
 //! stdio::set_output(&OUTPUT).unwrap();
 //!
@@ -57,10 +57,10 @@ mod ring;
 mod standard;
 mod write;
 
-pub use claim::{Claim, Claimed};
+pub use claim::{ClaimCell, ClaimGuard};
 pub use error::StdioError;
-pub use input::{Input, StandardInput};
-pub use output::{Output, StandardOutput};
+pub use input::{BufferedInput, StandardInput};
+pub use output::{BufferedOutput, StandardOutput};
 pub use read::{BufReader, LineError, ReadLine, UntilError};
 pub use standard::{AlreadySet, flush, lost, post, print, set_input, set_output, stdin, stdout};
 pub use write::{BufWriter, Buffering, WriteError};

@@ -1,10 +1,10 @@
-//! [`Output`]: one writer for all contexts of a program.
+//! [`BufferedOutput`]: one writer for all contexts of a program.
 
 use core::fmt;
 
 use embedded_io::{ErrorKind, ErrorType, Write};
 
-use super::claim::Claim;
+use super::claim::ClaimCell;
 use super::error::StdioError;
 use super::ring::Ring;
 use super::write::Buffering;
@@ -12,7 +12,7 @@ use super::write::Buffering;
 /// Bytes that are written with one claim of the writer.
 const WRITTEN_AT_ONCE: usize = 64;
 
-/// A standard output that all contexts share, with any writer; [`Output`] implements it.
+/// A standard output that all contexts share, with any writer; [`BufferedOutput`] implements it.
 ///
 /// The [module](super) describes the effects in each context. For code that is generic over
 /// [`Write`], a reference to a standard output is a writer.
@@ -46,20 +46,20 @@ pub trait StandardOutput: Sync {
 }
 
 /// A buffered writer in a `static` for all contexts of a program, with a ring of `N` bytes.
-pub struct Output<W, const N: usize> {
+pub struct BufferedOutput<W, const N: usize> {
     ring: Ring<N>,
-    writer: Claim<Option<W>>,
+    writer: ClaimCell<Option<W>>,
     buffering: Buffering,
 }
 
-impl<W: Write, const N: usize> Output<W, N> {
+impl<W: Write, const N: usize> BufferedOutput<W, N> {
     /// Makes an output that has no writer yet; printed text stays in the ring until then.
     #[must_use]
     pub const fn new(buffering: Buffering) -> Self {
         const { assert!(N > 0, "what is printed needs some room") };
         Self {
             ring: Ring::new(),
-            writer: Claim::new(None),
+            writer: ClaimCell::new(None),
             buffering,
         }
     }
@@ -120,7 +120,7 @@ fn failed(error: impl embedded_io::Error) -> StdioError {
     StdioError::Failed(error.kind())
 }
 
-impl<W: Write + Send, const N: usize> StandardOutput for Output<W, N> {
+impl<W: Write + Send, const N: usize> StandardOutput for BufferedOutput<W, N> {
     fn print(&self, text: fmt::Arguments<'_>) {
         let mut print = self.text(true);
         // What is in front of a value whose formatting fails is out.
@@ -184,7 +184,7 @@ impl Write for &dyn StandardOutput {
 
 /// One print, or post.
 struct Print<'o, W, const N: usize> {
-    output: &'o Output<W, N>,
+    output: &'o BufferedOutput<W, N>,
     /// Not after the writer has failed once: a deadline for each piece would be a long time.
     may_wait: bool,
     /// Whether there was a newline.

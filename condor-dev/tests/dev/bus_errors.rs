@@ -5,15 +5,15 @@ use std::num::NonZeroU16;
 use crate::boards::*;
 use condor_dev::drivers::Format;
 use condor_dev::sim::LineFault;
-use condor_dev::{Fd, Mode};
-use utah_mit_boards::Trigger;
+use condor_dev::{Fd, OpenMode};
+use utah_mit_boards::ConversionTrigger;
 
 /// Calls of a device, whose results are not looked at.
 type Session = fn(&Machine, Fd);
 
 /// Opens the device, runs `session` in which one access fails, and closes it; then `check` must hold
 /// in a session of its own.
-fn fail_everywhere(name: &str, mode: Mode, session: Session, check: Session) {
+fn fail_everywhere(name: &str, mode: OpenMode, session: Session, check: Session) {
     for failing in 0.. {
         let machine = Machine::started();
         let before = machine.bus.accesses();
@@ -80,7 +80,7 @@ fn serial_ports_bear_it() {
         let _ = machine.switch.is_flushed(fd);
     };
     fail_everywhere("uart", BOTH, session, |machine, fd| {
-        // What was accepted is sent, also in a later life of the port.
+        // What was accepted is sent, also in a later incarnation of the port.
         for _ in 0..4 {
             machine.interrupts();
             while outside(&machine.uart).transmit().is_some() {}
@@ -99,14 +99,14 @@ fn serial_ports_bear_it() {
 fn converters_bear_it() {
     let session: Session = |machine, fd| {
         let adc = machine.switch.device(Boards::adc, fd).unwrap();
-        let _ = adc.set_trigger(adc.registers, Trigger::Command);
+        let _ = adc.set_trigger(adc.registers, ConversionTrigger::Command);
         let _ = adc.start(adc.registers);
         outside(&machine.adc).complete();
         let _ = adc.is_ready(adc.registers);
         let _ = machine.read(fd);
         let _ = adc.scan(adc.registers, &mut [0; 16]);
     };
-    fail_everywhere("adc", Mode::READ, session, |machine, fd| {
+    fail_everywhere("adc", OpenMode::READ, session, |machine, fd| {
         outside(&machine.adc).channels = [-3; 16];
         let adc = machine.switch.device(Boards::adc, fd).unwrap();
         let mut channels = [0; 16];
@@ -118,7 +118,7 @@ fn converters_bear_it() {
         let _ = dac.write_all(dac.registers, &[9; 16]);
         let _ = machine.switch.write(fd, &[1; 32]);
     };
-    fail_everywhere("dac", Mode::WRITE, session, |machine, fd| {
+    fail_everywhere("dac", OpenMode::WRITE, session, |machine, fd| {
         assert_eq!(outside(&machine.dac).outputs(), [0; 16]);
         let dac = machine.switch.device(Boards::dac, fd).unwrap();
         assert_eq!(dac.write_all(dac.registers, &[7; 16]), Ok(()));
@@ -135,7 +135,7 @@ fn encoders_bear_it() {
         let _ = encoder.take_index(encoder.registers);
         let _ = encoder.zero(encoder.registers, 0xff);
     };
-    fail_everywhere("encoder", Mode::READ, session, |machine, fd| {
+    fail_everywhere("encoder", OpenMode::READ, session, |machine, fd| {
         let encoder = machine.switch.device(Boards::encoder, fd).unwrap();
         assert_eq!(encoder.zero_at_index(encoder.registers, 0), Ok(()));
         outside(&machine.encoder).turn(2, 5);

@@ -1,8 +1,8 @@
 //! The simulated bus conforms, and buses with a fault do not.
 
-use condor_dev::conformance::{self, Ground};
+use condor_dev::conformance::{self, BusMemory};
 use condor_dev::sim::{self, Model};
-use condor_dev::{AccessError, Bus, BusErrorKind, Mmio, Width};
+use condor_dev::{Bus, BusAccessError, BusErrorKind, Mmio, Width};
 
 /// A board that is nothing but memory.
 struct Memory([u8; 16]);
@@ -32,14 +32,14 @@ impl Model for Memory {
     }
 }
 
-const GROUND: Ground = Ground {
+const GROUND: BusMemory = BusMemory {
     memory: 0x100,
     absent: Some(0x110),
     refuses_misaligned: true,
 };
 
-fn memory() -> sim::Bus {
-    let bus = sim::Bus::new();
+fn memory() -> sim::SimBus {
+    let bus = sim::SimBus::new();
     bus.insert(0x100, Memory([0; 16]));
     bus
 }
@@ -63,10 +63,10 @@ enum BusFault {
     WritesBlocksInPlace,
 }
 
-struct FaultyBus(sim::Bus, BusFault);
+struct FaultyBus(sim::SimBus, BusFault);
 
 impl FaultyBus {
-    fn result<T: Default>(&self, result: Result<T, AccessError>) -> Result<T, BusErrorKind> {
+    fn result<T: Default>(&self, result: Result<T, BusAccessError>) -> Result<T, BusErrorKind> {
         match (result, self.1) {
             (Ok(value), _) => Ok(value),
             (Err(_), BusFault::NeverFails) => Ok(T::default()),
@@ -150,7 +150,7 @@ fn registers_in_memory_conform() {
     // SAFETY: the array is aligned, and reached through the bus alone as long as that is used.
     let bus = unsafe { Mmio::translated(memory.as_mut_ptr().cast(), 0x1000, 16) };
     for memory in [0x1000, 0x1008] {
-        let ground = Ground {
+        let ground = BusMemory {
             memory,
             absent: Some(0x1010),
             refuses_misaligned: true,
@@ -164,7 +164,7 @@ fn registers_in_memory_conform() {
 fn what_is_outside_of_registers_is_not_accessed() {
     // SAFETY: nothing is accessed.
     let bus = unsafe { Mmio::translated(std::ptr::dangling_mut::<u32>().cast(), 0x1000, 2) };
-    let kind = |result: Result<(), AccessError>| result.unwrap_err().kind;
+    let kind = |result: Result<(), BusAccessError>| result.unwrap_err().kind;
     assert_eq!(kind(bus.write32(0x1000, 0)), BusErrorKind::OutOfRange);
     for address in [0xfff, 0x1002, usize::MAX] {
         assert_eq!(kind(bus.write8(address, 0)), BusErrorKind::OutOfRange);

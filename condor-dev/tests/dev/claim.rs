@@ -1,11 +1,11 @@
 //! A claimed value is one context's.
 
-use condor_dev::stdio::Claim;
+use condor_dev::stdio::ClaimCell;
 
 #[test]
 fn threads_do_not_share_it() {
     const ROUNDS: u32 = if cfg!(miri) { 50 } else { 5_000 };
-    let claim = Claim::new(0_u32);
+    let claim = ClaimCell::new(0_u32);
     let count = || {
         let mut counted = 0;
         for _ in 0..ROUNDS {

@@ -4,14 +4,14 @@
 
 use condor_dev::conformance::interrupt_controller;
 use condor_dev::sim::Controller;
-use condor_dev::{InterruptController, Level, Vector};
+use condor_dev::{InterruptController, InterruptLevel, InterruptVector};
 
 #[test]
 fn simulated() {
     let controller = Controller::new();
-    let lines = [Vector(64), Vector(7)];
+    let lines = [InterruptVector(64), InterruptVector(7)];
     let set = |vector, raised| controller.set(vector, raised);
-    interrupt_controller(&controller, lines, Vector(8), set).unwrap();
+    interrupt_controller(&controller, lines, InterruptVector(8), set).unwrap();
 }
 
 /// A controller with one fault.
@@ -31,32 +31,32 @@ enum Fault {
 }
 
 impl InterruptController for Faulty<'_> {
-    fn enable(&self, vector: Vector, level: Level) {
+    fn enable(&self, vector: InterruptVector, level: InterruptLevel) {
         let level = match self.fault {
-            Fault::EnableIgnoresLevelZero => Level(level.0.max(1)),
-            Fault::LevelsAreIgnored => Level(level.0.min(1)),
+            Fault::EnableIgnoresLevelZero => InterruptLevel(level.0.max(1)),
+            Fault::LevelsAreIgnored => InterruptLevel(level.0.min(1)),
             _ => level,
         };
         self.controller.enable(vector, level);
     }
 
-    fn disable(&self, vector: Vector) {
+    fn disable(&self, vector: InterruptVector) {
         if self.fault != Fault::DisableDoesNothing {
             self.controller.disable(vector);
         }
     }
 
-    fn claim(&self) -> Option<Vector> {
+    fn claim(&self) -> Option<InterruptVector> {
         self.controller.claim()
     }
 
-    fn complete(&self, vector: Vector) {
+    fn complete(&self, vector: InterruptVector) {
         match self.fault {
             Fault::CompleteDoesNothing => {}
             Fault::CompleteNeedsEnabled if !self.controller.is_enabled(vector) => {}
-            Fault::UnknownCompletesAll if vector == Vector(8) => {
-                self.controller.complete(Vector(7));
-                self.controller.complete(Vector(64));
+            Fault::UnknownCompletesAll if vector == InterruptVector(8) => {
+                self.controller.complete(InterruptVector(7));
+                self.controller.complete(InterruptVector(64));
             }
             _ => self.controller.complete(vector),
         }
@@ -75,9 +75,9 @@ fn every_fault_is_found() {
     ] {
         let controller = &Controller::new();
         let faulty = Faulty { controller, fault };
-        let lines = [Vector(64), Vector(7)];
+        let lines = [InterruptVector(64), InterruptVector(7)];
         let set = |vector, raised| controller.set(vector, raised);
-        let verdict = interrupt_controller(&faulty, lines, Vector(8), set);
+        let verdict = interrupt_controller(&faulty, lines, InterruptVector(8), set);
         assert!(verdict.is_err(), "{fault:?}");
     }
 }

@@ -1,9 +1,9 @@
 //! Descriptors, used and misused at random, beside a model that keeps a list of all that ever were.
 
-use condor_dev::sim::{Bus, Model};
+use condor_dev::sim::{Model, SimBus};
 use condor_dev::{
-    Bus as _, Device, DeviceError, Driver, Fd, FdError, IoError, Location, Mode, NoInterrupts,
-    OpenError, Presence, Registers, Switch, Width, device_switch,
+    Bus as _, Device, DeviceError, Driver, Fd, FdError, IoError, Location, NoInterrupts, OpenError,
+    OpenMode, Presence, Registers, Switch, Width, device_switch,
 };
 use proptest::prelude::*;
 use utah_mit_boards::Adc16;
@@ -96,7 +96,7 @@ const FDS: usize = 4;
 /// The latch that is not there.
 const ABSENT: u8 = 1;
 
-type TestSwitch = Switch<Bus, NoInterrupts, Boards, FDS>;
+type TestSwitch = Switch<SimBus, NoInterrupts, Boards, FDS>;
 
 #[derive(Clone, Debug)]
 enum Step {
@@ -130,7 +130,7 @@ struct Given {
     fd: Fd,
     latch: bool,
     board: u8,
-    mode: Mode,
+    mode: OpenMode,
     open: bool,
 }
 
@@ -142,7 +142,7 @@ struct Naive {
 }
 
 impl Naive {
-    fn open(&self, latch: bool, board: u8, mode: Mode) -> Result<(), OpenError<'static>> {
+    fn open(&self, latch: bool, board: u8, mode: OpenMode) -> Result<(), OpenError<'static>> {
         let (name, boards) = if latch { ("latch", 3) } else { ("adc", 1) };
         if board >= boards {
             return Err(OpenError::NoSuchBoard {
@@ -159,14 +159,16 @@ impl Naive {
                 presence,
             });
         }
-        let neither = !mode.intersects(Mode::READ | Mode::WRITE);
-        if neither || (!latch && mode.contains(Mode::WRITE)) {
+        let neither = !mode.intersects(OpenMode::READ | OpenMode::WRITE);
+        if neither || (!latch && mode.contains(OpenMode::WRITE)) {
             return Err(OpenError::Direction { name, mode });
         }
         let same = |given: &&Given| given.open && (given.latch, given.board) == (latch, board);
         let mut others = self.given.iter().filter(same);
-        let alone = |given: &Given| given.mode.contains(Mode::EXCLUSIVE);
-        if mode.contains(Mode::EXCLUSIVE) && others.clone().next().is_some() || others.any(alone) {
+        let alone = |given: &Given| given.mode.contains(OpenMode::EXCLUSIVE);
+        if mode.contains(OpenMode::EXCLUSIVE) && others.clone().next().is_some()
+            || others.any(alone)
+        {
             return Err(OpenError::Busy { name, board });
         }
         if self.given.iter().filter(|given| given.open).count() == FDS {
@@ -184,7 +186,7 @@ impl Naive {
         (0..FDS as u16).find(|number| !taken(*number)).unwrap()
     }
 
-    fn check(&self, index: usize, wanted: Mode) -> Result<Given, FdError> {
+    fn check(&self, index: usize, wanted: OpenMode) -> Result<Given, FdError> {
         let given = self.given[index];
         let fd = given.fd;
         let mut later = self.given[index + 1..].iter();
@@ -199,7 +201,7 @@ impl Naive {
     }
 
     fn hold(&self, index: usize, latch: bool) -> Result<(), FdError> {
-        let given = self.check(index, Mode::empty())?;
+        let given = self.check(index, OpenMode::empty())?;
         let wanted = if latch { "latch" } else { "adc" };
         if given.latch == latch {
             Ok(())
@@ -220,8 +222,8 @@ impl Naive {
 
 /// What somebody holds.
 enum Held<'s> {
-    Adc(Device<'s, Bus, Adc16, FDS>),
-    Latch(Device<'s, Bus, Latch, FDS>),
+    Adc(Device<'s, SimBus, Adc16, FDS>),
+    Latch(Device<'s, SimBus, Latch, FDS>),
 }
 
 impl Held<'_> {
@@ -233,8 +235,8 @@ impl Held<'_> {
     }
 }
 
-fn started() -> (Bus, TestSwitch) {
-    let bus = Bus::new();
+fn started() -> (SimBus, TestSwitch) {
+    let bus = SimBus::new();
     let mut adc = AdcModel::default();
     adc.channels = [0x5151; 16];
     bus.insert(0x1000, adc);
@@ -258,7 +260,7 @@ proptest! {
             match &step {
                 Step::Open { latch, board, mode } => {
                     let (latch, board) = (*latch, *board);
-                    let mode = Mode::from_bits_truncate(*mode);
+                    let mode = OpenMode::from_bits_truncate(*mode);
                     let name = if latch { "latch" } else { "adc" };
                     let opened = switch.open(name, board, mode);
                     prop_assert_eq!(opened.map(|_| ()), model.open(latch, board, mode));
@@ -272,7 +274,7 @@ proptest! {
                 Step::Close(which) => {
                     let Some(index) = some(which) else { continue };
                     let fd = model.given[index].fd;
-                    let mut expected = model.check(index, Mode::empty()).map(|_| ());
+                    let mut expected = model.check(index, OpenMode::empty()).map(|_| ());
                     if expected.is_ok() && held.iter().any(|held| held.fd() == fd) {
                         expected = Err(FdError::InUse { fd });
                     }
@@ -285,7 +287,7 @@ proptest! {
                     let Some(index) = some(which) else { continue };
                     let mut bytes = [0; 2];
                     let read = switch.read(model.given[index].fd, &mut bytes);
-                    let expected = model.check(index, Mode::READ).map(|given| {
+                    let expected = model.check(index, OpenMode::READ).map(|given| {
                         if given.latch { 1 } else { 2 }
                     });
                     prop_assert_eq!(read, expected.map_err(IoError::Fd));
@@ -299,7 +301,7 @@ proptest! {
                 Step::Write(which, byte) => {
                     let Some(index) = some(which) else { continue };
                     let written = switch.write(model.given[index].fd, &[*byte]);
-                    let expected = model.check(index, Mode::WRITE).map(|_| 1);
+                    let expected = model.check(index, OpenMode::WRITE).map(|_| 1);
                     prop_assert_eq!(written, expected.map_err(IoError::Fd));
                     if written.is_ok() {
                         model.bytes[usize::from(model.given[index].board)] = *byte;

@@ -3,10 +3,10 @@
 
 use std::sync::{Arc, Mutex};
 
-use condor_dev::sim::{Bus, Controller, Model};
+use condor_dev::sim::{Controller, Model, SimBus};
 use condor_dev::{
-    Attention, Bus as _, DeviceError, Driver, InterruptController, InterruptCounts, Level,
-    Location, Registers, Switch, Vector, Width, device_switch,
+    Attention, Bus as _, DeviceError, Driver, InterruptController, InterruptCounts, InterruptLevel,
+    InterruptVector, Location, Registers, Switch, Width, device_switch,
 };
 
 /// A board with one register: reading says whether it asks, writing serves it.
@@ -118,10 +118,10 @@ impl Model for Board {
     }
 }
 
-const SHARED: Vector = Vector(10);
-const ONE: Vector = Vector(20);
-const OTHER: Vector = Vector(30);
-const INNOCENT: Vector = Vector(40);
+const SHARED: InterruptVector = InterruptVector(10);
+const ONE: InterruptVector = InterruptVector(20);
+const OTHER: InterruptVector = InterruptVector(30);
+const INNOCENT: InterruptVector = InterruptVector(40);
 const STRANGER: u16 = 50;
 
 device_switch! {
@@ -140,17 +140,17 @@ device_switch! {
 struct Machine<C> {
     bench: Arc<Mutex<Bench>>,
     controller: C,
-    switch: Switch<Bus, C, Bells, 1>,
+    switch: Switch<SimBus, C, Bells, 1>,
 }
 
-const VECTORS: [Vector; COUNT] = [SHARED, SHARED, SHARED, ONE, OTHER, INNOCENT];
+const VECTORS: [InterruptVector; COUNT] = [SHARED, SHARED, SHARED, ONE, OTHER, INNOCENT];
 
 /// A machine whose controller is made around the simulated one.
 fn machine<C: InterruptController + Clone>(
     bench: Bench,
     around: impl FnOnce(Controller, &Arc<Mutex<Bench>>) -> C,
 ) -> Machine<C> {
-    let (bus, inside) = (Bus::new(), Controller::new());
+    let (bus, inside) = (SimBus::new(), Controller::new());
     let bench = Arc::new(Mutex::new(bench));
     for (number, vector) in VECTORS.into_iter().enumerate() {
         let bench = bench.clone();
@@ -220,17 +220,17 @@ struct EdgeTriggered {
 }
 
 impl InterruptController for EdgeTriggered {
-    fn enable(&self, _: Vector, _: Level) {}
+    fn enable(&self, _: InterruptVector, _: InterruptLevel) {}
 
-    fn disable(&self, _: Vector) {}
+    fn disable(&self, _: InterruptVector) {}
 
-    fn claim(&self) -> Option<Vector> {
+    fn claim(&self) -> Option<InterruptVector> {
         let up = self.boards.lock().unwrap().asks[..3].iter().any(|&n| n > 0);
         let was_up = std::mem::replace(&mut *self.was_up.lock().unwrap(), up);
         (up && !was_up).then_some(SHARED)
     }
 
-    fn complete(&self, _: Vector) {}
+    fn complete(&self, _: InterruptVector) {}
 }
 
 #[test]
@@ -257,20 +257,20 @@ fn nothing_interrupts_before_all_boards_are_initialised() {
     struct Watched(Controller);
 
     impl InterruptController for Watched {
-        fn enable(&self, vector: Vector, level: Level) {
+        fn enable(&self, vector: InterruptVector, level: InterruptLevel) {
             self.0.enable(vector, level);
             assert!(!self.0.is_pending(), "{vector:?}");
         }
 
-        fn disable(&self, vector: Vector) {
+        fn disable(&self, vector: InterruptVector) {
             self.0.disable(vector);
         }
 
-        fn claim(&self) -> Option<Vector> {
+        fn claim(&self) -> Option<InterruptVector> {
             self.0.claim()
         }
 
-        fn complete(&self, vector: Vector) {
+        fn complete(&self, vector: InterruptVector) {
             self.0.complete(vector);
         }
     }
@@ -288,18 +288,20 @@ fn nothing_interrupts_before_all_boards_are_initialised() {
 fn vectors_without_a_board_are_named_and_disabled() {
     let machine = level_triggered();
     for stranger in STRANGER..STRANGER + 10 {
-        machine.controller.enable(Vector(stranger), Level(1));
+        machine
+            .controller
+            .enable(InterruptVector(stranger), InterruptLevel(1));
     }
     for stranger in STRANGER..STRANGER + 9 {
-        machine.controller.set(Vector(stranger), true);
+        machine.controller.set(InterruptVector(stranger), true);
         machine.switch.on_interrupt();
     }
     let named: Vec<_> = machine.switch.unhandled().collect();
     let expected: Vec<_> = (STRANGER..STRANGER + 8)
-        .map(|stranger| (Vector(stranger), 16))
+        .map(|stranger| (InterruptVector(stranger), 16))
         .collect();
     assert_eq!(named, expected);
-    let enabled = |stranger| machine.controller.is_enabled(Vector(stranger));
+    let enabled = |stranger| machine.controller.is_enabled(InterruptVector(stranger));
     assert!(!(STRANGER..STRANGER + 9).any(enabled));
     assert!(enabled(STRANGER + 9));
     let expected = InterruptCounts {
@@ -330,19 +332,19 @@ fn two_lines_that_nobody_claims_end_both() {
 #[derive(Clone)]
 struct InTurn {
     inside: Controller,
-    last: Arc<Mutex<Vector>>,
+    last: Arc<Mutex<InterruptVector>>,
 }
 
 impl InterruptController for InTurn {
-    fn enable(&self, vector: Vector, level: Level) {
+    fn enable(&self, vector: InterruptVector, level: InterruptLevel) {
         self.inside.enable(vector, level);
     }
 
-    fn disable(&self, vector: Vector) {
+    fn disable(&self, vector: InterruptVector) {
         self.inside.disable(vector);
     }
 
-    fn claim(&self) -> Option<Vector> {
+    fn claim(&self) -> Option<InterruptVector> {
         let mut claimed = Vec::new();
         while let Some(vector) = self.inside.claim() {
             claimed.push(vector);
@@ -360,7 +362,7 @@ impl InterruptController for InTurn {
         chosen
     }
 
-    fn complete(&self, vector: Vector) {
+    fn complete(&self, vector: InterruptVector) {
         self.inside.complete(vector);
     }
 }
@@ -368,7 +370,7 @@ impl InterruptController for InTurn {
 fn in_turn() -> Machine<InTurn> {
     machine(Bench::default(), |inside, _| InTurn {
         inside,
-        last: Arc::new(Mutex::new(Vector(0))),
+        last: Arc::new(Mutex::new(InterruptVector(0))),
     })
 }
 
@@ -407,18 +409,18 @@ fn lines_that_never_end_do_not_take_others_with_them() {
 
 /// Claims what a test has put in, once each.
 #[derive(Clone, Default)]
-struct Queue(Arc<Mutex<Vec<Vector>>>);
+struct Queue(Arc<Mutex<Vec<InterruptVector>>>);
 
 impl InterruptController for Queue {
-    fn enable(&self, _: Vector, _: Level) {}
+    fn enable(&self, _: InterruptVector, _: InterruptLevel) {}
 
-    fn disable(&self, _: Vector) {}
+    fn disable(&self, _: InterruptVector) {}
 
-    fn claim(&self) -> Option<Vector> {
+    fn claim(&self) -> Option<InterruptVector> {
         self.0.lock().unwrap().pop()
     }
 
-    fn complete(&self, _: Vector) {}
+    fn complete(&self, _: InterruptVector) {}
 }
 
 #[test]

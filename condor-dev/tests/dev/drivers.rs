@@ -4,14 +4,16 @@ use std::num::NonZeroU16;
 
 use crate::boards::*;
 use condor_dev::drivers::{As5600, Format, LineErrors, Pca9685, Uart16550};
-use condor_dev::sim::{Bus, LineFault, Model, UartModel};
-use condor_dev::{Bus as _, BusErrorKind, DeviceError, Driver, IoError, Mode, Registers, Width};
+use condor_dev::sim::{LineFault, Model, SimBus, UartModel};
+use condor_dev::{
+    Bus as _, BusErrorKind, DeviceError, Driver, IoError, OpenMode, Registers, Width,
+};
 use utah_mit_boards::sim::{AdcModel, DacModel, EncoderModel, MppModel};
-use utah_mit_boards::{Adc16, Dac16, Encoder8, Mpp, Trigger};
+use utah_mit_boards::{Adc16, ConversionTrigger, Dac16, Encoder8, Mpp};
 
 #[test]
 fn probes_know_their_own_board_only() {
-    let bus = Bus::new();
+    let bus = SimBus::new();
     bus.insert(0x100, AdcModel::default());
     bus.insert(0x200, DacModel::default());
     bus.insert(0x300, EncoderModel::default());
@@ -55,19 +57,19 @@ fn start_up_finds_all_and_lets_none_interrupt() {
 fn conversions_are_started_by_what_was_chosen() {
     let machine = Machine::started();
     outside(&machine.adc).channels[3] = 5;
-    let fd = machine.open("adc", Mode::READ);
+    let fd = machine.open("adc", OpenMode::READ);
     let adc = machine.switch.device(Boards::adc, fd).unwrap();
     let channel = || {
         let mut channels = [0; 4];
         adc.scan(adc.registers, &mut channels).map(|_| channels[3])
     };
     assert_eq!(channel(), Ok(5));
-    for trigger in [Trigger::Command, Trigger::External] {
+    for trigger in [ConversionTrigger::Command, ConversionTrigger::External] {
         adc.set_trigger(adc.registers, trigger).unwrap();
         assert_eq!(adc.is_ready(adc.registers), Ok(false));
         assert_eq!(machine.read(fd), Err(IoError::WouldBlock));
         assert_eq!(machine.switch.read_ready(fd), Ok(false));
-        if trigger == Trigger::Command {
+        if trigger == ConversionTrigger::Command {
             adc.start(adc.registers).unwrap();
         }
         // Does nothing unless it was chosen.
@@ -81,7 +83,7 @@ fn conversions_are_started_by_what_was_chosen() {
     }
     drop(adc);
     machine.switch.close(fd).unwrap();
-    let again = machine.open("adc", Mode::READ);
+    let again = machine.open("adc", OpenMode::READ);
     assert_eq!(machine.switch.read_ready(again), Ok(true));
 }
 
@@ -89,7 +91,7 @@ fn conversions_are_started_by_what_was_chosen() {
 fn outputs_change_together_and_rest_when_closed() {
     let machine = Machine::started();
     let outputs = || outside(&machine.dac).outputs();
-    let fd = machine.open("dac", Mode::WRITE);
+    let fd = machine.open("dac", OpenMode::WRITE);
     assert!(outside(&machine.dac).is_connected());
     let dac = machine.switch.device(Boards::dac, fd).unwrap();
     let mut all = [0_i16; 16];
@@ -120,7 +122,7 @@ fn outputs_change_together_and_rest_when_closed() {
     assert_eq!(one, Err(IoError::Length { bytes: 1, unit: 2 }));
     machine.switch.close(fd).unwrap();
     assert!(!outside(&machine.dac).is_connected());
-    machine.open("dac", Mode::WRITE);
+    machine.open("dac", OpenMode::WRITE);
     assert_eq!(outputs(), [0; 16]);
 }
 
@@ -128,7 +130,7 @@ fn outputs_change_together_and_rest_when_closed() {
 fn outputs_come_to_rest_whatever_access_fails() {
     for failing in 0..18 {
         let machine = Machine::started();
-        let fd = machine.open("dac", Mode::WRITE);
+        let fd = machine.open("dac", OpenMode::WRITE);
         let dac = machine.switch.device(Boards::dac, fd).unwrap();
         dac.write_all(dac.registers, &[1000; 16]).unwrap();
         drop(dac);
@@ -141,7 +143,7 @@ fn outputs_come_to_rest_whatever_access_fails() {
 #[test]
 fn counts_are_of_one_instant_and_wrap() {
     let machine = Machine::started();
-    let fd = machine.open("encoder", Mode::READ);
+    let fd = machine.open("encoder", OpenMode::READ);
     let encoder = machine.switch.device(Boards::encoder, fd).unwrap();
     outside(&machine.encoder).turn(7, i32::MAX);
     let mut last = [0; 8];
@@ -177,7 +179,7 @@ fn counts_are_of_one_instant_and_wrap() {
 #[test]
 fn counters_are_zeroed_now_or_by_their_index() {
     let machine = Machine::started();
-    let fd = machine.open("encoder", Mode::READ);
+    let fd = machine.open("encoder", OpenMode::READ);
     let encoder = machine.switch.device(Boards::encoder, fd).unwrap();
     let turn = |pulses| (0..4).for_each(|number| outside(&machine.encoder).turn(number, pulses));
     let counts = || {
@@ -338,7 +340,7 @@ fn a_serial_port_sends_and_receives_by_interrupt() {
     assert_eq!(
         machine.read(fd),
         Err(IoError::WouldBlock),
-        "of a former life"
+        "of a former incarnation"
     );
 }
 
@@ -518,7 +520,7 @@ impl Model for Plain {
 
 #[test]
 fn a_probe_writes_nothing() {
-    let bus = Bus::new();
+    let bus = SimBus::new();
     for byte in 0..=u8::MAX {
         let plain = bus.insert(0x100, Plain(byte, 0));
         let found = [
@@ -548,7 +550,7 @@ fn a_probe_writes_nothing() {
 
 #[test]
 fn a_serial_port_forgets_what_a_former_program_set() {
-    let bus = Bus::new();
+    let bus = SimBus::new();
     let uart = bus.insert(0x100, UartModel::<1>::default());
     // Everything interrupts, seven bits behind the divisor, a loop-back, and a byte in the FIFO.
     for (register, byte) in [

@@ -5,30 +5,30 @@ use std::fs::File;
 use std::os::unix::process::ExitStatusExt as _;
 use std::process::Command;
 
-use condor_dev::linux::{Access, LinuxBus, MapError};
+use condor_dev::linux::{BusMapError, LinuxBus, MapAccess};
 use condor_dev::{
-    AccessError, Bus, BusErrorKind, Location, Mode, NoInterrupts, OpenError, Presence, Switch,
-    device_switch,
+    Bus, BusAccessError, BusErrorKind, Location, NoInterrupts, OpenError, OpenMode, Presence,
+    Switch, device_switch,
 };
-use condor_mbox::linux::{Access as WindowAccess, LinuxWindow};
+use condor_mbox::linux::{LinuxWindow, WindowAccess};
 use condor_mbox::{LoadOrder, MemoryWindow as _};
 use utah_mit_boards::Adc16;
 
 const BASE: usize = 0xee00_0000;
 const BYTES: usize = 0x4000;
 
-fn mapped(access: Access) -> (File, LinuxBus) {
+fn mapped(access: MapAccess) -> (File, LinuxBus) {
     let file = tempfile::tempfile().unwrap();
     file.set_len(BYTES as u64).unwrap();
     let bus = LinuxBus::map(&file, 0, BASE, BYTES, access).unwrap();
     (file, bus)
 }
 
-fn kind<T: std::fmt::Debug>(result: Result<T, AccessError>) -> BusErrorKind {
+fn kind<T: std::fmt::Debug>(result: Result<T, BusAccessError>) -> BusErrorKind {
     result.unwrap_err().kind
 }
 
-type Call = fn(&LinuxBus, usize) -> Result<u32, AccessError>;
+type Call = fn(&LinuxBus, usize) -> Result<u32, BusAccessError>;
 
 const READS: [Call; 3] = [
     |bus, at| bus.read8(at).map(u32::from),
@@ -43,8 +43,8 @@ const WRITES: [Call; 3] = [
 
 #[test]
 fn each_width_is_read_as_it_was_written() {
-    let (file, bus) = mapped(Access::ReadWrite);
-    let same = LinuxBus::map(&file, 0x1004, 0x100, 0x10, Access::ReadOnly).unwrap();
+    let (file, bus) = mapped(MapAccess::ReadWrite);
+    let same = LinuxBus::map(&file, 0x1004, 0x100, 0x10, MapAccess::ReadOnly).unwrap();
     for (read, write) in READS.into_iter().zip(WRITES) {
         let written = write(&bus, BASE + 0x1008).unwrap();
         assert_eq!(read(&bus, BASE + 0x1008), Ok(written));
@@ -67,11 +67,11 @@ fn each_width_is_read_as_it_was_written() {
 #[cfg(feature = "conformance")]
 #[test]
 fn conforms() {
-    use condor_dev::conformance::{Ground, bus as suite};
+    use condor_dev::conformance::{BusMemory, bus as suite};
 
-    let (file, bus) = mapped(Access::ReadWrite);
+    let (file, bus) = mapped(MapAccess::ReadWrite);
     file.set_len(0x1000).unwrap();
-    let ground = |memory, absent| Ground {
+    let ground = |memory, absent| BusMemory {
         memory,
         absent: Some(absent),
         refuses_misaligned: true,
@@ -83,7 +83,7 @@ fn conforms() {
 
 #[test]
 fn what_was_truncated_is_lost_and_the_rest_is_not() {
-    let (file, bus) = mapped(Access::ReadWrite);
+    let (file, bus) = mapped(MapAccess::ReadWrite);
     bus.write32(BASE, 7).unwrap();
     file.set_len(0x1000).unwrap();
     for access in READS.into_iter().chain(WRITES) {
@@ -96,8 +96,8 @@ fn what_was_truncated_is_lost_and_the_rest_is_not() {
 
 #[test]
 fn many_threads_lose_at_once() {
-    let (file, bus) = mapped(Access::ReadWrite);
-    let (_keeps, other) = mapped(Access::ReadWrite);
+    let (file, bus) = mapped(MapAccess::ReadWrite);
+    let (_keeps, other) = mapped(MapAccess::ReadWrite);
     file.set_len(0).unwrap();
     std::thread::scope(|threads| {
         for thread in 0..4_u32 {
@@ -122,7 +122,7 @@ device_switch! {
 
 #[test]
 fn an_unchanged_driver_finds_the_boards_that_are_there() {
-    let (file, bus) = mapped(Access::ReadWrite);
+    let (file, bus) = mapped(MapAccess::ReadWrite);
     bus.write16(BASE + 0x100, 0xadc0).unwrap();
     bus.write16(BASE + 0x126, 1234).unwrap();
     file.set_len(0x1000).unwrap();
@@ -133,8 +133,8 @@ fn an_unchanged_driver_finds_the_boards_that_are_there() {
         board: 1,
         presence: Presence::Absent,
     };
-    assert_eq!(switch.open("adc", 1, Mode::READ), Err(absent));
-    let fd = switch.open("adc", 0, Mode::READ).unwrap();
+    assert_eq!(switch.open("adc", 1, OpenMode::READ), Err(absent));
+    let fd = switch.open("adc", 0, OpenMode::READ).unwrap();
     let mut channels = [0; 16];
     let adc = switch.device(Boards::adc, fd).unwrap();
     adc.scan(adc.registers, &mut channels).unwrap();
@@ -150,21 +150,21 @@ fn an_unchanged_driver_finds_the_boards_that_are_there() {
 fn what_cannot_be_mapped_says_why() {
     let file = tempfile::tempfile().unwrap();
     file.set_len(0x100).unwrap();
-    let map = |offset, base, len| LinuxBus::map(&file, offset, base, len, Access::ReadOnly);
-    let misaligned = |result| matches!(result, Err(MapError::Misaligned { .. }));
+    let map = |offset, base, len| LinuxBus::map(&file, offset, base, len, MapAccess::ReadOnly);
+    let misaligned = |result| matches!(result, Err(BusMapError::Misaligned { .. }));
     assert!(misaligned(map(2, 0, 4)) && misaligned(map(0, 2, 4)) && misaligned(map(0, 0, 0)));
-    let large = |result| matches!(result, Err(MapError::TooLarge { .. }));
+    let large = |result| matches!(result, Err(BusMapError::TooLarge { .. }));
     assert!(large(map(u64::MAX - 3, 0, 8)) && large(map(0, usize::MAX - 3, 8)));
     assert!(matches!(
         map(0x80, 0, 0x84),
-        Err(MapError::TooShort {
+        Err(BusMapError::TooShort {
             needed: 0x104,
             found: 0x100
         })
     ));
     assert!(matches!(
-        LinuxBus::uio(u32::MAX, 0, Access::ReadOnly),
-        Err(MapError::System { .. })
+        LinuxBus::uio(u32::MAX, 0, MapAccess::ReadOnly),
+        Err(BusMapError::System { .. })
     ));
 }
 
@@ -210,34 +210,34 @@ fn the_parts() {
     match std::env::var(PART).as_deref() {
         Ok("the window's handler first") => {
             let window = window();
-            let bus = mapped(Access::ReadWrite);
+            let bus = mapped(MapAccess::ReadWrite);
             both_are_lost(&bus, &window);
         }
         Ok("the bus's handler first") => {
-            let bus = mapped(Access::ReadWrite);
+            let bus = mapped(MapAccess::ReadWrite);
             let window = window();
             both_are_lost(&bus, &window);
         }
         Ok("a foreign fault") => {
-            let _ours = mapped(Access::ReadWrite);
+            let _ours = mapped(MapAccess::ReadWrite);
             touch_foreign_memory();
         }
         Ok("a sent signal") => {
             // Rust's own handler would let it pass.
             handle_bus_errors(libc::SIG_DFL);
-            let _ours = mapped(Access::ReadWrite);
+            let _ours = mapped(MapAccess::ReadWrite);
             send_bus_error();
         }
         Ok("a fault of its own") => {
             handle_bus_errors(exit_77 as *const () as usize);
-            let (file, bus) = mapped(Access::ReadWrite);
+            let (file, bus) = mapped(MapAccess::ReadWrite);
             file.set_len(0).unwrap();
             assert_eq!(kind(bus.read8(BASE)), BusErrorKind::Lost, "not for him");
             touch_foreign_memory();
         }
         Ok("a signal for it") => {
             handle_bus_errors(exit_77 as *const () as usize);
-            let _ours = mapped(Access::ReadWrite);
+            let _ours = mapped(MapAccess::ReadWrite);
             send_bus_error();
         }
         Ok(other) => panic!("nobody plays {other}"),

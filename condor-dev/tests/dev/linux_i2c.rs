@@ -6,14 +6,14 @@ use std::fs::{self, File};
 use std::io;
 use std::os::fd::AsRawFd as _;
 
-use condor_dev::drivers::{As5600, Clock, Pca9685};
-use condor_dev::{Bus as _, I2cBus, Location, Mode, NoInterrupts, Switch, device_switch};
+use condor_dev::drivers::{As5600, ChipClock, Pca9685};
+use condor_dev::{Bus as _, I2cBus, Location, NoInterrupts, OpenMode, Switch, device_switch};
 use embedded_hal::i2c::{ErrorKind, ErrorType, I2c, Operation};
 
 /// A controller of the kernel by its `SMBus` calls, the only ones that `i2c-stub` has.
 struct Smbus(File);
 
-const I2C_SLAVE: libc::c_ulong = 0x0703;
+const I2C_STUB: libc::c_ulong = 0x0703;
 const I2C_SMBUS: libc::c_ulong = 0x0720;
 const I2C_BLOCK_DATA: u32 = 8;
 /// Bytes of a block.
@@ -68,13 +68,7 @@ impl ErrorType for Smbus {
 impl I2c for Smbus {
     fn transaction(&mut self, part: u8, operations: &mut [Operation<'_>]) -> Result<(), ErrorKind> {
         // SAFETY: the call takes a number.
-        if unsafe {
-            libc::ioctl(
-                self.0.as_raw_fd(),
-                I2C_SLAVE as _,
-                libc::c_ulong::from(part),
-            )
-        } < 0
+        if unsafe { libc::ioctl(self.0.as_raw_fd(), I2C_STUB as _, libc::c_ulong::from(part)) } < 0
         {
             return Err(ErrorKind::Other);
         }
@@ -115,12 +109,12 @@ fn parts_are_reached_through_the_kernel() {
     bus.write8(0x40fe, 0x1e).unwrap();
     let parts = Switch::<_, _, _, 2>::new(&bus, NoInterrupts, Parts::new());
     parts.start();
-    let angle = parts.open_typed(Parts::angle, 0, Mode::READ).unwrap();
+    let angle = parts.open_typed(Parts::angle, 0, OpenMode::READ).unwrap();
     assert_eq!(angle.raw_angle(angle.registers), Ok(0xabc));
     assert!(angle.magnet(angle.registers).unwrap().is_detected);
-    let servos = parts.open_typed(Parts::servos, 0, Mode::WRITE).unwrap();
+    let servos = parts.open_typed(Parts::servos, 0, OpenMode::WRITE).unwrap();
     let at = servos.registers;
-    assert_eq!(servos.set_frequency(at, Clock::NOMINAL, 50), Ok(50));
+    assert_eq!(servos.set_frequency(at, ChipClock::NOMINAL, 50), Ok(50));
     assert_eq!(bus.read8(0x40fe), Ok(121));
     assert_eq!(servos.set_duties(servos.registers, 0, &[307; 16]), Ok(()));
     let mut registers = [0; 64];

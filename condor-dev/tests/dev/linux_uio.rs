@@ -15,20 +15,20 @@ use std::time::{Duration, Instant};
 
 use condor_dev::conformance::interrupt_controller;
 use condor_dev::linux::UioInterrupts;
-use condor_dev::{InterruptController, Level, Vector};
+use condor_dev::{InterruptController, InterruptLevel, InterruptVector};
 use rustix::io::Errno;
 use rustix::net::{AddressFamily, SocketFlags, SocketType, socketpair};
 
-const ONE: Vector = Vector(64);
-const OTHER: Vector = Vector(65);
-const NOBODY: Vector = Vector(66);
+const ONE: InterruptVector = InterruptVector(64);
+const OTHER: InterruptVector = InterruptVector(65);
+const NOBODY: InterruptVector = InterruptVector(66);
 /// Nothing here takes as long.
 const LONG: Duration = Duration::from_secs(20);
 
 /// The kernel's side of one device, as `uio_pdrv_genirq` has it: an interrupt is counted and
 /// masked; writing 1 unmasks it, writing 0 masks it.
 struct Kernel {
-    vector: Vector,
+    vector: InterruptVector,
     end: OwnedFd,
     state: Mutex<State>,
 }
@@ -72,7 +72,7 @@ impl Kernel {
     }
 }
 
-fn device(vector: Vector) -> (Kernel, (Vector, OwnedFd)) {
+fn device(vector: InterruptVector) -> (Kernel, (InterruptVector, OwnedFd)) {
     let kind = SocketType::SEQPACKET;
     let (end, device) = socketpair(AddressFamily::UNIX, kind, SocketFlags::CLOEXEC, None).unwrap();
     rustix::io::ioctl_fionbio(&end, true).unwrap();
@@ -97,21 +97,21 @@ impl Settled<'_> {
 }
 
 impl InterruptController for Settled<'_> {
-    fn enable(&self, vector: Vector, level: Level) {
+    fn enable(&self, vector: InterruptVector, level: InterruptLevel) {
         self.interrupts.enable(vector, level);
         self.settle();
     }
 
-    fn disable(&self, vector: Vector) {
+    fn disable(&self, vector: InterruptVector) {
         self.interrupts.disable(vector);
         self.settle();
     }
 
-    fn claim(&self) -> Option<Vector> {
+    fn claim(&self) -> Option<InterruptVector> {
         self.interrupts.claim()
     }
 
-    fn complete(&self, vector: Vector) {
+    fn complete(&self, vector: InterruptVector) {
         self.interrupts.complete(vector);
         self.settle();
     }
@@ -143,7 +143,7 @@ fn conforms() {
 fn waits_for_an_interrupt_until_the_deadline() {
     let (interrupts, [one, other]) = machine();
     assert!(!interrupts.wait(Instant::now()).unwrap());
-    interrupts.enable(ONE, Level(1));
+    interrupts.enable(ONE, InterruptLevel(1));
     one.settle();
     let soon = Instant::now() + Duration::from_millis(1);
     assert!(!interrupts.wait(soon).unwrap());
@@ -168,7 +168,7 @@ fn waits_for_an_interrupt_until_the_deadline() {
 #[test]
 fn one_of_several_threads_claims() {
     let (interrupts, [one, _]) = machine();
-    interrupts.enable(ONE, Level(1));
+    interrupts.enable(ONE, InterruptLevel(1));
     for _ in 0..200 {
         one.set(true);
         let claims: usize = std::thread::scope(|threads| {
@@ -186,8 +186,8 @@ fn one_of_several_threads_claims() {
 #[test]
 fn a_device_that_vanished_interrupts_no_more() {
     let (interrupts, [one, other]) = machine();
-    interrupts.enable(ONE, Level(1));
-    interrupts.enable(OTHER, Level(1));
+    interrupts.enable(ONE, InterruptLevel(1));
+    interrupts.enable(OTHER, InterruptLevel(1));
     drop(one);
     other.set(true);
     assert_eq!(interrupts.claim(), Some(OTHER));
@@ -197,17 +197,17 @@ fn a_device_that_vanished_interrupts_no_more() {
 
 #[test]
 fn so_many_devices_can_be_waited_for() {
-    let devices = |count: u16| (0..count).map(|number| device(Vector(number)));
+    let devices = |count: u16| (0..count).map(|number| device(InterruptVector(number)));
     let (kernels, lines): (Vec<_>, Vec<_>) = devices(64).unzip();
     let interrupts = UioInterrupts::new(lines).unwrap();
     for number in 0..64 {
-        interrupts.enable(Vector(number), Level(1));
+        interrupts.enable(InterruptVector(number), InterruptLevel(1));
     }
     let last = kernels.last().unwrap();
     last.settle();
     last.set(true);
     assert!(interrupts.wait(Instant::now() + LONG).unwrap());
-    assert_eq!(interrupts.claim(), Some(Vector(63)));
+    assert_eq!(interrupts.claim(), Some(InterruptVector(63)));
     let (_kernels, lines): (Vec<_>, Vec<_>) = devices(65).unzip();
     let error = UioInterrupts::new(lines).unwrap_err();
     assert_eq!(error.kind(), std::io::ErrorKind::InvalidInput);

@@ -4,7 +4,7 @@
 use std::fmt;
 use std::sync::{Arc, Mutex};
 
-use condor_dev::stdio::{Buffering, Output, StandardOutput, StdioError};
+use condor_dev::stdio::{BufferedOutput, Buffering, StandardOutput, StdioError};
 use embedded_io::{ErrorKind, ErrorType, Write};
 use proptest::prelude::*;
 
@@ -55,9 +55,9 @@ fn willing() -> Script {
     vec![Some(usize::MAX); 5_000]
 }
 
-fn opened(script: Script, buffering: Buffering) -> (Output<Device, N>, Arrived) {
+fn opened(script: Script, buffering: Buffering) -> (BufferedOutput<Device, N>, Arrived) {
     let (device, arrived, _) = device(script);
-    let output = Output::new(buffering);
+    let output = BufferedOutput::new(buffering);
     output.open(device).ok().unwrap();
     (output, arrived)
 }
@@ -183,7 +183,7 @@ proptest! {
 #[test]
 fn a_print_waits_for_a_dead_device_once() {
     let (device, arrived, asked) = device(Vec::new());
-    let output = Output::<_, N>::new(Buffering::Line);
+    let output = BufferedOutput::<_, N>::new(Buffering::Line);
     output.open(device).ok().unwrap();
     output.print(format_args!("{}{}\n", "a".repeat(30), "b".repeat(30)));
     assert_eq!(*asked.lock().unwrap(), 1);
@@ -193,7 +193,7 @@ fn a_print_waits_for_a_dead_device_once() {
 }
 
 /// A value in whose formatting another context prints.
-struct Interrupted<'o>(&'o Output<Device, N>);
+struct Interrupted<'o>(&'o BufferedOutput<Device, N>);
 
 impl fmt::Display for Interrupted<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -212,7 +212,7 @@ fn a_print_stands_in_the_middle_of_the_one_it_interrupts() {
     assert_eq!(output.lost(), 0);
 }
 
-static NESTED: Output<Nested, N> = Output::new(Buffering::Line);
+static NESTED: BufferedOutput<Nested, N> = BufferedOutput::new(Buffering::Line);
 
 /// A device that is interrupted while it writes, by one who prints to it.
 struct Nested {
@@ -281,7 +281,7 @@ fn threads_lose_nothing_uncounted() {
 
 #[test]
 fn an_output_without_a_device_holds_and_counts() {
-    let output = Output::<Device, N>::new(Buffering::Line);
+    let output = BufferedOutput::<Device, N>::new(Buffering::Line);
     output.print(format_args!("early\n"));
     assert_eq!(StandardOutput::flush(&output), Err(StdioError::NotOpen));
     let (device, arrived, _) = device(willing());

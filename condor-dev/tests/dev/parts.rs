@@ -2,11 +2,11 @@
 
 use std::sync::{Arc, Mutex};
 
-use condor_dev::drivers::{As5600, Clock, ClockError, Magnet, Pca9685};
-use condor_dev::sim::{As5600Model, Bus, I2c, Pca9685Model};
+use condor_dev::drivers::{As5600, ChipClock, ClockError, Magnet, Pca9685};
+use condor_dev::sim::{As5600Model, I2c, Pca9685Model, SimBus};
 use condor_dev::{
-    Bus as _, BusErrorKind, DeviceError, I2cBus, Location, Mode, NoInterrupts, OpenError, Presence,
-    Registers, Switch, Unit, device_switch,
+    Bus as _, BusErrorKind, DeviceError, I2cBus, Location, NoInterrupts, OpenError, OpenMode,
+    Presence, Registers, Switch, Unit, device_switch,
 };
 use embedded_hal::i2c;
 
@@ -17,10 +17,15 @@ device_switch! {
     }
 }
 
-type Arm = Switch<I2cBus<I2c<Bus>>, NoInterrupts, Parts, 4>;
+type Arm = Switch<I2cBus<I2c<SimBus>>, NoInterrupts, Parts, 4>;
 
-fn arm() -> (Bus, Arm, Arc<Mutex<Pca9685Model>>, Arc<Mutex<As5600Model>>) {
-    let bus = Bus::new();
+fn arm() -> (
+    SimBus,
+    Arm,
+    Arc<Mutex<Pca9685Model>>,
+    Arc<Mutex<As5600Model>>,
+) {
+    let bus = SimBus::new();
     let servos = bus.insert(0x4000, Pca9685Model::default());
     let angle = bus.insert(0x3600, As5600Model::default());
     let arm = Switch::new(I2cBus::new(I2c(bus.clone())), NoInterrupts, Parts::new());
@@ -31,7 +36,7 @@ fn arm() -> (Bus, Arm, Arc<Mutex<Pca9685Model>>, Arc<Mutex<As5600Model>>) {
 #[test]
 fn the_parts_that_acknowledge_are_found() {
     let (bus, arm, ..) = arm();
-    let absent = arm.open("servos", 1, Mode::WRITE).unwrap_err();
+    let absent = arm.open("servos", 1, OpenMode::WRITE).unwrap_err();
     let presence = Presence::Absent;
     let (name, board) = ("servos", 1);
     let expected = OpenError::NotPresent {
@@ -52,9 +57,9 @@ fn outputs_are_on_for_what_was_written_and_off_when_closed() {
     let (_, arm, model, _) = arm();
     let duty = |channel| model.lock().unwrap().duty(channel);
     assert_eq!(duty(0), None);
-    let servos = arm.open_typed(Parts::servos, 0, Mode::WRITE).unwrap();
+    let servos = arm.open_typed(Parts::servos, 0, OpenMode::WRITE).unwrap();
     let at = servos.registers;
-    assert_eq!(servos.set_frequency(at, Clock::NOMINAL, 50), Ok(50));
+    assert_eq!(servos.set_frequency(at, ChipClock::NOMINAL, 50), Ok(50));
     assert_eq!(model.lock().unwrap().prescaler(), 121);
     assert_eq!(duty(15), Some(0));
     assert_eq!(servos.set_duties(at, 14, &[307, 4096]), Ok(()));
@@ -63,10 +68,13 @@ fn outputs_are_on_for_what_was_written_and_off_when_closed() {
         [Some(0), Some(307), Some(4096)]
     );
     // Outputs that are on go on when the frequency has changed.
-    assert_eq!(servos.set_frequency(at, Clock::NOMINAL, 1000), Ok(1017));
+    assert_eq!(servos.set_frequency(at, ChipClock::NOMINAL, 1000), Ok(1017));
     assert_eq!(duty(14), Some(307));
     for (hertz, found, prescaler) in [(1, 24, 255), (u16::MAX, 1526, 3)] {
-        assert_eq!(servos.set_frequency(at, Clock::NOMINAL, hertz), Ok(found));
+        assert_eq!(
+            servos.set_frequency(at, ChipClock::NOMINAL, hertz),
+            Ok(found)
+        );
         assert_eq!(model.lock().unwrap().prescaler(), prescaler);
     }
     let all: Vec<u8> = (0..16_u16).flat_map(|n| (n * 10).to_ne_bytes()).collect();
@@ -75,7 +83,7 @@ fn outputs_are_on_for_what_was_written_and_off_when_closed() {
     let beyond = Err(DeviceError::Length { bytes: 4, unit: 2 });
     assert_eq!(servos.set_duties(at, 15, &[0; 2]), beyond);
     servos.close().unwrap();
-    let again = arm.open_typed(Parts::servos, 0, Mode::WRITE).unwrap();
+    let again = arm.open_typed(Parts::servos, 0, OpenMode::WRITE).unwrap();
     assert!((0..16).all(|channel| duty(channel) == Some(0)));
     drop(again);
 }
@@ -84,18 +92,18 @@ fn outputs_are_on_for_what_was_written_and_off_when_closed() {
 fn outputs_recover_from_an_error_of_the_bus_at_any_access() {
     for failing in 0..300 {
         let (bus, arm, model, _) = arm();
-        let servos = arm.open_typed(Parts::servos, 0, Mode::WRITE).unwrap();
+        let servos = arm.open_typed(Parts::servos, 0, OpenMode::WRITE).unwrap();
         let at = servos.registers;
         servos.set_duties(at, 0, &[1; 16]).unwrap();
         bus.fail_after(failing);
-        let _ = servos.set_frequency(at, Clock::NOMINAL, 60);
+        let _ = servos.set_frequency(at, ChipClock::NOMINAL, 60);
         let _ = servos.set_duties(at, 0, &[2; 16]);
         let rest = bus.accesses();
         // What failed is made again.
         while bus.accesses() < rest + failing {
             let _ = at.read8(0);
         }
-        assert_eq!(servos.set_frequency(at, Clock::NOMINAL, 60), Ok(60));
+        assert_eq!(servos.set_frequency(at, ChipClock::NOMINAL, 60), Ok(60));
         assert_eq!(servos.set_duties(at, 0, &[3; 16]), Ok(()));
         assert!((0..16).all(|channel| model.lock().unwrap().duty(channel) == Some(3)));
     }
@@ -104,7 +112,7 @@ fn outputs_recover_from_an_error_of_the_bus_at_any_access() {
 #[test]
 fn an_angle_is_read_raw_and_in_its_range() {
     let (_, arm, _, model) = arm();
-    let angle = arm.open_typed(Parts::angle, 0, Mode::READ).unwrap();
+    let angle = arm.open_typed(Parts::angle, 0, OpenMode::READ).unwrap();
     let at = angle.registers;
     model.lock().unwrap().angle = 0x0abc;
     assert_eq!(angle.raw_angle(at), Ok(0xabc));
@@ -131,7 +139,7 @@ fn an_angle_is_read_raw_and_in_its_range() {
 #[test]
 fn a_part_that_is_taken_away_does_not_answer() {
     let (bus, arm, ..) = arm();
-    let angle = arm.open_typed(Parts::angle, 0, Mode::READ).unwrap();
+    let angle = arm.open_typed(Parts::angle, 0, OpenMode::READ).unwrap();
     bus.remove(0x3600);
     let error = angle.angle(angle.registers).unwrap_err();
     assert_eq!(error.kind, BusErrorKind::NoAnswer);
@@ -223,7 +231,7 @@ fn another_part_is_neither_taken_for_ours_nor_written() {
 #[test]
 fn a_chip_is_known_whatever_a_former_program_set() {
     for mode1 in 0..=u8::MAX {
-        let bus = Bus::new();
+        let bus = SimBus::new();
         let model = bus.insert(0x4000, Pca9685Model::default());
         for (register, byte) in [
             (0x01, 0x1f),
@@ -240,7 +248,7 @@ fn a_chip_is_known_whatever_a_former_program_set() {
         }
         let arm: Arm = Switch::new(I2cBus::new(I2c(bus.clone())), NoInterrupts, Parts::new());
         arm.start();
-        let servos = arm.open_typed(Parts::servos, 0, Mode::WRITE).unwrap();
+        let servos = arm.open_typed(Parts::servos, 0, OpenMode::WRITE).unwrap();
         let at = servos.registers;
         assert_eq!(servos.set_duties(at, 3, &[307]), Ok(()));
         let mut known = [0; 6];
@@ -264,39 +272,41 @@ fn a_chip_is_known_whatever_a_former_program_set() {
 fn a_measured_or_external_clock_is_computed_with() {
     let (bus, arm, model, _) = arm();
     let prescaler = || model.lock().unwrap().prescaler();
-    let servos = arm.open_typed(Parts::servos, 0, Mode::WRITE).unwrap();
+    let servos = arm.open_typed(Parts::servos, 0, OpenMode::WRITE).unwrap();
     let at = servos.registers;
     // 26.6 MHz / (4096 · 130) = 49.95 Hz
     assert_eq!(
-        servos.set_frequency(at, Clock::Internal(26_600_000), 50),
+        servos.set_frequency(at, ChipClock::Internal(26_600_000), 50),
         Ok(50)
     );
     assert_eq!(prescaler(), 129);
     servos.set_duties(at, 0, &[7]).unwrap();
     assert_eq!(
-        servos.set_frequency(at, Clock::External(50_000_000), 50),
+        servos.set_frequency(at, ChipClock::External(50_000_000), 50),
         Ok(50)
     );
     assert_eq!((prescaler(), bus.read8(0x4000)), (243, Ok(0x60)));
     assert_eq!(model.lock().unwrap().duty(0), Some(7));
     assert_eq!(
-        servos.set_frequency(at, Clock::External(u32::MAX), u16::MAX),
+        servos.set_frequency(at, ChipClock::External(u32::MAX), u16::MAX),
         Ok(65535)
     );
-    assert_eq!(servos.set_frequency(at, Clock::External(0), 0), Ok(0));
+    assert_eq!(servos.set_frequency(at, ChipClock::External(0), 0), Ok(0));
     // The external clock outlives the program, which is told so.
     for _ in 0..2 {
         let next: Arm = Switch::new(I2cBus::new(I2c(bus.clone())), NoInterrupts, Parts::new());
         next.start();
-        let servos = next.open_typed(Parts::servos, 0, Mode::WRITE).unwrap();
-        let refused = servos.set_frequency(at, Clock::NOMINAL, 50).unwrap_err();
+        let servos = next.open_typed(Parts::servos, 0, OpenMode::WRITE).unwrap();
+        let refused = servos
+            .set_frequency(at, ChipClock::NOMINAL, 50)
+            .unwrap_err();
         assert_eq!(refused, ClockError::External);
         assert!(
             refused.to_string().contains("switch its power off and on"),
             "{refused}"
         );
         assert_eq!(
-            servos.set_frequency(at, Clock::External(10_000_000), 50),
+            servos.set_frequency(at, ChipClock::External(10_000_000), 50),
             Ok(50)
         );
         assert_eq!(prescaler(), 48);
@@ -306,7 +316,7 @@ fn a_measured_or_external_clock_is_computed_with() {
 #[test]
 fn the_address_of_all_chips_is_no_location() {
     // After power-on the chip answers there, and not once it is initialised.
-    let bus = Bus::new();
+    let bus = SimBus::new();
     bus.insert(0x4000, Pca9685Model::default());
     assert_eq!(bus.read8(0x7000), Ok(0x11));
     let parts =
@@ -337,19 +347,19 @@ device_switch! {
 
 #[test]
 fn a_chip_that_is_found_by_another_address_is_one_board() {
-    let bus = Bus::new();
+    let bus = SimBus::new();
     bus.insert(0x4000, Pca9685Model::default());
     // A former program enabled the first sub-address.
     bus.write8(0x4000, 0x19).unwrap();
     let twice = Switch::<_, _, _, 1>::new(I2cBus::new(I2c(bus)), NoInterrupts, Twice::new());
     twice.start();
     assert_eq!(twice.inventory().to_string().matches("Present").count(), 1);
-    twice.open("servos", 1, Mode::WRITE).unwrap();
+    twice.open("servos", 1, OpenMode::WRITE).unwrap();
 }
 
 #[test]
 fn a_sensor_forgets_what_a_former_program_set() {
-    let bus = Bus::new();
+    let bus = SimBus::new();
     let model = bus.insert(0x3600, As5600Model::default());
     // Ranges, a power mode and a watchdog; the upper bits have no name.
     bus.write_block(0x3601, &[0xfa, 0x00, 0x0e, 0x00, 0x51, 0x00, 0xff, 0xff])
@@ -357,7 +367,7 @@ fn a_sensor_forgets_what_a_former_program_set() {
     let arm: Arm = Switch::new(I2cBus::new(I2c(bus.clone())), NoInterrupts, Parts::new());
     arm.start();
     model.lock().unwrap().angle = 0xabc;
-    let angle = arm.open_typed(Parts::angle, 0, Mode::READ).unwrap();
+    let angle = arm.open_typed(Parts::angle, 0, OpenMode::READ).unwrap();
     assert_eq!(angle.angle(angle.registers), Ok(0xabc));
     let mut set = [0; 8];
     bus.read_block(0x3601, &mut set).unwrap();

@@ -4,8 +4,8 @@
 use std::sync::{Arc, Mutex};
 
 use condor_dev::riscv::{Context, Plic};
-use condor_dev::sim::{Bus, Model};
-use condor_dev::{InterruptController, Level, Vector, Width, conformance};
+use condor_dev::sim::{Model, SimBus};
+use condor_dev::{InterruptController, InterruptLevel, InterruptVector, Width, conformance};
 
 const BASE: usize = 0x0c00_0000;
 const SOURCES: usize = 53;
@@ -135,15 +135,21 @@ impl Model for PlicModel {
     }
 }
 
-fn plic(bus: &Bus, context: usize) -> Plic<Bus> {
+fn plic(bus: &SimBus, context: usize) -> Plic<SimBus> {
     let context = Context::new(context as u16).unwrap();
-    let plic = Plic::new(bus.clone(), BASE, context, SOURCES as u16, Level(7));
+    let plic = Plic::new(
+        bus.clone(),
+        BASE,
+        context,
+        SOURCES as u16,
+        InterruptLevel(7),
+    );
     plic.reset().unwrap();
     plic
 }
 
-fn machine() -> (Bus, Arc<Mutex<PlicModel>>) {
-    let bus = Bus::new();
+fn machine() -> (SimBus, Arc<Mutex<PlicModel>>) {
+    let bus = SimBus::new();
     let model = bus.insert(BASE, PlicModel::new());
     (bus, model)
 }
@@ -152,14 +158,15 @@ fn machine() -> (Bus, Arc<Mutex<PlicModel>>) {
 fn conforms_in_every_context() {
     let (bus, model) = machine();
     for plic in [plic(&bus, 0), plic(&bus, 1)] {
-        let set = |Vector(source), raised| {
+        let set = |InterruptVector(source), raised| {
             model.lock().unwrap().raised[usize::from(source)] = raised;
         };
         // The first and the last source, the words' borders, and what is no source.
         for lines in [[1, 53], [31, 32], [33, 2]] {
             for nobody in [0, 54, 1023, u16::MAX] {
-                let lines = lines.map(Vector);
-                conformance::interrupt_controller(&plic, lines, Vector(nobody), set).unwrap();
+                let lines = lines.map(InterruptVector);
+                conformance::interrupt_controller(&plic, lines, InterruptVector(nobody), set)
+                    .unwrap();
             }
         }
     }
@@ -169,42 +176,46 @@ fn conforms_in_every_context() {
 fn contexts_do_not_disturb_each_other() {
     let (bus, model) = machine();
     let (first, second) = (plic(&bus, 0), plic(&bus, 1));
-    first.enable(Vector(10), Level(1));
-    first.enable(Vector(11), Level(1));
-    second.enable(Vector(11), Level(1));
+    first.enable(InterruptVector(10), InterruptLevel(1));
+    first.enable(InterruptVector(11), InterruptLevel(1));
+    second.enable(InterruptVector(11), InterruptLevel(1));
     model.lock().unwrap().raised[10] = true;
     model.lock().unwrap().raised[11] = true;
-    assert_eq!(second.claim(), Some(Vector(11)));
+    assert_eq!(second.claim(), Some(InterruptVector(11)));
     assert_eq!(second.claim(), None, "source 10 is not its own");
-    assert_eq!(first.claim(), Some(Vector(10)), "source 11 is taken");
+    assert_eq!(
+        first.claim(),
+        Some(InterruptVector(10)),
+        "source 11 is taken"
+    );
     assert_eq!(first.claim(), None);
     second.reset().unwrap();
-    first.complete(Vector(10));
-    assert_eq!(first.claim(), Some(Vector(10)));
+    first.complete(InterruptVector(10));
+    assert_eq!(first.claim(), Some(InterruptVector(10)));
 }
 
 #[test]
 fn levels_are_priorities_as_far_as_there_are() {
     let (bus, model) = machine();
     let plic = plic(&bus, 0);
-    plic.enable(Vector(3), Level(200));
+    plic.enable(InterruptVector(3), InterruptLevel(200));
     model.lock().unwrap().raised[3] = true;
     assert_eq!(model.lock().unwrap().priority[3], 7);
     assert!(model.lock().unwrap().notifies(0));
-    plic.set_threshold(Level(6)).unwrap();
+    plic.set_threshold(InterruptLevel(6)).unwrap();
     assert!(model.lock().unwrap().notifies(0));
-    plic.set_threshold(Level(200)).unwrap();
+    plic.set_threshold(InterruptLevel(200)).unwrap();
     assert!(!model.lock().unwrap().notifies(0));
 }
 
 #[test]
 fn one_that_does_not_answer_has_no_interrupts() {
     let context = Context::new(0).unwrap();
-    let plic = Plic::new(Bus::new(), BASE, context, 53, Level(7));
+    let plic = Plic::new(SimBus::new(), BASE, context, 53, InterruptLevel(7));
     assert!(plic.reset().is_err());
-    plic.enable(Vector(1), Level(1));
+    plic.enable(InterruptVector(1), InterruptLevel(1));
     assert_eq!(plic.claim(), None);
-    plic.complete(Vector(1));
+    plic.complete(InterruptVector(1));
 }
 
 #[test]
@@ -212,11 +223,17 @@ fn what_the_specification_does_not_know_is_refused() {
     assert!(Context::new(15_871).is_some());
     assert_eq!(Context::new(15_872), None);
     let (bus, model) = machine();
-    let plic = Plic::new(bus, BASE, Context::new(0).unwrap(), u16::MAX, Level(7));
+    let plic = Plic::new(
+        bus,
+        BASE,
+        Context::new(0).unwrap(),
+        u16::MAX,
+        InterruptLevel(7),
+    );
     plic.reset().unwrap();
     model.lock().unwrap().enabled[1] = [0; 32];
-    plic.enable(Vector(1023), Level(1));
-    plic.enable(Vector(1024), Level(1));
+    plic.enable(InterruptVector(1023), InterruptLevel(1));
+    plic.enable(InterruptVector(1024), InterruptLevel(1));
     let enabled = model.lock().unwrap().enabled;
     let mut expected = [[0; 32]; CONTEXTS];
     expected[0][31] = 1 << 31;

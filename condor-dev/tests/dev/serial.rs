@@ -1,8 +1,8 @@
 //! I2C and SPI controllers as buses, on simulated registers.
 
-use condor_dev::conformance::{self, Ground};
+use condor_dev::conformance::{self, BusMemory};
 use condor_dev::sim::{self, Model};
-use condor_dev::{AccessError, Bus, BusErrorKind, I2cBus, Registers, SpiBus, SpiCommand, Width};
+use condor_dev::{Bus, BusAccessError, BusErrorKind, I2cBus, Registers, SpiBus, SpiCommand, Width};
 use embedded_hal::i2c::{self, ErrorKind, NoAcknowledgeSource, Operation};
 use embedded_hal::spi;
 
@@ -30,9 +30,9 @@ const COMMAND: SpiCommand = SpiCommand {
 
 #[test]
 fn parts_on_two_wires_and_on_four_conform() {
-    let parts = sim::Bus::new();
+    let parts = sim::SimBus::new();
     parts.insert(0x40 << 8, Part([0; 256]));
-    let ground = Ground {
+    let ground = BusMemory {
         memory: 0x4010,
         absent: Some(0x4100),
         refuses_misaligned: true,
@@ -45,7 +45,7 @@ fn parts_on_two_wires_and_on_four_conform() {
         command: COMMAND,
     };
     let spi = SpiBus::new(0x2_0000, spi, COMMAND);
-    let ground = Ground {
+    let ground = BusMemory {
         memory: 0x2_0038,
         absent: Some(0x2_0040),
         ..ground
@@ -58,7 +58,7 @@ fn parts_on_two_wires_and_on_four_conform() {
 
 #[test]
 fn a_long_block_goes_in_parts_and_none_leaves_its_part() {
-    let parts = sim::Bus::new();
+    let parts = sim::SimBus::new();
     let part = parts.insert(0x40 << 8, Part([0; 256]));
     let bus = I2cBus::from(0x8000, sim::I2c(parts));
     let registers = Registers::new(&bus, 0x8000 + (0x40 << 8));
@@ -69,7 +69,7 @@ fn a_long_block_goes_in_parts_and_none_leaves_its_part() {
     registers.read_block(3, &mut back).unwrap();
     assert_eq!(back, bytes);
     let beyond = |address| {
-        Err(AccessError {
+        Err(BusAccessError {
             address,
             kind: BusErrorKind::OutOfRange,
         })
@@ -82,7 +82,7 @@ fn a_long_block_goes_in_parts_and_none_leaves_its_part() {
 #[test]
 fn each_address_is_the_first_buss_that_reaches_it() {
     let [first, second, third] = [0, 1, 2].map(|number| {
-        let parts = sim::Bus::new();
+        let parts = sim::SimBus::new();
         parts.insert(0x40 << 8, Part([number; 256]));
         I2cBus::from(0x8000 * usize::from(number), sim::I2c(parts))
     });
@@ -97,7 +97,7 @@ fn each_address_is_the_first_buss_that_reaches_it() {
         bus.read_block(address, &mut back).unwrap();
         assert_eq!(back, [7, 9]);
     }
-    let nowhere = AccessError {
+    let nowhere = BusAccessError {
         address: 0x1_8000,
         kind: BusErrorKind::OutOfRange,
     };

@@ -2,13 +2,13 @@
 
 use crate::flaky::Flaky;
 use condor_dev::stdio::{
-    self, AlreadySet, Buffering, Input, LineError, Output, StandardInput, StdioError, UntilError,
-    stdin, stdout,
+    self, AlreadySet, BufferedInput, BufferedOutput, Buffering, LineError, StandardInput,
+    StdioError, UntilError, stdin, stdout,
 };
 use embedded_io::{ErrorKind, Read, Write};
 
-static OUTPUT: Output<Device, 64> = Output::new(Buffering::Line);
-static INPUT: Input<Flaky, 16> = Input::new();
+static OUTPUT: BufferedOutput<Device, 64> = BufferedOutput::new(Buffering::Line);
+static INPUT: BufferedInput<Flaky, 16> = BufferedInput::new();
 static ARRIVED: std::sync::Mutex<String> = std::sync::Mutex::new(String::new());
 
 struct Device;

@@ -2,10 +2,10 @@
 
 use std::cell::Cell;
 
-use condor_dev::sim::Bus;
+use condor_dev::sim::SimBus;
 use condor_dev::{
-    Descriptors, Fd, FdError, IoError, Location, Mode, NoInterrupts, Stream, StreamError, Switch,
-    device_switch, looks, timeout,
+    Descriptors, DeviceStream, DeviceStreamError, Fd, FdError, IoError, Location, NoInterrupts,
+    OpenMode, Switch, device_switch, looks, timeout,
 };
 use embedded_io::{Error as _, ErrorKind, Read, ReadReady, Write, WriteReady};
 use utah_mit_boards::Adc16;
@@ -17,16 +17,16 @@ device_switch! {
     }
 }
 
-type TestSwitch = Switch<Bus, NoInterrupts, Boards, 2>;
+type TestSwitch = Switch<SimBus, NoInterrupts, Boards, 2>;
 
-fn started() -> (Bus, TestSwitch, Fd) {
-    let bus = Bus::new();
+fn started() -> (SimBus, TestSwitch, Fd) {
+    let bus = SimBus::new();
     let mut adc = AdcModel::default();
     adc.channels = [0x1234; 16];
     bus.insert(0x1000, adc);
     let switch = Switch::new(bus.clone(), NoInterrupts, Boards::new());
     switch.start();
-    let fd = switch.open("adc", 0, Mode::READ).unwrap();
+    let fd = switch.open("adc", 0, OpenMode::READ).unwrap();
     (bus, switch, fd)
 }
 
@@ -83,7 +83,7 @@ impl Descriptors for Slow {
 #[test]
 fn a_board_is_read_as_a_stream() {
     let (_, switch, fd) = started();
-    let mut stream = Stream::new(&switch, fd, looks(1));
+    let mut stream = DeviceStream::new(&switch, fd, looks(1));
     let mut bytes = [0; 4];
     stream.read_exact(&mut bytes).unwrap();
     assert_eq!(bytes, [0x1234_u16.to_ne_bytes(); 2].concat()[..]);
@@ -91,14 +91,14 @@ fn a_board_is_read_as_a_stream() {
     assert_eq!(stream.read(&mut []), Ok(0));
     // The same by a reference that does not name the switch's type.
     let any: &dyn Descriptors<Error = _> = &switch;
-    assert_eq!(Stream::new(any, fd, looks(1)).read(&mut bytes), Ok(4));
+    assert_eq!(DeviceStream::new(any, fd, looks(1)).read(&mut bytes), Ok(4));
 }
 
 #[test]
 fn every_misuse_has_its_kind() {
     let (bus, switch, fd) = started();
-    let mut stream = Stream::new(&switch, fd, looks(1));
-    let kind = |result: Result<usize, StreamError<_>>| result.unwrap_err().kind();
+    let mut stream = DeviceStream::new(&switch, fd, looks(1));
+    let kind = |result: Result<usize, DeviceStreamError<_>>| result.unwrap_err().kind();
     assert_eq!(kind(stream.write(&[1])), ErrorKind::PermissionDenied);
     assert_eq!(kind(stream.read(&mut [0])), ErrorKind::InvalidInput);
     bus.remove(0x1000);
@@ -110,7 +110,7 @@ fn every_misuse_has_its_kind() {
     assert_eq!(read_by_one_that_is_dropped, Ok(true));
     assert_eq!(stream.read_ready(), Ok(true));
     switch.close(fd).unwrap();
-    let closed = StreamError::Io(IoError::Fd(FdError::Closed { fd }));
+    let closed = DeviceStreamError::Io(IoError::Fd(FdError::Closed { fd }));
     assert_eq!(stream.read(&mut [0; 2]), Err(closed));
     assert_eq!(closed.kind(), ErrorKind::NotConnected);
     assert_eq!(stream.flush(), Err(closed));
@@ -121,24 +121,24 @@ fn looks_are_counted() {
     let (_, _, fd) = started();
     for (ready, count, expected) in [
         (1, 0, Ok(2)),
-        (2, 0, Err(StreamError::TimedOut)),
-        (2, 1, Err(StreamError::TimedOut)),
+        (2, 0, Err(DeviceStreamError::TimedOut)),
+        (2, 1, Err(DeviceStreamError::TimedOut)),
         (2, 2, Ok(2)),
-        (7, 6, Err(StreamError::TimedOut)),
+        (7, 6, Err(DeviceStreamError::TimedOut)),
         (7, 7, Ok(2)),
     ] {
         let slow = Slow::new(ready, 2);
         assert_eq!(
-            Stream::new(&slow, fd, looks(count)).write(&[1, 2]),
+            DeviceStream::new(&slow, fd, looks(count)).write(&[1, 2]),
             expected
         );
         assert_eq!(slow.looks.get(), ready.min(count.max(1)));
         let slow = Slow::new(ready, 2);
-        let flushed = Stream::new(&slow, fd, looks(count)).flush();
+        let flushed = DeviceStream::new(&slow, fd, looks(count)).flush();
         assert_eq!(flushed, expected.map(|_| ()));
     }
     assert_eq!(
-        StreamError::<std::convert::Infallible>::TimedOut.kind(),
+        DeviceStreamError::<std::convert::Infallible>::TimedOut.kind(),
         ErrorKind::TimedOut
     );
 }
@@ -153,9 +153,9 @@ fn a_timeout_is_of_each_call_even_as_the_clock_wraps() {
         tick
     };
     let slow = Slow::new(5, 1);
-    let mut stream = Stream::new(&slow, fd, timeout(clock, 3));
+    let mut stream = DeviceStream::new(&slow, fd, timeout(clock, 3));
     // The first look begins the wait; the fourth is three ticks later.
-    assert_eq!(stream.read(&mut [0]), Err(StreamError::TimedOut));
+    assert_eq!(stream.read(&mut [0]), Err(DeviceStreamError::TimedOut));
     assert_eq!(slow.looks.get(), 4);
     assert_eq!(stream.read(&mut [0]), Ok(1));
 }
@@ -164,8 +164,8 @@ fn a_timeout_is_of_each_call_even_as_the_clock_wraps() {
 fn a_device_that_takes_nothing_is_not_ready() {
     let (_, _, fd) = started();
     let slow = Slow::new(1, 0);
-    let mut stream = Stream::new(&slow, fd, |looks| looks < 3);
-    assert_eq!(stream.write(&[1]), Err(StreamError::TimedOut));
+    let mut stream = DeviceStream::new(&slow, fd, |looks| looks < 3);
+    assert_eq!(stream.write(&[1]), Err(DeviceStreamError::TimedOut));
     assert_eq!(slow.looks.get(), 3);
     assert_eq!(stream.write(&[]), Ok(0));
     assert!(stream.write_ready().unwrap());
@@ -207,10 +207,13 @@ impl Descriptors for File {
 fn an_end_reads_as_no_bytes_and_is_not_waited_for() {
     let file = File(Cell::new(2));
     let never = |_| panic!("there is nothing to wait for");
-    let mut stream = Stream::new(&file, Fd::new(7, 1), never);
+    let mut stream = DeviceStream::new(&file, Fd::new(7, 1), never);
     let mut bytes = [0; 4];
     assert_eq!(stream.read(&mut bytes), Ok(2));
     assert_eq!(stream.read(&mut bytes), Ok(0));
-    assert_eq!(stream.write(&bytes), Err(StreamError::Io(IoError::End)));
+    assert_eq!(
+        stream.write(&bytes),
+        Err(DeviceStreamError::Io(IoError::End))
+    );
     assert_eq!(stream.fd().number(), 7);
 }

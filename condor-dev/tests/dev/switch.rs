@@ -1,9 +1,9 @@
 //! Names, boards and descriptors, on simulated boards.
 
-use condor_dev::sim::{Bus, Controller};
+use condor_dev::sim::{Controller, SimBus};
 use condor_dev::{
-    Driver, FdError, InterruptCounts, IoError, Location, Mmio, Mode, NoInterrupts, OpenError,
-    Presence, Registers, Switch, Vector, device_switch,
+    Driver, FdError, InterruptCounts, InterruptVector, IoError, Location, Mmio, NoInterrupts,
+    OpenError, OpenMode, Presence, Registers, Switch, device_switch,
 };
 use utah_mit_boards::Adc16;
 use utah_mit_boards::sim::AdcModel;
@@ -18,12 +18,12 @@ device_switch! {
     }
 }
 
-fn started() -> (Bus, Controller, Switch<Bus, Controller, Boards, 2>) {
-    let (bus, controller) = (Bus::new(), Controller::new());
+fn started() -> (SimBus, Controller, Switch<SimBus, Controller, Boards, 2>) {
+    let (bus, controller) = (SimBus::new(), Controller::new());
     let mut model = AdcModel::default();
     model.channels[2] = -77;
     let board = bus.insert(0x1000, model);
-    controller.connect(Vector(64), board);
+    controller.connect(InterruptVector(64), board);
     let switch = Switch::new(bus.clone(), controller.clone(), Boards::new());
     switch.start();
     (bus, controller, switch)
@@ -38,19 +38,19 @@ fn start_up_finds_the_boards_that_are_there() {
          adc          0       0x1000     64     3  Present\n\
          adc          1       0x2000     64     3  Absent\n"
     );
-    assert!(controller.is_enabled(Vector(64)));
+    assert!(controller.is_enabled(InterruptVector(64)));
     let absent = OpenError::NotPresent {
         name: "adc",
         board: 1,
         presence: Presence::Absent,
     };
-    assert_eq!(switch.open("adc", 1, Mode::READ), Err(absent));
+    assert_eq!(switch.open("adc", 1, OpenMode::READ), Err(absent));
 }
 
 #[test]
 fn a_board_is_read_by_descriptor_and_by_its_own_calls() {
     let (_, _, switch) = started();
-    let fd = switch.open(":adc", 0, Mode::READ).unwrap();
+    let fd = switch.open(":adc", 0, OpenMode::READ).unwrap();
     let mut bytes = [0; 6];
     assert_eq!(switch.read(fd, &mut bytes), Ok(6));
     assert_eq!(i16::from_ne_bytes([bytes[4], bytes[5]]), -77);
@@ -70,14 +70,14 @@ fn what_cannot_be_opened_says_why() {
     let (_, _, switch) = started();
     let open = |name, board, mode| switch.open(name, board, mode);
     assert_eq!(
-        open("dac", 0, Mode::READ),
+        open("dac", 0, OpenMode::READ),
         Err(OpenError::NoSuchDevice {
             name: "dac",
             devices: &[("adc", 2)]
         })
     );
     assert_eq!(
-        open("adc", 2, Mode::READ),
+        open("adc", 2, OpenMode::READ),
         Err(OpenError::NoSuchBoard {
             name: "adc",
             board: 2,
@@ -85,21 +85,24 @@ fn what_cannot_be_opened_says_why() {
         })
     );
     assert_eq!(
-        open("adc", 0, Mode::WRITE),
+        open("adc", 0, OpenMode::WRITE),
         Err(OpenError::Direction {
             name: "adc",
-            mode: Mode::WRITE
+            mode: OpenMode::WRITE
         })
     );
-    let shared = open("adc", 0, Mode::READ).unwrap();
+    let shared = open("adc", 0, OpenMode::READ).unwrap();
     let busy = OpenError::Busy {
         name: "adc",
         board: 0,
     };
-    assert_eq!(open("adc", 0, Mode::READ | Mode::EXCLUSIVE), Err(busy));
-    open("adc", 0, Mode::READ).unwrap();
     assert_eq!(
-        open("adc", 0, Mode::READ),
+        open("adc", 0, OpenMode::READ | OpenMode::EXCLUSIVE),
+        Err(busy)
+    );
+    open("adc", 0, OpenMode::READ).unwrap();
+    assert_eq!(
+        open("adc", 0, OpenMode::READ),
         Err(OpenError::TooMany { count: 2 })
     );
     switch.close(shared).unwrap();
@@ -109,9 +112,9 @@ fn what_cannot_be_opened_says_why() {
 fn a_vector_that_nobody_claims_is_disabled() {
     let (_, controller, switch) = started();
     switch.on_interrupt();
-    controller.set(Vector(64), true);
+    controller.set(InterruptVector(64), true);
     switch.on_interrupt();
-    assert!(!controller.is_enabled(Vector(64)));
+    assert!(!controller.is_enabled(InterruptVector(64)));
     let expected = InterruptCounts {
         spurious: 1,
         unclaimed: 16,
@@ -131,7 +134,7 @@ device_switch! {
 
 #[test]
 fn a_device_is_opened_by_the_name_of_its_field() {
-    let bus = Bus::new();
+    let bus = SimBus::new();
     for (base, value) in [(0x1000, 1), (0x2000, 2)] {
         let mut model = AdcModel::default();
         model.channels[0] = value;
@@ -141,12 +144,12 @@ fn a_device_is_opened_by_the_name_of_its_field() {
     switch.start();
     let mut bytes = [0; 2];
     for (name, value) in [("left", 1_i16), (":right", 2)] {
-        let fd = switch.open(name, 0, Mode::READ).unwrap();
+        let fd = switch.open(name, 0, OpenMode::READ).unwrap();
         assert_eq!(switch.read(fd, &mut bytes), Ok(2));
         assert_eq!(bytes, value.to_ne_bytes());
         switch.close(fd).unwrap();
     }
-    let right = switch.open_typed(Twins::right, 0, Mode::READ).unwrap();
+    let right = switch.open_typed(Twins::right, 0, OpenMode::READ).unwrap();
     let mut channels = [0; 1];
     right.scan(right.registers, &mut channels).unwrap();
     assert_eq!(channels, [2]);
@@ -159,7 +162,7 @@ fn a_device_is_opened_by_the_name_of_its_field() {
     assert_eq!(right.close(), Ok(()));
     assert_eq!(
         switch
-            .open("middle", 0, Mode::READ)
+            .open("middle", 0, OpenMode::READ)
             .unwrap_err()
             .to_string(),
         "there is no device middle; there are: left, right"
@@ -183,7 +186,7 @@ static WATCHED: Switch<Mmio, NoInterrupts, WatchedBoards, 2> = Switch::new(
 impl Watched {
     /// Another thread, which would wait for the end of a critical section, finds the board in use.
     fn look() {
-        let look = || WATCHED.open("watched", 0, Mode::READ).map(drop);
+        let look = || WATCHED.open("watched", 0, OpenMode::READ).map(drop);
         let busy = OpenError::Busy {
             name: "watched",
             board: 0,
@@ -214,8 +217,8 @@ impl Driver for Watched {
 fn nothing_is_masked_while_a_board_is_opened_or_closed() {
     WATCHED.start();
     for _ in 0..2 {
-        let fd = WATCHED.open("watched", 0, Mode::READ).unwrap();
-        let shared = WATCHED.open("watched", 0, Mode::WRITE).unwrap();
+        let fd = WATCHED.open("watched", 0, OpenMode::READ).unwrap();
+        let shared = WATCHED.open("watched", 0, OpenMode::WRITE).unwrap();
         WATCHED.close(fd).unwrap();
         WATCHED.close(shared).unwrap();
     }

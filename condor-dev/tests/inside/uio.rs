@@ -1,6 +1,6 @@
 //! What sysfs says of UIO devices.
 
-use super::{MapError, UioMemory};
+use super::{BusMapError, UioMemory};
 
 #[test]
 fn the_description_of_a_uio_device_gives_the_range() {
@@ -22,5 +22,5 @@ fn the_description_of_a_uio_device_gives_the_range() {
     let older = describe("0xfe000010\n", "0x1000\n", "0x10\n");
     assert_eq!(older.expect("it is well-formed"), expected);
     let error = describe("none\n", "0x1\n", "0x0\n").expect_err("it is no number");
-    assert!(matches!(error, MapError::System { .. }), "{error}");
+    assert!(matches!(error, BusMapError::System { .. }), "{error}");
 }

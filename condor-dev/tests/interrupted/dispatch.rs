@@ -9,7 +9,7 @@ use interrupt_injector::{Access, Interrupts, explore};
 
 use crate::bus::{Bus, Registers, Width};
 use crate::driver::{Attention, Driver};
-use crate::interrupt::{InterruptController, Level, Vector};
+use crate::interrupt::{InterruptController, InterruptLevel, InterruptVector};
 use crate::switch::Switch;
 use crate::unit::Location;
 
@@ -53,18 +53,18 @@ impl Bus for Asks {
 /// Gives each vector that was put in once, and not while it is in service.
 #[derive(Default)]
 struct Queue {
-    pending: RefCell<Vec<Vector>>,
-    in_service: RefCell<Vec<Vector>>,
+    pending: RefCell<Vec<InterruptVector>>,
+    in_service: RefCell<Vec<InterruptVector>>,
 }
 
 impl InterruptController for Queue {
-    fn enable(&self, _: Vector, _: Level) {}
+    fn enable(&self, _: InterruptVector, _: InterruptLevel) {}
 
-    fn disable(&self, vector: Vector) {
+    fn disable(&self, vector: InterruptVector) {
         panic!("{vector:?} is not stuck");
     }
 
-    fn claim(&self) -> Option<Vector> {
+    fn claim(&self) -> Option<InterruptVector> {
         let _access = Access::begin();
         let mut pending = self.pending.borrow_mut();
         let mut in_service = self.in_service.borrow_mut();
@@ -76,7 +76,7 @@ impl InterruptController for Queue {
         Some(vector)
     }
 
-    fn complete(&self, vector: Vector) {
+    fn complete(&self, vector: InterruptVector) {
         let _access = Access::begin();
         self.in_service
             .borrow_mut()
@@ -84,9 +84,9 @@ impl InterruptController for Queue {
     }
 }
 
-const SHARED: Vector = Vector(10);
-const URGENT: Vector = Vector(20);
-const STRANGERS: [Vector; 2] = [Vector(50), Vector(51)];
+const SHARED: InterruptVector = InterruptVector(10);
+const URGENT: InterruptVector = InterruptVector(20);
+const STRANGERS: [InterruptVector; 2] = [InterruptVector(50), InterruptVector(51)];
 
 crate::device_switch! {
     struct Bells {
@@ -105,7 +105,7 @@ fn ask(world: &World, board: usize) {
     asks.set(asks.get() + 1);
 }
 
-fn pend(world: &World, vectors: [Vector; 2]) {
+fn pend(world: &World, vectors: [InterruptVector; 2]) {
     world.controller.pending.borrow_mut().extend(vectors);
 }
 

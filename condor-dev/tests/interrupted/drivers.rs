@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex};
 use interrupt_injector::Access;
 
 use super::everywhere;
-use crate::bus::{AccessError, Bus, Registers, Width};
+use crate::bus::{Bus, BusAccessError, Registers, Width};
 use crate::driver::Driver;
 use crate::drivers::Uart16550;
 use crate::sim::{self, LineFault, Model, UartModel};
@@ -15,17 +15,17 @@ use crate::sim::{self, LineFault, Model, UartModel};
 type Serial = Uart16550<1, 8>;
 
 /// A bus before and behind each of whose accesses the interrupt may come.
-struct Interrupted(sim::Bus);
+struct Interrupted(sim::SimBus);
 
 impl Bus for Interrupted {
-    type Error = AccessError;
+    type Error = BusAccessError;
 
-    fn read(&self, address: usize, width: Width) -> Result<u32, AccessError> {
+    fn read(&self, address: usize, width: Width) -> Result<u32, BusAccessError> {
         let _access = Access::begin();
         self.0.read(address, width)
     }
 
-    fn write(&self, address: usize, width: Width, value: u32) -> Result<(), AccessError> {
+    fn write(&self, address: usize, width: Width, value: u32) -> Result<(), BusAccessError> {
         let _access = Access::begin();
         self.0.write(address, width, value)
     }
@@ -44,7 +44,7 @@ struct World<D, M> {
 
 impl<D: Driver, M: Model + Default + 'static> World<D, M> {
     fn new() -> Self {
-        let bus = Interrupted(sim::Bus::new());
+        let bus = Interrupted(sim::SimBus::new());
         let world = Self {
             board: bus.0.insert(0, M::default()),
             bus,

@@ -6,11 +6,11 @@ use std::process::{Child, Command};
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
-use condor_fs::server::{Options, Server};
+use condor_fs::server::{FileServer, ServerOptions};
 use condor_fs::wire::OPEN_FILES;
 use condor_fs::{Area, FileSystem};
-use condor_mbox::linux::{LinuxWindow, Mailbox, System};
-use condor_mbox::{Places, Processor, Region};
+use condor_mbox::linux::{LinuxMailbox, LinuxSystem, LinuxWindow};
+use condor_mbox::{Allocator, Processor, Region};
 
 pub(crate) type AnyError = Box<dyn Error + Send + Sync>;
 
@@ -24,14 +24,14 @@ pub(crate) const FILES: usize = 8;
 /// A server that is killed every few milliseconds may not get far each time.
 const TIMEOUT: Duration = Duration::from_secs(60);
 
-pub(crate) type Files<'m, 'v> = FileSystem<'m, Mailbox<'v, N>, LinuxWindow, FILES>;
+pub(crate) type Files<'m, 'v> = FileSystem<'m, LinuxMailbox<'v, N>, LinuxWindow, FILES>;
 
 /// The server process; killed when it is dropped.
 pub(crate) struct ServerProcess(Child);
 
 impl ServerProcess {
     /// Starts this program again, to serve `root`.
-    pub(crate) fn start(system: &System<N>, root: &Path) -> Result<Self, AnyError> {
+    pub(crate) fn start(system: &LinuxSystem<N>, root: &Path) -> Result<Self, AnyError> {
         let mut command = Command::new(std::env::current_exe()?);
         Ok(Self(
             system.pass_to(command.arg("server").arg(root)).spawn()?,
@@ -69,21 +69,21 @@ pub(crate) fn served() -> Result<bool, AnyError> {
         return Err("the parent has ended".into());
     }
     // It is killed so often that no request can be blamed for it.
-    let options = Options {
-        lives: u32::MAX,
-        ..Options::default()
+    let options = ServerOptions {
+        incarnations: u32::MAX,
+        ..ServerOptions::default()
     };
-    let server = Server::new(root, options)?;
-    let claim = System::<N>::inherited()?.claim(SERVER)?;
+    let server = FileServer::new(root, options)?;
+    let claim = LinuxSystem::<N>::inherited()?.claim(SERVER)?;
     server.serve(claim, &AtomicBool::new(false))?;
     Ok(true)
 }
 
 /// Runs `program` on a processor.
 pub(crate) fn on_processor<R>(
-    system: &System<N>,
+    system: &LinuxSystem<N>,
     number: Processor,
-    program: impl FnOnce(&Files<'_, '_>, &Region<LinuxWindow>, &mut Places) -> Result<R, AnyError>,
+    program: impl FnOnce(&Files<'_, '_>, &Region<LinuxWindow>, &mut Allocator) -> Result<R, AnyError>,
 ) -> Result<R, AnyError> {
     let mut claim = system.claim(number)?;
     let own = Region::users(claim.windows()[number.index()].data.clone())?;

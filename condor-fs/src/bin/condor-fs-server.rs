@@ -4,9 +4,9 @@ use std::process::ExitCode;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
-use condor_fs::server::{Options, Server};
+use condor_fs::server::{FileServer, ServerOptions};
 use condor_mbox::Processor;
-use condor_mbox::linux::System;
+use condor_mbox::linux::LinuxSystem;
 
 const USAGE: &str = "\
 usage: condor-fs-server --system NAME --bytes N [--processor N] [options] DIRECTORY
@@ -36,7 +36,7 @@ struct Arguments {
     bytes: u32,
     processor: u8,
     directory: String,
-    options: Options,
+    options: ServerOptions,
 }
 
 fn main() -> ExitCode {
@@ -58,8 +58,8 @@ fn main() -> ExitCode {
 }
 
 fn serve(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
-    let server = Server::new(&arguments.directory, arguments.options)?;
-    let system = System::<32>::named(&arguments.system, arguments.bytes)?;
+    let server = FileServer::new(&arguments.directory, arguments.options)?;
+    let system = LinuxSystem::<32>::named(&arguments.system, arguments.bytes)?;
     let claim = system.claim_within(Processor(arguments.processor), SUCCESSION)?;
     // Whoever wants it to end may kill it.
     Ok(server.serve(claim, &AtomicBool::new(false))?)
@@ -67,7 +67,7 @@ fn serve(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
 
 fn parse(mut words: impl Iterator<Item = String>) -> Option<Arguments> {
     let (mut system, mut bytes, mut directory) = (None, None, None);
-    let (mut processor, mut options) = (0, Options::default());
+    let (mut processor, mut options) = (0, ServerOptions::default());
     while let Some(word) = words.next() {
         match word.as_str() {
             "--system" => system = Some(words.next()?),

@@ -1,21 +1,21 @@
-//! [`Answer`]: what is asked for by a receipt.
+//! [`OperationResult`]: what is asked for by a receipt.
 
 use condor_mbox::{MemoryWindow, Messenger};
 
 use super::error::Receipt;
 use super::operation::After;
-use super::ticket::{Ask, Found, Ticket};
+use super::ticket::{Ask, FileTicket, TicketResult};
 use super::{Directory, File, FileSystem};
-use crate::wire::{Space, Status};
+use crate::wire::{FileStatus, Space};
 
 /// The result of an operation, for who asks again by its [`Receipt`].
 #[non_exhaustive]
-pub enum Answer<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> {
+pub enum OperationResult<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> {
     /// The number of bytes that were read or written, or of bytes of entries of a directory; 0 for an
     /// operation that has no result.
     Number(u64),
     /// The status of a file or directory.
-    Status(Status),
+    Status(FileStatus),
     /// The room of the file system.
     Space(Space),
     /// The file that was opened.
@@ -25,7 +25,7 @@ pub enum Answer<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usi
 }
 
 impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize>
-    Found<'f, 'm, S, W, FILES>
+    TicketResult<'f, 'm, S, W, FILES>
 {
     /// Of what was opened.
     pub(super) fn file(self) -> File<'f, 'm, S, W, FILES> {
@@ -40,15 +40,15 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize>
         }
     }
 
-    fn answer(self) -> Answer<'f, 'm, S, W, FILES> {
+    fn answer(self) -> OperationResult<'f, 'm, S, W, FILES> {
         match self.after {
-            After::Status => Answer::Status(self.status()),
-            After::Space => Answer::Space(self.space()),
+            After::Status => OperationResult::Status(self.status()),
+            After::Space => OperationResult::Space(self.space()),
             After::Opened {
                 directory: true, ..
-            } => Answer::Directory(Directory::of(self.file())),
-            After::Opened { .. } => Answer::File(self.file()),
-            _ => Answer::Number(self.value),
+            } => OperationResult::Directory(Directory::of(self.file())),
+            After::Opened { .. } => OperationResult::File(self.file()),
+            _ => OperationResult::Number(self.value),
         }
     }
 }
@@ -68,7 +68,7 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
     ///
     /// ```
     /// # use core::time::Duration;
-    /// # use condor_fs::{Answer, Error, File, FileSystem, OpenOptions};
+    /// # use condor_fs::{OperationResult, Error, File, FileSystem, OpenOptions};
     /// # use condor_mbox::{MemoryWindow, Messenger};
     /// # fn open<'f, 'm, S: Messenger, W: MemoryWindow, const FILES: usize>(
     /// #     files: &'f FileSystem<'m, S, W, FILES>,
@@ -77,7 +77,7 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
     ///     // Later, and not another open.
     ///     Err(Error::TimedOut { receipt, .. }) => {
     ///         match files.ticket(receipt, &mut []).wait(Duration::from_secs(60))? {
-    ///             Answer::File(file) => Some(file),
+    ///             OperationResult::File(file) => Some(file),
     ///             _ => None,
     ///         }
     ///     }
@@ -89,7 +89,7 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
         &'f self,
         receipt: Receipt,
         into: &'t mut [u8],
-    ) -> Ticket<'t, 'f, 'm, S, W, FILES, Answer<'f, 'm, S, W, FILES>> {
-        Ticket::new(self, Ask::Begun(receipt.0), into, Found::answer)
+    ) -> FileTicket<'t, 'f, 'm, S, W, FILES, OperationResult<'f, 'm, S, W, FILES>> {
+        FileTicket::new(self, Ask::Begun(receipt.0), into, TicketResult::answer)
     }
 }

@@ -1,6 +1,6 @@
 //! [`Area`]: the places of a client's blocks in its window.
 
-use condor_mbox::{AccessError, Call, Places};
+use condor_mbox::{AccessError, Allocator, Call};
 
 use crate::wire::{block, slot, table};
 
@@ -12,10 +12,10 @@ use crate::wire::{block, slot, table};
 ///
 /// ```
 /// use condor_fs::Area;
-/// use condor_mbox::Places;
+/// use condor_mbox::Allocator;
 ///
 /// // 4 files, paths of up to 100 bytes, and a buffer of 512 bytes for each file.
-/// let mut places = Places::new(8192);
+/// let mut places = Allocator::new(8192);
 /// let area = Area::<4>::new(&mut places, 100, 512)?;
 /// assert!(Area::<64>::new(&mut places, 100, 512).is_err(), "there is no room left for 64");
 /// # Ok::<(), condor_mbox::AccessError>(())
@@ -40,7 +40,7 @@ impl<const FILES: usize> Area<FILES> {
     /// # Errors
     /// [`AccessError`] of the kind `OutOfBounds` if there is no room.
     pub const fn new(
-        places: &mut Places,
+        places: &mut Allocator,
         path_bytes: u32,
         buffer_bytes: u32,
     ) -> Result<Self, AccessError> {

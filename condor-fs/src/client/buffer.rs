@@ -1,13 +1,13 @@
 //! [`Buffer`]: owned memory of the window, which can be lent to the server.
 
-use condor_mbox::{AccessError, MemoryWindow, Messenger, Places, Region};
+use condor_mbox::{AccessError, Allocator, MemoryWindow, Messenger, Region};
 
-use super::error::Error;
+use super::error::FileError;
 use super::file::moved;
 use super::operation::After;
 use super::{Alone, File};
 use crate::errno::Errno;
-use crate::wire::{Operation, Request, Span};
+use crate::wire::{Operation, RequestSlot, Span};
 
 /// Memory of the processor's own window for calls without a copy, which take it and return it.
 ///
@@ -26,7 +26,7 @@ impl<W: MemoryWindow + Clone> Buffer<W> {
     /// # Errors
     /// [`AccessError`] of the kind `OutOfBounds` if there is no room, `Misaligned` if `bytes` is
     /// not a multiple of four.
-    pub fn new(own: &Region<W>, places: &mut Places, bytes: u32) -> Result<Self, AccessError> {
+    pub fn new(own: &Region<W>, places: &mut Allocator, bytes: u32) -> Result<Self, AccessError> {
         let offset = places.bytes(bytes as usize)?;
         Ok(Self {
             memory: own.part(offset, bytes)?,
@@ -47,14 +47,14 @@ impl<W: MemoryWindow> Buffer<W> {
 }
 
 /// The result of a call without a copy: the number of bytes that were moved, and the buffer.
-pub type Lent<W> = Result<(usize, Buffer<W>), Kept<W>>;
+pub type BufferResult<W> = Result<(usize, Buffer<W>), BufferError<W>>;
 
 /// The error of a call without a copy, with the buffer.
 #[derive(Debug, thiserror::Error)]
 #[error("{error}")]
-pub struct Kept<W> {
+pub struct BufferError<W> {
     /// The error.
-    pub error: Error,
+    pub error: FileError,
     /// The buffer; `None` if the operation is in doubt. Then
     /// [`FileSystem::take_buffer`](super::FileSystem::take_buffer) returns it when the operation
     /// has ended.
@@ -66,10 +66,10 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'_, '_, S,
     /// position. Returns the number of bytes and the buffer.
     ///
     /// # Errors
-    /// [`Kept`] with the buffer and an [`Error`]: [`Errno::FAULT`] if the buffer is
+    /// [`BufferError`] with the buffer and an [`Error`]: [`Errno::FAULT`] if the buffer is
     /// shorter than `len`; [`Errno::BUSY`] if an earlier buffer has not been [taken
     /// back](super::FileSystem::take_buffer); otherwise that of the server or the mailbox.
-    pub fn read_buffer(&mut self, buffer: Buffer<W>, len: u32) -> Lent<W> {
+    pub fn read_buffer(&mut self, buffer: Buffer<W>, len: u32) -> BufferResult<W> {
         self.lend(true, buffer, len, None)
     }
 
@@ -78,7 +78,7 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'_, '_, S,
     ///
     /// # Errors
     /// Those of [`read_buffer`](Self::read_buffer).
-    pub fn read_buffer_at(&self, buffer: Buffer<W>, len: u32, position: u64) -> Lent<W> {
+    pub fn read_buffer_at(&self, buffer: Buffer<W>, len: u32, position: u64) -> BufferResult<W> {
         self.lend(true, buffer, len, Some(position))
     }
 
@@ -87,10 +87,10 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'_, '_, S,
     /// buffer.
     ///
     /// # Errors
-    /// [`Kept`] with the buffer and an [`Error`]: [`Errno::FAULT`] if the buffer is
+    /// [`BufferError`] with the buffer and an [`Error`]: [`Errno::FAULT`] if the buffer is
     /// shorter than `len`; [`Errno::BUSY`] if an earlier buffer has not been [taken
     /// back](super::FileSystem::take_buffer); otherwise that of the server or the mailbox.
-    pub fn write_buffer(&mut self, buffer: Buffer<W>, len: u32) -> Lent<W> {
+    pub fn write_buffer(&mut self, buffer: Buffer<W>, len: u32) -> BufferResult<W> {
         self.lend(false, buffer, len, None)
     }
 
@@ -100,13 +100,13 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'_, '_, S,
     /// # Errors
     /// [`Errno::INVAL`] for a file that was opened for appending; otherwise those of
     /// [`write_buffer`](Self::write_buffer).
-    pub fn write_buffer_at(&self, buffer: Buffer<W>, len: u32, position: u64) -> Lent<W> {
+    pub fn write_buffer_at(&self, buffer: Buffer<W>, len: u32, position: u64) -> BufferResult<W> {
         self.lend(false, buffer, len, Some(position))
     }
 
-    fn lend(&self, reads: bool, buffer: Buffer<W>, len: u32, at: Option<u64>) -> Lent<W> {
+    fn lend(&self, reads: bool, buffer: Buffer<W>, len: u32, at: Option<u64>) -> BufferResult<W> {
         let system = self.system;
-        let refuse = |error: Error, buffer| Err(Kept { error, buffer });
+        let refuse = |error: FileError, buffer| Err(BufferError { error, buffer });
         let alone = match system.enter() {
             Ok(alone) => alone,
             Err(errno) => return refuse(errno.into(), Some(buffer)),
@@ -137,7 +137,7 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'_, '_, S,
         reads: bool,
         buffer: Span,
         at: Option<u64>,
-    ) -> Result<usize, Error> {
+    ) -> Result<usize, FileError> {
         let (system, file) = (self.system, self.index);
         let operation = if reads {
             Operation::Read
@@ -145,7 +145,7 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'_, '_, S,
             alone.writing(file, at)?
         };
         let deadline = system.clear(alone)?;
-        let request = Request {
+        let request = RequestSlot {
             // Only now: what was in doubt may have moved the position.
             position: at.map_or_else(|| alone.position(file), Ok)?,
             buffer,

@@ -6,7 +6,7 @@ use core::fmt;
 use condor_mbox::{MemoryWindow, Messenger};
 use embedded_io::{BufRead, ErrorType, Read, ReadExactError, Seek, SeekFrom, Write};
 
-use super::{Error, File, whole};
+use super::{File, FileError, whole};
 use crate::errno::Errno;
 
 /// A reader that reads a file in pieces of its buffer in the window, and returns the bytes in any
@@ -32,7 +32,7 @@ pub struct FileReader<
     bytes: [u8; N],
     /// The part of `bytes` that was not given out.
     held: Part,
-    asked: Asked,
+    asked: OperationStart,
 }
 
 /// A writer that collects small writes in the file's buffer in the window. One request to the
@@ -49,20 +49,20 @@ pub struct FileWriter<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILE
     file: File<'f, 'm, S, W, FILES>,
     /// How many bytes of the file's buffer are to be written.
     held: u32,
-    asked: Asked,
+    asked: OperationStart,
 }
 
 /// The error of a writer that could not write the bytes that it holds, or close its file.
-pub struct Unwritten<T> {
+pub struct WriterError<T> {
     /// The error.
-    pub error: Error,
+    pub error: FileError,
     /// The writer, with the bytes that it holds; `None` if all were written, and closing the file
     /// failed.
     pub writer: Option<T>,
 }
 
 /// What [`FileWriter::into_parts`] returns.
-pub struct Parts<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> {
+pub struct WriterParts<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> {
     /// The file.
     pub file: File<'f, 'm, S, W, FILES>,
     /// The number of bytes that were held, and are not known to be written.
@@ -88,7 +88,7 @@ impl Part {
 }
 
 /// The position at which an operation began whose end has not been seen.
-type Asked = Option<u64>;
+type OperationStart = Option<u64>;
 
 impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f, 'm, S, W, FILES> {
     /// Makes a buffered reader, which begins at the position of the file and has `N` bytes of its
@@ -116,7 +116,7 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f
     }
 
     /// How many bytes the operation in `asked` moved, which may be in doubt: then waits for its end.
-    fn settled(&self, asked: &mut Asked) -> Result<u32, Error> {
+    fn settled(&self, asked: &mut OperationStart) -> Result<u32, FileError> {
         let Some(before) = *asked else {
             return Ok(0);
         };
@@ -128,7 +128,12 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f
     }
 
     /// Moves the first `len` bytes of the file's buffer; how many were moved.
-    fn move_buffer(&self, reads: bool, len: u32, asked: &mut Asked) -> Result<u32, Error> {
+    fn move_buffer(
+        &self,
+        reads: bool,
+        len: u32,
+        asked: &mut OperationStart,
+    ) -> Result<u32, FileError> {
         *asked = Some(self.position()?);
         let buffer = self.system.own_buffer(self.index, len as usize);
         let moved = self.transfer_ahead(reads, buffer)?;
@@ -153,7 +158,7 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, const N
     ///
     /// # Errors
     /// [`Errno::BUSY`] if another context's operation is in progress.
-    pub fn position(&self) -> Result<u64, Error> {
+    pub fn position(&self) -> Result<u64, FileError> {
         Ok(self.file.position()?.saturating_sub(self.ahead()))
     }
 
@@ -162,7 +167,7 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, const N
     /// # Errors
     /// [`Error`] if the end of an earlier operation that is in doubt cannot be awaited; the file is
     /// dropped then.
-    pub fn into_inner(mut self) -> Result<File<'f, 'm, S, W, FILES>, Error> {
+    pub fn into_inner(mut self) -> Result<File<'f, 'm, S, W, FILES>, FileError> {
         self.seek(SeekFrom::Current(0))?;
         Ok(self.file)
     }
@@ -173,7 +178,7 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, const N
     }
 
     /// What a read turned out to have read that was in doubt is in the file's buffer.
-    fn settle(&mut self) -> Result<(), Error> {
+    fn settle(&mut self) -> Result<(), FileError> {
         let end = self.file.settled(&mut self.asked)?;
         if end > 0 {
             self.left = Part { begin: 0, end };
@@ -182,7 +187,7 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, const N
     }
 
     /// Asks the server for more if all was taken out of the file's buffer.
-    fn fetch(&mut self) -> Result<(), Error> {
+    fn fetch(&mut self) -> Result<(), FileError> {
         self.settle()?;
         if self.left.len() > 0 {
             return Ok(());
@@ -197,7 +202,7 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, const N
     }
 
     /// Takes bytes out of the file's buffer: all that are left, or whole words.
-    fn take(&mut self, into: Option<&mut [u8]>) -> Result<u32, Error> {
+    fn take(&mut self, into: Option<&mut [u8]>) -> Result<u32, FileError> {
         let (own, left) = (&self.file.system.own, self.left);
         let into = into.unwrap_or(&mut self.bytes);
         let mut len = u32::try_from(into.len()).map_or(left.len(), |most| most.min(left.len()));
@@ -216,14 +221,14 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, const N
 impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, const N: usize> ErrorType
     for FileReader<'_, '_, S, W, FILES, N>
 {
-    type Error = Error;
+    type Error = FileError;
 }
 
 impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, const N: usize> BufRead
     for FileReader<'_, '_, S, W, FILES, N>
 {
     /// At least one byte, none at the end of the file; [`Errno::INVAL`] if the area has no buffers.
-    fn fill_buf(&mut self) -> Result<&[u8], Error> {
+    fn fill_buf(&mut self) -> Result<&[u8], FileError> {
         if self.held.len() == 0 {
             self.fetch()?;
             let end = self.take(None)?;
@@ -243,7 +248,7 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, const N: usize>
 impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, const N: usize> Read
     for FileReader<'_, '_, S, W, FILES, N>
 {
-    fn read(&mut self, into: &mut [u8]) -> Result<usize, Error> {
+    fn read(&mut self, into: &mut [u8]) -> Result<usize, FileError> {
         if into.is_empty() {
             return Ok(0);
         }
@@ -260,7 +265,7 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, const N: usize>
         Ok(read)
     }
 
-    fn read_exact(&mut self, into: &mut [u8]) -> Result<(), ReadExactError<Error>> {
+    fn read_exact(&mut self, into: &mut [u8]) -> Result<(), ReadExactError<FileError>> {
         whole::read_exact(into, |rest| self.read(rest))
     }
 }
@@ -269,7 +274,7 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, const N: usize>
     for FileReader<'_, '_, S, W, FILES, N>
 {
     /// What was read ahead is dropped.
-    fn seek(&mut self, to: SeekFrom) -> Result<u64, Error> {
+    fn seek(&mut self, to: SeekFrom) -> Result<u64, FileError> {
         self.settle()?; // The position is not known before.
         let to = match to {
             SeekFrom::Current(step) => {
@@ -284,7 +289,7 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, const N: usize>
         Ok(position)
     }
 
-    fn stream_position(&mut self) -> Result<u64, Error> {
+    fn stream_position(&mut self) -> Result<u64, FileError> {
         self.settle()?;
         self.position()
     }
@@ -302,11 +307,11 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize>
     /// Writes the bytes that are held, and returns the file.
     ///
     /// # Errors
-    /// [`Unwritten`] with the error and the writer if the bytes cannot be written.
-    pub fn into_inner(mut self) -> Result<File<'f, 'm, S, W, FILES>, Unwritten<Self>> {
+    /// [`WriterError`] with the error and the writer if the bytes cannot be written.
+    pub fn into_inner(mut self) -> Result<File<'f, 'm, S, W, FILES>, WriterError<Self>> {
         match self.flush() {
             Ok(()) => Ok(self.file),
-            Err(error) => Err(Unwritten {
+            Err(error) => Err(WriterError {
                 error,
                 writer: Some(self),
             }),
@@ -316,11 +321,11 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize>
     /// Writes the bytes that are held, and closes the file.
     ///
     /// # Errors
-    /// [`Unwritten`]: with the writer if not all bytes were written; without it if closing the file
+    /// [`WriterError`]: with the writer if not all bytes were written; without it if closing the file
     /// failed.
-    pub fn close(self) -> Result<(), Unwritten<Self>> {
+    pub fn close(self) -> Result<(), WriterError<Self>> {
         let writer = None;
-        (self.into_inner()?.close()).map_err(|error| Unwritten { error, writer })
+        (self.into_inner()?.close()).map_err(|error| WriterError { error, writer })
     }
 
     /// Takes the writer apart without writing: copies the bytes that are held to `rest`, and returns
@@ -331,12 +336,12 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize>
     /// all: it moves by that many bytes when the doubt ends, from the one that is returned.
     ///
     /// # Errors
-    /// [`Unwritten`] with the writer: [`Errno::INVAL`] if `rest` is too short; [`Errno::BUSY`] during
+    /// [`WriterError`] with the writer: [`Errno::INVAL`] if `rest` is too short; [`Errno::BUSY`] during
     /// an operation of another context; otherwise that of the window.
     pub fn into_parts(
         self,
         rest: &mut [u8],
-    ) -> Result<Parts<'f, 'm, S, W, FILES>, Unwritten<Self>> {
+    ) -> Result<WriterParts<'f, 'm, S, W, FILES>, WriterError<Self>> {
         let (system, at) = (self.file.system, self.file.buffer());
         let held = self.held as usize;
         let copied = (self.file.position()).and_then(|position| {
@@ -345,13 +350,13 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize>
             Ok(self.asked.unwrap_or(position))
         });
         match copied {
-            Ok(position) => Ok(Parts {
+            Ok(position) => Ok(WriterParts {
                 in_doubt: self.asked.is_some(),
                 file: self.file,
                 held,
                 position,
             }),
-            Err(error) => Err(Unwritten {
+            Err(error) => Err(WriterError {
                 error,
                 writer: Some(self),
             }),
@@ -359,13 +364,13 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize>
     }
 
     /// Takes off what was written of an operation that was in doubt.
-    fn settle(&mut self) -> Result<(), Error> {
+    fn settle(&mut self) -> Result<(), FileError> {
         let written = self.file.settled(&mut self.asked)?;
         self.forget(written)
     }
 
     /// The first `written` bytes of what is held are with the server.
-    fn forget(&mut self, written: u32) -> Result<(), Error> {
+    fn forget(&mut self, written: u32) -> Result<(), FileError> {
         let left = self.held.saturating_sub(written);
         if written > 0 {
             let (system, at) = (self.file.system, self.file.buffer());
@@ -378,7 +383,7 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize>
         Ok(())
     }
 
-    fn drain(&mut self) -> Result<(), Error> {
+    fn drain(&mut self) -> Result<(), FileError> {
         self.settle()?;
         while self.held > 0 {
             let written = (self.file).move_buffer(false, self.held, &mut self.asked)?;
@@ -394,14 +399,14 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize>
 impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> ErrorType
     for FileWriter<'_, '_, S, W, FILES>
 {
-    type Error = Error;
+    type Error = FileError;
 }
 
 impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> Write
     for FileWriter<'_, '_, S, W, FILES>
 {
     /// Takes at least one byte; [`Errno::INVAL`] if the area has no buffers.
-    fn write(&mut self, from: &[u8]) -> Result<usize, Error> {
+    fn write(&mut self, from: &[u8]) -> Result<usize, FileError> {
         if from.is_empty() {
             return Ok(0);
         }
@@ -439,11 +444,11 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> Write
     }
 
     /// After an error, some of `from` may be taken.
-    fn write_all(&mut self, from: &[u8]) -> Result<(), Error> {
+    fn write_all(&mut self, from: &[u8]) -> Result<(), FileError> {
         whole::write_all(from, |rest| self.write(rest))
     }
 
-    fn flush(&mut self) -> Result<(), Error> {
+    fn flush(&mut self) -> Result<(), FileError> {
         self.drain()
     }
 }
@@ -452,13 +457,13 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> Seek
     for FileWriter<'_, '_, S, W, FILES>
 {
     /// What is held is written before.
-    fn seek(&mut self, to: SeekFrom) -> Result<u64, Error> {
+    fn seek(&mut self, to: SeekFrom) -> Result<u64, FileError> {
         self.drain()?;
         self.file.seek(to)
     }
 }
 
-impl<T> fmt::Debug for Unwritten<T> {
+impl<T> fmt::Debug for WriterError<T> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         // A text of its own would be printed by code that can panic.
         let writer = self.writer.as_ref().map(|_| format_args!(".."));
@@ -468,10 +473,10 @@ impl<T> fmt::Debug for Unwritten<T> {
     }
 }
 
-impl<T> fmt::Display for Unwritten<T> {
+impl<T> fmt::Display for WriterError<T> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         self.error.fmt(f)
     }
 }
 
-impl<T> core::error::Error for Unwritten<T> {}
+impl<T> core::error::Error for WriterError<T> {}

@@ -8,14 +8,14 @@
 use core::fmt::Debug;
 use core::mem::ManuallyDrop;
 
-use condor_dev::stdio::Claim;
+use condor_dev::stdio::ClaimCell;
 use condor_dev::{
     Bus, BusError, BusErrorKind, Descriptors, DeviceSet, Fd, FdError, InterruptController, IoError,
-    Mode, Switch,
+    OpenMode, Switch,
 };
 use condor_mbox::{MemoryWindow, Messenger};
 
-use super::{Error, File, FileSystem, OpenOptions};
+use super::{File, FileError, FileSystem, OpenOptions};
 use crate::errno::Errno;
 use crate::wire::open as flag;
 
@@ -42,7 +42,7 @@ pub struct FileSwitch<
     const FILES: usize,
 > {
     devices: &'d Switch<B, C, D, F>,
-    files: Claim<Files<'m, S, W, FILES>>,
+    files: ClaimCell<Files<'m, S, W, FILES>>,
 }
 
 struct Files<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> {
@@ -55,13 +55,13 @@ struct Files<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> {
 struct Location {
     generation: u16,
     /// `None` if no descriptor is open.
-    mode: Option<Mode>,
+    mode: Option<OpenMode>,
 }
 
 /// The reason for which nothing was opened.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
-pub enum OpenError<'n> {
+pub enum FileOpenError<'n> {
     /// The device switch refused, or a file cannot be opened with this board number or mode.
     #[error("{0}")]
     Device(condor_dev::OpenError<'n>),
@@ -71,11 +71,11 @@ pub enum OpenError<'n> {
         /// The requested name.
         name: &'n str,
         /// The error of the file system, with its number if it has one.
-        error: Error,
+        error: FileError,
     },
 }
 
-impl<'n> From<condor_dev::OpenError<'n>> for OpenError<'n> {
+impl<'n> From<condor_dev::OpenError<'n>> for FileOpenError<'n> {
     fn from(error: condor_dev::OpenError<'n>) -> Self {
         Self::Device(error)
     }
@@ -91,7 +91,7 @@ pub enum TransferError<E: Debug> {
     Device(E),
     /// The file system returned this error, with its number if it has one.
     #[error(transparent)]
-    File(#[from] Error),
+    File(#[from] FileError),
 }
 
 impl<E: BusError> BusError for TransferError<E> {
@@ -99,13 +99,15 @@ impl<E: BusError> BusError for TransferError<E> {
     fn kind(&self) -> BusErrorKind {
         match self {
             Self::Device(error) => error.kind(),
-            Self::File(Error::Errno(Errno::ACCES | Errno::PERM | Errno::ROFS)) => {
+            Self::File(FileError::Errno(Errno::ACCES | Errno::PERM | Errno::ROFS)) => {
                 BusErrorKind::ReadOnly
             }
-            Self::File(Error::Errno(Errno::FBIG | Errno::INVAL | Errno::OVERFLOW)) => {
+            Self::File(FileError::Errno(Errno::FBIG | Errno::INVAL | Errno::OVERFLOW)) => {
                 BusErrorKind::OutOfRange
             }
-            Self::File(Error::TimedOut { .. } | Error::Mailbox(_)) => BusErrorKind::NoAnswer,
+            Self::File(FileError::TimedOut { .. } | FileError::Mailbox(_)) => {
+                BusErrorKind::NoAnswer
+            }
             Self::File(_) => BusErrorKind::Lost,
         }
     }
@@ -135,7 +137,7 @@ where
         };
         Self {
             devices,
-            files: Claim::new(Files {
+            files: ClaimCell::new(Files {
                 system,
                 places: [free; FILES],
             }),
@@ -145,15 +147,20 @@ where
     /// Opens `fs/` and a path, or a board of the switch as [`Switch::open`] does; either may begin
     /// with a colon.
     ///
-    /// A file is board 0. For [`Mode::READ`] it must exist. With [`Mode::WRITE`] it is made if it
+    /// A file is board 0. For [`OpenMode::READ`] it must exist. With [`OpenMode::WRITE`] it is made if it
     /// does not exist, and text is appended, so that nothing that was written before is lost;
     /// [`open_file`](Self::open_file) has all other ways of opening. A file cannot be
-    /// [`Mode::EXCLUSIVE`], since the host's own programs can access it, too.
+    /// [`OpenMode::EXCLUSIVE`], since the host's own programs can access it, too.
     ///
     /// # Errors
-    /// [`OpenError::Device`] if the switch refuses, or if board or mode do not exist for files;
-    /// [`OpenError::File`] if the file cannot be opened.
-    pub fn open<'n>(&self, name: &'n str, board: u8, mode: Mode) -> Result<Fd, OpenError<'n>> {
+    /// [`FileOpenError::Device`] if the switch refuses, or if board or mode do not exist for files;
+    /// [`FileOpenError::File`] if the file cannot be opened.
+    pub fn open<'n>(
+        &self,
+        name: &'n str,
+        board: u8,
+        mode: OpenMode,
+    ) -> Result<Fd, FileOpenError<'n>> {
         let plain = name.strip_prefix(':').unwrap_or(name);
         let Some(path) = plain.strip_prefix(PREFIX) else {
             return Ok(self.devices.open(name, board, mode)?);
@@ -168,17 +175,17 @@ where
             return Err(none.into());
         }
         let mut options = OpenOptions::new();
-        if mode.contains(Mode::READ) {
+        if mode.contains(OpenMode::READ) {
             options = options.read();
         }
-        if mode.contains(Mode::WRITE) {
+        if mode.contains(OpenMode::WRITE) {
             options = options.append().create();
         }
-        if mode.contains(Mode::EXCLUSIVE) || options == OpenOptions::new() {
+        if mode.contains(OpenMode::EXCLUSIVE) || options == OpenOptions::new() {
             return Err(condor_dev::OpenError::Direction { name, mode }.into());
         }
         self.open_file(path, options)
-            .map_err(|error| OpenError::File { name, error })
+            .map_err(|error| FileOpenError::File { name, error })
     }
 
     /// Opens the file at `path` as [`FileSystem::open`] does.
@@ -186,13 +193,13 @@ where
     /// # Errors
     /// The [`Error`] of [`FileSystem::open`]; [`Errno::BUSY`] if this context interrupts another
     /// use of a file.
-    pub fn open_file(&self, path: impl AsRef<[u8]>, options: OpenOptions) -> Result<Fd, Error> {
+    pub fn open_file(&self, path: impl AsRef<[u8]>, options: OpenOptions) -> Result<Fd, FileError> {
         let mut files = self.files.claim().ok_or(Errno::BUSY)?;
         let index = files.system.open_block(path.as_ref(), options)?;
         let place = files.places.get_mut(index).ok_or(Errno::BADF)?;
-        let mut mode = Mode::empty();
-        mode.set(Mode::READ, options.flags & flag::READ != 0);
-        mode.set(Mode::WRITE, options.flags & flag::WRITE != 0);
+        let mut mode = OpenMode::empty();
+        mode.set(OpenMode::READ, options.flags & flag::READ != 0);
+        mode.set(OpenMode::WRITE, options.flags & flag::WRITE != 0);
         place.mode = Some(mode);
         Ok(Fd::new(F.wrapping_add(index) as u16, place.generation))
     }
@@ -206,9 +213,9 @@ where
     pub fn with_file<R>(
         &self,
         fd: Fd,
-        calls: impl FnOnce(&mut File<'_, 'm, S, W, FILES>) -> Result<R, Error>,
+        calls: impl FnOnce(&mut File<'_, 'm, S, W, FILES>) -> Result<R, FileError>,
     ) -> Result<R, IoError<TransferError<B::Error>>> {
-        self.with(fd, Mode::empty(), calls)
+        self.with(fd, OpenMode::empty(), calls)
     }
 
     /// Calls `calls` with the file system, for operations on names and directories, and files
@@ -233,7 +240,7 @@ where
             return self.devices.close(fd).map_err(of_device);
         }
         let mut files = self.files.claim().ok_or(IoError::WouldBlock)?;
-        let index = files.index(fd, F, Mode::empty())?;
+        let index = files.index(fd, F, OpenMode::empty())?;
         if let Some(place) = files.places.get_mut(index) {
             place.mode = None;
             place.generation = place.generation.wrapping_add(1);
@@ -244,8 +251,8 @@ where
     fn with<R>(
         &self,
         fd: Fd,
-        wanted: Mode,
-        calls: impl FnOnce(&mut File<'_, 'm, S, W, FILES>) -> Result<R, Error>,
+        wanted: OpenMode,
+        calls: impl FnOnce(&mut File<'_, 'm, S, W, FILES>) -> Result<R, FileError>,
     ) -> Result<R, IoError<TransferError<B::Error>>> {
         let files = self.files.claim().ok_or(IoError::WouldBlock)?;
         let index = files.index(fd, F, wanted)?;
@@ -259,7 +266,7 @@ where
     }
 
     /// A file is ready if its descriptor is good: its call then waits, and gives something.
-    fn ready(&self, fd: Fd, wanted: Mode) -> Result<bool, IoError<TransferError<B::Error>>> {
+    fn ready(&self, fd: Fd, wanted: OpenMode) -> Result<bool, IoError<TransferError<B::Error>>> {
         match self.with(fd, wanted, |_| Ok(true)) {
             Err(IoError::WouldBlock) => Ok(false),
             outcome => outcome,
@@ -269,7 +276,7 @@ where
 
 impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> Files<'_, S, W, FILES> {
     /// The index of an open descriptor; `first` is the number of the first one.
-    fn index(&self, fd: Fd, first: usize, wanted: Mode) -> Result<usize, FdError> {
+    fn index(&self, fd: Fd, first: usize, wanted: OpenMode) -> Result<usize, FdError> {
         let index = usize::from(fd.number()).wrapping_sub(first);
         let place = self.places.get(index);
         let place = place.filter(|place| place.generation == fd.generation());
@@ -298,7 +305,7 @@ where
             return self.devices.read(fd, into).map_err(of_device);
         }
         let empty = into.is_empty();
-        match self.with(fd, Mode::READ, |file| file.read(into)) {
+        match self.with(fd, OpenMode::READ, |file| file.read(into)) {
             Ok(0) if !empty => Err(IoError::End),
             outcome => outcome,
         }
@@ -308,21 +315,21 @@ where
         if Self::is_device(fd) {
             return self.devices.write(fd, from).map_err(of_device);
         }
-        self.with(fd, Mode::WRITE, |file| file.write(from))
+        self.with(fd, OpenMode::WRITE, |file| file.write(from))
     }
 
     fn read_ready(&self, fd: Fd) -> Result<bool, IoError<Self::Error>> {
         if Self::is_device(fd) {
             return self.devices.read_ready(fd).map_err(of_device);
         }
-        self.ready(fd, Mode::READ)
+        self.ready(fd, OpenMode::READ)
     }
 
     fn write_ready(&self, fd: Fd) -> Result<bool, IoError<Self::Error>> {
         if Self::is_device(fd) {
             return self.devices.write_ready(fd).map_err(of_device);
         }
-        self.ready(fd, Mode::WRITE)
+        self.ready(fd, OpenMode::WRITE)
     }
 
     /// What was written to a file is with the host; on its disk it is after a sync.
@@ -330,11 +337,11 @@ where
         if Self::is_device(fd) {
             return self.devices.is_flushed(fd).map_err(of_device);
         }
-        self.ready(fd, Mode::WRITE)
+        self.ready(fd, OpenMode::WRITE)
     }
 }
 
-fn of_file<E: Debug>(error: Error) -> IoError<TransferError<E>> {
+fn of_file<E: Debug>(error: FileError) -> IoError<TransferError<E>> {
     IoError::Bus(TransferError::File(error))
 }
 

@@ -3,10 +3,10 @@
 use condor_mbox::{MemoryWindow, Messenger};
 
 use super::operation::After;
-use super::ticket::{Ask, Ticket};
-use super::{Error, File, FileSystem, OpenOptions, request};
+use super::ticket::{Ask, FileTicket};
+use super::{File, FileError, FileSystem, OpenOptions, request};
 use crate::errno::Errno;
-use crate::wire::{Operation, Request, Span, Status, whole};
+use crate::wire::{FileStatus, Operation, RequestSlot, Span, whole};
 
 /// Bytes of an entry before its name.
 const HEAD: u32 = 16;
@@ -26,7 +26,7 @@ pub struct Directory<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES
 
 /// An entry of a directory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Entry<'n> {
+pub struct DirectoryEntry<'n> {
     /// The name, which need not be UTF-8.
     pub name: &'n [u8],
     /// The type bits of `st_mode`, shifted right by 12: 4 for a directory, 8 for a file, 10 for a
@@ -34,7 +34,7 @@ pub struct Entry<'n> {
     pub kind: u32,
 }
 
-impl Entry<'_> {
+impl DirectoryEntry<'_> {
     /// Returns whether the entry is a directory.
     #[must_use]
     pub const fn is_directory(&self) -> bool {
@@ -57,7 +57,7 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
     pub fn open_directory(
         &self,
         path: impl AsRef<[u8]>,
-    ) -> Result<Directory<'_, 'm, S, W, FILES>, Error> {
+    ) -> Result<Directory<'_, 'm, S, W, FILES>, FileError> {
         self.begin_open_directory(path.as_ref()).done()
     }
 
@@ -65,9 +65,9 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
     pub fn begin_open_directory<'f: 't, 't>(
         &'f self,
         path: &'t (impl AsRef<[u8]> + ?Sized),
-    ) -> Ticket<'t, 'f, 'm, S, W, FILES, Directory<'f, 'm, S, W, FILES>> {
+    ) -> FileTicket<'t, 'f, 'm, S, W, FILES, Directory<'f, 'm, S, W, FILES>> {
         let ask = OpenOptions::directory().ask(path.as_ref());
-        Ticket::new(self, ask, &mut [], |found| Directory::of(found.file()))
+        FileTicket::new(self, ask, &mut [], |found| Directory::of(found.file()))
     }
 }
 
@@ -95,7 +95,10 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> Directory<'_, '
     /// # Errors
     /// [`Errno::NAMETOOLONG`] if `name` is too short, and the entry is skipped; [`Errno::INVAL`] if
     /// the buffer of the area is too short for a name; otherwise another [`Error`].
-    pub fn next<'n>(&mut self, name: &'n mut [u8]) -> Result<Option<Entry<'n>>, Error> {
+    pub fn next<'n>(
+        &mut self,
+        name: &'n mut [u8],
+    ) -> Result<Option<DirectoryEntry<'n>>, FileError> {
         for _ in 0..=LEFT_OUT {
             if self.next >= self.filled && !self.fill()? {
                 return Ok(None);
@@ -116,7 +119,9 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> Directory<'_, '
             };
             system.own.read(at.wrapping_add(HEAD), into)?;
             if into != b"." && into != b".." {
-                return Ok(name.get(..len as usize).map(|name| Entry { name, kind }));
+                return Ok(name
+                    .get(..len as usize)
+                    .map(|name| DirectoryEntry { name, kind }));
             }
         }
         Err(Errno::IO.into()) // A server could go on like this for ever.
@@ -135,7 +140,7 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> Directory<'_, '
     /// # Errors
     /// [`Error::Errno`] if the server refuses; another [`Error`] if it does not answer in time, or
     /// if the mailbox or the window fails.
-    pub fn sync(&self) -> Result<(), Error> {
+    pub fn sync(&self) -> Result<(), FileError> {
         self.file.sync()
     }
 
@@ -143,7 +148,7 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> Directory<'_, '
     ///
     /// # Errors
     /// Those of [`File::status`].
-    pub fn status(&self) -> Result<Status, Error> {
+    pub fn status(&self) -> Result<FileStatus, FileError> {
         self.file.status()
     }
 
@@ -152,18 +157,18 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> Directory<'_, '
     /// # Errors
     /// [`Error::Errno`] if the server refuses; another [`Error`] if it does not answer in time, or
     /// if the mailbox or the window fails.
-    pub fn close(self) -> Result<(), Error> {
+    pub fn close(self) -> Result<(), FileError> {
         self.file.close()
     }
 
     /// Asks for more entries; whether there are.
-    fn fill(&mut self) -> Result<bool, Error> {
+    fn fill(&mut self) -> Result<bool, FileError> {
         let (system, index) = (self.file.system, self.file.index);
         let buffer = Span {
             offset: system.area.buffer(index),
             len: system.area.buffer_bytes(),
         };
-        let request = Request {
+        let request = RequestSlot {
             position: self.cookie,
             buffer,
             ..request(Operation::ReadDirectory)
@@ -171,7 +176,7 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> Directory<'_, '
         self.next = 0;
         self.filled = 0;
         let ask = Ask::File(request, index, After::Nothing);
-        let value = Ticket::new(system, ask, &mut [], |found| found.value).done()?;
+        let value = FileTicket::new(system, ask, &mut [], |found| found.value).done()?;
         self.filled = u32::try_from(value).map_or(buffer.len, |len| len.min(buffer.len));
         Ok(self.filled > 0)
     }

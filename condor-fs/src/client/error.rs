@@ -1,4 +1,4 @@
-//! [`Error`] of a client.
+//! [`FileError`] of a client.
 
 use condor_mbox::{AccessError, Processor};
 use embedded_io::WriteFmtError;
@@ -12,7 +12,7 @@ pub struct Receipt(pub u64);
 /// The reason for which an operation returned no result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
-pub enum Error {
+pub enum FileError {
     /// The server refused with this number, or the client did for a request that it can refuse
     /// itself. Nothing was done, except what the same error means on Unix.
     #[error("{0}")]
@@ -25,7 +25,7 @@ pub enum Error {
         /// The number of the server.
         server: Processor,
         /// The last error of the mailbox, if there was one.
-        cause: Option<condor_mbox::Error>,
+        cause: Option<condor_mbox::MailboxError>,
         /// The number of the operation. [`FileSystem::ticket`](super::FileSystem::ticket) asks by it
         /// for the result that this call would have returned.
         receipt: Receipt,
@@ -37,12 +37,12 @@ pub enum Error {
         /// The number of the server.
         server: Processor,
         /// The last error of the mailbox, if there was one.
-        cause: Option<condor_mbox::Error>,
+        cause: Option<condor_mbox::MailboxError>,
     },
     /// The processor's own mailbox cannot send. If an operation was in progress, it is in doubt:
     /// whether it was done is not known.
     #[error(transparent)]
-    Mailbox(#[from] condor_mbox::Error),
+    Mailbox(#[from] condor_mbox::MailboxError),
     /// The processor's own window cannot be accessed.
     #[error(transparent)]
     Access(#[from] AccessError),
@@ -52,7 +52,7 @@ pub enum Error {
     Format,
 }
 
-impl Error {
+impl FileError {
     /// Returns the error number, if the error has one.
     #[must_use]
     pub const fn errno(&self) -> Option<Errno> {
@@ -63,15 +63,15 @@ impl Error {
     }
 }
 
-impl From<Errno> for Error {
+impl From<Errno> for FileError {
     fn from(errno: Errno) -> Self {
         Self::Errno(errno)
     }
 }
 
 /// The error of `write!` and `writeln!` to a file.
-impl From<WriteFmtError<Error>> for Error {
-    fn from(error: WriteFmtError<Error>) -> Self {
+impl From<WriteFmtError<FileError>> for FileError {
+    fn from(error: WriteFmtError<FileError>) -> Self {
         match error {
             WriteFmtError::Other(error) => error,
             WriteFmtError::FmtError => Self::Format,
@@ -79,7 +79,7 @@ impl From<WriteFmtError<Error>> for Error {
     }
 }
 
-impl embedded_io::Error for Error {
+impl embedded_io::Error for FileError {
     fn kind(&self) -> embedded_io::ErrorKind {
         match self {
             Self::Errno(errno) => embedded_io::Error::kind(errno),
@@ -90,7 +90,7 @@ impl embedded_io::Error for Error {
     }
 }
 
-struct Cause<'a>(&'a Option<condor_mbox::Error>);
+struct Cause<'a>(&'a Option<condor_mbox::MailboxError>);
 
 impl core::fmt::Display for Cause<'_> {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {

@@ -4,10 +4,10 @@ use condor_mbox::{MemoryWindow, Messenger};
 use embedded_io::{ErrorType, Read, ReadExactError, Seek, SeekFrom, Write};
 
 use super::operation::After;
-use super::ticket::{Ask, Found, Ticket};
-use super::{Alone, Error, FileSystem, request, whole};
+use super::ticket::{Ask, FileTicket, TicketResult};
+use super::{Alone, FileError, FileSystem, request, whole};
 use crate::errno::Errno;
-use crate::wire::{Operation, Request, Span, Status, Times};
+use crate::wire::{FileStatus, Operation, RequestSlot, Span, Times};
 
 /// An open file.
 ///
@@ -49,7 +49,7 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f
     /// # Errors
     /// [`Error::Errno`] if the server refuses; another [`Error`] if it does not answer in time, or
     /// if the mailbox or the window fails.
-    pub fn read(&mut self, into: &mut [u8]) -> Result<usize, Error> {
+    pub fn read(&mut self, into: &mut [u8]) -> Result<usize, FileError> {
         self.read_from(into, None)
     }
 
@@ -58,7 +58,7 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f
     ///
     /// # Errors
     /// Those of [`read`](Self::read).
-    pub fn read_at(&self, into: &mut [u8], position: u64) -> Result<usize, Error> {
+    pub fn read_at(&self, into: &mut [u8], position: u64) -> Result<usize, FileError> {
         self.read_from(into, Some(position))
     }
 
@@ -69,7 +69,7 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f
     /// # Errors
     /// [`Error::Errno`] if the server refuses; another [`Error`] if it does not answer in time, or
     /// if the mailbox or the window fails.
-    pub fn write(&mut self, from: &[u8]) -> Result<usize, Error> {
+    pub fn write(&mut self, from: &[u8]) -> Result<usize, FileError> {
         self.write_to(from, None)
     }
 
@@ -79,11 +79,11 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f
     /// # Errors
     /// [`Errno::INVAL`] for a file that was opened for appending; otherwise those of
     /// [`write`](Self::write).
-    pub fn write_at(&self, from: &[u8], position: u64) -> Result<usize, Error> {
+    pub fn write_at(&self, from: &[u8], position: u64) -> Result<usize, FileError> {
         self.write_to(from, Some(position))
     }
 
-    fn read_from(&self, into: &mut [u8], at: Option<u64>) -> Result<usize, Error> {
+    fn read_from(&self, into: &mut [u8], at: Option<u64>) -> Result<usize, FileError> {
         let system = self.system;
         let buffer = system.own_buffer(self.index, into.len());
         let alone = system.enter()?;
@@ -96,7 +96,7 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f
         Ok(done)
     }
 
-    fn write_to(&self, from: &[u8], at: Option<u64>) -> Result<usize, Error> {
+    fn write_to(&self, from: &[u8], at: Option<u64>) -> Result<usize, FileError> {
         let system = self.system;
         let buffer = system.own_buffer(self.index, from.len());
         let alone = system.enter()?;
@@ -113,9 +113,9 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f
     pub fn begin_read<'t>(
         &'t mut self,
         into: &'t mut [u8],
-    ) -> Ticket<'t, 't, 'm, S, W, FILES, usize> {
+    ) -> FileTicket<'t, 't, 'm, S, W, FILES, usize> {
         let ask = Ask::Read(self.index, None);
-        Ticket::new(self.system, ask, into, |found| found.value as usize)
+        FileTicket::new(self.system, ask, into, |found| found.value as usize)
     }
 
     /// Returns a ticket that [reads at a position](Self::read_at).
@@ -123,15 +123,18 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f
         &'t self,
         into: &'t mut [u8],
         position: u64,
-    ) -> Ticket<'t, 't, 'm, S, W, FILES, usize> {
+    ) -> FileTicket<'t, 't, 'm, S, W, FILES, usize> {
         let ask = Ask::Read(self.index, Some(position));
-        Ticket::new(self.system, ask, into, |found| found.value as usize)
+        FileTicket::new(self.system, ask, into, |found| found.value as usize)
     }
 
     /// Returns a ticket that [writes](Self::write).
-    pub fn begin_write<'t>(&'t mut self, from: &'t [u8]) -> Ticket<'t, 't, 'm, S, W, FILES, usize> {
+    pub fn begin_write<'t>(
+        &'t mut self,
+        from: &'t [u8],
+    ) -> FileTicket<'t, 't, 'm, S, W, FILES, usize> {
         let ask = Ask::Write(self.index, None, from);
-        Ticket::new(self.system, ask, &mut [], |found| found.value as usize)
+        FileTicket::new(self.system, ask, &mut [], |found| found.value as usize)
     }
 
     /// Returns a ticket that [writes at a position](Self::write_at).
@@ -139,9 +142,9 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f
         &'t self,
         from: &'t [u8],
         position: u64,
-    ) -> Ticket<'t, 't, 'm, S, W, FILES, usize> {
+    ) -> FileTicket<'t, 't, 'm, S, W, FILES, usize> {
         let ask = Ask::Write(self.index, Some(position), from);
-        Ticket::new(self.system, ask, &mut [], |found| found.value as usize)
+        FileTicket::new(self.system, ask, &mut [], |found| found.value as usize)
     }
 
     /// Moves the position, which may be after the end; returns it in bytes from the beginning.
@@ -149,7 +152,7 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f
     /// # Errors
     /// [`Errno::INVAL`] if it would be before the beginning or past 2⁶³ − 1. A position relative to
     /// the end needs the server, and can return another [`Error`].
-    pub fn seek(&mut self, to: SeekFrom) -> Result<u64, Error> {
+    pub fn seek(&mut self, to: SeekFrom) -> Result<u64, FileError> {
         let position = match to {
             SeekFrom::Start(position) => Some(position),
             SeekFrom::Current(step) => self.position()?.checked_add_signed(step),
@@ -172,7 +175,7 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f
     ///
     /// # Errors
     /// [`Errno::BUSY`] if another context's operation is in progress, which may move it.
-    pub fn position(&self) -> Result<u64, Error> {
+    pub fn position(&self) -> Result<u64, FileError> {
         Ok(self.system.enter()?.position(self.index)?)
     }
 
@@ -181,12 +184,12 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f
     /// # Errors
     /// [`Error::Errno`] if the server refuses; another [`Error`] if it does not answer in time, or
     /// if the mailbox or the window fails.
-    pub fn status(&self) -> Result<Status, Error> {
+    pub fn status(&self) -> Result<FileStatus, FileError> {
         self.begin_status().done()
     }
 
     /// Returns a ticket for the [status](Self::status).
-    pub fn begin_status(&self) -> Ticket<'_, '_, 'm, S, W, FILES, Status> {
+    pub fn begin_status(&self) -> FileTicket<'_, '_, 'm, S, W, FILES, FileStatus> {
         self.look(After::Status)
     }
 
@@ -194,13 +197,13 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f
     ///
     /// # Errors
     /// Those of [`FileSystem::set_mode`].
-    pub fn set_mode(&self, mode: u32) -> Result<(), Error> {
+    pub fn set_mode(&self, mode: u32) -> Result<(), FileError> {
         self.begin_set_mode(mode).done()
     }
 
     /// Returns a ticket that [sets the permissions](Self::set_mode).
-    pub fn begin_set_mode(&self, mode: u32) -> Ticket<'_, '_, 'm, S, W, FILES, ()> {
-        self.ask(Request {
+    pub fn begin_set_mode(&self, mode: u32) -> FileTicket<'_, '_, 'm, S, W, FILES, ()> {
+        self.ask(RequestSlot {
             position: mode.into(),
             ..request(Operation::FileMode)
         })
@@ -210,12 +213,12 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f
     ///
     /// # Errors
     /// Those of [`FileSystem::set_times`].
-    pub fn set_times(&self, times: Times) -> Result<(), Error> {
+    pub fn set_times(&self, times: Times) -> Result<(), FileError> {
         self.begin_set_times(times).done()
     }
 
     /// Returns a ticket that [sets the times](Self::set_times).
-    pub fn begin_set_times(&self, times: Times) -> Ticket<'_, '_, 'm, S, W, FILES, ()> {
+    pub fn begin_set_times(&self, times: Times) -> FileTicket<'_, '_, 'm, S, W, FILES, ()> {
         self.ask(request(Operation::FileTimes).with_times(times))
     }
 
@@ -224,13 +227,13 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f
     /// # Errors
     /// [`Error::Errno`] if the server refuses; another [`Error`] if it does not answer in time, or
     /// if the mailbox or the window fails.
-    pub fn truncate(&self, size: u64) -> Result<(), Error> {
+    pub fn truncate(&self, size: u64) -> Result<(), FileError> {
         self.begin_truncate(size).done()
     }
 
     /// Returns a ticket that [sets the size](Self::truncate).
-    pub fn begin_truncate(&self, size: u64) -> Ticket<'_, '_, 'm, S, W, FILES, ()> {
-        self.ask(Request {
+    pub fn begin_truncate(&self, size: u64) -> FileTicket<'_, '_, 'm, S, W, FILES, ()> {
+        self.ask(RequestSlot {
             position: size,
             ..request(Operation::Truncate)
         })
@@ -241,12 +244,12 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f
     /// # Errors
     /// [`Error::Errno`] if the server refuses; another [`Error`] if it does not answer in time, or
     /// if the mailbox or the window fails.
-    pub fn sync(&self) -> Result<(), Error> {
+    pub fn sync(&self) -> Result<(), FileError> {
         self.begin_sync().done()
     }
 
     /// Returns a ticket that [waits for the disk](Self::sync).
-    pub fn begin_sync(&self) -> Ticket<'_, '_, 'm, S, W, FILES, ()> {
+    pub fn begin_sync(&self) -> FileTicket<'_, '_, 'm, S, W, FILES, ()> {
         self.ask(request(Operation::Sync))
     }
 
@@ -256,25 +259,25 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f
     /// # Errors
     /// [`Error::Errno`] if the server refuses; another [`Error`] if it does not answer in time, or
     /// if the mailbox or the window fails.
-    pub fn close(self) -> Result<(), Error> {
+    pub fn close(self) -> Result<(), FileError> {
         self.begin_close().done()
     }
 
     /// Returns a ticket that [closes](Self::close) the file. If it is dropped, a later
     /// [`open`](FileSystem::open) closes it.
-    pub fn begin_close(self) -> Ticket<'f, 'f, 'm, S, W, FILES, ()> {
+    pub fn begin_close(self) -> FileTicket<'f, 'f, 'm, S, W, FILES, ()> {
         let system = self.system;
-        Ticket::new(system, Ask::Close(self.into_index()), &mut [], drop)
+        FileTicket::new(system, Ask::Close(self.into_index()), &mut [], drop)
     }
 
-    pub(super) fn ask(&self, request: Request) -> Ticket<'_, '_, 'm, S, W, FILES, ()> {
+    pub(super) fn ask(&self, request: RequestSlot) -> FileTicket<'_, '_, 'm, S, W, FILES, ()> {
         let ask = Ask::File(request, self.index, After::Nothing);
-        Ticket::new(self.system, ask, &mut [], drop)
+        FileTicket::new(self.system, ask, &mut [], drop)
     }
 
-    fn look(&self, after: After) -> Ticket<'_, '_, 'm, S, W, FILES, Status> {
+    fn look(&self, after: After) -> FileTicket<'_, '_, 'm, S, W, FILES, FileStatus> {
         let ask = Ask::File(request(Operation::FileStatus), self.index, after);
-        Ticket::new(self.system, ask, &mut [], Found::status)
+        FileTicket::new(self.system, ask, &mut [], TicketResult::status)
     }
 
     /// Moves data by way of the file's own buffer.
@@ -284,7 +287,7 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f
         operation: Operation,
         buffer: Span,
         at: Option<u64>,
-    ) -> Result<usize, Error> {
+    ) -> Result<usize, FileError> {
         let system = self.system;
         let deadline = system.clear(alone)?;
         let (request, after) = alone.prepare_transfer(operation, self.index, buffer, at)?;
@@ -293,7 +296,7 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f
     }
 
     /// Moves data for a reader or writer.
-    pub(super) fn transfer_ahead(&self, reads: bool, buffer: Span) -> Result<usize, Error> {
+    pub(super) fn transfer_ahead(&self, reads: bool, buffer: Span) -> Result<usize, FileError> {
         let system = self.system;
         let alone = system.enter()?;
         let operation = if reads {
@@ -325,17 +328,17 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> Drop
 impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> ErrorType
     for File<'_, '_, S, W, FILES>
 {
-    type Error = Error;
+    type Error = FileError;
 }
 
 impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> Read
     for File<'_, '_, S, W, FILES>
 {
-    fn read(&mut self, into: &mut [u8]) -> Result<usize, Error> {
+    fn read(&mut self, into: &mut [u8]) -> Result<usize, FileError> {
         File::read(self, into)
     }
 
-    fn read_exact(&mut self, into: &mut [u8]) -> Result<(), ReadExactError<Error>> {
+    fn read_exact(&mut self, into: &mut [u8]) -> Result<(), ReadExactError<FileError>> {
         whole::read_exact(into, |rest| File::read(self, rest))
     }
 }
@@ -343,16 +346,16 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> Read
 impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> Write
     for File<'_, '_, S, W, FILES>
 {
-    fn write(&mut self, from: &[u8]) -> Result<usize, Error> {
+    fn write(&mut self, from: &[u8]) -> Result<usize, FileError> {
         File::write(self, from)
     }
 
     /// [`Errno::IO`] if the server writes nothing, and names no error.
-    fn write_all(&mut self, from: &[u8]) -> Result<(), Error> {
+    fn write_all(&mut self, from: &[u8]) -> Result<(), FileError> {
         whole::write_all(from, |rest| File::write(self, rest))
     }
 
-    fn flush(&mut self) -> Result<(), Error> {
+    fn flush(&mut self) -> Result<(), FileError> {
         Ok(()) // Nothing is held back.
     }
 }
@@ -360,7 +363,7 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> Write
 impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> Seek
     for File<'_, '_, S, W, FILES>
 {
-    fn seek(&mut self, to: SeekFrom) -> Result<u64, Error> {
+    fn seek(&mut self, to: SeekFrom) -> Result<u64, FileError> {
         File::seek(self, to)
     }
 }

@@ -17,25 +17,25 @@ mod ticket;
 mod turn;
 mod whole;
 
-pub use answer::Answer;
+pub use answer::OperationResult;
 pub use area::Area;
-pub use buffer::{Buffer, Kept, Lent};
-pub use buffered::{FileReader, FileWriter, Parts, Unwritten};
-pub use directory::{Directory, Entry};
-pub use error::{Error, Receipt};
+pub use buffer::{Buffer, BufferError, BufferResult};
+pub use buffered::{FileReader, FileWriter, WriterError, WriterParts};
+pub use directory::{Directory, DirectoryEntry};
+pub use error::{FileError, Receipt};
 pub use file::File;
 pub use opening::OpenOptions;
-pub use ranges::Allocation;
-pub use ticket::Ticket;
+pub use ranges::AllocationMode;
+pub use ticket::FileTicket;
 
 use core::cell::Cell;
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use core::time::Duration;
 
-use condor_mbox::{MemoryWindow, Messenger, Pending, Processor, Region};
+use condor_mbox::{MemoryWindow, Messenger, PendingReply, Processor, Region};
 
 use crate::errno::Errno;
-use crate::wire::{self, Operation, Request, block, slot, state, table};
+use crate::wire::{self, Operation, RequestSlot, block, slot, state, table};
 use operation::After;
 use turn::Turn;
 
@@ -72,17 +72,17 @@ struct State<W: MemoryWindow, const FILES: usize> {
     /// What is to follow the end of the operation in the slot, if that has not been seen.
     doubt: Cell<Option<After>>,
     /// The message about it, if its receiver has not died.
-    pending: Cell<Option<Pending>>,
+    pending: Cell<Option<PendingReply>>,
     /// The last request, unless it has failed, and the value of its answer.
-    former: Cell<Option<Request>>,
+    former: Cell<Option<RequestSlot>>,
     former_value: Cell<u64>,
     /// What is added to the slot's offset in the first message about the operation in the slot.
     bits: Cell<u32>,
-    files: [Cell<Open>; FILES],
+    files: [Cell<BlockState>; FILES],
     /// The buffer of an operation that was in doubt.
     kept: Cell<Option<Buffer<W>>>,
     /// The last operation that ended after its call had.
-    ended: Cell<Option<Ended>>,
+    ended: Cell<Option<UnreadResult>>,
 }
 
 /// The turn of a context.
@@ -90,7 +90,7 @@ type Alone<'t, W, const FILES: usize> = turn::Alone<'t, State<W, FILES>>;
 
 /// A result that no call has returned.
 #[derive(Clone, Copy)]
-struct Ended {
+struct UnreadResult {
     sequence: u64,
     after: After,
     outcome: Result<u64, Errno>,
@@ -100,7 +100,7 @@ struct Ended {
 
 /// What is known of a block.
 #[derive(Clone, Copy, Default)]
-struct Open {
+struct BlockState {
     state: SessionState,
     handle: u64,
     flags: u32,
@@ -141,7 +141,7 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
         own: Region<W>,
         area: Area<FILES>,
         timeout: Duration,
-    ) -> Result<Self, Error> {
+    ) -> Result<Self, FileError> {
         // A former client's first operation had the session and sequence of this one's.
         own.set_word(area.slot(), 0)?;
         own.set_word(area.slot().wrapping_add(slot::STATE), state::NONE)?;
@@ -170,7 +170,7 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
                 former: Cell::new(None),
                 former_value: Cell::new(0),
                 bits: Cell::new(0),
-                files: [const { Cell::new(Open::NONE) }; FILES],
+                files: [const { Cell::new(BlockState::NONE) }; FILES],
                 kept: Cell::new(None),
                 ended: Cell::new(None),
             }),
@@ -213,7 +213,7 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
     /// # Errors
     /// [`Error::TimedOut`] if the server does not answer in time: the operation remains in doubt.
     /// [`Error::Mailbox`] or [`Error::Access`] if the processor's own mailbox or window fails.
-    pub fn settle(&self, timeout: Duration) -> Result<Option<Result<u64, Errno>>, Error> {
+    pub fn settle(&self, timeout: Duration) -> Result<Option<Result<u64, Errno>>, FileError> {
         let alone = self.enter()?;
         let Some(after) = alone.doubt.get() else {
             return Ok(None);
@@ -242,11 +242,11 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
 }
 
 impl<W: MemoryWindow, const FILES: usize> State<W, FILES> {
-    fn file(&self, file: usize) -> Result<&Cell<Open>, Errno> {
+    fn file(&self, file: usize) -> Result<&Cell<BlockState>, Errno> {
         self.files.get(file).ok_or(Errno::BADF)
     }
 
-    fn change(&self, file: usize, change: impl FnOnce(&mut Open)) {
+    fn change(&self, file: usize, change: impl FnOnce(&mut BlockState)) {
         if let Some(cell) = self.files.get(file) {
             let mut open = cell.get();
             change(&mut open);
@@ -290,7 +290,7 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> Drop
     }
 }
 
-impl Open {
+impl BlockState {
     const NONE: Self = Self {
         state: SessionState::Free,
         handle: 0,
@@ -301,9 +301,9 @@ impl Open {
 }
 
 /// A request without arguments.
-fn request(operation: Operation) -> Request {
-    Request {
+fn request(operation: Operation) -> RequestSlot {
+    RequestSlot {
         operation: operation as u32,
-        ..Request::default()
+        ..RequestSlot::default()
     }
 }

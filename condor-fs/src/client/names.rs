@@ -3,10 +3,10 @@
 use condor_mbox::{LoadOrder, MemoryWindow, Messenger, StoreOrder};
 
 use super::operation::After;
-use super::ticket::{Ask, Found, Ticket};
-use super::{Alone, Error, FileSystem, SessionState, request};
+use super::ticket::{Ask, FileTicket, TicketResult};
+use super::{Alone, FileError, FileSystem, SessionState, request};
 use crate::errno::Errno;
-use crate::wire::{self, Operation, Request, Space, Span, Status, Times, make_directory};
+use crate::wire::{self, FileStatus, Operation, RequestSlot, Space, Span, Times, make_directory};
 
 impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'m, S, W, FILES> {
     /// Returns the status of the file or directory at `path`; for a symbolic link, that of the link
@@ -15,7 +15,7 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
     /// # Errors
     /// [`Errno::NOENT`] if nothing has this path; other numbers as on Unix; otherwise another
     /// [`Error`].
-    pub fn status(&self, path: impl AsRef<[u8]>) -> Result<Status, Error> {
+    pub fn status(&self, path: impl AsRef<[u8]>) -> Result<FileStatus, FileError> {
         self.begin_status(path.as_ref()).done()
     }
 
@@ -23,9 +23,9 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
     pub fn begin_status<'t>(
         &'t self,
         path: &'t (impl AsRef<[u8]> + ?Sized),
-    ) -> Ticket<'t, 't, 'm, S, W, FILES, Status> {
+    ) -> FileTicket<'t, 't, 'm, S, W, FILES, FileStatus> {
         let ask = Ask::Path(request(Operation::PathStatus), path.as_ref(), After::Status);
-        Ticket::new(self, ask, &mut [], Found::status)
+        FileTicket::new(self, ask, &mut [], TicketResult::status)
     }
 
     /// Returns the room of the file system on which the server's tree is.
@@ -33,14 +33,14 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
     /// # Errors
     /// [`Error::Errno`] if the server refuses; another [`Error`] if it does not answer in time, or
     /// if the mailbox or the window fails.
-    pub fn space(&self) -> Result<Space, Error> {
+    pub fn space(&self) -> Result<Space, FileError> {
         self.begin_space().done()
     }
 
     /// Returns a ticket for the [room](Self::space) of the file system.
-    pub fn begin_space(&self) -> Ticket<'_, '_, 'm, S, W, FILES, Space> {
+    pub fn begin_space(&self) -> FileTicket<'_, '_, 'm, S, W, FILES, Space> {
         let ask = Ask::Plain(Operation::Space, After::Space);
-        Ticket::new(self, ask, &mut [], Found::space)
+        FileTicket::new(self, ask, &mut [], TicketResult::space)
     }
 
     /// Sets the permissions of the file or directory at `path`. Those of new files and directories
@@ -51,7 +51,7 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
     /// the host would run with the server's rights; [`Errno::INVAL`] if `mode` has more than the
     /// bits 0o7777; [`Errno::LOOP`] for a symbolic link; other numbers as on Unix; otherwise another
     /// [`Error`].
-    pub fn set_mode(&self, path: impl AsRef<[u8]>, mode: u32) -> Result<(), Error> {
+    pub fn set_mode(&self, path: impl AsRef<[u8]>, mode: u32) -> Result<(), FileError> {
         self.begin_set_mode(path.as_ref(), mode).done()
     }
 
@@ -60,8 +60,8 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
         &'t self,
         path: &'t (impl AsRef<[u8]> + ?Sized),
         mode: u32,
-    ) -> Ticket<'t, 't, 'm, S, W, FILES, ()> {
-        let request = Request {
+    ) -> FileTicket<'t, 't, 'm, S, W, FILES, ()> {
+        let request = RequestSlot {
             position: mode.into(),
             ..request(Operation::PathMode)
         };
@@ -73,7 +73,7 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
     /// # Errors
     /// [`Errno::INVAL`] if there are more than 999 999 999 nanoseconds; [`Errno::LOOP`] for a
     /// symbolic link; other numbers as on Unix; otherwise another [`Error`].
-    pub fn set_times(&self, path: impl AsRef<[u8]>, times: Times) -> Result<(), Error> {
+    pub fn set_times(&self, path: impl AsRef<[u8]>, times: Times) -> Result<(), FileError> {
         self.begin_set_times(path.as_ref(), times).done()
     }
 
@@ -82,7 +82,7 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
         &'t self,
         path: &'t (impl AsRef<[u8]> + ?Sized),
         times: Times,
-    ) -> Ticket<'t, 't, 'm, S, W, FILES, ()> {
+    ) -> FileTicket<'t, 't, 'm, S, W, FILES, ()> {
         self.on_path(
             request(Operation::PathTimes).with_times(times),
             path.as_ref(),
@@ -93,7 +93,7 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
     ///
     /// # Errors
     /// [`Errno::EXIST`] if the name exists; other numbers as on Unix; otherwise another [`Error`].
-    pub fn make_directory(&self, path: impl AsRef<[u8]>) -> Result<(), Error> {
+    pub fn make_directory(&self, path: impl AsRef<[u8]>) -> Result<(), FileError> {
         self.begin_make_directory(path.as_ref(), None).done()
     }
 
@@ -102,7 +102,7 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
     /// # Errors
     /// [`Errno::EXIST`] if the name exists; [`Errno::INVAL`] if `mode` has more than the bits
     /// 0o7777; other numbers as on Unix; otherwise another [`Error`].
-    pub fn make_directory_with(&self, path: impl AsRef<[u8]>, mode: u32) -> Result<(), Error> {
+    pub fn make_directory_with(&self, path: impl AsRef<[u8]>, mode: u32) -> Result<(), FileError> {
         self.begin_make_directory(path.as_ref(), Some(mode)).done()
     }
 
@@ -112,10 +112,10 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
         &'t self,
         path: &'t (impl AsRef<[u8]> + ?Sized),
         mode: Option<u32>,
-    ) -> Ticket<'t, 't, 'm, S, W, FILES, ()> {
+    ) -> FileTicket<'t, 't, 'm, S, W, FILES, ()> {
         let plain = request(Operation::MakeDirectory);
         let request = match mode {
-            Some(mode) => Request {
+            Some(mode) => RequestSlot {
                 flags: make_directory::MODE,
                 position: mode.into(),
                 ..plain
@@ -130,7 +130,7 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
     /// # Errors
     /// [`Errno::NOTEMPTY`] if it is not empty; other numbers as on Unix; otherwise another
     /// [`Error`].
-    pub fn remove_directory(&self, path: impl AsRef<[u8]>) -> Result<(), Error> {
+    pub fn remove_directory(&self, path: impl AsRef<[u8]>) -> Result<(), FileError> {
         self.begin_remove_directory(path.as_ref()).done()
     }
 
@@ -138,7 +138,7 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
     pub fn begin_remove_directory<'t>(
         &'t self,
         path: &'t (impl AsRef<[u8]> + ?Sized),
-    ) -> Ticket<'t, 't, 'm, S, W, FILES, ()> {
+    ) -> FileTicket<'t, 't, 'm, S, W, FILES, ()> {
         self.on_path(request(Operation::RemoveDirectory), path.as_ref())
     }
 
@@ -148,7 +148,7 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
     /// # Errors
     /// [`Errno::NOENT`] if nothing has this path; other numbers as on Unix; otherwise another
     /// [`Error`].
-    pub fn unlink(&self, path: impl AsRef<[u8]>) -> Result<(), Error> {
+    pub fn unlink(&self, path: impl AsRef<[u8]>) -> Result<(), FileError> {
         self.begin_unlink(path.as_ref()).done()
     }
 
@@ -156,7 +156,7 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
     pub fn begin_unlink<'t>(
         &'t self,
         path: &'t (impl AsRef<[u8]> + ?Sized),
-    ) -> Ticket<'t, 't, 'm, S, W, FILES, ()> {
+    ) -> FileTicket<'t, 't, 'm, S, W, FILES, ()> {
         self.on_path(request(Operation::Unlink), path.as_ref())
     }
 
@@ -169,7 +169,7 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
     /// # Errors
     /// [`Errno::NOENT`] if nothing has the path `from`; other numbers as on Unix; otherwise another
     /// [`Error`].
-    pub fn rename(&self, from: impl AsRef<[u8]>, to: impl AsRef<[u8]>) -> Result<(), Error> {
+    pub fn rename(&self, from: impl AsRef<[u8]>, to: impl AsRef<[u8]>) -> Result<(), FileError> {
         self.begin_rename(from.as_ref(), to.as_ref()).done()
     }
 
@@ -178,7 +178,7 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
         &'t self,
         from: &'t (impl AsRef<[u8]> + ?Sized),
         to: &'t (impl AsRef<[u8]> + ?Sized),
-    ) -> Ticket<'t, 't, 'm, S, W, FILES, ()> {
+    ) -> FileTicket<'t, 't, 'm, S, W, FILES, ()> {
         self.rename_with(from.as_ref(), to.as_ref(), 0)
     }
 
@@ -187,7 +187,11 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
     /// # Errors
     /// [`Errno::EXIST`] if the new name exists, [`Errno::NOENT`] if nothing has the path `from`;
     /// other numbers as on Unix; otherwise another [`Error`].
-    pub fn rename_new(&self, from: impl AsRef<[u8]>, to: impl AsRef<[u8]>) -> Result<(), Error> {
+    pub fn rename_new(
+        &self,
+        from: impl AsRef<[u8]>,
+        to: impl AsRef<[u8]>,
+    ) -> Result<(), FileError> {
         self.begin_rename_new(from.as_ref(), to.as_ref()).done()
     }
 
@@ -196,7 +200,7 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
         &'t self,
         from: &'t (impl AsRef<[u8]> + ?Sized),
         to: &'t (impl AsRef<[u8]> + ?Sized),
-    ) -> Ticket<'t, 't, 'm, S, W, FILES, ()> {
+    ) -> FileTicket<'t, 't, 'm, S, W, FILES, ()> {
         self.rename_with(from.as_ref(), to.as_ref(), wire::rename::NO_REPLACE)
     }
 
@@ -209,7 +213,11 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
     /// [`Errno::NOENT`] if nothing has one of the paths; [`Errno::INVAL`] if one is a directory in
     /// which the other is; [`Errno::OPNOTSUPP`] if the file system of the host cannot exchange the
     /// names of files; other numbers as on Unix; otherwise another [`Error`].
-    pub fn exchange(&self, one: impl AsRef<[u8]>, other: impl AsRef<[u8]>) -> Result<(), Error> {
+    pub fn exchange(
+        &self,
+        one: impl AsRef<[u8]>,
+        other: impl AsRef<[u8]>,
+    ) -> Result<(), FileError> {
         self.begin_exchange(one.as_ref(), other.as_ref()).done()
     }
 
@@ -218,7 +226,7 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
         &'t self,
         one: &'t (impl AsRef<[u8]> + ?Sized),
         other: &'t (impl AsRef<[u8]> + ?Sized),
-    ) -> Ticket<'t, 't, 'm, S, W, FILES, ()> {
+    ) -> FileTicket<'t, 't, 'm, S, W, FILES, ()> {
         self.rename_with(one.as_ref(), other.as_ref(), wire::rename::EXCHANGE)
     }
 
@@ -227,16 +235,16 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
         from: &'t [u8],
         to: &'t [u8],
         flags: u32,
-    ) -> Ticket<'t, 't, 'm, S, W, FILES, ()> {
-        Ticket::new(self, Ask::Rename { flags, from, to }, &mut [], drop)
+    ) -> FileTicket<'t, 't, 'm, S, W, FILES, ()> {
+        FileTicket::new(self, Ask::Rename { flags, from, to }, &mut [], drop)
     }
 
     fn on_path<'t>(
         &'t self,
-        request: Request,
+        request: RequestSlot,
         path: &'t [u8],
-    ) -> Ticket<'t, 't, 'm, S, W, FILES, ()> {
-        Ticket::new(
+    ) -> FileTicket<'t, 't, 'm, S, W, FILES, ()> {
+        FileTicket::new(
             self,
             Ask::Path(request, path, After::Nothing),
             &mut [],
@@ -245,7 +253,7 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
     }
 
     /// Writes a path to the window; `place` is that of a file, or one of the two after those.
-    pub(super) fn put_path(&self, place: usize, path: &[u8]) -> Result<Span, Error> {
+    pub(super) fn put_path(&self, place: usize, path: &[u8]) -> Result<Span, FileError> {
         let offset = self.area.path(place);
         match u32::try_from(path.len()) {
             Ok(0) => Err(Errno::NOENT.into()),
@@ -265,7 +273,7 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
         from_len: u32,
         to_len: u32,
         both: bool,
-    ) -> Result<(), Error> {
+    ) -> Result<(), FileError> {
         let from = (self.area.path(FILES), from_len);
         let to = (self.area.path(FILES.wrapping_add(1)), to_len);
         for file in 0..FILES {
@@ -285,7 +293,7 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
         file: usize,
         from: (u32, u32),
         to: (u32, u32),
-    ) -> Result<bool, Error> {
+    ) -> Result<bool, FileError> {
         let (from, from_len) = from;
         let (to, to_len) = to;
         let Ok(cell) = alone.file(file) else {
@@ -325,7 +333,7 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
         Ok(true)
     }
 
-    fn equal(&self, one: u32, other: u32, len: u32) -> Result<bool, Error> {
+    fn equal(&self, one: u32, other: u32, len: u32) -> Result<bool, FileError> {
         for n in 0..len {
             if self.byte(one.wrapping_add(n))? != self.byte(other.wrapping_add(n))? {
                 return Ok(false);
@@ -334,12 +342,12 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
         Ok(true)
     }
 
-    pub(super) fn byte(&self, offset: u32) -> Result<u8, Error> {
+    pub(super) fn byte(&self, offset: u32) -> Result<u8, FileError> {
         let word = self.own.load(offset & !3, LoadOrder::Relaxed)?;
         Ok((word >> (8 * (offset & 3))) as u8)
     }
 
-    pub(super) fn put_byte(&self, offset: u32, byte: u8) -> Result<(), Error> {
+    pub(super) fn put_byte(&self, offset: u32, byte: u8) -> Result<(), FileError> {
         let shift = 8 * (offset & 3);
         let word = self.own.load(offset & !3, LoadOrder::Relaxed)?;
         let word = word & !(0xff << shift) | u32::from(byte) << shift;

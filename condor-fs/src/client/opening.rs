@@ -5,10 +5,10 @@ use core::sync::atomic::Ordering;
 use condor_mbox::{MemoryWindow, Messenger};
 
 use super::operation::After;
-use super::ticket::{Ask, Found, Ticket};
-use super::{Alone, Error, File, FileSystem, Open, SessionState, State, request};
+use super::ticket::{Ask, FileTicket, TicketResult};
+use super::{Alone, BlockState, File, FileError, FileSystem, SessionState, State, request};
 use crate::errno::Errno;
-use crate::wire::{Operation, Request, Span, block, halves, open as flag};
+use crate::wire::{Operation, RequestSlot, Span, block, halves, open as flag};
 
 /// The options of an open; they mean the same as in the standard library.
 ///
@@ -110,7 +110,7 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
         &self,
         path: impl AsRef<[u8]>,
         options: OpenOptions,
-    ) -> Result<File<'_, 'm, S, W, FILES>, Error> {
+    ) -> Result<File<'_, 'm, S, W, FILES>, FileError> {
         self.begin_open(path.as_ref(), options).done()
     }
 
@@ -119,13 +119,18 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
         &'f self,
         path: &'t (impl AsRef<[u8]> + ?Sized),
         options: OpenOptions,
-    ) -> Ticket<'t, 'f, 'm, S, W, FILES, File<'f, 'm, S, W, FILES>> {
-        Ticket::new(self, options.ask(path.as_ref()), &mut [], Found::file)
+    ) -> FileTicket<'t, 'f, 'm, S, W, FILES, File<'f, 'm, S, W, FILES>> {
+        FileTicket::new(
+            self,
+            options.ask(path.as_ref()),
+            &mut [],
+            TicketResult::file,
+        )
     }
 
     /// Opens `path` in a free block, whose index it gives.
     #[cfg(feature = "dev")]
-    pub(super) fn open_block(&self, path: &[u8], options: OpenOptions) -> Result<usize, Error> {
+    pub(super) fn open_block(&self, path: &[u8], options: OpenOptions) -> Result<usize, FileError> {
         self.begin_open(path, options).done().map(File::into_index)
     }
 
@@ -136,8 +141,8 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
         path: &[u8],
         flags: u32,
         mode: u32,
-    ) -> Result<(Request, After), Error> {
-        let free = |cell: &core::cell::Cell<Open>| cell.get().state == SessionState::Free;
+    ) -> Result<(RequestSlot, After), FileError> {
+        let free = |cell: &core::cell::Cell<BlockState>| cell.get().state == SessionState::Free;
         let index = alone.files.iter().position(free).ok_or(Errno::MFILE)?;
         let path = self.put_path(index, path)?;
         let at = self.area.block(index);
@@ -157,15 +162,15 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
         }
         self.set_left(index, false);
         alone.change(index, |open| {
-            *open = Open {
+            *open = BlockState {
                 // Nobody else may take it while the operation is in doubt.
                 state: SessionState::Held,
                 flags,
                 path_len: path.len,
-                ..Open::NONE
+                ..BlockState::NONE
             };
         });
-        let request = Request {
+        let request = RequestSlot {
             path,
             flags,
             file: index as u32,
@@ -191,8 +196,8 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
     }
 
     #[cfg(feature = "dev")]
-    pub(super) fn close_block(&self, index: usize) -> Result<(), Error> {
-        Ticket::new(self, Ask::Close(index), &mut [], drop).done()
+    pub(super) fn close_block(&self, index: usize) -> Result<(), FileError> {
+        FileTicket::new(self, Ask::Close(index), &mut [], drop).done()
     }
 
     /// As much of a file's own buffer as `len` bytes need.
@@ -211,7 +216,7 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
         index: usize,
         buffer: Span,
         from: &[u8],
-    ) -> Result<(), Error> {
+    ) -> Result<(), FileError> {
         alone.use_buffer(index);
         if let Some(from) = from.get(..buffer.len as usize) {
             self.own.write(buffer.offset, from)?;
@@ -222,8 +227,8 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
 
 impl<W: MemoryWindow, const FILES: usize> State<W, FILES> {
     /// A request about an open file.
-    pub(super) fn about(&self, operation: Operation, index: usize) -> Result<Request, Errno> {
-        Ok(Request {
+    pub(super) fn about(&self, operation: Operation, index: usize) -> Result<RequestSlot, Errno> {
+        Ok(RequestSlot {
             handle: self.file(index)?.get().handle,
             file: index as u32,
             ..request(operation)
@@ -237,7 +242,7 @@ impl<W: MemoryWindow, const FILES: usize> State<W, FILES> {
         file: usize,
         buffer: Span,
         at: Option<u64>,
-    ) -> Result<(Request, After), Error> {
+    ) -> Result<(RequestSlot, After), FileError> {
         self.use_buffer(file);
         let after = match (operation, at) {
             (Operation::Read, None) => After::Read { file },
@@ -245,7 +250,7 @@ impl<W: MemoryWindow, const FILES: usize> State<W, FILES> {
             (_, None) => After::Moved { file },
             (_, Some(_)) => After::Nothing,
         };
-        let request = Request {
+        let request = RequestSlot {
             // Only now: what was in doubt may have moved the position.
             position: at.map_or_else(|| self.position(file), Ok)?,
             buffer,

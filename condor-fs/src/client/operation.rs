@@ -1,13 +1,13 @@
-//! One operation: through the slot, over as many lives of the server as it takes.
+//! One operation: through the slot, over as many incarnations of the server as it takes.
 
 use core::sync::atomic::{Ordering, fence};
 use core::time::Duration;
 
-use condor_mbox::{Error as MailError, Instant, MemoryWindow, Messenger, Pending};
+use condor_mbox::{Instant, MailboxError as MailError, MemoryWindow, Messenger, PendingReply};
 
-use super::{Alone, Error, FileSystem, Receipt, SessionState};
+use super::{Alone, FileError, FileSystem, Receipt, SessionState};
 use crate::errno::Errno;
-use crate::wire::{self, Request, again, block, slot, state};
+use crate::wire::{self, RequestSlot, again, block, slot, state};
 
 /// How long to wait before a server that was not there is looked for again.
 pub(super) const PAUSE: Duration = Duration::from_millis(1);
@@ -76,7 +76,7 @@ impl After {
 
 /// A result.
 #[derive(Clone, Copy)]
-pub(super) struct Done {
+pub(super) struct Completion {
     pub(super) value: u64,
 }
 
@@ -119,10 +119,10 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
     pub(super) fn perform_next(
         &self,
         alone: &Alone<'_, W, FILES>,
-        request: &Request,
+        request: &RequestSlot,
         after: After,
         deadline: Option<Instant>,
-    ) -> Result<Done, Error> {
+    ) -> Result<Completion, FileError> {
         self.start(alone, request, after)?;
         // The server has it while the clock is read. What cannot be sent now, `finish` sends.
         let _ = self.send(alone, Duration::ZERO);
@@ -133,11 +133,11 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
     pub(super) fn start(
         &self,
         alone: &Alone<'_, W, FILES>,
-        request: &Request,
+        request: &RequestSlot,
         after: After,
-    ) -> Result<(), Error> {
+    ) -> Result<(), FileError> {
         let sequence = wire::following(alone.sequence.get());
-        let request = Request {
+        let request = RequestSlot {
             session: alone.session.get(),
             sequence,
             ..*request
@@ -150,7 +150,7 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
 
     /// Ends the operation that is in doubt, so that another may begin; gives the deadline, if there was
     /// one.
-    pub(super) fn clear(&self, alone: &Alone<'_, W, FILES>) -> Result<Option<Instant>, Error> {
+    pub(super) fn clear(&self, alone: &Alone<'_, W, FILES>) -> Result<Option<Instant>, FileError> {
         if alone.doubt.get().is_none() {
             return Ok(None);
         }
@@ -172,11 +172,11 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
         &self,
         alone: &Alone<'_, W, FILES>,
         deadline: Instant,
-    ) -> Result<Result<u64, Errno>, Error> {
+    ) -> Result<Result<u64, Errno>, FileError> {
         let after = alone.doubt.get();
         let outcome = match self.finish(alone, deadline) {
             Ok(done) => Ok(done.value),
-            Err(Error::Errno(errno)) => Err(errno),
+            Err(FileError::Errno(errno)) => Err(errno),
             Err(error) => return Err(error),
         };
         if let Some(after) = after.filter(|after| after.is_asked_for()) {
@@ -186,13 +186,13 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
     }
 
     /// The error of a call whose own operation was not reached.
-    pub(super) fn not_begun(&self, error: Error) -> Error {
+    pub(super) fn not_begun(&self, error: FileError) -> FileError {
         let cause = match error {
-            Error::TimedOut { cause, .. } => cause,
-            Error::Mailbox(error) => Some(error),
+            FileError::TimedOut { cause, .. } => cause,
+            FileError::Mailbox(error) => Some(error),
             other => return other,
         };
-        Error::NotBegun {
+        FileError::NotBegun {
             server: self.server,
             cause,
         }
@@ -200,7 +200,7 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
 
     /// Puts a request into the slot. A message of a former time may be under way, so the server
     /// finds no magic, or another sequence, while it is not whole.
-    fn write(&self, alone: &Alone<'_, W, FILES>, request: &Request) -> Result<(), Error> {
+    fn write(&self, alone: &Alone<'_, W, FILES>, request: &RequestSlot) -> Result<(), FileError> {
         let at = self.area.slot();
         let bits = alone.former.replace(Some(*request)).map_or(0, |former| {
             again::bits(&former, alone.former_value.get(), request)
@@ -223,14 +223,17 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
         &self,
         alone: &Alone<'_, W, FILES>,
         deadline: Instant,
-    ) -> Result<Done, Error> {
+    ) -> Result<Completion, FileError> {
         let outcome = self.await_answer(alone, deadline);
         self.follow_up(alone, outcome)
     }
 
     /// Looks whether the operation in the slot has ended, and does what is to follow it if so; asks the
     /// server if nobody does.
-    pub(super) fn poll(&self, alone: &Alone<'_, W, FILES>) -> Result<Option<Done>, Error> {
+    pub(super) fn poll(
+        &self,
+        alone: &Alone<'_, W, FILES>,
+    ) -> Result<Option<Completion>, FileError> {
         match self.poll_answer(alone) {
             Ok(None) => Ok(None),
             Ok(Some(done)) => self.follow_up(alone, Ok(done)).map(Some),
@@ -241,13 +244,13 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
     fn follow_up(
         &self,
         alone: &Alone<'_, W, FILES>,
-        outcome: Result<Done, Error>,
-    ) -> Result<Done, Error> {
+        outcome: Result<Completion, FileError>,
+    ) -> Result<Completion, FileError> {
         match outcome {
             Ok(done) => alone.former_value.set(done.value),
             Err(_) => alone.former.set(None),
         }
-        if let Ok(_) | Err(Error::Errno(_)) = outcome
+        if let Ok(_) | Err(FileError::Errno(_)) = outcome
             && let Some(after) = alone.doubt.take()
         {
             self.follow(alone, after, outcome.ok().as_ref())?;
@@ -255,12 +258,16 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
         outcome
     }
 
-    fn await_answer(&self, alone: &Alone<'_, W, FILES>, deadline: Instant) -> Result<Done, Error> {
+    fn await_answer(
+        &self,
+        alone: &Alone<'_, W, FILES>,
+        deadline: Instant,
+    ) -> Result<Completion, FileError> {
         let mut cause = None;
         loop {
             let left = self.left_until(deadline);
             if left.is_zero() {
-                return Err(Error::TimedOut {
+                return Err(FileError::TimedOut {
                     server: self.server,
                     cause,
                     receipt: Receipt(alone.sequence.get()),
@@ -279,7 +286,7 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
         }
     }
 
-    fn poll_answer(&self, alone: &Alone<'_, W, FILES>) -> Result<Option<Done>, Error> {
+    fn poll_answer(&self, alone: &Alone<'_, W, FILES>) -> Result<Option<Completion>, FileError> {
         let reply = match alone.pending.get() {
             None => self.send(alone, Duration::ZERO).map(|_| None),
             Some(pending) => {
@@ -301,10 +308,14 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
     }
 
     /// What a reply says; `None` if the server is to be asked again.
-    fn answered(&self, alone: &Alone<'_, W, FILES>, reply: u32) -> Result<Option<Done>, Error> {
+    fn answered(
+        &self,
+        alone: &Alone<'_, W, FILES>,
+        reply: u32,
+    ) -> Result<Option<Completion>, FileError> {
         if let Some(value) = wire::value_of(reply) {
             let value = value.into();
-            return Ok(Some(Done { value }));
+            return Ok(Some(Completion { value }));
         }
         if reply == wire::DONE {
             return Ok(self.result(alone)?.transpose()?);
@@ -341,7 +352,11 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
         outcome
     }
 
-    fn send(&self, alone: &Alone<'_, W, FILES>, timeout: Duration) -> Result<Pending, MailError> {
+    fn send(
+        &self,
+        alone: &Alone<'_, W, FILES>,
+        timeout: Duration,
+    ) -> Result<PendingReply, MailError> {
         // Once only: to a server that has done it, the same bits mean the request after it.
         let message = self.area.slot() | alone.bits.take();
         let ticket = (self.station).begin(self.server, wire::FILES, message, timeout)?;
@@ -357,7 +372,10 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
     }
 
     /// What the server wrote; `None` if it is not about this operation.
-    fn result(&self, alone: &Alone<'_, W, FILES>) -> Result<Option<Result<Done, Errno>>, Error> {
+    fn result(
+        &self,
+        alone: &Alone<'_, W, FILES>,
+    ) -> Result<Option<Result<Completion, Errno>>, FileError> {
         let at = |offset: u32| self.area.slot().wrapping_add(offset);
         // Acquire, as `set_word` of the server is Release: the rest was written before.
         let found = self.own.word(at(slot::STATE))?;
@@ -373,7 +391,7 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
         if errno != 0 {
             return Ok(Some(Err(Errno(errno as u16))));
         }
-        Ok(Some(Ok(Done {
+        Ok(Some(Ok(Completion {
             value: wire::whole(value, value_high),
         })))
     }
@@ -382,18 +400,18 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
     pub(super) fn status_words(
         &self,
         _: &Alone<'_, W, FILES>,
-    ) -> Result<[u32; slot::STATUS_WORDS], Error> {
+    ) -> Result<[u32; slot::STATUS_WORDS], FileError> {
         self.words(self.area.slot().wrapping_add(slot::STATUS))
     }
 
-    fn words<const K: usize>(&self, offset: u32) -> Result<[u32; K], Error> {
+    fn words<const K: usize>(&self, offset: u32) -> Result<[u32; K], FileError> {
         let mut words = [[0; 4]; K];
         self.own.read(offset, words.as_flattened_mut())?;
         Ok(words.map(u32::from_le_bytes))
     }
 
     /// The high word first: without the low one it is none.
-    fn set_sequence(&self, at: u32, sequence: u64) -> Result<(), Error> {
+    fn set_sequence(&self, at: u32, sequence: u64) -> Result<(), FileError> {
         let [low, high] = wire::halves(sequence);
         self.own.set_word(at.wrapping_add(4), high)?;
         self.own.set_word(at, low)?;
@@ -404,8 +422,8 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
         &self,
         alone: &Alone<'_, W, FILES>,
         after: After,
-        done: Option<&Done>,
-    ) -> Result<(), Error> {
+        done: Option<&Completion>,
+    ) -> Result<(), FileError> {
         match (after, done) {
             (After::Opened { file, .. }, Some(_)) => {
                 let at = self.area.block(file);
@@ -485,8 +503,8 @@ fn passes(error: &MailError) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use condor_mbox::sim::{Mailbox, System};
-    use condor_mbox::{Call, Places, Processor, Region};
+    use condor_mbox::sim::{SimMailbox, SimSystem};
+    use condor_mbox::{Allocator, Call, Processor, Region};
     use std::boxed::Box;
     use std::sync::{Arc, Mutex};
     use std::vec::Vec;
@@ -504,14 +522,14 @@ mod tests {
         ignore = "the host's end lives for ever, which Miri calls a leak"
     )]
     fn sequences_and_handles_go_on_beyond_one_word() {
-        let system = System::<2>::in_virtual_time(2048);
+        let system = SimSystem::<2>::in_virtual_time(2048);
         let asked = Arc::new(Mutex::new(Vec::new()));
         let [_, windows] = system.windows(HOST);
         let (theirs, seen) = (Region::users(windows.data).unwrap(), asked.clone());
         let mut host = system.mailbox(HOST).unwrap();
         let answer = move |call: &Call<'_>| {
             let word = |n: u32| theirs.word(call.data() + 4 * n).unwrap();
-            let request = Request::from_words(&core::array::from_fn(|n| word(n as u32)));
+            let request = RequestSlot::from_words(&core::array::from_fn(|n| word(n as u32)));
             let request = request.unwrap();
             seen.lock()
                 .unwrap()
@@ -539,9 +557,9 @@ mod tests {
 
         let [_, windows] = system.windows(CLIENT);
         let own = Region::users(windows.data).unwrap();
-        let mut places = Places::new(own.size());
+        let mut places = Allocator::new(own.size());
         let area = Area::<2>::new(&mut places, 16, 16).unwrap();
-        let mut mailbox: Mailbox<'_, 2> = system.mailbox(CLIENT).unwrap();
+        let mut mailbox: SimMailbox<'_, 2> = system.mailbox(CLIENT).unwrap();
         mailbox.join().unwrap();
         let files = FileSystem::connect(&mailbox, HOST, own.clone(), area, TIMEOUT).unwrap();
         let last = u64::from(u32::MAX);

@@ -3,15 +3,15 @@
 use condor_mbox::{MemoryWindow, Messenger};
 
 use super::operation::After;
-use super::ticket::{Ask, Ticket};
-use super::{Error, File, request};
+use super::ticket::{Ask, FileTicket};
+use super::{File, FileError, request};
 use crate::errno::Errno;
-use crate::wire::{Operation, Request, allocate, find};
+use crate::wire::{Operation, RequestSlot, allocate, find};
 
 /// What [`File::allocate`] does with a range of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
-pub enum Allocation {
+pub enum AllocationMode {
     /// Takes room on the disk, so that later writes of the range find it. The file becomes as long as
     /// the range needs, with zeros.
     Extend,
@@ -25,7 +25,7 @@ pub enum Allocation {
     ZeroKeepSize,
 }
 
-impl Allocation {
+impl AllocationMode {
     const fn flags(self) -> u32 {
         match self {
             Self::Extend => 0,
@@ -45,7 +45,7 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'_, 'm
     ///
     /// # Errors
     /// [`Errno::OPNOTSUPP`] if the file system of the host cannot tell; otherwise another [`Error`].
-    pub fn next_data(&self, position: u64) -> Result<Option<u64>, Error> {
+    pub fn next_data(&self, position: u64) -> Result<Option<u64>, FileError> {
         self.find(position, find::DATA)
     }
 
@@ -54,7 +54,7 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'_, 'm
     ///
     /// # Errors
     /// [`Errno::OPNOTSUPP`] if the file system of the host cannot tell; otherwise another [`Error`].
-    pub fn next_hole(&self, position: u64) -> Result<Option<u64>, Error> {
+    pub fn next_hole(&self, position: u64) -> Result<Option<u64>, FileError> {
         self.find(position, find::HOLE)
     }
 
@@ -65,18 +65,18 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'_, 'm
     /// behind the end of a file of a server that limits sizes; [`Errno::INVAL`] if `len` is 0;
     /// [`Errno::BADF`] if the file is not open for writing; [`Errno::FBIG`], [`Errno::NOSPC`] and
     /// [`Errno::DQUOT`] as for a write; otherwise another [`Error`].
-    pub fn allocate(&self, what: Allocation, position: u64, len: u64) -> Result<(), Error> {
+    pub fn allocate(&self, what: AllocationMode, position: u64, len: u64) -> Result<(), FileError> {
         self.begin_allocate(what, position, len).done()
     }
 
     /// Returns a ticket that [takes room](Self::allocate) or gives it back.
     pub fn begin_allocate(
         &self,
-        what: Allocation,
+        what: AllocationMode,
         position: u64,
         len: u64,
-    ) -> Ticket<'_, '_, 'm, S, W, FILES, ()> {
-        let request = Request {
+    ) -> FileTicket<'_, '_, 'm, S, W, FILES, ()> {
+        let request = RequestSlot {
             flags: what.flags(),
             position,
             ..request(Operation::Allocate)
@@ -84,16 +84,16 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'_, 'm
         self.ask(request.with_range_len(len))
     }
 
-    fn find(&self, position: u64, flags: u32) -> Result<Option<u64>, Error> {
-        let request = Request {
+    fn find(&self, position: u64, flags: u32) -> Result<Option<u64>, FileError> {
+        let request = RequestSlot {
             flags,
             position,
             ..request(Operation::Find)
         };
         let ask = Ask::File(request, self.index, After::Nothing);
-        match Ticket::new(self.system, ask, &mut [], |found| found.value).done() {
+        match FileTicket::new(self.system, ask, &mut [], |found| found.value).done() {
             Ok(value) => Ok(Some(value)),
-            Err(Error::Errno(Errno::NXIO)) => Ok(None),
+            Err(FileError::Errno(Errno::NXIO)) => Ok(None),
             Err(error) => Err(error),
         }
     }

@@ -1,4 +1,4 @@
-//! [`Ticket`]: an operation that is awaited, or waited for again after a time-out.
+//! [`FileTicket`]: an operation that is awaited, or waited for again after a time-out.
 
 use core::pin::Pin;
 use core::task::{Context, Poll};
@@ -8,9 +8,9 @@ use condor_mbox::{Instant, MemoryWindow, Messenger};
 
 use super::error::Receipt;
 use super::operation::After;
-use super::{Alone, Ended, Error, FileSystem, SessionState, request};
+use super::{Alone, FileError, FileSystem, SessionState, UnreadResult, request};
 use crate::errno::Errno;
-use crate::wire::{Operation, Request, Space, Status, rename, slot};
+use crate::wire::{FileStatus, Operation, RequestSlot, Space, rename, slot};
 
 /// An operation: await it, or wait for it.
 ///
@@ -21,7 +21,7 @@ use crate::wire::{Operation, Request, Space, Status, rename, slot};
 ///
 /// In a program whose tasks wait for other events, too, the mailbox's interrupt serves, or a task
 /// that also looks now and then; with the feature `async` of `condor-mbox`, this wakes the tasks
-/// that await a reply. See [`condor_mbox::Ticket`]. A ticket has no time-out when it is awaited: it
+/// that await a reply. See [`condor_mbox::FileTicket`]. A ticket has no time-out when it is awaited: it
 /// lasts as long as there is no server. Drop it to give up the wait: the operation stays in doubt,
 /// as after a time-out.
 ///
@@ -39,12 +39,12 @@ use crate::wire::{Operation, Request, Space, Status, rename, slot};
 /// }
 /// ```
 #[must_use = "nothing is asked before a ticket is polled or waited for"]
-pub struct Ticket<'t, 'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, T> {
+pub struct FileTicket<'t, 'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, T> {
     system: &'f FileSystem<'m, S, W, FILES>,
     ask: Ask<'t>,
     /// Where bytes of a read go.
     into: &'t mut [u8],
-    result: fn(Found<'f, 'm, S, W, FILES>) -> T,
+    result: fn(TicketResult<'f, 'm, S, W, FILES>) -> T,
     /// While it is this one's turn.
     alone: Option<Alone<'f, W, FILES>>,
 }
@@ -52,7 +52,7 @@ pub struct Ticket<'t, 'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILE
 /// What a ticket asks for.
 pub(super) enum Ask<'t> {
     Plain(Operation, After),
-    Path(Request, &'t [u8], After),
+    Path(RequestSlot, &'t [u8], After),
     Rename {
         flags: u32,
         from: &'t [u8],
@@ -64,7 +64,7 @@ pub(super) enum Ask<'t> {
         mode: u32,
     },
     /// About an open file, whose handle is put in.
-    File(Request, usize, After),
+    File(RequestSlot, usize, After),
     Close(usize),
     /// Into the file's buffer, from its own position or from another one.
     Read(usize, Option<u64>),
@@ -74,7 +74,7 @@ pub(super) enum Ask<'t> {
 }
 
 /// What came of an operation that succeeded.
-pub(super) struct Found<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> {
+pub(super) struct TicketResult<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> {
     pub(super) system: &'f FileSystem<'m, S, W, FILES>,
     pub(super) after: After,
     pub(super) value: u64,
@@ -82,13 +82,13 @@ pub(super) struct Found<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FI
 }
 
 impl<'t, 'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, T>
-    Ticket<'t, 'f, 'm, S, W, FILES, T>
+    FileTicket<'t, 'f, 'm, S, W, FILES, T>
 {
     pub(super) const fn new(
         system: &'f FileSystem<'m, S, W, FILES>,
         ask: Ask<'t>,
         into: &'t mut [u8],
-        result: fn(Found<'f, 'm, S, W, FILES>) -> T,
+        result: fn(TicketResult<'f, 'm, S, W, FILES>) -> T,
     ) -> Self {
         Self {
             system,
@@ -105,7 +105,7 @@ impl<'t, 'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, T>
     /// # Errors
     /// Those of the call that is named like the method that made the ticket; [`Errno::INVAL`] if the
     /// result was returned before, or was displaced by that of another operation that timed out.
-    pub fn wait(&mut self, timeout: Duration) -> Result<T, Error> {
+    pub fn wait(&mut self, timeout: Duration) -> Result<T, FileError> {
         let until = self.system.station.now().after(timeout);
         match self.advance(Some(until)) {
             Poll::Ready(outcome) => outcome,
@@ -125,12 +125,12 @@ impl<'t, 'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, T>
     }
 
     /// The call that makes a ticket and waits for it.
-    pub(super) fn done(mut self) -> Result<T, Error> {
+    pub(super) fn done(mut self) -> Result<T, FileError> {
         self.wait(self.system.timeout.get())
     }
 
     /// Goes on as far as it can, or until then.
-    fn advance(&mut self, until: Option<Instant>) -> Poll<Result<T, Error>> {
+    fn advance(&mut self, until: Option<Instant>) -> Poll<Result<T, FileError>> {
         let alone = match (self.alone.take(), until) {
             (Some(alone), _) => alone,
             (None, Some(_)) => self.system.enter()?,
@@ -150,7 +150,7 @@ impl<'t, 'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, T>
         &mut self,
         alone: &Alone<'f, W, FILES>,
         until: Option<Instant>,
-    ) -> Poll<Result<T, Error>> {
+    ) -> Poll<Result<T, FileError>> {
         let system = self.system;
         loop {
             // Ended in a call that needed the slot: before that is needed once more.
@@ -177,7 +177,7 @@ impl<'t, 'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, T>
             let outcome = match found {
                 Ok(Some(done)) => Ok(done.value),
                 Ok(None) => return Poll::Pending,
-                Err(Error::Errno(errno)) => Err(errno),
+                Err(FileError::Errno(errno)) => Err(errno),
                 Err(error) if own => return Poll::Ready(Err(error)),
                 Err(error) => return Poll::Ready(Err(system.not_begun(error))),
             };
@@ -192,20 +192,20 @@ impl<'t, 'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, T>
     }
 
     /// Puts the operation into the slot, which is free.
-    fn start(&mut self, alone: &Alone<'f, W, FILES>) -> Result<(), Error> {
+    fn start(&mut self, alone: &Alone<'f, W, FILES>) -> Result<(), FileError> {
         let system = self.system;
         let (request, after) = match self.ask {
             Ask::Plain(operation, after) => (request(operation), after),
             Ask::Path(request, path, after) => {
                 let path = system.put_path(FILES, path)?;
-                (Request { path, ..request }, after)
+                (RequestSlot { path, ..request }, after)
             }
             Ask::Rename { flags, from, to } => {
                 let after = match (without_slashes(from), without_slashes(to)) {
                     (from, to) if flags == rename::EXCHANGE => After::Exchanged { from, to },
                     (from, to) => After::Renamed { from, to },
                 };
-                let request = Request {
+                let request = RequestSlot {
                     path: system.put_path(FILES, from)?,
                     second_path: system.put_path(FILES.wrapping_add(1), to)?,
                     flags,
@@ -216,7 +216,7 @@ impl<'t, 'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, T>
             Ask::Open { path, flags, mode } => system.prepare_open(alone, path, flags, mode)?,
             Ask::File(request, file, after) => {
                 let handle = alone.file(file)?.get().handle;
-                let request = Request {
+                let request = RequestSlot {
                     handle,
                     file: file as u32,
                     ..request
@@ -248,7 +248,7 @@ impl<'t, 'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, T>
     }
 
     /// The result, once.
-    fn take(&mut self, alone: &Alone<'f, W, FILES>, ended: &Ended) -> Result<T, Error> {
+    fn take(&mut self, alone: &Alone<'f, W, FILES>, ended: &UnreadResult) -> Result<T, FileError> {
         let system = self.system;
         let mut value = ended.outcome;
         match (ended.after, &mut value) {
@@ -276,7 +276,7 @@ impl<'t, 'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, T>
         {
             alone.ended.set(None);
         }
-        Ok((self.result)(Found {
+        Ok((self.result)(TicketResult {
             system,
             after: ended.after,
             value: value?,
@@ -286,9 +286,9 @@ impl<'t, 'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, T>
 }
 
 impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, T> Future
-    for Ticket<'_, '_, '_, S, W, FILES, T>
+    for FileTicket<'_, '_, '_, S, W, FILES, T>
 {
-    type Output = Result<T, Error>;
+    type Output = Result<T, FileError>;
 
     fn poll(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<Self::Output> {
         // Before the look: a reply that comes after it is served after it.
@@ -303,7 +303,7 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, T> Future
 }
 
 impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, T> Drop
-    for Ticket<'_, '_, '_, S, W, FILES, T>
+    for FileTicket<'_, '_, '_, S, W, FILES, T>
 {
     fn drop(&mut self) {
         if let Ask::Close(file) = self.ask {
@@ -312,9 +312,9 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, T> Drop
     }
 }
 
-impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> Found<'_, '_, S, W, FILES> {
-    pub(super) fn status(self) -> Status {
-        Status::from_words(&self.words)
+impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> TicketResult<'_, '_, S, W, FILES> {
+    pub(super) fn status(self) -> FileStatus {
+        FileStatus::from_words(&self.words)
     }
 
     pub(super) fn space(self) -> Space {
@@ -329,12 +329,12 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
         alone: &Alone<'_, W, FILES>,
         after: After,
         outcome: Result<u64, Errno>,
-    ) -> Result<Ended, Error> {
+    ) -> Result<UnreadResult, FileError> {
         let words = match after {
             After::Looked | After::Status | After::Space => self.status_words(alone)?,
             _ => [0; slot::STATUS_WORDS],
         };
-        Ok(Ended {
+        Ok(UnreadResult {
             sequence: alone.sequence.get(),
             after,
             outcome,
@@ -343,7 +343,7 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
     }
 
     /// Begins to close a file that nobody has any more; returns whether there was one.
-    fn begin_closing_dropped(&self, alone: &Alone<'_, W, FILES>) -> Result<bool, Error> {
+    fn begin_closing_dropped(&self, alone: &Alone<'_, W, FILES>) -> Result<bool, FileError> {
         let late = alone.ended.get().and_then(|ended| match ended.after {
             After::Opened { file, .. } => Some(file),
             _ => None,

@@ -2,14 +2,14 @@
 
 use embedded_io::ReadExactError;
 
-use super::Error;
+use super::FileError;
 use crate::errno::Errno;
 
 /// Calls `read` until `into` is full.
 pub(super) fn read_exact(
     into: &mut [u8],
-    mut read: impl FnMut(&mut [u8]) -> Result<usize, Error>,
-) -> Result<(), ReadExactError<Error>> {
+    mut read: impl FnMut(&mut [u8]) -> Result<usize, FileError>,
+) -> Result<(), ReadExactError<FileError>> {
     let mut rest = into;
     while !rest.is_empty() {
         rest = match read(rest)? {
@@ -23,8 +23,8 @@ pub(super) fn read_exact(
 /// Calls `write` until `from` is empty; [`Errno::IO`] if it takes nothing, and names no error.
 pub(super) fn write_all(
     from: &[u8],
-    mut write: impl FnMut(&[u8]) -> Result<usize, Error>,
-) -> Result<(), Error> {
+    mut write: impl FnMut(&[u8]) -> Result<usize, FileError>,
+) -> Result<(), FileError> {
     let mut rest = from;
     while !rest.is_empty() {
         rest = match write(rest)? {

@@ -7,7 +7,7 @@ use rustix::fs::{AtFlags, CWD, Mode, Timespec, Timestamps};
 use super::error::Stop;
 use super::log::Outcome;
 use super::tree::{about, path_of};
-use super::{Job, Server, Steps};
+use super::{FileServer, Job, Steps};
 use crate::errno::Errno;
 use crate::wire::{SetTime, Space, time};
 
@@ -16,7 +16,7 @@ const ALL: u32 = 0o7777;
 /// With these, a program of the host would run with the rights of the file's owner: the server.
 const SET_ID: u32 = 0o6000;
 
-impl<S: Steps> Server<S> {
+impl<S: Steps> FileServer<S> {
     pub(super) fn file_mode(&self, job: &Job<'_>) -> Result<(), Stop> {
         let opened = self.opened(job)?;
         self.set_mode(job, &opened.file)
@@ -37,7 +37,7 @@ impl<S: Steps> Server<S> {
         self.set_times(job, &found)
     }
 
-    /// A repetition sets the same mode: the next life does it before anybody else does something.
+    /// A repetition sets the same mode: the next incarnation does it before anybody else does something.
     fn set_mode(&self, job: &Job<'_>, of: &OwnedFd) -> Result<(), Stop> {
         self.check_writable(job)?;
         let is_file = about(of, c"")?.1.is_file();

@@ -47,7 +47,7 @@ pub enum ServerError {
     },
     /// The mailbox returned this error.
     #[error(transparent)]
-    Mailbox(#[from] condor_mbox::Error),
+    Mailbox(#[from] condor_mbox::MailboxError),
 }
 
 impl ServerError {

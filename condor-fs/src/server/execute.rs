@@ -6,11 +6,11 @@ use rustix::rand::GetRandomFlags;
 use super::error::Stop;
 use super::journal::Record;
 use super::log::{Log, Outcome};
-use super::{Job, Server, Step, Steps};
+use super::{FileServer, Job, Step, Steps};
 use crate::errno::Errno;
 use crate::wire::{self, Operation};
 
-impl<S: Steps> Server<S> {
+impl<S: Steps> FileServer<S> {
     pub(super) fn execute(&self, job: &Job<'_>, log: &Log<'_>) -> Result<Outcome, Stop> {
         let nothing = |()| Outcome::default();
         let value = |value| Outcome {
@@ -43,7 +43,7 @@ impl<S: Steps> Server<S> {
         }
     }
 
-    /// From here on a next life of the server must finish this before it does anything else.
+    /// From here on a next incarnation of the server must finish this before it does anything else.
     pub(super) fn begin(&self, job: &Job<'_>) -> Result<(), Stop> {
         // Only what has been asked already: nothing else may be served from here on.
         let table = match job.operation {

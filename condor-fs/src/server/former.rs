@@ -2,7 +2,7 @@
 
 use condor_mbox::Processor;
 
-use crate::wire::{Request, again};
+use crate::wire::{RequestSlot, again};
 
 /// What can be lost: a client then sends its slot. By the number of the processor.
 #[derive(Default)]
@@ -12,14 +12,14 @@ pub(super) struct Formers(Vec<Option<Former>>);
 #[derive(Clone)]
 pub(super) struct Former {
     slot: u32,
-    request: Request,
+    request: RequestSlot,
     /// The value of the answer.
     value: u32,
 }
 
 impl Former {
     /// Nothing if `request`, which was answered with `value`, is none that can be asked for again.
-    pub(super) fn new(slot: u32, request: Request, value: Option<u32>) -> Option<Self> {
+    pub(super) fn new(slot: u32, request: RequestSlot, value: Option<u32>) -> Option<Self> {
         let value = value.filter(|_| again::is_possible(&request))?;
         Some(Self {
             slot,
@@ -29,7 +29,7 @@ impl Former {
     }
 
     /// The request that a message with these bits beside the offset of `slot` means.
-    pub(super) fn next(&self, slot: u32, bits: u32) -> Option<Request> {
+    pub(super) fn next(&self, slot: u32, bits: u32) -> Option<RequestSlot> {
         if self.slot == slot {
             again::next(&self.request, self.value, bits)
         } else {

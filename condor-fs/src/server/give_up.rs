@@ -4,14 +4,14 @@ use super::error::Stop;
 use super::log::{Log, Outcome};
 use super::names::remaining;
 use super::tree::about;
-use super::{Job, Server, Steps};
+use super::{FileServer, Job, Steps};
 use crate::errno::Errno;
-use crate::wire::{Evidence, Operation, whole};
+use crate::wire::{FileIdentity, Operation, whole};
 
-impl<S: Steps> Server<S> {
-    /// Whether a request that `lives` have taken is not worked on any more.
-    pub(super) const fn is_given_up(&self, lives: u32) -> bool {
-        lives > self.options.lives
+impl<S: Steps> FileServer<S> {
+    /// Whether a request that `incarnations` have taken is not worked on any more.
+    pub(super) const fn is_given_up(&self, incarnations: u32) -> bool {
+        incarnations > self.options.incarnations
     }
 
     /// The result of an operation of which nothing more is done: success if all that clients see of it
@@ -20,11 +20,11 @@ impl<S: Steps> Server<S> {
         &self,
         job: &Job<'_>,
         log: &Log<'_>,
-        lives: u32,
+        incarnations: u32,
     ) -> Result<Outcome, Stop> {
-        // To look at what has happened may be what kills the server: one life tries it.
+        // To look at what has happened may be what kills the server: one incarnation tries it.
         if let Some(staged) = log.staged()?
-            && lives == self.options.lives.saturating_add(1)
+            && incarnations == self.options.incarnations.saturating_add(1)
         {
             self.what_happened(job, log, &staged)
         } else {
@@ -48,7 +48,7 @@ impl<S: Steps> Server<S> {
         log: &Log<'_>,
         staged: &[u32; 8],
     ) -> Result<Outcome, Stop> {
-        let evidence = Evidence::from_words(staged);
+        let evidence = FileIdentity::from_words(staged);
         let place = |span| -> Result<_, Stop> { Ok(self.tree.place(&job.path(span)?)) };
         let first = job.request.path;
         let mut outcome = Outcome::default();

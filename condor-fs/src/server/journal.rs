@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use condor_mbox::linux::{Access, LinuxWindow, LinuxWindowError};
+use condor_mbox::linux::{LinuxWindow, LinuxWindowError, WindowAccess};
 use condor_mbox::{LoadOrder, MemoryWindow, Processor, StoreOrder};
 use rustix::fs::{FallocateFlags, Mode, OFlags};
 use rustix::io::Errno as Linux;
@@ -77,7 +77,7 @@ impl Journal {
         }
     }
 
-    /// Records what is begun: a next life finishes it first.
+    /// Records what is begun: a next incarnation finishes it first.
     ///
     /// # Errors
     /// Nothing is recorded, and nothing may be begun.
@@ -135,7 +135,8 @@ fn map(tree: &Tree) -> io::Result<LinuxWindow> {
         }
         outcome => outcome?,
     }
-    let window = LinuxWindow::map(&file, 0, BYTES, Access::ReadWrite).map_err(io::Error::other)?;
+    let window =
+        LinuxWindow::map(&file, 0, BYTES, WindowAccess::ReadWrite).map_err(io::Error::other)?;
     check(&window)?;
     Ok(window)
 }

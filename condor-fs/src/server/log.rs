@@ -6,18 +6,18 @@ use condor_mbox::{MemoryWindow, Region};
 use super::Job;
 use super::error::Stop;
 use crate::errno::Errno;
-use crate::wire::{self, Evidence, Space, Status, slot, state};
+use crate::wire::{self, FileIdentity, FileStatus, Space, slot, state};
 
 /// What an operation gave.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Outcome {
     pub(super) value: u64,
-    pub(super) about: Option<(Evidence, Status)>,
+    pub(super) about: Option<(FileIdentity, FileStatus)>,
     pub(super) space: Option<Space>,
 }
 
 impl Outcome {
-    pub(super) fn of(about: (Evidence, Status)) -> Self {
+    pub(super) fn of(about: (FileIdentity, FileStatus)) -> Self {
         Self {
             about: Some(about),
             ..Self::default()
@@ -43,7 +43,7 @@ impl<'l> Log<'l> {
         }
     }
 
-    /// Notes that this life of the server works on the operation; gives how many lives now have, or
+    /// Notes that this incarnation of the server works on the operation; gives how many incarnations now have, or
     /// `None` if it is done.
     pub(super) fn take(&self) -> Result<Option<u32>, Stop> {
         match self.state()? {
@@ -55,21 +55,24 @@ impl<'l> Log<'l> {
                 Ok(Some(1))
             }
             _ => {
-                let lives = self.region.word(self.at + slot::LIVES)?.saturating_add(1);
-                self.set(slot::LIVES, &[lives])?;
-                Ok(Some(lives))
+                let incarnations = self
+                    .region
+                    .word(self.at + slot::INCARNATIONS)?
+                    .saturating_add(1);
+                self.set(slot::INCARNATIONS, &[incarnations])?;
+                Ok(Some(incarnations))
             }
         }
     }
 
-    /// What the first life that takes the operation writes, in this order. The words of a former
+    /// What the first incarnation that takes the operation writes, in this order. The words of a former
     /// operation are still there: the state is changed before the words that say whose it is.
     fn words_of_first(&self) -> [(u32, u32); 6] {
         let ([session, session_high], [sequence, sequence_high]) =
             (wire::halves(self.session), wire::halves(self.sequence));
         [
             (slot::STATE, state::TAKEN),
-            (slot::LIVES, 1),
+            (slot::INCARNATIONS, 1),
             (slot::STATE_SESSION, session),
             (slot::STATE_SESSION + 4, session_high),
             (slot::STATE_SEQUENCE, sequence),
@@ -78,8 +81,8 @@ impl<'l> Log<'l> {
     }
 
     /// Takes back the last [`take`](Self::take): nothing was done.
-    pub(super) fn give_back(&self, lives: u32) -> Result<(), Stop> {
-        self.set(slot::LIVES, &[lives.saturating_sub(1)])
+    pub(super) fn give_back(&self, incarnations: u32) -> Result<(), Stop> {
+        self.set(slot::INCARNATIONS, &[incarnations.saturating_sub(1)])
     }
 
     /// What was recorded, if it was begun.
@@ -90,7 +93,7 @@ impl<'l> Log<'l> {
         Ok(Some(words(&self.region, self.at + slot::EVIDENCE)?))
     }
 
-    /// Records the intent, with what a next life must know.
+    /// Records the intent, with what a next incarnation must know.
     pub(super) fn stage(&self, evidence: &[u32]) -> Result<(), Stop> {
         self.set(slot::EVIDENCE, evidence)?;
         self.set(slot::STATE, &[state::STAGED])
@@ -149,14 +152,14 @@ pub(super) fn words<const K: usize>(
 mod tests {
     use super::*;
     use condor_mbox::layout::BELL_BYTES;
-    use condor_mbox::linux::Access;
+    use condor_mbox::linux::WindowAccess;
 
     #[test]
     fn no_state_of_a_former_operation_is_taken_for_that_of_the_next() {
         const BYTES: u32 = BELL_BYTES + slot::BYTES;
         let file = tempfile::tempfile().unwrap();
         file.set_len(BYTES.into()).unwrap();
-        let window = LinuxWindow::map(&file, 0, BYTES, Access::ReadWrite).unwrap();
+        let window = LinuxWindow::map(&file, 0, BYTES, WindowAccess::ReadWrite).unwrap();
         let log = |session, sequence| Log {
             region: Region::users(&window).unwrap(),
             at: 0,
@@ -176,9 +179,9 @@ mod tests {
                 for (offset, word) in &words[..written] {
                     next.set(*offset, &[*word]).unwrap();
                 }
-                let lives = next.take().unwrap();
-                assert!(lives.is_some(), "it is done after {written} words");
-                assert!(lives == Some(2) || written < words.len());
+                let incarnations = next.take().unwrap();
+                assert!(incarnations.is_some(), "it is done after {written} words");
+                assert!(incarnations == Some(2) || written < words.len());
             }
         }
     }

@@ -1,6 +1,6 @@
 //! The host's side: serves one directory tree to the processors of a system.
 //!
-//! Most programs need only [`Server::serve`]; the program `condor-fs-server` does little more.
+//! Most programs need only [`FileServer::serve`]; the program `condor-fs-server` does little more.
 
 mod attributes;
 mod error;
@@ -22,7 +22,7 @@ mod transfer;
 mod tree;
 
 pub use error::ServerError;
-pub use options::{Options, Processors};
+pub use options::{ProcessorSet, ServerOptions};
 pub use steps::{Step, Steps};
 
 use std::path::Path;
@@ -37,7 +37,7 @@ use condor_mbox::{
 };
 
 use crate::errno::Errno;
-use crate::wire::{self, Operation, Request, again, slot};
+use crate::wire::{self, Operation, RequestSlot, again, slot};
 use error::Stop;
 use former::{Former, Formers};
 use journal::{Journal, Record};
@@ -58,9 +58,9 @@ const LOOK: Duration = Duration::from_millis(250);
 /// It has a directory of its own in the tree, `.condor-fs`, which no client sees.
 ///
 /// `S` is informed of every step, for tests; leave it out.
-pub struct Server<S: Steps = ()> {
+pub struct FileServer<S: Steps = ()> {
     tree: Tree,
-    options: Options,
+    options: ServerOptions,
     journal: Journal,
     open: OpenFiles,
     formers: Mutex<Formers>,
@@ -74,14 +74,14 @@ struct Job<'j> {
     window: &'j LinuxWindow,
     region: Region<&'j LinuxWindow>,
     slot: u32,
-    request: Request,
+    request: RequestSlot,
     paths: Paths,
     operation: Operation,
     /// Where the table of a session is, if that is known.
     ask: &'j dyn Fn(u64) -> Option<u32>,
 }
 
-impl Server {
+impl FileServer {
     /// Makes a server of the tree at `root`, a directory. Waits up to 1 s while another server has the tree: its
     /// lock may outlive it by some milliseconds.
     ///
@@ -90,19 +90,19 @@ impl Server {
     /// its disk is full; [`ServerError::FileMode`] if the server could not open its own files with
     /// the modes of `options`; [`ServerError::System`] if the operating system refuses, or if
     /// something cannot be counted for the quota.
-    pub fn new(root: impl AsRef<Path>, options: Options) -> Result<Self, ServerError> {
+    pub fn new(root: impl AsRef<Path>, options: ServerOptions) -> Result<Self, ServerError> {
         Self::with_steps(root, options, ())
     }
 }
 
-impl<S: Steps> Server<S> {
-    /// Makes a server as [`new`](Server::new) does, which informs `steps` of every step.
+impl<S: Steps> FileServer<S> {
+    /// Makes a server as [`new`](FileServer::new) does, which informs `steps` of every step.
     ///
     /// # Errors
-    /// [`ServerError`] in the same cases as for [`new`](Server::new).
+    /// [`ServerError`] in the same cases as for [`new`](FileServer::new).
     pub fn with_steps(
         root: impl AsRef<Path>,
-        options: Options,
+        options: ServerOptions,
         steps: S,
     ) -> Result<Self, ServerError> {
         let root = root.as_ref();
@@ -282,11 +282,11 @@ impl<S: Steps> Server<S> {
     /// cannot have a result.
     fn run(&self, job: &Job<'_>) -> Result<u32, Stop> {
         let log = Log::of(job);
-        let Some(lives) = log.take()? else {
+        let Some(incarnations) = log.take()? else {
             return Ok(wire::DONE); // Its former server died before it replied.
         };
-        let attempt = if self.is_given_up(lives) {
-            self.give_up(job, &log, lives)
+        let attempt = if self.is_given_up(incarnations) {
+            self.give_up(job, &log, incarnations)
         } else {
             self.reached(job, Step::Taken);
             self.execute(job, &log)
@@ -294,18 +294,18 @@ impl<S: Steps> Server<S> {
         let outcome = match attempt {
             Err(Stop::Again) => {
                 self.journal.end();
-                log.give_back(lives)?;
+                log.give_back(incarnations)?;
                 return Err(Stop::Again);
             }
             Ok(outcome) => Ok(outcome),
             Err(Stop::Errno(errno)) => Err(errno),
         };
-        if !self.is_given_up(lives) {
+        if !self.is_given_up(incarnations) {
             self.reached(job, Step::Acted);
         }
         let recorded = log.record(&outcome);
         self.reached(job, Step::Recorded);
-        if self.is_given_up(lives) {
+        if self.is_given_up(incarnations) {
             self.clear_away(job);
         }
         self.journal.end();
@@ -322,7 +322,7 @@ impl<S: Steps> Server<S> {
 /// waits also looks around now and then, a hundred times a second.
 fn sleep<B: Backend, const N: usize>(
     mailbox: &mut Mailbox<'_, B, N>,
-) -> Result<usize, condor_mbox::Error> {
+) -> Result<usize, condor_mbox::MailboxError> {
     mailbox.ring_always(true)?;
     let doorbell = mailbox.doorbell();
     // What this service does not see, rings.
@@ -336,7 +336,7 @@ fn sleep<B: Backend, const N: usize>(
     Ok(served)
 }
 
-fn read_request(region: &Region<&LinuxWindow>, at: u32) -> Result<Request, Errno> {
+fn read_request(region: &Region<&LinuxWindow>, at: u32) -> Result<RequestSlot, Errno> {
     let fault = |_| Errno::FAULT;
     if !at.is_multiple_of(64) || at.checked_add(slot::BYTES).is_none() {
         return Err(Errno::FAULT);
@@ -357,7 +357,7 @@ fn read_request(region: &Region<&LinuxWindow>, at: u32) -> Result<Request, Errno
     }
     // Pairs with the fence in the client's `write`: what is read below is no older than these words.
     fence(Ordering::Acquire);
-    let request = Request::from_words(&bytes.map(u32::from_le_bytes)).ok_or(Errno::FAULT)?;
+    let request = RequestSlot::from_words(&bytes.map(u32::from_le_bytes)).ok_or(Errno::FAULT)?;
     // A client that changed it meanwhile first took away the magic, then changed the sequence.
     let magic = region.word(at).map_err(fault)?;
     let sequence: [u32; 2] = words(region, at + slot::SEQUENCE)?;

@@ -8,14 +8,14 @@ use rustix::io::Errno as Linux;
 
 use super::error::Stop;
 use super::log::{Log, Outcome};
-use super::open_files::{Opened, system_flags, unique_name};
+use super::open_files::{OpenFile, system_flags, unique_name};
 use super::reopen::Former;
 use super::tree::{NameIn, OWN, about};
-use super::{Job, Server, Step, Steps};
+use super::{FileServer, Job, Step, Steps};
 use crate::errno::Errno;
-use crate::wire::{Evidence, MAX_PATH, Span, Status, make_directory, open as flag, rename};
+use crate::wire::{FileIdentity, FileStatus, MAX_PATH, Span, make_directory, open as flag, rename};
 
-impl<S: Steps> Server<S> {
+impl<S: Steps> FileServer<S> {
     pub(super) fn open(&self, job: &Job<'_>, log: &Log<'_>) -> Result<Outcome, Stop> {
         let request = &job.request;
         let flags = request.flags;
@@ -55,7 +55,7 @@ impl<S: Steps> Server<S> {
             found = about(&file, c"")?;
         }
         self.open
-            .keep(job, request.sequence, Opened { file, flags });
+            .keep(job, request.sequence, OpenFile { file, flags });
         Ok(Outcome::of(found))
     }
 
@@ -68,7 +68,7 @@ impl<S: Steps> Server<S> {
         mode: u32,
     ) -> Result<OwnedFd, Stop> {
         let flags = system_flags(job.request.flags);
-        // Who makes a file has it open, but a next life may not be allowed to open it.
+        // Who makes a file has it open, but a next incarnation may not be allowed to open it.
         if !may_open(mode)
             && let Ok(place) = self.tree.place(path)
         {
@@ -77,7 +77,7 @@ impl<S: Steps> Server<S> {
                     log.stage(&[0; 8])?;
                     self.reached(job, Step::Staged);
                 }
-                // By a former life: there was nothing before it.
+                // By a former incarnation: there was nothing before it.
                 (Ok((found, status)), Some(_)) if status.is_file() => {
                     return self.reopen(job, &Former::Path(path.into()), flags, found);
                 }
@@ -105,8 +105,8 @@ impl<S: Steps> Server<S> {
         match (place.about(), log.staged()?) {
             (Err(Linux::NOENT), _) => {}
             (Err(errno), _) => return Err(errno.into()),
-            // By a former life.
-            (Ok((found, _)), Some(staged)) if Evidence::from_words(&staged) == found => {
+            // By a former incarnation.
+            (Ok((found, _)), Some(staged)) if FileIdentity::from_words(&staged) == found => {
                 return self.reopen(job, &Former::Path(path.into()), flags, found);
             }
             (Ok(_), _) => return Err(Errno::EXIST.into()),
@@ -155,7 +155,7 @@ impl<S: Steps> Server<S> {
         match place.about() {
             Err(Linux::NOENT) => {}
             Err(errno) => return Err(errno.into()),
-            // By a former life: there was nothing before it.
+            // By a former incarnation: there was nothing before it.
             Ok((_, status)) if staged && status.is_directory() => return Ok(()),
             Ok(_) => return Err(Errno::EXIST.into()),
         }
@@ -237,7 +237,7 @@ impl<S: Steps> Server<S> {
         }
         let places = (self.tree.place(&from)).and_then(|from| Ok((from, self.tree.place(&to)?)));
         if let Some(staged) = log.staged()?
-            && self.finish_rename(job, &places, Evidence::from_words(&staged))?
+            && self.finish_rename(job, &places, FileIdentity::from_words(&staged))?
         {
             return Ok(());
         }
@@ -295,12 +295,12 @@ impl<S: Steps> Server<S> {
         }
     }
 
-    /// Whether a former life has renamed what has the evidence `source`; then finishes that.
+    /// Whether a former incarnation has renamed what has the evidence `source`; then finishes that.
     pub(super) fn finish_rename(
         &self,
         job: &Job<'_>,
         places: &Result<(NameIn, NameIn), Errno>,
-        source: Evidence,
+        source: FileIdentity,
     ) -> Result<bool, Stop> {
         let found = match places {
             Ok((from, to)) => from.about().map(|found| (from, to, found)),
@@ -329,7 +329,7 @@ impl<S: Steps> Server<S> {
         job: &Job<'_>,
         from: &NameIn,
         to: &NameIn,
-        target: Evidence,
+        target: FileIdentity,
     ) -> Result<(), Stop> {
         self.set_aside(job, from, target).inspect_err(|_| {
             // A directory that lets only owners remove what is theirs. If it cannot be undone, both
@@ -341,7 +341,7 @@ impl<S: Steps> Server<S> {
     }
 
     /// Takes the name from a file that is open: it stays until it is closed.
-    fn set_aside(&self, job: &Job<'_>, place: &NameIn, evidence: Evidence) -> Result<(), Stop> {
+    fn set_aside(&self, job: &Job<'_>, place: &NameIn, evidence: FileIdentity) -> Result<(), Stop> {
         self.tree.set_aside(place, &job.unique_name())?;
         self.reached(job, Step::Aside);
         self.mark_or_discard(job, evidence)?;
@@ -349,7 +349,7 @@ impl<S: Steps> Server<S> {
         Ok(())
     }
 
-    fn mark_or_discard(&self, job: &Job<'_>, evidence: Evidence) -> Result<(), Stop> {
+    fn mark_or_discard(&self, job: &Job<'_>, evidence: FileIdentity) -> Result<(), Stop> {
         // A table that has become none by now has no files.
         if !self.mark_silly(job, evidence).unwrap_or(false) {
             self.discard(&job.unique_name())?;
@@ -357,7 +357,7 @@ impl<S: Steps> Server<S> {
         Ok(())
     }
 
-    /// Finishes what a former life has set aside; whether it has.
+    /// Finishes what a former incarnation has set aside; whether it has.
     pub(super) fn finish_aside(&self, job: &Job<'_>, log: &Log<'_>) -> Result<bool, Stop> {
         if log.staged()?.is_some()
             && let Some((evidence, _)) = self.tree.aside(&job.unique_name())?
@@ -399,7 +399,7 @@ const fn may_open(mode: u32) -> bool {
     mode & 0o600 == 0o600
 }
 
-/// Whether what a former life has staged is not where it was.
+/// Whether what a former incarnation has staged is not where it was.
 fn gone(errno: Errno) -> Result<bool, Stop> {
     match errno {
         Errno::NOENT | Errno::NOTDIR => Ok(true),
@@ -407,18 +407,18 @@ fn gone(errno: Errno) -> Result<bool, Stop> {
     }
 }
 
-/// What is to be removed; nothing if a former life has removed it.
+/// What is to be removed; nothing if a former incarnation has removed it.
 pub(super) fn remaining(
     place: Result<NameIn, Errno>,
     log: &Log<'_>,
-) -> Result<Option<(NameIn, Evidence, Status)>, Stop> {
+) -> Result<Option<(NameIn, FileIdentity, FileStatus)>, Stop> {
     let staged = log.staged()?;
     let found = place.and_then(|place| {
         let (evidence, status) = place.about()?;
         Ok((place, evidence, status))
     });
     match (found, staged) {
-        (Ok((_, found, _)), Some(staged)) if Evidence::from_words(&staged) != found => Ok(None),
+        (Ok((_, found, _)), Some(staged)) if FileIdentity::from_words(&staged) != found => Ok(None),
         (Err(errno), Some(_)) if gone(errno)? => Ok(None),
         (found, _) => Ok(Some(found?)),
     }

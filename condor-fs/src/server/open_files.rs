@@ -6,15 +6,15 @@ use std::os::fd::OwnedFd;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use condor_mbox::{Call, Messenger, Pending, Processor, Ticket};
+use condor_mbox::{Call, MessageTicket, Messenger, PendingReply, Processor};
 use rustix::fs::OFlags;
 
 use super::error::Stop;
 use super::log::words;
 use super::tree::about;
-use super::{Job, Server, Steps};
+use super::{FileServer, Job, Steps};
 use crate::errno::Errno;
-use crate::wire::{self, Evidence, Span, Words as _, block, open as flag, table};
+use crate::wire::{self, FileIdentity, Span, Words as _, block, open as flag, table};
 
 /// How many files are kept open; beyond it all are opened again as they are needed.
 const MOST: usize = 512;
@@ -28,15 +28,15 @@ pub(super) struct OpenFiles {
 #[derive(Default)]
 struct Cache {
     /// By processor, session and handle.
-    files: BTreeMap<(Processor, u64, u64), Arc<Opened>>,
+    files: BTreeMap<(Processor, u64, u64), Arc<OpenFile>>,
     /// Where the table of a session is.
     tables: BTreeMap<Processor, (u64, u32)>,
     /// The question for it that a session has not answered yet.
-    asked: BTreeMap<Processor, (u64, Pending)>,
+    asked: BTreeMap<Processor, (u64, PendingReply)>,
 }
 
 /// An open file.
-pub(super) struct Opened {
+pub(super) struct OpenFile {
     pub(super) file: OwnedFd,
     pub(super) flags: u32,
 }
@@ -50,14 +50,14 @@ pub(super) struct Block {
     path: Span,
     /// The operation after which the file has a silly name; its low word is 0 if there is none.
     silly: u64,
-    evidence: Evidence,
+    evidence: FileIdentity,
     /// Where it is; behind what is in the window.
     at: u32,
 }
 
 wire::words!(Block: magic, session, handle, flags, path, silly, evidence, at);
 
-impl Opened {
+impl OpenFile {
     pub(super) fn for_reading(&self) -> Result<&OwnedFd, Errno> {
         self.allowing(flag::READ)
     }
@@ -81,7 +81,7 @@ impl OpenFiles {
         self.cache.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    pub(super) fn keep(&self, job: &Job<'_>, handle: u64, opened: Opened) -> Arc<Opened> {
+    pub(super) fn keep(&self, job: &Job<'_>, handle: u64, opened: OpenFile) -> Arc<OpenFile> {
         let opened = Arc::new(opened);
         let mut cache = self.lock();
         if cache.files.len() >= MOST {
@@ -104,8 +104,8 @@ impl OpenFiles {
         let mut cache = self.lock();
         let mut asked = None;
         if let Some((of, pending)) = cache.asked.remove(&sender) {
-            // If another session was asked, or in a former life, it is given up with its ticket.
-            let mut ticket = Ticket::attach(call, pending);
+            // If another session was asked, or in a former incarnation, it is given up with its ticket.
+            let mut ticket = MessageTicket::attach(call, pending);
             if of == session {
                 match ticket.poll() {
                     Ok(None) => asked = Some(ticket),
@@ -116,7 +116,7 @@ impl OpenFiles {
         }
         // If it cannot be asked now, then when it tries again.
         let asked = asked.or_else(|| call.begin(sender, wire::OPEN_FILES, 0, Duration::ZERO).ok());
-        let pending = asked.and_then(Ticket::detach);
+        let pending = asked.and_then(MessageTicket::detach);
         cache
             .asked
             .extend(pending.map(|pending| (sender, (session, pending))));
@@ -131,7 +131,7 @@ impl OpenFiles {
     }
 }
 
-impl<S: Steps> Server<S> {
+impl<S: Steps> FileServer<S> {
     /// Where the client's table is; asks it if need be.
     pub(super) fn table(&self, job: &Job<'_>) -> Result<u32, Stop> {
         let known = self.open.lock().tables.get(&job.processor).copied();
@@ -149,7 +149,7 @@ impl<S: Steps> Server<S> {
     }
 
     /// The file that the request is about, opened again if need be.
-    pub(super) fn opened(&self, job: &Job<'_>) -> Result<Arc<Opened>, Stop> {
+    pub(super) fn opened(&self, job: &Job<'_>) -> Result<Arc<OpenFile>, Stop> {
         let request = &job.request;
         let key = (job.processor, request.session, request.handle);
         if let Some(opened) = self.open.lock().files.get(&key) {
@@ -166,7 +166,9 @@ impl<S: Steps> Server<S> {
             return Err(Errno::STALE.into());
         }
         let flags = block.flags;
-        Ok(self.open.keep(job, request.handle, Opened { file, flags }))
+        Ok(self
+            .open
+            .keep(job, request.handle, OpenFile { file, flags }))
     }
 
     /// The block of the file that the request is about, if it is open.
@@ -208,13 +210,13 @@ impl<S: Steps> Server<S> {
 
     /// Lets the files that have this evidence and are open keep their inode under the unique name of
     /// this operation; whether there are any.
-    pub(super) fn mark_silly(&self, job: &Job<'_>, evidence: Evidence) -> Result<bool, Stop> {
+    pub(super) fn mark_silly(&self, job: &Job<'_>, evidence: FileIdentity) -> Result<bool, Stop> {
         let sequence = job.request.sequence;
         let mut any = false;
         for block in self.open_blocks(job)? {
             if block.evidence == evidence && (block.has_path() || block.silly == sequence) {
                 let [low, high] = wire::halves(sequence);
-                // The low word last: a next life sees all of it, or none.
+                // The low word last: a next incarnation sees all of it, or none.
                 job.region.set_word(block.at + block::SILLY + 4, high)?;
                 job.region.set_word(block.at + block::SILLY, low)?;
                 any = true;
@@ -224,7 +226,7 @@ impl<S: Steps> Server<S> {
     }
 
     /// Whether the client has a file open that has this evidence, by a name that clients see.
-    pub(super) fn is_open(&self, job: &Job<'_>, evidence: Evidence) -> Result<bool, Stop> {
+    pub(super) fn is_open(&self, job: &Job<'_>, evidence: FileIdentity) -> Result<bool, Stop> {
         let blocks = self.open_blocks(job)?;
         Ok(blocks
             .iter()

@@ -1,19 +1,19 @@
-//! [`Options`] of a server.
+//! [`ServerOptions`] of a server.
 
 use condor_mbox::{Processor, Waiting};
 
 /// The limits of a server, and the way in which it waits.
 #[derive(Clone, Copy, Debug)]
-pub struct Options {
+pub struct ServerOptions {
     /// Whether nothing in the tree can be changed; attempts get `EROFS`.
     pub read_only: bool,
     /// Processors for which nothing in the tree can be changed; attempts get `EROFS`. This protects
     /// from programs that have errors. It stops a hostile processor only if that cannot write the
     /// `data` of processors with more rights.
-    pub read_only_for: Processors,
+    pub read_only_for: ProcessorSet,
     /// Processors that are not served at all: they get `EACCES`. The limit for hostile processors
     /// is that of [`read_only_for`](Self::read_only_for).
-    pub refused: Processors,
+    pub refused: ProcessorSet,
     /// The greatest size to which a file may be written or truncated, in bytes; attempts beyond it
     /// get `EFBIG`. `None` is no limit.
     pub max_file_bytes: Option<u64>,
@@ -31,24 +31,24 @@ pub struct Options {
     /// killed during it, the next run does not work on it: it answers `ECANCELED`, or success if
     /// the request had taken effect. If servers are killed every few milliseconds, as in tests, a
     /// greater number is needed.
-    pub lives: u32,
+    pub incarnations: u32,
     /// The way in which the server waits for requests.
     pub waiting: Waiting,
 }
 
-impl Default for Options {
+impl Default for ServerOptions {
     /// Everything is allowed; files have mode 0666 and directories 0777, less the umask; a request is worked
-    /// on by two lives, the one that takes it and the next.
+    /// on by two incarnations, the one that takes it and the next.
     fn default() -> Self {
         Self {
             read_only: false,
-            read_only_for: Processors::NONE,
-            refused: Processors::NONE,
+            read_only_for: ProcessorSet::NONE,
+            refused: ProcessorSet::NONE,
             max_file_bytes: None,
             quota_bytes: None,
             file_mode: 0o666,
             directory_mode: 0o777,
-            lives: 2,
+            incarnations: 2,
             waiting: Waiting::default(),
         }
     }
@@ -58,17 +58,17 @@ impl Default for Options {
 ///
 /// ```
 /// # #[cfg(target_os = "linux")] {
-/// use condor_fs::server::Processors;
+/// use condor_fs::server::ProcessorSet;
 /// use condor_mbox::Processor;
 ///
-/// const GUESTS: Processors = Processors::NONE.with(Processor(3)).with(Processor(200));
+/// const GUESTS: ProcessorSet = ProcessorSet::NONE.with(Processor(3)).with(Processor(200));
 /// assert!(GUESTS.contains(Processor(200)) && !GUESTS.contains(Processor(2)));
 /// # }
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Processors([u64; 4]);
+pub struct ProcessorSet([u64; 4]);
 
-impl Processors {
+impl ProcessorSet {
     /// The empty set.
     pub const NONE: Self = Self([0; 4]);
 

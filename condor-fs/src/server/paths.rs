@@ -7,7 +7,7 @@ use condor_mbox::{MemoryWindow, Region};
 
 use super::Job;
 use super::error::Stop;
-use crate::wire::{MAX_PATH, Operation, Request, Span};
+use crate::wire::{MAX_PATH, Operation, RequestSlot, Span};
 
 /// The bytes of a request's paths, with their places: what everybody may write is read once.
 #[derive(Default)]
@@ -18,7 +18,7 @@ impl Paths {
     /// for it.
     pub(super) fn copy(
         region: &Region<&LinuxWindow>,
-        request: &Request,
+        request: &RequestSlot,
         operation: Operation,
     ) -> Self {
         let copy = |span: Span| {

@@ -14,9 +14,9 @@ use rustix::io::Errno as Linux;
 
 use super::error::Stop;
 use super::tree::{OWN, Tree, about};
-use super::{Server, Steps};
+use super::{FileServer, Steps};
 use crate::errno::Errno;
-use crate::wire::Status;
+use crate::wire::FileStatus;
 
 /// What a name of a file, a directory or anything else counts: room in a directory, and an inode.
 const NAME: u64 = 1024;
@@ -102,7 +102,7 @@ impl Quota {
     }
 
     /// A name is gone of what had this status; if it was the last one, so is the rest.
-    pub(super) fn release_name(&self, status: &Status) {
+    pub(super) fn release_name(&self, status: &FileStatus) {
         let last = status.is_file() && status.links <= 1;
         self.release(NAME + if last { status.size } else { 0 });
     }
@@ -112,7 +112,7 @@ fn rested(begun: Instant, ended: Instant) -> Instant {
     ended + REST.max(SHARE * ended.duration_since(begun))
 }
 
-impl<S: Steps> Server<S> {
+impl<S: Steps> FileServer<S> {
     /// Whether `file` may become `size` bytes long; counts what is added.
     pub(super) fn admit(&self, file: &OwnedFd, size: u64) -> Result<(), Stop> {
         if self.options.max_file_bytes.is_none() && self.options.quota_bytes.is_none() {

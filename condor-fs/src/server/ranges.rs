@@ -7,7 +7,7 @@ use rustix::io::Errno as Linux;
 use super::error::Stop;
 use super::limit::check_file_limit;
 use super::tree::about;
-use super::{Job, Server, Step, Steps};
+use super::{FileServer, Job, Step, Steps};
 use crate::errno::Errno;
 use crate::wire::{allocate, find};
 
@@ -26,7 +26,7 @@ const ALLOCATIONS: [(u32, FallocateFlags); 5] = [
     ),
 ];
 
-impl<S: Steps> Server<S> {
+impl<S: Steps> FileServer<S> {
     /// Where the next data or the next hole begins.
     pub(super) fn find(&self, job: &Job<'_>) -> Result<u64, Stop> {
         let opened = self.opened(job)?;
@@ -50,7 +50,7 @@ impl<S: Steps> Server<S> {
     }
 
     /// Takes room for a range, or gives it back. A repetition does the same to the same bytes: the
-    /// next life does it before anybody else does something.
+    /// next incarnation does it before anybody else does something.
     pub(super) fn allocate(&self, job: &Job<'_>) -> Result<(), Stop> {
         let opened = self.opened(job)?;
         let file = opened.for_writing()?;

@@ -1,8 +1,8 @@
 //! Files that are opened once more although their mode has come to keep the server's user out.
 //!
-//! A file that is open stays usable on Unix, whatever its mode becomes. A new life of the server has to
+//! A file that is open stays usable on Unix, whatever its mode becomes. A new incarnation of the server has to
 //! open it again: it gives the owner the permission for a moment, and notes the former mode in the slot
-//! and the operation in the journal before, so that a life after it gives the mode back.
+//! and the operation in the journal before, so that an incarnation after it gives the mode back.
 
 use std::ffi::CString;
 use std::os::fd::OwnedFd;
@@ -12,9 +12,9 @@ use rustix::fs::{Mode, OFlags};
 use super::error::Stop;
 use super::open_files::Block;
 use super::tree::{about, path_of};
-use super::{Job, Server, Step, Steps};
+use super::{FileServer, Job, Step, Steps};
 use crate::errno::Errno;
-use crate::wire::{Evidence, Operation, slot};
+use crate::wire::{FileIdentity, Operation, slot};
 
 /// What the server needs.
 const OWNERS: u32 = 0o600;
@@ -28,14 +28,14 @@ pub(super) enum Former {
     Aside(CString),
 }
 
-impl<S: Steps> Server<S> {
+impl<S: Steps> FileServer<S> {
     /// Opens the file that has the evidence `is` once more.
     pub(super) fn reopen(
         &self,
         job: &Job<'_>,
         place: &Former,
         flags: OFlags,
-        is: Evidence,
+        is: FileIdentity,
     ) -> Result<OwnedFd, Stop> {
         let noted = job.noted_mode()?;
         let opened = self.open_former(place, flags);
@@ -68,7 +68,7 @@ impl<S: Steps> Server<S> {
         Ok(opened.map_err(stale)?)
     }
 
-    /// Gives a mode back that a life noted for a request that is given up now.
+    /// Gives a mode back that an incarnation noted for a request that is given up now.
     pub(super) fn give_mode_back(&self, job: &Job<'_>) -> Result<(), Stop> {
         let Some(mode) = job.noted_mode()? else {
             return Ok(());
@@ -113,12 +113,12 @@ impl Job<'_> {
         })
     }
 
-    /// The mode that a former life noted for this request.
+    /// The mode that a former incarnation noted for this request.
     fn noted_mode(&self) -> Result<Option<u32>, Stop> {
-        let lives = self.region.word(self.slot + slot::LIVES)?;
+        let incarnations = self.region.word(self.slot + slot::INCARNATIONS)?;
         let noted = self.region.word(self.slot + slot::MODE)?;
-        // The first life finds what is left of other requests.
-        let changed = lives > 1 && noted & slot::MODE_CHANGED != 0;
+        // The first incarnation finds what is left of other requests.
+        let changed = incarnations > 1 && noted & slot::MODE_CHANGED != 0;
         Ok(changed.then_some(noted & BITS))
     }
 

@@ -16,14 +16,14 @@ use super::error::Stop;
 use super::limit::check_file_limit;
 use super::log::{Log, Outcome};
 use super::tree::{OWN, about, path_of};
-use super::{Job, Server, Step, Steps};
+use super::{FileServer, Job, Step, Steps};
 use crate::errno::Errno;
 use crate::wire::{halves, open as flag, whole};
 
 /// How many bytes are searched at once.
 const PIECE: u64 = 64 * 1024;
 
-impl<S: Steps> Server<S> {
+impl<S: Steps> FileServer<S> {
     pub(super) fn read(&self, job: &Job<'_>) -> Result<u64, Stop> {
         let opened = self.opened(job)?;
         self.transfer(job, job.request.position, |position, offset, len| {
@@ -197,7 +197,7 @@ impl<S: Steps> Server<S> {
 }
 
 impl Job<'_> {
-    /// How many bytes of an append a former life has written to the range behind the end that it
+    /// How many bytes of an append a former incarnation has written to the range behind the end that it
     /// recorded, where programs of the host may have appended, too.
     pub(super) fn appended(&self, file: &OwnedFd, range: Range<u64>) -> Result<u64, Stop> {
         let buffer = self.request.buffer;

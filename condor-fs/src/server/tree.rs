@@ -12,7 +12,7 @@ use rustix::io::Errno as Linux;
 
 use super::ServerError;
 use crate::errno::Errno;
-use crate::wire::{Evidence, Status};
+use crate::wire::{FileIdentity, FileStatus};
 
 /// The server's own directory at the top of the tree.
 pub(super) const OWN: &[u8] = b".condor-fs";
@@ -35,9 +35,9 @@ impl Drop for Lock {
 /// The tree, locked.
 pub(super) struct Tree {
     root: OwnedFd,
-    root_is: Evidence,
+    root_is: FileIdentity,
     stage: OwnedFd,
-    stage_is: Evidence,
+    stage_is: FileIdentity,
     _lock: Lock,
 }
 
@@ -78,7 +78,7 @@ impl NameIn {
     }
 
     /// Evidence and status of the name.
-    pub(super) fn about(&self) -> Result<(Evidence, Status), Linux> {
+    pub(super) fn about(&self) -> Result<(FileIdentity, FileStatus), Linux> {
         about(&self.parent, &self.name)
     }
 }
@@ -250,7 +250,7 @@ impl Tree {
     }
 
     /// What has a unique name, if it exists.
-    pub(super) fn aside(&self, unique: &CStr) -> Result<Option<(Evidence, Status)>, Linux> {
+    pub(super) fn aside(&self, unique: &CStr) -> Result<Option<(FileIdentity, FileStatus)>, Linux> {
         match about(&self.stage, unique) {
             Ok(found) => Ok(Some(found)),
             Err(Linux::NOENT) => Ok(None),
@@ -293,19 +293,19 @@ fn confined(
 }
 
 /// Evidence and status of a name, or with an empty name of the open file itself.
-pub(super) fn about(at: impl AsFd, name: &CStr) -> Result<(Evidence, Status), Linux> {
+pub(super) fn about(at: impl AsFd, name: &CStr) -> Result<(FileIdentity, FileStatus), Linux> {
     let flags = AtFlags::EMPTY_PATH | AtFlags::SYMLINK_NOFOLLOW;
     let wanted = StatxFlags::BASIC_STATS | StatxFlags::BTIME;
     let found = rustix::fs::statx(at, name, flags, wanted)?;
     let device = rustix::fs::makedev(found.stx_dev_major, found.stx_dev_minor);
     Ok((
-        Evidence {
+        FileIdentity {
             device,
             inode: found.stx_ino,
             born_s: found.stx_btime.tv_sec.cast_unsigned(),
             born_ns: found.stx_btime.tv_nsec,
         },
-        Status {
+        FileStatus {
             size: found.stx_size,
             modified_s: found.stx_mtime.tv_sec.cast_unsigned(),
             modified_ns: found.stx_mtime.tv_nsec,

@@ -1,7 +1,7 @@
 //! Messages that ask for the client's former request again, with what has changed: the server need
 //! not read the slot. These numbers are added to the slot's offset, which is a multiple of 64.
 
-use super::{Operation, Request, following};
+use super::{Operation, RequestSlot, following};
 
 /// The bits of a message that are not the offset of a slot.
 pub const BITS: u32 = 63;
@@ -14,7 +14,7 @@ const SEQUENCE_SHIFT: u32 = 2;
 
 /// Returns whether `request` is for data, which alone can be asked for again.
 #[must_use]
-pub fn is_possible(request: &Request) -> bool {
+pub fn is_possible(request: &RequestSlot) -> bool {
     matches!(
         Operation::from_word(request.operation),
         Some(Operation::Read | Operation::Write | Operation::Append)
@@ -30,7 +30,7 @@ pub const fn is_message(bits: u32) -> bool {
 /// Returns the bits of a message for `request`, which follows `former`, whose answer had
 /// `value`. They are 0 if the server must read the slot.
 #[must_use]
-pub fn bits(former: &Request, value: u64, request: &Request) -> u32 {
+pub fn bits(former: &RequestSlot, value: u64, request: &RequestSlot) -> u32 {
     let how = if request.position == former.position {
         SAME
     } else {
@@ -46,7 +46,7 @@ pub fn bits(former: &Request, value: u64, request: &Request) -> u32 {
 /// Returns the request that follows `former`, whose answer had `value`, if a message has these
 /// bits; `None` if it follows another request, or if there is no such message.
 #[must_use]
-pub fn next(former: &Request, value: u32, bits: u32) -> Option<Request> {
+pub fn next(former: &RequestSlot, value: u32, bits: u32) -> Option<RequestSlot> {
     let sequence = following(former.sequence);
     if bits >> SEQUENCE_SHIFT != sequence as u32 & BITS >> SEQUENCE_SHIFT {
         return None;
@@ -56,7 +56,7 @@ pub fn next(former: &Request, value: u32, bits: u32) -> Option<Request> {
         ONWARDS => former.position.checked_add(value.into())?,
         _ => return None,
     };
-    Some(Request {
+    Some(RequestSlot {
         sequence,
         position,
         ..*former
@@ -69,13 +69,13 @@ mod tests {
 
     #[test]
     fn a_request_that_follows_is_said_by_few_bits() {
-        let former = Request {
+        let former = RequestSlot {
             sequence: u64::from(u32::MAX),
             operation: Operation::Read as u32,
             position: 8,
-            ..Request::default()
+            ..RequestSlot::default()
         };
-        let at = |position| Request {
+        let at = |position| RequestSlot {
             sequence: following(former.sequence),
             position,
             ..former
@@ -86,9 +86,9 @@ mod tests {
             assert_eq!(next(&former, value, bits), Some(request));
             assert_eq!(next(&request, value, bits), None, "it is not done twice");
         }
-        let other = Request { file: 1, ..at(8) };
+        let other = RequestSlot { file: 1, ..at(8) };
         let sync = Operation::Sync as u32;
-        let [no_data, no_data_again] = [former, at(8)].map(|request| Request {
+        let [no_data, no_data_again] = [former, at(8)].map(|request| RequestSlot {
             operation: sync,
             ..request
         });

@@ -17,9 +17,9 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
-use condor_fs::{Allocation, Errno, Error, OpenOptions};
+use condor_fs::{AllocationMode, Errno, FileError, OpenOptions};
 use condor_mbox::Processor;
-use condor_mbox::linux::System;
+use condor_mbox::linux::LinuxSystem;
 use embedded_io::SeekFrom;
 use interrupt_injector::{argument, seed};
 use serving::{AnyError, BYTES, Files, N, ServerProcess, on_processor, served};
@@ -55,7 +55,7 @@ fn main() -> Result<(), AnyError> {
     if rustix::fs::statfs(root.path())?.f_type.cast_unsigned() == TMPFS {
         return Err("the directory is on a tmpfs: give --directory on a disk".into());
     }
-    let system = System::<N>::family(BYTES)?;
+    let system = LinuxSystem::<N>::family(BYTES)?;
     let (stop, done) = (AtomicBool::new(false), AtomicU64::new(0));
     let begun = Instant::now();
     let models = std::thread::scope(|threads| {
@@ -105,7 +105,7 @@ fn main() -> Result<(), AnyError> {
 /// Kills servers at random instants; gives how many.
 fn kill(
     options: &Options,
-    system: &System<N>,
+    system: &LinuxSystem<N>,
     root: &Path,
     stop: &AtomicBool,
     done: &AtomicU64,
@@ -299,21 +299,21 @@ impl<'c, 'm, 'v> Client<'c, 'm, 'v> {
         let (at, len) = (self.random.below(600), 1 + self.random.below(300));
         let (begin, end) = (usize::try_from(at)?, usize::try_from(at + len)?);
         let what = match self.random.below(4) {
-            0 => Allocation::Extend,
-            1 => Allocation::PunchHole,
-            2 => Allocation::Zero,
-            _ => Allocation::KeepSize,
+            0 => AllocationMode::Extend,
+            1 => AllocationMode::PunchHole,
+            2 => AllocationMode::Zero,
+            _ => AllocationMode::KeepSize,
         };
         let done = match file.allocate(what, at, len) {
             // A disk may not be able to zero ranges.
-            Err(Error::Errno(Errno::OPNOTSUPP)) => false,
+            Err(FileError::Errno(Errno::OPNOTSUPP)) => false,
             outcome => self.expect(&path, outcome.err(), None)?,
         };
         if done {
-            if matches!(what, Allocation::Extend | Allocation::Zero) {
+            if matches!(what, AllocationMode::Extend | AllocationMode::Zero) {
                 model.resize(model.len().max(end), 0);
             }
-            if matches!(what, Allocation::PunchHole | Allocation::Zero) {
+            if matches!(what, AllocationMode::PunchHole | AllocationMode::Zero) {
                 let end = end.min(model.len());
                 model[begin.min(end)..end].fill(0);
             }
@@ -364,9 +364,9 @@ impl<'c, 'm, 'v> Client<'c, 'm, 'v> {
     }
 
     /// How many bytes were written; none if there was no space.
-    fn written(&mut self, outcome: Result<usize, Error>) -> Result<usize, AnyError> {
+    fn written(&mut self, outcome: Result<usize, FileError>) -> Result<usize, AnyError> {
         match outcome {
-            Err(Error::Errno(Errno::NOSPC)) => {
+            Err(FileError::Errno(Errno::NOSPC)) => {
                 self.refused += 1;
                 Ok(0)
             }
@@ -378,16 +378,16 @@ impl<'c, 'm, 'v> Client<'c, 'm, 'v> {
     fn expect(
         &mut self,
         what: &str,
-        found: Option<Error>,
+        found: Option<FileError>,
         expected: Option<Errno>,
     ) -> Result<bool, AnyError> {
         match (found, expected) {
             (None, None) => Ok(true),
-            (Some(Error::Errno(Errno::NOSPC)), _) => {
+            (Some(FileError::Errno(Errno::NOSPC)), _) => {
                 self.refused += 1;
                 Ok(false)
             }
-            (Some(Error::Errno(found)), Some(expected)) if found == expected => Ok(false),
+            (Some(FileError::Errno(found)), Some(expected)) if found == expected => Ok(false),
             (Some(found), _) => Err(format!("{what}: {found}, expected {expected:?}").into()),
             (None, Some(expected)) => Err(format!("{what}: success, expected {expected}").into()),
         }
@@ -399,7 +399,7 @@ fn check(
     file: &mut condor_fs::File<
         '_,
         '_,
-        condor_mbox::linux::Mailbox<'_, N>,
+        condor_mbox::linux::LinuxMailbox<'_, N>,
         condor_mbox::linux::LinuxWindow,
         { serving::FILES },
     >,

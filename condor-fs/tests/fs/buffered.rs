@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex, MutexGuard};
 
 use crate::peer::{BUFFER, Own, Pair, TIMEOUT};
 use condor_fs::wire::{self, Operation};
-use condor_fs::{Errno, Error, OpenOptions};
+use condor_fs::{Errno, FileError, OpenOptions};
 use condor_mbox::MemoryWindow;
 use embedded_io::{BufRead, Read, Seek, SeekFrom, Write};
 use proptest::collection::vec;
@@ -47,7 +47,7 @@ impl Disk {
         wire::DONE
     }
 
-    fn act(&mut self, own: &Own, request: &wire::Request) -> Result<u64, u16> {
+    fn act(&mut self, own: &Own, request: &wire::RequestSlot) -> Result<u64, u16> {
         let size = self.file.len() as u64;
         let (buffer, position) = (request.buffer, request.position);
         let mut bytes = vec![0; buffer.len as usize];
@@ -131,10 +131,10 @@ fn read_act() -> impl Strategy<Value = Act> {
 }
 
 /// Whether the error is one of those that were asked for.
-fn expected(error: &Error) -> bool {
+fn expected(error: &FileError) -> bool {
     matches!(
         error,
-        Error::Errno(Errno::NOSPC) | Error::TimedOut { .. } | Error::NotBegun { .. }
+        FileError::Errno(Errno::NOSPC) | FileError::TimedOut { .. } | FileError::NotBegun { .. }
     )
 }
 
@@ -242,7 +242,7 @@ proptest! {
                     },
                     Act::Back(step) => match reader.seek(SeekFrom::Current(-i64::from(step))) {
                         Ok(position) => at = usize::try_from(position).unwrap(),
-                        Err(Error::Errno(Errno::INVAL)) => prop_assert!(usize::from(step) > at),
+                        Err(FileError::Errno(Errno::INVAL)) => prop_assert!(usize::from(step) > at),
                         Err(error) => prop_assert!(expected(&error), "{error}"),
                     },
                     Act::Stall => pair.stall(true),
@@ -308,8 +308,8 @@ fn what_cannot_be_written_is_reported_and_kept() {
         // In doubt: neither is it written again, nor does its buffer change meanwhile.
         pair.stall(true);
         fs.set_timeout(TIMEOUT / 2);
-        assert!(matches!(log.flush(), Err(Error::TimedOut { .. })));
-        assert!(matches!(log.write(b"!"), Err(Error::NotBegun { .. })));
+        assert!(matches!(log.flush(), Err(FileError::TimedOut { .. })));
+        assert!(matches!(log.write(b"!"), Err(FileError::NotBegun { .. })));
         pair.stall(false);
         log.write_all(b"!").unwrap();
         assert_eq!(

@@ -8,17 +8,17 @@ use std::path::Path;
 use crate::support::{CLIENT, Fs, Kill, OTHER, Supervisor, disk, snapshot, system, with_client};
 use condor_fs::server::Step;
 use condor_fs::wire::Operation;
-use condor_fs::{Allocation, Errno, OpenOptions, SetTime, Status, Times};
+use condor_fs::{AllocationMode, Errno, FileStatus, OpenOptions, SetTime, Times};
 use embedded_io::SeekFrom;
 
 /// Every operation, at least twice, with its failures, and what would show that one was done
 /// twice, or to a file that has the inode of a former one. Gives what the client saw.
 fn program(fs: &Fs<'_, '_>) -> Vec<String> {
     let mut seen = Vec::new();
-    let mut note = |what: &str, outcome: Result<u64, condor_fs::Error>| {
+    let mut note = |what: &str, outcome: Result<u64, condor_fs::FileError>| {
         seen.push(match outcome {
             Ok(value) => format!("{what}: {value}"),
-            Err(condor_fs::Error::Errno(errno)) => format!("{what}: {errno:?}"),
+            Err(condor_fs::FileError::Errno(errno)) => format!("{what}: {errno:?}"),
             Err(other) => panic!("{what}: {other}"),
         });
     };
@@ -106,10 +106,10 @@ fn program(fs: &Fs<'_, '_>) -> Vec<String> {
 }
 
 /// Modes and times: what is set twice, or on another file, is seen by what other operations set.
-fn attributes(fs: &Fs<'_, '_>, note: &mut impl FnMut(&str, Result<u64, condor_fs::Error>)) {
+fn attributes(fs: &Fs<'_, '_>, note: &mut impl FnMut(&str, Result<u64, condor_fs::FileError>)) {
     let at = |s| SetTime::At { s, ns: 7 };
     let both = |accessed, modified| Times { accessed, modified };
-    let mode = |status: Status| u64::from(status.mode);
+    let mode = |status: FileStatus| u64::from(status.mode);
     let read = OpenOptions::new().read();
     note("mkdir 3", fs.make_directory_with("m", 0o700).map(|()| 0));
     note("mode of m", fs.status("m").map(mode));
@@ -175,7 +175,7 @@ fn attributes(fs: &Fs<'_, '_>, note: &mut impl FnMut(&str, Result<u64, condor_fs
 }
 
 /// An exchange that is done twice is none, and what is open keeps its contents.
-fn exchanges(fs: &Fs<'_, '_>, note: &mut impl FnMut(&str, Result<u64, condor_fs::Error>)) {
+fn exchanges(fs: &Fs<'_, '_>, note: &mut impl FnMut(&str, Result<u64, condor_fs::FileError>)) {
     let new = OpenOptions::new().read().write().exclusive();
     fs.make_directory("x").unwrap();
     let mut one = fs.open("x/one", new).unwrap();
@@ -213,7 +213,7 @@ fn exchanges(fs: &Fs<'_, '_>, note: &mut impl FnMut(&str, Result<u64, condor_fs:
 }
 
 /// Holes and room: what is done to another range, or after a later write, is seen in the contents.
-fn ranges(fs: &Fs<'_, '_>, note: &mut impl FnMut(&str, Result<u64, condor_fs::Error>)) {
+fn ranges(fs: &Fs<'_, '_>, note: &mut impl FnMut(&str, Result<u64, condor_fs::FileError>)) {
     const HOLE: u64 = 64 * 1024; // Longer than a block of any file system here.
     let new = OpenOptions::new().read().write().exclusive();
     let mut file = fs.open("sparse", new).unwrap();
@@ -227,17 +227,23 @@ fn ranges(fs: &Fs<'_, '_>, note: &mut impl FnMut(&str, Result<u64, condor_fs::Er
     note("no hole", found(file.next_hole(HOLE + 4)));
     note("hole beyond", found(file.next_hole(u64::MAX)));
     let allocate = |what, position, len| file.allocate(what, position, len).map(|()| 0);
-    note("allocate", allocate(Allocation::Extend, 0, 3 * HOLE));
-    note("allocate 2", allocate(Allocation::KeepSize, 0, 4 * HOLE));
-    note("allocate nothing", allocate(Allocation::Extend, 0, 0));
-    note("allocate all", allocate(Allocation::Extend, 1, u64::MAX));
-    note("zero", allocate(Allocation::Zero, HOLE + 1, 2));
+    note("allocate", allocate(AllocationMode::Extend, 0, 3 * HOLE));
+    note(
+        "allocate 2",
+        allocate(AllocationMode::KeepSize, 0, 4 * HOLE),
+    );
+    note("allocate nothing", allocate(AllocationMode::Extend, 0, 0));
+    note(
+        "allocate all",
+        allocate(AllocationMode::Extend, 1, u64::MAX),
+    );
+    note("zero", allocate(AllocationMode::Zero, HOLE + 1, 2));
     note(
         "zero 2",
-        allocate(Allocation::ZeroKeepSize, 2 * HOLE, 4 * HOLE),
+        allocate(AllocationMode::ZeroKeepSize, 2 * HOLE, 4 * HOLE),
     );
     note("allocated", file.status().map(|status| status.size));
-    note("punch", allocate(Allocation::PunchHole, 2 * HOLE, HOLE));
+    note("punch", allocate(AllocationMode::PunchHole, 2 * HOLE, HOLE));
     note("hole again", found(file.next_hole(HOLE)));
     note("seek 6", file.seek(SeekFrom::Start(HOLE)));
     let mut read = [0; 8];
@@ -246,7 +252,7 @@ fn ranges(fs: &Fs<'_, '_>, note: &mut impl FnMut(&str, Result<u64, condor_fs::Er
     let write = fs.open("sparse", OpenOptions::new().read()).unwrap();
     note(
         "allocate to read",
-        write.allocate(Allocation::Extend, 0, 1).map(|()| 0),
+        write.allocate(AllocationMode::Extend, 0, 1).map(|()| 0),
     );
     note("unlink sparse", fs.unlink("sparse").map(|()| 0));
     note("links", file.status().map(|status| status.links.into()));

@@ -7,8 +7,8 @@ use std::time::Duration;
 use crate::support::{CLIENT, Fs, N, OTHER, Supervisor, disk, system, with_client};
 use condor_fs::server::Step;
 use condor_fs::wire::Operation;
-use condor_fs::{Errno, Error, OpenOptions};
-use condor_mbox::linux::System;
+use condor_fs::{Errno, FileError, OpenOptions};
+use condor_mbox::linux::LinuxSystem;
 use embedded_io::SeekFrom;
 
 const WRITE: OpenOptions = OpenOptions::new().write();
@@ -19,8 +19,8 @@ fn the_limit_of_the_process_is_an_error_of_the_request() {
     let system = system();
     let supervisor = Supervisor::start(&system, root.path(), None, "file-limit=1000");
     with_client(&system, CLIENT, |fs, _, _, _| {
-        let large = |outcome: Result<usize, Error>| {
-            assert_eq!(outcome, Err(Error::Errno(Errno::FBIG)));
+        let large = |outcome: Result<usize, FileError>| {
+            assert_eq!(outcome, Err(FileError::Errno(Errno::FBIG)));
         };
         let mut file = fs.open("f", WRITE.create().exclusive()).unwrap();
         assert_eq!(file.write(&[1; 1000]), Ok(1000));
@@ -48,11 +48,11 @@ fn given_up<R>(
     root: &std::path::Path,
     operation: Operation,
     step: Step,
-    act: impl FnOnce(&Fs<'_, '_>) -> Result<R, Error>,
-) -> Result<R, Error> {
+    act: impl FnOnce(&Fs<'_, '_>) -> Result<R, FileError>,
+) -> Result<R, FileError> {
     let system = system();
     let kill = Some((operation, step, 1));
-    let supervisor = Supervisor::start(&system, root, kill, "every-life");
+    let supervisor = Supervisor::start(&system, root, kill, "every-incarnation");
     let outcome = with_client(&system, CLIENT, |fs, _, _, _| act(fs));
     assert_eq!(supervisor.deaths(), 2, "{operation:?} {step:?}");
     with_client(&system, OTHER, |fs, _, _, _| {
@@ -65,7 +65,7 @@ fn given_up<R>(
 
 #[test]
 fn no_request_is_worked_on_by_a_third_server() {
-    let canceled = Err(Error::Errno(Errno::CANCELED));
+    let canceled = Err(FileError::Errno(Errno::CANCELED));
     let left = |root: &std::path::Path| std::fs::read_dir(root.join(".condor-fs")).unwrap().count();
     let root = disk();
     let root = root.path();
@@ -198,16 +198,16 @@ fn an_open_file_outlives_an_unlink_that_was_given_up() {
 fn a_request_that_could_not_be_begun_is_not_given_up() {
     let root = disk();
     std::fs::write(root.path().join("f"), b"data").unwrap();
-    let system: std::sync::Arc<System<N>> = system();
+    let system: std::sync::Arc<LinuxSystem<N>> = system();
     let _supervisor = Supervisor::start(&system, root.path(), None, "");
     crate::support::with_silent_client(&system, CLIENT, |fs| {
         fs.set_timeout(Duration::from_millis(50));
         let late = fs.unlink("f").unwrap_err();
-        assert!(matches!(late, Error::TimedOut { .. }), "{late}");
+        assert!(matches!(late, FileError::TimedOut { .. }), "{late}");
         // The client asks again every millisecond.
         let settled = fs.settle(Duration::from_millis(50));
         assert!(
-            matches!(settled, Err(Error::TimedOut { .. })),
+            matches!(settled, Err(FileError::TimedOut { .. })),
             "{settled:?}"
         );
     });

@@ -6,15 +6,15 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use crate::support::{CLIENT, FILES, Mail, N, Supervisor, disk};
-use condor_dev::sim::Bus;
-use condor_dev::stdio::{self, BufReader, BufWriter, Buffering, Output, ReadLine};
+use condor_dev::sim::SimBus;
+use condor_dev::stdio::{self, BufReader, BufWriter, BufferedOutput, Buffering, ReadLine};
 use condor_dev::{
-    BusError, BusErrorKind, Descriptors, Fd, FdError, IoError, Location, Mode, NoInterrupts,
-    Stream, StreamError, Switch, device_switch, looks,
+    BusError, BusErrorKind, Descriptors, DeviceStream, DeviceStreamError, Fd, FdError, IoError,
+    Location, NoInterrupts, OpenMode, Switch, device_switch, looks,
 };
-use condor_fs::dev::{FileSwitch, OpenError, TransferError};
-use condor_fs::{Errno, Error, OpenOptions};
-use condor_mbox::linux::{LinuxWindow, System};
+use condor_fs::dev::{FileOpenError, FileSwitch, TransferError};
+use condor_fs::{Errno, FileError, OpenOptions};
+use condor_mbox::linux::{LinuxSystem, LinuxWindow};
 use embedded_io::{Read, SeekFrom, Write};
 use utah_mit_boards::Adc16;
 use utah_mit_boards::sim::AdcModel;
@@ -27,12 +27,12 @@ device_switch! {
 
 const BOARD_FDS: usize = 2;
 
-type Devices = Switch<Bus, NoInterrupts, Boards, BOARD_FDS>;
+type Devices = Switch<SimBus, NoInterrupts, Boards, BOARD_FDS>;
 type Files<'d, 'm> =
-    FileSwitch<'d, 'm, Bus, NoInterrupts, Boards, Mail<'m>, LinuxWindow, BOARD_FDS, FILES>;
+    FileSwitch<'d, 'm, SimBus, NoInterrupts, Boards, Mail<'m>, LinuxWindow, BOARD_FDS, FILES>;
 
 fn devices() -> Devices {
-    let bus = Bus::new();
+    let bus = SimBus::new();
     let mut adc = AdcModel::default();
     adc.channels[0] = 0x1234;
     bus.insert(0x1000, adc);
@@ -42,7 +42,7 @@ fn devices() -> Devices {
 }
 
 fn with_switch(
-    system: &Arc<System<N>>,
+    system: &Arc<LinuxSystem<N>>,
     root: &Path,
     options: &'static str,
     program: impl FnOnce(&Files<'_, '_>, &Supervisor),
@@ -55,10 +55,10 @@ fn with_switch(
 }
 
 fn file_error(
-    outcome: Result<usize, IoError<TransferError<<Bus as condor_dev::Bus>::Error>>>,
+    outcome: Result<usize, IoError<TransferError<<SimBus as condor_dev::Bus>::Error>>>,
 ) -> Errno {
     match outcome {
-        Err(IoError::Bus(TransferError::File(Error::Errno(errno)))) => errno,
+        Err(IoError::Bus(TransferError::File(FileError::Errno(errno)))) => errno,
         other => panic!("{other:?}"),
     }
 }
@@ -72,8 +72,8 @@ fn a_name_leads_to_a_file_or_to_a_board() {
         disk.path(),
         "",
         |switch, supervisor| {
-            let board = switch.open(":adc", 0, Mode::READ).unwrap();
-            let file = switch.open(":fs/hand.txt", 0, Mode::READ).unwrap();
+            let board = switch.open(":adc", 0, OpenMode::READ).unwrap();
+            let file = switch.open(":fs/hand.txt", 0, OpenMode::READ).unwrap();
             assert_ne!(board.number(), file.number());
             let mut bytes = [0; 12];
             assert_eq!(switch.read(board, &mut bytes[..2]), Ok(2));
@@ -105,42 +105,42 @@ fn every_misuse_has_its_error() {
             (
                 "nothing",
                 0,
-                Mode::READ,
+                OpenMode::READ,
                 "there is no device nothing; there are: adc",
             ),
             (
                 ":fs/none",
                 0,
-                Mode::READ,
+                OpenMode::READ,
                 ":fs/none: No such file or directory (ENOENT)",
             ),
             (
                 "fs/../a",
                 0,
-                Mode::READ,
+                OpenMode::READ,
                 "fs/../a: Outside of the tree, or on another file system (EXDEV)",
             ),
             (
                 ":fs/a",
                 1,
-                Mode::READ,
+                OpenMode::READ,
                 "there is no :fs/a board 1: there may be 1",
             ),
         ] {
             let error = switch.open(name, board, mode).unwrap_err();
             assert_eq!(error.to_string(), expected);
         }
-        for mode in [Mode::empty(), Mode::READ | Mode::EXCLUSIVE] {
+        for mode in [OpenMode::empty(), OpenMode::READ | OpenMode::EXCLUSIVE] {
             let error = switch.open("fs/a", 0, mode).unwrap_err();
             let name = "fs/a";
             assert_eq!(
                 error,
-                OpenError::Device(condor_dev::OpenError::Direction { name, mode })
+                FileOpenError::Device(condor_dev::OpenError::Direction { name, mode })
             );
         }
 
-        let fd = switch.open("fs/a", 0, Mode::READ).unwrap();
-        let (opened, wanted) = (Mode::READ, Mode::WRITE);
+        let fd = switch.open("fs/a", 0, OpenMode::READ).unwrap();
+        let (opened, wanted) = (OpenMode::READ, OpenMode::WRITE);
         let direction = FdError::Direction { fd, wanted, opened };
         assert_eq!(switch.write(fd, b"x"), Err(direction.into()));
         let foreign = Fd::new((BOARD_FDS + FILES) as u16, 0);
@@ -150,19 +150,19 @@ fn every_misuse_has_its_error() {
         let mut byte = [0];
         let closed = Err(FdError::Closed { fd }.into());
         assert_eq!(switch.read(fd, &mut byte), closed);
-        let again = switch.open("fs/a", 0, Mode::READ).unwrap();
+        let again = switch.open("fs/a", 0, OpenMode::READ).unwrap();
         assert_eq!(again.number(), fd.number());
         assert_eq!(switch.close(fd), Err(FdError::Closed { fd }.into()));
         assert_eq!(switch.read(again, &mut byte), Ok(1));
 
         let files: Vec<_> = (1..FILES)
-            .map(|_| switch.open("fs/a", 0, Mode::READ).unwrap())
+            .map(|_| switch.open("fs/a", 0, OpenMode::READ).unwrap())
             .collect();
-        let many = switch.open("fs/a", 0, Mode::READ).unwrap_err();
-        let error = Error::Errno(Errno::MFILE);
+        let many = switch.open("fs/a", 0, OpenMode::READ).unwrap_err();
+        let error = FileError::Errno(Errno::MFILE);
         assert_eq!(
             many,
-            OpenError::File {
+            FileOpenError::File {
                 name: "fs/a",
                 error
             }
@@ -187,7 +187,7 @@ fn errors_of_files_keep_their_numbers() {
         disk.path(),
         "max-file=1000",
         |switch, _| {
-            let fd = switch.open("fs/log", 0, Mode::WRITE).unwrap();
+            let fd = switch.open("fs/log", 0, OpenMode::WRITE).unwrap();
             assert_eq!(switch.write(fd, &[b'x'; 1000]), Ok(1000));
             let outcome = switch.write(fd, b"y");
             let Err(IoError::Bus(error)) = outcome else {
@@ -195,9 +195,9 @@ fn errors_of_files_keep_their_numbers() {
             };
             assert_eq!(error.kind(), BusErrorKind::OutOfRange);
             assert_eq!(file_error(outcome), Errno::FBIG);
-            let mut stream = Stream::new(switch, fd, looks(0));
+            let mut stream = DeviceStream::new(switch, fd, looks(0));
             let error = stream.write(b"y").unwrap_err();
-            assert_eq!(error, StreamError::Io(outcome.unwrap_err()));
+            assert_eq!(error, DeviceStreamError::Io(outcome.unwrap_err()));
         },
     );
 }
@@ -208,8 +208,8 @@ fn stdio_works_over_files() {
     let at = |name: &str| disk.path().join(name);
     std::fs::write(at("hand.txt"), b"four fingers\n\nfour joints").unwrap();
     with_switch(&crate::support::system(), disk.path(), "", |switch, _| {
-        let fd = switch.open("fs/hand.txt", 0, Mode::READ).unwrap();
-        let mut reader = BufReader::<_, 5>::new(Stream::new(switch, fd, looks(0)));
+        let fd = switch.open("fs/hand.txt", 0, OpenMode::READ).unwrap();
+        let mut reader = BufReader::<_, 5>::new(DeviceStream::new(switch, fd, looks(0)));
         let mut line = [0; 32];
         for expected in ["four fingers\n", "\n", "four joints", ""] {
             assert_eq!(reader.read_line(&mut line).unwrap(), expected);
@@ -217,8 +217,8 @@ fn stdio_works_over_files() {
         assert_eq!(reader.read(&mut line), Ok(0));
 
         std::fs::write(at("log"), b"old\n").unwrap();
-        let fd = switch.open("fs/log", 0, Mode::WRITE).unwrap();
-        let stream = Stream::new(switch, fd, looks(0));
+        let fd = switch.open("fs/log", 0, OpenMode::WRITE).unwrap();
+        let stream = DeviceStream::new(switch, fd, looks(0));
         let mut writer = BufWriter::<_, 64>::new(stream, Buffering::Block);
         for n in 0..3 {
             writeln!(writer, "tendon {n}").unwrap();
@@ -237,9 +237,9 @@ fn stdio_works_over_files() {
     });
 }
 
-type Log = Stream<'static, Files<'static, 'static>, fn(u32) -> bool>;
+type Log = DeviceStream<'static, Files<'static, 'static>, fn(u32) -> bool>;
 
-static OUTPUT: Output<Log, 128> = Output::new(Buffering::Line);
+static OUTPUT: BufferedOutput<Log, 128> = BufferedOutput::new(Buffering::Line);
 
 /// What a program's start-up does, where all this is in `static`s.
 #[test]
@@ -263,9 +263,12 @@ fn what_is_printed_is_a_file_of_the_host() {
     let devices: &'static Devices = Box::leak(Box::new(devices()));
     let switch: &'static Files<'_, '_> = Box::leak(Box::new(FileSwitch::new(devices, system)));
 
-    let fd = switch.open(":fs/run.log", 0, Mode::WRITE).unwrap();
+    let fd = switch.open(":fs/run.log", 0, OpenMode::WRITE).unwrap();
     let once: fn(u32) -> bool = |_| false;
-    OUTPUT.open(Stream::new(switch, fd, once)).ok().unwrap();
+    OUTPUT
+        .open(DeviceStream::new(switch, fd, once))
+        .ok()
+        .unwrap();
     stdio::set_output(&OUTPUT).unwrap();
     let log = || std::fs::read_to_string(disk.path().join("run.log")).unwrap();
     condor_dev::println!("joint {} is at {:.3} rad", 3, 0.25);

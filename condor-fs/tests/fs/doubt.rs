@@ -4,25 +4,25 @@
 use std::time::Duration;
 
 use crate::support::{CLIENT, Supervisor, TIMEOUT, disk, system, with_client};
-use condor_fs::{Buffer, Error, OpenOptions};
+use condor_fs::{Buffer, FileError, OpenOptions};
 use condor_mbox::MemoryWindow;
 
 const SHORT: Duration = Duration::from_millis(20);
 
-fn not_begun(error: Error) -> bool {
+fn not_begun(error: FileError) -> bool {
     matches!(
         error,
-        Error::NotBegun {
+        FileError::NotBegun {
             server: crate::support::SERVER,
             cause: Some(_)
         }
     )
 }
 
-fn timed_out(error: Error) -> bool {
+fn timed_out(error: FileError) -> bool {
     matches!(
         error,
-        Error::TimedOut {
+        FileError::TimedOut {
             server: crate::support::SERVER,
             cause: Some(_),
             ..
@@ -78,7 +78,7 @@ fn an_operation_in_doubt_is_done_once_by_the_next_server() {
         let kept = data.write_buffer(other, 64).unwrap_err();
         assert_eq!(
             kept.error,
-            Error::Errno(condor_fs::Errno::BUSY),
+            FileError::Errno(condor_fs::Errno::BUSY),
             "one is to be taken back"
         );
         assert!(fs.take_buffer().is_some());

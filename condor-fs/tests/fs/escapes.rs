@@ -6,7 +6,7 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::support::{Fs, disk, snapshot, with_server};
-use condor_fs::{Errno, Error, OpenOptions};
+use condor_fs::{Errno, FileError, OpenOptions};
 
 const READ: OpenOptions = OpenOptions::new().read();
 const WRITE: OpenOptions = OpenOptions::new().write();
@@ -27,8 +27,8 @@ fn with_outside(program: impl FnOnce(&Fs<'_, '_>, &Path, &Path)) {
 /// Tries everything with a path that must not lead anywhere; gives the answers.
 fn everything(fs: &Fs<'_, '_>, path: &str) -> Vec<Errno> {
     let mut answers = Vec::new();
-    let mut refused = |what: &str, outcome: Result<(), Error>| match outcome {
-        Err(Error::Errno(errno)) => answers.push(errno),
+    let mut refused = |what: &str, outcome: Result<(), FileError>| match outcome {
+        Err(FileError::Errno(errno)) => answers.push(errno),
         other => panic!("{what} of {path:?}: {other:?}"),
     };
     refused("read", fs.open(path, READ).map(drop));
@@ -100,11 +100,11 @@ fn paths_stay_inside() {
         everything(fs, &format!("inside/{}", "n".repeat(256)));
         assert_eq!(
             fs.open(format!("inside/{}", "n".repeat(256)), READ).err(),
-            Some(Error::Errno(Errno::NAMETOOLONG))
+            Some(FileError::Errno(Errno::NAMETOOLONG))
         );
         assert_eq!(
             fs.open("p/".repeat(200), READ).err(),
-            Some(Error::Errno(Errno::NAMETOOLONG))
+            Some(FileError::Errno(Errno::NAMETOOLONG))
         );
         // What stays inside is allowed.
         symlink("inside", tree.join("link")).unwrap();
@@ -123,13 +123,13 @@ fn last_components_are_not_followed_nor_is_anything_opened_but_files() {
             for options in [READ, WRITE, WRITE.create(), WRITE.create().truncate()] {
                 assert_eq!(
                     fs.open(name, options).err(),
-                    Some(Error::Errno(Errno::LOOP)),
+                    Some(FileError::Errno(Errno::LOOP)),
                     "{name}"
                 );
             }
             assert_eq!(
                 fs.open(name, WRITE.exclusive()).err(),
-                Some(Error::Errno(Errno::EXIST))
+                Some(FileError::Errno(Errno::EXIST))
             );
         }
         assert_eq!(
@@ -149,7 +149,7 @@ fn last_components_are_not_followed_nor_is_anything_opened_but_files() {
             for options in [READ, WRITE, WRITE.create()] {
                 assert_eq!(
                     fs.open(name, options).err(),
-                    Some(Error::Errno(Errno::OPNOTSUPP)),
+                    Some(FileError::Errno(Errno::OPNOTSUPP)),
                     "{name}"
                 );
             }
@@ -160,7 +160,7 @@ fn last_components_are_not_followed_nor_is_anything_opened_but_files() {
         if rustix::fs::mknodat(rustix::fs::CWD, tree.join("null"), kind, mode, device).is_ok() {
             assert_eq!(
                 fs.open("null", READ).err(),
-                Some(Error::Errno(Errno::OPNOTSUPP))
+                Some(FileError::Errno(Errno::OPNOTSUPP))
             );
         }
     });
@@ -193,7 +193,7 @@ fn a_link_that_is_swapped_meanwhile_leads_nowhere() {
                         }
                         Err(error) => panic!("{error}"),
                     },
-                    Err(Error::Errno(Errno::XDEV | Errno::LOOP)) => kept_out += 1,
+                    Err(FileError::Errno(Errno::XDEV | Errno::LOOP)) => kept_out += 1,
                     Err(error) => panic!("{error}"),
                 }
                 let _ = fs.open("swap/new", WRITE.create().truncate());

@@ -3,7 +3,7 @@
 
 use crate::hostile::{client, host};
 use condor_fs::wire::{self, Operation};
-use condor_fs::{Errno, Error};
+use condor_fs::{Errno, FileError};
 use proptest::collection::vec;
 use proptest::prelude::*;
 
@@ -42,6 +42,6 @@ fn a_directory_of_nothing_but_dots_ends() {
         let mut directory = files.open_directory(".").unwrap();
         let mut name = [0; 8];
         let outcome = directory.next(&mut name);
-        assert_eq!(outcome, Err(Error::Errno(Errno::IO)));
+        assert_eq!(outcome, Err(FileError::Errno(Errno::IO)));
     });
 }

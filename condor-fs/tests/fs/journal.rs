@@ -6,8 +6,8 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 
 use crate::support::{disk, with_server};
-use condor_fs::server::{Options, Server, ServerError};
-use condor_fs::{Errno, Error, OpenOptions};
+use condor_fs::server::{FileServer, ServerError, ServerOptions};
+use condor_fs::{Errno, FileError, OpenOptions};
 
 #[test]
 fn without_a_journal_nothing_is_begun() {
@@ -25,7 +25,7 @@ fn without_a_journal_nothing_is_begun() {
         gone.unwrap().set_len(0).unwrap();
         std::fs::remove_file(&journal).unwrap();
         std::fs::create_dir(&journal).unwrap();
-        let refused = Error::Errno(Errno::ISDIR);
+        let refused = FileError::Errno(Errno::ISDIR);
         assert_eq!(file.write(b"2"), Err(refused));
         assert_eq!(fs.unlink("f"), Err(refused));
         std::fs::remove_dir(&journal).unwrap();
@@ -44,7 +44,7 @@ fn on_a_full_disk() {
     };
     let root = Path::new(&root);
     // Everything is there but the journal.
-    drop(Server::new(root, Options::default()).unwrap());
+    drop(FileServer::new(root, ServerOptions::default()).unwrap());
     std::fs::remove_file(root.join(".condor-fs/journal")).unwrap();
     let mut filler = std::fs::File::create(root.join("filler")).unwrap();
     let full = loop {
@@ -53,7 +53,9 @@ fn on_a_full_disk() {
         }
     };
     assert_eq!(full, ErrorKind::StorageFull);
-    let refused = Server::new(root, Options::default()).err().unwrap();
+    let refused = FileServer::new(root, ServerOptions::default())
+        .err()
+        .unwrap();
     let text = refused.to_string();
     assert!(
         text.contains("journal") && text.contains("No space left"),
@@ -66,7 +68,7 @@ fn on_a_full_disk() {
     assert_eq!(source.kind(), ErrorKind::StorageFull);
     drop(filler);
     std::fs::remove_file(root.join("filler")).unwrap();
-    drop(Server::new(root, Options::default()).unwrap());
+    drop(FileServer::new(root, ServerOptions::default()).unwrap());
 }
 
 #[test]

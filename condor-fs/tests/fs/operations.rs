@@ -6,8 +6,8 @@ use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
 use crate::support::{StopAtEnd, disk, eventually, with_server};
-use condor_fs::server::{Options, Server, ServerError};
-use condor_fs::{Buffer, Errno, Error, OpenOptions};
+use condor_fs::server::{FileServer, ServerError, ServerOptions};
+use condor_fs::{Buffer, Errno, FileError, OpenOptions};
 use condor_mbox::MemoryWindow;
 use embedded_io::{Read, SeekFrom, Write};
 use rustix::thread::Pid;
@@ -16,8 +16,8 @@ const READ: OpenOptions = OpenOptions::new().read();
 const WRITE: OpenOptions = OpenOptions::new().write();
 
 #[track_caller]
-fn fails<T>(outcome: Result<T, Error>, errno: Errno) {
-    assert_eq!(outcome.err(), Some(Error::Errno(errno)));
+fn fails<T>(outcome: Result<T, FileError>, errno: Errno) {
+    assert_eq!(outcome.err(), Some(FileError::Errno(errno)));
 }
 
 /// How often a thread of this process has slept.
@@ -101,7 +101,7 @@ fn a_server_that_has_nothing_to_do_sleeps_until_it_is_rung() {
         let _ends = StopAtEnd(&stop);
         threads.spawn(|| {
             tell.send(rustix::thread::gettid()).unwrap();
-            let server = Server::new(disk.path(), Options::default()).unwrap();
+            let server = FileServer::new(disk.path(), ServerOptions::default()).unwrap();
             let claim = system.claim(crate::support::SERVER).unwrap();
             server.serve(claim, &stop).unwrap();
         });
@@ -185,7 +185,7 @@ fn buffers_are_lent_without_a_copy() {
         buffer.memory().read(0, &mut back).unwrap();
         assert_eq!(back, data[1..65_535]);
         let kept = file.read_buffer(buffer, 65_540).unwrap_err();
-        assert_eq!(kept.error, Error::Errno(Errno::FAULT));
+        assert_eq!(kept.error, FileError::Errno(Errno::FAULT));
         assert!(kept.buffer.is_some());
     });
 }
@@ -385,8 +385,8 @@ fn limits_of_size_are_kept() {
 #[test]
 fn a_tree_has_one_server() {
     let disk = disk();
-    let first = Server::new(disk.path(), Options::default()).unwrap();
-    let second = Server::new(disk.path(), Options::default());
+    let first = FileServer::new(disk.path(), ServerOptions::default()).unwrap();
+    let second = FileServer::new(disk.path(), ServerOptions::default());
     assert!(matches!(second, Err(ServerError::Served { root }) if root == disk.path()));
     // As a process has it that another thread has forked and that has not executed its program yet.
     let lock = disk.path().canonicalize().unwrap().join(".condor-fs/lock");
@@ -400,6 +400,6 @@ fn a_tree_has_one_server() {
     let lock = unsafe { BorrowedFd::borrow_raw(number.parse().unwrap()) };
     let forked = lock.try_clone_to_owned().unwrap();
     drop(first);
-    Server::new(disk.path(), Options::default()).unwrap();
+    FileServer::new(disk.path(), ServerOptions::default()).unwrap();
     drop(forked);
 }

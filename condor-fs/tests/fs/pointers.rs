@@ -7,9 +7,9 @@ use std::path::Path;
 use std::time::Duration;
 
 use crate::support::{Mail, Own, SERVER, TIMEOUT, disk, with_server};
-use condor_fs::wire::{self, Operation, Request, Span, again, block, slot, table};
+use condor_fs::wire::{self, Operation, RequestSlot, Span, again, block, slot, table};
 use condor_fs::{Errno, OpenOptions};
-use condor_mbox::{MemoryWindow, Messenger, Places};
+use condor_mbox::{Allocator, MemoryWindow, Messenger};
 
 const PAUSE: Duration = Duration::from_millis(1);
 
@@ -34,7 +34,10 @@ fn with_raw(program: impl FnOnce(&Raw<'_, '_>)) {
     std::fs::write(disk.path().join("file"), [7; 4096]).unwrap();
     with_server(disk.path(), "", |fs, own, places, mail| {
         // As `Area` lays it out: behind the slot.
-        let table = Places::new(own.size()).bytes(slot::BYTES as usize).unwrap() + slot::BYTES;
+        let table = Allocator::new(own.size())
+            .bytes(slot::BYTES as usize)
+            .unwrap()
+            + slot::BYTES;
         assert_eq!(own.word(table).unwrap(), table::MAGIC);
         let first = own.word(table + 8).unwrap();
         let at = places.bytes(slot::BYTES as usize).unwrap();
@@ -61,19 +64,19 @@ fn with_raw(program: impl FnOnce(&Raw<'_, '_>)) {
 }
 
 impl Raw<'_, '_> {
-    fn request(&self, operation: Operation) -> Request {
+    fn request(&self, operation: Operation) -> RequestSlot {
         self.sequence.set(self.sequence.get() + 1);
-        Request {
+        RequestSlot {
             session: self.session,
             sequence: self.sequence.get(),
             operation: operation as u32,
             handle: self.handle,
-            ..Request::default()
+            ..RequestSlot::default()
         }
     }
 
     /// The errno of the answer, in the reply or in the slot.
-    fn ask(&self, request: &Request) -> Errno {
+    fn ask(&self, request: &RequestSlot) -> Errno {
         self.own.set_word(self.at + slot::STATE, 0).unwrap();
         for (word, n) in request.to_words().into_iter().zip(0..) {
             self.own.set_word(self.at + 4 * n, word).unwrap();
@@ -143,7 +146,7 @@ fn slots_buffers_and_paths_are_inside_of_the_window() {
             let span = Span { offset, len };
             for operation in [Operation::Read, Operation::Write, Operation::Append] {
                 let buffer = span;
-                let errno = raw.ask(&Request {
+                let errno = raw.ask(&RequestSlot {
                     buffer,
                     ..raw.request(operation)
                 });
@@ -151,7 +154,7 @@ fn slots_buffers_and_paths_are_inside_of_the_window() {
             }
             if (1..=wire::MAX_PATH).contains(&len) {
                 for operation in [Operation::Open, Operation::Unlink, Operation::PathStatus] {
-                    let errno = raw.ask(&Request {
+                    let errno = raw.ask(&RequestSlot {
                         path: span,
                         flags: 1,
                         ..raw.request(operation)
@@ -172,18 +175,18 @@ fn arguments_that_mean_nothing_are_refused() {
             offset: 0,
             len: wire::MAX_PATH + 1,
         };
-        let long = Request {
+        let long = RequestSlot {
             path,
             ..raw.request(Operation::Unlink)
         };
         assert_eq!(raw.ask(&long), Errno::NAMETOOLONG);
-        let unknown = Request {
+        let unknown = RequestSlot {
             operation: 99,
             ..raw.request(Operation::Read)
         };
         assert_eq!(raw.ask(&unknown), Errno::NOSYS);
         let buffer = raw.path;
-        let stranger = Request {
+        let stranger = RequestSlot {
             handle: raw.handle + 12_345,
             buffer,
             ..raw.request(Operation::Read)
@@ -191,7 +194,7 @@ fn arguments_that_mean_nothing_are_refused() {
         assert_eq!(raw.ask(&stranger), Errno::BADF);
         for position in [u64::MAX, u64::MAX - 3, 1 << 63] {
             for operation in [Operation::Read, Operation::Write, Operation::Truncate] {
-                let errno = raw.ask(&Request {
+                let errno = raw.ask(&RequestSlot {
                     position,
                     buffer,
                     ..raw.request(operation)
@@ -217,7 +220,7 @@ fn a_table_that_is_none_is_found_before_anything_is_touched() {
         ] {
             let was = raw.own.word(at).unwrap();
             raw.own.set_word(at, value).unwrap();
-            let unlink = Request {
+            let unlink = RequestSlot {
                 path: raw.path,
                 ..raw.request(Operation::Unlink)
             };
@@ -241,7 +244,7 @@ fn a_handle_is_no_other_one_of_a_lap_later() {
         };
         raw.own.write(name.offset, b"efil").unwrap();
         let open = |path: Span, sequence: u64| {
-            let errno = raw.ask(&Request {
+            let errno = raw.ask(&RequestSlot {
                 sequence,
                 flags: wire::open::READ,
                 path,
@@ -253,7 +256,7 @@ fn a_handle_is_no_other_one_of_a_lap_later() {
         open(raw.path, first);
         open(name, second);
         for (handle, byte) in [(first, 7), (second, 9), (first, 7)] {
-            let errno = raw.ask(&Request {
+            let errno = raw.ask(&RequestSlot {
                 handle,
                 buffer: name,
                 ..raw.request(Operation::Read)
@@ -264,7 +267,7 @@ fn a_handle_is_no_other_one_of_a_lap_later() {
             assert_eq!(read, [byte; 4], "{handle:#x}");
         }
         // Nor is its block another one's.
-        let stranger = Request {
+        let stranger = RequestSlot {
             handle: raw.handle + LAP,
             buffer: name,
             ..raw.request(Operation::Read)
@@ -277,7 +280,7 @@ fn a_handle_is_no_other_one_of_a_lap_later() {
 fn a_file_that_was_set_aside_is_no_other_one_of_a_lap_later() {
     with_raw(|raw| {
         let unlink = |sequence: u64| {
-            raw.ask(&Request {
+            raw.ask(&RequestSlot {
                 sequence,
                 path: raw.path,
                 ..raw.request(Operation::Unlink)
@@ -288,7 +291,7 @@ fn a_file_that_was_set_aside_is_no_other_one_of_a_lap_later() {
         std::fs::write(raw.root.join("file"), b"new").unwrap();
         assert_eq!(unlink(2 * LAP + 5), Errno(0));
         assert!(!raw.root.join("file").exists());
-        let errno = raw.ask(&Request {
+        let errno = raw.ask(&RequestSlot {
             buffer: raw.path,
             ..raw.request(Operation::Read)
         });
@@ -302,7 +305,7 @@ fn a_file_that_was_set_aside_is_no_other_one_of_a_lap_later() {
 #[test]
 fn a_message_may_say_alone_what_changes() {
     with_raw(|raw| {
-        let first = Request {
+        let first = RequestSlot {
             position: 4090,
             buffer: Span {
                 offset: raw.path.offset,

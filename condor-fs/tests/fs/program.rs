@@ -6,9 +6,9 @@ use std::path::Path;
 use std::process::{Child, Command, Output};
 
 use crate::support::AnyFs;
-use condor_fs::{Errno, Error, OpenOptions};
+use condor_fs::{Errno, FileError, OpenOptions};
 use condor_mbox::Processor;
-use condor_mbox::linux::System;
+use condor_mbox::linux::LinuxSystem;
 
 const BYTES: u32 = 32 * 1024;
 const PROGRAM: &str = env!("CARGO_BIN_EXE_condor-fs-server");
@@ -31,7 +31,7 @@ fn start(system: &str, root: &Path, options: &[&str]) -> Server {
 }
 
 fn with_client<R>(
-    system: &System<32>,
+    system: &LinuxSystem<32>,
     number: u8,
     program: impl FnOnce(AnyFs<'_, '_, 32, 2>) -> R,
 ) -> R {
@@ -39,14 +39,14 @@ fn with_client<R>(
     crate::support::try_client(system, number, (100, 1024), |files, _, _, _| program(files))
 }
 
-fn fails<T>(outcome: Result<T, Error>, errno: Errno) {
-    assert_eq!(outcome.err(), Some(Error::Errno(errno)));
+fn fails<T>(outcome: Result<T, FileError>, errno: Errno) {
+    assert_eq!(outcome.err(), Some(FileError::Errno(errno)));
 }
 
 #[test]
 fn its_options_are_those_of_the_library() {
     let name = format!("condor-fs-program-{}", std::process::id());
-    let system = System::<32>::named(&name, BYTES).unwrap();
+    let system = LinuxSystem::<32>::named(&name, BYTES).unwrap();
     let disk = crate::support::disk();
     let at = |path: &str| disk.path().join(path);
     std::fs::write(at("given"), b"given").unwrap();

@@ -5,15 +5,15 @@ use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 
 use crate::support::{disk, with_server};
-use condor_fs::server::{Options, Server};
-use condor_fs::{Errno, Error, OpenOptions};
+use condor_fs::server::{FileServer, ServerOptions};
+use condor_fs::{Errno, FileError, OpenOptions};
 use embedded_io::SeekFrom;
 
 const WRITE: OpenOptions = OpenOptions::new().write();
 
 #[track_caller]
-fn fails<T>(outcome: Result<T, Error>, errno: Errno) {
-    assert_eq!(outcome.err(), Some(Error::Errno(errno)));
+fn fails<T>(outcome: Result<T, FileError>, errno: Errno) {
+    assert_eq!(outcome.err(), Some(FileError::Errno(errno)));
 }
 
 #[test]
@@ -106,11 +106,11 @@ fn what_cannot_be_counted_is_named() {
     .unwrap();
     std::os::unix::fs::chown(disk.path(), Some(crate::support::NOBODY), None).unwrap();
     let start = |root: &Path| {
-        let options = Options {
+        let options = ServerOptions {
             quota_bytes: Some(1 << 20),
-            ..Options::default()
+            ..ServerOptions::default()
         };
-        Server::new(root, options).map(drop)
+        FileServer::new(root, options).map(drop)
     };
     start(disk.path()).unwrap();
     std::fs::remove_dir_all(disk.path().join(".condor-fs")).unwrap();

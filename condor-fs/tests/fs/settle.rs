@@ -4,7 +4,7 @@ use std::sync::{Arc, Mutex};
 
 use crate::peer::{Own, Pair, TIMEOUT};
 use condor_fs::wire::{self, Operation};
-use condor_fs::{Error, OpenOptions};
+use condor_fs::{FileError, OpenOptions};
 use embedded_io::{BufRead, Seek, SeekFrom, Write};
 
 /// What has been asked.
@@ -37,7 +37,7 @@ fn the_closing_of_a_dropped_file_is_not_the_open_that_waited_for_it() {
         drop(fs.open("old", READ).unwrap());
         pair.stall(true);
         let new = fs.open("new", OpenOptions::new().write().exclusive()).err();
-        assert!(matches!(new, Some(Error::NotBegun { .. })), "{new:?}");
+        assert!(matches!(new, Some(FileError::NotBegun { .. })), "{new:?}");
         assert!(fs.in_doubt());
         pair.stall(false);
         assert_eq!(fs.settle(TIMEOUT), Ok(None));
@@ -57,14 +57,14 @@ fn a_call_that_waits_for_one_in_doubt_is_not_begun() {
         let mut file = fs.open("file", READ.write()).unwrap();
         pair.stall(true);
         let late = file.write(b"three").unwrap_err();
-        assert!(matches!(late, Error::TimedOut { .. }), "{late}");
+        assert!(matches!(late, FileError::TimedOut { .. }), "{late}");
         for error in [
             fs.unlink("file").unwrap_err(),
             file.read(&mut [0; 8]).unwrap_err(),
             file.seek(SeekFrom::End(0)).unwrap_err(),
             fs.open("other", READ).err().unwrap(),
         ] {
-            assert!(matches!(error, Error::NotBegun { .. }), "{error}");
+            assert!(matches!(error, FileError::NotBegun { .. }), "{error}");
         }
         pair.stall(false);
         assert_eq!(fs.settle(TIMEOUT), Ok(Some(Ok(5))), "the write");
@@ -82,9 +82,9 @@ fn what_a_call_asks_first_is_not_its_result() {
     with_host(|pair, _| {
         let fs = pair.connect().unwrap();
         let mut file = fs.open("file", READ.write()).unwrap();
-        let late = |outcome: Result<u64, Error>| {
+        let late = |outcome: Result<u64, FileError>| {
             let error = outcome.unwrap_err();
-            assert!(matches!(error, Error::TimedOut { .. }), "{error}");
+            assert!(matches!(error, FileError::TimedOut { .. }), "{error}");
             pair.stall(false);
             assert_eq!(fs.settle(TIMEOUT), Ok(None));
         };

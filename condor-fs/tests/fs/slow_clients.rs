@@ -6,12 +6,12 @@ use std::time::Duration;
 
 use crate::support::{CLIENT, N, OTHER, SERVER, disk, system};
 use condor_fs::Errno;
-use condor_fs::server::{Options, Server};
-use condor_fs::wire::{self, FILES, OPEN_FILES, Operation, Request, Span, slot, state, table};
-use condor_mbox::linux::{LinuxDoorbell, LinuxWindow, Mailbox};
+use condor_fs::server::{FileServer, ServerOptions};
+use condor_fs::wire::{self, FILES, OPEN_FILES, Operation, RequestSlot, Span, slot, state, table};
+use condor_mbox::linux::{LinuxDoorbell, LinuxMailbox, LinuxWindow};
 use condor_mbox::{
-    Call, Clock, Doorbell, Evidence, Instant, Mailbox as AnyMailbox, MemoryWindow, Messenger,
-    Places, Processor, Region, SingleContext, Waiting, Windows,
+    Allocator, Call, Clock, Doorbell, Evidence, Instant, Mailbox as AnyMailbox, MemoryWindow,
+    Messenger, Processor, Region, SingleContext, Waiting, Windows,
 };
 
 /// A doorbell that counts how often its mailbox waits.
@@ -50,7 +50,7 @@ impl Doorbell for Counting<'_> {
 /// Writes a request to unlink what does not exist, which needs the table, and a table without files.
 fn ask_to_unlink(windows: &Windows<LinuxWindow>) -> Asked {
     let own = Region::users(windows.data.clone()).unwrap();
-    let mut places = Places::new(own.size());
+    let mut places = Allocator::new(own.size());
     let [slot, table, path] =
         [slot::BYTES, table::BYTES, 8].map(|it| places.bytes(it as usize).unwrap());
     own.write(path, b"none").unwrap();
@@ -58,7 +58,7 @@ fn ask_to_unlink(windows: &Windows<LinuxWindow>) -> Asked {
     for (at, word) in [(4, 0), (8, 0), (12, wire::block::BYTES)] {
         own.set_word(table + at, word).unwrap();
     }
-    let request = Request {
+    let request = RequestSlot {
         session: 7,
         sequence: 1,
         operation: Operation::Unlink as u32,
@@ -66,7 +66,7 @@ fn ask_to_unlink(windows: &Windows<LinuxWindow>) -> Asked {
             offset: path,
             len: 4,
         },
-        ..Request::default()
+        ..RequestSlot::default()
     };
     own.set_word(slot + slot::STATE, state::NONE).unwrap();
     for (word, n) in request.to_words().into_iter().zip(0..) {
@@ -86,7 +86,7 @@ fn nobody_waits_for_who_does_not_answer() {
     let disk = disk();
     let system = system();
     let waits = AtomicU32::new(0);
-    let server = Server::new(disk.path(), Options::default()).unwrap();
+    let server = FileServer::new(disk.path(), ServerOptions::default()).unwrap();
     let (windows, bell) = system.claim(SERVER).unwrap().into_parts();
     let requests = [CLIENT, OTHER].map(|client| ask_to_unlink(&windows[client.index()]));
     let handler = |call: &Call<'_>| server.answer(call, &windows);
@@ -113,15 +113,15 @@ fn nobody_waits_for_who_does_not_answer() {
         client
     });
     // All of this is one thread: nobody can wait for anybody, and each serves when it is told to.
-    let serve = |mailbox: &Mailbox<'_, N>| mailbox.serve(Duration::ZERO).unwrap();
-    let send = |client: &Mailbox<'_, N>, n: usize| loop {
+    let serve = |mailbox: &LinuxMailbox<'_, N>| mailbox.serve(Duration::ZERO).unwrap();
+    let send = |client: &LinuxMailbox<'_, N>, n: usize| loop {
         match client.begin(SERVER, FILES, requests[n].slot, Duration::ZERO) {
             Ok(mut ticket) => {
                 host.serve(Duration::ZERO).unwrap();
                 break ticket.poll().unwrap();
             }
             // They have to notice each other first.
-            Err(condor_mbox::Error::NotConnected { .. }) => {
+            Err(condor_mbox::MailboxError::NotConnected { .. }) => {
                 host.serve(Duration::ZERO).unwrap();
             }
             Err(error) => panic!("{error}"),

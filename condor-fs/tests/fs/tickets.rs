@@ -12,7 +12,7 @@ use crate::support::{
 };
 use condor_fs::server::Step;
 use condor_fs::wire::{OPEN_FILES, Operation};
-use condor_fs::{Answer, Area, Errno, Error, FileSystem, OpenOptions, Receipt};
+use condor_fs::{Area, Errno, FileError, FileSystem, OpenOptions, OperationResult, Receipt};
 use condor_mbox::linux::LinuxWindow;
 use condor_mbox::{Call, Messenger, Region, Vector};
 
@@ -21,9 +21,9 @@ const READ: OpenOptions = OpenOptions::new().read();
 const NEW: OpenOptions = OpenOptions::new().read().write().exclusive();
 
 #[track_caller]
-fn receipt<T>(outcome: Result<T, Error>) -> Receipt {
+fn receipt<T>(outcome: Result<T, FileError>) -> Receipt {
     match outcome.err() {
-        Some(Error::TimedOut { receipt, .. }) => receipt,
+        Some(FileError::TimedOut { receipt, .. }) => receipt,
         other => panic!("{other:?}"),
     }
 }
@@ -43,7 +43,9 @@ fn what_timed_out_is_asked_for_again() {
             fs.set_timeout(SHORT);
             let receipt = call();
             let early = fs.ticket(receipt, &mut []).wait(SHORT);
-            assert!(matches!(early, Err(Error::TimedOut { receipt: same, .. }) if same == receipt));
+            assert!(
+                matches!(early, Err(FileError::TimedOut { receipt: same, .. }) if same == receipt)
+            );
             fs.set_timeout(TIMEOUT);
             server = Some(Supervisor::start(&system, root.path(), None, ""));
             if between {
@@ -55,24 +57,33 @@ fn what_timed_out_is_asked_for_again() {
         for between in [false, true] {
             let asked = late(&mut || receipt(fs.status("data")), between);
             let answer = fs.ticket(asked, &mut []).wait(TIMEOUT).unwrap();
-            assert!(matches!(answer, Answer::Status(status) if status.size == 10));
+            assert!(matches!(answer, OperationResult::Status(status) if status.size == 10));
             let again = fs.ticket(asked, &mut []).wait(TIMEOUT).err();
-            assert_eq!(again, Some(Error::Errno(Errno::INVAL)), "it was returned");
+            assert_eq!(
+                again,
+                Some(FileError::Errno(Errno::INVAL)),
+                "it was returned"
+            );
 
             let asked = late(&mut || receipt(data.read_at(&mut [0; 5], 3)), between);
             let mut short = [0; 4];
             let refused = fs.ticket(asked, &mut short).wait(TIMEOUT).err();
-            assert_eq!(refused, Some(Error::Errno(Errno::INVAL)), "it has no room");
+            assert_eq!(
+                refused,
+                Some(FileError::Errno(Errno::INVAL)),
+                "it has no room"
+            );
             let mut bytes = [0; 5];
             let answer = fs.ticket(asked, &mut bytes).wait(TIMEOUT).unwrap();
-            assert!(matches!(answer, Answer::Number(5)) && &bytes == b"34567");
+            assert!(matches!(answer, OperationResult::Number(5)) && &bytes == b"34567");
             assert_eq!(data.position(), Ok(0));
 
             let name = if between { "one" } else { "two" };
             let asked = late(&mut || receipt(fs.open(name, NEW)), between);
             // Places that are free are taken first.
             let others = [(); 2].map(|()| fs.open("data", READ).unwrap());
-            let Ok(Answer::File(mut file)) = fs.ticket(asked, &mut []).wait(TIMEOUT) else {
+            let Ok(OperationResult::File(mut file)) = fs.ticket(asked, &mut []).wait(TIMEOUT)
+            else {
                 panic!("the handle was lost");
             };
             file.write(b"mine").unwrap();
@@ -84,9 +95,10 @@ fn what_timed_out_is_asked_for_again() {
 
             let asked = late(&mut || receipt(fs.unlink("none")), between);
             let answer = fs.ticket(asked, &mut []).wait(TIMEOUT).err();
-            assert_eq!(answer, Some(Error::Errno(Errno::NOENT)));
+            assert_eq!(answer, Some(FileError::Errno(Errno::NOENT)));
             let asked = late(&mut || receipt(fs.open_directory(".")), between);
-            let Ok(Answer::Directory(mut directory)) = fs.ticket(asked, &mut []).wait(TIMEOUT)
+            let Ok(OperationResult::Directory(mut directory)) =
+                fs.ticket(asked, &mut []).wait(TIMEOUT)
             else {
                 panic!("the handle was lost");
             };
@@ -98,7 +110,7 @@ fn what_timed_out_is_asked_for_again() {
         assert_eq!(data.position(), Ok(2));
         data.read(&mut [0; 1]).unwrap();
         let gone = fs.ticket(asked, &mut [0; 2]).wait(TIMEOUT).err();
-        assert_eq!(gone, Some(Error::Errno(Errno::INVAL)));
+        assert_eq!(gone, Some(FileError::Errno(Errno::INVAL)));
         // And a file that nobody asks for gives up its place when it is needed.
         fs.open("data", READ).unwrap().close().unwrap(); // Closes what was dropped.
         let asked = late(&mut || receipt(fs.open("three", NEW)), true);
@@ -106,7 +118,7 @@ fn what_timed_out_is_asked_for_again() {
             .map(|_| fs.open("three", READ).unwrap())
             .collect();
         let gone = fs.ticket(asked, &mut []).wait(TIMEOUT).err();
-        assert_eq!(gone, Some(Error::Errno(Errno::INVAL)));
+        assert_eq!(gone, Some(FileError::Errno(Errno::INVAL)));
         drop(all);
     });
 }
@@ -139,7 +151,7 @@ fn join<A, B>(
 }
 
 /// A program of tasks: makes a file, writes it, and reads it back by two ways.
-async fn task(fs: &Fs<'_, '_>, name: &str) -> Result<(), Error> {
+async fn task(fs: &Fs<'_, '_>, name: &str) -> Result<(), FileError> {
     let moved = format!("{name}.moved");
     let mut file = fs.begin_open(name, NEW).await?;
     for n in 0..20_u8 {
@@ -157,7 +169,7 @@ async fn task(fs: &Fs<'_, '_>, name: &str) -> Result<(), Error> {
     file.begin_sync().await?;
     file.begin_close().await?;
     let failed = fs.begin_unlink(name).await;
-    assert_eq!(failed, Err(Error::Errno(Errno::NOENT)));
+    assert_eq!(failed, Err(FileError::Errno(Errno::NOENT)));
     fs.begin_unlink(&moved).await
 }
 
@@ -184,7 +196,7 @@ fn tasks_await_their_tickets_over_deaths_of_the_server() {
             assert!(first.is_pending());
             assert_eq!(
                 fs.unlink("x"),
-                Err(Error::Errno(Errno::BUSY)),
+                Err(FileError::Errno(Errno::BUSY)),
                 "it is its turn"
             );
             let receipt = dropped.receipt().expect("it was begun");
@@ -281,11 +293,11 @@ fn background_and_handlers_share_files() {
             let mut byte = [0];
             file.read_at(&mut byte, 0)?;
             file.close()?;
-            Ok::<_, Error>(byte[0])
+            Ok::<_, FileError>(byte[0])
         };
         match byte() {
             Ok(byte) => byte.into(),
-            Err(Error::Errno(errno)) => REFUSED + u32::from(errno.0),
+            Err(FileError::Errno(errno)) => REFUSED + u32::from(errno.0),
             Err(_) => REFUSED,
         }
     };

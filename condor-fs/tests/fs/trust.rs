@@ -6,10 +6,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use crate::support::StopAtEnd;
-use condor_fs::server::{Options, Processors, Server, Step, Steps};
+use condor_fs::server::{FileServer, ProcessorSet, ServerOptions, Step, Steps};
 use condor_fs::wire::{self, Operation};
-use condor_fs::{Area, Errno, Error, FileSystem, OpenOptions};
-use condor_mbox::linux::{Claim, LinuxWindow, Mailbox, System};
+use condor_fs::{Area, Errno, FileError, FileSystem, OpenOptions};
+use condor_mbox::linux::{Claim, LinuxMailbox, LinuxSystem, LinuxWindow};
 use condor_mbox::{MemoryWindow, Processor, Region};
 
 const SERVER: Processor = Processor(0);
@@ -19,18 +19,18 @@ const GUEST: Processor = Processor(2);
 const BYTES: u32 = 16 * 1024;
 const TIMEOUT: Duration = Duration::from_secs(60);
 
-type Fs<'m, 'v> = FileSystem<'m, Mailbox<'v, 3>, LinuxWindow, 4>;
+type Fs<'m, 'v> = FileSystem<'m, LinuxMailbox<'v, 3>, LinuxWindow, 4>;
 
-fn options() -> Options {
-    Options {
-        read_only_for: Processors::NONE.with(GUEST),
-        ..Options::default()
+fn options() -> ServerOptions {
+    ServerOptions {
+        read_only_for: ProcessorSet::NONE.with(GUEST),
+        ..ServerOptions::default()
     }
 }
 
 /// Serves the tree at `root` while `program` runs.
-fn served<S: Steps + Send>(system: &System<3>, root: &Path, steps: S, program: impl FnOnce()) {
-    let server = Server::with_steps(root, options(), steps).unwrap();
+fn served<S: Steps + Send>(system: &LinuxSystem<3>, root: &Path, steps: S, program: impl FnOnce()) {
+    let server = FileServer::with_steps(root, options(), steps).unwrap();
     let (claim, stop) = (system.claim(SERVER).unwrap(), AtomicBool::new(false));
     std::thread::scope(|threads| {
         let _ends = StopAtEnd(&stop);
@@ -87,7 +87,7 @@ fn names(directory: &Path) -> Vec<String> {
 
 #[test]
 fn paths_that_are_changed_after_the_server_has_copied_them_are_not_used() {
-    let system = System::<3>::family(BYTES).unwrap();
+    let system = LinuxSystem::<3>::family(BYTES).unwrap();
     let directory = tempfile::tempdir().unwrap();
     let root = directory.path();
     std::fs::create_dir(root.join("evil")).unwrap();
@@ -116,18 +116,18 @@ fn paths_that_are_changed_after_the_server_has_copied_them_are_not_used() {
 
 #[test]
 fn who_may_only_read_changes_nothing_by_its_own_window() {
-    let system = &System::<3>::family(BYTES).unwrap();
+    let system = &LinuxSystem::<3>::family(BYTES).unwrap();
     let directory = tempfile::tempdir().unwrap();
     let root = directory.path();
     std::fs::write(root.join("file"), "as it was").unwrap();
     std::fs::create_dir(root.join("empty")).unwrap();
-    let refused = Err(Error::Errno(Errno::ROFS));
+    let refused = Err(FileError::Errno(Errno::ROFS));
     let stops = &[const { AtomicBool::new(false) }; 2];
     std::thread::scope(|threads| {
-        let serve = |life: usize| {
-            let server = Server::new(root, options()).unwrap();
+        let serve = |incarnation: usize| {
+            let server = FileServer::new(root, options()).unwrap();
             let claim = system.claim_within(SERVER, TIMEOUT).unwrap();
-            threads.spawn(move || server.serve(claim, &stops[life]).unwrap())
+            threads.spawn(move || server.serve(claim, &stops[incarnation]).unwrap())
         };
         let _ends = stops.each_ref().map(StopAtEnd);
         let first = serve(0);

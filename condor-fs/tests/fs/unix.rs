@@ -7,7 +7,7 @@ use std::os::unix::fs::{MetadataExt, PermissionsExt, symlink};
 use std::path::Path;
 
 use crate::support::{Fs, disk, with_server};
-use condor_fs::{Errno, Error, OpenOptions};
+use condor_fs::{Errno, FileError, OpenOptions};
 use rustix::fs::{AtFlags, CWD, Mode, OFlags, RenameFlags};
 use rustix::io::Errno as Linux;
 
@@ -21,9 +21,9 @@ fn linux<T>(outcome: Result<T, Linux>) -> Result<(), u16> {
         .map_err(|errno| errno.raw_os_error().try_into().unwrap())
 }
 
-fn ours<T>(outcome: Result<T, Error>) -> Result<(), u16> {
+fn ours<T>(outcome: Result<T, FileError>) -> Result<(), u16> {
     outcome.map(drop).map_err(|error| match error {
-        Error::Errno(errno) => errno.0,
+        FileError::Errno(errno) => errno.0,
         other => panic!("{other}"),
     })
 }

@@ -5,9 +5,9 @@ use std::os::unix::fs::{MetadataExt, PermissionsExt, chown};
 use std::path::Path;
 
 use crate::support::{CLIENT, NOBODY, Supervisor, disk, system, with_client};
-use condor_fs::server::{Options, Server, ServerError, Step};
+use condor_fs::server::{FileServer, ServerError, ServerOptions, Step};
 use condor_fs::wire::Operation;
-use condor_fs::{Errno, Error, OpenOptions};
+use condor_fs::{Errno, FileError, OpenOptions};
 use embedded_io::SeekFrom;
 
 const READ: OpenOptions = OpenOptions::new().read();
@@ -36,7 +36,7 @@ fn directories_that_it_cannot_read_are_made_and_removed() {
         fs.make_directory("made").unwrap();
         assert_eq!(mode(&at("made")), 0o555);
         let inside = fs.open("made/file", WRITE.exclusive());
-        assert_eq!(inside.err(), Some(Error::Errno(Errno::ACCES)));
+        assert_eq!(inside.err(), Some(FileError::Errno(Errno::ACCES)));
         fs.remove_directory("made").unwrap();
         for permissions in [0, 0o333] {
             fs.make_directory("closed").unwrap();
@@ -50,7 +50,7 @@ fn directories_that_it_cannot_read_are_made_and_removed() {
         std::fs::set_permissions(at("full"), PermissionsExt::from_mode(0o311)).unwrap();
         assert_eq!(
             fs.remove_directory("full"),
-            Err(Error::Errno(Errno::NOTEMPTY))
+            Err(FileError::Errno(Errno::NOTEMPTY))
         );
         std::fs::set_permissions(at("full"), PermissionsExt::from_mode(0o755)).unwrap();
     });
@@ -98,11 +98,11 @@ fn a_mode_that_would_keep_it_out_is_refused() {
             // The thread alone.
             crate::support::become_nobody();
             let with = |file_mode| {
-                let options = Options {
+                let options = ServerOptions {
                     file_mode,
-                    ..Options::default()
+                    ..ServerOptions::default()
                 };
-                Server::new(&root, options).map(drop)
+                FileServer::new(&root, options).map(drop)
             };
             (with(0o600), with(0o444))
         }
@@ -155,7 +155,7 @@ fn a_mode_that_keeps_it_out_does_not_close_a_file() {
                 let again = fs.open("f", READ);
                 assert_eq!(
                     again.err(),
-                    Some(Error::Errno(Errno::ACCES)),
+                    Some(FileError::Errno(Errno::ACCES)),
                     "not for others"
                 );
             }
@@ -174,16 +174,16 @@ fn a_request_that_is_given_up_leaves_the_mode() {
         let mut file = fs.open("f", WRITE.exclusive()).unwrap();
         file.set_mode(0).unwrap();
         drop(first);
-        // Dies at it again and again: the first life after it opened the mode.
+        // Dies at it again and again: the first incarnation after it opened the mode.
         let kill = Some((Operation::Write, Step::Widened, 1));
-        let _second = Supervisor::start(&system, disk.path(), kill, "nobody every-life");
+        let _second = Supervisor::start(&system, disk.path(), kill, "nobody every-incarnation");
         let given_up = file.write(b"1");
-        assert_eq!(given_up, Err(Error::Errno(Errno::CANCELED)));
+        assert_eq!(given_up, Err(FileError::Errno(Errno::CANCELED)));
         assert_eq!(mode(&disk.path().join("f")), 0);
     });
 }
 
-/// What was made is open for who made it, also if a next life finishes it that may not open it.
+/// What was made is open for who made it, also if a next incarnation finishes it that may not open it.
 #[test]
 fn a_file_that_it_may_not_open_is_made_once() {
     for (options, step) in [

@@ -40,16 +40,16 @@ class Hand:
         mujoco.mj_step(self.model, self.data, self.updates)
 
     def answer(self, line):
-        verb, *words = line.split()
+        word, *words = line.split()
         lengths = {"reset": self.model.nq, "step": self.model.nu}
-        if verb not in lengths:
-            raise ValueError(f"there is no request {verb}")
-        if len(words) != lengths[verb]:
-            raise ValueError(f"{verb} takes {lengths[verb]} numbers, not {len(words)}")
+        if word not in lengths:
+            raise ValueError(f"there is no request {word}")
+        if len(words) != lengths[word]:
+            raise ValueError(f"{word} takes {lengths[word]} numbers, not {len(words)}")
         numbers = [float(word) for word in words]
         if not all(map(math.isfinite, numbers)):
-            raise ValueError(f"{verb} takes finite numbers")
-        getattr(self, verb)(numbers)
+            raise ValueError(f"{word} takes finite numbers")
+        getattr(self, word)(numbers)
         state = numpy.concatenate((self.data.qpos, self.data.qvel, self.data.sensordata))
         return " ".join(f"{value:.12g}" for value in state)
 

@@ -4,8 +4,8 @@ use std::fmt::Write as _;
 use std::io::{BufRead as _, BufReader, Write as _};
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 
-use condor_hand::servo::Sensed;
-use condor_hand::tendon::{Pair, Pairs};
+use condor_hand::servo::FingerReadings;
+use condor_hand::tendon::{Pair, TendonPairs};
 use nalgebra::SVector;
 
 use super::rig::{FINGERS, HandState, JOINTS, OfJoints, Plant, Result};
@@ -70,7 +70,7 @@ impl Plant for Process {
         self.ask(&request)
     }
 
-    fn step(&mut self, commands: &[Pairs<f64, JOINTS>; FINGERS]) -> Result<HandState> {
+    fn step(&mut self, commands: &[TendonPairs<f64, JOINTS>; FINGERS]) -> Result<HandState> {
         let mut request = "step".to_owned();
         for pair in commands.iter().flatten() {
             write!(request, " {} {}", pair.flexor, pair.extensor)?;
@@ -81,7 +81,7 @@ impl Plant for Process {
 
 /// Positions, rates, which sensors do not tell, and tensions.
 fn state(numbers: &[f64]) -> HandState {
-    std::array::from_fn(|finger| Sensed {
+    std::array::from_fn(|finger| FingerReadings {
         position: SVector::from_fn(|joint, _| numbers[JOINTS * finger + joint]),
         tension: std::array::from_fn(|joint| {
             let at = 2 * COUNT + 2 * (JOINTS * finger + joint);

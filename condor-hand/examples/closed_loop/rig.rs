@@ -3,11 +3,11 @@
 use std::error::Error;
 
 use condor_hand::config;
-use condor_hand::controller::{FingerController, Tick};
+use condor_hand::controller::{FingerController, FingerTick};
 use condor_hand::kinematics::PlanarFinger;
-use condor_hand::plant::{DriveKind, Finger, Hand, PlantModel, Stop, Surface};
-use condor_hand::servo::{Mode, Sensed};
-use condor_hand::tendon::{Pair, Pairs};
+use condor_hand::plant::{DriveKind, PlantModel, SimFinger, SimHand, SimStop, SimSurface};
+use condor_hand::servo::{FingerReadings, ServoMode};
+use condor_hand::tendon::{Pair, TendonPairs};
 use condor_hand::trajectory::{SetPoint, StopGuard};
 use nalgebra::{SVector, Vector3};
 
@@ -34,33 +34,33 @@ pub(crate) trait Plant {
     fn reset(&mut self, positions: &OfJoints<f64>) -> Result<HandState>;
 
     /// Holds commands (N) for one period of the servos.
-    fn step(&mut self, commands: &[Pairs<f64, JOINTS>; FINGERS]) -> Result<HandState>;
+    fn step(&mut self, commands: &[TendonPairs<f64, JOINTS>; FINGERS]) -> Result<HandState>;
 }
 
 /// What the sensors of a hand say.
-pub(crate) type HandState = [Sensed<f64, JOINTS>; FINGERS];
+pub(crate) type HandState = [FingerReadings<f64, JOINTS>; FINGERS];
 
 /// The plant of this package, with the integration of `MuJoCo`.
 pub(crate) struct Simulated {
-    hand: Hand<PlanarFinger, FINGERS, JOINTS>,
+    hand: SimHand<PlanarFinger, FINGERS, JOINTS>,
 }
 
 impl Simulated {
     pub(crate) fn new(configuration: &Configuration) -> Result<Self> {
         let machine = PlantModel {
             actuator: DriveKind::euler,
-            joint_stop: Stop {
+            joint_stop: SimStop {
                 stiffness: 5.0,
                 damping: 0.01,
             },
-            axis_stop: Stop {
+            axis_stop: SimStop {
                 stiffness: 1e5,
                 damping: 500.0,
             },
             updates: 5,
             tip_radius: 0.0,
             // Nothing is touched.
-            surface: Surface {
+            surface: SimSurface {
                 stiffness: 1e3,
                 damping: 1.0,
                 shear_stiffness: 1e3,
@@ -73,16 +73,16 @@ impl Simulated {
             let mechanism = finger.planar().ok_or("a finger is not planar")?;
             let q = SVector::from(posture());
             let still = machine.finger(finger, mechanism, q)?;
-            Ok::<Finger<_, JOINTS>, Box<dyn Error>>(still)
+            Ok::<SimFinger<_, JOINTS>, Box<dyn Error>>(still)
         })?;
         let parameters = machine.hand_parameters(configuration);
         Ok(Self {
-            hand: Hand::new(fingers, parameters)?,
+            hand: SimHand::new(fingers, parameters)?,
         })
     }
 
     fn state(&self) -> HandState {
-        self.hand.fingers().map(|finger| Sensed {
+        self.hand.fingers().map(|finger| FingerReadings {
             position: *finger.q(),
             tension: *finger.tensions(),
             touch: 0.0,
@@ -98,7 +98,7 @@ impl Plant for Simulated {
         Ok(self.state())
     }
 
-    fn step(&mut self, commands: &[Pairs<f64, JOINTS>; FINGERS]) -> Result<HandState> {
+    fn step(&mut self, commands: &[TendonPairs<f64, JOINTS>; FINGERS]) -> Result<HandState> {
         self.hand.step(commands)?;
         Ok(self.state())
     }
@@ -129,7 +129,7 @@ impl<P: Plant> Rig<P> {
         })?;
         for controller in &mut fingers {
             for joint in 0..JOINTS {
-                controller.set_mode(joint, Mode::Position)?;
+                controller.set_mode(joint, ServoMode::Position)?;
             }
         }
         let mut rig = Self {
@@ -170,7 +170,7 @@ impl<P: Plant> Rig<P> {
     }
 
     /// One tick of the servos, on what the sensors said last, and the period after it.
-    pub(crate) fn tick(&mut self) -> Result<[Tick<JOINTS>; FINGERS]> {
+    pub(crate) fn tick(&mut self) -> Result<[FingerTick<JOINTS>; FINGERS]> {
         let mut loops = self.fingers.iter_mut().zip(&self.state);
         let done = each(|finger| {
             let (controller, sensed) = loops.next().ok_or("a finger without sensors")?;

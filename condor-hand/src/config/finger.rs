@@ -2,7 +2,7 @@ use heapless::Vec;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-use super::{Input, Limits, Name, Output, Rotation};
+use super::{InputChannel, Limits, OutputChannel, Rotation, ShortName};
 use crate::Pose;
 use crate::tendon::{Rectification, TensionGains};
 
@@ -11,7 +11,7 @@ use crate::tendon::{Rectification, TensionGains};
 #[serde(deny_unknown_fields)]
 pub struct Finger<const JOINTS: usize> {
     /// The name of the finger.
-    pub name: Name,
+    pub name: ShortName,
     /// The base of the finger in the palm.
     pub base: Placement,
     /// The form of its mechanism.
@@ -56,7 +56,7 @@ pub enum Form {
 #[serde(deny_unknown_fields)]
 pub struct Touch {
     /// The sensor of the force along the normal of the surface that the tip touches, N.
-    pub adc: Input,
+    pub adc: InputChannel,
     /// The force above which the finger counts as in contact, N.
     pub contact_n: f64,
 }
@@ -66,28 +66,28 @@ pub struct Touch {
 #[serde(deny_unknown_fields)]
 pub struct Joint<const JOINTS: usize> {
     /// The name of the joint.
-    pub name: Name,
+    pub name: ShortName,
     /// The number of the processor that serves it.
     pub processor: u8,
     /// Its place on the link before it, and its motion; `None` in a planar finger, whose form says
     /// both.
     pub mount: Option<Mount>,
     /// The body of its link; `None` if dynamics are not needed.
-    pub body: Option<Body>,
+    pub body: Option<LinkBody>,
     /// The limits of its position and its motion.
     pub limits: Limits,
     /// The servo that holds it at its set-point.
     pub servo: JointServo,
     /// The soft stop that keeps it from its limits.
     #[serde(default)]
-    pub stop: SoftStop,
+    pub stop: SoftStopSettings,
     /// The friction and the inertia of its drive.
     #[serde(default)]
-    pub friction: Friction,
+    pub friction: JointFriction,
     /// The way in which its torque becomes two tensions.
     pub rectification: Rectification<f64>,
     /// The sensor of its position.
-    pub adc: Input,
+    pub adc: InputChannel,
     /// The tendon that pulls it to positive angles.
     pub flexor: Tendon,
     /// The tendon that pulls it to negative angles.
@@ -108,13 +108,13 @@ pub struct Mount {
     #[serde(default)]
     pub rotation: Rotation,
     /// The motion of the joint.
-    pub motion: Motion,
+    pub motion: JointMotion,
 }
 
 /// The motion of a joint; the axes are unit vectors in the joint's own frame.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Motion {
+pub enum JointMotion {
     /// It rotates about this axis, rad.
     Revolute([f64; 3]),
     /// It slides along this axis, m.
@@ -124,7 +124,7 @@ pub enum Motion {
 /// The rigid body of a link, in the frame of its joint.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Body {
+pub struct LinkBody {
     /// The mass, kg.
     pub mass_kg: f64,
     /// The centre of mass, m.
@@ -204,7 +204,7 @@ pub enum ServoLaw {
 /// swings with this bandwidth. Joints rest between the zones: [`Joint::rest_range`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct SoftStop {
+pub struct SoftStopSettings {
     /// The width of a zone before a limit, rad.
     pub zone: f64,
     /// The natural frequency of the joint on the spring, Hz. The rate of the servo, its filters and
@@ -217,7 +217,7 @@ pub struct SoftStop {
 /// The resistance to the motion of a joint, apart from its links.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Friction {
+pub struct JointFriction {
     /// The inertia of the drive at the joint, kg m².
     #[serde(default)]
     pub armature: f64,
@@ -240,9 +240,9 @@ pub struct Friction {
 #[serde(deny_unknown_fields)]
 pub struct Tendon {
     /// The sensor of its tension.
-    pub adc: Input,
+    pub adc: InputChannel,
     /// The output of its actuator.
-    pub dac: Output,
+    pub dac: OutputChannel,
     /// The arm at its own joint, m: positive for a flexor, negative for an extensor.
     pub arm_m: f64,
     /// The least tension, which it always has, N.
@@ -267,7 +267,7 @@ pub struct Tendon {
 #[serde(deny_unknown_fields)]
 pub struct Crossing {
     /// The joint that they cross, of the same finger.
-    pub joint: Name,
+    pub joint: ShortName,
     /// The arm of the flexor there, m: positive where it pulls to positive angles.
     pub flexor_m: f64,
     /// The arm of the extensor there, m.

@@ -1,7 +1,7 @@
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
-use super::{Finger, Input, Limits, Name, Output};
+use super::{Finger, InputChannel, Limits, OutputChannel, ShortName};
 
 /// The greatest number of processors of a hand.
 pub const PROCESSORS: usize = 16;
@@ -17,7 +17,7 @@ pub const PROCESSORS: usize = 16;
 #[serde(deny_unknown_fields)]
 pub struct Hand<const FINGERS: usize, const JOINTS: usize> {
     /// The name of the hand.
-    pub name: Name,
+    pub name: ShortName,
     /// The rate of servo and table processors that have none of their own, Hz.
     pub servo_hz: u32,
     /// The rate of the trajectories, and of masters that have none of their own, Hz.
@@ -31,11 +31,11 @@ pub struct Hand<const FINGERS: usize, const JOINTS: usize> {
     /// The conditions of faults, and the reaction to one.
     pub faults: FaultPolicy,
     /// The surface that fingertips are expected to touch; `None` if it is not known.
-    pub contact: Option<Contact>,
+    pub contact: Option<ContactSurface>,
     /// The control processors.
     pub processors: Vec<ControlProcessor, PROCESSORS>,
     /// The table that moves the palm; `None` if there is none.
-    pub table: Option<Table>,
+    pub table: Option<TableSettings>,
     /// The fingers.
     pub fingers: Vec<Finger<JOINTS>, FINGERS>,
 }
@@ -79,7 +79,7 @@ pub enum ProcessorKind {
 /// The table that carries the hand: up to three sliding axes that move the palm.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Table {
+pub struct TableSettings {
     /// The axes.
     pub axes: Vec<Axis, 3>,
 }
@@ -89,15 +89,15 @@ pub struct Table {
 #[serde(deny_unknown_fields)]
 pub struct Axis {
     /// The name of the axis.
-    pub name: Name,
+    pub name: ShortName,
     /// The unit vector along which it moves the palm, in the palm's axes.
     pub direction: [f64; 3],
     /// The processor that serves it.
     pub processor: u8,
     /// The sensor of its position, m.
-    pub adc: Input,
+    pub adc: InputChannel,
     /// The output of its drive, N.
-    pub dac: Output,
+    pub dac: OutputChannel,
     /// The limits of its position and its motion, m.
     pub limits: Limits,
     /// The position to which it goes when it is started, m.
@@ -111,13 +111,13 @@ pub struct Axis {
     /// The largest force of its drive, N.
     pub max_n: f64,
     /// The gains of its servo.
-    pub servo: AxisServo,
+    pub servo: AxisServoSettings,
 }
 
 /// Gains and filters of the servo of an axis.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct AxisServo {
+pub struct AxisServoSettings {
     /// The gain of the position error, N/m.
     pub kp: f64,
     /// The gain of the velocity error, N s/m.
@@ -135,7 +135,7 @@ pub struct AxisServo {
 /// The surface that fingertips are expected to touch.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Contact {
+pub struct ContactSurface {
     /// The coefficient of Coulomb friction.
     pub friction: f64,
     /// The safety factor of the squeeze of a grasp: at least 1.

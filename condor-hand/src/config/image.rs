@@ -13,7 +13,7 @@ const FORMAT: Format = Format {
 /// The reason for which bytes are not the image of a hand, or a hand cannot become an image.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
-pub enum ImageError {
+pub enum HandImageError {
     /// The bytes are no image, or there is no room for one.
     #[error(transparent)]
     Header(#[from] HeaderError),
@@ -41,9 +41,9 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
     /// The image of a hand does not depend on the capacities of its type.
     ///
     /// # Errors
-    /// * [`Mistake`](ImageError::Mistake) if the hand breaks a rule.
-    /// * [`Header`](ImageError::Header) if the buffer is too short; its content is then useless.
-    pub fn to_image(&self, buffer: &mut [u8]) -> Result<usize, ImageError> {
+    /// * [`Mistake`](HandImageError::Mistake) if the hand breaks a rule.
+    /// * [`Header`](HandImageError::Header) if the buffer is too short; its content is then useless.
+    pub fn to_image(&self, buffer: &mut [u8]) -> Result<usize, HandImageError> {
         self.check()?;
         let too_short = HeaderError::BufferTooShort { len: buffer.len() };
         let Some((header, body)) = buffer.split_first_chunk_mut::<HEADER_BYTES>() else {
@@ -58,10 +58,10 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
     /// Reads a hand from exactly the bytes of its image, and checks it again.
     ///
     /// # Errors
-    /// [`ImageError::Header`] if the bytes are no image of a hand, [`ImageError::Capacity`] if the
-    /// hand has more parts than its type has room for, [`ImageError::Malformed`] or
-    /// [`ImageError::Mistake`] if it is not a valid hand. No bytes make this panic.
-    pub fn from_image(image: &[u8]) -> Result<Self, ImageError> {
+    /// [`HandImageError::Header`] if the bytes are no image of a hand, [`HandImageError::Capacity`] if the
+    /// hand has more parts than its type has room for, [`HandImageError::Malformed`] or
+    /// [`HandImageError::Mistake`] if it is not a valid hand. No bytes make this panic.
+    pub fn from_image(image: &[u8]) -> Result<Self, HandImageError> {
         let ([f0, f1, j0, j1, p0, p1], body) = FORMAT.open(image)?;
         let counts = [[f0, f1], [j0, j1], [p0, p1]].map(u16::from_le_bytes);
         let capacities = [
@@ -71,7 +71,7 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
         ];
         for (needed, (of, capacity)) in counts.into_iter().zip(capacities) {
             if usize::from(needed) > capacity {
-                return Err(ImageError::Capacity {
+                return Err(HandImageError::Capacity {
                     of,
                     needed,
                     capacity,
@@ -79,10 +79,10 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
             }
         }
         let Ok((hand, [])) = postcard::take_from_bytes::<Self>(body) else {
-            return Err(ImageError::Malformed);
+            return Err(HandImageError::Malformed);
         };
         if hand.counts() != counts {
-            return Err(ImageError::Malformed);
+            return Err(HandImageError::Malformed);
         }
         hand.check()?;
         Ok(hand)

@@ -2,40 +2,40 @@ use core::fmt;
 
 use thiserror::Error;
 
-use super::{Channel, Converter, Name, ProcessorKind};
+use super::{Channel, Converter, ProcessorKind, ShortName};
 use crate::Requirement;
 use crate::decimal::Decimal;
 
 /// The path to a value within its owner, such as `flexor.gains.kt`.
-pub type Field = heapless::String<39, u8>;
+pub type MistakeField = heapless::String<39, u8>;
 
 /// The part of a hand to which a value belongs.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Owner {
+pub enum MistakeOwner {
     /// The hand as a whole.
     Hand,
     /// The processor of this number.
     ControlProcessor(u8),
     /// An axis of the table.
-    Axis(Name),
+    Axis(ShortName),
     /// The finger of this name.
-    Finger(Name),
+    Finger(ShortName),
     /// The joint of these names.
     Joint {
         /// The name of the finger.
-        finger: Name,
+        finger: ShortName,
         /// The name of its joint.
-        joint: Name,
+        joint: ShortName,
     },
 }
 
 /// The place of a value, or of a thing as a whole.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Place {
+pub struct MistakePlace {
     /// The owner of the value.
-    pub owner: Owner,
+    pub owner: MistakeOwner,
     /// The path to the value within its owner; empty for the owner itself.
-    pub field: Field,
+    pub field: MistakeField,
 }
 
 /// A rule that a hand breaks.
@@ -43,7 +43,7 @@ pub struct Place {
 #[error("{place} {problem}")]
 pub struct Mistake {
     /// The value that is wrong.
-    pub place: Place,
+    pub place: MistakePlace,
     /// The rule that it breaks.
     pub problem: Problem,
 }
@@ -167,13 +167,13 @@ pub enum Problem {
         /// The channel.
         channel: Channel,
         /// The owner of the other wire.
-        first: Owner,
+        first: MistakeOwner,
     },
     /// The tendons of a joint cannot cross another one.
     #[error("names joint `{crossed}`, which {problem}")]
     Crosses {
         /// The joint that they would cross.
-        crossed: Name,
+        crossed: ShortName,
         /// The reason.
         problem: &'static str,
     },
@@ -185,7 +185,7 @@ pub enum Problem {
     },
 }
 
-impl fmt::Display for Owner {
+impl fmt::Display for MistakeOwner {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Hand => f.write_str("the hand"),
@@ -197,7 +197,7 @@ impl fmt::Display for Owner {
     }
 }
 
-impl fmt::Display for Place {
+impl fmt::Display for MistakePlace {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if self.field.is_empty() {
             return self.owner.fmt(f);

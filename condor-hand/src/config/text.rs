@@ -4,7 +4,7 @@ mod defaults;
 
 use std::string::String;
 
-use condor_toml::{Fault, Spanned, Text, TextError};
+use condor_toml::{Misreading, SourceText, Spanned, TextError};
 use toml::de::DeValue;
 
 use super::Hand;
@@ -18,7 +18,7 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
     /// # Errors
     /// The first problem, with its line and column.
     pub fn from_toml(text: &str, file: &str) -> Result<Self, TextError> {
-        let text = Text::new(file, text);
+        let text = SourceText::new(file, text);
         read(text.parse()?).map_err(|fault| text.error(fault))
     }
 
@@ -34,12 +34,12 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
 
 fn read<const FINGERS: usize, const JOINTS: usize>(
     mut tree: Spanned<DeValue<'_>>,
-) -> Result<Hand<FINGERS, JOINTS>, Fault> {
+) -> Result<Hand<FINGERS, JOINTS>, Misreading> {
     defaults::fill(&mut tree)?;
     let hand: Hand<FINGERS, JOINTS> = condor_toml::read(&tree)?;
     let mut path = Path::new();
     hand.examine(&mut path)
-        .map_err(|mistake| Fault::at(&nearest(&tree, &path).span(), mistake))?;
+        .map_err(|mistake| Misreading::at(&nearest(&tree, &path).span(), mistake))?;
     Ok(hand)
 }
 

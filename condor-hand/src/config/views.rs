@@ -3,14 +3,14 @@
 use nalgebra::{Matrix3, SVector, Vector3};
 
 use super::{
-    Body, Channel, ControlProcessor, Finger, Form, Hand, Input, Joint, Motion, MotionLimits,
-    Output, ProcessorKind, Shape, Tendon, Wire,
+    Channel, ControlProcessor, Finger, Form, Hand, InputChannel, Joint, JointMotion, LinkBody,
+    MotionLimits, OutputChannel, ProcessorKind, Shape, Tendon, Wire,
 };
 use crate::Pose;
 use crate::kinematics::{self, Chain, PlanarFinger, Rod};
 use crate::math::clamp;
 use crate::number::is_within;
-use crate::tendon::{ArmError, MomentArms, Pair, Pairs};
+use crate::tendon::{ArmError, MomentArms, Pair, TendonPairs};
 use crate::trajectory::{self, Primitive, Target};
 
 impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
@@ -105,18 +105,18 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
 
     /// Returns the A/D channel and calibration of `wire`; `None` if the hand does not have it.
     #[must_use]
-    pub fn input(&self, wire: Wire) -> Option<&Input> {
+    pub fn input(&self, wire: Wire) -> Option<&InputChannel> {
         self.converters(wire).map(|(input, _)| input)
     }
 
     /// Returns the D/A channel and calibration of `wire`; `None` for a wire that is only a sensor's,
     /// or if the hand does not have the wire.
     #[must_use]
-    pub fn output(&self, wire: Wire) -> Option<&Output> {
+    pub fn output(&self, wire: Wire) -> Option<&OutputChannel> {
         self.converters(wire)?.1
     }
 
-    fn converters(&self, wire: Wire) -> Option<(&Input, Option<&Output>)> {
+    fn converters(&self, wire: Wire) -> Option<(&InputChannel, Option<&OutputChannel>)> {
         Some(match wire {
             Wire::Position { finger, joint } => (&self.joint(finger, joint)?.adc, None),
             Wire::Flexor { finger, joint } => self.joint(finger, joint)?.flexor.converters(),
@@ -131,7 +131,7 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
 
     /// Iterates over the limits that the trajectories of all joints keep, in the order of the fingers. The
     /// jerk is as much as one tick of the trajectories changes the acceleration.
-    pub fn trajectory_limits(&self) -> impl Iterator<Item = trajectory::Limits<f64>> {
+    pub fn trajectory_limits(&self) -> impl Iterator<Item = trajectory::JointLimits<f64>> {
         let rate_hz = f64::from(self.trajectory_hz);
         let joints = self.fingers.iter().flat_map(|finger| &finger.joints);
         joints.map(move |joint| {
@@ -194,7 +194,7 @@ impl<const JOINTS: usize> Finger<JOINTS> {
     /// # Errors
     /// [`ArmError`] for arms that [`Hand::check`] would have refused.
     pub fn moment_arms(&self) -> Result<MomentArms<f64, JOINTS>, ArmError> {
-        let mut rows: [Pairs<f64, JOINTS>; JOINTS] = [[Pair::both(0.0); JOINTS]; JOINTS];
+        let mut rows: [TendonPairs<f64, JOINTS>; JOINTS] = [[Pair::both(0.0); JOINTS]; JOINTS];
         for (index, row) in rows.iter_mut().enumerate() {
             let crossed = self.joints.get(index);
             for (tendon, arms) in row.iter_mut().enumerate() {
@@ -251,11 +251,11 @@ impl<const JOINTS: usize> Finger<JOINTS> {
     #[must_use]
     pub fn chain(&self) -> Chain<f64, JOINTS> {
         let mut start = 0.0;
-        let mut joints = [kinematics::Joint {
+        let mut joints = [kinematics::ChainJoint {
             placement: Pose::identity(),
-            motion: kinematics::Motion::Fixed,
+            motion: kinematics::ChainMotion::Fixed,
         }; JOINTS];
-        let mut bodies = [kinematics::Body::massless(); JOINTS];
+        let mut bodies = [kinematics::ChainBody::massless(); JOINTS];
         for (index, joint) in self.joints.iter().enumerate() {
             if let (Some(place), Some(body)) = (joints.get_mut(index), bodies.get_mut(index)) {
                 *body = joint.rigid_body();
@@ -268,9 +268,9 @@ impl<const JOINTS: usize> Finger<JOINTS> {
                         };
                         let placement = Pose::at(start, 0.0, 0.0);
                         start = lengths.get(index).copied().unwrap_or(0.0);
-                        kinematics::Joint {
+                        kinematics::ChainJoint {
                             placement,
-                            motion: kinematics::Motion::Revolute(axis),
+                            motion: kinematics::ChainMotion::Revolute(axis),
                         }
                     }
                     Form::Chain { .. } => joint.mounted(),
@@ -310,38 +310,42 @@ impl<const JOINTS: usize> Joint<JOINTS> {
     }
 
     /// The body of the link, of no mass where there is none.
-    fn rigid_body(&self) -> kinematics::Body {
+    fn rigid_body(&self) -> kinematics::ChainBody {
         self.body
-            .map_or_else(kinematics::Body::massless, |body| body.rigid_body())
+            .map_or_else(kinematics::ChainBody::massless, |body| body.rigid_body())
     }
 
     /// How the joint sits on the link before it; fixed without a mount.
-    fn mounted(&self) -> kinematics::Joint {
-        let fixed = kinematics::Joint {
+    fn mounted(&self) -> kinematics::ChainJoint {
+        let fixed = kinematics::ChainJoint {
             placement: Pose::identity(),
-            motion: kinematics::Motion::Fixed,
+            motion: kinematics::ChainMotion::Fixed,
         };
-        self.mount.map_or(fixed, |mount| kinematics::Joint {
+        self.mount.map_or(fixed, |mount| kinematics::ChainJoint {
             placement: mount.placement(),
             motion: match mount.motion {
-                Motion::Revolute(axis) => kinematics::Motion::Revolute(Vector3::from(axis)),
-                Motion::Prismatic(axis) => kinematics::Motion::Prismatic(Vector3::from(axis)),
+                JointMotion::Revolute(axis) => {
+                    kinematics::ChainMotion::Revolute(Vector3::from(axis))
+                }
+                JointMotion::Prismatic(axis) => {
+                    kinematics::ChainMotion::Prismatic(Vector3::from(axis))
+                }
             },
         })
     }
 }
 
 impl Tendon {
-    fn converters(&self) -> (&Input, Option<&Output>) {
+    fn converters(&self) -> (&InputChannel, Option<&OutputChannel>) {
         (&self.adc, Some(&self.dac))
     }
 }
 
-impl Body {
+impl LinkBody {
     /// Returns the body with its mass, its centre and its inertia matrix.
     #[must_use]
-    pub fn rigid_body(&self) -> kinematics::Body {
-        kinematics::Body {
+    pub fn rigid_body(&self) -> kinematics::ChainBody {
+        kinematics::ChainBody {
             mass: self.mass_kg,
             center: Vector3::from(self.center),
             inertia: match self.shape {

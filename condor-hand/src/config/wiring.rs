@@ -6,7 +6,7 @@ use crate::math::{clamp, round};
 /// `value = gain * counts + offset`, with counts from 0 to 2^bits - 1.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Input {
+pub struct InputChannel {
     /// The number of the board.
     pub board: u8,
     /// The number of the channel on the board.
@@ -24,7 +24,7 @@ pub struct Input {
 /// `counts = round(gain * value + offset)`, limited to 0 to 2^bits - 1.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Output {
+pub struct OutputChannel {
     /// The number of the board.
     pub board: u8,
     /// The number of the channel on the board.
@@ -96,7 +96,7 @@ pub enum Wire {
     },
 }
 
-impl Input {
+impl InputChannel {
     /// Returns the channel of its wire.
     #[must_use]
     pub const fn channel(&self) -> Channel {
@@ -132,7 +132,7 @@ impl Input {
     }
 }
 
-impl Output {
+impl OutputChannel {
     /// Returns the channel of its wire.
     #[must_use]
     pub const fn channel(&self) -> Channel {
@@ -184,7 +184,7 @@ const fn full_scale(bits: u8) -> u32 {
 mod tests {
     use proptest::prelude::*;
 
-    use super::Output;
+    use super::OutputChannel;
 
     proptest! {
         #[test]
@@ -195,7 +195,7 @@ mod tests {
         ) {
             let full = f64::from((1_u32 << bits) - 1);
             let gain = full / 130.0;
-            let dac = Output {
+            let dac = OutputChannel {
                 board: 0,
                 channel: 0,
                 bits,
@@ -211,7 +211,7 @@ mod tests {
 
     #[test]
     fn counts_end_where_the_converter_does() {
-        let dac = Output {
+        let dac = OutputChannel {
             board: 0,
             channel: 0,
             bits: 12,
@@ -220,6 +220,6 @@ mod tests {
         };
         let counts = [-1.0, 0.0, 65.0, 130.0, 1e9, f64::NAN, f64::INFINITY].map(|n| dac.counts(n));
         assert_eq!(counts, [0, 0, 2048, 4095, 4095, 0, 4095]);
-        assert_eq!(Output { bits: 32, ..dac }.full_scale(), u32::MAX);
+        assert_eq!(OutputChannel { bits: 32, ..dac }.full_scale(), u32::MAX);
     }
 }

@@ -1,15 +1,17 @@
 use nalgebra::{SVector, Vector3};
 use thiserror::Error;
 
-use super::watch::{Stop, Watch};
+use super::watch::{GuardStop, Watch};
 use crate::NumberError;
 use crate::config::{Finger, Hand};
 use crate::control::elapsed::Elapsed;
 use crate::dynamics::Dynamics;
 use crate::math::{clamp, max, round};
-use crate::servo::{FingerServo, JointGains, JointTarget, Mode, Sensed, ServoOutput, SettingError};
-use crate::tendon::fault::{Fault, FaultLimitsError, FingerMonitor, Observation, SafeRamp};
-use crate::tendon::{ArmError, MomentArms, Pair, Pairs};
+use crate::servo::{
+    FingerReadings, FingerServo, JointGains, JointTarget, ServoMode, ServoOutput, SettingError,
+};
+use crate::tendon::fault::{FaultLimitsError, FingerFault, FingerMonitor, Observation, SafeRamp};
+use crate::tendon::{ArmError, MomentArms, Pair, TendonPairs};
 use crate::trajectory::{Interpolator, SetPoint, SetPointError, StopGuard, TrajectoryError};
 
 /// Within so many ticks after a fault joints have the tensions with which they stand still.
@@ -36,20 +38,20 @@ pub struct FingerController<M, const N: usize> {
     ramp: Option<SafeRamp<f64, N>>,
     /// How far the tensions were, at the fault, from those with which the ramp begins, N; and after how
     /// many more ticks nothing of that is left.
-    beside: (Pairs<f64, N>, u32),
-    least: Pairs<f64, N>,
+    beside: (TendonPairs<f64, N>, u32),
+    least: TendonPairs<f64, N>,
     low: [f64; N],
     high: [f64; N],
     safe_s: f64,
     sample_hz: f64,
     /// Of the last tick.
-    desired: Pairs<f64, N>,
-    command: Pairs<f64, N>,
+    desired: TendonPairs<f64, N>,
+    command: TendonPairs<f64, N>,
 }
 
 /// The result of one tick of a finger.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Tick<const N: usize> {
+pub struct FingerTick<const N: usize> {
     /// The commands of the actuators, with their reasons; after a fault, on the way to the least
     /// tensions.
     pub output: ServoOutput<f64, N>,
@@ -57,7 +59,7 @@ pub struct Tick<const N: usize> {
     /// controlled.
     pub target: [Option<f64>; N],
     /// The first fault since the last [`clear`](FingerController::clear); `None` if there was none.
-    pub fault: Option<Fault>,
+    pub fault: Option<FingerFault>,
 }
 
 /// The reason for which a finger cannot be controlled.
@@ -155,14 +157,14 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
 
     /// Returns the mode of a joint; `None` for a joint that the finger does not have.
     #[must_use]
-    pub fn mode(&self, joint: usize) -> Option<Mode> {
+    pub fn mode(&self, joint: usize) -> Option<ServoMode> {
         self.check_joint(joint).ok()?;
         self.servo.mode(joint)
     }
 
     /// Returns the first fault since the last [`clear`](Self::clear); `None` if there was none.
     #[must_use]
-    pub fn fault(&self) -> Option<Fault> {
+    pub fn fault(&self) -> Option<FingerFault> {
         self.monitor.first()
     }
 
@@ -176,7 +178,7 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
     /// Returns how a guard has stopped a joint, which rests since then; `None` if the joint was not
     /// stopped, or follows again.
     #[must_use]
-    pub fn stop(&self, joint: usize) -> Option<&Stop> {
+    pub fn stop(&self, joint: usize) -> Option<&GuardStop> {
         self.watch.stop(joint)
     }
 
@@ -192,7 +194,7 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
     /// # Errors
     /// [`SettingError::NoJoint`] if the finger does not have the joint,
     /// [`SettingError::AfterFault`] if it has a fault.
-    pub fn set_mode(&mut self, joint: usize, mode: Mode) -> Result<(), SettingError> {
+    pub fn set_mode(&mut self, joint: usize, mode: ServoMode) -> Result<(), SettingError> {
         self.refuse_after_fault()?;
         self.check_joint(joint)?;
         if self.servo.mode(joint) != Some(mode) {
@@ -238,7 +240,7 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
     }
 
     /// Takes the set-points of one tick of the master: the desired positions of the joints one such
-    /// tick from now. Joints in [`Mode::Position`] follow them.
+    /// tick from now. Joints in [`ServoMode::Position`] follow them.
     ///
     /// A joint that begins to follow closes the gap from its present position within its own
     /// limits.
@@ -258,7 +260,7 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
         let released = self.watch.released(guards);
         let following = self.following & !released;
         let joins = |joint: usize| {
-            following & 1 << joint == 0 && self.servo.mode(joint) == Some(Mode::Position)
+            following & 1 << joint == 0 && self.servo.mode(joint) == Some(ServoMode::Position)
         };
         if (0..N).any(joins) {
             self.follow_anew(points, following)?;
@@ -282,7 +284,7 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
         interpolator.tick(points)?;
         for joint in 0..N {
             let bit = 1 << joint;
-            if following & bit != 0 || self.servo.mode(joint) != Some(Mode::Position) {
+            if following & bit != 0 || self.servo.mode(joint) != Some(ServoMode::Position) {
                 continue;
             }
             // A mode that begins with the next tick holds a position only then.
@@ -310,10 +312,10 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
     /// ticks, that is a fault; the laws use [`Hand::servo_rate_hz`] then.
     pub fn tick(
         &mut self,
-        sensed: &Sensed<f64, N>,
+        sensed: &FingerReadings<f64, N>,
         gravity: &Vector3<f64>,
         period_s: f64,
-    ) -> Tick<N> {
+    ) -> FingerTick<N> {
         let elapsed = Elapsed::new(period_s, self.sample_hz);
         if self.watch.watches(self.following) {
             self.check_guards(sensed);
@@ -356,7 +358,7 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
         }
         self.desired = output.tension;
         self.command = output.command;
-        Tick {
+        FingerTick {
             output,
             target,
             fault,
@@ -400,7 +402,7 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
     /// Stops the joints of the motions whose guards do not permit what is measured, where their
     /// set-points are.
     #[cold]
-    fn check_guards(&mut self, sensed: &Sensed<f64, N>) {
+    fn check_guards(&mut self, sensed: &FingerReadings<f64, N>) {
         let before = self.watch.stopped();
         let servo = &self.servo;
         self.watch
@@ -454,7 +456,8 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
             Err(_) => (self.command, ramp(self.command).ok()),
         };
         let beside = core::array::from_fn(|joint| {
-            let of = |pairs: &Pairs<f64, N>| pairs.get(joint).copied().unwrap_or(Pair::both(0.0));
+            let of =
+                |pairs: &TendonPairs<f64, N>| pairs.get(joint).copied().unwrap_or(Pair::both(0.0));
             let (had, begin) = (of(&self.command), of(&begin));
             Pair {
                 flexor: had.flexor - begin.flexor,

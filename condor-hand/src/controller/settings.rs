@@ -1,12 +1,13 @@
 use nalgebra::SVector;
 
-use crate::config::{FaultPolicy, Finger, Input, Joint, ServoLaw, Tendon};
-use crate::dynamics::Drive;
+use crate::config::{FaultPolicy, Finger, InputChannel, Joint, ServoLaw, Tendon};
+use crate::dynamics::DriveDynamics;
 use crate::servo::{FingerSettings, JointGains, JointSettings, PositionLaw, SoftStop};
 use crate::tendon::fault::{
-    FaultLimits, JointFaultLimits, Range, SensorFaultLimits, Stuck, TendonFaultLimits, Threshold,
+    FaultLimits, FaultRange, JointFaultLimits, SensorFaultLimits, Stuck, TendonFaultLimits,
+    Threshold,
 };
-use crate::tendon::{Allocation, Pair, Rectification, TensionGains};
+use crate::tendon::{Pair, Rectification, TensionAllocation, TensionGains};
 use crate::trajectory::Bounds;
 
 /// A sensor of this many counts moves by noise.
@@ -30,7 +31,7 @@ impl<const N: usize> Finger<N> {
                     .get(joint)
                     .map_or(absent(sample_hz), Joint::settings)
             }),
-            drive: Drive {
+            drive: DriveDynamics {
                 armature: self.each(|joint| joint.friction.armature),
                 viscous: self.each(|joint| joint.friction.viscous),
                 coulomb: self.each(|joint| joint.friction.coulomb),
@@ -84,7 +85,7 @@ impl<const N: usize> Finger<N> {
                     samples: policy.tracking_samples,
                 },
             ),
-            limit: Range {
+            limit: FaultRange {
                 low: joint.limits.low - policy.overtravel_rad,
                 high: joint.limits.high + policy.overtravel_rad,
                 samples: policy.sensor_samples,
@@ -134,7 +135,7 @@ impl<const N: usize> Finger<N> {
 /// What is asked of the sensor behind a converter, which is stuck while its set-point goes so far for
 /// so many samples.
 fn sensor(
-    input: &Input,
+    input: &InputChannel,
     policy: &FaultPolicy,
     (travel, stuck_samples): (f64, u16),
     tracking: Threshold<f64>,
@@ -142,7 +143,7 @@ fn sensor(
     let ends = [input.value(0), input.value(input.full_scale())];
     SensorFaultLimits {
         lost_samples: policy.lost_samples,
-        range: Range {
+        range: FaultRange {
             low: crate::math::min(ends[0], ends[1]),
             high: crate::math::max(ends[0], ends[1]),
             samples: policy.sensor_samples,
@@ -196,7 +197,7 @@ impl<const N: usize> Joint<N> {
                 bandwidth_hz: joint.stop.bandwidth_hz,
                 damping_ratio: joint.stop.damping_ratio,
             },
-            allocation: Allocation {
+            allocation: TensionAllocation {
                 rectification: joint.rectification,
                 min_n,
                 max_n,
@@ -226,7 +227,7 @@ fn absent(sample_hz: f64) -> JointSettings<f64> {
             tension: Pair::both(TensionGains::default()),
         },
         stop: SoftStop::default(),
-        allocation: Allocation {
+        allocation: TensionAllocation {
             rectification: Rectification::Hard,
             min_n: 0.0,
             // No torque asks for it, but a servo has some range.

@@ -11,8 +11,8 @@ use crate::math::{is_finite, max, min};
 use crate::number::{NumberError, Requirement, check, positive};
 use crate::tendon::fault::sensor::Run;
 use crate::trajectory::{
-    Event, Generator, Limits, Observations, Pace, Primitive, PrimitiveError, Profile, SetPoint,
-    Target, Ticket, TrajectoryError,
+    Generator, JointLimits, MotionEvent, MotionTicket, Observations, Pace, Primitive,
+    PrimitiveError, Profile, SetPoint, Target, TrajectoryError,
 };
 
 /// The greatest number of axes of a table.
@@ -30,10 +30,10 @@ const QUEUE: usize = 8;
 /// of an axis, N.
 #[derive(Clone, Debug)]
 pub struct TableController {
-    axes: Vec<Driven, AXES>,
+    axes: Vec<DrivenAxis, AXES>,
     generator: Generator<AXES, QUEUE>,
     state: TableState,
-    homing: Option<Ticket>,
+    homing: Option<MotionTicket>,
     sensor_samples: u16,
     /// The longest time between two ticks that is in time, s; how many deadlines in a row are too
     /// many, and how many were missed.
@@ -45,7 +45,7 @@ pub struct TableController {
 
 /// One axis that there is.
 #[derive(Clone, Debug)]
-struct Driven {
+struct DrivenAxis {
     servo: AxisServo,
     /// What its converter can read, m.
     range: (f64, f64),
@@ -173,7 +173,7 @@ impl TableController {
         let first_hz = table.axes.first().map_or(hand.servo_hz, rate);
         let sample_hz = f64::from(first_hz);
         // Where there is no axis, nothing is moved.
-        let mut limits = [Limits {
+        let mut limits = [JointLimits {
             low: -1.0,
             high: 1.0,
             velocity: 1.0,
@@ -200,7 +200,7 @@ impl TableController {
             *home = entry.home;
             let ends = [entry.adc.value(0), entry.adc.value(entry.adc.full_scale())];
             // There is room for as many as a configuration has.
-            let _ = axes.push(Driven {
+            let _ = axes.push(DrivenAxis {
                 servo,
                 range: (min(ends[0], ends[1]), max(ends[0], ends[1])),
                 bad: 0,
@@ -256,7 +256,7 @@ impl TableController {
     /// # Errors
     /// [`TableError::NotReady`] if the table has not been home; [`TableError::Motion`] if the
     /// motion exceeds the limits of an axis, or moves an axis that does not exist.
-    pub fn enqueue(&mut self, motion: Primitive<AXES>) -> Result<Ticket, TableError> {
+    pub fn enqueue(&mut self, motion: Primitive<AXES>) -> Result<MotionTicket, TableError> {
         if self.state != TableState::Ready {
             return Err(TableError::NotReady { state: self.state });
         }
@@ -307,7 +307,7 @@ impl TableController {
     }
 
     /// Takes the oldest event of a motion, including the way home; returns `None` if there is none.
-    pub fn take_event(&mut self) -> Option<Event> {
+    pub fn take_event(&mut self) -> Option<MotionEvent> {
         self.generator.take_event()
     }
 

@@ -1,17 +1,17 @@
 //! [`Watch`]: the motions of a finger's joints, and those that a guard has stopped.
 
 use crate::math::is_finite;
-use crate::servo::Sensed;
+use crate::servo::FingerReadings;
 use crate::tendon::MomentArms;
-use crate::trajectory::{Guard, StopGuard};
+use crate::trajectory::{MotionGuard, StopGuard};
 
 /// The stop of a joint by a guard of its motion.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Stop {
+pub struct GuardStop {
     /// The number of the motion.
     pub motion: u32,
     /// The condition that held; its joint is one of the finger, from 0.
-    pub guard: Guard,
+    pub guard: MotionGuard,
     /// The measured torque, tension or force, N m or N; it is not finite if the sensor gave no
     /// number.
     pub value: f64,
@@ -27,7 +27,7 @@ pub(super) struct Watch<const N: usize> {
     armed: u32,
     /// Joints that rest where their motion was stopped, a bit each.
     stopped: u32,
-    stops: [Option<Stop>; N],
+    stops: [Option<GuardStop>; N],
     /// The force of a contact, N.
     contact_n: f64,
 }
@@ -48,7 +48,7 @@ impl<const N: usize> Watch<N> {
         self.stopped
     }
 
-    pub(super) fn stop(&self, joint: usize) -> Option<&Stop> {
+    pub(super) fn stop(&self, joint: usize) -> Option<&GuardStop> {
         self.stops.get(joint)?.as_ref()
     }
 
@@ -100,7 +100,7 @@ impl<const N: usize> Watch<N> {
     pub(super) fn check(
         &mut self,
         following: u32,
-        sensed: &Sensed<f64, N>,
+        sensed: &FingerReadings<f64, N>,
         arms: &MomentArms<f64, N>,
         mut position: impl FnMut(usize) -> Option<f64>,
     ) {
@@ -128,7 +128,7 @@ impl<const N: usize> Watch<N> {
                 }
                 if let (Some(position), Some(place)) = (position(other), self.stops.get_mut(other))
                 {
-                    *place = Some(Stop {
+                    *place = Some(GuardStop {
                         motion: guard.motion,
                         guard: tripped,
                         value,

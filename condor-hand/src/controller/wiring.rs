@@ -1,9 +1,9 @@
 use nalgebra::SVector;
 
 use super::AXES;
-use crate::config::{Channel, Finger, Input, Table};
-use crate::servo::Sensed;
-use crate::tendon::{Pair, Pairs};
+use crate::config::{Channel, Finger, InputChannel, TableSettings};
+use crate::servo::FingerReadings;
+use crate::tendon::{Pair, TendonPairs};
 
 /// Reads the sensors of a finger through their converters, and returns positions in radians, and
 /// tensions and the force at the fingertip in newtons. `read` must return the counts of a channel,
@@ -12,8 +12,8 @@ use crate::tendon::{Pair, Pairs};
 pub fn read_finger<const N: usize>(
     finger: &Finger<N>,
     mut read: impl FnMut(Channel) -> Option<u32>,
-) -> Sensed<f64, N> {
-    let mut sensed = Sensed {
+) -> FingerReadings<f64, N> {
+    let mut sensed = FingerReadings {
         position: SVector::zeros(),
         tension: [Pair::both(0.0); N],
         touch: 0.0,
@@ -37,7 +37,7 @@ pub fn read_finger<const N: usize>(
 /// Writes the commands (N) of a finger's actuators as counts of their converters, by `write`.
 pub fn write_finger<const N: usize>(
     finger: &Finger<N>,
-    command: &Pairs<f64, N>,
+    command: &TendonPairs<f64, N>,
     mut write: impl FnMut(Channel, u32),
 ) {
     for (joint, command) in finger.joints.iter().zip(command) {
@@ -50,7 +50,10 @@ pub fn write_finger<const N: usize>(
 /// Reads the sensors of a table through their converters, and returns the positions of its axes in
 /// m. `read` must return the counts of a channel, or `None` if the channel cannot be read; the
 /// position is NaN then.
-pub fn read_table(table: &Table, mut read: impl FnMut(Channel) -> Option<u32>) -> [f64; AXES] {
+pub fn read_table(
+    table: &TableSettings,
+    mut read: impl FnMut(Channel) -> Option<u32>,
+) -> [f64; AXES] {
     let mut positions = [0.0; AXES];
     for (axis, position) in table.axes.iter().zip(&mut positions) {
         *position = value(&axis.adc, &mut read);
@@ -59,12 +62,16 @@ pub fn read_table(table: &Table, mut read: impl FnMut(Channel) -> Option<u32>) -
 }
 
 /// Writes the forces (N) of a table's drives as counts of their converters, by `write`.
-pub fn write_table(table: &Table, force: &[f64; AXES], mut write: impl FnMut(Channel, u32)) {
+pub fn write_table(
+    table: &TableSettings,
+    force: &[f64; AXES],
+    mut write: impl FnMut(Channel, u32),
+) {
     for (axis, &force) in table.axes.iter().zip(force) {
         write(axis.dac.channel(), axis.dac.counts(force));
     }
 }
 
-fn value(input: &Input, read: &mut impl FnMut(Channel) -> Option<u32>) -> f64 {
+fn value(input: &InputChannel, read: &mut impl FnMut(Channel) -> Option<u32>) -> f64 {
     read(input.channel()).map_or(f64::NAN, |counts| input.value(counts))
 }

@@ -3,7 +3,7 @@ use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 use super::Dynamics;
 use crate::Real;
 use crate::control::linear::Ldl;
-use crate::kinematics::{Body, Chain, Joint, Motion};
+use crate::kinematics::{Chain, ChainBody, ChainJoint, ChainMotion};
 use crate::math::is_finite;
 use crate::pose::{Pose, rotation_about};
 
@@ -47,7 +47,7 @@ impl<T: Real, const N: usize> Dynamics<T, N> for Chain<T, N> {
         let mut free = torque - self.torque(&links, qd, &SVector::zeros(), gravity);
         let mut mass = self.mass(&links);
         for (i, joint) in self.joints.iter().enumerate() {
-            if joint.motion == Motion::Fixed {
+            if joint.motion == ChainMotion::Fixed {
                 mass[(i, i)] = T::one();
                 free[i] = T::zero();
             } else {
@@ -162,21 +162,21 @@ impl<T: Real> Link<T> {
     }
 
     #[inline(always)]
-    fn of(joint: &Joint<T>, q: T) -> Self {
+    fn of(joint: &ChainJoint<T>, q: T) -> Self {
         let Pose { rotation, position } = &joint.placement;
         let zero = Vector3::zeros();
         let (pose, turns, slides) = match joint.motion {
-            Motion::Revolute(axis) => {
+            ChainMotion::Revolute(axis) => {
                 let rotation = rotation * rotation_about(&axis, q);
                 let position = *position;
                 (Pose { rotation, position }, axis, zero)
             }
-            Motion::Prismatic(axis) => {
+            ChainMotion::Prismatic(axis) => {
                 let position = joint.placement.transform(&(axis * q));
                 let rotation = *rotation;
                 (Pose { rotation, position }, zero, axis)
             }
-            Motion::Fixed => (joint.placement, zero, zero),
+            ChainMotion::Fixed => (joint.placement, zero, zero),
         };
         Self {
             pose,
@@ -204,7 +204,7 @@ impl<T: Real> Link<T> {
 /// The force, and the moment about the origin of its link, that move a body.
 #[inline(always)]
 fn load_of<T: Real>(
-    body: &Body<T>,
+    body: &ChainBody<T>,
     rate: &Vector3<T>,
     acceleration: &Vector3<T>,
     linear: &Vector3<T>,
@@ -235,7 +235,7 @@ impl<T: Real> Composite<T> {
     }
 
     #[inline(always)]
-    fn add(&mut self, body: &Body<T>) {
+    fn add(&mut self, body: &ChainBody<T>) {
         self.mass += body.mass;
         self.first_moment += body.center * body.mass;
         self.inertia += body.inertia + parallel_axes(&body.center, &(body.center * body.mass));

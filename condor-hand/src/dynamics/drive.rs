@@ -8,7 +8,7 @@ use crate::math::tanh;
 /// With the [`Dynamics`](super::Dynamics) of the links, the torque of a motion is
 /// `inverse_dynamics + armature qdd + torque(qd)`.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Drive<T: Real, const N: usize> {
+pub struct DriveDynamics<T: Real, const N: usize> {
     /// The inertia of the parts that move with the joint beyond its link, referred to the joint, kg
     /// m².
     pub armature: SVector<T, N>,
@@ -22,7 +22,7 @@ pub struct Drive<T: Real, const N: usize> {
     pub coulomb_rate: SVector<T, N>,
 }
 
-impl<T: Real, const N: usize> Drive<T, N> {
+impl<T: Real, const N: usize> DriveDynamics<T, N> {
     /// Returns the torques that overcome friction at the rates `qd` (rad/s), N m.
     #[inline]
     #[must_use]
@@ -50,10 +50,10 @@ fn direction<T: Real>(rate: T, fades_below: T) -> T {
 mod tests {
     use nalgebra::Vector2;
 
-    use super::Drive;
+    use super::DriveDynamics;
 
-    fn drive() -> Drive<f64, 2> {
-        Drive {
+    fn drive() -> DriveDynamics<f64, 2> {
+        DriveDynamics {
             viscous: Vector2::new(2e-3, 0.0),
             coulomb: Vector2::new(0.0, 0.03),
             coulomb_rate: Vector2::new(0.0, 0.5),

@@ -1,7 +1,7 @@
 use nalgebra::Vector3;
 
 use super::wrench::finite;
-use super::{GraspError, Quantity, Twist, Wrench};
+use super::{GraspError, GraspQuantity, Twist, Wrench};
 use crate::control::linear::Symmetric3;
 use crate::math::{Real, abs, is_finite, max, real, sqrt};
 
@@ -57,7 +57,7 @@ pub(super) fn values<T: Real>(vector: &Vector3<T>) -> [f64; 3] {
 /// Refuses vectors with a component that is no number.
 pub(super) fn check<T: Real, const M: usize>(
     vectors: &[Vector3<T>; M],
-    quantity: Quantity,
+    quantity: GraspQuantity,
 ) -> Result<(), GraspError> {
     let mut vectors = vectors.iter().enumerate();
     vectors.try_for_each(|(finger, vector)| check_list(finger, quantity, vector.as_slice()))
@@ -66,7 +66,7 @@ pub(super) fn check<T: Real, const M: usize>(
 /// Refuses a list of a finger with what is no number.
 pub(super) fn check_list<T: Real>(
     finger: usize,
-    quantity: Quantity,
+    quantity: GraspQuantity,
     list: &[T],
 ) -> Result<(), GraspError> {
     match list.iter().find(|&&entry| !is_finite(entry)) {
@@ -248,8 +248,8 @@ impl<T: Real, const M: usize> Contacts<T, M> {
         if twist.is_finite() {
             return Ok(twist);
         }
-        check(tips, Quantity::TipMotion)?;
-        let quantity = Quantity::TipMotion;
+        check(tips, GraspQuantity::TipMotion)?;
+        let quantity = GraspQuantity::TipMotion;
         if finite(about) {
             return Err(GraspError::TooLarge { quantity });
         }
@@ -260,7 +260,7 @@ impl<T: Real, const M: usize> Contacts<T, M> {
 #[cold]
 fn not_finite<T: Real>(wrench: &Wrench<T>, about: &Vector3<T>) -> GraspError {
     if wrench.is_finite() && finite(about) {
-        let quantity = Quantity::Force;
+        let quantity = GraspQuantity::Force;
         return GraspError::TooLarge { quantity };
     }
     GraspError::WrenchNotFinite {
@@ -278,7 +278,7 @@ fn explain<T: Real, const M: usize>(points: &[Vector3<T>; M]) -> GraspError {
         let (contacts, least) = (M, 1);
         return GraspError::TooFewContacts { contacts, least };
     }
-    if let Err(error) = check(points, Quantity::Tip) {
+    if let Err(error) = check(points, GraspQuantity::Tip) {
         return error;
     }
     let centroid = sum(points) * share::<T, M>();
@@ -290,7 +290,7 @@ fn explain<T: Real, const M: usize>(points: &[Vector3<T>; M]) -> GraspError {
     let third = trace * real(1.0 / 3.0);
     let cube = third * third * third;
     if !is_finite(cube) || !is_finite(centroid.norm_squared()) {
-        let quantity = Quantity::Tip;
+        let quantity = GraspQuantity::Tip;
         return GraspError::TooLarge { quantity };
     }
     let spread = least_spread::<T>() * centroid.norm_squared();

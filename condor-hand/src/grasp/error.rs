@@ -7,7 +7,7 @@ use crate::NumberError;
 /// The quantity of which a number is not finite.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
-pub enum Quantity {
+pub enum GraspQuantity {
     /// The position of a tip.
     Tip,
     /// The desired position of a tip.
@@ -32,7 +32,7 @@ pub enum Quantity {
     Torque,
 }
 
-impl fmt::Display for Quantity {
+impl fmt::Display for GraspQuantity {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         formatter.write_str(match self {
             Self::Tip => "tip position",
@@ -62,7 +62,7 @@ pub enum GraspError {
         /// The finger.
         finger: usize,
         /// The quantity.
-        quantity: Quantity,
+        quantity: GraspQuantity,
         /// The number.
         value: f64,
     },
@@ -80,7 +80,7 @@ pub enum GraspError {
     #[error("the {quantity} is beyond the range of numbers")]
     TooLarge {
         /// The first result for which this is so.
-        quantity: Quantity,
+        quantity: GraspQuantity,
     },
     /// The task needs more contacts.
     #[error("{contacts} contacts; this takes at least {least}")]

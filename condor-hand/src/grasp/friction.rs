@@ -1,7 +1,7 @@
 use nalgebra::Vector3;
 
 use super::contacts::check;
-use super::{GraspError, Normals, Quantity};
+use super::{GraspError, GraspQuantity, Normals};
 use crate::math::{Real, abs, is_finite, max, min, real, sqrt};
 use crate::number::{finite, positive};
 
@@ -10,7 +10,7 @@ use crate::number::{finite, positive};
 /// With the force's normal part `f_n` and tangential part `f_t`, a contact sticks while
 /// `|f_t| <= mu f_n`.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Friction<T: Real = f64> {
+pub struct ContactFriction<T: Real = f64> {
     sliding: T,
 }
 
@@ -23,7 +23,7 @@ pub struct SqueezeRange<T: Real = f64> {
     pub greatest: Option<T>,
 }
 
-impl<T: Real> Friction<T> {
+impl<T: Real> ContactFriction<T> {
     /// Makes the friction of a point, which slips when the tangential force exceeds `coefficient`
     /// times the normal force.
     ///
@@ -53,7 +53,7 @@ impl<T: Real> Friction<T> {
         normals: &Normals<T, M>,
         forces: &[Vector3<T>; M],
     ) -> Result<[T; M], GraspError> {
-        check(forces, Quantity::Force)?;
+        check(forces, GraspQuantity::Force)?;
         let mut margins = [T::zero(); M];
         for (margin, (force, normal)) in margins.iter_mut().zip(forces.iter().zip(normals.inward()))
         {
@@ -61,7 +61,7 @@ impl<T: Real> Friction<T> {
             let across = force - normal * along;
             *margin = self.sliding * along - sqrt(across.norm_squared());
             if !is_finite(*margin) {
-                let quantity = Quantity::Force;
+                let quantity = GraspQuantity::Force;
                 return Err(GraspError::TooLarge { quantity });
             }
         }
@@ -86,8 +86,8 @@ impl<T: Real> Friction<T> {
         forces: &[Vector3<T>; M],
         directions: &[Vector3<T>; M],
     ) -> Result<SqueezeRange<T>, GraspError> {
-        check(forces, Quantity::Force)?;
-        check(directions, Quantity::SqueezeDirection)?;
+        check(forces, GraspQuantity::Force)?;
+        check(directions, GraspQuantity::SqueezeDirection)?;
         // In units of the greatest load and direction, no square overflows or vanishes.
         let mut load = T::zero();
         let mut reach = T::zero();
@@ -99,7 +99,7 @@ impl<T: Real> Friction<T> {
         let (load, reach) = (nonzero(load), nonzero(reach));
         let unit = load / reach;
         if !(unit > T::zero() && is_finite(unit) && is_finite(load)) {
-            let quantity = Quantity::Force;
+            let quantity = GraspQuantity::Force;
             return Err(GraspError::TooLarge { quantity });
         }
 
@@ -132,7 +132,7 @@ impl<T: Real> Friction<T> {
         }
         let least = range.low * unit;
         if !is_finite(least) {
-            let quantity = Quantity::Force;
+            let quantity = GraspQuantity::Force;
             return Err(GraspError::TooLarge { quantity });
         }
         let greatest = range.high.map(|high| high * unit);

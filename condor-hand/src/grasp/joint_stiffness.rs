@@ -1,7 +1,7 @@
 use nalgebra::{SMatrix, Vector3};
 
 use super::contacts::check_list;
-use super::{Contacts, GraspError, Quantity, SpatialGain};
+use super::{Contacts, GraspError, GraspQuantity, SpatialGain};
 use crate::Real;
 use crate::kinematics::Jacobian;
 
@@ -19,7 +19,7 @@ impl<T: Real, const M: usize> Contacts<T, M> {
         about: &Vector3<T>,
     ) -> Result<[Jacobian<T, N>; M], GraspError> {
         for (finger, jacobian) in jacobians.iter().enumerate() {
-            check_list(finger, Quantity::Jacobian, jacobian.as_slice())?;
+            check_list(finger, GraspQuantity::Jacobian, jacobian.as_slice())?;
         }
         let mut motions = [Jacobian::<T, N>::zeros(); M];
         for (finger, (motion, jacobian)) in motions.iter_mut().zip(jacobians).enumerate() {

@@ -2,7 +2,7 @@ use nalgebra::{SVector, Vector3};
 
 use super::contacts::{check, check_list};
 use super::limits::fit;
-use super::{Contacts, GraspError, GraspTuning, Quantity, TorqueExcess, Twist, Wrench};
+use super::{Contacts, GraspError, GraspQuantity, GraspTuning, TorqueExcess, Twist, Wrench};
 use crate::kinematics::{Jacobian, Kinematics};
 use crate::math::{Real, is_finite, real, sqrt};
 
@@ -57,15 +57,15 @@ impl<T: Real, const N: usize> FingerState<T, N> {
     fn check(&self, finger: usize) -> Result<(), GraspError> {
         let none = SVector::zeros();
         let lists = [
-            (Quantity::Jacobian, self.jacobian.as_slice()),
-            (Quantity::TipMotion, self.velocity.as_slice()),
-            (Quantity::GravityTorque, self.gravity_torque.as_slice()),
+            (GraspQuantity::Jacobian, self.jacobian.as_slice()),
+            (GraspQuantity::TipMotion, self.velocity.as_slice()),
+            (GraspQuantity::GravityTorque, self.gravity_torque.as_slice()),
             (
-                Quantity::SelfMotion,
+                GraspQuantity::SelfMotion,
                 self.self_motion.as_ref().unwrap_or(&none).as_slice(),
             ),
-            (Quantity::JointPosition, self.q.as_slice()),
-            (Quantity::JointRate, self.qd.as_slice()),
+            (GraspQuantity::JointPosition, self.q.as_slice()),
+            (GraspQuantity::JointRate, self.qd.as_slice()),
         ];
         for (quantity, list) in lists {
             check_list(finger, quantity, list)?;
@@ -188,7 +188,7 @@ impl<T: Real, const M: usize, const N: usize> GraspStiffness<T, M, N> {
     /// An error of [`Contacts::new`] if the tips are not finite, are one point or lie on a line;
     /// the former positions stay desired then.
     pub fn set_desired(&mut self, tips: &[Vector3<T>; M]) -> Result<(), GraspError> {
-        check(tips, Quantity::DesiredTip)?;
+        check(tips, GraspQuantity::DesiredTip)?;
         Contacts::new(*tips)?;
         self.desired = *tips;
         Ok(())
@@ -247,7 +247,7 @@ impl<T: Real, const M: usize, const N: usize> GraspStiffness<T, M, N> {
         for (torque, squeezing) in torques.iter_mut().zip(&squeezing) {
             *torque += squeezing * fit.share;
             if torque.iter().any(|&torque| !is_finite(torque)) {
-                let quantity = Quantity::Torque;
+                let quantity = GraspQuantity::Torque;
                 return Err(GraspError::TooLarge { quantity });
             }
         }

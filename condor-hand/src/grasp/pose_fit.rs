@@ -3,7 +3,7 @@ use nalgebra::Vector3;
 use super::contacts::{check, share, sum, values};
 use super::quaternion::Rotation;
 use super::wrench::finite;
-use super::{Contacts, GraspError, Quantity, Twist};
+use super::{Contacts, GraspError, GraspQuantity, Twist};
 use crate::math::{Real, abs, is_finite, real, sqrt};
 
 /// Newton's steps to the greatest eigenvalue: two or three for a rigid object, more only where two
@@ -38,7 +38,7 @@ impl<T: Real, const M: usize> Contacts<T, M> {
             let (contacts, least) = (M, 3);
             return Err(GraspError::TooFewContacts { contacts, least });
         }
-        check(desired, Quantity::DesiredTip)?;
+        check(desired, GraspQuantity::DesiredTip)?;
         if !finite(about) {
             return Err(GraspError::WrenchNotFinite {
                 force: [0.0; 3],
@@ -70,7 +70,7 @@ impl<T: Real, const M: usize> Contacts<T, M> {
         if twist.is_finite() {
             return Ok(twist);
         }
-        let quantity = Quantity::DesiredTip;
+        let quantity = GraspQuantity::DesiredTip;
         Err(GraspError::TooLarge { quantity })
     }
 
@@ -85,7 +85,7 @@ impl<T: Real, const M: usize> Contacts<T, M> {
         size *= real(0.5);
         let unit = T::one() / size;
         if !(unit > T::zero() && is_finite(unit)) {
-            let quantity = Quantity::DesiredTip;
+            let quantity = GraspQuantity::DesiredTip;
             return Err(GraspError::TooLarge { quantity });
         }
         let [mut x, mut y, mut z] = [Vector3::zeros(); 3];

@@ -1,6 +1,6 @@
 use nalgebra::Vector3;
 
-use super::{Contacts, GraspError, Quantity};
+use super::{Contacts, GraspError, GraspQuantity};
 use crate::math::{Real, is_finite, max, real, sqrt};
 
 /// Forces by which pairs of fingers press on the object from both ends of the line between them.
@@ -114,8 +114,8 @@ impl<T: Real, const M: usize> Contacts<T, M> {
                 *other -= push;
             }
         }
-        if super::contacts::check(&forces, Quantity::Force).is_err() {
-            let quantity = Quantity::Force;
+        if super::contacts::check(&forces, GraspQuantity::Force).is_err() {
+            let quantity = GraspQuantity::Force;
             return Err(GraspError::TooLarge { quantity });
         }
         Ok(forces)

@@ -4,14 +4,15 @@ use super::contacts::values;
 use super::limits::check_limits;
 use super::wrench::finite;
 use super::{
-    Contacts, Friction, GraspError, Normals, SpatialGain, Squeeze, TorqueLimits, Twist, Wrench,
+    ContactFriction, Contacts, GraspError, Normals, SpatialGain, Squeeze, TorqueLimits, Twist,
+    Wrench,
 };
 use crate::Real;
 use crate::number::{self, not_negative};
 
 /// The surface that the fingers touch; only the friction margins depend on it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Surface<T: Real, const M: usize> {
+pub enum TuningSurface<T: Real, const M: usize> {
     /// A surface with these normals at the tips, while the object is at its desired place. They
     /// turn with the object.
     Normals(Normals<T, M>),
@@ -43,9 +44,9 @@ pub struct GraspTuning<T: Real, const M: usize, const N: usize> {
     /// The squeeze, by which the fingers press on the object.
     pub squeeze: Squeeze<T, M>,
     /// The surface of the object.
-    pub surface: Surface<T, M>,
+    pub surface: TuningSurface<T, M>,
     /// The friction, which determines when fingers slip.
-    pub friction: Friction<T>,
+    pub friction: ContactFriction<T>,
     /// The gains that keep the joints where the tips leave them free.
     pub posture: Posture<T>,
     /// The limits of the torques of each finger's joints.
@@ -62,7 +63,7 @@ impl<T: Real, const M: usize, const N: usize> GraspTuning<T, M, N> {
                 about: values(&self.center),
             });
         }
-        if let Surface::Ball(center) = &self.surface {
+        if let TuningSurface::Ball(center) = &self.surface {
             for &coordinate in center {
                 number::finite("a coordinate of the centre of the ball, m,", coordinate)?;
             }
@@ -86,8 +87,10 @@ impl<T: Real, const M: usize, const N: usize> GraspTuning<T, M, N> {
     ) -> Result<Normals<T, M>, GraspError> {
         let back = super::quaternion::Rotation::by(&-deviation.angular).matrix();
         match &self.surface {
-            Surface::Normals(normals) => Normals::new(normals.inward().map(|normal| back * normal)),
-            Surface::Ball(center) => {
+            TuningSurface::Normals(normals) => {
+                Normals::new(normals.inward().map(|normal| back * normal))
+            }
+            TuningSurface::Ball(center) => {
                 let desired = center - self.center - deviation.linear;
                 Normals::of_ball(contacts, &(back * desired + self.center))
             }

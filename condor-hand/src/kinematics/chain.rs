@@ -6,7 +6,7 @@ use crate::{Pose, Real};
 
 /// The motion of a link's frame relative to that of the link before it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Motion<T: Real = f64> {
+pub enum ChainMotion<T: Real = f64> {
     /// The link rotates about this unit axis, rad.
     Revolute(Vector3<T>),
     /// The link slides along this unit axis, m.
@@ -18,16 +18,16 @@ pub enum Motion<T: Real = f64> {
 
 /// A joint, with its place on the link before it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Joint<T: Real = f64> {
+pub struct ChainJoint<T: Real = f64> {
     /// The frame of the link at the joint's zero, in the frame of the link before it.
     pub placement: Pose<T>,
     /// Its motion from there; the axis is in the frame of the link.
-    pub motion: Motion<T>,
+    pub motion: ChainMotion<T>,
 }
 
 /// A rigid body, in the frame of its link.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Body<T: Real = f64> {
+pub struct ChainBody<T: Real = f64> {
     /// The mass, kg.
     pub mass: T,
     /// The centre of mass, m.
@@ -41,14 +41,14 @@ pub struct Body<T: Real = f64> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Chain<T: Real, const N: usize> {
     pub(crate) base: Pose<T>,
-    pub(crate) joints: [Joint<T>; N],
-    pub(crate) bodies: [Body<T>; N],
+    pub(crate) joints: [ChainJoint<T>; N],
+    pub(crate) bodies: [ChainBody<T>; N],
     pub(crate) tip: Vector3<T>,
 }
 
 impl<T: Real, const N: usize> Chain<T, N> {
     /// Makes a mechanism of its base in the palm; its joints, proximal first; the bodies that they
-    /// move, [massless](Body::massless) if only kinematics is needed; and the tip, a point of the
+    /// move, [massless](ChainBody::massless) if only kinematics is needed; and the tip, a point of the
     /// last link, m.
     ///
     /// # Errors
@@ -57,14 +57,14 @@ impl<T: Real, const N: usize> Chain<T, N> {
     /// has, or a number that is not finite. Entries may be off by 10⁻⁹, those of `f32` by 10⁻⁶.
     pub fn new(
         base: Pose<T>,
-        joints: [Joint<T>; N],
-        bodies: [Body<T>; N],
+        joints: [ChainJoint<T>; N],
+        bodies: [ChainBody<T>; N],
         tip: Vector3<T>,
     ) -> Result<Self, MechanismError> {
         check::pose(Part::Base, &base)?;
         for (number, joint) in joints.iter().enumerate() {
             check::pose(Part::Placement(number), &joint.placement)?;
-            if let Motion::Revolute(axis) | Motion::Prismatic(axis) = &joint.motion {
+            if let ChainMotion::Revolute(axis) | ChainMotion::Prismatic(axis) = &joint.motion {
                 check::axis(number, axis)?;
             }
         }
@@ -88,13 +88,13 @@ impl<T: Real, const N: usize> Chain<T, N> {
 
     /// Returns the joints, proximal first.
     #[must_use]
-    pub const fn joints(&self) -> &[Joint<T>; N] {
+    pub const fn joints(&self) -> &[ChainJoint<T>; N] {
         &self.joints
     }
 
     /// Returns the bodies that the joints move.
     #[must_use]
-    pub const fn bodies(&self) -> &[Body<T>; N] {
+    pub const fn bodies(&self) -> &[ChainBody<T>; N] {
         &self.bodies
     }
 
@@ -110,9 +110,9 @@ impl<T: Real, const N: usize> Chain<T, N> {
     pub fn up_to(&self, joint: usize) -> Self {
         let mut part = *self;
         for after in part.joints.iter_mut().skip(joint.saturating_add(1)) {
-            *after = Joint {
+            *after = ChainJoint {
                 placement: Pose::identity(),
-                motion: Motion::Fixed,
+                motion: ChainMotion::Fixed,
             };
         }
         part.tip = Vector3::zeros();
@@ -120,7 +120,7 @@ impl<T: Real, const N: usize> Chain<T, N> {
     }
 }
 
-impl<T: Real> Body<T> {
+impl<T: Real> ChainBody<T> {
     /// Returns a body without mass.
     #[must_use]
     pub fn massless() -> Self {

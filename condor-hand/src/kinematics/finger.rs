@@ -1,7 +1,7 @@
 use nalgebra::{Matrix3, SVector, Vector3, Vector6};
 
 use super::check::{self, MechanismError, Part};
-use super::{Body, Chain, Jacobian, Joint, Kinematics, Motion};
+use super::{Chain, ChainBody, ChainJoint, ChainMotion, Jacobian, Kinematics};
 use crate::Pose;
 use crate::math::{Real, is_finite, of_sum, sin_cos, sqrt};
 use crate::number::not_negative;
@@ -42,8 +42,8 @@ pub struct Rod<T: Real = f64> {
 }
 
 impl<T: Real> Rod<T> {
-    fn body(&self) -> Body<T> {
-        Body {
+    fn body(&self) -> ChainBody<T> {
+        ChainBody {
             mass: self.mass,
             center: Vector3::new(self.center, T::zero(), T::zero()),
             inertia: Matrix3::from_diagonal(&self.inertia),
@@ -132,9 +132,9 @@ impl<T: Real> PlanarFinger<T> {
     #[must_use]
     pub fn chain(&self) -> Chain<T, 4> {
         let [l0, l1, l2, l3] = self.lengths;
-        let joint = |offset, axis| Joint {
+        let joint = |offset, axis| ChainJoint {
             placement: Pose::at(offset, T::zero(), T::zero()),
-            motion: Motion::Revolute(axis),
+            motion: ChainMotion::Revolute(axis),
         };
         Chain {
             base: self.base,

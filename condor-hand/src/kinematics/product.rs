@@ -3,7 +3,7 @@
 use nalgebra::{SVector, Vector3, Vector6};
 
 use super::null::null_direction;
-use super::{Chain, Jacobian, Kinematics, Motion};
+use super::{Chain, ChainMotion, Jacobian, Kinematics};
 use crate::Real;
 use crate::pose::{Pose, rotation_about};
 
@@ -36,14 +36,14 @@ impl<T: Real, const N: usize> Kinematics<T, N> for Chain<T, N> {
         let tip = self.walk(q, |motion, frame| {
             let Some(screw) = places.next() else { return };
             *screw = match motion {
-                Motion::Revolute(axis) => Screw::Turn {
+                ChainMotion::Revolute(axis) => Screw::Turn {
                     axis: frame.rotation * axis,
                     through: frame.position,
                 },
-                Motion::Prismatic(axis) => Screw::Slide {
+                ChainMotion::Prismatic(axis) => Screw::Slide {
                     axis: frame.rotation * axis,
                 },
-                Motion::Fixed => Screw::Still,
+                ChainMotion::Fixed => Screw::Still,
             };
         });
         let mut jacobian = Jacobian::<T, N>::zeros();
@@ -63,7 +63,7 @@ impl<T: Real, const N: usize> Kinematics<T, N> for Chain<T, N> {
     /// There is one if the joints that move, four or fewer, are one more than the directions in
     /// which they move the tip: with more than four joints there are always several.
     fn self_motion(&self, q: &SVector<T, N>) -> Option<SVector<T, N>> {
-        let moving = self.joints.map(|joint| joint.motion != Motion::Fixed);
+        let moving = self.joints.map(|joint| joint.motion != ChainMotion::Fixed);
         let (_, jacobian) = self.kinematics(q);
         null_direction(&jacobian.fixed_rows::<3>(0).into_owned(), &moving)
     }
@@ -72,15 +72,15 @@ impl<T: Real, const N: usize> Kinematics<T, N> for Chain<T, N> {
 impl<T: Real, const N: usize> Chain<T, N> {
     /// The frame at the tip; `joint` gets the frame of each joint before its motion.
     #[inline(always)]
-    fn walk(&self, q: &SVector<T, N>, mut joint: impl FnMut(&Motion<T>, &Pose<T>)) -> Pose<T> {
+    fn walk(&self, q: &SVector<T, N>, mut joint: impl FnMut(&ChainMotion<T>, &Pose<T>)) -> Pose<T> {
         let mut frame = self.base;
         for (link, &q) in self.joints.iter().zip(q.iter()) {
             frame = frame.then(&link.placement);
             joint(&link.motion, &frame);
             match link.motion {
-                Motion::Revolute(axis) => frame.rotation *= rotation_about(&axis, q),
-                Motion::Prismatic(axis) => frame.position += frame.rotation * axis * q,
-                Motion::Fixed => {}
+                ChainMotion::Revolute(axis) => frame.rotation *= rotation_about(&axis, q),
+                ChainMotion::Prismatic(axis) => frame.position += frame.rotation * axis * q,
+                ChainMotion::Fixed => {}
             }
         }
         Pose {

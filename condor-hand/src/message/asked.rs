@@ -1,17 +1,17 @@
 use super::values::{put_gains, put_target, put_wanted, take_gains, take_target, take_wanted};
-use super::words::{Put, Taken};
+use super::words::{WordReader, WordWriter};
 use crate::controller::FingerController;
 use crate::dynamics::Dynamics;
-use crate::servo::{JointGains, JointTarget, Mode};
+use crate::servo::{JointGains, JointTarget, ServoMode};
 use crate::trajectory::{SetPoint, StopGuard};
 
 /// A request to a finger, as the servo loop passed it to the finger's controller.
 ///
-/// [`ServoLoop::tick_telling`](super::ServoLoop::tick_telling) reports these requests. A program
+/// [`HandLoop::tick_telling`](super::HandLoop::tick_telling) reports these requests. A program
 /// that [repeats](Self::repeat) them in the same ticks, with the same readings of the sensors, gets
 /// the same behaviour of the finger.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Asked<const N: usize> {
+pub enum FingerRequest<const N: usize> {
     /// Clears the latched faults.
     Restart,
     /// Sets another mode of a joint.
@@ -19,7 +19,7 @@ pub enum Asked<const N: usize> {
         /// The joint, from 0.
         joint: usize,
         /// The mode that was asked for.
-        mode: Mode,
+        mode: ServoMode,
     },
     /// Sets a target of a joint, and the mode of that target.
     Target {
@@ -53,7 +53,7 @@ mod kind {
     pub(super) const FOLLOW: u32 = 4;
 }
 
-impl<const N: usize> Asked<N> {
+impl<const N: usize> FingerRequest<N> {
     /// Makes the same request to another controller. That refuses what the first controller
     /// refused; a refused request has no effect.
     pub fn repeat<M: Dynamics<f64, N>>(&self, controller: &mut FingerController<M, N>) {
@@ -89,7 +89,7 @@ impl<const N: usize> Asked<N> {
     /// Numbers are as in the [protocol](super): two words, the low one first.
     pub fn put(&self, words: &mut [u32]) -> usize {
         let before = words.len();
-        let mut put = Put::into(words);
+        let mut put = WordWriter::into(words);
         match self {
             Self::Restart => {
                 put.word(kind::RESTART);
@@ -118,12 +118,12 @@ impl<const N: usize> Asked<N> {
     /// Reads a request that [`put`](Self::put) wrote; returns `None` if the words are not one.
     #[must_use]
     pub fn take(words: &[u32]) -> Option<Self> {
-        let mut taken = Taken::from(words);
+        let mut taken = WordReader::from(words);
         Some(match taken.word() {
             kind::RESTART => Self::Restart,
             kind::MODE => Self::Mode {
                 joint: taken.word() as usize,
-                mode: Mode::from_number(taken.word())?,
+                mode: ServoMode::from_number(taken.word())?,
             },
             kind::TARGET => {
                 let (joint, mode) = (taken.word() as usize, taken.word());
@@ -174,7 +174,7 @@ mod tests {
             flexor: 9.0,
             extensor: 8.0,
         });
-        let mode = Mode::Position;
+        let mode = ServoMode::Position;
         let points = [1.0, -0.0, 3.0, 4.0].map(SetPoint::rest);
         let mut guards = [StopGuard::NONE; 4];
         guards[2] = StopGuard {
@@ -184,20 +184,20 @@ mod tests {
             contact: true,
         };
         for (asked, len) in [
-            (Asked::Restart, 1),
-            (Asked::Mode { joint: 3, mode }, 3),
-            (Asked::Target { joint: 1, target }, 9),
-            (Asked::Gains { joint: 2, gains }, 29),
-            (Asked::Follow { points, guards }, 49),
+            (FingerRequest::Restart, 1),
+            (FingerRequest::Mode { joint: 3, mode }, 3),
+            (FingerRequest::Target { joint: 1, target }, 9),
+            (FingerRequest::Gains { joint: 2, gains }, 29),
+            (FingerRequest::Follow { points, guards }, 49),
         ] {
             let mut words = [7; 64];
             assert_eq!(asked.put(&mut words), len);
-            assert_eq!(Asked::<4>::take(&words[..len]), Some(asked));
+            assert_eq!(FingerRequest::<4>::take(&words[..len]), Some(asked));
             // Nothing of it is past its end.
             assert!(words[len..].iter().all(|&word| word == 7));
         }
         for wrong in [&[5_u32] as &[u32], &[1, 0, 9], &[2, 0, 9], &[3, 0, 2]] {
-            assert_eq!(Asked::<4>::take(wrong), None);
+            assert_eq!(FingerRequest::<4>::take(wrong), None);
         }
     }
 }

@@ -2,19 +2,19 @@ use core::time::Duration;
 
 use condor_mbox::exchange::ExchangeError;
 use condor_mbox::{
-    AccessError, Error, Exchange, Instant, MemoryWindow, Messenger, Processor, Region,
+    AccessError, Exchange, Instant, MailboxError, MemoryWindow, Messenger, Processor, Region,
 };
 
-use super::places::ServoPlaces;
+use super::places::ServoLayout;
 use super::values::put_target;
-use super::words::{Put, Taken};
+use super::words::{WordReader, WordWriter};
 use super::{
-    ALL_JOINTS, Part, REQUEST_WORDS, Refusal, Request, Response, SERVO, Status, VERSION, Verb,
-    state,
+    ALL_JOINTS, Part, REQUEST_WORDS, Request, Response, SERVO, ServoOperation, ServoRefusal,
+    ServoStatus, VERSION, state,
 };
-use crate::config::Name;
+use crate::config::ShortName;
 use crate::decimal::Decimal;
-use crate::servo::{JointTarget, Mode};
+use crate::servo::{JointTarget, ServoMode};
 
 /// How long a servo processor is left alone that has not come to what it was asked: an order is done
 /// at the next tick of its loop.
@@ -35,9 +35,9 @@ pub struct ServoClient<'m, M: Messenger + ?Sized, W, const F: usize, const N: us
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Hello {
     /// The name of the hand.
-    pub hand: Name,
+    pub hand: ShortName,
     /// The name of the finger.
-    pub finger: Name,
+    pub finger: ShortName,
     /// The fingers of the hand that the processor serves: bit *i* stands for finger *i*.
     pub served: u32,
     /// The number of joints of a finger.
@@ -49,13 +49,13 @@ pub struct Hello {
 /// The reason for which a servo did not carry out, or answer, a request.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
-pub enum ClientError {
+pub enum ServoClientError {
     /// The message could not be sent, or was not answered.
     #[error(transparent)]
     Exchange(#[from] ExchangeError),
     /// The servo refused the request.
     #[error(transparent)]
-    Refused(#[from] Refusal),
+    Refused(#[from] ServoRefusal),
     /// A later order of another sender replaced this one, before or after it was carried out.
     #[error("another order took the place of order {number}")]
     Superseded {
@@ -118,7 +118,7 @@ where
         messenger: &'m M,
         to: Processor,
         region: &Region<W>,
-        places: ServoPlaces<F, N>,
+        places: ServoLayout<F, N>,
     ) -> Result<Self, AccessError> {
         Ok(Self {
             exchange: places.blocks.client(messenger, region)?,
@@ -130,15 +130,15 @@ where
     /// Returns the names of the hand and the finger, and properties of their servos.
     ///
     /// # Errors
-    /// [`ClientError::Version`] if the protocol has another version; [`ClientError::Refused`] if
-    /// the processor does not serve the finger; [`ClientError::Exchange`], [`ClientError::Busy`] or
-    /// [`ClientError::Protocol`] if there is no valid response.
-    pub fn hello(&mut self, finger: u32, timeout: Duration) -> Result<Hello, ClientError> {
-        let response = self.ask(&request(Verb::Hello, finger, 0, 0), timeout)?;
+    /// [`ServoClientError::Version`] if the protocol has another version; [`ServoClientError::Refused`] if
+    /// the processor does not serve the finger; [`ServoClientError::Exchange`], [`ServoClientError::Busy`] or
+    /// [`ServoClientError::Protocol`] if there is no valid response.
+    pub fn hello(&mut self, finger: u32, timeout: Duration) -> Result<Hello, ServoClientError> {
+        let response = self.ask(&request(ServoOperation::Hello, finger, 0, 0), timeout)?;
         let mut taken = self.check(&response)?;
         let found = taken.word();
         if found != VERSION {
-            return Err(ClientError::Version { to: self.to, found });
+            return Err(ServoClientError::Version { to: self.to, found });
         }
         let (served, joints, servo_hz) = (taken.word(), taken.word(), taken.word());
         Ok(Hello {
@@ -154,19 +154,19 @@ where
     /// torques or tensions.
     ///
     /// # Errors
-    /// [`ClientError::Refused`] if the servo refuses the request; [`ClientError::NotDone`] if its
-    /// loop has not processed the request in time; [`ClientError::Superseded`] if a later one
-    /// replaced it; [`ClientError::Exchange`], [`ClientError::Busy`] or [`ClientError::Protocol`]
+    /// [`ServoClientError::Refused`] if the servo refuses the request; [`ServoClientError::NotDone`] if its
+    /// loop has not processed the request in time; [`ServoClientError::Superseded`] if a later one
+    /// replaced it; [`ServoClientError::Exchange`], [`ServoClientError::Busy`] or [`ServoClientError::Protocol`]
     /// if there is no valid response.
     pub fn enable(
         &mut self,
         finger: u32,
         joint: Option<u32>,
-        mode: Mode,
+        mode: ServoMode,
         timeout: Duration,
-    ) -> Result<(), ClientError> {
+    ) -> Result<(), ServoClientError> {
         let joint = joint.unwrap_or(ALL_JOINTS);
-        let request = request(Verb::Mode, finger, joint, mode as u32);
+        let request = request(ServoOperation::Mode, finger, joint, mode as u32);
         self.order(&request, Part::Drive, timeout)
     }
 
@@ -179,14 +179,14 @@ where
         finger: u32,
         joint: Option<u32>,
         timeout: Duration,
-    ) -> Result<(), ClientError> {
-        self.enable(finger, joint, Mode::Off, timeout)
+    ) -> Result<(), ServoClientError> {
+        self.enable(finger, joint, ServoMode::Off, timeout)
     }
 
     /// Gives a joint a constant target, and the mode of that target.
     ///
     /// # Errors
-    /// The errors of [`enable`](Self::enable); [`ClientError::Refused`] also if the joint cannot
+    /// The errors of [`enable`](Self::enable); [`ServoClientError::Refused`] also if the joint cannot
     /// have the target.
     pub fn set_target(
         &mut self,
@@ -194,25 +194,29 @@ where
         joint: u32,
         target: &JointTarget<f64>,
         timeout: Duration,
-    ) -> Result<(), ClientError> {
-        let mut request = request(Verb::Target, finger, joint, 0);
+    ) -> Result<(), ServoClientError> {
+        let mut request = request(ServoOperation::Target, finger, joint, 0);
         let (_, words) = request.split_at_mut(ARGUMENT);
-        put_target(target, &mut Put::into(words));
+        put_target(target, &mut WordWriter::into(words));
         self.order(&request, Part::Drive, timeout)
     }
 
     /// Returns the state of a finger.
     ///
     /// # Errors
-    /// [`ClientError::Refused`] if the processor does not serve the finger;
-    /// [`ClientError::Exchange`] if the message fails; [`ClientError::Busy`] if the handler is busy
-    /// until the deadline; [`ClientError::Protocol`] if the response is invalid.
-    pub fn status(&mut self, finger: u32, timeout: Duration) -> Result<Status<N>, ClientError> {
-        let response = self.ask(&request(Verb::Status, finger, 0, 0), timeout)?;
+    /// [`ServoClientError::Refused`] if the processor does not serve the finger;
+    /// [`ServoClientError::Exchange`] if the message fails; [`ServoClientError::Busy`] if the handler is busy
+    /// until the deadline; [`ServoClientError::Protocol`] if the response is invalid.
+    pub fn status(
+        &mut self,
+        finger: u32,
+        timeout: Duration,
+    ) -> Result<ServoStatus<N>, ServoClientError> {
+        let response = self.ask(&request(ServoOperation::Status, finger, 0, 0), timeout)?;
         self.check(&response)?;
         let words = response.get(1..17).unwrap_or(&[]);
         let ticks = response.get(17).copied().unwrap_or(0);
-        Status::take(words, ticks).map_err(|word| self.protocol(word))
+        ServoStatus::take(words, ticks).map_err(|word| self.protocol(word))
     }
 
     /// Clears the latched faults of a finger. Its joints can get another mode once it does not
@@ -220,8 +224,8 @@ where
     ///
     /// # Errors
     /// The errors of [`enable`](Self::enable).
-    pub fn restart(&mut self, finger: u32, timeout: Duration) -> Result<(), ClientError> {
-        let request = request(Verb::Restart, finger, ALL_JOINTS, 0);
+    pub fn restart(&mut self, finger: u32, timeout: Duration) -> Result<(), ServoClientError> {
+        let request = request(ServoOperation::Restart, finger, ALL_JOINTS, 0);
         self.order(&request, Part::Restart, timeout)
     }
 
@@ -231,16 +235,16 @@ where
         request: &Request,
         part: Part,
         timeout: Duration,
-    ) -> Result<(), ClientError> {
+    ) -> Result<(), ServoClientError> {
         let deadline = self.messenger.now().after(timeout);
         let response = self.ask(request, timeout)?;
         let number = self.check(&response)?.word();
         let [_, finger, joint, ..] = *request;
-        let mut question = self::request(Verb::Outcome, finger, joint, number);
+        let mut question = self::request(ServoOperation::Outcome, finger, joint, number);
         if let Some(word) = question.get_mut(NUMBERS) {
             *word = part as u32;
         }
-        let not_done = ClientError::NotDone {
+        let not_done = ServoClientError::NotDone {
             to: self.to,
             number,
             timeout,
@@ -251,26 +255,28 @@ where
                 return Err(not_done);
             }
             match self.ask(&question, left) {
-                Err(ClientError::Exchange(ExchangeError::Mailbox(Error::TimedOut { .. }))) => {
+                Err(ServoClientError::Exchange(ExchangeError::Mailbox(
+                    MailboxError::TimedOut { .. },
+                ))) => {
                     return Err(not_done);
                 }
                 Err(error) => return Err(error),
                 Ok([state::PENDING, ..]) => self.pause(deadline)?,
-                Ok([state::SUPERSEDED, ..]) => return Err(ClientError::Superseded { number }),
+                Ok([state::SUPERSEDED, ..]) => return Err(ServoClientError::Superseded { number }),
                 Ok(response) => return self.check(&response).map(|_| ()),
             }
         }
     }
 
     /// One request, again while another one is being answered.
-    fn ask(&mut self, request: &Request, timeout: Duration) -> Result<Response, ClientError> {
+    fn ask(&mut self, request: &Request, timeout: Duration) -> Result<Response, ServoClientError> {
         let deadline = self.messenger.now().after(timeout);
         loop {
             let left = self.left(deadline);
             let response = self.exchange.call(self.to, SERVO, request, left)?;
             match response {
                 [state::BUSY, ..] if left.is_zero() => {
-                    return Err(ClientError::Busy {
+                    return Err(ServoClientError::Busy {
                         to: self.to,
                         timeout,
                     });
@@ -286,25 +292,25 @@ where
     }
 
     /// Gives the servo processor time.
-    fn pause(&self, deadline: Instant) -> Result<(), ClientError> {
+    fn pause(&self, deadline: Instant) -> Result<(), ServoClientError> {
         let pause = self.left(deadline).min(PAUSE);
         self.messenger.serve(pause).map_err(ExchangeError::from)?;
         Ok(())
     }
 
     /// What follows in a response if all is well.
-    fn check<'r>(&self, response: &'r Response) -> Result<Taken<'r>, ClientError> {
+    fn check<'r>(&self, response: &'r Response) -> Result<WordReader<'r>, ServoClientError> {
         let (&[state], rest) = response.split_at(1) else {
             return Err(self.protocol(0));
         };
         match state {
-            state::DONE => Ok(Taken::from(rest)),
-            other => Err(Refusal::take(&mut Taken::from(response))
-                .map_or_else(|| self.protocol(other), ClientError::Refused)),
+            state::DONE => Ok(WordReader::from(rest)),
+            other => Err(ServoRefusal::take(&mut WordReader::from(response))
+                .map_or_else(|| self.protocol(other), ServoClientError::Refused)),
         }
     }
 
-    fn name(&self, taken: &mut Taken<'_>) -> Result<Name, ClientError> {
+    fn name(&self, taken: &mut WordReader<'_>) -> Result<ShortName, ServoClientError> {
         let mut bytes = [0; 16];
         for part in bytes.chunks_mut(4) {
             part.copy_from_slice(&taken.word().to_le_bytes());
@@ -312,20 +318,20 @@ where
         let text = bytes.split(|&byte| byte == 0).next().unwrap_or(&[]);
         let [first, ..] = bytes;
         let name = core::str::from_utf8(text).ok();
-        name.and_then(|text| Name::try_from(text).ok())
+        name.and_then(|text| ShortName::try_from(text).ok())
             .ok_or_else(|| self.protocol(u32::from(first)))
     }
 
-    fn protocol(&self, word: u32) -> ClientError {
-        ClientError::Protocol { to: self.to, word }
+    fn protocol(&self, word: u32) -> ServoClientError {
+        ServoClientError::Protocol { to: self.to, word }
     }
 }
 
 const ARGUMENT: usize = 3;
 const NUMBERS: usize = 4;
 
-fn request(verb: Verb, finger: u32, joint: u32, argument: u32) -> Request {
+fn request(operation: ServoOperation, finger: u32, joint: u32, argument: u32) -> Request {
     let mut request = [0; REQUEST_WORDS];
-    Put::into(&mut request).words(&[verb as u32, finger, joint, argument]);
+    WordWriter::into(&mut request).words(&[operation as u32, finger, joint, argument]);
     request
 }

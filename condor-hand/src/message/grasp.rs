@@ -1,10 +1,10 @@
 //! Orders and reports of grasps in the window of a servo processor.
 
-use condor_mbox::published::{Publisher, ReadError, Subscriber};
-use condor_mbox::{AccessError, MemoryWindow, Places, Published, Region};
+use condor_mbox::published::{PublishedReadError, Publisher, Subscriber};
+use condor_mbox::{AccessError, Allocator, MemoryWindow, Published, Region};
 
-use super::ServoLoop;
-use super::words::{Put, Taken};
+use super::HandLoop;
+use super::words::{WordReader, WordWriter};
 use crate::controller::FingerController;
 use crate::dynamics::Dynamics;
 use crate::grasp::distributed::{
@@ -28,7 +28,7 @@ impl<const F: usize> GraspOrder<F> {
     /// [`WORDS`](Self::WORDS): its fields one after another, with two words for each number, the
     /// low one first.
     pub fn put(&self, words: &mut [u32]) {
-        Put::into(words)
+        WordWriter::into(words)
             .long(self.fingers)
             .numbers(self.stiffness.as_flattened())
             .numbers(self.damping.as_flattened())
@@ -43,7 +43,7 @@ impl<const F: usize> GraspOrder<F> {
     /// Reads an order that [`put`](Self::put) wrote; missing words are zeros.
     #[must_use]
     pub fn take(words: &[u32]) -> Self {
-        let mut taken = Taken::from(words);
+        let mut taken = WordReader::from(words);
         Self {
             fingers: taken.long(),
             stiffness: core::array::from_fn(|_| taken.numbers()),
@@ -64,7 +64,7 @@ impl<const F: usize> GraspOrder<F> {
 impl<const F: usize> GraspReport<F> {
     fn words(&self) -> ReportWords {
         let mut words = ReportWords::default();
-        Put::into(&mut words)
+        WordWriter::into(&mut words)
             .words(&[self.state as u32, self.reason as u32])
             .long(self.order)
             .number(self.squeeze_share)
@@ -74,7 +74,7 @@ impl<const F: usize> GraspReport<F> {
     }
 
     fn take(words: &ReportWords) -> Self {
-        let mut taken = Taken::from(words);
+        let mut taken = WordReader::from(words);
         Self {
             state: match taken.word() {
                 1 => GraspState::Waiting,
@@ -103,14 +103,14 @@ impl<const F: usize> GraspReport<F> {
 /// The places of orders and reports of a grasp in the `data` of a servo processor, whose hand has
 /// `F` fingers.
 #[derive(Clone, Copy, Debug)]
-pub struct GraspPlaces<const F: usize> {
+pub struct GraspLayout<const F: usize> {
     /// The number of the latest order; stored after the order.
     number: u32,
     order: Published<OrderWords>,
     report: Published<ReportWords>,
 }
 
-impl<const F: usize> GraspPlaces<F> {
+impl<const F: usize> GraspLayout<F> {
     const BYTES: u32 =
         NUMBER_BYTES + Published::<OrderWords>::BYTES + Published::<ReportWords>::BYTES;
 
@@ -118,7 +118,7 @@ impl<const F: usize> GraspPlaces<F> {
     ///
     /// # Errors
     /// [`AccessError`] of the kind `OutOfBounds` if there is no room.
-    pub const fn new(places: &mut Places) -> Result<Self, AccessError> {
+    pub const fn new(places: &mut Allocator) -> Result<Self, AccessError> {
         match places.bytes(Self::BYTES as usize) {
             Ok(offset) => Ok(Self::at(offset)),
             Err(error) => Err(error),
@@ -157,9 +157,12 @@ impl<const F: usize> GraspPlaces<F> {
     /// Reads the last report of the servo loop.
     ///
     /// # Errors
-    /// [`ReadError::Unpublished`] if there is no report yet, [`ReadError::Contended`] if the servo
-    /// loop writes too fast, [`ReadError::Access`] if the memory cannot be accessed.
-    pub fn report<W: MemoryWindow>(&self, region: &Region<W>) -> Result<GraspReport<F>, ReadError> {
+    /// [`PublishedReadError::Unpublished`] if there is no report yet, [`PublishedReadError::Contended`] if the servo
+    /// loop writes too fast, [`PublishedReadError::Access`] if the memory cannot be accessed.
+    pub fn report<W: MemoryWindow>(
+        &self,
+        region: &Region<W>,
+    ) -> Result<GraspReport<F>, PublishedReadError> {
         let latest = self.report.subscriber(region)?.read()?;
         Ok(GraspReport::take(&latest.value))
     }
@@ -223,7 +226,7 @@ impl<W: MemoryWindow, const F: usize> GraspEnd<W, F> {
     }
 }
 
-impl<M, W, const F: usize, const N: usize> FingerControllers<M, N> for ServoLoop<'_, M, W, F, N>
+impl<M, W, const F: usize, const N: usize> FingerControllers<M, N> for HandLoop<'_, M, W, F, N>
 where
     M: Dynamics<f64, N>,
     W: MemoryWindow,

@@ -1,12 +1,12 @@
 use condor_mbox::{Call, Exclusion, MemoryWindow, Region, StaticWindow};
 
 use super::memory::{FingerMemory, JointMemory, Order, Outcome, kind, word};
-use super::places::ServoPlaces;
+use super::places::ServoLayout;
 use super::values::{put_target, take_target};
-use super::words::{Put, Taken};
-use super::{ALL_JOINTS, Part, Refusal, Request, Response, VERSION, Verb, state};
-use crate::config::Name;
-use crate::servo::Mode;
+use super::words::{WordReader, WordWriter};
+use super::{ALL_JOINTS, Part, Request, Response, ServoOperation, ServoRefusal, VERSION, state};
+use crate::config::ShortName;
+use crate::servo::ServoMode;
 
 /// The part of a [`ServoObject`](super::ServoObject) that answers messages, in the background of its processor.
 #[derive(Debug)]
@@ -14,46 +14,46 @@ pub struct ServoHandler<'o, W, X, const F: usize, const N: usize> {
     /// Its word is 1 while a request is being answered.
     desk: Region<StaticWindow<'o>>,
     fingers: &'o [FingerMemory<N>; F],
-    identity: Identity<F>,
+    identity: HandIdentity<F>,
     /// A bit for each finger of the hand that this processor serves.
     served: u32,
     region: Region<W>,
-    places: ServoPlaces<F, N>,
+    places: ServoLayout<F, N>,
     exclusion: X,
 }
 
 /// The names of a hand and its fingers, which servos report.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Identity<const F: usize> {
+pub struct HandIdentity<const F: usize> {
     /// The name of the hand.
-    pub hand: Name,
+    pub hand: ShortName,
     /// The names of its fingers.
-    pub fingers: [Name; F],
+    pub fingers: [ShortName; F],
     /// Servo ticks in a second, Hz.
     pub servo_hz: u32,
 }
 
 /// Why there is nothing else in a response.
-enum Unanswered {
-    Refused(Refusal),
+enum EmptyResponse {
+    Refused(ServoRefusal),
     State(u32),
 }
 
-impl From<Refusal> for Unanswered {
-    fn from(refusal: Refusal) -> Self {
+impl From<ServoRefusal> for EmptyResponse {
+    fn from(refusal: ServoRefusal) -> Self {
         Self::Refused(refusal)
     }
 }
 
 /// What is read from memory of the object is whole but for a loop on another core that is too fast.
-const BUSY: Unanswered = Unanswered::State(state::BUSY);
+const BUSY: EmptyResponse = EmptyResponse::State(state::BUSY);
 
-impl<const F: usize> Identity<F> {
+impl<const F: usize> HandIdentity<F> {
     /// Makes an identity; names are cut off after 15 bytes.
     #[must_use]
     pub fn new(hand: &str, fingers: [&str; F], servo_hz: u32) -> Self {
         let name = |text: &str| {
-            let mut name = Name::new();
+            let mut name = ShortName::new();
             for letter in text.chars() {
                 if name.push(letter).is_err() {
                     break;
@@ -75,10 +75,10 @@ impl<'o, W: MemoryWindow, X: Exclusion, const F: usize, const N: usize>
     pub(super) const fn new(
         desk: Region<StaticWindow<'o>>,
         fingers: &'o [FingerMemory<N>; F],
-        identity: Identity<F>,
+        identity: HandIdentity<F>,
         served: u32,
         region: Region<W>,
-        places: ServoPlaces<F, N>,
+        places: ServoLayout<F, N>,
         exclusion: X,
     ) -> Self {
         Self {
@@ -119,21 +119,22 @@ impl<'o, W: MemoryWindow, X: Exclusion, const F: usize, const N: usize>
         }
         match outcome {
             Ok(()) => {}
-            Err(Unanswered::State(state)) => response = state_only(state),
-            Err(Unanswered::Refused(refusal)) => {
+            Err(EmptyResponse::State(state)) => response = state_only(state),
+            Err(EmptyResponse::Refused(refusal)) => {
                 response = Response::default();
-                refusal.put(&mut Put::into(&mut response));
+                refusal.put(&mut WordWriter::into(&mut response));
             }
         }
         response
     }
 
-    fn obey(&self, request: &Request, response: &mut Response) -> Result<(), Unanswered> {
-        let mut taken = Taken::from(request);
-        let verb = taken.word();
-        let verb = Verb::from_number(verb).ok_or(Refusal::Verb { verb })?;
+    fn obey(&self, request: &Request, response: &mut Response) -> Result<(), EmptyResponse> {
+        let mut taken = WordReader::from(request);
+        let operation = taken.word();
+        let operation =
+            ServoOperation::from_number(operation).ok_or(ServoRefusal::Operation { operation })?;
         let (finger, joint, argument) = (taken.word(), taken.word(), taken.word());
-        let no_finger = Refusal::NoFinger {
+        let no_finger = ServoRefusal::NoFinger {
             finger,
             served: self.served,
         };
@@ -146,42 +147,43 @@ impl<'o, W: MemoryWindow, X: Exclusion, const F: usize, const N: usize>
         ) else {
             return Err(no_finger.into());
         };
-        let mut put = Put::into(response);
+        let mut put = WordWriter::into(response);
         put.word(state::DONE);
-        match verb {
-            Verb::Hello => {
+        match operation {
+            ServoOperation::Hello => {
                 put.words(&[VERSION, self.served, N as u32, self.identity.servo_hz])
                     .words(&name_words(&self.identity.hand))
                     .words(&name_words(name));
             }
-            Verb::Mode => {
-                let mode = Mode::from_number(argument).ok_or(Refusal::Mode { mode: argument })?;
+            ServoOperation::Mode => {
+                let mode = ServoMode::from_number(argument)
+                    .ok_or(ServoRefusal::Mode { mode: argument })?;
                 put.word(memory.order(joint, |put| {
                     put.words(&[kind::MODE, mode as u32]).numbers(&[0.0; 3]);
                 })?);
             }
-            Verb::Target => {
+            ServoOperation::Target => {
                 let target = take_target(argument, &mut taken)?;
                 put.word(memory.order(joint, |put| {
                     put_target(&target, put.word(kind::TARGET));
                 })?);
             }
-            Verb::Status => {
+            ServoOperation::Status => {
                 let (cell, window) = memory.report();
                 let report = cell.subscriber(window).map_err(|_| BUSY)?.read();
                 put.words(&report.map_err(|_| BUSY)?.value)
                     .word(memory.word(word::TICKS)?);
             }
-            Verb::Restart => {
+            ServoOperation::Restart => {
                 let restarts = memory.word(word::RESTARTS)?.wrapping_add(1);
                 memory.set_word(word::RESTARTS, restarts)?;
                 put.word(memory.announce(memory.next_order()?)?);
             }
-            Verb::Outcome => {
+            ServoOperation::Outcome => {
                 let part = match taken.word() {
                     0 => Part::Drive,
                     1 => Part::Restart,
-                    part => return Err(Refusal::Part { part }.into()),
+                    part => return Err(ServoRefusal::Part { part }.into()),
                 };
                 memory.outcome(joint, part, argument)?;
             }
@@ -191,31 +193,33 @@ impl<'o, W: MemoryWindow, X: Exclusion, const F: usize, const N: usize>
 }
 
 impl<const N: usize> FingerMemory<N> {
-    fn joint(&self, joint: u32) -> Result<&JointMemory, Refusal> {
-        self.joints.get(joint as usize).ok_or(Refusal::NoJoint {
-            joint,
-            joints: N as u32,
-        })
+    fn joint(&self, joint: u32) -> Result<&JointMemory, ServoRefusal> {
+        self.joints
+            .get(joint as usize)
+            .ok_or(ServoRefusal::NoJoint {
+                joint,
+                joints: N as u32,
+            })
     }
 
     /// One joint, or all of them.
-    fn chosen(&self, joint: u32) -> Result<&[JointMemory], Refusal> {
+    fn chosen(&self, joint: u32) -> Result<&[JointMemory], ServoRefusal> {
         if joint == ALL_JOINTS {
             return Ok(&self.joints);
         }
         self.joint(joint).map(core::slice::from_ref)
     }
 
-    fn word(&self, word: u32) -> Result<u32, Unanswered> {
+    fn word(&self, word: u32) -> Result<u32, EmptyResponse> {
         self.words().word(word).map_err(|_| BUSY)
     }
 
-    fn set_word(&self, word: u32, value: u32) -> Result<(), Unanswered> {
+    fn set_word(&self, word: u32, value: u32) -> Result<(), EmptyResponse> {
         self.words().set_word(word, value).map_err(|_| BUSY)
     }
 
     /// The number after the last order's; 0 is that of none.
-    fn next_order(&self) -> Result<u32, Unanswered> {
+    fn next_order(&self) -> Result<u32, EmptyResponse> {
         Ok(match self.word(word::ORDERS)?.wrapping_add(1) {
             0 => 1,
             number => number,
@@ -223,18 +227,18 @@ impl<const N: usize> FingerMemory<N> {
     }
 
     /// Lets the loop see all that the order has written.
-    fn announce(&self, number: u32) -> Result<u32, Unanswered> {
+    fn announce(&self, number: u32) -> Result<u32, EmptyResponse> {
         self.set_word(word::ORDERS, number)?;
         Ok(number)
     }
 
     /// Replaces what joints are to do; gives the number of the order.
-    fn order(&self, joint: u32, fill: impl Fn(&mut Put<'_>)) -> Result<u32, Unanswered> {
+    fn order(&self, joint: u32, fill: impl Fn(&mut WordWriter<'_>)) -> Result<u32, EmptyResponse> {
         let chosen = self.chosen(joint)?;
         let number = self.next_order()?;
         for joint in chosen {
             let mut order = Order::default();
-            let mut put = Put::into(&mut order);
+            let mut put = WordWriter::into(&mut order);
             put.word(number);
             fill(&mut put);
             joint.publish(&order)?;
@@ -243,25 +247,25 @@ impl<const N: usize> FingerMemory<N> {
     }
 
     /// What became of an order, if not that it was done.
-    fn outcome(&self, joint: u32, part: Part, number: u32) -> Result<(), Unanswered> {
+    fn outcome(&self, joint: u32, part: Part, number: u32) -> Result<(), EmptyResponse> {
         let chosen = self.chosen(joint)?;
         let (cell, window) = self.report();
         let report = cell.subscriber(window).map_err(|_| BUSY)?.read();
-        let report = super::Status::<N>::take(&report.map_err(|_| BUSY)?.value, 0);
+        let report = super::ServoStatus::<N>::take(&report.map_err(|_| BUSY)?.value, 0);
         let settled = report.map_err(|_| BUSY)?.settled;
         if settled.wrapping_sub(number).cast_signed() < 0 {
-            return Err(Unanswered::State(state::PENDING));
+            return Err(EmptyResponse::State(state::PENDING));
         }
         if part == Part::Restart {
             return Ok(());
         }
         for joint in chosen {
             let outcome = joint.last_outcome()?;
-            let mut taken = Taken::from(&outcome);
+            let mut taken = WordReader::from(&outcome);
             if taken.word() != number {
-                return Err(Unanswered::State(state::SUPERSEDED));
+                return Err(EmptyResponse::State(state::SUPERSEDED));
             }
-            if let Some(refusal) = Refusal::take(&mut taken) {
+            if let Some(refusal) = ServoRefusal::take(&mut taken) {
                 return Err(refusal.into());
             }
         }
@@ -270,14 +274,14 @@ impl<const N: usize> FingerMemory<N> {
 }
 
 impl JointMemory {
-    fn publish(&self, order: &Order) -> Result<(), Unanswered> {
+    fn publish(&self, order: &Order) -> Result<(), EmptyResponse> {
         let (cell, window): (_, StaticWindow<'_>) = self.order();
         // One handler at a time is here: a new publisher goes on where the last one stopped.
         let mut publisher = cell.publisher(window).map_err(|_| BUSY)?;
         publisher.publish(order).map(|_| ()).map_err(|_| BUSY)
     }
 
-    fn last_outcome(&self) -> Result<Outcome, Unanswered> {
+    fn last_outcome(&self) -> Result<Outcome, EmptyResponse> {
         let (cell, window) = self.outcome();
         let latest = cell.subscriber(window).map_err(|_| BUSY)?.read();
         Ok(latest.map_err(|_| BUSY)?.value)
@@ -286,12 +290,12 @@ impl JointMemory {
 
 fn state_only(state: u32) -> Response {
     let mut response = Response::default();
-    Put::into(&mut response).word(state);
+    WordWriter::into(&mut response).word(state);
     response
 }
 
 /// A name and zeros after it.
-fn name_words(name: &Name) -> [u32; 4] {
+fn name_words(name: &ShortName) -> [u32; 4] {
     let mut bytes = name.bytes();
     core::array::from_fn(|_| {
         u32::from_le_bytes(core::array::from_fn(|_| bytes.next().unwrap_or(0)))

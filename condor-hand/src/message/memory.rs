@@ -81,7 +81,7 @@ impl JointMemory {
         let (cell, window) = self.order();
         match cell.subscriber(window).ok()?.read() {
             Ok(latest) => Some(latest.value),
-            Err(condor_mbox::published::ReadError::Unpublished) => {
+            Err(condor_mbox::published::PublishedReadError::Unpublished) => {
                 Some([0; size_of::<Order>() / 4])
             }
             Err(_) => None,

@@ -1,6 +1,6 @@
 //! The motion queue of a controller, served by message.
 //!
-//! A client opens a session and takes control. Then it offers motions, each with an [`Identity`] of
+//! A client opens a session and takes control. Then it offers motions, each with an [`RequestIdentity`] of
 //! its own, and asks what has become of them. Whatever is lost on the way, it asks the same again:
 //! the [queue](crate::queue) runs no identity twice. [`MotionsClient`] does this.
 //!
@@ -10,18 +10,18 @@
 //! motions and joints a robot has, and how it moves, is the controller's: it makes the data of a
 //! request from an [`Offer`], and begins and ends what is [next](MotionsServer::next_request).
 //!
-//! | verb | request | answer |
+//! | operation | request | answer |
 //! |---|---|---|
-//! | [`Open`](Verb::Open) | | [`Code::Done`] with the session as value; until then [`Code::Pending`]; [`Code::Exhausted`] if there is no number for one |
-//! | [`Control`](Verb::Control) | session; number 1: from another one, too | [`Code::Done`], with the session in control |
-//! | [`Offer`](Verb::Offer) | session, number, body: motions, as the controller reads them | as [`Look`](Verb::Look), and [`Code::Pending`] until it is accepted or refused |
-//! | [`Look`](Verb::Look) | session, number | [`Code::Known`], [`Code::New`], [`Code::Never`], [`Code::Forgotten`], [`Code::NoSession`]; [`Code::Pending`] while the controller has it and has not decided |
-//! | [`Abort`](Verb::Abort) | session, which is in control | [`Code::Done`], with the session in control; until the controller has ended all motion and written so, [`Code::Pending`] |
-//! | [`GiveUp`](Verb::GiveUp) | session | [`Code::Done`] |
-//! | [`Stream`](Verb::Stream) | session, number, body: the mask of the joints | as [`Offer`](Verb::Offer) |
-//! | [`Points`](Verb::Points) | session, number, body: a [`Batch`] | [`Code::Done`] with the time until which there are points, ms; [`Code::Busy`] with that time if there is no room; [`Code::Pending`] until the stream begins; [`Code::Refused`] with the reason; [`Code::Known`] once the stream has ended |
+//! | [`Open`](MotionOperation::Open) | | [`Code::Done`] with the session as value; until then [`Code::Pending`]; [`Code::Exhausted`] if there is no number for one |
+//! | [`Control`](MotionOperation::Control) | session; number 1: from another one, too | [`Code::Done`], with the session in control |
+//! | [`Offer`](MotionOperation::Offer) | session, number, body: motions, as the controller reads them | as [`Look`](MotionOperation::Look), and [`Code::Pending`] until it is accepted or refused |
+//! | [`Look`](MotionOperation::Look) | session, number | [`Code::Known`], [`Code::New`], [`Code::Never`], [`Code::Forgotten`], [`Code::NoSession`]; [`Code::Pending`] while the controller has it and has not decided |
+//! | [`Abort`](MotionOperation::Abort) | session, which is in control | [`Code::Done`], with the session in control; until the controller has ended all motion and written so, [`Code::Pending`] |
+//! | [`GiveUp`](MotionOperation::GiveUp) | session | [`Code::Done`] |
+//! | [`Stream`](MotionOperation::Stream) | session, number, body: the mask of the joints | as [`Offer`](MotionOperation::Offer) |
+//! | [`Points`](MotionOperation::Points) | session, number, body: a [`Batch`] | [`Code::Done`] with the time until which there are points, ms; [`Code::Busy`] with that time if there is no room; [`Code::Pending`] until the stream begins; [`Code::Refused`] with the reason; [`Code::Known`] once the stream has ended |
 //!
-//! A request is a [`Request`], and its answer a [`Response`], in the [blocks](Blocks) of the
+//! A request is a [`MotionRequest`], and its answer a [`MotionResponse`], in the [blocks](Blocks) of the
 //! controller: words of 32 bits, little-endian.
 //!
 //! A stream is a request like any other, but its points come while it runs: batches with numbers, so
@@ -29,12 +29,12 @@
 //! batch is refused as a whole if a joint would leave its limits
 //! ([`JointStream`](crate::trajectory::JointStream)). When the next point has not come in time, the
 //! joints brake from the last one within their limits, and the request is aborted with
-//! [`Reason::Starved`]. A [`StreamRequest`] takes the points.
+//! [`RefusalReason::Starved`]. A [`StreamRequest`] takes the points.
 //!
-//! A session belongs to the processor that opened it, and to its life: other processors get
+//! A session belongs to the processor that opened it, and to its incarnation: other processors get
 //! [`Code::NotYours`], but for `Look`, and for an `Offer` of a request that the controller has
-//! already. When that life ends, the controller closes the session, and its control with it; the next
-//! life of the processor cannot use it even before that. What it had enqueued goes on. A request of it that
+//! already. When that incarnation ends, the controller closes the session, and its control with it; the next
+//! incarnation of the processor cannot use it even before that. What it had enqueued goes on. A request of it that
 //! the controller has not got then never runs ([`Code::Never`]). When the controller's program ends,
 //! what it had accepted is lost or broken off; the sessions stay.
 
@@ -46,17 +46,17 @@ mod server;
 mod stream;
 
 pub use batch::{BATCH, Batch};
-pub use client::{MotionsClient, MotionsError, Seen, Sent};
+pub use client::{MotionsClient, MotionsError, RequestProgress, SentPoints};
 pub use post::{MotionsPost, Offer};
-pub use refusal::Refusal;
-pub use server::{LedgerStore, MotionsServer, News};
+pub use refusal::StreamRefusal;
+pub use server::{LedgerStore, MotionsEvent, MotionsServer};
 pub use stream::StreamRequest;
 
 use condor_mbox::Vector;
 use condor_mbox::exchange::Blocks;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
-use crate::queue::{Answer, Identity, Reason, State};
+use crate::queue::{QueueAnswer, RefusalReason, RequestIdentity, RequestState};
 
 /// The vector of a controller for requests of motions.
 pub const MOTIONS: Vector = Vector(33);
@@ -67,16 +67,16 @@ pub const VERSION: u32 = 3;
 pub const BODY_BYTES: usize = 480;
 
 /// The blocks of requests and answers in the window of a controller.
-pub type MotionsBlocks = Blocks<Request, Response>;
+pub type MotionsBlocks = Blocks<MotionRequest, MotionResponse>;
 
-/// The greatest [`Response::progress`].
+/// The greatest [`MotionResponse::progress`].
 const WHOLE: u32 = 1000;
 
-/// The verb of a request.
+/// The operation of a request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 #[non_exhaustive]
-pub enum Verb {
+pub enum MotionOperation {
     /// Opens a session.
     Open = 1,
     /// Takes control.
@@ -95,11 +95,12 @@ pub enum Verb {
     Points = 8,
 }
 
-impl Verb {
+impl MotionOperation {
     fn from_number(number: u32) -> Option<Self> {
-        use Verb::{Abort, Control, GiveUp, Look, Offer, Open, Points, Stream};
+        use MotionOperation::{Abort, Control, GiveUp, Look, Offer, Open, Points, Stream};
         let all = [Open, Control, Offer, Look, Abort, GiveUp, Stream, Points];
-        all.into_iter().find(|verb| *verb as u32 == number)
+        all.into_iter()
+            .find(|operation| *operation as u32 == number)
     }
 }
 
@@ -125,7 +126,7 @@ pub enum Code {
     Busy = 7,
     /// The message is not a request.
     Wrong = 8,
-    /// The session is that of another processor, or of an earlier life of this one.
+    /// The session is that of another processor, or of an earlier incarnation of this one.
     NotYours = 9,
     /// The session's client was gone before the controller had the request, which never runs.
     Never = 10,
@@ -158,11 +159,11 @@ impl Code {
 /// A request as it lies in its block.
 #[derive(Clone, Copy, Debug, PartialEq, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
-pub struct Request {
+pub struct MotionRequest {
     /// The [`VERSION`] of the client.
     pub version: u32,
-    /// The number of a [`Verb`].
-    pub verb: u32,
+    /// The number of a [`MotionOperation`].
+    pub operation: u32,
     /// The session.
     pub session: u32,
     /// The number of the request in the session.
@@ -173,11 +174,11 @@ pub struct Request {
     pub body: [u8; BODY_BYTES],
 }
 
-impl Request {
-    fn new(verb: Verb, session: u32, number: u32) -> Self {
+impl MotionRequest {
+    fn new(operation: MotionOperation, session: u32, number: u32) -> Self {
         Self {
             version: VERSION,
-            verb: verb as u32,
+            operation: operation as u32,
             session,
             number,
             length: 0,
@@ -185,8 +186,8 @@ impl Request {
         }
     }
 
-    const fn identity(&self) -> Identity {
-        Identity {
+    const fn identity(&self) -> RequestIdentity {
+        RequestIdentity {
             session: self.session,
             number: self.number,
         }
@@ -200,14 +201,14 @@ impl Request {
 /// An answer as it lies in its block.
 #[derive(Clone, Copy, Debug, Default, PartialEq, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
-pub struct Response {
+pub struct MotionResponse {
     /// The [`VERSION`] of the controller.
     pub version: u32,
     /// The number of a [`Code`].
     pub code: u32,
-    /// The number of a [`State`], of [`Code::Known`].
+    /// The number of a [`RequestState`], of [`Code::Known`].
     pub state: u32,
-    /// The number of a [`Reason`], of [`Code::Known`].
+    /// The number of a [`RefusalReason`], of [`Code::Known`].
     pub reason: u32,
     /// A session; the number of requests before one that waits; or the time of points, ms.
     pub value: u32,
@@ -215,10 +216,10 @@ pub struct Response {
     /// stream.
     pub progress: u32,
     /// The reason of [`Code::Refused`].
-    pub refusal: Refusal,
+    pub refusal: StreamRefusal,
 }
 
-impl Response {
+impl MotionResponse {
     fn new(code: Code, value: u32) -> Self {
         Self {
             version: VERSION,
@@ -228,13 +229,13 @@ impl Response {
         }
     }
 
-    fn of(answer: Answer) -> Self {
+    fn of(answer: QueueAnswer) -> Self {
         let (code, state, reason) = match answer {
-            Answer::Known(state, reason) => (Code::Known, state as u32, reason as u32),
-            Answer::New => (Code::New, 0, 0),
-            Answer::Never => (Code::Never, 0, 0),
-            Answer::Forgotten => (Code::Forgotten, 0, 0),
-            Answer::NoSession => (Code::NoSession, 0, 0),
+            QueueAnswer::Known(state, reason) => (Code::Known, state as u32, reason as u32),
+            QueueAnswer::New => (Code::New, 0, 0),
+            QueueAnswer::Never => (Code::Never, 0, 0),
+            QueueAnswer::Forgotten => (Code::Forgotten, 0, 0),
+            QueueAnswer::NoSession => (Code::NoSession, 0, 0),
         };
         Self {
             state,
@@ -244,16 +245,16 @@ impl Response {
     }
 
     /// The answer of the queue; `None` if the response has none.
-    fn answer(&self) -> Option<Answer> {
+    fn answer(&self) -> Option<QueueAnswer> {
         Some(match Code::from_number(self.code)? {
-            Code::Known => Answer::Known(
-                State::from_number(self.state)?,
-                Reason::from_number(self.reason)?,
+            Code::Known => QueueAnswer::Known(
+                RequestState::from_number(self.state)?,
+                RefusalReason::from_number(self.reason)?,
             ),
-            Code::New => Answer::New,
-            Code::Never => Answer::Never,
-            Code::Forgotten => Answer::Forgotten,
-            Code::NoSession => Answer::NoSession,
+            Code::New => QueueAnswer::New,
+            Code::Never => QueueAnswer::Never,
+            Code::Forgotten => QueueAnswer::Forgotten,
+            Code::NoSession => QueueAnswer::NoSession,
             _ => return None,
         })
     }

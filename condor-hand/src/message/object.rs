@@ -1,16 +1,16 @@
 use condor_mbox::{AccessError, Exclusion, MemoryWindow, Region, StaticMemory};
 
-use super::handler::{Identity, ServoHandler};
+use super::handler::{HandIdentity, ServoHandler};
 use super::memory::FingerMemory;
-use super::places::ServoPlaces;
-use super::servo_loop::ServoLoop;
+use super::places::ServoLayout;
+use super::servo_loop::HandLoop;
 use crate::controller::FingerController;
 use crate::dynamics::Dynamics;
 
 /// The fingers of `N` joints that one processor serves, of a hand of `F` fingers, as an object that
 /// answers messages.
 ///
-/// It is private memory, through which its two parts, [`ServoHandler`] and [`ServoLoop`], pass
+/// It is private memory, through which its two parts, [`ServoHandler`] and [`HandLoop`], pass
 /// states to each other without locks.
 ///
 /// ```
@@ -19,21 +19,21 @@ use crate::dynamics::Dynamics;
 /// # use condor_mbox::{Call, CriticalSection, MemoryWindow, Messenger, Places, Processor, Region};
 /// use condor_hand::config::Hand;
 /// use condor_hand::controller::FingerController;
-/// use condor_hand::message::{Identity, SERVO, ServoClient, ServoObject, ServoPlaces};
-/// use condor_hand::servo::{Mode, Sensed};
+/// use condor_hand::message::{Identity, SERVO, ServoClient, ServoObject, ServoLayout};
+/// use condor_hand::servo::{ServoMode, FingerReadings};
 /// # use condor_hand::tendon::Pair;
 ///
 /// # const MASTER: Processor = Processor(0);
-/// # const SLAVE: Processor = Processor(1);
+/// # const REMOTE: Processor = Processor(1);
 /// # let system = System::<2>::in_real_time(4096);
-/// # let [_, windows] = system.windows(SLAVE);
+/// # let [_, windows] = system.windows(REMOTE);
 /// # let text = include_str!("../../hands/utah-mit.toml");
 /// let hand = Hand::<4, 4>::from_toml(text, "utah-mit.toml")?;
 /// let finger = &hand.fingers[0];
 ///
 /// // The processor of one finger.
 /// let ram = Region::users(windows.data)?;
-/// let places = ServoPlaces::<4, 4>::new(&mut Places::new(ram.size()), 2)?;
+/// let places = ServoLayout::<4, 4>::new(&mut Places::new(ram.size()), 2)?;
 /// let names = ["index", "middle", "ring", "thumb"];
 /// let identity = Identity::new(&hand.name, names, hand.servo_hz);
 /// let controller = FingerController::new(&hand, finger, finger.chain())?;
@@ -41,9 +41,9 @@ use crate::dynamics::Dynamics;
 /// let (handler, mut servos) =
 ///     object.split(identity, &ram, places, CriticalSection, [Some(controller), None, None, None])?;
 /// let handler = |call: &Call<'_>| handler.answer(call);
-/// let mut slave = system.mailbox(SLAVE)?;
-/// slave.set_vector(SERVO, &handler, "servos")?;
-/// slave.join()?;
+/// let mut remote = system.mailbox(REMOTE)?;
+/// remote.set_vector(SERVO, &handler, "servos")?;
+/// remote.join()?;
 ///
 /// // The master; `Mailbox` is its own.
 /// let mut master = system.mailbox(MASTER)?;
@@ -53,18 +53,18 @@ use crate::dynamics::Dynamics;
 /// # let done = &done;
 /// std::thread::scope(|threads| {
 ///     // In each tick of the servo loop:
-///     # let sensed = Sensed { position: [0.1, 0.6, 0.8, 0.7].into(), tension: [Pair::both(4.0); 4], touch: 0.0 };
+///     # let sensed = FingerReadings { position: [0.1, 0.6, 0.8, 0.7].into(), tension: [Pair::both(4.0); 4], touch: 0.0 };
 ///     # threads.spawn(move || while !done.load(std::sync::atomic::Ordering::Relaxed) {
 ///     servos.tick(0, &sensed, &hand.gravity.into(), 1.0 / 400.0);
 ///     # });
 ///     # threads.spawn(move || while !done.load(std::sync::atomic::Ordering::Relaxed) {
-///     #     slave.serve(Duration::from_millis(10)).unwrap();
+///     #     remote.serve(Duration::from_millis(10)).unwrap();
 ///     # });
 ///     # let told = (|| {
-///     let ram = Region::users(&master.windows(SLAVE)?.data)?;
-///     let mut client = ServoClient::new(master, SLAVE, &ram, places)?;
-///     client.enable(0, Some(2), Mode::Torque, Duration::from_secs(60))?;
-///     assert_eq!(client.status(0, Duration::from_secs(60))?.modes[2], Mode::Torque);
+///     let ram = Region::users(&master.windows(REMOTE)?.data)?;
+///     let mut client = ServoClient::new(master, REMOTE, &ram, places)?;
+///     client.enable(0, Some(2), ServoMode::Torque, Duration::from_secs(60))?;
+///     assert_eq!(client.status(0, Duration::from_secs(60))?.modes[2], ServoMode::Torque);
 ///     # Ok::<(), Box<dyn std::error::Error>>(())
 ///     # })();
 ///     # done.store(true, std::sync::atomic::Ordering::Relaxed);
@@ -80,7 +80,7 @@ pub struct ServoObject<const F: usize, const N: usize> {
 
 /// The two parts of a [`ServoObject`]: for the background, and for the servo loop.
 pub type ServoEnds<'o, M, W, X, const F: usize, const N: usize> =
-    (ServoHandler<'o, W, X, F, N>, ServoLoop<'o, M, W, F, N>);
+    (ServoHandler<'o, W, X, F, N>, HandLoop<'o, M, W, F, N>);
 
 impl<const F: usize, const N: usize> ServoObject<F, N> {
     /// Makes an object without any requests.
@@ -106,9 +106,9 @@ impl<const F: usize, const N: usize> ServoObject<F, N> {
     /// kind if the memory cannot be accessed.
     pub fn split<M, W, X>(
         &mut self,
-        identity: Identity<F>,
+        identity: HandIdentity<F>,
         region: &Region<W>,
-        places: ServoPlaces<F, N>,
+        places: ServoLayout<F, N>,
         exclusion: X,
         controllers: [Option<FingerController<M, N>>; F],
     ) -> Result<ServoEnds<'_, M, W, X, F, N>, AccessError>
@@ -123,7 +123,7 @@ impl<const F: usize, const N: usize> ServoObject<F, N> {
         let served = served.fold(0, |mask, (finger, controller)| {
             mask | u32::from(controller.is_some()) << finger
         });
-        let servos = ServoLoop::new(&this.fingers, region, places, controllers)?;
+        let servos = HandLoop::new(&this.fingers, region, places, controllers)?;
         let desk = Region::whole(this.desk.window());
         let handler = ServoHandler::new(
             desk,

@@ -1,9 +1,9 @@
 use condor_mbox::exchange::Blocks;
 use condor_mbox::published::{Publisher, Subscriber};
-use condor_mbox::{AccessError, MemoryWindow, Places, Processor, Published, Region};
+use condor_mbox::{AccessError, Allocator, MemoryWindow, Processor, Published, Region};
 
 use super::values::{WANTED, put_wanted, take_wanted};
-use super::words::{Put, Taken};
+use super::words::{WordReader, WordWriter};
 use super::{BLOCK_BYTES, Request, Response};
 use crate::trajectory::{SetPoint, StopGuard};
 
@@ -14,17 +14,17 @@ pub(super) type Points<const N: usize> = [[u32; WANTED]; N];
 /// The places of the servos' blocks and set-points in the `data` of their processor. Both sides
 /// make them with the same numbers of fingers, joints and processors, at the same offset.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct ServoPlaces<const F: usize, const N: usize> {
+pub struct ServoLayout<const F: usize, const N: usize> {
     points: u32,
     pub(super) blocks: Blocks<Request, Response>,
 }
 
-impl<const F: usize, const N: usize> ServoPlaces<F, N> {
+impl<const F: usize, const N: usize> ServoLayout<F, N> {
     /// Takes room from `places`, for requests from `processors` processors.
     ///
     /// # Errors
     /// [`AccessError`] of the kind `OutOfBounds` if there is no room.
-    pub const fn new(places: &mut Places, processors: u8) -> Result<Self, AccessError> {
+    pub const fn new(places: &mut Allocator, processors: u8) -> Result<Self, AccessError> {
         let points = match places.bytes(F * Published::<Points<N>>::BYTES as usize) {
             Ok(offset) => offset,
             Err(error) => return Err(error),
@@ -100,7 +100,7 @@ impl<W: MemoryWindow, const N: usize> SetPoints<W, N> {
     ) -> Result<u32, AccessError> {
         let mut record = [[0; WANTED]; N];
         for ((words, point), guard) in record.iter_mut().zip(points).zip(guards) {
-            put_wanted(point, guard, &mut Put::into(words));
+            put_wanted(point, guard, &mut WordWriter::into(words));
         }
         self.publisher.publish(&record)
     }
@@ -113,7 +113,7 @@ pub(super) fn take_points<const N: usize>(
     let mut points = [SetPoint::rest(0.0); N];
     let mut guards = [StopGuard::NONE; N];
     for ((words, point), guard) in record.iter().zip(&mut points).zip(&mut guards) {
-        (*point, *guard) = take_wanted(&mut Taken::from(words));
+        (*point, *guard) = take_wanted(&mut WordReader::from(words));
     }
     (points, guards)
 }

@@ -1,18 +1,18 @@
 use thiserror::Error;
 
-use super::words::{Put, Taken};
+use super::words::{WordReader, WordWriter};
 use crate::decimal::Decimal;
-use crate::servo::{Quantity, SettingError, TargetError};
+use crate::servo::{SettingError, TargetError, TargetQuantity};
 
 /// The reason for which a request was refused, with the wrong values.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
-pub enum Refusal {
-    /// The verb of the request does not exist.
-    #[error("there is no verb {verb}")]
-    Verb {
-        /// The number of the verb.
-        verb: u32,
+pub enum ServoRefusal {
+    /// The operation of the request does not exist.
+    #[error("there is no operation {operation}")]
+    Operation {
+        /// The number of the operation.
+        operation: u32,
     },
     /// The processor does not serve the finger.
     #[error("the processor does not serve finger {finger}, counted from 0")]
@@ -73,11 +73,11 @@ pub enum Refusal {
 /// Words that a refusal takes.
 pub(super) const WORDS: usize = 9;
 
-impl Refusal {
+impl ServoRefusal {
     /// A code, two words, three numbers.
-    pub(super) fn put(&self, put: &mut Put<'_>) {
+    pub(super) fn put(&self, put: &mut WordWriter<'_>) {
         let (words, numbers) = match *self {
-            Self::Verb { verb } => ([16, verb, 0], [0.0; 3]),
+            Self::Operation { operation } => ([16, operation, 0], [0.0; 3]),
             Self::NoFinger { finger, served } => ([17, finger, served], [0.0; 3]),
             Self::NoJoint { joint, joints } => ([18, joint, joints], [0.0; 3]),
             Self::Mode { mode } => ([19, mode, 0], [0.0; 3]),
@@ -98,11 +98,11 @@ impl Refusal {
     }
 
     /// The refusal in these words; none for a code that is none.
-    pub(super) fn take(taken: &mut Taken<'_>) -> Option<Self> {
+    pub(super) fn take(taken: &mut WordReader<'_>) -> Option<Self> {
         let (code, a, b) = (taken.word(), taken.word(), taken.word());
         let [x, low, high] = taken.numbers();
         Some(match code {
-            16 => Self::Verb { verb: a },
+            16 => Self::Operation { operation: a },
             17 => Self::NoFinger {
                 finger: a,
                 served: b,
@@ -121,7 +121,7 @@ impl Refusal {
             23 => Self::AfterFault,
             24 => Self::Target(TargetError {
                 joint: a,
-                quantity: Quantity::from_number(b)?,
+                quantity: TargetQuantity::from_number(b)?,
                 value: x,
                 low,
                 high,
@@ -153,33 +153,36 @@ mod tests {
     fn every_refusal_comes_back_from_its_words() {
         let joint = 3;
         for refusal in [
-            Refusal::Verb { verb: 7 },
-            Refusal::NoFinger {
+            ServoRefusal::Operation { operation: 7 },
+            ServoRefusal::NoFinger {
                 finger: 9,
                 served: 2,
             },
-            Refusal::NoJoint { joint, joints: 3 },
-            Refusal::Mode { mode: 5 },
-            Refusal::Law { law: 2 },
-            Refusal::Part { part: 3 },
-            Refusal::Number {
+            ServoRefusal::NoJoint { joint, joints: 3 },
+            ServoRefusal::Mode { mode: 5 },
+            ServoRefusal::Law { law: 2 },
+            ServoRefusal::Part { part: 3 },
+            ServoRefusal::Number {
                 number: 4,
                 value: f64::INFINITY,
             },
-            Refusal::AfterFault,
-            Refusal::Target(TargetError {
+            ServoRefusal::AfterFault,
+            ServoRefusal::Target(TargetError {
                 joint,
-                quantity: Quantity::Torque,
+                quantity: TargetQuantity::Torque,
                 value: 9.0,
                 low: -1.5,
                 high: 2.5,
             }),
-            Refusal::Setting { joint },
+            ServoRefusal::Setting { joint },
         ] {
             let mut words = [0; WORDS];
-            refusal.put(&mut Put::into(&mut words));
-            assert_eq!(Refusal::take(&mut Taken::from(&words)), Some(refusal));
+            refusal.put(&mut WordWriter::into(&mut words));
+            assert_eq!(
+                ServoRefusal::take(&mut WordReader::from(&words)),
+                Some(refusal)
+            );
         }
-        assert_eq!(Refusal::take(&mut Taken::from(&[0; WORDS])), None);
+        assert_eq!(ServoRefusal::take(&mut WordReader::from(&[0; WORDS])), None);
     }
 }

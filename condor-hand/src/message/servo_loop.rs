@@ -3,19 +3,19 @@ use condor_mbox::{AccessError, MemoryWindow, Region, StaticWindow};
 use nalgebra::Vector3;
 
 use super::memory::{FingerMemory, JointMemory, Order, Outcome, kind, word};
-use super::places::{Points, ServoPlaces, take_points};
+use super::places::{Points, ServoLayout, take_points};
 use super::status::Report;
 use super::values::take_target;
-use super::words::{Put, Taken};
-use super::{Asked, Refusal, Status};
-use crate::controller::{FingerController, Tick};
+use super::words::{WordReader, WordWriter};
+use super::{FingerRequest, ServoRefusal, ServoStatus};
+use crate::controller::{FingerController, FingerTick};
 use crate::dynamics::Dynamics;
-use crate::servo::{Mode, Sensed};
+use crate::servo::{FingerReadings, ServoMode};
 
 /// The part of a [`ServoObject`](super::ServoObject) in the servo loop: the controllers of the fingers, which carry out
 /// requests.
 #[derive(Debug)]
-pub struct ServoLoop<'o, M, W, const F: usize, const N: usize> {
+pub struct HandLoop<'o, M, W, const F: usize, const N: usize> {
     fingers: [Option<FingerLoop<'o, M, W, N>>; F],
 }
 
@@ -39,12 +39,12 @@ struct FingerLoop<'o, M, W, const N: usize> {
 }
 
 impl<'o, M: Dynamics<f64, N>, W: MemoryWindow + Clone, const F: usize, const N: usize>
-    ServoLoop<'o, M, W, F, N>
+    HandLoop<'o, M, W, F, N>
 {
     pub(super) fn new(
         memories: &'o [FingerMemory<N>; F],
         region: &Region<W>,
-        places: ServoPlaces<F, N>,
+        places: ServoLayout<F, N>,
         controllers: [Option<FingerController<M, N>>; F],
     ) -> Result<Self, AccessError> {
         let mut fingers = [const { None }; F];
@@ -60,7 +60,7 @@ impl<'o, M: Dynamics<f64, N>, W: MemoryWindow + Clone, const F: usize, const N: 
 }
 
 impl<M: Dynamics<f64, N>, W: MemoryWindow, const F: usize, const N: usize>
-    ServoLoop<'_, M, W, F, N>
+    HandLoop<'_, M, W, F, N>
 {
     /// Runs one tick of a finger, as [`FingerController::tick`] does, after it has passed on the
     /// requests of messages and of the master since the last tick. Returns `None` for a finger that
@@ -70,10 +70,10 @@ impl<M: Dynamics<f64, N>, W: MemoryWindow, const F: usize, const N: usize>
     pub fn tick(
         &mut self,
         finger: usize,
-        sensed: &Sensed<f64, N>,
+        sensed: &FingerReadings<f64, N>,
         gravity: &Vector3<f64>,
         period_s: f64,
-    ) -> Option<Tick<N>> {
+    ) -> Option<FingerTick<N>> {
         self.tick_telling(finger, sensed, gravity, period_s, |_| {})
     }
 
@@ -83,11 +83,11 @@ impl<M: Dynamics<f64, N>, W: MemoryWindow, const F: usize, const N: usize>
     pub fn tick_telling(
         &mut self,
         finger: usize,
-        sensed: &Sensed<f64, N>,
+        sensed: &FingerReadings<f64, N>,
         gravity: &Vector3<f64>,
         period_s: f64,
-        mut tell: impl FnMut(&Asked<N>),
-    ) -> Option<Tick<N>> {
+        mut tell: impl FnMut(&FingerRequest<N>),
+    ) -> Option<FingerTick<N>> {
         let finger = self.fingers.get_mut(finger)?.as_mut()?;
         finger.obey(&mut tell);
         finger.follow(&mut tell);
@@ -149,7 +149,7 @@ impl<'o, M: Dynamics<f64, N>, W: MemoryWindow, const N: usize> FingerLoop<'o, M,
 
     /// Does what messages have asked for since the last tick.
     #[inline]
-    fn obey(&mut self, tell: &mut impl FnMut(&Asked<N>)) {
+    fn obey(&mut self, tell: &mut impl FnMut(&FingerRequest<N>)) {
         // Pairs with the handler's store, after all that belongs to the order.
         if let Ok(orders) = self.words.word(word::ORDERS)
             && orders != self.settled
@@ -159,7 +159,7 @@ impl<'o, M: Dynamics<f64, N>, W: MemoryWindow, const N: usize> FingerLoop<'o, M,
     }
 
     #[cold]
-    fn obey_all(&mut self, orders: u32, tell: &mut impl FnMut(&Asked<N>)) {
+    fn obey_all(&mut self, orders: u32, tell: &mut impl FnMut(&FingerRequest<N>)) {
         if let Ok(asked) = self.words.word(word::RESTARTS)
             && asked != self.restarts_asked
         {
@@ -167,7 +167,7 @@ impl<'o, M: Dynamics<f64, N>, W: MemoryWindow, const N: usize> FingerLoop<'o, M,
                 .restarts
                 .wrapping_add(asked.wrapping_sub(self.restarts_asked));
             self.restarts_asked = asked;
-            tell(&Asked::Restart);
+            tell(&FingerRequest::Restart);
             self.controller.clear();
         }
         let memory = self.memory;
@@ -190,9 +190,9 @@ impl<'o, M: Dynamics<f64, N>, W: MemoryWindow, const N: usize> FingerLoop<'o, M,
         number: usize,
         joint: &JointMemory,
         order: &Order,
-        tell: &mut impl FnMut(&Asked<N>),
+        tell: &mut impl FnMut(&FingerRequest<N>),
     ) -> Option<()> {
-        let mut taken = Taken::from(order);
+        let mut taken = WordReader::from(order);
         let order = taken.word();
         let done = self.done.get_mut(number)?;
         if order == *done {
@@ -201,7 +201,7 @@ impl<'o, M: Dynamics<f64, N>, W: MemoryWindow, const N: usize> FingerLoop<'o, M,
         *done = order;
         let refusal = self.drive(number, &mut taken, tell).err();
         let mut outcome = Outcome::default();
-        let mut put = Put::into(&mut outcome);
+        let mut put = WordWriter::into(&mut outcome);
         put.word(order);
         if let Some(refusal) = refusal {
             refusal.put(&mut put);
@@ -214,40 +214,42 @@ impl<'o, M: Dynamics<f64, N>, W: MemoryWindow, const N: usize> FingerLoop<'o, M,
     fn drive(
         &mut self,
         joint: usize,
-        order: &mut Taken<'_>,
-        tell: &mut impl FnMut(&Asked<N>),
-    ) -> Result<(), Refusal> {
+        order: &mut WordReader<'_>,
+        tell: &mut impl FnMut(&FingerRequest<N>),
+    ) -> Result<(), ServoRefusal> {
         let (kind, mode) = (order.word(), order.word());
         let outcome = if kind == kind::MODE {
-            let mode = Mode::from_number(mode).ok_or(Refusal::Mode { mode })?;
-            tell(&Asked::Mode { joint, mode });
+            let mode = ServoMode::from_number(mode).ok_or(ServoRefusal::Mode { mode })?;
+            tell(&FingerRequest::Mode { joint, mode });
             self.controller.set_mode(joint, mode)
         } else {
             let target = take_target(mode, order)?;
-            tell(&Asked::Target { joint, target });
+            tell(&FingerRequest::Target { joint, target });
             self.controller.set_target(joint, target)
         };
-        outcome.map_err(|error| Refusal::of_servo(joint as u32, &error))
+        outcome.map_err(|error| ServoRefusal::of_servo(joint as u32, &error))
     }
 
     /// Gives the controller the master's next set-points.
     #[inline]
-    fn follow(&mut self, tell: &mut impl FnMut(&Asked<N>)) {
+    fn follow(&mut self, tell: &mut impl FnMut(&FingerRequest<N>)) {
         if let Ok(latest) = self.points.read()
             && latest.sequence != self.points_seen
         {
             self.points_seen = latest.sequence;
             let (points, guards) = take_points(&latest.value);
-            tell(&Asked::Follow { points, guards });
+            tell(&FingerRequest::Follow { points, guards });
             if self.controller.follow(&points, &guards).is_err() {
                 self.refused_set_points = self.refused_set_points.wrapping_add(1);
             }
         }
     }
 
-    fn status(&self, saturated: u32) -> Status<N> {
-        Status {
-            modes: core::array::from_fn(|joint| self.controller.mode(joint).unwrap_or(Mode::Off)),
+    fn status(&self, saturated: u32) -> ServoStatus<N> {
+        ServoStatus {
+            modes: core::array::from_fn(|joint| {
+                self.controller.mode(joint).unwrap_or(ServoMode::Off)
+            }),
             saturated,
             fault: self.controller.fault(),
             is_resting: self.controller.is_resting(),
@@ -260,7 +262,7 @@ impl<'o, M: Dynamics<f64, N>, W: MemoryWindow, const N: usize> FingerLoop<'o, M,
 
     /// Lets the handler know, if there is anything new.
     #[inline]
-    fn tell(&mut self, tick: &Tick<N>) {
+    fn tell(&mut self, tick: &FingerTick<N>) {
         self.ticks = self.ticks.wrapping_add(1);
         // Memory of the object's own is always there.
         let _ = self.words.set_word(word::TICKS, self.ticks);

@@ -1,6 +1,6 @@
-use super::words::{Put, Taken};
-use crate::servo::Mode;
-use crate::tendon::fault::{Fault, FaultCode, FaultSite};
+use super::words::{WordReader, WordWriter};
+use crate::servo::ServoMode;
+use crate::tendon::fault::{FaultCode, FaultSite, FingerFault};
 
 /// The state of a finger of `N` joints, as its loop last reported it.
 ///
@@ -10,13 +10,13 @@ use crate::tendon::fault::{Fault, FaultCode, FaultSite};
 /// the lowest four bits, four words; the number of restarts; the number of the last order that was
 /// processed; the number of refused set-points.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Status<const N: usize> {
+pub struct ServoStatus<const N: usize> {
     /// The modes of its joints.
-    pub modes: [Mode; N],
+    pub modes: [ServoMode; N],
     /// A bit for each joint whose tendons cannot give the torque that it needs.
     pub saturated: u32,
     /// The first fault since the last restart; `None` if there was none.
-    pub fault: Option<Fault>,
+    pub fault: Option<FingerFault>,
     /// Whether it goes to its least tensions after a fault, or stays there.
     pub is_resting: bool,
     /// The number of restarts.
@@ -30,17 +30,17 @@ pub struct Status<const N: usize> {
     pub ticks: u32,
 }
 
-/// The words of a [`Status`].
+/// The words of a [`ServoStatus`].
 pub(super) type Report = [u32; 16];
 
 const MODE_WORDS: usize = 4;
 const MODES_A_WORD: usize = 8;
 
-impl<const N: usize> Status<N> {
+impl<const N: usize> ServoStatus<N> {
     pub(super) fn words(&self) -> Report {
         let (code, [channel, joint], value) = match self.fault {
             None => (0, [0, 0], 0.0),
-            Some(Fault { code, site, value }) => {
+            Some(FingerFault { code, site, value }) => {
                 let channel = match site {
                     FaultSite::Finger => [0, 0],
                     FaultSite::Joint(joint) => [1, joint as u32],
@@ -57,7 +57,7 @@ impl<const N: usize> Status<N> {
             }
         }
         let mut words = Report::default();
-        Put::into(&mut words)
+        WordWriter::into(&mut words)
             .words(&[self.saturated, u32::from(self.is_resting)])
             .words(&[code, channel, joint])
             .number(value)
@@ -68,13 +68,13 @@ impl<const N: usize> Status<N> {
 
     /// The status in these words; the word that makes none of them.
     pub(super) fn take(words: &[u32], ticks: u32) -> Result<Self, u32> {
-        let mut taken = Taken::from(words);
+        let mut taken = WordReader::from(words);
         let (saturated, resting) = (taken.word(), taken.word());
         let (code, channel, joint) = (taken.word(), taken.word(), taken.word() as usize);
         let value = taken.number();
         let fault = match code.checked_sub(1) {
             None => None,
-            Some(number) => Some(Fault {
+            Some(number) => Some(FingerFault {
                 code: FaultCode::ALL.get(number as usize).copied().ok_or(code)?,
                 site: match channel {
                     0 => FaultSite::Finger,
@@ -87,11 +87,11 @@ impl<const N: usize> Status<N> {
             }),
         };
         let packed: [u32; MODE_WORDS] = core::array::from_fn(|_| taken.word());
-        let mut modes = [Mode::Off; N];
+        let mut modes = [ServoMode::Off; N];
         for (of_word, word) in modes.chunks_mut(MODES_A_WORD).zip(packed) {
             for (mode, shift) in of_word.iter_mut().zip((0..).step_by(4)) {
                 let number = word >> shift & 15;
-                *mode = Mode::from_number(number).ok_or(word)?;
+                *mode = ServoMode::from_number(number).ok_or(word)?;
             }
         }
         Ok(Self {
@@ -113,10 +113,10 @@ mod tests {
 
     #[test]
     fn a_status_comes_back_from_its_words() {
-        let mut modes = [Mode::Torque; 19];
-        modes[0] = Mode::Grasp;
-        modes[7] = Mode::Position;
-        modes[18] = Mode::Tension;
+        let mut modes = [ServoMode::Torque; 19];
+        modes[0] = ServoMode::Grasp;
+        modes[7] = ServoMode::Position;
+        modes[18] = ServoMode::Tension;
         for site in [
             FaultSite::Finger,
             FaultSite::Joint(2),
@@ -124,10 +124,10 @@ mod tests {
             FaultSite::Extensor(1),
         ] {
             for code in FaultCode::ALL {
-                let status = Status {
+                let status = ServoStatus {
                     modes,
                     saturated: 0x4_0001,
-                    fault: Some(Fault {
+                    fault: Some(FingerFault {
                         code,
                         site,
                         value: -0.25,
@@ -138,7 +138,7 @@ mod tests {
                     refused_set_points: 5,
                     ticks: 9,
                 };
-                assert_eq!(Status::take(&status.words(), 9), Ok(status));
+                assert_eq!(ServoStatus::take(&status.words(), 9), Ok(status));
             }
         }
     }

@@ -1,9 +1,9 @@
 //! Targets, gains and set-points as words.
 
-use super::Refusal;
-use super::words::{Put, Taken};
+use super::ServoRefusal;
+use super::words::{WordReader, WordWriter};
 use crate::math::is_finite;
-use crate::servo::{JointGains, JointTarget, Mode, PositionLaw};
+use crate::servo::{JointGains, JointTarget, PositionLaw, ServoMode};
 use crate::tendon::{Pair, TensionGains};
 use crate::trajectory::{SetPoint, StopGuard};
 
@@ -13,7 +13,7 @@ const COMPUTED_TORQUE: u32 = 1;
 const GAINS: usize = 13;
 
 /// The gains of a joint: a law and numbers.
-pub(super) fn put_gains(gains: &JointGains<f64>, put: &mut Put<'_>) {
+pub(super) fn put_gains(gains: &JointGains<f64>, put: &mut WordWriter<'_>) {
     let (law, numbers) = match gains.law {
         PositionLaw::Pd {
             kp,
@@ -33,7 +33,10 @@ pub(super) fn put_gains(gains: &JointGains<f64>, put: &mut Put<'_>) {
 }
 
 /// Gains that are finite and not negative.
-pub(super) fn take_gains(law: u32, taken: &mut Taken<'_>) -> Result<JointGains<f64>, Refusal> {
+pub(super) fn take_gains(
+    law: u32,
+    taken: &mut WordReader<'_>,
+) -> Result<JointGains<f64>, ServoRefusal> {
     let numbers: [f64; GAINS] = taken.numbers();
     let [a, b, c, d, k_torque, numbers_of_tendons @ ..] = numbers;
     let law = match law {
@@ -47,13 +50,13 @@ pub(super) fn take_gains(law: u32, taken: &mut Taken<'_>) -> Result<JointGains<f
             bandwidth_hz: a,
             damping_ratio: b,
         },
-        _ => return Err(Refusal::Law { law }),
+        _ => return Err(ServoRefusal::Law { law }),
     };
     for (number, value) in (0..).zip(numbers) {
         let counts =
             !(matches!(law, PositionLaw::ComputedTorque { .. }) && matches!(number, 2 | 3));
         if counts && (!is_finite(value) || value < 0.0) {
-            return Err(Refusal::Number { number, value });
+            return Err(ServoRefusal::Number { number, value });
         }
     }
     let [kt, ki, kd, kv, kt_e, ki_e, kd_e, kv_e] = numbers_of_tendons;
@@ -73,7 +76,7 @@ pub(super) fn take_gains(law: u32, taken: &mut Taken<'_>) -> Result<JointGains<f
 }
 
 /// A target: its mode and three numbers.
-pub(super) fn put_target(target: &JointTarget<f64>, put: &mut Put<'_>) {
+pub(super) fn put_target(target: &JointTarget<f64>, put: &mut WordWriter<'_>) {
     let numbers = match *target {
         JointTarget::Off => [0.0; 3],
         JointTarget::Tension(Pair { flexor, extensor }) => [flexor, extensor, 0.0],
@@ -89,35 +92,38 @@ pub(super) fn put_target(target: &JointTarget<f64>, put: &mut Put<'_>) {
 }
 
 /// A target whose numbers are finite.
-pub(super) fn take_target(mode: u32, taken: &mut Taken<'_>) -> Result<JointTarget<f64>, Refusal> {
-    let mode = Mode::from_number(mode).ok_or(Refusal::Mode { mode })?;
+pub(super) fn take_target(
+    mode: u32,
+    taken: &mut WordReader<'_>,
+) -> Result<JointTarget<f64>, ServoRefusal> {
+    let mode = ServoMode::from_number(mode).ok_or(ServoRefusal::Mode { mode })?;
     let numbers: [f64; 3] = taken.numbers();
     let count = match mode {
-        Mode::Off => 0,
-        Mode::Torque | Mode::Grasp => 1,
-        Mode::Tension => 2,
-        Mode::Position | Mode::Impedance => 3,
+        ServoMode::Off => 0,
+        ServoMode::Torque | ServoMode::Grasp => 1,
+        ServoMode::Tension => 2,
+        ServoMode::Position | ServoMode::Impedance => 3,
     };
     for (number, value) in (0..).zip(numbers.into_iter().take(count)) {
         if !is_finite(value) {
-            return Err(Refusal::Number { number, value });
+            return Err(ServoRefusal::Number { number, value });
         }
     }
     let [a, b, c] = numbers;
     Ok(match mode {
-        Mode::Off => JointTarget::Off,
-        Mode::Tension => JointTarget::Tension(Pair {
+        ServoMode::Off => JointTarget::Off,
+        ServoMode::Tension => JointTarget::Tension(Pair {
             flexor: a,
             extensor: b,
         }),
-        Mode::Torque => JointTarget::Torque(a),
-        Mode::Grasp => JointTarget::Grasp(a),
-        Mode::Position => JointTarget::Position(SetPoint {
+        ServoMode::Torque => JointTarget::Torque(a),
+        ServoMode::Grasp => JointTarget::Grasp(a),
+        ServoMode::Position => JointTarget::Position(SetPoint {
             position: a,
             velocity: b,
             acceleration: c,
         }),
-        Mode::Impedance => JointTarget::Impedance {
+        ServoMode::Impedance => JointTarget::Impedance {
             position: a,
             stiffness: b,
             damping: c,
@@ -129,13 +135,13 @@ pub(super) fn take_target(mode: u32, taken: &mut Taken<'_>) -> Result<JointTarge
 pub(super) const WANTED: usize = 12;
 
 /// What the master wants of a joint: a set-point, the number of a motion, and what stops that.
-pub(super) fn put_wanted(point: &SetPoint<f64>, guard: &StopGuard, put: &mut Put<'_>) {
+pub(super) fn put_wanted(point: &SetPoint<f64>, guard: &StopGuard, put: &mut WordWriter<'_>) {
     put.numbers(&[point.position, point.velocity, point.acceleration]);
     put.words(&[guard.motion, u32::from(guard.contact)]);
     put.numbers(&[guard.torque, guard.tension]);
 }
 
-pub(super) fn take_wanted(taken: &mut Taken<'_>) -> (SetPoint<f64>, StopGuard) {
+pub(super) fn take_wanted(taken: &mut WordReader<'_>) -> (SetPoint<f64>, StopGuard) {
     let [position, velocity, acceleration] = taken.numbers();
     let (motion, contact) = (taken.word(), taken.word() != 0);
     let [torque, tension] = taken.numbers();

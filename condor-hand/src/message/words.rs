@@ -1,9 +1,9 @@
 //! Numbers as words, one after another.
 
 /// Takes words; past the end there are zeros.
-pub(super) struct Taken<'a>(core::slice::Iter<'a, u32>);
+pub(super) struct WordReader<'a>(core::slice::Iter<'a, u32>);
 
-impl<'a> Taken<'a> {
+impl<'a> WordReader<'a> {
     pub(super) fn from(words: &'a [u32]) -> Self {
         Self(words.iter())
     }
@@ -27,9 +27,9 @@ impl<'a> Taken<'a> {
 }
 
 /// Puts words; what has no room is left out.
-pub(super) struct Put<'a>(core::slice::IterMut<'a, u32>);
+pub(super) struct WordWriter<'a>(core::slice::IterMut<'a, u32>);
 
-impl<'a> Put<'a> {
+impl<'a> WordWriter<'a> {
     pub(super) fn into(words: &'a mut [u32]) -> Self {
         Self(words.iter_mut())
     }

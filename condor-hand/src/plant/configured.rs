@@ -3,8 +3,8 @@
 use nalgebra::Vector3;
 
 use super::{
-    AxisParameters, Drive, DriveKind, Finger, FingerParameters, HandParameters, JointParameters,
-    PlantError, Stop, Surface, Table,
+    AxisParameters, DriveKind, FingerParameters, HandParameters, JointParameters, PlantError,
+    SimDrive, SimFinger, SimStop, SimSurface, SimTable,
 };
 use crate::config;
 use crate::dynamics::Dynamics;
@@ -18,16 +18,16 @@ pub struct PlantModel {
     pub actuator: fn(f64) -> DriveKind,
     /// The mechanical stop of a joint at its limits; the soft stops of the configuration are in the
     /// servos.
-    pub joint_stop: Stop,
+    pub joint_stop: SimStop,
     /// The mechanical stop of an axis of the table at its limits.
-    pub axis_stop: Stop,
+    pub axis_stop: SimStop,
     /// The number of equal updates in one period of the servos.
     pub updates: u32,
     /// The radius of the sphere about each tip that can touch things, m.
     pub tip_radius: f64,
     /// The surface between any two bodies; the configuration's friction replaces its friction, if
     /// there is one.
-    pub surface: Surface,
+    pub surface: SimSurface,
 }
 
 impl DriveKind {
@@ -92,8 +92,8 @@ impl PlantModel {
         finger: &config::Finger<N>,
         mechanism: M,
         q: nalgebra::SVector<f64, N>,
-    ) -> Result<Finger<M, N>, PlantError> {
-        let mut plant = Finger::new(mechanism, self.finger_parameters(finger)?, q)?;
+    ) -> Result<SimFinger<M, N>, PlantError> {
+        let mut plant = SimFinger::new(mechanism, self.finger_parameters(finger)?, q)?;
         plant.reset(q, finger.least_tensions())?;
         Ok(plant)
     }
@@ -105,7 +105,7 @@ impl PlantModel {
         hand: &config::Hand<F, N>,
     ) -> HandParameters {
         let contact = hand.contact.as_ref();
-        let surface = Surface {
+        let surface = SimSurface {
             friction: contact.map_or(self.surface.friction, |contact| contact.friction),
             ..self.surface
         };
@@ -126,7 +126,7 @@ impl PlantModel {
     /// # Errors
     /// [`PlantError`] for a number that no plant can have, or for an axis that has another
     /// direction or that of another axis.
-    pub fn table(&self, table: &config::Table) -> Result<Table, PlantError> {
+    pub fn table(&self, table: &config::TableSettings) -> Result<SimTable, PlantError> {
         let mut axes = [AxisParameters {
             mass: 1.0,
             viscous: 0.0,
@@ -157,7 +157,7 @@ impl PlantModel {
                 stop: self.axis_stop,
             };
         }
-        Table::new(axes)
+        SimTable::new(axes)
     }
 
     fn joint<const N: usize>(&self, joint: &config::Joint<N>) -> JointParameters {
@@ -189,8 +189,8 @@ impl PlantModel {
         }
     }
 
-    fn drive(&self, max_n: f64, pole_hz: f64) -> Drive {
-        Drive {
+    fn drive(&self, max_n: f64, pole_hz: f64) -> SimDrive {
+        SimDrive {
             max_n,
             kind: (self.actuator)(pole_hz),
         }

@@ -10,7 +10,7 @@ use crate::number::{NumberError, finite, not_negative, positive};
 /// The spring across is anchored at the point where the bodies first touched, and slides when the
 /// limit is reached (Cundall and Strack 1979). So a body that is held does not creep.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Surface {
+pub struct SimSurface {
     /// The stiffness along the normal, N/m.
     pub stiffness: f64,
     /// The damping along the normal, N s/m.
@@ -25,14 +25,14 @@ pub struct Surface {
 
 /// A plane that does not move relative to the palm.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Ground {
+pub struct SimGround {
     point: Vector3<f64>,
     normal: Vector3<f64>,
 }
 
 /// A possible contact of two bodies, in its state of the last update.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Contact {
+pub struct SimContact {
     /// Whether the bodies touch.
     pub is_touching: bool,
     /// Whether they touch and friction is at its limit.
@@ -58,7 +58,7 @@ pub(super) struct Overlap {
     pub(super) point: Vector3<f64>,
 }
 
-impl Surface {
+impl SimSurface {
     pub(super) fn check(&self) -> Result<(), NumberError> {
         positive("the stiffness of a contact, N/m", self.stiffness)?;
         not_negative("the damping of a contact, N s/m", self.damping)?;
@@ -71,7 +71,7 @@ impl Surface {
     }
 }
 
-impl Ground {
+impl SimGround {
     /// Makes the plane through `point` (m); bodies are on the side of `normal`, which may have any
     /// length.
     ///
@@ -98,7 +98,7 @@ impl Ground {
     }
 }
 
-impl Contact {
+impl SimContact {
     pub(super) fn none() -> Self {
         Self {
             is_touching: false,
@@ -114,7 +114,7 @@ impl Contact {
     /// against the second's at the point of contact, m/s.
     pub(super) fn update(
         &mut self,
-        surface: &Surface,
+        surface: &SimSurface,
         overlap: &Overlap,
         velocity: &Vector3<f64>,
         dt: f64,

@@ -4,7 +4,7 @@ use crate::number::{NumberError, positive};
 
 /// The actuator that pulls one tendon.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Drive {
+pub struct SimDrive {
     /// The tension of a full command, N; commands are limited to `0..=max_n`.
     pub max_n: f64,
     /// The response of the tension to the command.
@@ -37,7 +37,7 @@ pub(super) enum DriveState {
     Air(Air),
 }
 
-impl Drive {
+impl SimDrive {
     pub(super) fn check(&self) -> Result<(), NumberError> {
         positive("the tension of a full command, N", self.max_n)?;
         match &self.kind {

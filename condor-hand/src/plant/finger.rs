@@ -1,13 +1,13 @@
 use nalgebra::{SVector, Vector3};
 
 use super::PlantError;
-use super::drive::{Drive, DriveState};
+use super::drive::{DriveState, SimDrive};
 use super::error::all_finite;
 use super::joint::JointParameters;
 use crate::dynamics::Dynamics;
 use crate::math::abs;
 use crate::number::{not_negative, positive};
-use crate::tendon::{MomentArms, Pair, Pairs};
+use crate::tendon::{MomentArms, Pair, TendonPairs};
 
 /// The parameters of a finger, apart from its mechanism.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -17,21 +17,21 @@ pub struct FingerParameters<const N: usize> {
     /// The parameters of the joints, proximal first.
     pub joints: [JointParameters; N],
     /// The actuators of the tendons.
-    pub drives: Pairs<Drive, N>,
+    pub drives: TendonPairs<SimDrive, N>,
 }
 
 /// A simulated finger: a mechanism `M` of N joints, pulled by 2 N tendons.
 #[derive(Clone, Copy, Debug)]
-pub struct Finger<M, const N: usize> {
+pub struct SimFinger<M, const N: usize> {
     mechanism: M,
     parameters: FingerParameters<N>,
     q: SVector<f64, N>,
     qd: SVector<f64, N>,
-    drives: Pairs<DriveState, N>,
-    tensions: Pairs<f64, N>,
+    drives: TendonPairs<DriveState, N>,
+    tensions: TendonPairs<f64, N>,
 }
 
-impl<M: Dynamics<f64, N>, const N: usize> Finger<M, N> {
+impl<M: Dynamics<f64, N>, const N: usize> SimFinger<M, N> {
     /// Makes a finger at rest at the joint positions `q` (rad), without tension.
     ///
     /// # Errors
@@ -70,7 +70,11 @@ impl<M: Dynamics<f64, N>, const N: usize> Finger<M, N> {
     /// # Errors
     /// [`PlantError`] if a position is not finite, or a tension is not finite or below zero; the
     /// finger does not change then.
-    pub fn reset(&mut self, q: SVector<f64, N>, tensions: Pairs<f64, N>) -> Result<(), PlantError> {
+    pub fn reset(
+        &mut self,
+        q: SVector<f64, N>,
+        tensions: TendonPairs<f64, N>,
+    ) -> Result<(), PlantError> {
         all_finite("a joint position to begin from, rad", q.iter())?;
         for pair in &tensions {
             not_negative("a tension to begin from, N", pair.flexor)?;
@@ -103,7 +107,7 @@ impl<M: Dynamics<f64, N>, const N: usize> Finger<M, N> {
         &mut self,
         dt: f64,
         updates: u32,
-        commands: &Pairs<f64, N>,
+        commands: &TendonPairs<f64, N>,
         gravity: &Vector3<f64>,
     ) -> Result<(), PlantError> {
         let dt = dt / f64::from(updates.max(1));
@@ -121,7 +125,7 @@ impl<M: Dynamics<f64, N>, const N: usize> Finger<M, N> {
     pub fn advance(
         &mut self,
         dt: f64,
-        commands: &Pairs<f64, N>,
+        commands: &TendonPairs<f64, N>,
         gravity: &Vector3<f64>,
         torque: &SVector<f64, N>,
     ) -> Result<(), PlantError> {
@@ -157,7 +161,11 @@ impl<M: Dynamics<f64, N>, const N: usize> Finger<M, N> {
     }
 
     /// The drives after an update, and the tensions that act during it.
-    fn pull(&self, dt: f64, commands: &Pairs<f64, N>) -> (Pairs<DriveState, N>, Pairs<f64, N>) {
+    fn pull(
+        &self,
+        dt: f64,
+        commands: &TendonPairs<f64, N>,
+    ) -> (TendonPairs<DriveState, N>, TendonPairs<f64, N>) {
         let mut states = self.drives;
         let mut tensions = [Pair::both(0.0); N];
         let excursions = self.excursions(&self.q);
@@ -187,13 +195,13 @@ impl<M: Dynamics<f64, N>, const N: usize> Finger<M, N> {
 
     /// How far the joints let the tendons in: the negative of their lengths, from all joints at
     /// zero, m.
-    fn excursions(&self, q: &SVector<f64, N>) -> Pairs<f64, N> {
+    fn excursions(&self, q: &SVector<f64, N>) -> TendonPairs<f64, N> {
         let lengths = self.parameters.arms.length_rates(q);
         lengths.map(|pair| pair.map(|length| -length))
     }
 
     /// The torques of a joint's own tendons without their signs, N m.
-    fn load(&self, joint: usize, tensions: &Pairs<f64, N>) -> f64 {
+    fn load(&self, joint: usize, tensions: &TendonPairs<f64, N>) -> f64 {
         let row = self.parameters.arms.rows().get(joint);
         let arm = row.and_then(|row| row.get(joint));
         arm.zip(tensions.get(joint)).map_or(0.0, |(arm, tension)| {
@@ -219,7 +227,7 @@ impl<M: Dynamics<f64, N>, const N: usize> Finger<M, N> {
     }
 }
 
-impl<M, const N: usize> Finger<M, N> {
+impl<M, const N: usize> SimFinger<M, N> {
     /// Returns the positions of the joints, rad.
     #[must_use]
     pub fn q(&self) -> &SVector<f64, N> {
@@ -234,7 +242,7 @@ impl<M, const N: usize> Finger<M, N> {
 
     /// Returns the tensions during the last update, as a sensor in the tendon measures them, N.
     #[must_use]
-    pub fn tensions(&self) -> &Pairs<f64, N> {
+    pub fn tensions(&self) -> &TendonPairs<f64, N> {
         &self.tensions
     }
 

@@ -1,16 +1,16 @@
 use nalgebra::Vector3;
 
 use super::PlantError;
-use super::contact::{Contact, Ground, Surface};
+use super::contact::{SimContact, SimGround, SimSurface};
 use super::error::all_finite;
-use super::finger::Finger;
-use super::object::Object;
-use super::table::Table;
+use super::finger::SimFinger;
+use super::object::SimObject;
+use super::table::SimTable;
 use crate::dynamics::Dynamics;
 use crate::grasp::Wrench;
 use crate::kinematics::Kinematics;
 use crate::number::{NumberError, not_negative, positive};
-use crate::tendon::Pairs;
+use crate::tendon::TendonPairs;
 
 /// The parameters of a hand, apart from its fingers.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -24,25 +24,25 @@ pub struct HandParameters {
     /// The radius of the sphere about each tip that can touch things, m; zero for a point.
     pub tip_radius: f64,
     /// The surface between a tip and the object.
-    pub tip_object: Surface,
+    pub tip_object: SimSurface,
     /// The surface between a tip and the ground.
-    pub tip_ground: Surface,
+    pub tip_ground: SimSurface,
     /// The surface between the object and the ground.
-    pub object_ground: Surface,
+    pub object_ground: SimSurface,
 }
 
 /// A simulated hand: F fingers of N joints, an object, the ground, and the table that carries the
 /// palm.
 #[derive(Clone, Copy, Debug)]
-pub struct Hand<M, const F: usize, const N: usize> {
+pub struct SimHand<M, const F: usize, const N: usize> {
     parameters: HandParameters,
-    fingers: [Finger<M, N>; F],
+    fingers: [SimFinger<M, N>; F],
     tips: [Tip; F],
-    object: Option<Object>,
-    object_ground: Contact,
+    object: Option<SimObject>,
+    object_ground: SimContact,
     disturbance: Wrench,
-    ground: Option<Ground>,
-    table: Option<Table>,
+    ground: Option<SimGround>,
+    table: Option<SimTable>,
     table_forces: Vector3<f64>,
     steps: u64,
 }
@@ -50,12 +50,12 @@ pub struct Hand<M, const F: usize, const N: usize> {
 /// What a tip touches, and what pushes it besides.
 #[derive(Clone, Copy, Debug)]
 struct Tip {
-    object: Contact,
-    ground: Contact,
+    object: SimContact,
+    ground: SimContact,
     disturbance: Wrench,
 }
 
-impl<M, const F: usize, const N: usize> Hand<M, F, N>
+impl<M, const F: usize, const N: usize> SimHand<M, F, N>
 where
     M: Kinematics<f64, N> + Dynamics<f64, N>,
 {
@@ -63,7 +63,10 @@ where
     ///
     /// # Errors
     /// [`PlantError`] for the first parameter that is wrong.
-    pub fn new(fingers: [Finger<M, N>; F], parameters: HandParameters) -> Result<Self, PlantError> {
+    pub fn new(
+        fingers: [SimFinger<M, N>; F],
+        parameters: HandParameters,
+    ) -> Result<Self, PlantError> {
         positive("the time of a step, s", parameters.period_s)?;
         positive("the updates in a step", f64::from(parameters.updates))?;
         all_finite("gravity, m/s²", parameters.gravity.iter())?;
@@ -72,8 +75,8 @@ where
         parameters.tip_ground.check()?;
         parameters.object_ground.check()?;
         let tip = Tip {
-            object: Contact::none(),
-            ground: Contact::none(),
+            object: SimContact::none(),
+            ground: SimContact::none(),
             disturbance: Wrench::zero(),
         };
         Ok(Self {
@@ -81,7 +84,7 @@ where
             fingers,
             tips: [tip; F],
             object: None,
-            object_ground: Contact::none(),
+            object_ground: SimContact::none(),
             disturbance: Wrench::zero(),
             ground: None,
             table: None,
@@ -92,21 +95,21 @@ where
 
     /// Adds an object, which the fingers can touch.
     #[must_use]
-    pub fn with_object(mut self, object: Object) -> Self {
+    pub fn with_object(mut self, object: SimObject) -> Self {
         self.object = Some(object);
         self
     }
 
     /// Adds a plane below the hand.
     #[must_use]
-    pub fn with_ground(mut self, ground: Ground) -> Self {
+    pub fn with_ground(mut self, ground: SimGround) -> Self {
         self.ground = Some(ground);
         self
     }
 
     /// Puts the palm on a table.
     #[must_use]
-    pub fn with_table(mut self, table: Table) -> Self {
+    pub fn with_table(mut self, table: SimTable) -> Self {
         self.table = Some(table);
         self
     }
@@ -118,7 +121,7 @@ where
     /// [`PlantError`] if a new state would not be finite, or a mass matrix is not positive
     /// definite. A part that could not move keeps its state, so every state is finite; the parts of
     /// the hand may then be some updates apart.
-    pub fn step(&mut self, commands: &[Pairs<f64, N>; F]) -> Result<(), PlantError> {
+    pub fn step(&mut self, commands: &[TendonPairs<f64, N>; F]) -> Result<(), PlantError> {
         let dt = self.parameters.period_s / f64::from(self.parameters.updates);
         for _ in 0..self.parameters.updates {
             self.advance(dt, commands)?;
@@ -127,7 +130,7 @@ where
         Ok(())
     }
 
-    fn advance(&mut self, dt: f64, commands: &[Pairs<f64, N>; F]) -> Result<(), PlantError> {
+    fn advance(&mut self, dt: f64, commands: &[TendonPairs<f64, N>; F]) -> Result<(), PlantError> {
         let mut gravity = self.parameters.gravity;
         if let Some(table) = &mut self.table {
             table.advance(dt, &self.table_forces)?;
@@ -176,11 +179,11 @@ where
     }
 
     /// Removes the object, or replaces it by another one, which nothing touches yet.
-    pub fn put_object(&mut self, object: Option<Object>) {
+    pub fn put_object(&mut self, object: Option<SimObject>) {
         self.object = object;
-        self.object_ground = Contact::none();
+        self.object_ground = SimContact::none();
         for tip in &mut self.tips {
-            tip.object = Contact::none();
+            tip.object = SimContact::none();
         }
     }
 
@@ -218,45 +221,45 @@ where
     }
 }
 
-impl<M, const F: usize, const N: usize> Hand<M, F, N> {
+impl<M, const F: usize, const N: usize> SimHand<M, F, N> {
     /// Returns the fingers in their present state.
     #[must_use]
-    pub fn fingers(&self) -> &[Finger<M, N>; F] {
+    pub fn fingers(&self) -> &[SimFinger<M, N>; F] {
         &self.fingers
     }
 
     /// Returns the fingers for changes, such as to reset one.
-    pub fn fingers_mut(&mut self) -> &mut [Finger<M, N>; F] {
+    pub fn fingers_mut(&mut self) -> &mut [SimFinger<M, N>; F] {
         &mut self.fingers
     }
 
     /// Returns the object; `None` if there is none.
     #[must_use]
-    pub fn object(&self) -> Option<&Object> {
+    pub fn object(&self) -> Option<&SimObject> {
         self.object.as_ref()
     }
 
     /// Returns the table; `None` if the palm does not move.
     #[must_use]
-    pub fn table(&self) -> Option<&Table> {
+    pub fn table(&self) -> Option<&SimTable> {
         self.table.as_ref()
     }
 
     /// Returns the contact of each tip with the object.
     #[must_use]
-    pub fn object_contacts(&self) -> [Contact; F] {
+    pub fn object_contacts(&self) -> [SimContact; F] {
         self.tips.map(|tip| tip.object)
     }
 
     /// Returns the contact of each tip with the ground.
     #[must_use]
-    pub fn ground_contacts(&self) -> [Contact; F] {
+    pub fn ground_contacts(&self) -> [SimContact; F] {
         self.tips.map(|tip| tip.ground)
     }
 
     /// Returns the contact of the object with the ground.
     #[must_use]
-    pub fn object_ground_contact(&self) -> &Contact {
+    pub fn object_ground_contact(&self) -> &SimContact {
         &self.object_ground
     }
 

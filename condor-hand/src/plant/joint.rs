@@ -23,12 +23,12 @@ pub struct JointParameters {
     /// The two ends of the joint, rad.
     pub range: (f64, f64),
     /// The mechanical stop at these ends.
-    pub stop: Stop,
+    pub stop: SimStop,
 }
 
 /// A soft stop: a spring and a damper that only push.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Stop {
+pub struct SimStop {
     /// The stiffness, N m/rad or N/m.
     pub stiffness: f64,
     /// The damping, N m s/rad or N s/m.
@@ -71,7 +71,7 @@ impl JointParameters {
     }
 }
 
-impl Stop {
+impl SimStop {
     pub(super) fn check(&self) -> Result<(), NumberError> {
         not_negative("the stiffness of a stop, N/m or N m/rad", self.stiffness)?;
         not_negative("the damping of a stop, N s/m or N m s/rad", self.damping)

@@ -26,7 +26,7 @@ pub struct ObjectParameters {
 /// Its frame is at its centre of mass. Its state has the angular momentum instead of the angular
 /// velocity, so without a moment the angular momentum is constant to the last bit.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Object {
+pub struct SimObject {
     parameters: ObjectParameters,
     inverse_inertia: Matrix3<f64>,
     position: Vector3<f64>,
@@ -47,7 +47,7 @@ impl ObjectParameters {
     }
 }
 
-impl Object {
+impl SimObject {
     /// Makes an object at rest with its centre at `center` (m, in the palm), whose axes are those
     /// of the palm.
     ///

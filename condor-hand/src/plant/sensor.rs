@@ -1,6 +1,6 @@
 use super::PlantError;
 use super::noise::Noise;
-use crate::config::Input;
+use crate::config::InputChannel;
 use crate::math::abs;
 use crate::number::{NumberError, Requirement, check, finite, not_negative, positive};
 
@@ -8,7 +8,7 @@ use crate::number::{NumberError, Requirement, check, finite, not_negative, posit
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sensor {
     /// The converter, as in a controller's configuration.
-    pub adc: Input,
+    pub adc: InputChannel,
     /// The standard deviation of the noise before conversion, in the unit of the sensor.
     pub noise: f64,
 }
@@ -51,7 +51,7 @@ pub struct SensorBank<'a, const C: usize> {
 
 impl Sensor {
     fn check(&self) -> Result<(), NumberError> {
-        let Input {
+        let InputChannel {
             bits, gain, offset, ..
         } = self.adc;
         positive("the width of a converter, bits,", f64::from(bits))?;

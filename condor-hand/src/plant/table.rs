@@ -2,7 +2,7 @@ use nalgebra::Vector3;
 
 use super::PlantError;
 use super::error::ordered;
-use super::joint::{Passive, Stop};
+use super::joint::{Passive, SimStop};
 use crate::math::{clamp, is_finite};
 use crate::number::{NumberError, not_negative, positive};
 
@@ -18,12 +18,12 @@ pub struct AxisParameters {
     /// The range of its position, m.
     pub range: (f64, f64),
     /// The mechanical stop at the ends of the range.
-    pub stop: Stop,
+    pub stop: SimStop,
 }
 
 /// Three prismatic axes x, y, z, which are balanced against gravity and do not feel the fingers.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Table {
+pub struct SimTable {
     axes: [AxisParameters; 3],
     position: Vector3<f64>,
     velocity: Vector3<f64>,
@@ -52,7 +52,7 @@ impl AxisParameters {
     }
 }
 
-impl Table {
+impl SimTable {
     /// Makes a table at rest at zero.
     ///
     /// # Errors

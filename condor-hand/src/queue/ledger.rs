@@ -6,7 +6,7 @@ use thiserror::Error;
 /// The size of a row, in bytes.
 pub const ROW_BYTES: usize = 32;
 /// A row of a ledger, as it is stored.
-pub type Row = [u8; ROW_BYTES];
+pub type LedgerRow = [u8; ROW_BYTES];
 
 const MAGIC: u32 = u32::from_le_bytes(*b"CNDQ");
 const VERSION: u32 = 2;
@@ -18,7 +18,7 @@ const CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
 
 /// The session and the number of a request, which name it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub struct Identity {
+pub struct RequestIdentity {
     /// The number of the session, which the queue gave to the client.
     pub session: u32,
     /// The number of the request, which the client chooses: from 1 on, and greater than those of all
@@ -26,26 +26,26 @@ pub struct Identity {
     pub number: u32,
 }
 
-impl fmt::Display for Identity {
+impl fmt::Display for RequestIdentity {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "request {} of session {}", self.number, self.session)
     }
 }
 
-/// The life of a processor that opened a session, and that alone can use it.
+/// The incarnation of a processor that opened a session, and that alone can use it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub struct Owner {
+pub struct SessionOwner {
     /// The number of the processor.
     pub processor: u32,
     /// The incarnation of its mailbox, or another number that changes with each start of its program.
-    pub life: u32,
+    pub incarnation: u32,
 }
 
 /// The state of a request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u32)]
 #[non_exhaustive]
-pub enum State {
+pub enum RequestState {
     /// The request waits in the queue.
     Accepted = 1,
     /// The request runs.
@@ -54,9 +54,9 @@ pub enum State {
     Done = 3,
     /// The request's own guard has stopped it.
     Stopped = 4,
-    /// The request was ended early, or taken out of the queue, for a [`Reason`].
+    /// The request was ended early, or taken out of the queue, for a [`RefusalReason`].
     Aborted = 5,
-    /// The request has not run and never will, for a [`Reason`].
+    /// The request has not run and never will, for a [`RefusalReason`].
     Refused = 6,
     /// The program ended before the request began: it has not run and never will.
     Lost = 7,
@@ -64,7 +64,7 @@ pub enum State {
     BrokenOff = 8,
 }
 
-impl State {
+impl RequestState {
     const ALL: [Self; 8] = [
         Self::Accepted,
         Self::Started,
@@ -103,7 +103,7 @@ impl State {
         !matches!(self, Self::Accepted | Self::Started)
     }
 
-    /// Returns the state in the next life of a program that ended in this one.
+    /// Returns the state in the next incarnation of a program that ended in this one.
     const fn afterwards(self) -> Self {
         match self {
             Self::Accepted => Self::Lost,
@@ -117,7 +117,7 @@ impl State {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 #[non_exhaustive]
-pub enum Reason {
+pub enum RefusalReason {
     /// The request was neither refused nor aborted.
     None = 0,
     /// The queue has no room.
@@ -140,7 +140,7 @@ pub enum Reason {
     Starved = 9,
 }
 
-impl Reason {
+impl RefusalReason {
     const ALL: [Self; 10] = [
         Self::None,
         Self::Full,
@@ -161,7 +161,7 @@ impl Reason {
     }
 }
 
-impl fmt::Display for Reason {
+impl fmt::Display for RefusalReason {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::None => "no reason",
@@ -224,7 +224,7 @@ struct Session {
     answered: u32,
     /// When it was last used, in changes of the ledger.
     used: u64,
-    owner: Owner,
+    owner: SessionOwner,
     /// Whether its owner is gone, so that no request can come any more.
     is_closed: bool,
 }
@@ -232,9 +232,9 @@ struct Session {
 /// A request; session 0 is that of none.
 #[derive(Clone, Copy, Debug)]
 struct Request {
-    identity: Identity,
-    state: State,
-    reason: Reason,
+    identity: RequestIdentity,
+    state: RequestState,
+    reason: RefusalReason,
     entered: u64,
 }
 
@@ -248,8 +248,8 @@ struct Request {
 /// | row | words |
 /// |---|---|
 /// | 0 | "CNDQ", version 2, `S`, `R` |
-/// | 1 to S | 1, or 3 if the session is closed, session, number up to which its requests were answered, when it was last used (64 bits), processor and life of its owner |
-/// | S + 1 on | 2, session, number, [`State`], [`Reason`], when it was entered or ended (64 bits) |
+/// | 1 to S | 1, or 3 if the session is closed, session, number up to which its requests were answered, when it was last used (64 bits), processor and incarnation of its owner |
+/// | S + 1 on | 2, session, number, [`RequestState`], [`RefusalReason`], when it was entered or ended (64 bits) |
 ///
 /// An empty row has zeros before its checksum. A row whose checksum is wrong is damaged: then nobody
 /// knows which requests were in it, and all requests that are in no other row count as answered.
@@ -270,7 +270,7 @@ impl<const S: usize, const R: usize> Ledger<S, R> {
     pub const ROWS: usize = 1 + S + R;
 
     /// Reads the rows that an earlier run of the program has written; makes an empty ledger if
-    /// there are no bytes. Requests that had not ended are [`State::Lost`] or [`State::BrokenOff`].
+    /// there are no bytes. Requests that had not ended are [`RequestState::Lost`] or [`RequestState::BrokenOff`].
     ///
     /// Sessions that are opened from here on have greater numbers than all that the ledger knows, and
     /// at least the number `least`. If `least` is the time in seconds, sessions have new numbers even
@@ -321,14 +321,17 @@ impl<const S: usize, const R: usize> Ledger<S, R> {
                         low,
                         high,
                         processor,
-                        life,
+                        incarnation,
                     ],
                 ) => {
                     *place = Session {
                         number,
                         answered,
                         used: whole(low, high),
-                        owner: Owner { processor, life },
+                        owner: SessionOwner {
+                            processor,
+                            incarnation,
+                        },
                         is_closed: kind == CLOSED,
                     };
                     ledger.changes = ledger.changes.max(place.used);
@@ -356,7 +359,7 @@ impl<const S: usize, const R: usize> Ledger<S, R> {
 
     /// Returns all rows of the ledger, the first one first. Store them after [`read`](Self::read), which
     /// may have changed states.
-    pub fn rows(&self) -> impl Iterator<Item = Row> + '_ {
+    pub fn rows(&self) -> impl Iterator<Item = LedgerRow> + '_ {
         let head = pack([MAGIC, VERSION, S as u32, R as u32, 0, 0, 0]);
         let sessions = self.sessions.iter().map(Session::pack);
         let requests = self.requests.iter();
@@ -370,7 +373,7 @@ impl<const S: usize, const R: usize> Ledger<S, R> {
     /// The error of `write`.
     pub fn write_all<E>(
         &self,
-        mut write: impl FnMut(usize, &Row) -> Result<(), E>,
+        mut write: impl FnMut(usize, &LedgerRow) -> Result<(), E>,
     ) -> Result<(), E> {
         let mut rows = self.rows().enumerate();
         rows.try_for_each(|(row, bytes)| write(row, &bytes))
@@ -386,8 +389,8 @@ impl<const S: usize, const R: usize> Ledger<S, R> {
     /// The error of `write`; no session is opened then.
     pub fn open<E>(
         &mut self,
-        owner: Owner,
-        write: impl FnMut(usize, &Row) -> Result<(), E>,
+        owner: SessionOwner,
+        write: impl FnMut(usize, &LedgerRow) -> Result<(), E>,
         may_end: impl Fn(u32) -> bool,
     ) -> Result<Option<u32>, E> {
         let busy = |session: u32| {
@@ -430,14 +433,14 @@ impl<const S: usize, const R: usize> Ledger<S, R> {
     }
 
     /// Returns the sessions, and who opened them.
-    pub fn sessions(&self) -> impl Iterator<Item = (u32, Owner)> + '_ {
+    pub fn sessions(&self) -> impl Iterator<Item = (u32, SessionOwner)> + '_ {
         let sessions = self.sessions.iter().filter(|it| it.number != 0);
         sessions.map(|it| (it.number, it.owner))
     }
 
     /// Returns who opened a session; `None` if there is no such session.
     #[must_use]
-    pub fn owner(&self, session: u32) -> Option<Owner> {
+    pub fn owner(&self, session: u32) -> Option<SessionOwner> {
         self.session(session).map(|(_, it)| it.owner)
     }
 
@@ -448,7 +451,7 @@ impl<const S: usize, const R: usize> Ledger<S, R> {
     pub fn close<E>(
         &mut self,
         session: u32,
-        write: impl FnMut(usize, &Row) -> Result<(), E>,
+        write: impl FnMut(usize, &LedgerRow) -> Result<(), E>,
     ) -> Result<(), E> {
         if let Some((place, session)) = self.session(session)
             && !session.is_closed
@@ -481,7 +484,7 @@ impl<const S: usize, const R: usize> Ledger<S, R> {
     /// Returns the state of a request, and the reason for it; `None` if the request is not in a
     /// row, or no longer.
     #[must_use]
-    pub fn state(&self, identity: Identity) -> Option<(State, Reason)> {
+    pub fn state(&self, identity: RequestIdentity) -> Option<(RequestState, RefusalReason)> {
         let request = self.requests.iter().flatten();
         let mut request = request.filter(|it| it.identity == identity);
         request.next().map(|it| (it.state, it.reason))
@@ -507,10 +510,10 @@ impl<const S: usize, const R: usize> Ledger<S, R> {
     /// The error of `write`; nothing is changed then.
     pub fn set<E>(
         &mut self,
-        identity: Identity,
-        state: State,
-        reason: Reason,
-        mut write: impl FnMut(usize, &Row) -> Result<(), E>,
+        identity: RequestIdentity,
+        state: RequestState,
+        reason: RefusalReason,
+        mut write: impl FnMut(usize, &LedgerRow) -> Result<(), E>,
     ) -> Result<bool, E> {
         let mut places = self.requests.iter().enumerate();
         let known = places.find(|(_, it)| it.is_some_and(|it| it.identity == identity));
@@ -518,14 +521,14 @@ impl<const S: usize, const R: usize> Ledger<S, R> {
             let places = self.requests.iter().enumerate();
             places
                 .filter(|(_, it)| it.is_none_or(|it| it.state.is_final()))
-                .min_by_key(|(_, it)| it.map(|it| (it.state != State::Refused, it.entered)))
+                .min_by_key(|(_, it)| it.map(|it| (it.state != RequestState::Refused, it.entered)))
         });
         let Some((place, &former)) = place else {
             return Ok(false);
         };
         if let Some(former) = former.filter(|it| it.identity != identity) {
             // What is no longer in a row must stay answered.
-            let Identity { session, number } = former.identity;
+            let RequestIdentity { session, number } = former.identity;
             if let Some((at, session)) = self.session(session)
                 && session.answered < number
             {
@@ -571,7 +574,7 @@ impl<const S: usize, const R: usize> Ledger<S, R> {
         &mut self,
         place: usize,
         session: Session,
-        mut write: impl FnMut(usize, &Row) -> Result<(), E>,
+        mut write: impl FnMut(usize, &LedgerRow) -> Result<(), E>,
     ) -> Result<(), E> {
         write(1 + place, &session.pack())?;
         self.changes = self.changes.max(session.used);
@@ -583,35 +586,46 @@ impl<const S: usize, const R: usize> Ledger<S, R> {
 }
 
 impl Session {
-    fn pack(&self) -> Row {
+    fn pack(&self) -> LedgerRow {
         match self.number {
             0 => pack([EMPTY; 7]),
             number => {
                 let [low, high] = halves(self.used);
-                let Owner { processor, life } = self.owner;
+                let SessionOwner {
+                    processor,
+                    incarnation,
+                } = self.owner;
                 let kind = if self.is_closed { CLOSED } else { SESSION };
-                pack([kind, number, self.answered, low, high, processor, life])
+                pack([
+                    kind,
+                    number,
+                    self.answered,
+                    low,
+                    high,
+                    processor,
+                    incarnation,
+                ])
             }
         }
     }
 }
 
 impl Request {
-    fn pack(&self) -> Row {
-        let Identity { session, number } = self.identity;
+    fn pack(&self) -> LedgerRow {
+        let RequestIdentity { session, number } = self.identity;
         let (state, reason) = (self.state as u32, self.reason as u32);
         let [low, high] = halves(self.entered);
         pack([REQUEST, session, number, state, reason, low, high])
     }
 
-    fn unpack(row: &Row) -> Option<Self> {
+    fn unpack(row: &LedgerRow) -> Option<Self> {
         let [REQUEST, session, number, state, reason, low, high] = unpack(row)? else {
             return None;
         };
         Some(Self {
-            identity: Identity { session, number },
-            state: State::from_number(state)?,
-            reason: Reason::from_number(reason)?,
+            identity: RequestIdentity { session, number },
+            state: RequestState::from_number(state)?,
+            reason: RefusalReason::from_number(reason)?,
             entered: whole(low, high),
         })
     }
@@ -626,7 +640,7 @@ fn whole(low: u32, high: u32) -> u64 {
     u64::from(high) << 32 | u64::from(low)
 }
 
-fn pack(words: [u32; 7]) -> Row {
+fn pack(words: [u32; 7]) -> LedgerRow {
     let mut row = [0; ROW_BYTES];
     let (places, _) = row.as_chunks_mut::<4>();
     for (place, word) in places.iter_mut().zip(words) {
@@ -641,18 +655,18 @@ fn pack(words: [u32; 7]) -> Row {
 }
 
 /// The words of a row that was written whole.
-fn unpack(row: &Row) -> Option<[u32; 7]> {
+fn unpack(row: &LedgerRow) -> Option<[u32; 7]> {
     let [words @ .., sum] = words_of(row);
     (sum == checksum(row)).then_some(words)
 }
 
-fn words_of(row: &Row) -> [u32; 8] {
+fn words_of(row: &LedgerRow) -> [u32; 8] {
     let (words, _) = row.as_chunks::<4>();
     let mut words = words.iter();
     core::array::from_fn(|_| words.next().map_or(0, |word| u32::from_le_bytes(*word)))
 }
 
-fn checksum(row: &Row) -> u32 {
+fn checksum(row: &LedgerRow) -> u32 {
     let (words, _) = row.split_at(ROW_BYTES - 4);
     CRC.checksum(words)
 }

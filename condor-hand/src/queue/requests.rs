@@ -1,13 +1,15 @@
 use heapless::Deque;
 use thiserror::Error;
 
-use super::{Identity, Ledger, LedgerError, Owner, Reason, Row, State};
+use super::{
+    Ledger, LedgerError, LedgerRow, RefusalReason, RequestIdentity, RequestState, SessionOwner,
+};
 
 /// The answer of a queue about a request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Answer {
+pub enum QueueAnswer {
     /// The request has this state, for this reason.
-    Known(State, Reason),
+    Known(RequestState, RefusalReason),
     /// The queue does not have the request: it has not run, and can be sent.
     New,
     /// The request was answered, and the answer is forgotten, or it was passed over by one with a greater
@@ -40,8 +42,8 @@ pub enum RestoreError<E> {
 #[derive(Clone, Debug)]
 pub struct MotionQueue<P, const Q: usize, const S: usize, const R: usize> {
     ledger: Ledger<S, R>,
-    waiting: Deque<(Identity, P), Q>,
-    running: Option<Identity>,
+    waiting: Deque<(RequestIdentity, P), Q>,
+    running: Option<RequestIdentity>,
     in_control: Option<u32>,
 }
 
@@ -59,7 +61,7 @@ impl<P, const Q: usize, const S: usize, const R: usize> MotionQueue<P, Q, S, R> 
     pub fn restore<E>(
         bytes: &[u8],
         least: u32,
-        write: impl FnMut(usize, &Row) -> Result<(), E>,
+        write: impl FnMut(usize, &LedgerRow) -> Result<(), E>,
     ) -> Result<Self, RestoreError<E>> {
         const {
             assert!(
@@ -78,7 +80,7 @@ impl<P, const Q: usize, const S: usize, const R: usize> MotionQueue<P, Q, S, R> 
     }
 
     /// Returns all rows of the ledger, the first one first, for a new store of them.
-    pub fn rows(&self) -> impl Iterator<Item = Row> + '_ {
+    pub fn rows(&self) -> impl Iterator<Item = LedgerRow> + '_ {
         self.ledger.rows()
     }
 
@@ -91,8 +93,8 @@ impl<P, const Q: usize, const S: usize, const R: usize> MotionQueue<P, Q, S, R> 
     /// The error of `write`.
     pub fn open<E>(
         &mut self,
-        owner: Owner,
-        write: impl FnMut(usize, &Row) -> Result<(), E>,
+        owner: SessionOwner,
+        write: impl FnMut(usize, &LedgerRow) -> Result<(), E>,
     ) -> Result<Option<u32>, E> {
         let in_control = self.in_control;
         self.ledger
@@ -121,13 +123,13 @@ impl<P, const Q: usize, const S: usize, const R: usize> MotionQueue<P, Q, S, R> 
     }
 
     /// Returns the sessions, and who opened them.
-    pub fn sessions(&self) -> impl Iterator<Item = (u32, Owner)> + '_ {
+    pub fn sessions(&self) -> impl Iterator<Item = (u32, SessionOwner)> + '_ {
         self.ledger.sessions()
     }
 
     /// Returns who opened a session; `None` if there is no such session.
     #[must_use]
-    pub fn owner(&self, session: u32) -> Option<Owner> {
+    pub fn owner(&self, session: u32) -> Option<SessionOwner> {
         self.ledger.owner(session)
     }
 
@@ -145,7 +147,7 @@ impl<P, const Q: usize, const S: usize, const R: usize> MotionQueue<P, Q, S, R> 
     pub fn close<E>(
         &mut self,
         session: u32,
-        write: impl FnMut(usize, &Row) -> Result<(), E>,
+        write: impl FnMut(usize, &LedgerRow) -> Result<(), E>,
     ) -> Result<bool, E> {
         self.ledger.close(session, write)?;
         let was = self.in_control == Some(session);
@@ -161,21 +163,23 @@ impl<P, const Q: usize, const S: usize, const R: usize> MotionQueue<P, Q, S, R> 
 
     /// Returns what the queue knows about a request.
     #[must_use]
-    pub fn answer(&self, identity: Identity) -> Answer {
+    pub fn answer(&self, identity: RequestIdentity) -> QueueAnswer {
         if !self.ledger.has_session(identity.session) {
-            return Answer::NoSession;
+            return QueueAnswer::NoSession;
         }
         match self.ledger.state(identity) {
-            Some((state, reason)) => Answer::Known(state, reason),
-            None if identity.number <= self.ledger.answered(identity.session) => Answer::Forgotten,
-            None if self.ledger.is_closed(identity.session) => Answer::Never,
-            None => Answer::New,
+            Some((state, reason)) => QueueAnswer::Known(state, reason),
+            None if identity.number <= self.ledger.answered(identity.session) => {
+                QueueAnswer::Forgotten
+            }
+            None if self.ledger.is_closed(identity.session) => QueueAnswer::Never,
+            None => QueueAnswer::New,
         }
     }
 
     /// Returns how many requests run or wait before this one; `None` if it does not wait.
     #[must_use]
-    pub fn before(&self, identity: Identity) -> Option<usize> {
+    pub fn before(&self, identity: RequestIdentity) -> Option<usize> {
         let mut waiting = self.waiting.iter();
         let place = waiting.position(|(it, _)| *it == identity)?;
         Some(place + usize::from(self.running.is_some()))
@@ -189,24 +193,24 @@ impl<P, const Q: usize, const S: usize, const R: usize> MotionQueue<P, Q, S, R> 
     /// The error of `write`; the queue does not have the request then.
     pub fn offer<E>(
         &mut self,
-        identity: Identity,
-        mut write: impl FnMut(usize, &Row) -> Result<(), E>,
-        make: impl FnOnce() -> Result<P, Reason>,
-    ) -> Result<Answer, E> {
+        identity: RequestIdentity,
+        mut write: impl FnMut(usize, &LedgerRow) -> Result<(), E>,
+        make: impl FnOnce() -> Result<P, RefusalReason>,
+    ) -> Result<QueueAnswer, E> {
         match self.answer(identity) {
-            Answer::New => {}
+            QueueAnswer::New => {}
             known => return Ok(known),
         }
         let made = if self.in_control != Some(identity.session) {
-            Err(Reason::NotInControl)
+            Err(RefusalReason::NotInControl)
         } else if self.waiting.is_full() {
-            Err(Reason::Full)
+            Err(RefusalReason::Full)
         } else {
             make()
         };
         let (state, reason, made) = match made {
-            Ok(made) => (State::Accepted, Reason::None, Some(made)),
-            Err(reason) => (State::Refused, reason, None),
+            Ok(made) => (RequestState::Accepted, RefusalReason::None, Some(made)),
+            Err(reason) => (RequestState::Refused, reason, None),
         };
         // There is a place: of more than Q + 1 requests one has ended.
         self.ledger.set(identity, state, reason, &mut write)?;
@@ -219,7 +223,7 @@ impl<P, const Q: usize, const S: usize, const R: usize> MotionQueue<P, Q, S, R> 
 
     /// Returns the next request with its data; `None` if none waits, or one runs.
     #[must_use]
-    pub fn next(&self) -> Option<(Identity, &P)> {
+    pub fn next(&self) -> Option<(RequestIdentity, &P)> {
         let next = self.waiting.front().filter(|_| self.running.is_none());
         next.map(|(identity, work)| (*identity, work))
     }
@@ -230,11 +234,12 @@ impl<P, const Q: usize, const S: usize, const R: usize> MotionQueue<P, Q, S, R> 
     /// The error of `write`; the request waits then.
     pub fn refuse_next<E>(
         &mut self,
-        reason: Reason,
-        write: impl FnMut(usize, &Row) -> Result<(), E>,
+        reason: RefusalReason,
+        write: impl FnMut(usize, &LedgerRow) -> Result<(), E>,
     ) -> Result<(), E> {
         if let Some(&(identity, _)) = self.waiting.front() {
-            self.ledger.set(identity, State::Refused, reason, write)?;
+            self.ledger
+                .set(identity, RequestState::Refused, reason, write)?;
             self.waiting.pop_front();
         }
         Ok(())
@@ -247,20 +252,20 @@ impl<P, const Q: usize, const S: usize, const R: usize> MotionQueue<P, Q, S, R> 
     /// The error of `write`; the request must not run then, and waits.
     pub fn start<E>(
         &mut self,
-        write: impl FnMut(usize, &Row) -> Result<(), E>,
-    ) -> Result<Option<(Identity, P)>, E> {
+        write: impl FnMut(usize, &LedgerRow) -> Result<(), E>,
+    ) -> Result<Option<(RequestIdentity, P)>, E> {
         let Some(&(identity, _)) = self.waiting.front().filter(|_| self.running.is_none()) else {
             return Ok(None);
         };
         self.ledger
-            .set(identity, State::Started, Reason::None, write)?;
+            .set(identity, RequestState::Started, RefusalReason::None, write)?;
         self.running = Some(identity);
         Ok(self.waiting.pop_front())
     }
 
     /// Returns the request that runs; `None` if none does.
     #[must_use]
-    pub fn running(&self) -> Option<Identity> {
+    pub fn running(&self) -> Option<RequestIdentity> {
         self.running
     }
 
@@ -281,9 +286,9 @@ impl<P, const Q: usize, const S: usize, const R: usize> MotionQueue<P, Q, S, R> 
     /// The error of `write`; the request has not ended then.
     pub fn end<E>(
         &mut self,
-        state: State,
-        reason: Reason,
-        write: impl FnMut(usize, &Row) -> Result<(), E>,
+        state: RequestState,
+        reason: RefusalReason,
+        write: impl FnMut(usize, &LedgerRow) -> Result<(), E>,
     ) -> Result<(), E> {
         if let Some(identity) = self.running {
             self.ledger.set(identity, state, reason, write)?;
@@ -298,12 +303,12 @@ impl<P, const Q: usize, const S: usize, const R: usize> MotionQueue<P, Q, S, R> 
     /// The error of `write`; the requests that are left wait then.
     pub fn abort<E>(
         &mut self,
-        reason: Reason,
-        mut write: impl FnMut(usize, &Row) -> Result<(), E>,
+        reason: RefusalReason,
+        mut write: impl FnMut(usize, &LedgerRow) -> Result<(), E>,
     ) -> Result<(), E> {
         while let Some(&(identity, _)) = self.waiting.front() {
             self.ledger
-                .set(identity, State::Aborted, reason, &mut write)?;
+                .set(identity, RequestState::Aborted, reason, &mut write)?;
             self.waiting.pop_front();
         }
         Ok(())

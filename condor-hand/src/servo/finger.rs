@@ -4,22 +4,22 @@ use super::impedance::least_inertias;
 use super::joint::{Felt, JointServo};
 use super::readings::Readings;
 use super::transition::Transition;
-use super::{FingerSettings, JointGains, JointTarget, Mode, PositionLaw, SettingError};
+use super::{FingerSettings, JointGains, JointTarget, PositionLaw, ServoMode, SettingError};
 use crate::control::elapsed::Elapsed;
 use crate::control::{Derivative, LowPass};
-use crate::dynamics::{Drive, Dynamics};
+use crate::dynamics::{DriveDynamics, Dynamics};
 use crate::math::{Real, is_finite};
 use crate::number::positive;
-use crate::tendon::{Allocation, MomentArms, Pair, Pairs};
+use crate::tendon::{MomentArms, Pair, TendonPairs, TensionAllocation};
 use crate::trajectory::SetPoint;
 
 /// The readings of a finger's sensors.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Sensed<T: Real, const N: usize> {
+pub struct FingerReadings<T: Real, const N: usize> {
     /// Positions of the joints, rad.
     pub position: SVector<T, N>,
     /// Tensions of the tendons, N.
-    pub tension: Pairs<T, N>,
+    pub tension: TendonPairs<T, N>,
     /// The force along the normal at the fingertip, N; zero without a tactile sensor.
     pub touch: T,
 }
@@ -28,9 +28,9 @@ pub struct Sensed<T: Real, const N: usize> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ServoOutput<T: Real, const N: usize> {
     /// The commands of the actuators, N, from 0 to the greatest tension of each tendon.
-    pub command: Pairs<T, N>,
+    pub command: TendonPairs<T, N>,
     /// The desired tensions, N.
-    pub tension: Pairs<T, N>,
+    pub tension: TendonPairs<T, N>,
     /// The torques of those tensions, N m.
     pub torque: SVector<T, N>,
     /// The positions that the laws have used, rad.
@@ -56,8 +56,8 @@ pub struct ServoOutput<T: Real, const N: usize> {
 pub struct FingerServo<M, T: Real, const N: usize> {
     mechanism: M,
     arms: MomentArms<T, N>,
-    drive: Drive<T, N>,
-    allocation: [Allocation<T>; N],
+    drive: DriveDynamics<T, N>,
+    allocation: [TensionAllocation<T>; N],
     joints: [JointServo<T>; N],
     position_filters: LowPass<T, N>,
     velocities: Derivative<T, N>,
@@ -68,12 +68,12 @@ pub struct FingerServo<M, T: Real, const N: usize> {
     /// A change of modes or gains that the next tick smooths.
     changed: bool,
     /// Joints that hold what they have in another mode from the next tick on.
-    holds: [Option<Mode>; N],
+    holds: [Option<ServoMode>; N],
     /// The tensions of the last tick, N.
-    desired: Pairs<T, N>,
+    desired: TendonPairs<T, N>,
     transition: Transition<T, N>,
     /// The last tensions that were finite, N.
-    last: Pairs<T, N>,
+    last: TendonPairs<T, N>,
 }
 
 impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
@@ -152,7 +152,7 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
 
     /// Returns the mode of a joint; `None` for a joint that the finger does not have.
     #[must_use]
-    pub fn mode(&self, joint: usize) -> Option<Mode> {
+    pub fn mode(&self, joint: usize) -> Option<ServoMode> {
         let held = self.holds.get(joint).copied().flatten();
         held.or_else(|| Some(self.joints.get(joint)?.target.mode()))
     }
@@ -195,7 +195,7 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
     ///
     /// # Errors
     /// [`SettingError::NoJoint`] if the finger does not have the joint.
-    pub fn set_mode(&mut self, joint: usize, mode: Mode) -> Result<(), SettingError> {
+    pub fn set_mode(&mut self, joint: usize, mode: ServoMode) -> Result<(), SettingError> {
         let there_is_none = SettingError::NoJoint { joint, joints: N };
         let same = self.mode(joint).ok_or(there_is_none)? == mode;
         if let (false, Some(hold)) = (same, self.holds.get_mut(joint)) {
@@ -219,7 +219,11 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
 
     /// The tensions with which joints that go by positions get these torques (N m), and all others what
     /// they have.
-    pub(crate) fn still(&self, has: &Pairs<T, N>, torque: &SVector<T, N>) -> Pairs<T, N> {
+    pub(crate) fn still(
+        &self,
+        has: &TendonPairs<T, N>,
+        torque: &SVector<T, N>,
+    ) -> TendonPairs<T, N> {
         let given = core::array::from_fn(|joint| match self.target(joint)? {
             JointTarget::Position(_) | JointTarget::Impedance { .. } => None,
             _ => has.get(joint).copied(),
@@ -290,7 +294,7 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
     #[inline]
     pub fn tick(
         &mut self,
-        sensed: &Sensed<T, N>,
+        sensed: &FingerReadings<T, N>,
         gravity: &Vector3<T>,
         period_s: T,
     ) -> ServoOutput<T, N> {
@@ -301,7 +305,7 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
     #[inline(always)]
     pub(crate) fn tick_after(
         &mut self,
-        sensed: &Sensed<T, N>,
+        sensed: &FingerReadings<T, N>,
         gravity: &Vector3<T>,
         elapsed: Elapsed<T>,
     ) -> ServoOutput<T, N> {
@@ -406,7 +410,7 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
 
     /// The tensions that the sensors say, filtered.
     #[inline(always)]
-    fn sense_tensions(&mut self, sensed: &Pairs<T, N>) -> Pairs<T, N> {
+    fn sense_tensions(&mut self, sensed: &TendonPairs<T, N>) -> TendonPairs<T, N> {
         let mut tensions = *sensed;
         for ((servo, tension), last) in self
             .joints
@@ -434,7 +438,7 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
         position: &SVector<T, N>,
         velocity: &SVector<T, N>,
         gravity: &Vector3<T>,
-    ) -> Option<Pairs<T, N>> {
+    ) -> Option<TendonPairs<T, N>> {
         let some = self.holds.iter().any(Option::is_some);
         some.then(|| self.take_each(position, velocity, gravity))
     }
@@ -446,7 +450,7 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
         position: &SVector<T, N>,
         velocity: &SVector<T, N>,
         gravity: &Vector3<T>,
-    ) -> Pairs<T, N> {
+    ) -> TendonPairs<T, N> {
         let mut means = self.desired;
         for (mean, servo) in means.iter_mut().zip(&self.joints) {
             if servo.given_tensions().is_none() {
@@ -468,13 +472,13 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
             .zip(&loads)
         {
             // There is no position to hold yet.
-            if matches!(hold, Some(Mode::Position | Mode::Impedance)) && !servo.seen {
+            if matches!(hold, Some(ServoMode::Position | ServoMode::Impedance)) && !servo.seen {
                 continue;
             }
             if let Some(mode) = hold.take() {
                 servo.take(servo.hold(mode, position, mean, torque, loads));
                 self.changed = true;
-                if !matches!(mode, Mode::Off | Mode::Position) {
+                if !matches!(mode, ServoMode::Off | ServoMode::Position) {
                     *kept = mean;
                 }
             }
@@ -488,7 +492,7 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
         &mut self,
         position: &SVector<T, N>,
         velocity: &SVector<T, N>,
-        tension: &Pairs<T, N>,
+        tension: &TendonPairs<T, N>,
         gravity: &Vector3<T>,
         period: T,
     ) -> SVector<T, N> {

@@ -1,13 +1,13 @@
 use super::impedance::{Impedance, greatest};
 use super::transition::Mean;
 use super::{
-    JointGains, JointSettings, JointTarget, Mode, PositionLaw, Quantity, SettingError, SoftStop,
-    TargetError,
+    JointGains, JointSettings, JointTarget, PositionLaw, ServoMode, SettingError, SoftStop,
+    TargetError, TargetQuantity,
 };
 use crate::control::{Integrator, LowPass};
 use crate::math::{Real, clamp, is_finite, min, real};
 use crate::number::{NumberError, finite, not_negative};
-use crate::tendon::{Allocation, Pair, TensionServos};
+use crate::tendon::{Pair, TensionAllocation, TensionServos};
 use crate::trajectory::SetPoint;
 
 /// The servo of one joint, but what couples it to the others.
@@ -66,7 +66,7 @@ impl<T: Real> JointServo<T> {
         not_negative("the resolution of a sensor, rad,", settings.resolution_rad)?;
         let what = "the way without a change of a reading, rad,";
         not_negative(what, settings.frozen_rad)?;
-        let Allocation { min_n, max_n, .. } = settings.allocation;
+        let TensionAllocation { min_n, max_n, .. } = settings.allocation;
         settings.allocation.check()?;
         Ok(Self {
             gains: settings.gains,
@@ -87,7 +87,7 @@ impl<T: Real> JointServo<T> {
 
     /// Whether the joint can have this target.
     pub(super) fn check(&self, joint: usize, target: &JointTarget<T>) -> Result<(), SettingError> {
-        let within = |quantity: Quantity, value: T, (low, high): (T, T)| {
+        let within = |quantity: TargetQuantity, value: T, (low, high): (T, T)| {
             if low <= value && value <= high {
                 return Ok(());
             }
@@ -103,14 +103,14 @@ impl<T: Real> JointServo<T> {
         match *target {
             JointTarget::Off => {}
             JointTarget::Tension(pair) => {
-                within(Quantity::Tension, pair.flexor, self.tension)?;
-                within(Quantity::Tension, pair.extensor, self.tension)?;
+                within(TargetQuantity::Tension, pair.flexor, self.tension)?;
+                within(TargetQuantity::Tension, pair.extensor, self.tension)?;
             }
             JointTarget::Torque(torque) | JointTarget::Grasp(torque) => {
-                within(Quantity::Torque, torque, self.torque)?;
+                within(TargetQuantity::Torque, torque, self.torque)?;
             }
             JointTarget::Position(point) => {
-                within(Quantity::Position, point.position, limits)?;
+                within(TargetQuantity::Position, point.position, limits)?;
                 finite("the velocity, rad/s,", point.velocity)
                     .and_then(|()| finite("the acceleration, rad/s²,", point.acceleration))
                     .map_err(|error| SettingError::Joint { joint, error })?;
@@ -121,9 +121,9 @@ impl<T: Real> JointServo<T> {
                 damping,
             } => {
                 let (stiffest, most) = greatest(&self.gains.law, self.inertia);
-                within(Quantity::Stiffness, stiffness, (T::zero(), stiffest))?;
-                within(Quantity::Damping, damping, (T::zero(), most))?;
-                within(Quantity::Position, position, limits)?;
+                within(TargetQuantity::Stiffness, stiffness, (T::zero(), stiffest))?;
+                within(TargetQuantity::Damping, damping, (T::zero(), most))?;
+                within(TargetQuantity::Position, position, limits)?;
             }
         }
         Ok(())
@@ -154,7 +154,7 @@ impl<T: Real> JointServo<T> {
     /// that an impedance adds by itself, N m.
     pub(super) fn hold(
         &self,
-        mode: Mode,
+        mode: ServoMode,
         position: T,
         tension: Pair<T>,
         torque: T,
@@ -162,16 +162,16 @@ impl<T: Real> JointServo<T> {
     ) -> JointTarget<T> {
         let torque = clamp(torque, self.torque.0, self.torque.1);
         match mode {
-            Mode::Off => JointTarget::Off,
-            Mode::Tension => JointTarget::Tension(tension),
-            Mode::Torque => JointTarget::Torque(torque),
-            Mode::Grasp => JointTarget::Grasp(torque),
-            Mode::Position => JointTarget::Position(SetPoint::rest(clamp(
+            ServoMode::Off => JointTarget::Off,
+            ServoMode::Tension => JointTarget::Tension(tension),
+            ServoMode::Torque => JointTarget::Torque(torque),
+            ServoMode::Grasp => JointTarget::Grasp(torque),
+            ServoMode::Position => JointTarget::Position(SetPoint::rest(clamp(
                 position,
                 self.stop.low,
                 self.stop.high,
             ))),
-            Mode::Impedance => {
+            ServoMode::Impedance => {
                 let (stiffness, damping) = greatest(&self.gains.law, self.inertia);
                 let stretch = (torque - loads) / stiffness;
                 // A joint that was off had no torque to keep.
@@ -210,9 +210,9 @@ impl<T: Real> JointServo<T> {
             self.integrator.set(T::zero());
             self.left = T::zero();
             self.impedance = Impedance::of(&target).unwrap_or(self.impedance);
-        } else if target.mode() == Mode::Impedance {
+        } else if target.mode() == ServoMode::Impedance {
             self.left = T::one();
-        } else if target.mode() == Mode::Torque {
+        } else if target.mode() == ServoMode::Torque {
             self.mean = Mean::new();
         }
         self.target = target;

@@ -5,7 +5,7 @@ use crate::trajectory::SetPoint;
 /// The mode of a joint's servo.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[repr(u8)]
-pub enum Mode {
+pub enum ServoMode {
     /// Both tendons are at their least tension.
     #[default]
     Off = 0,
@@ -21,7 +21,7 @@ pub enum Mode {
     Impedance = 5,
 }
 
-impl Mode {
+impl ServoMode {
     /// Returns the mode that has this number in messages; `None` if there is none.
     #[must_use]
     pub const fn from_number(number: u32) -> Option<Self> {
@@ -53,17 +53,17 @@ impl Mode {
 /// The target of a joint, in one of its modes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum JointTarget<T: Real = f64> {
-    /// No target, for [`Mode::Off`].
+    /// No target, for [`ServoMode::Off`].
     Off,
-    /// Tensions of its two tendons, N, for [`Mode::Tension`].
+    /// Tensions of its two tendons, N, for [`ServoMode::Tension`].
     Tension(Pair<T>),
-    /// A torque, N m, for [`Mode::Torque`].
+    /// A torque, N m, for [`ServoMode::Torque`].
     Torque(T),
-    /// A position with its rate and acceleration (rad, rad/s, rad/s²), for [`Mode::Position`].
+    /// A position with its rate and acceleration (rad, rad/s, rad/s²), for [`ServoMode::Position`].
     Position(SetPoint<T>),
-    /// A torque of the grasp law, N m, for [`Mode::Grasp`].
+    /// A torque of the grasp law, N m, for [`ServoMode::Grasp`].
     Grasp(T),
-    /// A spring and a damper, for [`Mode::Impedance`].
+    /// A spring and a damper, for [`ServoMode::Impedance`].
     Impedance {
         /// The position at which the spring has no torque, rad.
         position: T,
@@ -77,14 +77,14 @@ pub enum JointTarget<T: Real = f64> {
 impl<T: Real> JointTarget<T> {
     /// Returns the mode that belongs to this target.
     #[must_use]
-    pub const fn mode(&self) -> Mode {
+    pub const fn mode(&self) -> ServoMode {
         match self {
-            Self::Off => Mode::Off,
-            Self::Tension(_) => Mode::Tension,
-            Self::Torque(_) => Mode::Torque,
-            Self::Position(_) => Mode::Position,
-            Self::Grasp(_) => Mode::Grasp,
-            Self::Impedance { .. } => Mode::Impedance,
+            Self::Off => ServoMode::Off,
+            Self::Tension(_) => ServoMode::Tension,
+            Self::Torque(_) => ServoMode::Torque,
+            Self::Position(_) => ServoMode::Position,
+            Self::Grasp(_) => ServoMode::Grasp,
+            Self::Impedance { .. } => ServoMode::Impedance,
         }
     }
 }

@@ -33,7 +33,7 @@ pub(super) struct Readings<T, const N: usize> {
 }
 
 /// A rate with which a joint went on unseen: rad/s, and for how long, s.
-pub(super) type Unseen<T> = Option<(T, T)>;
+pub(super) type UnseenMotion<T> = Option<(T, T)>;
 
 impl<T: Real, const N: usize> Readings<T, N> {
     pub(super) fn new(joints: &[JointSettings<T>; N]) -> Self {
@@ -99,7 +99,7 @@ impl<T: Real, const N: usize> Readings<T, N> {
         rates: &[T; N],
         targets: &[T; N],
         elapsed: Elapsed<T>,
-    ) -> [Unseen<T>; N] {
+    ) -> [UnseenMotion<T>; N] {
         let zero = T::zero();
         let mut unseen = [None; N];
         self.lost = 0;

@@ -3,9 +3,9 @@ use thiserror::Error;
 use super::{PositionLaw, SoftStop};
 use crate::Real;
 use crate::decimal::Decimal;
-use crate::dynamics::Drive;
+use crate::dynamics::DriveDynamics;
 use crate::number::{NumberError, Requirement, check, finite, not_negative};
-use crate::tendon::{Allocation, Pair, TensionGains};
+use crate::tendon::{Pair, TensionAllocation, TensionGains};
 
 /// The settings that can be changed while a joint runs.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -26,7 +26,7 @@ pub struct JointSettings<T: Real = f64> {
     /// Its limits, with their soft stops.
     pub stop: SoftStop<T>,
     /// The way in which a torque becomes two tensions.
-    pub allocation: Allocation<T>,
+    pub allocation: TensionAllocation<T>,
     /// The greatest change of its rate from one tick to the next, rad/s; a reading with a greater
     /// change is implausible.
     pub rate_change: T,
@@ -50,7 +50,7 @@ pub struct FingerSettings<T: Real, const N: usize> {
     /// The joints, proximal first.
     pub joints: [JointSettings<T>; N],
     /// The inertia and friction of the drives, for feed-forward.
-    pub drive: Drive<T, N>,
+    pub drive: DriveDynamics<T, N>,
     /// The rate of the servo's ticks, Hz.
     pub sample_hz: T,
     /// The time over which a step of tensions is spread when a mode or gains change, and over which the
@@ -103,7 +103,7 @@ pub struct TargetError {
     /// The joint, from 0.
     pub joint: u32,
     /// The quantity of the target that is out of its limits.
-    pub quantity: Quantity,
+    pub quantity: TargetQuantity,
     /// The value that was asked for, in the unit of the quantity.
     pub value: f64,
     /// The least value that is possible, in the same unit.
@@ -115,7 +115,7 @@ pub struct TargetError {
 /// A quantity of a target.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]
-pub enum Quantity {
+pub enum TargetQuantity {
     /// The tension of a tendon, N.
     Tension = 0,
     /// The torque of a joint, N m.
@@ -128,7 +128,7 @@ pub enum Quantity {
     Damping = 4,
 }
 
-impl Quantity {
+impl TargetQuantity {
     /// Returns the quantity that has this number in messages; `None` if there is none.
     #[must_use]
     pub const fn from_number(number: u32) -> Option<Self> {

@@ -1,7 +1,7 @@
 //! [`Transition`] and [`Mean`]: how a finger's tensions pass from before a change to after it.
 
 use crate::math::{Real, clamp, max, real};
-use crate::tendon::{Allocation, Pair, Pairs};
+use crate::tendon::{Pair, TendonPairs, TensionAllocation};
 
 /// The number of ticks within which a joint reaches the mean tensions that it takes over.
 const SETTLING_TICKS: f64 = 4.0;
@@ -93,7 +93,12 @@ impl<T: Real, const N: usize> Transition<T, N> {
     }
 
     /// A change from the tensions of the last tick, of which joints go on from `kept`, to `new`.
-    pub(super) fn begin(&mut self, last: &Pairs<T, N>, kept: &Pairs<T, N>, new: &Pairs<T, N>) {
+    pub(super) fn begin(
+        &mut self,
+        last: &TendonPairs<T, N>,
+        kept: &TendonPairs<T, N>,
+        new: &TendonPairs<T, N>,
+    ) {
         self.change.begin(kept, new);
         self.settling.begin(last, kept);
     }
@@ -102,8 +107,8 @@ impl<T: Real, const N: usize> Transition<T, N> {
     #[inline(always)]
     pub(super) fn smooth(
         &mut self,
-        tensions: &mut Pairs<T, N>,
-        allocation: &[Allocation<T>; N],
+        tensions: &mut TendonPairs<T, N>,
+        allocation: &[TensionAllocation<T>; N],
         periods: T,
     ) {
         if self.change.left > T::zero() || self.settling.left > T::zero() {
@@ -119,7 +124,7 @@ impl<T: Real, const N: usize> Transition<T, N> {
 /// A step of tensions, N, which is worked off in equal parts.
 #[derive(Clone, Debug)]
 struct Step<T: Real, const N: usize> {
-    whole: Pairs<T, N>,
+    whole: TendonPairs<T, N>,
     /// The part of it that is left, from 1, and the part that a tick works off.
     left: T,
     part: T,
@@ -134,7 +139,7 @@ impl<T: Real, const N: usize> Step<T, N> {
         }
     }
 
-    fn begin(&mut self, from: &Pairs<T, N>, to: &Pairs<T, N>) {
+    fn begin(&mut self, from: &TendonPairs<T, N>, to: &TendonPairs<T, N>) {
         self.left = T::one();
         for ((step, from), to) in self.whole.iter_mut().zip(from).zip(to) {
             step.flexor = from.flexor - to.flexor;
@@ -142,7 +147,7 @@ impl<T: Real, const N: usize> Step<T, N> {
         }
     }
 
-    fn add(&mut self, tensions: &mut Pairs<T, N>, periods: T) {
+    fn add(&mut self, tensions: &mut TendonPairs<T, N>, periods: T) {
         for (tension, step) in tensions.iter_mut().zip(&self.whole) {
             tension.flexor += self.left * step.flexor;
             tension.extensor += self.left * step.extensor;

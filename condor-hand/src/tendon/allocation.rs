@@ -8,7 +8,7 @@
 
 use nalgebra::SVector;
 
-use super::{MomentArms, Pair, Pairs};
+use super::{MomentArms, Pair, TendonPairs};
 use crate::math::{Real, clamp, is_finite, max, min, real, sqrt};
 use crate::number::{NumberError, Requirement, check, not_negative};
 
@@ -41,7 +41,7 @@ pub enum Rectification<T> {
 /// Whatever its values are, tensions are within `min_n..=max_n`, where a minimum below zero counts
 /// as zero, and a maximum below the minimum counts as the minimum.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-pub struct Allocation<T> {
+pub struct TensionAllocation<T> {
     /// The co-contraction of the tendons.
     pub rectification: Rectification<T>,
     /// The least tension, which keeps a tendon from slack, N.
@@ -50,7 +50,7 @@ pub struct Allocation<T> {
     pub max_n: T,
 }
 
-impl<T: Real> Allocation<T> {
+impl<T: Real> TensionAllocation<T> {
     /// Checks whether the values can be used as they are.
     ///
     /// # Errors
@@ -96,9 +96,9 @@ impl<T: Real> Allocation<T> {
 /// The tensions for the torques of a finger.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[must_use]
-pub struct Allocated<T: Real, const N: usize> {
+pub struct AllocatedTensions<T: Real, const N: usize> {
     /// The tensions, N: each within the limits of its joint.
-    pub tensions: Pairs<T, N>,
+    pub tensions: TendonPairs<T, N>,
     /// The torques of these tensions, N m; equal to the requested torques if no bit is set.
     pub torque: SVector<T, N>,
     /// The joints, a bit each, whose torque is not the requested one because a tendon is at its
@@ -110,9 +110,9 @@ pub struct Allocated<T: Real, const N: usize> {
     pub not_finite: u32,
 }
 
-impl<T: Real, const N: usize> Allocated<T, N> {
+impl<T: Real, const N: usize> AllocatedTensions<T, N> {
     #[inline(always)]
-    fn as_asked(tensions: Pairs<T, N>, torque: &SVector<T, N>) -> Self {
+    fn as_asked(tensions: TendonPairs<T, N>, torque: &SVector<T, N>) -> Self {
         Self {
             tensions,
             torque: *torque,
@@ -131,10 +131,10 @@ impl<T: Real, const N: usize> MomentArms<T, N> {
     pub fn allocate(
         &self,
         torque: &SVector<T, N>,
-        allocation: &[Allocation<T>; N],
-    ) -> Allocated<T, N> {
+        allocation: &[TensionAllocation<T>; N],
+    ) -> AllocatedTensions<T, N> {
         match self.within(torque, allocation) {
-            Some(tensions) => Allocated::as_asked(tensions, torque),
+            Some(tensions) => AllocatedTensions::as_asked(tensions, torque),
             None => self.one_by_one(torque, allocation, &[None; N]),
         }
     }
@@ -147,9 +147,9 @@ impl<T: Real, const N: usize> MomentArms<T, N> {
     pub fn allocate_around(
         &self,
         torque: &SVector<T, N>,
-        allocation: &[Allocation<T>; N],
+        allocation: &[TensionAllocation<T>; N],
         given: &[Option<Pair<T>>; N],
-    ) -> Allocated<T, N> {
+    ) -> AllocatedTensions<T, N> {
         if given.iter().all(Option::is_none) {
             self.allocate(torque, allocation)
         } else {
@@ -164,8 +164,8 @@ impl<T: Real, const N: usize> MomentArms<T, N> {
     fn within(
         &self,
         torque: &SVector<T, N>,
-        allocation: &[Allocation<T>; N],
-    ) -> Option<Pairs<T, N>> {
+        allocation: &[TensionAllocation<T>; N],
+    ) -> Option<TendonPairs<T, N>> {
         let mut tensions = [Pair::both(T::zero()); N];
         let mut inside = true;
         let [mut net] = torque.data.0;
@@ -204,11 +204,11 @@ impl<T: Real, const N: usize> MomentArms<T, N> {
     fn one_by_one(
         &self,
         torque: &SVector<T, N>,
-        allocation: &[Allocation<T>; N],
+        allocation: &[TensionAllocation<T>; N],
         given: &[Option<Pair<T>>; N],
-    ) -> Allocated<T, N> {
+    ) -> AllocatedTensions<T, N> {
         const { assert!(N <= 32, "a joint is a bit of 32") };
-        let mut allocated = Allocated::as_asked([Pair::both(T::zero()); N], torque);
+        let mut allocated = AllocatedTensions::as_asked([Pair::both(T::zero()); N], torque);
         let mut fixed = 0;
         for joint in (0..N).rev() {
             let (Some(row), Some(reciprocal), Some(allocation), Some(&torque)) = (
@@ -272,7 +272,7 @@ impl<T: Real, const N: usize> MomentArms<T, N> {
 
     /// Says what torques some joints do have: the saturated ones, and those of given tensions.
     #[cold]
-    fn reckon(&self, allocated: &mut Allocated<T, N>, joints: u32) {
+    fn reckon(&self, allocated: &mut AllocatedTensions<T, N>, joints: u32) {
         let made = self.torque(&allocated.tensions);
         for (joint, (torque, &made)) in allocated.torque.iter_mut().zip(&made).enumerate() {
             if joints & 1 << joint != 0 {
@@ -285,9 +285,9 @@ impl<T: Real, const N: usize> MomentArms<T, N> {
     #[cold]
     fn at_rest(
         &self,
-        allocated: &mut Allocated<T, N>,
+        allocated: &mut AllocatedTensions<T, N>,
         torque: &SVector<T, N>,
-        allocation: &[Allocation<T>; N],
+        allocation: &[TensionAllocation<T>; N],
     ) {
         for (tension, allocation) in allocated.tensions.iter_mut().zip(allocation) {
             *tension = Pair::both(allocation.limits().0);

@@ -1,7 +1,7 @@
 use nalgebra::SVector;
 use thiserror::Error;
 
-use super::{Pair, Pairs};
+use super::{Pair, TendonPairs};
 use crate::decimal::Decimal;
 use crate::math::{Real, is_finite};
 
@@ -13,9 +13,9 @@ use crate::math::{Real, is_finite};
 /// are `+r` of the flexor and `-r` of the extensor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MomentArms<T: Real, const N: usize> {
-    rows: [Pairs<T, N>; N],
+    rows: [TendonPairs<T, N>; N],
     /// Of each joint's own tendons, so that the servo divides once and not in each tick.
-    reciprocals: Pairs<T, N>,
+    reciprocals: TendonPairs<T, N>,
 }
 
 /// The reason for which no finger can have these arms.
@@ -59,7 +59,7 @@ impl<T: Real, const N: usize> MomentArms<T, N> {
     /// # Errors
     /// [`ArmError`] for the first arm with which the matrix cannot be inverted by
     /// back-substitution.
-    pub fn new(rows: [Pairs<T, N>; N]) -> Result<Self, ArmError> {
+    pub fn new(rows: [TendonPairs<T, N>; N]) -> Result<Self, ArmError> {
         let mut reciprocals = [Pair::both(T::zero()); N];
         for (joint, (row, reciprocal)) in rows.iter().zip(&mut reciprocals).enumerate() {
             for (tendon, pair) in row.iter().enumerate() {
@@ -90,20 +90,20 @@ impl<T: Real, const N: usize> MomentArms<T, N> {
     /// Returns the arms at one joint, of the tendons of each joint.
     #[inline(always)]
     #[must_use]
-    pub fn rows(&self) -> &[Pairs<T, N>; N] {
+    pub fn rows(&self) -> &[TendonPairs<T, N>; N] {
         &self.rows
     }
 
     /// One over each joint's own arms, 1/m.
     #[inline(always)]
-    pub(super) fn reciprocals(&self) -> &Pairs<T, N> {
+    pub(super) fn reciprocals(&self) -> &TendonPairs<T, N> {
         &self.reciprocals
     }
 
     /// Returns the torques of tensions: `P f`, N m.
     #[inline(always)]
     #[must_use]
-    pub fn torque(&self, tensions: &Pairs<T, N>) -> SVector<T, N> {
+    pub fn torque(&self, tensions: &TendonPairs<T, N>) -> SVector<T, N> {
         let mut torques = SVector::<T, N>::zeros();
         let rows = self.rows.iter().enumerate();
         for (torque, (joint, row)) in torques.iter_mut().zip(rows) {
@@ -118,7 +118,7 @@ impl<T: Real, const N: usize> MomentArms<T, N> {
     /// Returns the rates of the lengths of the tendons: `-Pᵀ qd`, m/s; a shortening flexor flexes.
     #[inline(always)]
     #[must_use]
-    pub fn length_rates(&self, qd: &SVector<T, N>) -> Pairs<T, N> {
+    pub fn length_rates(&self, qd: &SVector<T, N>) -> TendonPairs<T, N> {
         let mut rates = [Pair::both(T::zero()); N];
         for (joint, (row, &rate)) in self.rows.iter().zip(qd.iter()).enumerate() {
             for tendon in joint..N {

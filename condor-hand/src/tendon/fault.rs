@@ -11,10 +11,10 @@ mod ramp;
 pub(crate) mod sensor;
 mod usual;
 
-pub use code::{Fault, FaultCode, FaultSite};
+pub use code::{FaultCode, FaultSite, FingerFault};
 pub use finger::{FingerMonitor, Observation};
 pub use limits::{
-    FaultLimits, FaultLimitsError, JointFaultLimits, Range, SensorFaultLimits, Stuck,
+    FaultLimits, FaultLimitsError, FaultRange, JointFaultLimits, SensorFaultLimits, Stuck,
     TendonFaultLimits, Threshold,
 };
 pub use ramp::SafeRamp;

@@ -8,7 +8,7 @@ pub struct Pair<T> {
 }
 
 /// One pair for each joint of a finger, proximal first.
-pub type Pairs<T, const N: usize> = [Pair<T>; N];
+pub type TendonPairs<T, const N: usize> = [Pair<T>; N];
 
 impl<T> Pair<T> {
     /// Applies a function to both values.

@@ -1,14 +1,14 @@
-use super::{Guard, PrimitiveError};
+use super::{MotionGuard, PrimitiveError};
 
 /// The number of an accepted primitive, by which calls and events name it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub struct Ticket(pub u32);
+pub struct MotionTicket(pub u32);
 
 /// An event of a primitive.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Event {
+pub struct MotionEvent {
     /// The ticket of the primitive.
-    pub ticket: Ticket,
+    pub ticket: MotionTicket,
     /// The kind of event.
     pub happening: Happening,
 }
@@ -23,30 +23,30 @@ pub enum Happening {
         adjusted: bool,
     },
     /// The primitive has ended, for this reason.
-    Ended(Ended),
+    Ended(MotionEnd),
     /// The primitive's turn has come, but it cannot run from the present state of its joints.
     Refused(PrimitiveError),
 }
 
 /// The reason for which a primitive has ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Ended {
+pub enum MotionEnd {
     /// The primitive has reached its targets.
     Reached,
     /// This condition of its guards has stopped the primitive.
-    Stopped(Guard),
+    Stopped(MotionGuard),
     /// The primitive was aborted, running or not.
     Aborted,
     /// Another primitive has taken the last of its joints.
     Superseded {
         /// The ticket of the other primitive.
-        by: Ticket,
+        by: MotionTicket,
     },
 }
 
 /// The progress of a primitive.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Progress<T> {
+pub enum MotionProgress<T> {
     /// The primitive waits in the queue.
     Queued {
         /// The number of primitives before it.

@@ -4,9 +4,9 @@ use super::path::Path;
 use super::plan::Planner;
 use super::running::{Mover, Running};
 use super::{
-    Begin, Bounds, Ended, Event, Guard, Guards, Happening, Limits, Observations, OnEnd, Primitive,
-    PrimitiveError, Progress, Segments, SetPoint, StopGuard, Target, Ticket, TrajectoryError,
-    check_start,
+    Begin, Bounds, Guards, Happening, JointLimits, MotionEnd, MotionEvent, MotionGuard,
+    MotionProgress, MotionTicket, Observations, OnEnd, Primitive, PrimitiveError, Segments,
+    SetPoint, StopGuard, Target, TrajectoryError, check_start,
 };
 use crate::Real;
 use crate::math::{clamp, max};
@@ -31,11 +31,11 @@ const EVENTS: usize = 32;
 /// servos](Self::with_guards_in_servos), which say what they have [stopped](Self::stopped).
 #[derive(Clone, Debug)]
 pub struct Generator<const J: usize, const Q: usize, T: Real = f64> {
-    limits: [Limits<T>; J],
+    limits: [JointLimits<T>; J],
     tick: T,
     joints: [Mover<T>; J],
     running: [Option<Running<T>>; J],
-    queue: Deque<(Ticket, Primitive<J, T>), Q>,
+    queue: Deque<(MotionTicket, Primitive<J, T>), Q>,
     /// Ticks for which the first of the queue has had its turn.
     waited: u32,
     paused: bool,
@@ -43,7 +43,7 @@ pub struct Generator<const J: usize, const Q: usize, T: Real = f64> {
     /// The servos check what stops, but for the time.
     guards_in_servos: bool,
     next: u32,
-    events: Deque<Event, EVENTS>,
+    events: Deque<MotionEvent, EVENTS>,
 }
 
 impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
@@ -52,7 +52,7 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
     /// # Errors
     /// [`TrajectoryError`] if a limit is wrong, or a number is not finite.
     pub fn new(
-        limits: [Limits<T>; J],
+        limits: [JointLimits<T>; J],
         positions: [T; J],
         tick_s: T,
     ) -> Result<Self, TrajectoryError> {
@@ -99,7 +99,7 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
     /// # Errors
     /// [`PrimitiveError`] if the primitive is wrong, a joint would leave its limits, or the queue
     /// is full.
-    pub fn enqueue(&mut self, primitive: Primitive<J, T>) -> Result<Ticket, PrimitiveError> {
+    pub fn enqueue(&mut self, primitive: Primitive<J, T>) -> Result<MotionTicket, PrimitiveError> {
         primitive.check()?;
         let starts = if primitive.begin == Begin::Now && self.queue.is_empty() {
             self.set_points()
@@ -114,7 +114,7 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
             tick: self.tick,
         };
         planner.asked()?;
-        let ticket = Ticket(self.next);
+        let ticket = MotionTicket(self.next);
         self.queue
             .push_back((ticket, primitive))
             .map_err(|_| PrimitiveError::Full { capacity: Q })?;
@@ -128,7 +128,7 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
     pub fn feed<const N: usize>(
         &mut self,
         primitives: impl IntoIterator<Item = Primitive<J, T>>,
-        tickets: &mut heapless::Vec<Ticket, N>,
+        tickets: &mut heapless::Vec<MotionTicket, N>,
     ) -> (u32, Result<(), PrimitiveError>) {
         let mut fed = 0;
         for primitive in primitives {
@@ -171,13 +171,13 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
     pub fn abort(&mut self) {
         for running in self.running.iter_mut().flatten() {
             if running.returns() {
-                running.outcome = Ended::Aborted;
+                running.outcome = MotionEnd::Aborted;
             } else {
-                running.ending = Some(Ended::Aborted);
+                running.ending = Some(MotionEnd::Aborted);
             }
         }
         while let Some((ticket, _)) = self.queue.pop_front() {
-            self.report(ticket, Happening::Ended(Ended::Aborted));
+            self.report(ticket, Happening::Ended(MotionEnd::Aborted));
         }
         self.waited = 0;
         self.held = false;
@@ -200,7 +200,7 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
     /// [`TrajectoryError`] if a position is not finite; nothing changes then.
     pub fn reset(&mut self, positions: [T; J]) -> Result<(), TrajectoryError> {
         place(&mut self.joints, &positions)?;
-        self.free(u32::MAX, Ended::Aborted);
+        self.free(u32::MAX, MotionEnd::Aborted);
         self.abort();
         Ok(())
     }
@@ -227,12 +227,12 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
                 mover.rest(position);
             }
         }
-        self.free(mask, Ended::Aborted);
+        self.free(mask, MotionEnd::Aborted);
         Ok(())
     }
 
     /// Takes from a servo that the guard of a motion has stopped the joints in `mask` at
-    /// `positions` (rad). The motion is given by the [number](Ticket::number) of its ticket.
+    /// `positions` (rad). The motion is given by the [number](MotionTicket::number) of its ticket.
     ///
     /// These joints return to those positions, within their limits, and rest there; the other
     /// joints of the motion slow down to a stop on their paths. The motion has ended, stopped by
@@ -247,7 +247,7 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
     pub fn stopped(
         &mut self,
         motion: u32,
-        guard: Guard,
+        guard: MotionGuard,
         mask: u32,
         positions: &[T; J],
     ) -> Result<u32, TrajectoryError> {
@@ -285,9 +285,9 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
     }
 
     /// Moves joints on their paths back to where a servo has stopped them.
-    fn send_back(&mut self, motion: u32, guard: Guard, mask: u32, duration: T) {
+    fn send_back(&mut self, motion: u32, guard: MotionGuard, mask: u32, duration: T) {
         let mut back = Running {
-            ticket: Ticket(motion.wrapping_sub(1)),
+            ticket: MotionTicket(motion.wrapping_sub(1)),
             mask,
             at: T::zero(),
             rate: T::one(),
@@ -296,7 +296,7 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
             stop: Guards::none(),
             on_end: OnEnd::Next,
             ending: None,
-            outcome: Ended::Stopped(guard),
+            outcome: MotionEnd::Stopped(guard),
             is_told: true,
         };
         for slot in &mut self.running {
@@ -304,7 +304,7 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
                 continue;
             };
             if !running.returns() {
-                running.ending.get_or_insert(Ended::Stopped(guard));
+                running.ending.get_or_insert(MotionEnd::Stopped(guard));
             }
             back.ticket = running.ticket;
             back.outcome = running.ending.unwrap_or(running.outcome);
@@ -372,10 +372,10 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
 
     /// Returns the progress of a primitive; `None` if it has ended.
     #[must_use]
-    pub fn progress(&self, ticket: Ticket) -> Option<Progress<T>> {
+    pub fn progress(&self, ticket: MotionTicket) -> Option<MotionProgress<T>> {
         let mut running = self.running.iter().flatten();
         if let Some(running) = running.find(|running| running.ticket == ticket) {
-            return Some(Progress::Running {
+            return Some(MotionProgress::Running {
                 fraction: running.at / running.duration,
                 rate: running.rate,
             });
@@ -384,20 +384,20 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
             .queue
             .iter()
             .position(|(queued, _)| *queued == ticket)?;
-        Some(Progress::Queued { before })
+        Some(MotionProgress::Queued { before })
     }
 
     /// Takes the oldest event; returns `None` if there is none.
-    pub fn take_event(&mut self) -> Option<Event> {
+    pub fn take_event(&mut self) -> Option<MotionEvent> {
         self.events.pop_front()
     }
 
-    fn report(&mut self, ticket: Ticket, happening: Happening) {
+    fn report(&mut self, ticket: MotionTicket, happening: Happening) {
         if self.events.is_full() {
             self.events.pop_front();
         }
         // There is a place now.
-        let _ = self.events.push_back(Event { ticket, happening });
+        let _ = self.events.push_back(MotionEvent { ticket, happening });
     }
 
     /// Where the joints will rest after all that runs and waits.
@@ -475,7 +475,7 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
 
     fn launch(
         &mut self,
-        ticket: Ticket,
+        ticket: MotionTicket,
         primitive: &Primitive<J, T>,
     ) -> Result<bool, PrimitiveError> {
         let starts = self.set_points();
@@ -495,7 +495,7 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
                 mover.is_stopped = false;
             }
         }
-        self.free(primitive.mask, Ended::Superseded { by: ticket });
+        self.free(primitive.mask, MotionEnd::Superseded { by: ticket });
         let running = Running {
             ticket,
             mask: primitive.mask,
@@ -506,7 +506,7 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
             stop: primitive.stop,
             on_end: primitive.on_end,
             ending: None,
-            outcome: Ended::Reached,
+            outcome: MotionEnd::Reached,
             is_told: false,
         };
         // Each one that runs has a joint of its own, so with J places one is free.
@@ -519,7 +519,7 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
     }
 
     /// Takes the joints in `mask` from what runs; what has no other has ended.
-    fn free(&mut self, mask: u32, ended: Ended) {
+    fn free(&mut self, mask: u32, ended: MotionEnd) {
         for slot in 0..J {
             let Some(mut running) = self.running.get_mut(slot).and_then(Option::take) else {
                 continue;
@@ -540,11 +540,11 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
         if running.ending.is_none() {
             let elapsed = self.seconds(running.ticks);
             let guard = if self.guards_in_servos {
-                running.stop.is_over(elapsed).then_some(Guard::Time)
+                running.stop.is_over(elapsed).then_some(MotionGuard::Time)
             } else {
                 running.stop.may_hold(running.mask, elapsed, seen)
             };
-            running.ending = guard.map(Ended::Stopped);
+            running.ending = guard.map(MotionEnd::Stopped);
         }
         let ended = running.advance(&mut self.joints, self.tick, self.paused);
         let Some(ended) = ended else {
@@ -557,13 +557,13 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
     }
 
     /// What ran is over; so is its motion, unless other joints of that still return or slow down.
-    fn end(&mut self, running: &Running<T>, ended: Ended) {
+    fn end(&mut self, running: &Running<T>, ended: MotionEnd) {
         let ticket = running.ticket;
         let mut others = self.running.iter().flatten();
         if running.is_told || others.any(|other| other.ticket == ticket) {
             return;
         }
-        if matches!(ended, Ended::Reached | Ended::Stopped(_)) {
+        if matches!(ended, MotionEnd::Reached | MotionEnd::Stopped(_)) {
             self.held |= running.on_end == OnEnd::Hold;
         }
         self.report(ticket, Happening::Ended(ended));

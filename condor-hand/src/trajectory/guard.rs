@@ -1,10 +1,10 @@
-use super::{Guard, Guards, Ticket};
+use super::{Guards, MotionGuard, MotionTicket};
 use crate::Real;
 
 /// The conditions under which the servo of a joint stops the motion that moves the joint.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StopGuard {
-    /// The [number](Ticket::number) of the motion that moves the joint, or moved it last; 0 for
+    /// The [number](MotionTicket::number) of the motion that moves the joint, or moved it last; 0 for
     /// none.
     pub motion: u32,
     /// The torque, to either side, above which the motion stops, N m; infinite for no such
@@ -63,21 +63,21 @@ impl StopGuard {
         tension: f64,
         touch: f64,
         contact_n: f64,
-    ) -> Option<(Guard, f64)> {
+    ) -> Option<(MotionGuard, f64)> {
         let exceeds = |value: f64, limit: f64| limit != f64::INFINITY && !(value <= limit);
         let torque = crate::math::abs(torque);
         if exceeds(torque, self.torque) {
-            return Some((Guard::Torque { joint }, torque));
+            return Some((MotionGuard::Torque { joint }, torque));
         }
         if exceeds(tension, self.tension) {
-            return Some((Guard::Tension { joint }, tension));
+            return Some((MotionGuard::Tension { joint }, tension));
         }
         let touches = self.contact && exceeds(touch, contact_n);
-        touches.then_some((Guard::Contact { joint }, touch))
+        touches.then_some((MotionGuard::Contact { joint }, touch))
     }
 }
 
-impl Ticket {
+impl MotionTicket {
     /// Returns the number by which servos know the motion; it is never 0.
     #[must_use]
     pub const fn number(self) -> u32 {

@@ -35,7 +35,7 @@ pub const HEADER_BYTES: usize = image::HEADER_BYTES;
 /// The reason for which bytes are not a sequence of motions, or a sequence cannot become bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
-pub enum ImageError {
+pub enum MotionImageError {
     /// The bytes are no image, or there is no room for one.
     #[error(transparent)]
     Header(#[from] HeaderError),
@@ -65,40 +65,40 @@ pub enum ImageError {
 
 /// A checked sequence of primitives of `J` joints, in the bytes of its image.
 #[derive(Clone, Copy, Debug)]
-pub struct Motions<'a, const J: usize> {
+pub struct MotionSequence<'a, const J: usize> {
     body: &'a [u8],
     count: u32,
 }
 
-impl<'a, const J: usize> Motions<'a, J> {
+impl<'a, const J: usize> MotionSequence<'a, J> {
     /// Reads the sequence in exactly these bytes, and checks every primitive.
     ///
     /// # Errors
-    /// [`ImageError::Header`] if the bytes are no image of motions, [`ImageError::Joints`] if they
-    /// are for another number of joints, [`ImageError::Malformed`] or [`ImageError::Primitive`] if
+    /// [`MotionImageError::Header`] if the bytes are no image of motions, [`MotionImageError::Joints`] if they
+    /// are for another number of joints, [`MotionImageError::Malformed`] or [`MotionImageError::Primitive`] if
     /// a primitive is wrong. No bytes make this panic.
-    pub fn new(image: &'a [u8]) -> Result<Self, ImageError> {
+    pub fn new(image: &'a [u8]) -> Result<Self, MotionImageError> {
         let this = Self::unchecked(image)?;
         let mut rest = this.body;
         for index in 0..this.count {
-            let primitive = take::<J>(&mut rest).ok_or(ImageError::Malformed { index })?;
+            let primitive = take::<J>(&mut rest).ok_or(MotionImageError::Malformed { index })?;
             primitive
                 .check()
-                .map_err(|error| ImageError::Primitive { index, error })?;
+                .map_err(|error| MotionImageError::Primitive { index, error })?;
         }
         if rest.is_empty() {
             Ok(this)
         } else {
-            Err(ImageError::Malformed { index: this.count })
+            Err(MotionImageError::Malformed { index: this.count })
         }
     }
 
     /// The same without a look at the primitives.
-    fn unchecked(image: &'a [u8]) -> Result<Self, ImageError> {
+    fn unchecked(image: &'a [u8]) -> Result<Self, MotionImageError> {
         let ([j0, j1, count @ ..], body) = FORMAT.open(image)?;
         let found = u16::from_le_bytes([j0, j1]);
         if usize::from(found) != J {
-            return Err(ImageError::Joints { found, joints: J });
+            return Err(MotionImageError::Joints { found, joints: J });
         }
         let count = u32::from_le_bytes(count);
         Ok(Self { body, count })
@@ -126,12 +126,12 @@ impl<'a, const J: usize> Motions<'a, J> {
 /// Writes the image of a sequence to the front of `buffer`, and returns its length in bytes.
 ///
 /// # Errors
-/// [`ImageError::Header`] if the buffer is too short; [`ImageError::Primitive`] if no generator can
+/// [`MotionImageError::Header`] if the buffer is too short; [`MotionImageError::Primitive`] if no generator can
 /// run a primitive. The content of the buffer is useless then.
 pub fn encode<'m, const J: usize>(
     motions: impl IntoIterator<Item = &'m Primitive<J>>,
     buffer: &mut [u8],
-) -> Result<usize, ImageError> {
+) -> Result<usize, MotionImageError> {
     write(motions, buffer, HEADER_BYTES, 0, J)
 }
 
@@ -139,16 +139,16 @@ pub fn encode<'m, const J: usize>(
 /// primitives has: for a tool that learns the number when it runs.
 ///
 /// # Errors
-/// [`ImageError::Joints`] if `joints` is more than `J`; [`ImageError::Malformed`] if a primitive moves
+/// [`MotionImageError::Joints`] if `joints` is more than `J`; [`MotionImageError::Malformed`] if a primitive moves
 /// a joint from `joints` on; otherwise as [`encode`].
 pub fn encode_for<'m, const J: usize>(
     joints: usize,
     motions: impl IntoIterator<Item = &'m Primitive<J>>,
     buffer: &mut [u8],
-) -> Result<usize, ImageError> {
+) -> Result<usize, MotionImageError> {
     if joints > J {
         let found = u16::try_from(joints).unwrap_or(u16::MAX);
-        return Err(ImageError::Joints { found, joints: J });
+        return Err(MotionImageError::Joints { found, joints: J });
     }
     write(motions, buffer, HEADER_BYTES, 0, joints)
 }
@@ -157,19 +157,19 @@ pub fn encode_for<'m, const J: usize>(
 /// length of the image. If `len` is 0, it begins an image.
 ///
 /// # Errors
-/// [`ImageError::Header`] if the buffer is too short, or has no image in its first `len` bytes;
-/// [`ImageError::Joints`] if that image is for another number of joints; [`ImageError::Primitive`]
+/// [`MotionImageError::Header`] if the buffer is too short, or has no image in its first `len` bytes;
+/// [`MotionImageError::Joints`] if that image is for another number of joints; [`MotionImageError::Primitive`]
 /// if no generator can run the primitive. The image does not change then.
 pub fn append<const J: usize>(
     primitive: &Primitive<J>,
     buffer: &mut [u8],
     len: usize,
-) -> Result<usize, ImageError> {
+) -> Result<usize, MotionImageError> {
     if len == 0 {
         return encode([primitive], buffer);
     }
     let short = HeaderError::BufferTooShort { len: buffer.len() };
-    let count = Motions::<J>::unchecked(buffer.get(..len).ok_or(short)?)?.count;
+    let count = MotionSequence::<J>::unchecked(buffer.get(..len).ok_or(short)?)?.count;
     write([primitive], buffer, len, count, J)
 }
 
@@ -180,7 +180,7 @@ fn write<'m, const J: usize>(
     at: usize,
     mut count: u32,
     joints: usize,
-) -> Result<usize, ImageError> {
+) -> Result<usize, MotionImageError> {
     let short = HeaderError::BufferTooShort { len: buffer.len() };
     let (header, body) = buffer.split_first_chunk_mut().ok_or(short)?;
     let mut end = at.saturating_sub(HEADER_BYTES);
@@ -188,9 +188,9 @@ fn write<'m, const J: usize>(
         let index = count;
         primitive
             .check()
-            .map_err(|error| ImageError::Primitive { index, error })?;
+            .map_err(|error| MotionImageError::Primitive { index, error })?;
         if (joints..J.min(32)).any(|joint| primitive.mask >> joint & 1 == 1) {
-            return Err(ImageError::Malformed { index });
+            return Err(MotionImageError::Malformed { index });
         }
         put(primitive, body, &mut end).ok_or(short)?;
         count = count.saturating_add(1);
@@ -253,7 +253,7 @@ fn take_value<V: DeserializeOwned>(bytes: &mut &[u8]) -> Option<V> {
 
 /// Puts a primitive behind the first `at` bytes; `None` if there is no room.
 fn put<const J: usize>(primitive: &Primitive<J>, bytes: &mut [u8], at: &mut usize) -> Option<()> {
-    let mut put = Put { bytes, at };
+    let mut put = ImageWriter { bytes, at };
     put.value(&Head {
         mask: primitive.mask,
         pace: primitive.pace,
@@ -279,12 +279,12 @@ fn put<const J: usize>(primitive: &Primitive<J>, bytes: &mut [u8], at: &mut usiz
 }
 
 /// Puts values one after another.
-struct Put<'b> {
+struct ImageWriter<'b> {
     bytes: &'b mut [u8],
     at: &'b mut usize,
 }
 
-impl Put<'_> {
+impl ImageWriter<'_> {
     fn value(&mut self, value: &impl Serialize) -> Option<()> {
         let used = postcard::to_slice(value, self.bytes.get_mut(*self.at..)?);
         *self.at += used.ok()?.len();

@@ -28,7 +28,7 @@ pub struct Interpolator<const J: usize, T: Real = f64> {
     bounds: [Bounds<T>; J],
     to: [SetPoint<T>; J],
     /// The ways to there.
-    ways: [Way<T>; J],
+    ways: [PathPart<T>; J],
     gaps: [Option<Gap<T>>; J],
     /// There is a gap.
     rejoining: bool,
@@ -37,7 +37,7 @@ pub struct Interpolator<const J: usize, T: Real = f64> {
 /// A cubic polynomial of the part of the way in time, and its derivatives to time: what does not
 /// change from step to step is computed once.
 #[derive(Clone, Copy, Debug)]
-struct Way<T> {
+struct PathPart<T> {
     position: [T; 4],
     velocity: [T; 3],
     acceleration: [T; 2],
@@ -100,7 +100,7 @@ impl<const J: usize, T: Real> Interpolator<J, T> {
             late: 0,
             bounds,
             to,
-            ways: to.map(|point| Way::rest(point.position)),
+            ways: to.map(|point| PathPart::rest(point.position)),
             gaps: [const { None }; J],
             rejoining: false,
         })
@@ -125,7 +125,7 @@ impl<const J: usize, T: Real> Interpolator<J, T> {
         for (joint, (way, (from, point))) in
             ways.iter_mut().zip(from.iter().zip(points)).enumerate()
         {
-            *way = Way::between(from, point, duration).map_err(|_| error(joint, points))?;
+            *way = PathPart::between(from, point, duration).map_err(|_| error(joint, points))?;
         }
         self.ways = ways;
         self.set_out(points, length);
@@ -149,7 +149,7 @@ impl<const J: usize, T: Real> Interpolator<J, T> {
         for (joint, ((gap, way), (((now, line), point), bounds))) in moves.zip(ends).enumerate() {
             let error = |_| error(joint, points);
             *gap = Some(Gap::between(now, line, bounds).map_err(error)?);
-            *way = Way::between(line, point, duration).map_err(error)?;
+            *way = PathPart::between(line, point, duration).map_err(error)?;
         }
         self.ways = ways;
         self.gaps = gaps;
@@ -317,7 +317,7 @@ fn error<T: Real, const J: usize>(joint: usize, points: &[SetPoint<T>; J]) -> Se
     }
 }
 
-impl<T: Real> Way<T> {
+impl<T: Real> PathPart<T> {
     fn rest(position: T) -> Self {
         let zero = T::zero();
         Self {

@@ -29,7 +29,7 @@ use std::collections::BTreeMap;
 use std::string::String;
 use std::vec::Vec;
 
-use condor_toml::{Fault, Spanned, Text, TextError};
+use condor_toml::{Misreading, SourceText, Spanned, TextError};
 use serde::Deserialize;
 
 use super::{
@@ -48,10 +48,10 @@ pub fn load<const J: usize>(
     file: &str,
     names: &[impl AsRef<str>],
 ) -> Result<Vec<Primitive<J>>, TextError> {
-    let text = Text::new(file, text);
+    let text = SourceText::new(file, text);
     let file: File = text.read()?;
     let motions = file.motion.iter().map(|entry| primitive(entry, names));
-    let motions: Result<_, Fault> = motions.collect();
+    let motions: Result<_, Misreading> = motions.collect();
     motions.map_err(|fault| text.error(fault))
 }
 
@@ -98,9 +98,9 @@ struct Point {
 fn primitive<const J: usize>(
     spanned: &Spanned<Entry>,
     names: &[impl AsRef<str>],
-) -> Result<Primitive<J>, Fault> {
+) -> Result<Primitive<J>, Misreading> {
     let entry = spanned.get_ref();
-    let wrong = |problem| Fault::at(&spanned.span(), problem);
+    let wrong = |problem| Misreading::at(&spanned.span(), problem);
     let pace = match (entry.duration, entry.speed) {
         (Some(duration), None) => Pace::Duration(duration),
         (None, Some(speed)) => Pace::Speed(speed),
@@ -130,10 +130,10 @@ fn primitive<const J: usize>(
         let joint = joint(name, names)?;
         if primitive.mask >> joint & 1 == 1 {
             let problem = std::format!("{:?} is in `to` and in `by`: give one", name.get_ref());
-            return Err(Fault::at(&name.span(), problem));
+            return Err(Misreading::at(&name.span(), problem));
         }
         let with = primitive.with(joint, target);
-        primitive = with.map_err(|error| Fault::at(&name.span(), error))?;
+        primitive = with.map_err(|error| Misreading::at(&name.span(), error))?;
     }
     if primitive.mask == 0 {
         return Err(wrong(
@@ -144,11 +144,11 @@ fn primitive<const J: usize>(
         let via = via(point, primitive.mask, names)?;
         primitive.vias.push(via).map_err(|_| {
             let problem = std::format!("too many via points: {MAX_VIAS} are allowed");
-            Fault::at(&point.span(), problem)
+            Misreading::at(&point.span(), problem)
         })?;
     }
     let checked = primitive.check();
-    checked.map_err(|error| Fault::at(&place_of(spanned, names, &error), error))?;
+    checked.map_err(|error| Misreading::at(&place_of(spanned, names, &error), error))?;
     Ok(primitive)
 }
 
@@ -175,7 +175,7 @@ fn via<const J: usize>(
     spanned: &Spanned<Point>,
     mask: u32,
     names: &[impl AsRef<str>],
-) -> Result<Via<J>, Fault> {
+) -> Result<Via<J>, Misreading> {
     let point = spanned.get_ref();
     let mut via = Via {
         at: point.at,
@@ -186,7 +186,7 @@ fn via<const J: usize>(
         let joint = joint(name, names)?;
         if mask >> joint & 1 == 0 {
             let problem = std::format!("{:?} is neither in `to` nor in `by`", name.get_ref());
-            return Err(Fault::at(&name.span(), problem));
+            return Err(Misreading::at(&name.span(), problem));
         }
         missing &= !(1 << joint);
         if let Some(place) = via.positions.get_mut(joint) {
@@ -196,13 +196,13 @@ fn via<const J: usize>(
     let joint = missing.trailing_zeros() as usize;
     if let (true, Some(name)) = (missing != 0, names.get(joint)) {
         let problem = std::format!("the via point lacks {:?}", name.as_ref());
-        return Err(Fault::at(&spanned.span(), problem));
+        return Err(Misreading::at(&spanned.span(), problem));
     }
     Ok(via)
 }
 
 /// The number of a name; below 32.
-fn joint(name: &Spanned<String>, names: &[impl AsRef<str>]) -> Result<usize, Fault> {
+fn joint(name: &Spanned<String>, names: &[impl AsRef<str>]) -> Result<usize, Misreading> {
     let wanted = name.get_ref();
     let mut known = names.iter().take(32);
     known
@@ -211,6 +211,6 @@ fn joint(name: &Spanned<String>, names: &[impl AsRef<str>]) -> Result<usize, Fau
             let all = names.iter().map(|name| std::format!("{:?}", name.as_ref()));
             let all = all.collect::<Vec<_>>().join(", ");
             let problem = std::format!("no joint is called {wanted:?}; there are {all}");
-            Fault::at(&name.span(), problem)
+            Misreading::at(&name.span(), problem)
         })
 }

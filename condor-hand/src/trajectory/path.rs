@@ -1,6 +1,6 @@
 //! The profile of one joint, whatever its shape.
 
-use super::{MAX_VIAS, Peaks, Polynomial, Segments, SetPoint, Spline};
+use super::{MAX_VIAS, Polynomial, ProfilePeaks, Segments, SetPoint, Spline};
 use crate::math::Real;
 
 /// The knots of a spline: the via points and both ends.
@@ -24,9 +24,9 @@ impl<T: Real> Path<T> {
         }
     }
 
-    pub(super) fn peaks(&self) -> Peaks<T> {
+    pub(super) fn peaks(&self) -> ProfilePeaks<T> {
         match self {
-            Self::Still(position) => Peaks::of(&SetPoint::rest(*position)),
+            Self::Still(position) => ProfilePeaks::of(&SetPoint::rest(*position)),
             Self::Polynomial(polynomial) => polynomial.peaks(),
             Self::Segments(segments) => segments.peaks(),
             Self::Spline(spline) => spline.peaks(),

@@ -1,5 +1,5 @@
 use super::root::{derivative, evaluate, sign_changes};
-use super::{Peaks, ProfileError, SetPoint};
+use super::{ProfileError, ProfilePeaks, SetPoint};
 use crate::math::{Real, abs, clamp, is_finite, real};
 use crate::number::positive;
 
@@ -121,15 +121,15 @@ impl<T: Real> Polynomial<T> {
 
     /// Returns the extremes of the motion from its beginning to its end.
     #[must_use]
-    pub fn peaks(&self) -> Peaks<T> {
-        let mut peaks = Peaks::of(&self.point(T::zero()));
-        peaks.include(&Peaks::of(&self.point(T::one())));
+    pub fn peaks(&self) -> ProfilePeaks<T> {
+        let mut peaks = ProfilePeaks::of(&self.point(T::zero()));
+        peaks.include(&ProfilePeaks::of(&self.point(T::one())));
         let velocity = derivative(&self.coefficients);
         let acceleration = derivative(&velocity);
         let jerk = derivative(&acceleration);
         for (function, degree) in [(velocity, 4), (acceleration, 3), (jerk, 2)] {
             for s in sign_changes(&function, degree) {
-                peaks.include(&Peaks::of(&self.point(s)));
+                peaks.include(&ProfilePeaks::of(&self.point(s)));
             }
         }
         peaks

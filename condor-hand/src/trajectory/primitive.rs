@@ -120,7 +120,7 @@ pub struct Guards<T> {
 
 /// The condition of [`Guards`] that held, and so started or stopped a primitive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Guard {
+pub enum MotionGuard {
     /// The torque of this joint was above its limit.
     Torque {
         /// The joint, from 0.
@@ -185,7 +185,7 @@ impl<T: Real> Guards<T> {
         mask: u32,
         elapsed: T,
         seen: &Observations<J, T>,
-    ) -> Option<Guard> {
+    ) -> Option<MotionGuard> {
         self.first(mask, elapsed, seen, |value, limit| value > limit)
     }
 
@@ -195,7 +195,7 @@ impl<T: Real> Guards<T> {
         mask: u32,
         elapsed: T,
         seen: &Observations<J, T>,
-    ) -> Option<Guard> {
+    ) -> Option<MotionGuard> {
         self.first(mask, elapsed, seen, |value, limit| {
             !is_finite(value) || value > limit
         })
@@ -207,23 +207,23 @@ impl<T: Real> Guards<T> {
         elapsed: T,
         seen: &Observations<J, T>,
         above: impl Fn(T, T) -> bool,
-    ) -> Option<Guard> {
+    ) -> Option<MotionGuard> {
         let values = seen.torques.iter().zip(&seen.tensions);
         for (joint, (&torque, &tension)) in values.enumerate() {
             if mask >> joint & 1 == 0 {
                 continue;
             }
             if self.torque.is_some_and(|limit| above(abs(torque), limit)) {
-                return Some(Guard::Torque { joint });
+                return Some(MotionGuard::Torque { joint });
             }
             if self.tension.is_some_and(|limit| above(tension, limit)) {
-                return Some(Guard::Tension { joint });
+                return Some(MotionGuard::Tension { joint });
             }
             if self.contact && seen.contacts >> joint & 1 == 1 {
-                return Some(Guard::Contact { joint });
+                return Some(MotionGuard::Contact { joint });
             }
         }
-        self.is_over(elapsed).then_some(Guard::Time)
+        self.is_over(elapsed).then_some(MotionGuard::Time)
     }
 
     /// Whether the time has passed.

@@ -5,13 +5,13 @@
 //! q'' r² + q' dr/dt. At a constant r <= 1 that is within the limits whenever the path is.
 
 use super::path::Path;
-use super::{Ended, Guards, Limits, OnEnd, SetPoint, Ticket};
+use super::{Guards, JointLimits, MotionEnd, MotionTicket, OnEnd, SetPoint};
 use crate::math::{Real, abs, clamp, max, real};
 use crate::number::tolerance;
 
 #[derive(Clone, Debug)]
 pub(super) struct Running<T> {
-    pub(super) ticket: Ticket,
+    pub(super) ticket: MotionTicket,
     pub(super) mask: u32,
     /// Time on the path, s.
     pub(super) at: T,
@@ -23,10 +23,10 @@ pub(super) struct Running<T> {
     pub(super) stop: Guards<T>,
     pub(super) on_end: OnEnd,
     /// It stops, for this reason.
-    pub(super) ending: Option<Ended>,
+    pub(super) ending: Option<MotionEnd>,
     /// How it will have ended at the end of its path: other than reached if it only returns to where
     /// a servo has stopped its joints.
-    pub(super) outcome: Ended,
+    pub(super) outcome: MotionEnd,
     /// Its end has been told.
     pub(super) is_told: bool,
 }
@@ -36,7 +36,7 @@ pub(super) struct Running<T> {
 pub(super) struct Mover<T: Real> {
     pub(super) state: SetPoint<T>,
     pub(super) path: Path<T>,
-    pub(super) limits: Limits<T>,
+    pub(super) limits: JointLimits<T>,
     /// The number of the motion that moves it, or moved it last; 0 for none.
     pub(super) motion: u32,
     /// A servo has stopped it in that motion.
@@ -66,7 +66,7 @@ impl<T: Real> Running<T> {
 
     /// Whether it only returns to where a servo has stopped its joints.
     pub(super) fn returns(&self) -> bool {
-        self.outcome != Ended::Reached
+        self.outcome != MotionEnd::Reached
     }
 
     /// What is left of the path at full rate, s.
@@ -80,7 +80,7 @@ impl<T: Real> Running<T> {
         joints: &mut [Mover<T>; J],
         tick: T,
         paused: bool,
-    ) -> Option<Ended> {
+    ) -> Option<MotionEnd> {
         let goal = if paused || self.ending.is_some() {
             T::zero()
         } else {

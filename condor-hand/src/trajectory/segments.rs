@@ -1,5 +1,5 @@
 use super::root::bracketed;
-use super::{Peaks, ProfileError, SetPoint, check_rates};
+use super::{ProfileError, ProfilePeaks, SetPoint, check_rates};
 use crate::math::{Real, abs, clamp, is_finite, max, min, real, sqrt};
 
 /// The bounds of a joint's motion in a profile of segments.
@@ -382,9 +382,9 @@ impl<T: Real> Segments<T> {
 
     /// Returns the extremes of the motion from its beginning to its end.
     #[must_use]
-    pub fn peaks(&self) -> Peaks<T> {
-        let mut peaks = Peaks::of(&self.start);
-        peaks.include(&Peaks::of(&SetPoint::rest(self.end)));
+    pub fn peaks(&self) -> ProfilePeaks<T> {
+        let mut peaks = ProfilePeaks::of(&self.start);
+        peaks.include(&ProfilePeaks::of(&SetPoint::rest(self.end)));
         let mut state = self.start;
         for piece in &self.pieces {
             if !(piece.duration > T::zero()) {
@@ -392,8 +392,8 @@ impl<T: Real> Segments<T> {
             }
             let beginning = piece.after(&state, T::zero());
             let end = piece.end(&state);
-            peaks.include(&Peaks::of(&beginning));
-            peaks.include(&Peaks::of(&end));
+            peaks.include(&ProfilePeaks::of(&beginning));
+            peaks.include(&ProfilePeaks::of(&end));
             // Where acceleration, or velocity, is zero within the segment.
             let half = real::<T>(0.5);
             let (a, j) = (piece.acceleration, piece.jerk);
@@ -406,7 +406,7 @@ impl<T: Real> Segments<T> {
                 half * piece.duration,
             ] {
                 if t > T::zero() && t < piece.duration {
-                    peaks.include(&Peaks::of(&piece.after(&state, t)));
+                    peaks.include(&ProfilePeaks::of(&piece.after(&state, t)));
                 }
             }
             state = end;

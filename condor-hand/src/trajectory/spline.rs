@@ -1,6 +1,6 @@
 use heapless::Vec;
 
-use super::{Peaks, Polynomial, ProfileError, SetPoint};
+use super::{Polynomial, ProfileError, ProfilePeaks, SetPoint};
 use crate::math::{Real, is_finite, real};
 
 /// A cubic spline through up to K knots with given velocities at both ends: position, velocity and
@@ -144,8 +144,8 @@ impl<T: Real, const K: usize> Spline<T, K> {
 
     /// Returns the extremes of the motion from its beginning to its end.
     #[must_use]
-    pub fn peaks(&self) -> Peaks<T> {
-        let mut peaks: Option<Peaks<T>> = None;
+    pub fn peaks(&self) -> ProfilePeaks<T> {
+        let mut peaks: Option<ProfilePeaks<T>> = None;
         for piece in self.pieces().flatten() {
             let of_piece = piece.peaks();
             match &mut peaks {
@@ -153,6 +153,6 @@ impl<T: Real, const K: usize> Spline<T, K> {
                 None => peaks = Some(of_piece),
             }
         }
-        peaks.unwrap_or(Peaks::of(&SetPoint::rest(T::zero())))
+        peaks.unwrap_or(ProfilePeaks::of(&SetPoint::rest(T::zero())))
     }
 }

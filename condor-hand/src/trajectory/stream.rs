@@ -1,7 +1,7 @@
 use heapless::Deque;
 use thiserror::Error;
 
-use super::{Limits, Polynomial, SetPoint, TrajectoryError, check_start};
+use super::{JointLimits, Polynomial, SetPoint, TrajectoryError, check_start};
 use crate::Real;
 use crate::decimal::Decimal;
 use crate::math::{abs, clamp, real};
@@ -33,7 +33,7 @@ pub enum StreamEnd {
 /// The reason for which points are refused; joints are counted from 0.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
-pub enum StreamError {
+pub enum JointStreamError {
     /// There is no room for the points.
     #[error("the stream has points until {} s, and no room for more", Decimal(*.until))]
     Full {
@@ -96,7 +96,7 @@ struct Brake<const J: usize, T: Real> {
 #[derive(Clone, Debug)]
 pub struct JointStream<const J: usize, const N: usize, T: Real = f64> {
     mask: u32,
-    limits: [Limits<T>; J],
+    limits: [JointLimits<T>; J],
     tick: T,
     /// The point that was passed last.
     former: StreamPoint<J, T>,
@@ -123,7 +123,7 @@ impl<const J: usize, const N: usize, T: Real> JointStream<J, N, T> {
     /// [`TrajectoryError`] if a limit is wrong, or a number is not finite.
     pub fn new(
         mask: u32,
-        limits: [Limits<T>; J],
+        limits: [JointLimits<T>; J],
         positions: [T; J],
         tick_s: T,
         patience: u32,
@@ -159,23 +159,23 @@ impl<const J: usize, const N: usize, T: Real> JointStream<J, N, T> {
     /// was taken already changes nothing. After an error nothing is changed.
     ///
     /// # Errors
-    /// [`StreamError`]. Send the same again after [`StreamError::Full`].
+    /// [`JointStreamError`]. Send the same again after [`JointStreamError::Full`].
     pub fn push(
         &mut self,
         sequence: u32,
         points: &[StreamPoint<J, T>],
         is_last: bool,
-    ) -> Result<(), StreamError> {
+    ) -> Result<(), JointStreamError> {
         if sequence < self.next {
             return Ok(());
         }
         if self.is_complete || self.brake.is_some() || self.end.is_some() {
-            return Err(StreamError::Ended);
+            return Err(JointStreamError::Ended);
         }
         if sequence > self.next {
             let expected = self.next;
             let found = sequence;
-            return Err(StreamError::Sequence { found, expected });
+            return Err(JointStreamError::Sequence { found, expected });
         }
         let (mut former, mut count) = (self.last(), 0_usize);
         for point in points {
@@ -189,7 +189,7 @@ impl<const J: usize, const N: usize, T: Real> JointStream<J, N, T> {
         }
         if count > N - self.points.len() {
             let until = self.until().to_f64();
-            return Err(StreamError::Full { until });
+            return Err(JointStreamError::Full { until });
         }
         if is_last {
             let time = former.time.to_f64();
@@ -198,7 +198,7 @@ impl<const J: usize, const N: usize, T: Real> JointStream<J, N, T> {
                 if self.moves(joint) {
                     let speed = abs(former.at(joint).velocity);
                     check_motion(SPEED_AT_END, speed, rest, limits.velocity)
-                        .map_err(|error| StreamError::Joint { joint, time, error })?;
+                        .map_err(|error| JointStreamError::Joint { joint, time, error })?;
                 }
             }
         }
@@ -326,7 +326,7 @@ impl<const J: usize, const N: usize, T: Real> JointStream<J, N, T> {
         &self,
         from: &StreamPoint<J, T>,
         to: &StreamPoint<J, T>,
-    ) -> Result<(), StreamError> {
+    ) -> Result<(), JointStreamError> {
         let time = to.time.to_f64();
         for (joint, limits) in self.limits.iter().enumerate() {
             if self.moves(joint) {
@@ -337,7 +337,7 @@ impl<const J: usize, const N: usize, T: Real> JointStream<J, N, T> {
                         let most = limits.velocity;
                         agrees(REPEATED_VELOCITY, to.velocity, from.velocity, most)
                     })
-                    .map_err(|error| StreamError::Joint { joint, time, error })?;
+                    .map_err(|error| JointStreamError::Joint { joint, time, error })?;
             }
         }
         Ok(())
@@ -348,15 +348,19 @@ impl<const J: usize, const N: usize, T: Real> JointStream<J, N, T> {
     }
 
     /// Whether all joints can go from one point to a later one, and brake there.
-    fn check(&self, from: &StreamPoint<J, T>, to: &StreamPoint<J, T>) -> Result<(), StreamError> {
+    fn check(
+        &self,
+        from: &StreamPoint<J, T>,
+        to: &StreamPoint<J, T>,
+    ) -> Result<(), JointStreamError> {
         let (time, after) = (to.time.to_f64(), from.time.to_f64());
         if !Requirement::Above(after).holds(time) {
-            return Err(StreamError::Time { time, after });
+            return Err(JointStreamError::Time { time, after });
         }
         for (joint, limits) in self.limits.iter().enumerate() {
             if self.moves(joint) {
                 check_joint(limits, &from.at(joint), &to.at(joint), to.time - from.time)
-                    .map_err(|error| StreamError::Joint { joint, time, error })?;
+                    .map_err(|error| JointStreamError::Joint { joint, time, error })?;
             }
         }
         Ok(())
@@ -461,7 +465,7 @@ pub(crate) const QUANTITIES: [&str; 11] = [
 
 /// Whether a joint can go from one state to the next one in a time (s), and brake there.
 fn check_joint<T: Real>(
-    limits: &Limits<T>,
+    limits: &JointLimits<T>,
     from: &SetPoint<T>,
     to: &SetPoint<T>,
     duration: T,

@@ -6,7 +6,8 @@ use std::sync::LazyLock;
 
 use condor_hand::HeaderError;
 use condor_hand::config::{
-    Channel, Converter, Form, Hand, ImageError, Input, Mistake, Output, Problem, Rotation, Wire,
+    Channel, Converter, Form, Hand, HandImageError, InputChannel, Mistake, OutputChannel, Problem,
+    Rotation, Wire,
 };
 use condor_hand::tendon::Rectification;
 use proptest::collection::vec;
@@ -53,7 +54,7 @@ fn an_image_does_not_depend_on_the_room_of_the_program() {
     assert_eq!(self::image(&roomy), image);
     assert_eq!(
         Hand::<2, 3>::from_image(&image),
-        Err(ImageError::Capacity {
+        Err(HandImageError::Capacity {
             of: "fingers",
             needed: 3,
             capacity: 2
@@ -61,7 +62,7 @@ fn an_image_does_not_depend_on_the_room_of_the_program() {
     );
     assert_eq!(
         Hand::<3, 2>::from_image(&image),
-        Err(ImageError::Capacity {
+        Err(HandImageError::Capacity {
             of: "joints in a finger",
             needed: 3,
             capacity: 2
@@ -132,9 +133,9 @@ fn what_is_wrong_with_an_image_is_said() {
         let mut other = good.clone();
         other[byte] ^= 1;
         let error = Tripod::from_image(&other).unwrap_err();
-        let lengths = matches!(error, ImageError::Header(HeaderError::Length { .. }));
+        let lengths = matches!(error, HandImageError::Header(HeaderError::Length { .. }));
         assert!(
-            lengths || matches!(error, ImageError::Header(HeaderError::Checksum { .. })),
+            lengths || matches!(error, HandImageError::Header(HeaderError::Checksum { .. })),
             "{byte}: {error}"
         );
     }
@@ -166,7 +167,7 @@ fn a_mistake_under_the_right_checksum_is_found() {
     assert!(
         matches!(
             error,
-            ImageError::Mistake(Mistake {
+            HandImageError::Mistake(Mistake {
                 problem: Problem::Number { value: -0.015, .. },
                 ..
             })
@@ -176,7 +177,7 @@ fn a_mistake_under_the_right_checksum_is_found() {
     let mut bytes = before;
     bytes[6] = 2;
     seal(&mut bytes);
-    assert_eq!(Tripod::from_image(&bytes), Err(ImageError::Malformed));
+    assert_eq!(Tripod::from_image(&bytes), Err(HandImageError::Malformed));
 }
 
 #[test]
@@ -187,7 +188,7 @@ fn a_hand_without_fingers_or_processors_is_none() {
     assert_eq!(error.to_string(), "`fingers` of the hand is empty");
     assert_eq!(
         hand.to_image(&mut [0; 4096]),
-        Err(ImageError::Mistake(error))
+        Err(HandImageError::Mistake(error))
     );
     hand.processors.clear();
     assert_eq!(
@@ -252,9 +253,9 @@ proptest! {
             }
         }
         for (_, wire) in UTAH.wires() {
-            let calibration = |input: &Input| (input.gain, input.offset, input.bits);
+            let calibration = |input: &InputChannel| (input.gain, input.offset, input.bits);
             prop_assert_eq!(hand.input(wire).map(calibration), UTAH.input(wire).map(calibration));
-            let calibration = |output: &Output| (output.gain, output.offset, output.bits);
+            let calibration = |output: &OutputChannel| (output.gain, output.offset, output.bits);
             prop_assert_eq!(hand.output(wire).map(calibration), UTAH.output(wire).map(calibration));
         }
         prop_assert_eq!(hand.wires().count(), UTAH.wires().count());

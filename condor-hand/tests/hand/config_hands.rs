@@ -5,7 +5,7 @@
     reason = "a number of the file is the number of the hand, to the last bit"
 )]
 
-use condor_hand::config::{ControlProcessor, Form, Hand, Output, ProcessorKind};
+use condor_hand::config::{ControlProcessor, Form, Hand, OutputChannel, ProcessorKind};
 use condor_hand::math::{sin_cos, sqrt};
 use condor_hand::tendon::Pair;
 use condor_hand::tendon::Rectification;
@@ -90,7 +90,7 @@ fn a_planar_finger_is_the_same_chain() {
             let axis = vector(&geometry["axes"][joint]);
             assert_eq!(
                 placed.motion,
-                condor_hand::kinematics::Motion::Revolute(axis)
+                condor_hand::kinematics::ChainMotion::Revolute(axis)
             );
             assert_eq!(
                 chain.bodies()[joint].inertia.diagonal(),
@@ -155,7 +155,7 @@ fn every_channel_leads_to_its_wire_and_back() {
     for (channel, wire) in utah.wires() {
         assert_eq!(utah.wire(channel), Some(wire));
         let input = utah.input(wire).unwrap();
-        let output = utah.output(wire).map(Output::channel);
+        let output = utah.output(wire).map(OutputChannel::channel);
         assert!(channel == input.channel() || Some(channel) == output);
     }
     assert_eq!(tripod.wires().count(), 9 * 5);
@@ -181,7 +181,7 @@ fn a_hand_of_another_kind_is_described_too() {
     assert!((roll * Vector3::y() - Vector3::new(0.0, cosine, sine)).norm() < 1e-15);
     assert_eq!(
         chain.joints()[2].motion,
-        condor_hand::kinematics::Motion::Prismatic(Vector3::x())
+        condor_hand::kinematics::ChainMotion::Prismatic(Vector3::x())
     );
     assert_eq!(chain.bodies()[0].inertia[(0, 1)], 1e-7);
     assert_eq!(chain.bodies()[0].inertia[(2, 1)], -1e-7);
@@ -225,7 +225,7 @@ fn room_to_spare_changes_nothing() {
         assert!(
             many.joints()[3..]
                 .iter()
-                .all(|joint| joint.motion == condor_hand::kinematics::Motion::Fixed)
+                .all(|joint| joint.motion == condor_hand::kinematics::ChainMotion::Fixed)
         );
         let (few, many) = (small.moment_arms().unwrap(), large.moment_arms().unwrap());
         for joint in 0..3 {

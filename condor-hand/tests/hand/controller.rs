@@ -6,14 +6,15 @@
 )]
 
 use condor_hand::config::Hand;
-use condor_hand::controller::{FingerController, Tick};
+use condor_hand::controller::{FingerController, FingerTick};
 use condor_hand::dynamics::Dynamics;
 use condor_hand::kinematics::PlanarFinger;
 use condor_hand::servo::{
-    JointGains, JointTarget, Mode, PositionLaw, Quantity, Sensed, SettingError, TargetError,
+    FingerReadings, JointGains, JointTarget, PositionLaw, ServoMode, SettingError, TargetError,
+    TargetQuantity,
 };
 use condor_hand::tendon::fault::{FaultCode, FaultSite};
-use condor_hand::tendon::{Pair, Pairs};
+use condor_hand::tendon::{Pair, TendonPairs};
 use condor_hand::trajectory::{SetPoint, StopGuard};
 use nalgebra::{SVector, Vector3, Vector4};
 use proptest::prelude::*;
@@ -46,8 +47,8 @@ fn posture() -> Vector4<f64> {
     Vector4::new(0.1, 0.6, 0.8, 0.7)
 }
 
-fn sensed(tensions: Pairs<f64, 4>) -> Sensed<f64, 4> {
-    Sensed {
+fn sensed(tensions: TendonPairs<f64, 4>) -> FingerReadings<f64, 4> {
+    FingerReadings {
         position: posture(),
         tension: tensions,
         touch: 0.0,
@@ -55,7 +56,7 @@ fn sensed(tensions: Pairs<f64, 4>) -> Sensed<f64, 4> {
 }
 
 /// Ticks with sensors that say what was commanded.
-fn run(controller: &mut Controller, tensions: &mut Pairs<f64, 4>, ticks: usize) {
+fn run(controller: &mut Controller, tensions: &mut TendonPairs<f64, 4>, ticks: usize) {
     for _ in 0..ticks {
         let tick = controller.tick(&sensed(*tensions), &gravity(), PERIOD_S);
         assert_eq!(tick.fault, None);
@@ -63,7 +64,7 @@ fn run(controller: &mut Controller, tensions: &mut Pairs<f64, 4>, ticks: usize) 
     }
 }
 
-fn largest_step(a: &Pairs<f64, 4>, b: &Pairs<f64, 4>) -> f64 {
+fn largest_step(a: &TendonPairs<f64, 4>, b: &TendonPairs<f64, 4>) -> f64 {
     a.iter()
         .zip(b)
         .flat_map(|(a, b)| [a.flexor - b.flexor, a.extensor - b.extensor])
@@ -78,31 +79,31 @@ fn a_finger_begins_off_with_its_least_tensions() {
     let tick = controller.tick(&sensed([Pair::both(LEAST_N); 4]), &gravity(), PERIOD_S);
     assert_eq!(tick.output.tension, [Pair::both(LEAST_N); 4]);
     assert_eq!(tick.target, [None; 4]);
-    assert!((0..4).all(|joint| controller.mode(joint) == Some(Mode::Off)));
+    assert!((0..4).all(|joint| controller.mode(joint) == Some(ServoMode::Off)));
     assert_eq!(controller.mode(4), None);
 }
 
 #[test]
 fn no_change_of_mode_makes_a_step_of_tension() {
     let modes = [
-        Mode::Position,
-        Mode::Torque,
-        Mode::Tension,
-        Mode::Impedance,
-        Mode::Grasp,
-        Mode::Position,
-        Mode::Off,
-        Mode::Tension,
-        Mode::Torque,
-        Mode::Off,
-        Mode::Grasp,
-        Mode::Tension,
-        Mode::Position,
-        Mode::Grasp,
-        Mode::Torque,
-        Mode::Position,
-        Mode::Tension,
-        Mode::Off,
+        ServoMode::Position,
+        ServoMode::Torque,
+        ServoMode::Tension,
+        ServoMode::Impedance,
+        ServoMode::Grasp,
+        ServoMode::Position,
+        ServoMode::Off,
+        ServoMode::Tension,
+        ServoMode::Torque,
+        ServoMode::Off,
+        ServoMode::Grasp,
+        ServoMode::Tension,
+        ServoMode::Position,
+        ServoMode::Grasp,
+        ServoMode::Torque,
+        ServoMode::Position,
+        ServoMode::Tension,
+        ServoMode::Off,
     ];
     let mut controller = controller();
     let mut tensions = [Pair::both(LEAST_N); 4];
@@ -134,7 +135,7 @@ fn other_gains_make_no_step_of_tension() {
     let mut tensions = [Pair::both(LEAST_N); 4];
     let target = SetPoint::rest(posture()[1] + 0.1);
     for joint in 0..4 {
-        controller.set_mode(joint, Mode::Position).unwrap();
+        controller.set_mode(joint, ServoMode::Position).unwrap();
     }
     run(&mut controller, &mut tensions, 60);
     controller
@@ -167,7 +168,7 @@ fn a_held_joint_gets_the_torque_that_holds_it() {
     let mut controller = controller();
     let mut tensions = [Pair::both(LEAST_N); 4];
     for joint in 0..4 {
-        controller.set_mode(joint, Mode::Position).unwrap();
+        controller.set_mode(joint, ServoMode::Position).unwrap();
     }
     run(&mut controller, &mut tensions, 100);
     let tick = controller.tick(&sensed(tensions), &gravity(), PERIOD_S);
@@ -187,22 +188,22 @@ fn what_a_joint_cannot_have_is_refused_with_its_value() {
     let refused = controller.set_target(2, JointTarget::Position(SetPoint::rest(3.0)));
     assert!(matches!(
         refused,
-        Err(SettingError::Target(TargetError { joint: 2, quantity: Quantity::Position, value, .. })) if value > 2.9
+        Err(SettingError::Target(TargetError { joint: 2, quantity: TargetQuantity::Position, value, .. })) if value > 2.9
     ));
     assert!(matches!(
         controller.set_target(1, JointTarget::Torque(f64::NAN)),
         Err(SettingError::Target(TargetError {
             joint: 1,
-            quantity: Quantity::Torque,
+            quantity: TargetQuantity::Torque,
             ..
         }))
     ));
     assert!(matches!(
         controller.set_target(0, JointTarget::Tension(Pair { flexor: 10.0, extensor: 131.0 })),
-        Err(SettingError::Target(TargetError { joint: 0, quantity: Quantity::Tension, value, .. })) if value > 130.0
+        Err(SettingError::Target(TargetError { joint: 0, quantity: TargetQuantity::Tension, value, .. })) if value > 130.0
     ));
     assert!(matches!(
-        controller.set_mode(4, Mode::Off),
+        controller.set_mode(4, ServoMode::Off),
         Err(SettingError::NoJoint {
             joint: 4,
             joints: 4
@@ -215,7 +216,7 @@ fn what_a_joint_cannot_have_is_refused_with_its_value() {
         refused.to_string(),
         "joint 0: the torque gain is -1; it must be at least 0"
     );
-    assert!((0..4).all(|joint| controller.mode(joint) == Some(Mode::Off)));
+    assert!((0..4).all(|joint| controller.mode(joint) == Some(ServoMode::Off)));
 }
 
 #[test]
@@ -223,7 +224,7 @@ fn a_lost_sensor_is_a_fault_that_stays_and_takes_the_tensions_down() {
     let mut controller = controller();
     let mut tensions = [Pair::both(LEAST_N); 4];
     for joint in 0..4 {
-        controller.set_mode(joint, Mode::Position).unwrap();
+        controller.set_mode(joint, ServoMode::Position).unwrap();
     }
     run(&mut controller, &mut tensions, 100);
     let mut command = tensions;
@@ -244,7 +245,7 @@ fn a_lost_sensor_is_a_fault_that_stays_and_takes_the_tensions_down() {
     assert_eq!(fault.site, FaultSite::Joint(2));
     assert_eq!(fault.code, FaultCode::NotFinite);
     assert_eq!(
-        controller.set_mode(0, Mode::Position),
+        controller.set_mode(0, ServoMode::Position),
         Err(SettingError::AfterFault)
     );
     // Good sensors do not bring it back, and the way down has no step.
@@ -258,7 +259,7 @@ fn a_lost_sensor_is_a_fault_that_stays_and_takes_the_tensions_down() {
     controller.clear();
     let mut tensions = command;
     run(&mut controller, &mut tensions, 1);
-    controller.set_mode(0, Mode::Position).unwrap();
+    controller.set_mode(0, ServoMode::Position).unwrap();
     run(&mut controller, &mut tensions, 1);
 }
 
@@ -266,7 +267,7 @@ fn a_lost_sensor_is_a_fault_that_stays_and_takes_the_tensions_down() {
 fn a_master_that_falls_silent_is_a_fault() {
     let mut controller = controller();
     let mut tensions = [Pair::both(LEAST_N); 4];
-    controller.set_mode(1, Mode::Position).unwrap();
+    controller.set_mode(1, ServoMode::Position).unwrap();
     run(&mut controller, &mut tensions, 100);
     let points = [0, 1, 2, 3].map(|joint| SetPoint::rest(posture()[joint]));
     for _ in 0..10 {
@@ -284,11 +285,11 @@ fn a_master_that_falls_silent_is_a_fault() {
 /// period each; gives the last tick.
 fn glide(
     controller: &mut Controller,
-    tensions: &mut Pairs<f64, 4>,
+    tensions: &mut TendonPairs<f64, 4>,
     periods: &[f64],
-) -> Vec<Tick<4>> {
+) -> Vec<FingerTick<4>> {
     for joint in 0..4 {
-        controller.set_mode(joint, Mode::Position).unwrap();
+        controller.set_mode(joint, ServoMode::Position).unwrap();
     }
     run(controller, tensions, 1);
     let (mut time, mut next) = (0.0, 0.0);
@@ -338,7 +339,7 @@ fn rates_and_set_points_go_by_time() {
 #[test]
 fn a_tick_that_comes_early_makes_no_rate_of_a_count() {
     let (mut controller, mut tensions) = (controller(), [Pair::both(LEAST_N); 4]);
-    controller.set_mode(1, Mode::Position).unwrap();
+    controller.set_mode(1, ServoMode::Position).unwrap();
     run(&mut controller, &mut tensions, 10);
     for period_s in [1e-4, 2e-5, 1e-9] {
         // One count of the sensor, to and fro.
@@ -380,7 +381,7 @@ fn after_a_fault_a_finger_says_what_its_sensors_say() {
 fn a_loop_that_stood_still_for_half_a_second_is_a_fault() {
     let (mut controller, mut tensions) = (controller(), [Pair::both(LEAST_N); 4]);
     for joint in 0..4 {
-        controller.set_mode(joint, Mode::Position).unwrap();
+        controller.set_mode(joint, ServoMode::Position).unwrap();
     }
     run(&mut controller, &mut tensions, 100);
     let mut follower = controller.clone();
@@ -408,7 +409,7 @@ fn a_joint_joins_the_motion_of_the_master_without_a_jump() {
     let mut controller = controller();
     let mut tensions = [Pair::both(LEAST_N); 4];
     for joint in 0..4 {
-        controller.set_mode(joint, Mode::Position).unwrap();
+        controller.set_mode(joint, ServoMode::Position).unwrap();
     }
     run(&mut controller, &mut tensions, 1);
     let aim = posture() + Vector4::new(0.02, 0.3, 0.1, -0.2);
@@ -419,7 +420,7 @@ fn a_joint_joins_the_motion_of_the_master_without_a_jump() {
             controller.follow(&points, &[StopGuard::NONE; 4]).unwrap();
         }
         let tick = controller.tick(
-            &Sensed {
+            &FingerReadings {
                 position: last,
                 tension: tensions,
                 touch: 0.0,
@@ -449,16 +450,16 @@ fn a_finger_of_fewer_joints_than_there_is_room_for_is_one_without_them() {
     });
     assert_eq!(controller.mode(3), None);
     assert_eq!(controller.gains(3), None);
-    assert_eq!(controller.set_mode(3, Mode::Position), none);
+    assert_eq!(controller.set_mode(3, ServoMode::Position), none);
     assert_eq!(controller.set_target(3, JointTarget::Torque(0.0)), none);
     let gains = *controller.gains(2).unwrap();
     assert_eq!(controller.set_gains(3, &gains), none);
     for joint in 0..3 {
-        controller.set_mode(joint, Mode::Position).unwrap();
+        controller.set_mode(joint, ServoMode::Position).unwrap();
     }
     let mut least = [Pair::both(0.0); 5];
     least[..3].fill(Pair::both(1.0));
-    let sensed = Sensed {
+    let sensed = FingerReadings {
         position: SVector::from([0.1, 0.2, 0.005, 0.0, 0.0]),
         tension: least,
         touch: 0.0,
@@ -477,8 +478,8 @@ fn a_finger_ticks_at_the_rate_of_its_processor() {
     let finger = &hand.fingers[0];
     assert_eq!((hand.servo_hz, hand.servo_rate_hz(finger)), (1000, 2000));
     let mut controller = FingerController::new(&hand, finger, finger.chain()).unwrap();
-    controller.set_mode(0, Mode::Position).unwrap();
-    let sensed = Sensed {
+    controller.set_mode(0, ServoMode::Position).unwrap();
+    let sensed = FingerReadings {
         position: SVector::from([0.1, 0.2, 0.005]),
         tension: [Pair::both(1.0); 3],
         touch: 0.0,
@@ -506,7 +507,7 @@ fn a_finger_ticks_at_the_rate_of_its_processor() {
 #[test]
 fn a_joint_whose_sensor_begins_with_no_number_holds_the_first_that_comes() {
     let mut controller = controller();
-    controller.set_mode(1, Mode::Position).unwrap();
+    controller.set_mode(1, ServoMode::Position).unwrap();
     let mut tensions = [Pair::both(LEAST_N); 4];
     let mut blind = sensed(tensions);
     blind.position[1] = f64::NAN;
@@ -551,7 +552,7 @@ fn a_target_for_a_joint_that_was_never_seen_pulls_nothing() {
 fn a_mode_that_a_joint_has_leaves_it_with_its_master() {
     let mut controller = controller();
     let mut tensions = [Pair::both(LEAST_N); 4];
-    controller.set_mode(1, Mode::Position).unwrap();
+    controller.set_mode(1, ServoMode::Position).unwrap();
     run(&mut controller, &mut tensions, 1);
     for tick in 0..10 {
         let moving = SetPoint {
@@ -562,7 +563,7 @@ fn a_mode_that_a_joint_has_leaves_it_with_its_master() {
         controller
             .follow(&[moving; 4], &[StopGuard::NONE; 4])
             .unwrap();
-        controller.set_mode(1, Mode::Position).unwrap();
+        controller.set_mode(1, ServoMode::Position).unwrap();
         run(&mut controller, &mut tensions, 8);
     }
     // Still the master's: that it falls silent is noticed.
@@ -578,7 +579,7 @@ fn a_set_point_that_is_refused_changes_nothing() {
     let mut controller = controller();
     let mut tensions = [Pair::both(LEAST_N); 4];
     for joint in 0..4 {
-        controller.set_mode(joint, Mode::Position).unwrap();
+        controller.set_mode(joint, ServoMode::Position).unwrap();
     }
     run(&mut controller, &mut tensions, 1);
     let good = [0, 1, 2, 3].map(|joint| SetPoint::rest(posture()[joint]));
@@ -653,8 +654,8 @@ proptest! {
         let mut controller = controller();
         for (sample, (joint, mode)) in values.chunks(12).zip(modes) {
             // Refused after a fault, which is as good.
-            let _ = controller.set_mode(joint, Mode::from_number(mode).unwrap());
-            let sensed = Sensed {
+            let _ = controller.set_mode(joint, ServoMode::from_number(mode).unwrap());
+            let sensed = FingerReadings {
                 position: SVector::from_column_slice(&sample[..4]),
                 tension: core::array::from_fn(|joint| Pair {
                     flexor: sample[4 + 2 * joint],

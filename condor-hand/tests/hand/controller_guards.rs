@@ -3,11 +3,11 @@
 #![allow(clippy::float_cmp, reason = "what rests does not move at all")]
 
 use condor_hand::config::Hand;
-use condor_hand::controller::{FingerController, Stop, Tick};
+use condor_hand::controller::{FingerController, FingerTick, GuardStop};
 use condor_hand::kinematics::PlanarFinger;
-use condor_hand::servo::{JointTarget, Mode, Sensed};
+use condor_hand::servo::{FingerReadings, JointTarget, ServoMode};
 use condor_hand::tendon::Pair;
-use condor_hand::trajectory::{Guard, SetPoint, StopGuard};
+use condor_hand::trajectory::{MotionGuard, SetPoint, StopGuard};
 use nalgebra::{Vector3, Vector4};
 
 const PERIOD_S: f64 = 1.0 / 400.0;
@@ -19,7 +19,7 @@ struct Rig {
     hand: Hand<4, 4>,
     controller: FingerController<PlanarFinger, 4>,
     guards: [StopGuard; 4],
-    sensed: Sensed<f64, 4>,
+    sensed: FingerReadings<f64, 4>,
     ticks: u32,
     former: [f64; 4],
 }
@@ -35,7 +35,7 @@ impl Rig {
         let finger = &hand.fingers[0];
         let mechanism = finger.planar().unwrap();
         let controller = FingerController::new(&hand, finger, mechanism).unwrap();
-        let sensed = Sensed {
+        let sensed = FingerReadings {
             position: Vector4::from(START),
             tension: [Pair::both(10.0); 4],
             touch: 0.0,
@@ -49,7 +49,7 @@ impl Rig {
             former: START,
         };
         for joint in 0..4 {
-            rig.controller.set_mode(joint, Mode::Position).unwrap();
+            rig.controller.set_mode(joint, ServoMode::Position).unwrap();
         }
         rig.controller.tick(&sensed, &gravity(), PERIOD_S);
         rig
@@ -65,7 +65,7 @@ impl Rig {
     }
 
     /// A tick, with what the master says if it is its turn; no set-point jumps.
-    fn tick(&mut self) -> Tick<4> {
+    fn tick(&mut self) -> FingerTick<4> {
         if self.ticks.is_multiple_of(8) {
             let points = [0, 1, 2, 3].map(|joint| self.wanted(joint));
             self.controller.follow(&points, &self.guards).unwrap();
@@ -90,7 +90,7 @@ impl Rig {
         }
     }
 
-    fn stops(&self) -> [Option<Stop>; 4] {
+    fn stops(&self) -> [Option<GuardStop>; 4] {
         core::array::from_fn(|joint| self.controller.stop(joint).copied())
     }
 }
@@ -131,9 +131,9 @@ fn a_contact_freezes_all_joints_of_its_motion_in_the_same_tick_and_no_others() {
         assert_eq!(tick.target[joint], Some(before[joint]));
         assert_eq!(
             rig.controller.stop(joint),
-            Some(&Stop {
+            Some(&GuardStop {
                 motion: 8,
-                guard: Guard::Contact { joint: 1 },
+                guard: MotionGuard::Contact { joint: 1 },
                 value: 0.06,
                 position: before[joint],
             })
@@ -227,7 +227,10 @@ fn each_motion_of_a_finger_has_its_own_guard_of_torque_and_tension() {
     rig.run(1);
     let [first, second, third, fourth] = rig.stops();
     let (first, second) = (first.unwrap(), second.unwrap());
-    assert_eq!((first.motion, first.guard), (1, Guard::Torque { joint: 1 }));
+    assert_eq!(
+        (first.motion, first.guard),
+        (1, MotionGuard::Torque { joint: 1 })
+    );
     assert!((first.value - 0.31).abs() < 1e-9, "{first:?}");
     assert_eq!((second.motion, second.guard), (first.motion, first.guard));
     assert_eq!((third, fourth), (None, None));
@@ -237,7 +240,7 @@ fn each_motion_of_a_finger_has_its_own_guard_of_torque_and_tension() {
     let (third, fourth) = (third.unwrap(), fourth.unwrap());
     assert_eq!(
         (third.motion, third.guard),
-        (2, Guard::Tension { joint: 3 })
+        (2, MotionGuard::Tension { joint: 3 })
     );
     assert_eq!((third.value, fourth.value), (60.5, 60.5));
 }
@@ -281,7 +284,7 @@ fn an_order_to_a_stopped_joint_ends_the_stop() {
     let to = JointTarget::Position(SetPoint::rest(rig.former[1] + 0.01));
     rig.controller.set_target(1, to).unwrap();
     assert_eq!(rig.controller.stop(1), None);
-    rig.controller.set_mode(2, Mode::Torque).unwrap();
+    rig.controller.set_mode(2, ServoMode::Torque).unwrap();
     assert_eq!(rig.controller.stop(2), None);
     assert!(rig.controller.stop(0).is_some());
 }
@@ -293,7 +296,7 @@ fn without_a_sensor_nothing_is_a_contact() {
     let finger = &rig.hand.fingers[0];
     rig.controller = FingerController::new(&rig.hand, finger, finger.planar().unwrap()).unwrap();
     for joint in 0..4 {
-        rig.controller.set_mode(joint, Mode::Position).unwrap();
+        rig.controller.set_mode(joint, ServoMode::Position).unwrap();
     }
     rig.controller.tick(&rig.sensed, &gravity(), PERIOD_S);
     rig.sensed.touch = 10.0;

@@ -11,7 +11,7 @@
 use std::ops::{Mul, Sub};
 
 use condor_hand::dynamics::Dynamics;
-use condor_hand::kinematics::{Body, Chain, Joint, Motion};
+use condor_hand::kinematics::{Chain, ChainBody, ChainJoint, ChainMotion};
 use condor_hand::math::max;
 use condor_hand::{Pose, Real};
 use nalgebra::{Matrix3, Rotation3, SMatrix, SVector, Unit, Vector3, Vector4};
@@ -40,12 +40,12 @@ fn frames<const N: usize>(chain: &Chain<f64, N>, q: &Joints<N>) -> [Pose; N] {
         let joint = &chain.joints()[i];
         frame = frame.then(&joint.placement);
         match joint.motion {
-            Motion::Revolute(axis) => {
+            ChainMotion::Revolute(axis) => {
                 let turn = Rotation3::from_axis_angle(&Unit::new_unchecked(axis), q[i]);
                 frame.rotation *= turn.into_inner();
             }
-            Motion::Prismatic(axis) => frame.position = frame.transform(&(axis * q[i])),
-            Motion::Fixed => {}
+            ChainMotion::Prismatic(axis) => frame.position = frame.transform(&(axis * q[i])),
+            ChainMotion::Fixed => {}
         }
         frame
     })
@@ -131,18 +131,18 @@ fn poses() -> impl Strategy<Value = Pose> {
     })
 }
 
-fn motions() -> impl Strategy<Value = Motion> {
+fn motions() -> impl Strategy<Value = ChainMotion> {
     let axis = in_space(1.0)
         .prop_filter("an axis has a direction", |axis| axis.norm() > 0.1)
         .prop_map(|axis| axis.normalize());
     (axis, 0..5).prop_map(|(axis, kind)| match kind {
-        0 => Motion::Fixed,
-        1 => Motion::Prismatic(axis),
-        _ => Motion::Revolute(axis),
+        0 => ChainMotion::Fixed,
+        1 => ChainMotion::Prismatic(axis),
+        _ => ChainMotion::Revolute(axis),
     })
 }
 
-fn bodies() -> impl Strategy<Value = Body> {
+fn bodies() -> impl Strategy<Value = ChainBody> {
     // Each moment is the sum of two second moments of the mass.
     let principal =
         prop::array::uniform3(0.005..0.05).prop_map(|[x, y, z]: [f64; 3]| [y + z, x + z, x + y]);
@@ -150,7 +150,7 @@ fn bodies() -> impl Strategy<Value = Body> {
         |(mass, center, turn, principal)| {
             let axes = Rotation3::new(turn).into_inner();
             let principal = Matrix3::from_diagonal(&Vector3::from(principal));
-            Body {
+            ChainBody {
                 mass,
                 center,
                 inertia: axes * principal * axes.transpose(),
@@ -160,15 +160,16 @@ fn bodies() -> impl Strategy<Value = Body> {
 }
 
 fn chains<const N: usize>() -> impl Strategy<Value = Chain<f64, N>> {
-    let joint = (poses(), motions()).prop_map(|(placement, motion)| Joint { placement, motion });
+    let joint =
+        (poses(), motions()).prop_map(|(placement, motion)| ChainJoint { placement, motion });
     let joints = prop::array::uniform(joint);
     (poses(), joints, prop::array::uniform(bodies())).prop_map(|(base, joints, bodies)| {
         Chain::new(base, joints, bodies, Vector3::zeros()).unwrap()
     })
 }
 
-fn moves(joint: &Joint) -> bool {
-    joint.motion != Motion::Fixed
+fn moves(joint: &ChainJoint) -> bool {
+    joint.motion != ChainMotion::Fixed
 }
 
 fn follow_from_lagrange<const N: usize>(
@@ -228,7 +229,7 @@ proptest! {
         torque in vectors(5.0), gravity in in_space(10.0),
     ) {
         let mut joints = *chain.joints();
-        joints[1].motion = Motion::Fixed;
+        joints[1].motion = ChainMotion::Fixed;
         let chain = Chain::new(*chain.base(), joints, *chain.bodies(), *chain.tip_point()).unwrap();
         let armature = Joints::<4>::zeros();
         let of = |value: f64| {
@@ -269,15 +270,15 @@ fn single<const N: usize>(chain: &Chain<f64, N>) -> Chain<f32, N> {
     };
     Chain::new(
         pose(chain.base()),
-        chain.joints().each_ref().map(|joint| Joint {
+        chain.joints().each_ref().map(|joint| ChainJoint {
             placement: pose(&joint.placement),
             motion: match joint.motion {
-                Motion::Revolute(axis) => Motion::Revolute(vector(axis)),
-                Motion::Prismatic(axis) => Motion::Prismatic(vector(axis)),
-                Motion::Fixed => Motion::Fixed,
+                ChainMotion::Revolute(axis) => ChainMotion::Revolute(vector(axis)),
+                ChainMotion::Prismatic(axis) => ChainMotion::Prismatic(vector(axis)),
+                ChainMotion::Fixed => ChainMotion::Fixed,
             },
         }),
-        chain.bodies().each_ref().map(|body| Body {
+        chain.bodies().each_ref().map(|body| ChainBody {
             mass: f32::of(body.mass),
             center: vector(body.center),
             inertia: body.inertia.map(f32::of),
@@ -348,7 +349,7 @@ fn a_finger_that_falls_keeps_its_energy() {
 #[test]
 fn a_chain_that_turns_and_slides_keeps_its_energy() {
     let tilt = Rotation3::new(Vector3::new(0.4, -0.2, 0.3)).into_inner();
-    let joint = |z, motion| Joint {
+    let joint = |z, motion| ChainJoint {
         placement: Pose {
             rotation: tilt,
             position: Vector3::new(0.05, 0.0, z),
@@ -358,13 +359,13 @@ fn a_chain_that_turns_and_slides_keeps_its_energy() {
     let chain = Chain::new(
         Pose::at(0.0, 0.0, 1.0),
         [
-            joint(0.1, Motion::Revolute(Vector3::z())),
-            joint(0.2, Motion::Fixed),
-            joint(0.1, Motion::Prismatic(Vector3::x())),
-            joint(0.3, Motion::Revolute(Vector3::y())),
-            joint(0.2, Motion::Revolute(Vector3::x())),
+            joint(0.1, ChainMotion::Revolute(Vector3::z())),
+            joint(0.2, ChainMotion::Fixed),
+            joint(0.1, ChainMotion::Prismatic(Vector3::x())),
+            joint(0.3, ChainMotion::Revolute(Vector3::y())),
+            joint(0.2, ChainMotion::Revolute(Vector3::x())),
         ],
-        [Body {
+        [ChainBody {
             mass: 0.8,
             center: Vector3::new(0.02, -0.01, 0.1),
             inertia: Matrix3::new(0.025, 1e-3, 0.0, 1e-3, 0.03, 2e-3, 0.0, 2e-3, 0.015),

@@ -7,8 +7,9 @@
 
 use condor_hand::tendon::Pair;
 use condor_hand::tendon::fault::{
-    Fault, FaultCode, FaultLimits, FaultLimitsError, FaultSite, FingerMonitor, JointFaultLimits,
-    Observation, Range, SafeRamp, SensorFaultLimits, Stuck, TendonFaultLimits, Threshold,
+    FaultCode, FaultLimits, FaultLimitsError, FaultRange, FaultSite, FingerFault, FingerMonitor,
+    JointFaultLimits, Observation, SafeRamp, SensorFaultLimits, Stuck, TendonFaultLimits,
+    Threshold,
 };
 use nalgebra::Vector2;
 use proptest::prelude::*;
@@ -17,7 +18,7 @@ fn limits() -> FaultLimits<f64, 2> {
     let tendon = TendonFaultLimits {
         sensor: SensorFaultLimits {
             lost_samples: 2,
-            range: Range {
+            range: FaultRange {
                 low: -5.0,
                 high: 200.0,
                 samples: 3,
@@ -44,7 +45,7 @@ fn limits() -> FaultLimits<f64, 2> {
     let joint = JointFaultLimits {
         sensor: SensorFaultLimits {
             lost_samples: 2,
-            range: Range {
+            range: FaultRange {
                 low: -3.0,
                 high: 3.0,
                 samples: 3,
@@ -59,7 +60,7 @@ fn limits() -> FaultLimits<f64, 2> {
                 samples: 5,
             },
         },
-        limit: Range {
+        limit: FaultRange {
             low: -0.5,
             high: 1.5,
             samples: 2,
@@ -110,7 +111,7 @@ impl Monitor {
         Self(FingerMonitor::new(*limits).unwrap())
     }
 
-    fn update(&mut self, seen: &Seen) -> Option<Fault> {
+    fn update(&mut self, seen: &Seen) -> Option<FingerFault> {
         self.0.update(&Observation {
             desired_tensions: &seen.desired_tensions,
             tensions: &seen.tensions,
@@ -128,7 +129,7 @@ fn monitor() -> Monitor {
 }
 
 /// Shows an observation after one good one until it is a fault: the fault, and which sample.
-fn first_fault(observation: &Seen) -> Option<(Fault, usize)> {
+fn first_fault(observation: &Seen) -> Option<(FingerFault, usize)> {
     let mut monitor = monitor();
     assert_eq!(monitor.update(&good()), None);
     (1..100).find_map(|k| Some((monitor.update(observation)?, k)))

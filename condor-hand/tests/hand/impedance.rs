@@ -1,12 +1,12 @@
 //! A joint as a spring and a damper, around the simulated finger of the shipped hand.
 
 use condor_hand::config::Hand;
-use condor_hand::controller::{FingerController, Tick};
+use condor_hand::controller::{FingerController, FingerTick};
 use condor_hand::dynamics::Dynamics;
 use condor_hand::kinematics::PlanarFinger;
 use condor_hand::math::{exp, max, sqrt};
-use condor_hand::plant::{DriveKind, Finger, PlantModel, Stop, Surface};
-use condor_hand::servo::{JointTarget, Mode, PositionLaw, Sensed, SettingError};
+use condor_hand::plant::{DriveKind, PlantModel, SimFinger, SimStop, SimSurface};
+use condor_hand::servo::{FingerReadings, JointTarget, PositionLaw, ServoMode, SettingError};
 use nalgebra::{SVector, Vector3};
 use proptest::prelude::*;
 
@@ -18,7 +18,7 @@ type Controller = FingerController<PlanarFinger, 4>;
 /// A controller and the finger that it controls.
 struct Bench {
     controller: Controller,
-    finger: Finger<PlanarFinger, 4>,
+    finger: SimFinger<PlanarFinger, 4>,
     gravity: Vector3<f64>,
     /// What turns the joints from outside, N m.
     load: SVector<f64, 4>,
@@ -33,7 +33,7 @@ impl Bench {
         let hand = hand();
         let entry = &hand.fingers[0];
         let mechanism = entry.planar().unwrap();
-        let surface = Surface {
+        let surface = SimSurface {
             stiffness: 1e3,
             damping: 1.0,
             shear_stiffness: 1e3,
@@ -42,11 +42,11 @@ impl Bench {
         };
         let machine = PlantModel {
             actuator: DriveKind::exact,
-            joint_stop: Stop {
+            joint_stop: SimStop {
                 stiffness: 5.0,
                 damping: 0.01,
             },
-            axis_stop: Stop {
+            axis_stop: SimStop {
                 stiffness: 1e5,
                 damping: 500.0,
             },
@@ -66,8 +66,8 @@ impl Bench {
         }
     }
 
-    fn tick(&mut self) -> Tick<4> {
-        let sensed = Sensed {
+    fn tick(&mut self) -> FingerTick<4> {
+        let sensed = FingerReadings {
             position: *self.finger.q(),
             tension: *self.finger.tensions(),
             touch: 0.0,
@@ -91,13 +91,13 @@ impl Bench {
 }
 
 /// Every mode that a joint can have.
-const MODES: [Mode; 6] = [
-    Mode::Off,
-    Mode::Tension,
-    Mode::Torque,
-    Mode::Position,
-    Mode::Grasp,
-    Mode::Impedance,
+const MODES: [ServoMode; 6] = [
+    ServoMode::Off,
+    ServoMode::Tension,
+    ServoMode::Torque,
+    ServoMode::Position,
+    ServoMode::Grasp,
+    ServoMode::Impedance,
 ];
 
 /// In the middle of the joints' ranges, rad.
@@ -115,12 +115,12 @@ impl Bench {
     /// At rest in [`POSTURE`], with all joints in position mode.
     fn held() -> Self {
         let mut bench = Self::new(POSTURE);
-        bench.all(Mode::Position);
+        bench.all(ServoMode::Position);
         bench.run(0.5);
         bench
     }
 
-    fn all(&mut self, mode: Mode) {
+    fn all(&mut self, mode: ServoMode) {
         for joint in 0..4 {
             self.controller.set_mode(joint, mode).unwrap();
         }
@@ -145,7 +145,7 @@ impl Bench {
 }
 
 /// The largest change of a tension, N.
-fn step(a: &Tick<4>, b: &Tick<4>) -> f64 {
+fn step(a: &FingerTick<4>, b: &FingerTick<4>) -> f64 {
     let pairs = a.output.tension.iter().zip(&b.output.tension);
     pairs.fold(0.0, |largest, (a, b)| {
         let step = max((a.flexor - b.flexor).abs(), (a.extensor - b.extensor).abs());
@@ -279,7 +279,7 @@ fn an_impedance_is_bounded_and_an_error_names_the_value_and_the_bounds() {
     // It keeps what it had.
     let (mut kept, sensed) = (
         kept,
-        Sensed {
+        FingerReadings {
             position: *bench.finger.q(),
             tension: *bench.finger.tensions(),
             touch: 0.0,
@@ -318,7 +318,7 @@ fn the_stiffest_impedance_of_all_joints_comes_to_rest_in_every_posture() {
         [-0.3, 1.2, 1.5, 1.4],
     ] {
         let mut bench = Bench::new(posture);
-        bench.all(Mode::Impedance);
+        bench.all(ServoMode::Impedance);
         bench.run(0.2);
         bench.load = SVector::from([0.01, 0.02, 0.01, 0.004]);
         bench.run(0.5);
@@ -346,7 +346,7 @@ fn an_impedance_keeps_to_the_limits_of_its_tendons_and_to_its_stops() {
 }
 
 /// Changes all joints from one mode to another, while one of them bears a load, N m.
-fn changes_without_a_jump(from: Mode, to: Mode, load: f64) {
+fn changes_without_a_jump(from: ServoMode, to: ServoMode, load: f64) {
     let said = format!("from {from:?} to {to:?} under {load} N m");
     let mut bench = Bench::held();
     bench.load[1] = load;
@@ -374,10 +374,10 @@ fn changes_without_a_jump(from: Mode, to: Mode, load: f64) {
         last = tick;
     }
     // Off, it falls.
-    if from != Mode::Off && to != Mode::Off {
+    if from != ServoMode::Off && to != ServoMode::Off {
         let moved = (*bench.finger.q() - is).amax();
         // A law of positions without an integral gives under a load.
-        let give = if to == Mode::Position {
+        let give = if to == ServoMode::Position {
             2.0 * load.abs()
         } else {
             0.0
@@ -400,15 +400,15 @@ fn no_change_between_two_modes_makes_a_jump() {
 fn a_joint_that_bears_a_load_keeps_it_when_it_becomes_a_spring_and_back() {
     let mut bench = Bench::held();
     bench.load[1] = -0.05;
-    bench.all(Mode::Position);
+    bench.all(ServoMode::Position);
     bench.run(1.0);
     for (mode, bound) in [
-        (Mode::Torque, 5e-3),
-        (Mode::Impedance, 5e-3),
-        (Mode::Torque, 5e-3),
-        (Mode::Impedance, 5e-3),
+        (ServoMode::Torque, 5e-3),
+        (ServoMode::Impedance, 5e-3),
+        (ServoMode::Torque, 5e-3),
+        (ServoMode::Impedance, 5e-3),
         // Its law has no integral.
-        (Mode::Position, 0.1),
+        (ServoMode::Position, 0.1),
     ] {
         let is = bench.finger.q()[1];
         bench.all(mode);
@@ -421,7 +421,7 @@ fn a_joint_that_bears_a_load_keeps_it_when_it_becomes_a_spring_and_back() {
 #[test]
 fn another_impedance_comes_over_the_time_of_a_transition() {
     let mut bench = Bench::held();
-    bench.all(Mode::Impedance);
+    bench.all(ServoMode::Impedance);
     bench.run(0.3);
     let (stiffness, damping) = bench.greatest(1);
     let mut last = bench.tick();
@@ -452,7 +452,7 @@ fn another_impedance_comes_over_the_time_of_a_transition() {
 
 #[derive(Clone, Copy, Debug)]
 enum Change {
-    Mode(Mode),
+    Mode(ServoMode),
     /// A position (rad), and parts of the greatest stiffness and damping.
     Impedance(f64, f64, f64),
 }

@@ -2,7 +2,9 @@
 //! form's own chain, and against finite differences.
 
 use crate::support::{self, FINGERS, geometry, joints, reference, vector};
-use condor_hand::kinematics::{Body, Chain, Jacobian, Joint, Kinematics, Motion, PlanarFinger};
+use condor_hand::kinematics::{
+    Chain, ChainBody, ChainJoint, ChainMotion, Jacobian, Kinematics, PlanarFinger,
+};
 use condor_hand::math::sin_cos;
 use condor_hand::{Pose, Real};
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3, Vector4};
@@ -166,9 +168,9 @@ fn placed(x: f64, y: f64, z: f64, axis: Vector3<f64>, angle: f64) -> Pose {
 
 /// A thumb with two skew axes at its root, a twist, and one place without a joint.
 fn thumb() -> Chain<f64, 5> {
-    let revolute = |placement, axis: Vector3<f64>| Joint {
+    let revolute = |placement, axis: Vector3<f64>| ChainJoint {
         placement,
-        motion: Motion::Revolute(axis.normalize()),
+        motion: ChainMotion::Revolute(axis.normalize()),
     };
     Chain::new(
         placed(0.02, 0.035, -0.01, Vector3::new(1.0, 2.0, -0.5), 0.9),
@@ -178,14 +180,14 @@ fn thumb() -> Chain<f64, 5> {
                 placed(0.011, 0.004, -0.003, Vector3::x(), 0.4),
                 Vector3::new(0.1, 1.0, 0.2),
             ),
-            Joint {
+            ChainJoint {
                 placement: placed(0.02, 0.0, 0.001, Vector3::z(), -0.2),
-                motion: Motion::Fixed,
+                motion: ChainMotion::Fixed,
             },
             revolute(placed(0.026, 0.001, 0.0, Vector3::x(), 0.3), Vector3::y()),
             revolute(placed(0.032, 0.0, 0.002, Vector3::y(), 0.1), -Vector3::y()),
         ],
-        [Body::massless(); 5],
+        [ChainBody::massless(); 5],
         Vector3::new(0.027, 0.001, -0.004),
     )
     .unwrap()
@@ -210,16 +212,16 @@ fn arm() -> Chain<f64, 7> {
             let along = offsets[joint];
             let placement = placed(0.01, -0.02, along, axis + Vector3::x(), 0.2 * along);
             joint += 1;
-            Joint {
+            ChainJoint {
                 placement,
                 motion: if joint == 1 {
-                    Motion::Prismatic(axis)
+                    ChainMotion::Prismatic(axis)
                 } else {
-                    Motion::Revolute(axis)
+                    ChainMotion::Revolute(axis)
                 },
             }
         }),
-        [Body::massless(); 7],
+        [ChainBody::massless(); 7],
         Vector3::new(0.02, 0.03, 0.1),
     )
     .unwrap()
@@ -262,14 +264,14 @@ fn self_motion_counts_the_joints_that_move() {
     assert!((still.norm() - 1.0).abs() < 1e-15);
     assert_eq!(arm().self_motion(&SVector::repeat(0.3)), None);
 
-    let slide = |axis| Joint {
+    let slide = |axis| ChainJoint {
         placement: Pose::identity(),
-        motion: Motion::Prismatic(axis),
+        motion: ChainMotion::Prismatic(axis),
     };
     let rails = Chain::<f64, 2>::new(
         Pose::identity(),
         [slide(Vector3::x()), slide(-Vector3::x())],
-        [Body::massless(); 2],
+        [ChainBody::massless(); 2],
         Vector3::zeros(),
     )
     .unwrap();
@@ -396,10 +398,10 @@ proptest! {
 }
 
 /// Why a mechanism of one part that is changed is refused.
-fn refusal(change: impl FnOnce(&mut Pose, &mut [Joint; 5], &mut [Body; 5])) -> String {
+fn refusal(change: impl FnOnce(&mut Pose, &mut [ChainJoint; 5], &mut [ChainBody; 5])) -> String {
     let thumb = thumb();
     let (mut base, mut joints, tip) = (*thumb.base(), *thumb.joints(), *thumb.tip_point());
-    let mut bodies = [Body {
+    let mut bodies = [ChainBody {
         mass: 0.01,
         center: Vector3::zeros(),
         inertia: Matrix3::from_diagonal(&Vector3::new(1e-6, 2e-6, 3e-6)),
@@ -413,12 +415,12 @@ fn refusal(change: impl FnOnce(&mut Pose, &mut [Joint; 5], &mut [Body; 5])) -> S
 
 #[test]
 fn a_mechanism_that_cannot_be_is_refused_by_name() {
-    let axis = refusal(|_, joints, _| joints[1].motion = Motion::Revolute(Vector3::y() * 2.0));
+    let axis = refusal(|_, joints, _| joints[1].motion = ChainMotion::Revolute(Vector3::y() * 2.0));
     assert_eq!(
         axis,
         "the axis of joint 1 has the length 2; it must be 1: divide the axis by its length"
     );
-    let axis = refusal(|_, joints, _| joints[4].motion = Motion::Prismatic(Vector3::zeros()));
+    let axis = refusal(|_, joints, _| joints[4].motion = ChainMotion::Prismatic(Vector3::zeros()));
     assert!(
         axis.starts_with("the axis of joint 4 has the length 0;"),
         "{axis}"
@@ -461,9 +463,9 @@ fn a_mechanism_that_cannot_be_is_refused_by_name() {
     for thin in [[0.0, 1.0, 1.0], [1.0, 2.0, 3.0], [0.0; 3]] {
         let own = Matrix3::from_diagonal(&Vector3::from(thin)) * 1e-9;
         let inertia = turned * own * turned.transpose();
-        let body = Body {
+        let body = ChainBody {
             inertia,
-            ..Body::massless()
+            ..ChainBody::massless()
         };
         let (base, joints) = (*thumb().base(), *thumb().joints());
         assert!(

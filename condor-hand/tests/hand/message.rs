@@ -8,30 +8,30 @@ use condor_hand::config::Hand;
 use condor_hand::controller::FingerController;
 use condor_hand::kinematics::PlanarFinger;
 use condor_hand::message::{
-    ALL_JOINTS, ClientError, Identity, REQUEST_WORDS, Refusal, SERVO, ServoClient, ServoLoop,
-    ServoObject, ServoPlaces, Verb,
+    ALL_JOINTS, HandIdentity, HandLoop, REQUEST_WORDS, SERVO, ServoClient, ServoClientError,
+    ServoLayout, ServoObject, ServoOperation, ServoRefusal,
 };
-use condor_hand::servo::{JointTarget, Mode, Quantity, Sensed, TargetError};
+use condor_hand::servo::{FingerReadings, JointTarget, ServoMode, TargetError, TargetQuantity};
 use condor_hand::tendon::Pair;
 use condor_hand::tendon::fault::{FaultCode, FaultSite};
 use condor_hand::trajectory::{SetPoint, StopGuard};
 use condor_mbox::exchange::ExchangeError;
-use condor_mbox::sim::{Mailbox, SimWindow, System};
+use condor_mbox::sim::{SimMailbox, SimSystem, SimWindow};
 use condor_mbox::{
-    Call, CriticalSection, Error, MemoryWindow, Messenger, Places, Processor, Region,
+    Allocator, Call, CriticalSection, MailboxError, MemoryWindow, Messenger, Processor, Region,
     SingleContext, Vector,
 };
 use nalgebra::{Vector3, Vector4};
 use proptest::prelude::*;
 
 const MASTER: Processor = Processor(0);
-const SLAVE: Processor = Processor(1);
+const REMOTE: Processor = Processor(1);
 const SECOND: Duration = Duration::from_secs(1);
 const PERIOD_S: f64 = 1.0 / 400.0;
 const DATA_BYTES: u32 = 8192;
 
-type Servos = ServoLoop<'static, PlanarFinger, SimWindow, 2, 4>;
-type Client<'m> = ServoClient<'m, Mailbox<'static, 2>, SimWindow, 2, 4>;
+type Servos = HandLoop<'static, PlanarFinger, SimWindow, 2, 4>;
+type Client<'m> = ServoClient<'m, SimMailbox<'static, 2>, SimWindow, 2, 4>;
 
 fn hand() -> Hand<4, 4> {
     let text = include_str!("../../hands/utah-mit.toml");
@@ -41,8 +41,8 @@ fn hand() -> Hand<4, 4> {
     hand
 }
 
-fn sensed() -> Sensed<f64, 4> {
-    Sensed {
+fn sensed() -> FingerReadings<f64, 4> {
+    FingerReadings {
         position: Vector4::new(0.1, 0.6, 0.8, 0.7),
         tension: [Pair::both(4.0); 4],
         touch: 0.0,
@@ -51,15 +51,15 @@ fn sensed() -> Sensed<f64, 4> {
 
 /// A system of a master and two fingers, whose sensors say what was commanded.
 struct Rig {
-    system: System<2>,
-    places: ServoPlaces<2, 4>,
-    fingers: Arc<Mutex<(Servos, [Sensed<f64, 4>; 2])>>,
+    system: SimSystem<2>,
+    places: ServoLayout<2, 4>,
+    fingers: Arc<Mutex<(Servos, [FingerReadings<f64, 4>; 2])>>,
     /// In virtual time: whether the loop runs while the master waits.
     ticking: Arc<AtomicBool>,
-    master: Mailbox<'static, 2>,
+    master: SimMailbox<'static, 2>,
 }
 
-fn tick(fingers: &Mutex<(Servos, [Sensed<f64, 4>; 2])>) {
+fn tick(fingers: &Mutex<(Servos, [FingerReadings<f64, 4>; 2])>) {
     let (servos, sensed) = &mut *fingers.lock().unwrap();
     for (finger, sensed) in sensed.iter_mut().enumerate() {
         let gravity = Vector3::new(0.0, 0.0, -9.81);
@@ -70,15 +70,15 @@ fn tick(fingers: &Mutex<(Servos, [Sensed<f64, 4>; 2])>) {
 
 impl Rig {
     /// The servos and their mailbox, which has not been asked to serve.
-    fn parts(system: System<2>) -> (Self, Mailbox<'static, 2>) {
+    fn parts(system: SimSystem<2>) -> (Self, SimMailbox<'static, 2>) {
         let hand = hand();
-        let [_, windows] = system.windows(SLAVE);
+        let [_, windows] = system.windows(REMOTE);
         let ram = Region::users(windows.data).unwrap();
-        let places = ServoPlaces::new(&mut Places::new(ram.size()), 2).unwrap();
+        let places = ServoLayout::new(&mut Allocator::new(ram.size()), 2).unwrap();
         let names = [&hand.fingers[0].name, &hand.fingers[1].name];
-        let identity = Identity::new(
+        let identity = HandIdentity::new(
             &hand.name,
-            names.map(condor_hand::config::Name::as_str),
+            names.map(condor_hand::config::ShortName::as_str),
             hand.servo_hz,
         );
         let controllers = [0, 1].map(|finger| {
@@ -89,10 +89,10 @@ impl Rig {
         let (handler, servos) = object
             .split(identity, &ram, places, CriticalSection, controllers)
             .unwrap();
-        let mut slave = system.mailbox(SLAVE).unwrap();
+        let mut remote = system.mailbox(REMOTE).unwrap();
         let handler = Box::leak(Box::new(move |call: &Call<'_>| handler.answer(call)));
-        slave.set_vector(SERVO, handler, "servos").unwrap();
-        slave.join().unwrap();
+        remote.set_vector(SERVO, handler, "servos").unwrap();
+        remote.join().unwrap();
         let master = system.mailbox(MASTER).unwrap();
         let rig = Self {
             system,
@@ -101,14 +101,14 @@ impl Rig {
             ticking: Arc::new(AtomicBool::new(true)),
             master,
         };
-        (rig, slave)
+        (rig, remote)
     }
 
     fn in_virtual_time() -> Self {
-        let (mut rig, slave) = Self::parts(System::in_virtual_time(DATA_BYTES));
+        let (mut rig, remote) = Self::parts(SimSystem::in_virtual_time(DATA_BYTES));
         let (fingers, ticking) = (Arc::clone(&rig.fingers), Arc::clone(&rig.ticking));
-        rig.system.while_waiting(SLAVE, move || {
-            slave.serve(Duration::ZERO).unwrap();
+        rig.system.while_waiting(REMOTE, move || {
+            remote.serve(Duration::ZERO).unwrap();
             if ticking.load(Ordering::Relaxed) {
                 tick(&fingers);
             }
@@ -123,7 +123,7 @@ impl Rig {
     }
 
     fn client(&self) -> Client<'_> {
-        ServoClient::new(&self.master, SLAVE, &self.ram(), self.places).unwrap()
+        ServoClient::new(&self.master, REMOTE, &self.ram(), self.places).unwrap()
     }
 
     /// Words that no client sends, and what comes back: the reply and the response.
@@ -132,13 +132,13 @@ impl Rig {
         for (word, offset) in words.iter().zip((block..).step_by(4)) {
             ram.set_word(offset, *word).unwrap();
         }
-        let reply = self.master.send_with_reply(SLAVE, SERVO, block, SECOND);
+        let reply = self.master.send_with_reply(REMOTE, SERVO, block, SECOND);
         let response = block + 4 * REQUEST_WORDS as u32;
         let words = core::array::from_fn(|word| ram.word(response + 4 * word as u32).unwrap());
         (reply.unwrap(), words)
     }
 
-    fn modes(&self, finger: usize) -> [Mode; 4] {
+    fn modes(&self, finger: usize) -> [ServoMode; 4] {
         let servos = &self.fingers.lock().unwrap().0;
         core::array::from_fn(|joint| servos.controller(finger).unwrap().mode(joint).unwrap())
     }
@@ -166,7 +166,7 @@ fn a_processor_says_which_servos_it_has() {
     let (finger, served) = (2, 0b11);
     assert_eq!(
         refused,
-        ClientError::Refused(Refusal::NoFinger { finger, served })
+        ServoClientError::Refused(ServoRefusal::NoFinger { finger, served })
     );
 }
 
@@ -174,22 +174,24 @@ fn a_processor_says_which_servos_it_has() {
 fn servos_are_enabled_and_disabled() {
     let rig = Rig::in_virtual_time();
     let mut client = rig.client();
-    client.enable(1, Some(2), Mode::Torque, SECOND).unwrap();
-    assert_eq!(rig.modes(1)[2], Mode::Torque);
-    client.enable(1, None, Mode::Position, SECOND).unwrap();
-    assert_eq!(rig.modes(1), [Mode::Position; 4]);
-    assert_eq!(rig.modes(0), [Mode::Off; 4]);
+    client
+        .enable(1, Some(2), ServoMode::Torque, SECOND)
+        .unwrap();
+    assert_eq!(rig.modes(1)[2], ServoMode::Torque);
+    client.enable(1, None, ServoMode::Position, SECOND).unwrap();
+    assert_eq!(rig.modes(1), [ServoMode::Position; 4]);
+    assert_eq!(rig.modes(0), [ServoMode::Off; 4]);
     client.disable(1, Some(0), SECOND).unwrap();
     let status = client.status(1, SECOND).unwrap();
-    let position = Mode::Position;
-    assert_eq!(status.modes, [Mode::Off, position, position, position]);
+    let position = ServoMode::Position;
+    assert_eq!(status.modes, [ServoMode::Off, position, position, position]);
     assert_eq!((status.fault, status.is_resting), (None, false));
     let before = status.ticks;
     rig.ticks(10);
     assert!(client.status(1, SECOND).unwrap().ticks.wrapping_sub(before) >= 10);
     assert_eq!(
-        client.enable(1, Some(4), Mode::Torque, SECOND),
-        Err(ClientError::Refused(Refusal::NoJoint {
+        client.enable(1, Some(4), ServoMode::Torque, SECOND),
+        Err(ServoClientError::Refused(ServoRefusal::NoJoint {
             joint: 4,
             joints: 4
         }))
@@ -232,30 +234,32 @@ fn targets_beyond_what_a_joint_has_come_back_with_its_limits() {
     );
     assert_eq!(
         refused,
-        Err(ClientError::Refused(Refusal::Target(TargetError {
-            joint: 1,
-            quantity: Quantity::Position,
-            value: position,
-            low: limits.low,
-            high: limits.high
-        })))
+        Err(ServoClientError::Refused(ServoRefusal::Target(
+            TargetError {
+                joint: 1,
+                quantity: TargetQuantity::Position,
+                value: position,
+                low: limits.low,
+                high: limits.high
+            }
+        )))
     );
     let refused = client.set_target(0, 1, &JointTarget::Torque(1e3), SECOND);
     assert!(
-        matches!(refused, Err(ClientError::Refused(Refusal::Target(error))) if error.value > 999.0 && error.quantity == Quantity::Torque),
+        matches!(refused, Err(ServoClientError::Refused(ServoRefusal::Target(error))) if error.value > 999.0 && error.quantity == TargetQuantity::Torque),
         "{refused:?}"
     );
     let refused = client.set_target(0, 1, &JointTarget::Tension(Pair::both(1e3)), SECOND);
     assert!(
-        matches!(refused, Err(ClientError::Refused(Refusal::Target(error))) if error.value > 999.0 && error.quantity == Quantity::Tension),
+        matches!(refused, Err(ServoClientError::Refused(ServoRefusal::Target(error))) if error.value > 999.0 && error.quantity == TargetQuantity::Tension),
         "{refused:?}"
     );
     let refused = client.set_target(0, 1, &JointTarget::Torque(f64::NAN), SECOND);
     assert!(
-        matches!(refused, Err(ClientError::Refused(Refusal::Number { number: 0, value })) if value.is_nan()),
+        matches!(refused, Err(ServoClientError::Refused(ServoRefusal::Number { number: 0, value })) if value.is_nan()),
         "{refused:?}"
     );
-    assert_eq!(rig.modes(0)[1], Mode::Position);
+    assert_eq!(rig.modes(0)[1], ServoMode::Position);
 }
 
 #[test]
@@ -264,21 +268,21 @@ fn an_order_is_not_done_before_the_next_tick() {
     let mut client = rig.client();
     rig.ticking.store(false, Ordering::Relaxed);
     let short = Duration::from_millis(2);
-    let not_done = client.enable(0, Some(2), Mode::Torque, short);
+    let not_done = client.enable(0, Some(2), ServoMode::Torque, short);
     assert!(
-        matches!(not_done, Err(ClientError::NotDone { to: SLAVE, timeout, .. }) if timeout == short),
+        matches!(not_done, Err(ServoClientError::NotDone { to: REMOTE, timeout, .. }) if timeout == short),
         "{not_done:?}"
     );
-    assert_eq!(rig.modes(0), [Mode::Off; 4]);
+    assert_eq!(rig.modes(0), [ServoMode::Off; 4]);
     rig.ticks(1);
-    assert_eq!(rig.modes(0)[2], Mode::Torque);
+    assert_eq!(rig.modes(0)[2], ServoMode::Torque);
 }
 
 #[test]
 fn a_fault_is_told_and_cleared_and_does_not_come_back_to_life() {
     let rig = Rig::in_virtual_time();
     let mut client = rig.client();
-    client.enable(0, None, Mode::Torque, SECOND).unwrap();
+    client.enable(0, None, ServoMode::Torque, SECOND).unwrap();
     rig.fingers.lock().unwrap().1[0].position[3] = f64::NAN;
     rig.ticks(50);
     let status = client.status(0, SECOND).unwrap();
@@ -286,15 +290,18 @@ fn a_fault_is_told_and_cleared_and_does_not_come_back_to_life() {
     assert_eq!(fault.code, FaultCode::NotFinite);
     assert_eq!(fault.site, FaultSite::Joint(3));
     assert!(status.is_resting);
-    assert_eq!(status.modes, [Mode::Off; 4]);
+    assert_eq!(status.modes, [ServoMode::Off; 4]);
     assert_eq!(client.status(1, SECOND).unwrap().fault, None);
 
-    let refused = client.enable(0, None, Mode::Torque, SECOND);
-    assert_eq!(refused, Err(ClientError::Refused(Refusal::AfterFault)));
+    let refused = client.enable(0, None, ServoMode::Torque, SECOND);
+    assert_eq!(
+        refused,
+        Err(ServoClientError::Refused(ServoRefusal::AfterFault))
+    );
     rig.fingers.lock().unwrap().1[0].position[3] = 0.7;
     // Two restarts between two ticks are one clearing, and count twice.
     rig.ticking.store(false, Ordering::Relaxed);
-    let restart = [Verb::Restart as u32, 0];
+    let restart = [ServoOperation::Restart as u32, 0];
     assert_eq!(rig.raw(&restart).1[0], 0);
     assert_eq!(rig.raw(&restart).1[0], 0);
     rig.ticks(1);
@@ -306,27 +313,33 @@ fn a_fault_is_told_and_cleared_and_does_not_come_back_to_life() {
     assert_eq!((status.fault, status.is_resting), (None, false));
     assert_eq!(status.restarts, 3);
     // What was refused is not done later.
-    assert_eq!(status.modes, [Mode::Off; 4]);
-    client.enable(0, None, Mode::Torque, SECOND).unwrap();
+    assert_eq!(status.modes, [ServoMode::Off; 4]);
+    client.enable(0, None, ServoMode::Torque, SECOND).unwrap();
 }
 
 #[test]
 fn an_order_that_another_one_replaced_says_so() {
     let rig = Rig::in_virtual_time();
     rig.ticking.store(false, Ordering::Relaxed);
-    let mode = |joint: u32, mode: Mode| rig.raw(&[Verb::Mode as u32, 0, joint, mode as u32]).1;
-    let outcome = |joint, number| rig.raw(&[Verb::Outcome as u32, 0, joint, number, 0]).1[0];
-    let [0, first, ..] = mode(1, Mode::Torque) else {
+    let mode = |joint: u32, mode: ServoMode| {
+        rig.raw(&[ServoOperation::Mode as u32, 0, joint, mode as u32])
+            .1
+    };
+    let outcome = |joint, number| {
+        rig.raw(&[ServoOperation::Outcome as u32, 0, joint, number, 0])
+            .1[0]
+    };
+    let [0, first, ..] = mode(1, ServoMode::Torque) else {
         panic!("refused");
     };
-    let [0, second, ..] = mode(ALL_JOINTS, Mode::Tension) else {
+    let [0, second, ..] = mode(ALL_JOINTS, ServoMode::Tension) else {
         panic!("refused");
     };
     assert_eq!(second, first + 1);
     assert_eq!((outcome(1, first), outcome(1, second)), (2, 2));
     rig.ticks(1);
     assert_eq!((outcome(1, first), outcome(ALL_JOINTS, second)), (3, 0));
-    assert_eq!(rig.modes(0), [Mode::Tension; 4]);
+    assert_eq!(rig.modes(0), [ServoMode::Tension; 4]);
 }
 
 #[test]
@@ -335,7 +348,7 @@ fn the_masters_set_points_are_followed_without_messages() {
     let mut set_points = rig.places.set_points(0, &rig.ram()).unwrap();
     assert!(rig.places.set_points(2, &rig.ram()).is_err());
     let mut client = rig.client();
-    client.enable(0, None, Mode::Position, SECOND).unwrap();
+    client.enable(0, None, ServoMode::Position, SECOND).unwrap();
     rig.ticking.store(false, Ordering::Relaxed);
     let start = sensed().position;
     for step in 1..=20 {
@@ -365,7 +378,7 @@ fn set_points_that_are_not_finite_are_refused_and_counted() {
     let rig = Rig::in_virtual_time();
     let mut set_points = rig.places.set_points(1, &rig.ram()).unwrap();
     let mut client = rig.client();
-    client.enable(1, None, Mode::Position, SECOND).unwrap();
+    client.enable(1, None, ServoMode::Position, SECOND).unwrap();
     for _ in 0..3 {
         set_points
             .publish(&[SetPoint::rest(f64::NAN); 4], &[StopGuard::NONE; 4])
@@ -374,17 +387,17 @@ fn set_points_that_are_not_finite_are_refused_and_counted() {
     }
     let status = client.status(1, SECOND).unwrap();
     assert_eq!(status.refused_set_points, 3);
-    assert_eq!(status.modes, [Mode::Position; 4]);
+    assert_eq!(status.modes, [ServoMode::Position; 4]);
 }
 
 #[test]
 fn a_message_with_another_offset_is_refused() {
     let rig = Rig::in_virtual_time();
     let mine = rig.places.block(MASTER).unwrap();
-    let others = rig.places.block(SLAVE).unwrap();
+    let others = rig.places.block(REMOTE).unwrap();
     assert_eq!(rig.places.block(Processor(2)), None);
     for offset in [0, mine - 4, mine + 1, others, DATA_BYTES, u32::MAX] {
-        let reply = rig.master.send_with_reply(SLAVE, SERVO, offset, SECOND);
+        let reply = rig.master.send_with_reply(REMOTE, SERVO, offset, SECOND);
         assert_eq!(reply, Ok(0), "{offset:#x}");
     }
 }
@@ -394,15 +407,15 @@ fn places_that_are_not_there_are_errors() {
     let rig = Rig::in_virtual_time();
     let small = Region::users(rig.system.windows(MASTER)[1].data.clone()).unwrap();
     let small = small.part(0, 576).unwrap();
-    assert!(ServoPlaces::<2, 4>::new(&mut Places::new(small.size()), 2).is_err());
-    assert!(ServoClient::new(&rig.master, SLAVE, &small, rig.places).is_err());
+    assert!(ServoLayout::<2, 4>::new(&mut Allocator::new(small.size()), 2).is_err());
+    assert!(ServoClient::new(&rig.master, REMOTE, &small, rig.places).is_err());
     let mut object = ServoObject::<2, 4>::new();
     let hand = hand();
     let controllers = [0, 1].map(|finger| {
         let finger = &hand.fingers[finger];
         Some(FingerController::new(&hand, finger, finger.chain()).unwrap())
     });
-    let identity = Identity::new("a", ["b", "c"], 400);
+    let identity = HandIdentity::new("a", ["b", "c"], 400);
     let split = object.split(
         identity,
         &small,
@@ -416,15 +429,18 @@ fn places_that_are_not_there_are_errors() {
 #[test]
 fn a_processor_without_servos_is_an_error_with_its_number() {
     let rig = Rig::in_virtual_time();
-    let reply = rig.master.send_with_reply(SLAVE, Vector(9), 0, SECOND);
-    assert!(matches!(reply, Err(Error::NoHandler { to: SLAVE, .. })));
-    rig.system.stall(SLAVE, true);
+    let reply = rig.master.send_with_reply(REMOTE, Vector(9), 0, SECOND);
+    assert!(matches!(
+        reply,
+        Err(MailboxError::NoHandler { to: REMOTE, .. })
+    ));
+    rig.system.stall(REMOTE, true);
     let stalled = rig.client().status(0, SECOND);
     assert!(
         matches!(
             stalled,
-            Err(ClientError::Exchange(ExchangeError::Mailbox(
-                Error::Stalled { to: SLAVE, .. }
+            Err(ServoClientError::Exchange(ExchangeError::Mailbox(
+                MailboxError::Stalled { to: REMOTE, .. }
             )))
         ),
         "{stalled:?}"
@@ -468,7 +484,7 @@ fn whatever_a_peer_writes_the_servos_stay_valid() {
                 }
             }
         } else {
-            rig.master.send_with_reply(SLAVE, SERVO, offset, SECOND).unwrap();
+            rig.master.send_with_reply(REMOTE, SERVO, offset, SECOND).unwrap();
         }
         rig.ticks(1);
         let sensed = rig.fingers.lock().unwrap().1;
@@ -484,7 +500,7 @@ fn whatever_a_peer_writes_the_servos_stay_valid() {
 #[test]
 fn threads_give_orders_while_the_loop_runs() {
     const LONG: Duration = Duration::from_secs(120);
-    let (mut rig, slave) = Rig::parts(System::in_real_time(DATA_BYTES));
+    let (mut rig, remote) = Rig::parts(SimSystem::in_real_time(DATA_BYTES));
     rig.master.join().unwrap();
     let done = AtomicBool::new(false);
     std::thread::scope(|threads| {
@@ -497,13 +513,14 @@ fn threads_give_orders_while_the_loop_runs() {
         });
         threads.spawn(move || {
             while !done.load(Ordering::Relaxed) {
-                slave.serve(Duration::from_millis(20)).unwrap();
+                remote.serve(Duration::from_millis(20)).unwrap();
             }
         });
         let orders = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| {
             let mut client = rig.client();
             for round in 0..50_u32 {
-                let mode = [Mode::Torque, Mode::Tension, Mode::Off][round as usize % 3];
+                let mode =
+                    [ServoMode::Torque, ServoMode::Tension, ServoMode::Off][round as usize % 3];
                 client.enable(round % 2, None, mode, LONG).unwrap();
                 let status = client.status(round % 2, LONG).unwrap();
                 assert_eq!(status.modes, [mode; 4]);

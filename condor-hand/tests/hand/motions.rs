@@ -6,13 +6,16 @@ use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use condor_hand::message::motions::{
-    Batch, Code, LedgerStore, MOTIONS, MotionsBlocks, MotionsClient, MotionsError, MotionsPost,
-    MotionsServer, News, Offer, Request, Response, Seen, Sent, StreamRequest, VERSION, Verb,
+    Batch, Code, LedgerStore, MOTIONS, MotionOperation, MotionRequest, MotionResponse,
+    MotionsBlocks, MotionsClient, MotionsError, MotionsEvent, MotionsPost, MotionsServer, Offer,
+    RequestProgress, SentPoints, StreamRequest, VERSION,
 };
-use condor_hand::queue::{Answer, Identity, MotionQueue, Owner, Reason, Row, State};
-use condor_hand::trajectory::{JointStream, Limits, StreamEnd, StreamPoint};
-use condor_mbox::sim::{Mailbox, SimWindow, System};
-use condor_mbox::{Call, MemoryWindow, Messenger, PeerState, Places, Processor, Region};
+use condor_hand::queue::{
+    LedgerRow, MotionQueue, QueueAnswer, RefusalReason, RequestIdentity, RequestState, SessionOwner,
+};
+use condor_hand::trajectory::{JointLimits, JointStream, StreamEnd, StreamPoint};
+use condor_mbox::sim::{SimMailbox, SimSystem, SimWindow};
+use condor_mbox::{Allocator, Call, MemoryWindow, Messenger, PeerState, Processor, Region};
 use proptest::prelude::*;
 
 /// The controller of an arm of two joints, and its clients.
@@ -23,7 +26,7 @@ const SOON: Duration = Duration::from_secs(1);
 const DATA_BYTES: u32 = 8192;
 
 type Queue = MotionQueue<Work, 3, 4, 6>;
-type Client = MotionsClient<'static, Mailbox<'static, 3>, SimWindow>;
+type Client = MotionsClient<'static, SimMailbox<'static, 3>, SimWindow>;
 type Post = MotionsPost<Work, 3, 4, 6, 3>;
 type Server = MotionsServer<'static, Work, Rows, 3, 4, 6, 3>;
 
@@ -35,12 +38,12 @@ enum Work {
 }
 
 impl Work {
-    fn of(offer: Offer<'_>) -> Result<Self, Reason> {
+    fn of(offer: Offer<'_>) -> Result<Self, RefusalReason> {
         match offer {
-            Offer::Motions(b"backflip") => Err(Reason::NoMotion),
+            Offer::Motions(b"backflip") => Err(RefusalReason::NoMotion),
             Offer::Motions(name) => Ok(Self::Motion(name.to_vec())),
             Offer::Stream(mask @ 1..4) => Ok(Self::Stream(mask)),
-            Offer::Stream(_) => Err(Reason::Limits),
+            Offer::Stream(_) => Err(RefusalReason::Limits),
         }
     }
 }
@@ -48,7 +51,7 @@ impl Work {
 /// Rows in memory that fail when they are told to.
 #[derive(Clone, Default)]
 struct Rows {
-    bytes: Arc<Mutex<Vec<Row>>>,
+    bytes: Arc<Mutex<Vec<LedgerRow>>>,
     fails: Arc<AtomicBool>,
 }
 
@@ -74,13 +77,13 @@ impl LedgerStore for Rows {
         Ok(restore(&self.bytes.lock().unwrap().concat(), 1))
     }
 
-    fn replace(&mut self, rows: impl Iterator<Item = Row>) -> Result<(), Failed> {
+    fn replace(&mut self, rows: impl Iterator<Item = LedgerRow>) -> Result<(), Failed> {
         self.check()?;
         *self.bytes.lock().unwrap() = rows.collect();
         Ok(())
     }
 
-    fn write(&mut self, row: usize, bytes: &Row) -> Result<(), Failed> {
+    fn write(&mut self, row: usize, bytes: &LedgerRow) -> Result<(), Failed> {
         self.check()?;
         let mut rows = self.bytes.lock().unwrap();
         *rows.get_mut(row).ok_or(Failed::Missing)? = *bytes;
@@ -91,18 +94,18 @@ impl LedgerStore for Rows {
 /// The background of the arm.
 struct Arm {
     server: Server,
-    mailbox: Mailbox<'static, 3>,
-    news: Vec<News>,
+    mailbox: SimMailbox<'static, 3>,
+    news: Vec<MotionsEvent>,
     /// What could not be done.
     errors: Vec<String>,
     /// What has run, in this order.
-    begun: Vec<(Identity, Work)>,
+    begun: Vec<(RequestIdentity, Work)>,
     stream: &'static Mutex<Option<StreamRequest<2, 8>>>,
     /// Whether motions end in the turn in which they begin.
     is_quick: bool,
     /// Whether only the handler works.
     is_away: bool,
-    /// Whether the handler works only while the background looks for the life of a client.
+    /// Whether the handler works only while the background looks for the incarnation of a client.
     serves_late: bool,
 }
 
@@ -115,18 +118,18 @@ impl Arm {
         if self.is_away {
             return;
         }
-        let life = |processor| {
+        let incarnation = |processor| {
             mailbox.serve(Duration::ZERO).unwrap();
             match mailbox.peer_state(Processor(processor as u8)) {
                 Ok(PeerState::Up { incarnation, .. }) => Some(incarnation),
                 _ => None,
             }
         };
-        match self.server.attend(mailbox.now(), life, Work::of) {
-            Ok(Some(News::Aborted)) => {
+        match self.server.attend(mailbox.now(), incarnation, Work::of) {
+            Ok(Some(MotionsEvent::Aborted)) => {
                 *self.stream.lock().unwrap() = None;
-                self.server.abort(Reason::Command).unwrap();
-                self.news.push(News::Aborted);
+                self.server.abort(RefusalReason::Command).unwrap();
+                self.news.push(MotionsEvent::Aborted);
             }
             Ok(news) => self.news.extend(news),
             Err(error) => self.errors.push(format!("{error:?}")),
@@ -140,7 +143,9 @@ impl Arm {
                 let request = StreamRequest::new(identity, owner.flatten().unwrap(), stream);
                 *self.stream.lock().unwrap() = Some(request);
             } else if self.is_quick {
-                self.server.end(State::Done, Reason::None).unwrap();
+                self.server
+                    .end(RequestState::Done, RefusalReason::None)
+                    .unwrap();
             } else {
                 self.server.tell_progress(Some(0.25));
             }
@@ -157,16 +162,16 @@ impl Arm {
         request.stream.tick();
         let end = match request.stream.end() {
             None => return,
-            Some(StreamEnd::Done) => (State::Done, Reason::None),
-            Some(StreamEnd::Starved) => (State::Aborted, Reason::Starved),
-            Some(StreamEnd::Aborted) => (State::Aborted, Reason::Command),
+            Some(StreamEnd::Done) => (RequestState::Done, RefusalReason::None),
+            Some(StreamEnd::Starved) => (RequestState::Aborted, RefusalReason::Starved),
+            Some(StreamEnd::Aborted) => (RequestState::Aborted, RefusalReason::Command),
         };
         *stream = None;
         self.server.end(end.0, end.1).unwrap();
     }
 }
 
-const LIMITS: Limits<f64> = Limits {
+const LIMITS: JointLimits<f64> = JointLimits {
     low: -1.0,
     high: 1.0,
     velocity: 2.0,
@@ -176,7 +181,7 @@ const LIMITS: Limits<f64> = Limits {
 
 /// The arm and its clients, in virtual time.
 struct Rig {
-    system: System<3>,
+    system: SimSystem<3>,
     blocks: MotionsBlocks,
     rows: Rows,
     arm: Arc<Mutex<Arm>>,
@@ -187,12 +192,12 @@ impl Rig {
         Self::with(Rows::default())
     }
 
-    /// An arm with the rows of its former life.
+    /// An arm with the rows of its former incarnation.
     fn with(rows: Rows) -> Self {
-        let system = System::in_virtual_time(DATA_BYTES);
+        let system = SimSystem::in_virtual_time(DATA_BYTES);
         let data = system.windows(ARM)[ARM.index()].data.clone();
         let own = Region::users(data).unwrap();
-        let blocks = MotionsBlocks::new(&mut Places::new(own.size()), 3).unwrap();
+        let blocks = MotionsBlocks::new(&mut Allocator::new(own.size()), 3).unwrap();
         let post: &Post = Box::leak(Box::default());
         let stream: &Mutex<Option<StreamRequest<2, 8>>> = Box::leak(Box::default());
         let handler = Box::leak(Box::new(move |call: &Call<'_>| {
@@ -224,8 +229,8 @@ impl Rig {
         }
     }
 
-    /// A life of a client's program, which ends only when it is killed.
-    fn mailbox(&self, number: Processor) -> &'static Mailbox<'static, 3> {
+    /// An incarnation of a client's program, which ends only when it is killed.
+    fn mailbox(&self, number: Processor) -> &'static SimMailbox<'static, 3> {
         let mut mailbox = self.system.mailbox(number).unwrap();
         mailbox.join().unwrap();
         Box::leak(Box::new(mailbox))
@@ -235,7 +240,7 @@ impl Rig {
         Region::users(self.system.windows(of)[ARM.index()].data.clone()).unwrap()
     }
 
-    fn client(&self, mailbox: &'static Mailbox<'static, 3>) -> Client {
+    fn client(&self, mailbox: &'static SimMailbox<'static, 3>) -> Client {
         let region = self.region(mailbox.number());
         MotionsClient::new(mailbox, ARM, &self.blocks, &region).unwrap()
     }
@@ -245,17 +250,17 @@ impl Rig {
     }
 
     /// A request that no client sends, and what comes back.
-    fn raw(&self, mailbox: &Mailbox<'static, 3>, request: &Request) -> Response {
+    fn raw(&self, mailbox: &SimMailbox<'static, 3>, request: &MotionRequest) -> MotionResponse {
         let region = self.region(mailbox.number());
         let mut exchange = self.blocks.client(mailbox, &region).unwrap();
         exchange.call(ARM, MOTIONS, request, SOON).unwrap()
     }
 }
 
-fn request(verb: Verb, session: u32, number: u32) -> Request {
-    Request {
+fn request(operation: MotionOperation, session: u32, number: u32) -> MotionRequest {
+    MotionRequest {
         version: VERSION,
-        verb: verb as u32,
+        operation: operation as u32,
         session,
         number,
         length: 0,
@@ -263,12 +268,12 @@ fn request(verb: Verb, session: u32, number: u32) -> Request {
     }
 }
 
-const WAITS: Answer = Answer::Known(State::Accepted, Reason::None);
-const RUNS: Answer = Answer::Known(State::Started, Reason::None);
-const DONE: Answer = Answer::Known(State::Done, Reason::None);
+const WAITS: QueueAnswer = QueueAnswer::Known(RequestState::Accepted, RefusalReason::None);
+const RUNS: QueueAnswer = QueueAnswer::Known(RequestState::Started, RefusalReason::None);
+const DONE: QueueAnswer = QueueAnswer::Known(RequestState::Done, RefusalReason::None);
 
-const fn of(session: u32, number: u32) -> Identity {
-    Identity { session, number }
+const fn of(session: u32, number: u32) -> RequestIdentity {
+    RequestIdentity { session, number }
 }
 
 #[test]
@@ -277,20 +282,20 @@ fn a_motion_that_is_offered_again_and_again_runs_once() {
     let mailbox = rig.mailbox(FIRST);
     let mut client = rig.client(mailbox);
     let session = client.open(SOON).unwrap();
-    let refused = |reason| Answer::Known(State::Refused, reason);
+    let refused = |reason| QueueAnswer::Known(RequestState::Refused, reason);
     let first = client.offer(of(session, 1), b"wave", SOON).unwrap();
-    assert_eq!(first, refused(Reason::NotInControl));
+    assert_eq!(first, refused(RefusalReason::NotInControl));
     assert_eq!(client.control(session, false, SOON).unwrap(), session);
     assert_eq!(
         client.offer(of(session, 2), b"backflip", SOON).unwrap(),
-        refused(Reason::NoMotion)
+        refused(RefusalReason::NoMotion)
     );
     for _ in 0..3 {
         client.offer(of(session, 3), b"wave", SOON).unwrap();
         client.offer(of(session, 4), b"nod", SOON).unwrap();
     }
     let seen = client.look(of(session, 3), SOON).unwrap();
-    let running = Seen {
+    let running = RequestProgress {
         answer: RUNS,
         before: 0,
         progress: Some(0.25),
@@ -299,17 +304,21 @@ fn a_motion_that_is_offered_again_and_again_runs_once() {
     let seen = client.look(of(session, 4), SOON).unwrap();
     assert_eq!(
         seen,
-        Seen {
+        RequestProgress {
             answer: WAITS,
             before: 1,
             progress: None
         }
     );
-    rig.arm(|arm| arm.server.end(State::Done, Reason::None).unwrap());
+    rig.arm(|arm| {
+        arm.server
+            .end(RequestState::Done, RefusalReason::None)
+            .unwrap()
+    });
     let seen = client.look(of(session, 3), SOON).unwrap();
     assert_eq!(
         seen,
-        Seen {
+        RequestProgress {
             answer: DONE,
             before: 0,
             progress: None
@@ -326,15 +335,15 @@ fn a_motion_that_is_offered_again_and_again_runs_once() {
     );
     assert_eq!(
         client.look(of(99, 1), SOON).unwrap().answer,
-        Answer::NoSession
+        QueueAnswer::NoSession
     );
 
-    // The next life of the arm knows what was done, and what broke off.
+    // The next incarnation of the arm knows what was done, and what broke off.
     let next = Rig::with(rig.rows.clone());
     let mailbox = next.mailbox(FIRST);
     let mut client = next.client(mailbox);
     assert_eq!(client.look(of(session, 3), SOON).unwrap().answer, DONE);
-    let broken = Answer::Known(State::BrokenOff, Reason::None);
+    let broken = QueueAnswer::Known(RequestState::BrokenOff, RefusalReason::None);
     assert_eq!(client.look(of(session, 4), SOON).unwrap().answer, broken);
     assert!(client.open(SOON).unwrap() > session);
 }
@@ -344,17 +353,17 @@ fn a_session_is_used_by_its_owner_alone() {
     let rig = Rig::new();
     let (first, second) = (rig.mailbox(FIRST), rig.mailbox(SECOND));
     let session = rig.client(first).open(SOON).unwrap();
-    for verb in [
-        Verb::Control,
-        Verb::Abort,
-        Verb::GiveUp,
-        Verb::Offer,
-        Verb::Points,
+    for operation in [
+        MotionOperation::Control,
+        MotionOperation::Abort,
+        MotionOperation::GiveUp,
+        MotionOperation::Offer,
+        MotionOperation::Points,
     ] {
-        let code = rig.raw(second, &request(verb, session, 1)).code;
-        assert_eq!(code, Code::NotYours as u32, "{verb:?}");
+        let code = rig.raw(second, &request(operation, session, 1)).code;
+        assert_eq!(code, Code::NotYours as u32, "{operation:?}");
     }
-    let look = rig.raw(second, &request(Verb::Look, session, 1));
+    let look = rig.raw(second, &request(MotionOperation::Look, session, 1));
     assert_eq!((look.version, look.code), (VERSION, Code::New as u32));
     let control = rig.client(second).control(session, true, SOON);
     assert!(
@@ -365,21 +374,21 @@ fn a_session_is_used_by_its_owner_alone() {
         rig.arm(|arm| arm.server.look(MotionQueue::in_control)),
         Some(None)
     );
-    let mut other = request(Verb::Look, session, 1);
+    let mut other = request(MotionOperation::Look, session, 1);
     other.version += 1;
-    let none = Request {
-        verb: 99,
-        ..request(Verb::Look, session, 1)
+    let none = MotionRequest {
+        operation: 99,
+        ..request(MotionOperation::Look, session, 1)
     };
     // Requests count from 1.
-    let zero = request(Verb::Offer, session, 0);
+    let zero = request(MotionOperation::Offer, session, 0);
     for wrong in [other, none, zero] {
         assert_eq!(rig.raw(first, &wrong).code, Code::Wrong as u32);
     }
 }
 
 #[test]
-fn the_next_life_of_an_owner_cannot_use_its_session() {
+fn the_next_incarnation_of_an_owner_cannot_use_its_session() {
     let rig = Rig::new();
     let mailbox = rig.mailbox(FIRST);
     let mut first = rig.client(mailbox);
@@ -387,20 +396,24 @@ fn the_next_life_of_an_owner_cannot_use_its_session() {
     first.control(session, false, SOON).unwrap();
     let stream = first.stream(of(session, 1), 1, SOON).unwrap();
     assert_eq!(stream, RUNS);
-    // The arm sees neither the end of that life nor the next one.
+    // The arm sees neither the end of that incarnation nor the next one.
     rig.arm(|arm| arm.is_away = true);
     rig.system.kill(FIRST);
     let mailbox = rig.mailbox(FIRST);
-    for verb in [
-        Verb::Control,
-        Verb::Abort,
-        Verb::GiveUp,
-        Verb::Offer,
-        Verb::Points,
+    for operation in [
+        MotionOperation::Control,
+        MotionOperation::Abort,
+        MotionOperation::GiveUp,
+        MotionOperation::Offer,
+        MotionOperation::Points,
     ] {
-        let number = if verb == Verb::Offer { 2 } else { 1 };
-        let code = rig.raw(mailbox, &request(verb, session, number)).code;
-        assert_eq!(code, Code::NotYours as u32, "{verb:?}");
+        let number = if operation == MotionOperation::Offer {
+            2
+        } else {
+            1
+        };
+        let code = rig.raw(mailbox, &request(operation, session, number)).code;
+        assert_eq!(code, Code::NotYours as u32, "{operation:?}");
     }
     let control = rig.arm(|arm| arm.server.look(MotionQueue::in_control));
     assert_eq!(control, Some(Some(session)));
@@ -419,7 +432,7 @@ fn control_of_a_client_that_is_gone_is_free_and_what_it_had_enqueued_goes_on() {
     assert_eq!(second.control(other, false, SOON).unwrap(), gone);
     // What the arm has not looked at when its client ends, it does not take any more.
     rig.arm(|arm| arm.is_away = true);
-    let mut late = request(Verb::Offer, gone, 2);
+    let mut late = request(MotionOperation::Offer, gone, 2);
     late.length = 3;
     assert_eq!(rig.raw(mailbox, &late).code, Code::Pending as u32);
     rig.system.kill(FIRST);
@@ -427,15 +440,19 @@ fn control_of_a_client_that_is_gone_is_free_and_what_it_had_enqueued_goes_on() {
     assert_eq!(second.look(of(gone, 1), SOON).unwrap().answer, RUNS);
     assert_eq!(
         second.look(of(gone, 2), SOON).unwrap().answer,
-        Answer::Never
+        QueueAnswer::Never
     );
     assert_eq!(
         rig.arm(|arm| arm.news.clone()),
-        [News::Taken(gone), News::Gone(gone)]
+        [MotionsEvent::Taken(gone), MotionsEvent::Gone(gone)]
     );
     assert_eq!(second.control(other, false, SOON).unwrap(), other);
-    rig.arm(|arm| arm.server.end(State::Done, Reason::None).unwrap());
-    // Its next life cannot use the session.
+    rig.arm(|arm| {
+        arm.server
+            .end(RequestState::Done, RefusalReason::None)
+            .unwrap()
+    });
+    // Its next incarnation cannot use the session.
     let mailbox = rig.mailbox(FIRST);
     let mut first = rig.client(mailbox);
     let control = first.control(gone, true, SOON);
@@ -445,7 +462,7 @@ fn control_of_a_client_that_is_gone_is_free_and_what_it_had_enqueued_goes_on() {
     );
     assert_eq!(first.look(of(gone, 1), SOON).unwrap().answer, DONE);
     let again = first.offer(of(gone, 2), b"wave", SOON).unwrap();
-    assert_eq!(again, Answer::Never);
+    assert_eq!(again, QueueAnswer::Never);
 }
 
 #[test]
@@ -455,21 +472,21 @@ fn one_client_leaves_room_for_others() {
     let sessions = [first, second].map(|it| rig.client(it).open(SOON).unwrap());
     rig.arm(|arm| arm.is_away = true);
     let (pending, busy) = (Code::Pending as u32, Code::Busy as u32);
-    let code = |mailbox, verb, session: usize, number| {
-        rig.raw(mailbox, &request(verb, sessions[session], number))
+    let code = |mailbox, operation, session: usize, number| {
+        rig.raw(mailbox, &request(operation, sessions[session], number))
             .code
     };
-    assert_eq!(code(first, Verb::Offer, 0, 1), pending);
-    assert_eq!(code(first, Verb::Offer, 0, 2), busy);
-    assert_eq!(code(first, Verb::Offer, 0, 1), pending);
-    assert_eq!(code(second, Verb::Offer, 1, 1), pending);
+    assert_eq!(code(first, MotionOperation::Offer, 0, 1), pending);
+    assert_eq!(code(first, MotionOperation::Offer, 0, 2), busy);
+    assert_eq!(code(first, MotionOperation::Offer, 0, 1), pending);
+    assert_eq!(code(second, MotionOperation::Offer, 1, 1), pending);
     // Whoever asks about one of them is not told that it is new.
-    assert_eq!(code(second, Verb::Look, 0, 1), pending);
+    assert_eq!(code(second, MotionOperation::Look, 0, 1), pending);
     // Sessions are opened in turn, whoever asks more often.
     for _ in 0..3 {
-        assert_eq!(code(first, Verb::Open, 0, 0), pending);
+        assert_eq!(code(first, MotionOperation::Open, 0, 0), pending);
     }
-    assert_eq!(code(second, Verb::Open, 0, 0), pending);
+    assert_eq!(code(second, MotionOperation::Open, 0, 0), pending);
     let mut served = Vec::new();
     for _ in 0..4 {
         rig.arm(|arm| {
@@ -478,10 +495,10 @@ fn one_client_leaves_room_for_others() {
             arm.is_away = true;
         });
         for (number, mailbox) in [(1, first), (2, second)] {
-            if code(mailbox, Verb::Open, 0, 0) == Code::Done as u32 {
+            if code(mailbox, MotionOperation::Open, 0, 0) == Code::Done as u32 {
                 served.push(number);
             }
-            code(mailbox, Verb::Open, 0, 0);
+            code(mailbox, MotionOperation::Open, 0, 0);
         }
     }
     assert_eq!(served, [1, 2, 1, 2]);
@@ -491,7 +508,7 @@ fn one_client_leaves_room_for_others() {
 fn a_session_that_was_taken_away_is_not_given() {
     let rig = Rig::new();
     let (first, second) = (rig.mailbox(FIRST), rig.mailbox(SECOND));
-    let open = request(Verb::Open, 0, 0);
+    let open = request(MotionOperation::Open, 0, 0);
     assert_eq!(rig.raw(first, &open).code, Code::Pending as u32);
     let mut other = rig.client(second);
     // Of all others there are requests that have not ended.
@@ -531,7 +548,11 @@ fn a_ledger_that_fails_is_told_once_and_delays_everything_but_loses_nothing() {
     client.offer(of(session, 1), b"wave", SOON).unwrap();
     // The end of a motion is written as soon as that is possible, and before the next one begins.
     fails(true);
-    rig.arm(|arm| arm.server.end(State::Done, Reason::None).unwrap_err());
+    rig.arm(|arm| {
+        arm.server
+            .end(RequestState::Done, RefusalReason::None)
+            .unwrap_err()
+    });
     assert_eq!(client.look(of(session, 1), SOON).unwrap().answer, RUNS);
     fails(false);
     mailbox.serve(SOON).unwrap();
@@ -551,7 +572,7 @@ fn a_ledger_that_fails_is_told_once_and_delays_everything_but_loses_nothing() {
     rig.arm(|arm| arm.is_quick = true);
     client
         .offer(of(session, 2), b"nod", SOON)
-        .unwrap_or(Answer::New);
+        .unwrap_or(QueueAnswer::New);
     mailbox.serve(SOON).unwrap();
     client.offer(of(session, 2), b"nod", SOON).unwrap();
     mailbox.serve(SOON).unwrap();
@@ -567,7 +588,7 @@ fn a_ledger_that_fails_is_told_once_and_delays_everything_but_loses_nothing() {
     let mut other =
         MotionQueue::<(), 1, 1, 4>::restore(&[], 1, |_, _| Ok::<_, Infallible>(())).unwrap();
     other
-        .open(Owner::default(), |_, _| Ok::<_, Infallible>(()))
+        .open(SessionOwner::default(), |_, _| Ok::<_, Infallible>(()))
         .unwrap();
     *rig.rows.bytes.lock().unwrap() = other.rows().collect();
     let closed = Rig::with(rig.rows.clone());
@@ -579,7 +600,7 @@ fn a_ledger_that_fails_is_told_once_and_delays_everything_but_loses_nothing() {
 }
 
 /// A client in control, whose first motion runs and whose second one waits.
-fn busy(rig: &Rig) -> (&'static Mailbox<'static, 3>, Client, u32) {
+fn busy(rig: &Rig) -> (&'static SimMailbox<'static, 3>, Client, u32) {
     let mailbox = rig.mailbox(FIRST);
     let mut client = rig.client(mailbox);
     let session = client.open(SOON).unwrap();
@@ -595,14 +616,16 @@ fn an_abort_that_cannot_be_written_leaves_what_was_done_and_what_comes_later() {
     let (_, mut client, session) = busy(&rig);
     rig.rows.fails.store(true, Ordering::Relaxed);
     rig.arm(|arm| {
-        arm.server.end(State::Done, Reason::None).unwrap_err();
-        arm.server.abort(Reason::Command).unwrap();
+        arm.server
+            .end(RequestState::Done, RefusalReason::None)
+            .unwrap_err();
+        arm.server.abort(RefusalReason::Command).unwrap();
     });
     let third = client.offer(of(session, 3), b"wave", Duration::from_millis(10));
     assert!(third.is_err(), "{third:?}");
     rig.rows.fails.store(false, Ordering::Relaxed);
     client.offer(of(session, 3), b"wave", SOON).unwrap();
-    let aborted = Answer::Known(State::Aborted, Reason::Command);
+    let aborted = QueueAnswer::Known(RequestState::Aborted, RefusalReason::Command);
     for (number, answer) in [(1, DONE), (2, aborted), (3, RUNS)] {
         let seen = client.look(of(session, number), SOON).unwrap();
         assert_eq!(seen.answer, answer, "{number}");
@@ -614,13 +637,15 @@ fn nothing_begins_after_an_abort_that_the_controller_has_not_seen() {
     let rig = Rig::new();
     let (mailbox, mut client, session) = busy(&rig);
     rig.arm(|arm| {
-        arm.server.end(State::Done, Reason::None).unwrap();
+        arm.server
+            .end(RequestState::Done, RefusalReason::None)
+            .unwrap();
         arm.is_away = true;
     });
     // The second motion is being prepared.
     let next = rig.arm(|arm| arm.server.next_request());
     assert_eq!(next.map(|it| it.0), Some(of(session, 2)));
-    let abort = request(Verb::Abort, session, 0);
+    let abort = request(MotionOperation::Abort, session, 0);
     let (pending, done) = (Code::Pending as u32, Code::Done as u32);
     assert_eq!(rig.raw(mailbox, &abort).code, pending);
     assert_eq!(rig.arm(|arm| arm.server.begin()), Ok(false));
@@ -630,7 +655,10 @@ fn nothing_begins_after_an_abort_that_the_controller_has_not_seen() {
     mailbox.serve(Duration::from_millis(10)).unwrap();
     assert_eq!(rig.raw(mailbox, &abort).code, done);
     let seen = client.look(of(session, 2), SOON).unwrap();
-    assert_eq!(seen.answer, Answer::Known(State::Aborted, Reason::Command));
+    assert_eq!(
+        seen.answer,
+        QueueAnswer::Known(RequestState::Aborted, RefusalReason::Command)
+    );
     // The end of what moves later is asked for anew.
     client.offer(of(session, 3), b"wave", SOON).unwrap();
     rig.arm(|arm| arm.is_away = true);
@@ -641,20 +669,20 @@ fn nothing_begins_after_an_abort_that_the_controller_has_not_seen() {
 fn an_offer_is_pending_until_the_queue_has_it_or_an_abort_comes() {
     let rig = Rig::new();
     let (mailbox, _, session) = busy(&rig);
-    let code = |verb, number| rig.raw(mailbox, &request(verb, session, number)).code;
+    let code = |operation, number| rig.raw(mailbox, &request(operation, session, number)).code;
     let pending = Code::Pending as u32;
-    let asked_while_deciding = |number, verb| {
+    let asked_while_deciding = |number, operation| {
         rig.arm(|arm| arm.is_away = true);
-        assert_eq!(code(Verb::Offer, number), pending);
+        assert_eq!(code(MotionOperation::Offer, number), pending);
         rig.arm(|arm| (arm.is_away, arm.serves_late) = (false, true));
-        assert_eq!(code(verb, number), pending);
+        assert_eq!(code(operation, number), pending);
         rig.arm(|arm| arm.serves_late = false);
-        code(Verb::Look, number)
+        code(MotionOperation::Look, number)
     };
     let known = Code::Known as u32;
-    assert_eq!(asked_while_deciding(3, Verb::Look), known);
+    assert_eq!(asked_while_deciding(3, MotionOperation::Look), known);
     let new = Code::New as u32;
-    assert_eq!(asked_while_deciding(4, Verb::Abort), new);
+    assert_eq!(asked_while_deciding(4, MotionOperation::Abort), new);
 }
 
 #[test]
@@ -670,7 +698,7 @@ fn whoever_is_in_control_ends_everything() {
     assert_eq!(second.abort(other, SOON).unwrap(), mine);
     assert_eq!(first.look(of(mine, 1), SOON).unwrap().answer, RUNS);
     assert_eq!(first.abort(mine, SOON).unwrap(), mine);
-    let aborted = Answer::Known(State::Aborted, Reason::Command);
+    let aborted = QueueAnswer::Known(RequestState::Aborted, RefusalReason::Command);
     for number in 1..=3 {
         assert_eq!(first.look(of(mine, number), SOON).unwrap().answer, aborted);
     }
@@ -682,7 +710,14 @@ fn whoever_is_in_control_ends_everything() {
     assert_eq!(first.control(mine, false, SOON).unwrap(), mine);
     first.look(of(mine, 1), SOON).unwrap();
     let news = rig.arm(|arm| arm.news.clone());
-    assert_eq!(news, [News::Taken(mine), News::Aborted, News::Taken(mine)]);
+    assert_eq!(
+        news,
+        [
+            MotionsEvent::Taken(mine),
+            MotionsEvent::Aborted,
+            MotionsEvent::Taken(mine)
+        ]
+    );
 }
 
 /// A batch of one point of the second joint: time, position and velocity.
@@ -708,15 +743,18 @@ fn a_stream_takes_points_of_its_client_until_it_ends() {
     let session = client.open(SOON).unwrap();
     client.control(session, false, SOON).unwrap();
     let none = client.stream(of(session, 1), 4, SOON).unwrap();
-    assert_eq!(none, Answer::Known(State::Refused, Reason::Limits));
+    assert_eq!(
+        none,
+        QueueAnswer::Known(RequestState::Refused, RefusalReason::Limits)
+    );
     let mut send = |number, batch: &Batch<2>| client.points(of(session, number), 2, batch, SOON);
     let unknown = send(2, &batch(0, (0.1, 0.0, 0.0), false)).unwrap();
-    assert_eq!(unknown, Sent::Ended(Answer::New));
+    assert_eq!(unknown, SentPoints::Ended(QueueAnswer::New));
     assert_eq!(
         rig.client(first).stream(of(session, 2), 2, SOON).unwrap(),
         RUNS
     );
-    let until = |ms| Sent::Until(Duration::from_millis(ms));
+    let until = |ms| SentPoints::Until(Duration::from_millis(ms));
     for _ in 0..2 {
         let first = batch(0, (0.2, 0.1, 0.5), false);
         assert_eq!(send(2, &first).unwrap(), until(200));
@@ -744,7 +782,7 @@ fn a_stream_takes_points_of_its_client_until_it_ends() {
     let seen = rig.client(first).look(of(session, 2), SOON).unwrap();
     assert_eq!(
         seen,
-        Seen {
+        RequestProgress {
             answer: RUNS,
             before: 0,
             progress: None
@@ -765,12 +803,12 @@ fn a_stream_takes_points_of_its_client_until_it_ends() {
     (0..12).for_each(|_| rig.arm(Arm::tick));
     assert_eq!(send(2, &ninth).unwrap(), until(500));
     (0..20).for_each(|_| rig.arm(Arm::tick));
-    assert_eq!(send(2, &ninth).unwrap(), Sent::Ended(DONE));
+    assert_eq!(send(2, &ninth).unwrap(), SentPoints::Ended(DONE));
     // Nobody sends any.
     rig.client(first).stream(of(session, 3), 2, SOON).unwrap();
     rig.client(first).look(of(session, 3), SOON).unwrap();
     (0..52).for_each(|_| rig.arm(Arm::tick));
-    let starved = Answer::Known(State::Aborted, Reason::Starved);
+    let starved = QueueAnswer::Known(RequestState::Aborted, RefusalReason::Starved);
     assert_eq!(
         rig.client(first).look(of(session, 3), SOON).unwrap().answer,
         starved
@@ -783,24 +821,24 @@ fn whatever_a_peer_writes_is_answered() {
     let (first, second) = (rig.mailbox(FIRST), rig.mailbox(SECOND));
     rig.client(first).open(SOON).unwrap();
     rig.arm(|arm| arm.is_quick = true);
-    let verb = prop_oneof![1 => Just(1_u32), 12 => 2..9_u32, 1 => any::<u32>()];
+    let operation = prop_oneof![1 => Just(1_u32), 12 => 2..9_u32, 1 => any::<u32>()];
     let version = prop_oneof![9 => Just(VERSION), 1 => any::<u32>()];
     let number = prop_oneof![4 => 0..20_u32, 1 => any::<u32>()];
     let length = prop_oneof![9 => 0..=480_u32, 1 => any::<u32>()];
-    let words = (version, verb, number, length);
+    let words = (version, operation, number, length);
     let of = prop::option::weighted(0.2, 0..20_u32);
     let body = prop::collection::vec(any::<u8>(), 0..480);
     let counts = [const { AtomicU32::new(0) }; 12];
     proptest!(|(words in words, of in of, body in body, own in any::<bool>())| {
-        let (version, verb, number, length) = words;
+        let (version, operation, number, length) = words;
         let newest = rig.arm(|arm| {
-            let of_first = |(_, owner): &(u32, Owner)| owner.processor == u32::from(FIRST.0);
+            let of_first = |(_, owner): &(u32, SessionOwner)| owner.processor == u32::from(FIRST.0);
             let session = |queue: &Queue| queue.sessions().filter(of_first).map(|it| it.0).max();
             arm.server.look(session).flatten()
         });
-        let mut request = Request {
+        let mut request = MotionRequest {
             version,
-            verb,
+            operation,
             session: of.or(newest).unwrap_or(0),
             number,
             length,

@@ -7,26 +7,26 @@
 
 use condor_hand::Pose;
 use condor_hand::kinematics::{
-    Body, Chain, InverseError, Joint, JointLimits, Kinematics, Motion, Nearest, Side,
+    Chain, ChainBody, ChainJoint, ChainMotion, InverseError, JointLimits, Kinematics, Nearest, Side,
 };
 use nalgebra::{SVector, Vector3};
 use proptest::prelude::*;
 
 /// Three turning joints about different axes and a sliding one.
 fn chain() -> Chain<f64, 4> {
-    let joint = |x: f64, motion| Joint {
+    let joint = |x: f64, motion| ChainJoint {
         placement: Pose::at(x, 0.0, 0.01),
         motion,
     };
     Chain::new(
         Pose::at(0.1, 0.0, -0.02),
         [
-            joint(0.0, Motion::Revolute(Vector3::z())),
-            joint(0.05, Motion::Revolute(Vector3::y())),
-            joint(0.08, Motion::Prismatic(Vector3::x())),
-            joint(0.03, Motion::Revolute(Vector3::y())),
+            joint(0.0, ChainMotion::Revolute(Vector3::z())),
+            joint(0.05, ChainMotion::Revolute(Vector3::y())),
+            joint(0.08, ChainMotion::Prismatic(Vector3::x())),
+            joint(0.03, ChainMotion::Revolute(Vector3::y())),
         ],
-        [Body::massless(); 4],
+        [ChainBody::massless(); 4],
         Vector3::new(0.06, 0.0, 0.0),
     )
     .unwrap()

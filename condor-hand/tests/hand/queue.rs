@@ -3,7 +3,8 @@
 use std::collections::HashMap;
 
 use condor_hand::queue::{
-    Answer, Identity, LedgerError, MotionQueue, Owner, ROW_BYTES, Reason, RestoreError, Row, State,
+    LedgerError, LedgerRow, MotionQueue, QueueAnswer, ROW_BYTES, RefusalReason, RequestIdentity,
+    RequestState, RestoreError, SessionOwner,
 };
 use proptest::prelude::*;
 
@@ -13,7 +14,7 @@ type Queue = MotionQueue<u32, 3, 2, 6>;
 #[derive(Debug)]
 struct Ended;
 
-/// The rows, and the writes that are left in this life.
+/// The rows, and the writes that are left in this incarnation.
 struct Store {
     bytes: Vec<u8>,
     left: u32,
@@ -30,7 +31,7 @@ impl Store {
         }
     }
 
-    fn write(&mut self, row: usize, bytes: &Row) -> Result<(), Ended> {
+    fn write(&mut self, row: usize, bytes: &LedgerRow) -> Result<(), Ended> {
         if self.left > 0 || self.last_is_done {
             let at = row * ROW_BYTES;
             if self.bytes.len() < at + ROW_BYTES {
@@ -88,12 +89,12 @@ struct World {
     store: Store,
     queue: Queue,
     /// The session and the last number of each client.
-    clients: [Option<Identity>; 3],
+    clients: [Option<RequestIdentity>; 3],
     opened: Vec<u32>,
-    starts: HashMap<Identity, u32>,
-    told: HashMap<Identity, (State, Reason)>,
+    starts: HashMap<RequestIdentity, u32>,
+    told: HashMap<RequestIdentity, (RequestState, RefusalReason)>,
     /// Requests that were told that they never run.
-    never: Vec<Identity>,
+    never: Vec<RequestIdentity>,
     /// Whether the program ends at the next write that fails.
     ends: bool,
 }
@@ -131,28 +132,28 @@ impl World {
 
     fn go(&mut self, step: Step) -> Result<(), Ended> {
         let store = &mut self.store;
-        let write = |row: usize, bytes: &Row| store.write(row, bytes);
+        let write = |row: usize, bytes: &LedgerRow| store.write(row, bytes);
         match step {
             Step::Open(client) => {
-                let owner = Owner {
+                let owner = SessionOwner {
                     processor: client as u32,
-                    life: self.opened.len() as u32,
+                    incarnation: self.opened.len() as u32,
                 };
                 if let Some(session) = self.queue.open(owner, write)? {
                     assert_eq!(self.queue.owner(session), Some(owner));
                     assert!(!self.opened.contains(&session), "session {session} again");
                     self.opened.push(session);
-                    self.clients[client] = Some(Identity { session, number: 0 });
+                    self.clients[client] = Some(RequestIdentity { session, number: 0 });
                 }
             }
             Step::Leave(client) => {
-                if let Some(Identity { session, .. }) = self.clients[client] {
+                if let Some(RequestIdentity { session, .. }) = self.clients[client] {
                     self.queue.close(session, write)?;
                     assert_ne!(self.queue.in_control(), Some(session));
                 }
             }
             Step::Control(client, from_other) => {
-                if let Some(Identity { session, .. }) = self.clients[client] {
+                if let Some(RequestIdentity { session, .. }) = self.clients[client] {
                     let has = self.queue.take_control(session, from_other);
                     assert_eq!(has, self.queue.in_control() == Some(session));
                 }
@@ -164,10 +165,15 @@ impl World {
                 last.number += more;
                 let identity = *last;
                 let before = self.queue.answer(identity);
-                let made = is_good.then_some(identity.number).ok_or(Reason::Limits);
+                let made = is_good
+                    .then_some(identity.number)
+                    .ok_or(RefusalReason::Limits);
                 let answer = self.queue.offer(identity, write, || made)?;
                 match (before, answer) {
-                    (Answer::New, Answer::Known(State::Accepted | State::Refused, _)) => {}
+                    (
+                        QueueAnswer::New,
+                        QueueAnswer::Known(RequestState::Accepted | RequestState::Refused, _),
+                    ) => {}
                     (before, answer) => assert_eq!(before, answer),
                 }
             }
@@ -180,20 +186,20 @@ impl World {
                     assert!(!self.never.contains(&identity), "{identity} runs");
                     let told = self.told.get(&identity);
                     assert!(
-                        told.is_none_or(|(state, _)| *state == State::Accepted),
+                        told.is_none_or(|(state, _)| *state == RequestState::Accepted),
                         "{identity} runs after {told:?}"
                     );
                 }
             }
             Step::End(is_done) => {
                 let (state, reason) = if is_done {
-                    (State::Done, Reason::None)
+                    (RequestState::Done, RefusalReason::None)
                 } else {
-                    (State::Aborted, Reason::Failure)
+                    (RequestState::Aborted, RefusalReason::Failure)
                 };
                 self.queue.end(state, reason, write)?;
             }
-            Step::Abort => self.queue.abort(Reason::Command, write)?,
+            Step::Abort => self.queue.abort(RefusalReason::Command, write)?,
             Step::Fail {
                 after,
                 is_done,
@@ -210,30 +216,36 @@ impl World {
     fn ask(&mut self) {
         for identity in self.clients.iter().flatten() {
             for number in 1..=identity.number {
-                let identity = Identity {
+                let identity = RequestIdentity {
                     number,
                     ..*identity
                 };
                 let before = self.told.get(&identity).copied();
                 match (before, self.queue.answer(identity)) {
-                    (Some((state, reason)), Answer::Known(now, why)) if state.is_final() => {
+                    (Some((state, reason)), QueueAnswer::Known(now, why)) if state.is_final() => {
                         assert_eq!((state, reason), (now, why), "{identity}");
                     }
-                    (Some(_), Answer::New | Answer::Never) => panic!("{identity} is new again"),
-                    (None, Answer::Never) => {
+                    (Some(_), QueueAnswer::New | QueueAnswer::Never) => {
+                        panic!("{identity} is new again")
+                    }
+                    (None, QueueAnswer::Never) => {
                         assert!(!self.starts.contains_key(&identity), "{identity}");
                         self.never.push(identity);
                     }
-                    (_, Answer::Known(State::Started, _)) => {
+                    (_, QueueAnswer::Known(RequestState::Started, _)) => {
                         assert_eq!(self.queue.running(), Some(identity));
                     }
                     _ => {}
                 }
-                if let Answer::Known(state, reason) = self.queue.answer(identity) {
+                if let QueueAnswer::Known(state, reason) = self.queue.answer(identity) {
                     let has_run = self.starts.contains_key(&identity);
                     match state {
-                        State::Done | State::Started => assert!(has_run, "{identity}"),
-                        State::Refused | State::Lost => assert!(!has_run, "{identity}"),
+                        RequestState::Done | RequestState::Started => {
+                            assert!(has_run, "{identity}")
+                        }
+                        RequestState::Refused | RequestState::Lost => {
+                            assert!(!has_run, "{identity}")
+                        }
                         _ => {}
                     }
                     self.told.insert(identity, (state, reason));
@@ -260,7 +272,7 @@ fn run(steps: &[Step]) {
     }
 }
 
-/// Found by the test below: the next life of the program must know which sessions were closed.
+/// Found by the test below: the next incarnation of the program must know which sessions were closed.
 #[test]
 fn a_session_that_was_closed_stays_so() {
     let fail = |after, ends| Step::Fail {
@@ -311,7 +323,7 @@ proptest! {
 
 #[test]
 fn the_ledger_of_something_else_is_refused_with_what_was_found() {
-    let write = |_: usize, _: &Row| Ok::<_, Ended>(());
+    let write = |_: usize, _: &LedgerRow| Ok::<_, Ended>(());
     let other = Queue::restore(b"CNDM and thirty-two bytes or more", 1, write);
     let Err(RestoreError::Ledger(LedgerError::Format { magic, .. })) = other else {
         panic!("{other:?}");
@@ -337,9 +349,9 @@ fn control_is_taken_from_another_only_if_that_is_asked_for() {
     let mut world = World::new();
     let mut open = || {
         let store = &mut world.store;
-        let opened = world
-            .queue
-            .open(Owner::default(), |row, bytes| store.write(row, bytes));
+        let opened = world.queue.open(SessionOwner::default(), |row, bytes| {
+            store.write(row, bytes)
+        });
         opened.unwrap().unwrap()
     };
     let (first, second) = (open(), open());
@@ -355,21 +367,26 @@ fn control_is_taken_from_another_only_if_that_is_asked_for() {
     // The one in control does not end for a new one.
     assert!(queue.take_control(first, false));
     let store = &mut world.store;
-    let third = queue.open(Owner::default(), |row, bytes| store.write(row, bytes));
+    let third = queue.open(SessionOwner::default(), |row, bytes| {
+        store.write(row, bytes)
+    });
     let third = third.unwrap();
     assert!(third > Some(second));
-    let gone = Identity {
+    let gone = RequestIdentity {
         session: second,
         number: 1,
     };
-    assert_eq!(queue.answer(gone), Answer::NoSession);
+    assert_eq!(queue.answer(gone), QueueAnswer::NoSession);
 }
 
 /// Opens a session of a processor.
 fn open(world: &mut World, processor: u32) -> u32 {
     let store = &mut world.store;
-    let owner = Owner { processor, life: 1 };
-    let write = |row: usize, bytes: &Row| store.write(row, bytes);
+    let owner = SessionOwner {
+        processor,
+        incarnation: 1,
+    };
+    let write = |row: usize, bytes: &LedgerRow| store.write(row, bytes);
     world.queue.open(owner, write).unwrap().unwrap()
 }
 
@@ -394,7 +411,7 @@ fn a_closed_session_ends_before_one_that_is_used() {
     let mut world = World::new();
     let (used, gone) = (open(&mut world, 1), open(&mut world, 2));
     let store = &mut world.store;
-    let write = |row: usize, bytes: &Row| store.write(row, bytes);
+    let write = |row: usize, bytes: &LedgerRow| store.write(row, bytes);
     world.queue.close(gone, write).unwrap();
     let next = open(&mut world, 1);
     assert_eq!(sessions(&world), [used, next]);
@@ -405,30 +422,32 @@ fn refused_requests_of_others_leave_what_was_done_in_its_row() {
     let mut world = World::new();
     let (mine, other) = (open(&mut world, 1), open(&mut world, 2));
     let store = &mut world.store;
-    let mut write = |row: usize, bytes: &Row| store.write(row, bytes);
+    let mut write = |row: usize, bytes: &LedgerRow| store.write(row, bytes);
     let queue = &mut world.queue;
     queue.take_control(mine, false);
-    let of = |session, number| Identity { session, number };
+    let of = |session, number| RequestIdentity { session, number };
     queue.offer(of(mine, 1), &mut write, || Ok(1)).unwrap();
     queue.start(&mut write).unwrap();
     let mut refuse = |queue: &mut Queue, numbers: core::ops::Range<u32>| {
         for number in numbers {
             let answer = queue.offer(of(other, number), &mut write, || Ok(number));
-            let refused = Answer::Known(State::Refused, Reason::NotInControl);
+            let refused = QueueAnswer::Known(RequestState::Refused, RefusalReason::NotInControl);
             assert_eq!(answer.unwrap(), refused);
         }
     };
     refuse(queue, 1..9);
     let store = &mut world.store;
-    let write = |row: usize, bytes: &Row| store.write(row, bytes);
-    queue.end(State::Done, Reason::None, write).unwrap();
+    let write = |row: usize, bytes: &LedgerRow| store.write(row, bytes);
+    queue
+        .end(RequestState::Done, RefusalReason::None, write)
+        .unwrap();
     for number in 9..20 {
         let store = &mut world.store;
-        let write = |row: usize, bytes: &Row| store.write(row, bytes);
+        let write = |row: usize, bytes: &LedgerRow| store.write(row, bytes);
         queue
             .offer(of(other, number), write, || Ok(number))
             .unwrap();
-        let done = Answer::Known(State::Done, Reason::None);
+        let done = QueueAnswer::Known(RequestState::Done, RefusalReason::None);
         assert_eq!(queue.answer(of(mine, 1)), done, "{number}");
     }
 }
@@ -489,12 +508,16 @@ fn what_may_have_been_in_a_damaged_row_does_not_run() {
         world.store.bytes[row * ROW_BYTES..][..ROW_BYTES].fill(0);
         world.restart();
         let answer = world.queue.answer(identity);
-        assert_ne!(answer, Answer::New, "with row {row} gone");
-        let next = Identity {
+        assert_ne!(answer, QueueAnswer::New, "with row {row} gone");
+        let next = RequestIdentity {
             number: identity.number + 1,
             ..identity
         };
-        assert_ne!(world.queue.answer(next), Answer::New, "with row {row} gone");
+        assert_ne!(
+            world.queue.answer(next),
+            QueueAnswer::New,
+            "with row {row} gone"
+        );
     }
 }
 
@@ -502,12 +525,15 @@ fn what_may_have_been_in_a_damaged_row_does_not_run() {
 fn changes_are_counted_beyond_32_bits() {
     type Small = MotionQueue<u32, 1, 1, 3>;
     let mut store = Store::new();
-    let mut write = |row: usize, bytes: &Row| store.write(row, bytes);
+    let mut write = |row: usize, bytes: &LedgerRow| store.write(row, bytes);
     let mut queue = Small::restore(&[], 1, &mut write).unwrap();
-    let session = queue.open(Owner::default(), &mut write).unwrap().unwrap();
+    let session = queue
+        .open(SessionOwner::default(), &mut write)
+        .unwrap()
+        .unwrap();
     queue.take_control(session, false);
     queue
-        .offer(Identity { session, number: 1 }, &mut write, || Ok(1))
+        .offer(RequestIdentity { session, number: 1 }, &mut write, || Ok(1))
         .unwrap();
     // When the session was last used: the greatest number of 32 bits.
     let row = &mut store.bytes[ROW_BYTES..][..ROW_BYTES];
@@ -515,24 +541,26 @@ fn changes_are_counted_beyond_32_bits() {
     let sum = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC).checksum(&row[..28]);
     row[28..].copy_from_slice(&sum.to_le_bytes());
     let bytes = store.bytes.clone();
-    let mut write = |row: usize, bytes: &Row| store.write(row, bytes);
+    let mut write = |row: usize, bytes: &LedgerRow| store.write(row, bytes);
     let mut queue = Small::restore(&bytes, 1, &mut write).unwrap();
     queue.take_control(session, false);
     for number in 2..6 {
-        let identity = Identity { session, number };
+        let identity = RequestIdentity { session, number };
         queue.offer(identity, &mut write, || Ok(number)).unwrap();
         queue.start(&mut write).unwrap();
-        queue.end(State::Done, Reason::None, &mut write).unwrap();
-        let done = Answer::Known(State::Done, Reason::None);
+        queue
+            .end(RequestState::Done, RefusalReason::None, &mut write)
+            .unwrap();
+        let done = QueueAnswer::Known(RequestState::Done, RefusalReason::None);
         assert_eq!(queue.answer(identity), done);
     }
     let restored = Small::restore(&store.bytes, 1, |_, _| Ok::<_, Ended>(())).unwrap();
-    let answer = |number| restored.answer(Identity { session, number });
-    assert_eq!(answer(1), Answer::Forgotten);
+    let answer = |number| restored.answer(RequestIdentity { session, number });
+    assert_eq!(answer(1), QueueAnswer::Forgotten);
     for number in 3..6 {
         assert_eq!(
             answer(number),
-            Answer::Known(State::Done, Reason::None),
+            QueueAnswer::Known(RequestState::Done, RefusalReason::None),
             "{number}"
         );
     }

@@ -6,8 +6,8 @@ mod rig;
 mod trials;
 
 use condor_hand::math::{max, min};
-use condor_hand::servo::{JointTarget, Mode};
-use condor_hand::tendon::{Pair, Pairs};
+use condor_hand::servo::{JointTarget, ServoMode};
+use condor_hand::tendon::{Pair, TendonPairs};
 use condor_hand::trajectory::SetPoint;
 
 use rig::{FINGERS, JOINTS, Rig, Simulated, posture, shipped};
@@ -32,7 +32,7 @@ fn give(rig: &mut Rig<Simulated>, finger: usize, joint: usize, target: JointTarg
     rig.fingers[finger].set_target(joint, target).unwrap();
 }
 
-fn largest_step(a: &Pairs<f64, JOINTS>, b: &Pairs<f64, JOINTS>) -> f64 {
+fn largest_step(a: &TendonPairs<f64, JOINTS>, b: &TendonPairs<f64, JOINTS>) -> f64 {
     a.iter()
         .zip(b)
         .flat_map(|(a, b)| [a.flexor - b.flexor, a.extensor - b.extensor])
@@ -77,7 +77,7 @@ fn a_step_of_torque_arrives_in_the_tendons_and_leaves_the_other_joints_alone() {
     run(&mut rig, 0.5);
     let arms = shipped().unwrap().fingers[1].moment_arms().unwrap();
     let joint = 1;
-    rig.fingers[1].set_mode(joint, Mode::Torque).unwrap();
+    rig.fingers[1].set_mode(joint, ServoMode::Torque).unwrap();
     run(&mut rig, 0.3);
     let before = rig.state[1];
     let held = arms.torque(&before.tension)[joint];
@@ -150,8 +150,12 @@ fn a_joint_in_motion_changes_its_mode_without_a_step_and_comes_back() {
         }
         match tick {
             // At full speed, and a tenth of a second later.
-            80 => rig.fingers[finger].set_mode(joint, Mode::Torque).unwrap(),
-            120 => rig.fingers[finger].set_mode(joint, Mode::Position).unwrap(),
+            80 => rig.fingers[finger]
+                .set_mode(joint, ServoMode::Torque)
+                .unwrap(),
+            120 => rig.fingers[finger]
+                .set_mode(joint, ServoMode::Position)
+                .unwrap(),
             _ => {}
         }
         let ticks = rig.tick().unwrap();

@@ -8,10 +8,10 @@ use condor_hand::controller::{
     write_table,
 };
 use condor_hand::math::max;
-use condor_hand::plant::{self, DriveKind, PlantModel, Stop, Surface};
-use condor_hand::servo::{Mode, Sensed};
+use condor_hand::plant::{self, DriveKind, PlantModel, SimStop, SimSurface};
+use condor_hand::servo::{FingerReadings, ServoMode};
 use condor_hand::trajectory::{
-    Pace, Primitive, PrimitiveError, Profile, Progress, SetPoint, Target,
+    MotionProgress, Pace, Primitive, PrimitiveError, Profile, SetPoint, Target,
 };
 use nalgebra::{Vector3, Vector4};
 use proptest::prelude::*;
@@ -29,17 +29,17 @@ fn hand() -> Hand<4, 4> {
 fn machine() -> PlantModel {
     PlantModel {
         actuator: DriveKind::exact,
-        joint_stop: Stop {
+        joint_stop: SimStop {
             stiffness: 5.0,
             damping: 0.01,
         },
-        axis_stop: Stop {
+        axis_stop: SimStop {
             stiffness: 1e5,
             damping: 500.0,
         },
         updates: UPDATES,
         tip_radius: 0.0,
-        surface: Surface {
+        surface: SimSurface {
             stiffness: 1e3,
             damping: 1.0,
             shear_stiffness: 1e3,
@@ -52,7 +52,7 @@ fn machine() -> PlantModel {
 /// A table under control.
 struct Rig {
     controller: TableController,
-    plant: plant::Table,
+    plant: plant::SimTable,
 }
 
 impl Rig {
@@ -289,7 +289,7 @@ fn a_lost_reading_is_bridged_and_a_lost_sensor_ends_all_force() {
     }
     assert!(matches!(
         rig.controller.trajectory().progress(ticket),
-        Some(Progress::Running { .. })
+        Some(MotionProgress::Running { .. })
     ));
     let samples = hand().faults.sensor_samples;
     for sample in 1..=samples {
@@ -330,7 +330,7 @@ fn shaken(feed_forward: bool) -> f64 {
     let finger = &hand.fingers[0];
     let machine = machine();
     let posture = Vector4::new(0.0, 0.6, 0.8, 0.7);
-    let mut plant = plant::Hand::new(
+    let mut plant = plant::SimHand::new(
         [machine
             .finger(finger, finger.planar().unwrap(), posture)
             .unwrap()],
@@ -340,7 +340,7 @@ fn shaken(feed_forward: bool) -> f64 {
     .with_table(machine.table(hand.table.as_ref().unwrap()).unwrap());
     let mut controller = FingerController::new(&hand, finger, finger.planar().unwrap()).unwrap();
     for joint in 0..4 {
-        controller.set_mode(joint, Mode::Position).unwrap();
+        controller.set_mode(joint, ServoMode::Position).unwrap();
     }
     let mut table = TableController::new(&hand).unwrap();
     table.start(1.0).unwrap();
@@ -363,7 +363,7 @@ fn shaken(feed_forward: bool) -> f64 {
                 Vector3::zeros()
             };
         let of_finger = &plant.fingers()[0];
-        let sensed = Sensed {
+        let sensed = FingerReadings {
             position: *of_finger.q(),
             tension: *of_finger.tensions(),
             touch: 0.0,

@@ -6,7 +6,9 @@
 )]
 
 use condor_hand::Real;
-use condor_hand::tendon::{Allocated, Allocation, MomentArms, Pair, Pairs, Rectification};
+use condor_hand::tendon::{
+    AllocatedTensions, MomentArms, Pair, Rectification, TendonPairs, TensionAllocation,
+};
 use nalgebra::{SVector, Vector4};
 use proptest::prelude::*;
 use serde::Deserialize;
@@ -48,15 +50,17 @@ fn asymmetric() -> MomentArms<f64, 4> {
     MomentArms::new(rows).unwrap()
 }
 
-fn everywhere<T: Real, const N: usize>(rectification: Rectification<T>) -> [Allocation<T>; N] {
-    [Allocation {
+fn everywhere<T: Real, const N: usize>(
+    rectification: Rectification<T>,
+) -> [TensionAllocation<T>; N] {
+    [TensionAllocation {
         rectification,
         min_n: T::of(MIN_N),
         max_n: T::of(MAX_N),
     }; N]
 }
 
-fn total(tensions: &Pairs<f64, 4>) -> f64 {
+fn total(tensions: &TendonPairs<f64, 4>) -> f64 {
     tensions
         .iter()
         .map(|pair| pair.flexor + pair.extensor)
@@ -236,7 +240,7 @@ fn a_torque_that_is_not_finite_leaves_all_at_their_minimum() {
 fn allocations_say_what_is_wrong_with_them() {
     let [good] = everywhere::<f64, 1>(SMOOTH);
     assert_eq!(good.check(), Ok(()));
-    let crossed = Allocation {
+    let crossed = TensionAllocation {
         min_n: 140.0,
         ..good
     };
@@ -245,13 +249,13 @@ fn allocations_say_what_is_wrong_with_them() {
         error.to_string(),
         "the largest tension, N, is 130; it must be at least 140"
     );
-    let negative = Allocation {
+    let negative = TensionAllocation {
         rectification: Rectification::Smooth { softness_n: -1.0 },
         ..good
     };
     assert_eq!(negative.check().unwrap_err().what, "the softness, N,");
     assert!(
-        Allocation {
+        TensionAllocation {
             max_n: f64::NAN,
             ..good
         }
@@ -281,12 +285,12 @@ fn rectifications() -> impl Strategy<Value = Rectification<f64>> {
 }
 
 /// Any block-triangular arms, with unequal own ones, and an allocation for each joint.
-fn fingers() -> impl Strategy<Value = (MomentArms<f64, 4>, [Allocation<f64>; 4])> {
+fn fingers() -> impl Strategy<Value = (MomentArms<f64, 4>, [TensionAllocation<f64>; 4])> {
     let own = || (0.003..0.02_f64, 0.003..0.02_f64);
     let crossing = prop::collection::vec(-0.015..0.015_f64, 12);
     let allocation = || {
         (rectifications(), 0.0..10.0, 50.0..200.0).prop_map(|(rectification, min_n, max_n)| {
-            Allocation {
+            TensionAllocation {
                 rectification,
                 min_n,
                 max_n,
@@ -316,7 +320,7 @@ fn torques(largest: f64) -> impl Strategy<Value = Vector4<f64>> {
     [(); 4].map(|()| -largest..largest).prop_map(Vector4::from)
 }
 
-fn within(allocated: &Allocated<f64, 4>, allocation: &[Allocation<f64>; 4]) -> bool {
+fn within(allocated: &AllocatedTensions<f64, 4>, allocation: &[TensionAllocation<f64>; 4]) -> bool {
     allocated
         .tensions
         .iter()
@@ -348,7 +352,7 @@ proptest! {
             }
             // The nearest torque: one tendon can give no more, and the other no less.
             prop_assert_ne!(allocated.torque[joint], torque[joint]);
-            let Allocation { min_n, max_n, .. } = allocation[joint];
+            let TensionAllocation { min_n, max_n, .. } = allocation[joint];
             let nearest: Pair<f64> = if torque[joint] > made[joint] {
                 pair(max_n, min_n)
             } else {
@@ -411,7 +415,7 @@ fn an_allocation_of_nonsense_still_gives_tensions() {
         (20.0, 10.0),
         (f64::NAN, f64::NAN),
     ] {
-        let allocation = [Allocation {
+        let allocation = [TensionAllocation {
             rectification: SMOOTH,
             min_n,
             max_n,

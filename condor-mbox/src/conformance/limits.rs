@@ -2,16 +2,16 @@
 
 use crate::window::{MemoryWindow, WindowErrorKind};
 
-use super::outcome::{Outcome, WindowFailure, check, done, expect, load, read, store, write};
+use super::outcome::{AccessOutcome, WindowFailure, check, done, expect, load, read, store, write};
 
 /// The least size of a window that can be checked, in bytes.
 pub const LEAST_BYTES: u32 = 64;
 
 /// The last aligned offset.
 const TOP: u32 = !3;
-pub(super) const OUT_OF_BOUNDS: Outcome = Err(WindowErrorKind::OutOfBounds);
-pub(super) const MISALIGNED: Outcome = Err(WindowErrorKind::Misaligned);
-pub(super) const READ_ONLY: Outcome = Err(WindowErrorKind::ReadOnly);
+pub(super) const OUT_OF_BOUNDS: AccessOutcome = Err(WindowErrorKind::OutOfBounds);
+pub(super) const MISALIGNED: AccessOutcome = Err(WindowErrorKind::Misaligned);
+pub(super) const READ_ONLY: AccessOutcome = Err(WindowErrorKind::ReadOnly);
 
 pub(super) fn size<W: MemoryWindow>(window: &W) -> Result<(), WindowFailure> {
     let size = window.size();

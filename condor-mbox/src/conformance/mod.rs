@@ -9,5 +9,5 @@ mod window;
 
 pub use doorbell::{DoorbellFailure, doorbell};
 pub use limits::LEAST_BYTES;
-pub use outcome::{Outcome, WindowFailure};
+pub use outcome::{AccessOutcome, WindowFailure};
 pub use window::{compare_exchange, read_only, shared, window};

@@ -5,7 +5,7 @@ use core::sync::atomic::AtomicU32;
 use crate::window::{LoadOrder, MemoryWindow, StoreOrder, WindowError, WindowErrorKind};
 
 /// The result of an access: a word (zero if the access reads none), or a kind of error.
-pub type Outcome = Result<u32, WindowErrorKind>;
+pub type AccessOutcome = Result<u32, WindowErrorKind>;
 
 /// The failure of a window's check.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -18,18 +18,18 @@ pub struct WindowFailure {
     /// The length of the access, in bytes.
     pub len: usize,
     /// The result of the access.
-    pub found: Outcome,
+    pub found: AccessOutcome,
     /// The result that is required.
-    pub expected: Outcome,
+    pub expected: AccessOutcome,
 }
 
-pub(super) fn load<W: MemoryWindow>(window: &W, offset: u32) -> Outcome {
+pub(super) fn load<W: MemoryWindow>(window: &W, offset: u32) -> AccessOutcome {
     window
         .load(offset, LoadOrder::Acquire)
         .map_err(|error| error.kind())
 }
 
-pub(super) fn store<W: MemoryWindow>(window: &W, offset: u32, word: u32) -> Outcome {
+pub(super) fn store<W: MemoryWindow>(window: &W, offset: u32, word: u32) -> AccessOutcome {
     outcome(window.store(offset, word, StoreOrder::Release))
 }
 
@@ -38,23 +38,23 @@ pub(super) fn write_words<W: MemoryWindow>(
     offset: u32,
     len: usize,
     from: &[&[AtomicU32]],
-) -> Outcome {
+) -> AccessOutcome {
     outcome(window.write_words(offset, len, from))
 }
 
-pub(super) fn read<W: MemoryWindow>(window: &W, offset: u32, into: &mut [u8]) -> Outcome {
+pub(super) fn read<W: MemoryWindow>(window: &W, offset: u32, into: &mut [u8]) -> AccessOutcome {
     outcome(window.read(offset, into))
 }
 
-pub(super) fn write<W: MemoryWindow>(window: &W, offset: u32, from: &[u8]) -> Outcome {
+pub(super) fn write<W: MemoryWindow>(window: &W, offset: u32, from: &[u8]) -> AccessOutcome {
     outcome(window.write(offset, from))
 }
 
-pub(super) fn check<W: MemoryWindow>(window: &W, offset: u32, len: usize) -> Outcome {
+pub(super) fn check<W: MemoryWindow>(window: &W, offset: u32, len: usize) -> AccessOutcome {
     outcome(window.check(offset, len))
 }
 
-fn outcome<E: WindowError>(result: Result<(), E>) -> Outcome {
+fn outcome<E: WindowError>(result: Result<(), E>) -> AccessOutcome {
     match result {
         Ok(()) => Ok(0),
         Err(error) => Err(error.kind()),
@@ -65,7 +65,7 @@ pub(super) fn done(
     check: &'static str,
     offset: u32,
     len: usize,
-    found: Outcome,
+    found: AccessOutcome,
 ) -> Result<(), WindowFailure> {
     expect(check, offset, len, found, Ok(0))
 }
@@ -74,8 +74,8 @@ pub(super) fn expect(
     check: &'static str,
     offset: u32,
     len: usize,
-    found: Outcome,
-    expected: Outcome,
+    found: AccessOutcome,
+    expected: AccessOutcome,
 ) -> Result<(), WindowFailure> {
     if found == expected {
         Ok(())

@@ -7,7 +7,7 @@ use super::{Exchange, answer, response_at};
 use crate::id::Processor;
 use crate::layout::LINE;
 use crate::mailbox::{Call, Messenger};
-use crate::region::{Places, Region};
+use crate::region::{Allocator, Region};
 use crate::window::{AccessError, MemoryWindow};
 
 /// The blocks of an [`Exchange`] in the window of the processor that answers: one for each processor
@@ -29,7 +29,7 @@ impl<Q, R> Blocks<Q, R> {
     ///
     /// # Errors
     /// [`AccessError`] of the kind `OutOfBounds` if there is no room.
-    pub const fn new(places: &mut Places, processors: u8) -> Result<Self, AccessError> {
+    pub const fn new(places: &mut Allocator, processors: u8) -> Result<Self, AccessError> {
         match places.bytes(processors as usize * Self::BLOCK as usize) {
             Ok(offset) => Ok(Self::at(offset, processors)),
             Err(error) => Err(error),
@@ -102,7 +102,7 @@ where
         region: &Region<W>,
     ) -> Result<Exchange<'m, M, Region<W>, Q, R>, AccessError> {
         let block = self.block(messenger.number()).unwrap_or(u32::MAX);
-        let mut left = Places::new(region.size());
+        let mut left = Allocator::new(region.size());
         left.bytes(block as usize)?;
         Exchange::new(messenger, Region::whole(region.clone()), &mut left)
     }

@@ -2,16 +2,16 @@
 
 use std::os::fd::OwnedFd;
 
-use super::Mailbox;
+use super::LinuxMailbox;
 use super::doorbell::LinuxDoorbell;
 use super::error::SystemError;
 use super::objects::Objects;
-use super::window::{Access, LinuxWindow};
-use crate::error::Error;
+use super::window::{LinuxWindow, WindowAccess};
+use crate::error::MailboxError;
 use crate::exclusion::{CriticalSection, Exclusion};
 use crate::id::Processor;
 use crate::layout::{BELL_BYTES, header};
-use crate::region::{Places, Region};
+use crate::region::{Allocator, Region};
 use crate::window::{MemoryWindow, StoreOrder};
 use crate::windows::Windows;
 
@@ -23,7 +23,7 @@ use crate::windows::Windows;
 #[derive(Debug)]
 pub struct Claim<const N: usize> {
     number: Processor,
-    places: Option<Places>,
+    places: Option<Allocator>,
     windows: [Windows<LinuxWindow>; N],
     doorbell: LinuxDoorbell<N>,
 }
@@ -55,7 +55,7 @@ impl<const N: usize> Claim<N> {
     ///
     /// # Errors
     /// [`SystemError::PlacesTaken`] if it was returned before.
-    pub fn places(&mut self) -> Result<Places, SystemError> {
+    pub fn places(&mut self) -> Result<Allocator, SystemError> {
         let number = self.number;
         self.places
             .take()
@@ -82,7 +82,7 @@ impl<const N: usize> Claim<N> {
     /// # Errors
     /// [`Error::Layout`] if the memory was laid out for another system or by another version;
     /// [`Error::Window`] if it cannot be accessed.
-    pub fn mailbox<'v>(self) -> Result<Mailbox<'v, N>, Error> {
+    pub fn mailbox<'v>(self) -> Result<LinuxMailbox<'v, N>, MailboxError> {
         self.mailbox_with(CriticalSection)
     }
 
@@ -91,8 +91,11 @@ impl<const N: usize> Claim<N> {
     /// # Errors
     /// [`Error::Layout`] if the memory was laid out for another system or by another version;
     /// [`Error::Window`] if it cannot be accessed.
-    pub fn mailbox_with<'v, X: Exclusion>(self, exclusion: X) -> Result<Mailbox<'v, N, X>, Error> {
-        Mailbox::new(self.number, self.windows, self.doorbell, exclusion)
+    pub fn mailbox_with<'v, X: Exclusion>(
+        self,
+        exclusion: X,
+    ) -> Result<LinuxMailbox<'v, N, X>, MailboxError> {
+        LinuxMailbox::new(self.number, self.windows, self.doorbell, exclusion)
     }
 
     /// Returns the windows and the doorbell, which continue to hold the number, for a mailbox with
@@ -119,7 +122,7 @@ impl<const N: usize> Claim<N> {
         let (mut mails, mut pipes) = (Vec::new(), Vec::new());
         for peer in 0..N {
             let (Some(lock), Some(data), Some(pipe)) = (
-                objects.lock(peer, mail_bytes, Access::ReadOnly)?,
+                objects.lock(peer, mail_bytes, WindowAccess::ReadOnly)?,
                 objects.map_data(peer, data_bytes)?,
                 objects.bell(peer)?,
             ) else {
@@ -145,7 +148,7 @@ impl<const N: usize> Claim<N> {
         .map_err(SystemError::os("duplicate", objects.path(own, "bell")))?;
         Ok(Some(Self {
             number,
-            places: Some(Places::new(data_bytes.saturating_sub(BELL_BYTES))),
+            places: Some(Allocator::new(data_bytes.saturating_sub(BELL_BYTES))),
             windows: one_for_each(windows),
             doorbell,
         }))

@@ -8,7 +8,7 @@ use std::os::unix::ffi::{OsStrExt, OsStringExt};
 use std::path::Path;
 
 use super::error::SystemError;
-use super::memory::{Memory, Run};
+use super::memory::{Memory, ObjectPositions};
 
 /// The name of the file.
 pub(super) const NAME: &str = "system";
@@ -76,7 +76,7 @@ pub(super) fn memory_of(
     }
     let mut lines = rest.splitn(3, |&byte| byte == b'\n');
     let mut run = |key| match value(lines.next(), key)?.as_slice() {
-        &[offset, stride] => Ok(Run { offset, stride }),
+        &[offset, stride] => Ok(ObjectPositions { offset, stride }),
         numbers => Err(refused(format!(
             "{key} is {numbers:?}, expected an offset and a stride"
         ))),

@@ -16,7 +16,7 @@ use rustix::path::Arg;
 
 use super::error::{FileKind, SystemError};
 use super::lock;
-use super::window::Access;
+use super::window::WindowAccess;
 
 /// More than any text of a system has.
 const MOST_TEXT: u64 = 16 * 1024;
@@ -94,7 +94,7 @@ impl OpenDirectory {
         &self,
         name: &str,
         size: u32,
-        access: Access,
+        access: WindowAccess,
     ) -> Result<Option<OwnedFd>, SystemError> {
         let path = self.path_of(name);
         let file = match self.open_file(name, access) {
@@ -148,7 +148,7 @@ impl OpenDirectory {
             rustix::fs::chmod(nameless(node), self.mode)
                 .map_err(SystemError::os("set the permissions of", &path))?;
         }
-        reopen(node.as_fd(), Access::ReadWrite).map_err(SystemError::os("open", path))
+        reopen(node.as_fd(), WindowAccess::ReadWrite).map_err(SystemError::os("open", path))
     }
 
     /// What the file `name` says, with the file's status; if there is none, it is created and says
@@ -180,7 +180,7 @@ impl OpenDirectory {
     /// What the file `name` says; `None` if there is none.
     fn text(&self, name: &str) -> Result<Option<(Vec<u8>, Stat)>, SystemError> {
         let path = self.path_of(name);
-        let file = match self.open_file(name, Access::ReadOnly) {
+        let file = match self.open_file(name, WindowAccess::ReadOnly) {
             Ok(file) => file,
             Err(Errno::NOENT) => return Ok(None),
             Err(errno) => return Err(self.not_opened(&path, name, FileKind::File, errno)),
@@ -231,7 +231,7 @@ impl OpenDirectory {
         let mut locked = Vec::new();
         for (index, name) in mails.iter().enumerate() {
             let path = self.path_of(name);
-            let mut mail = self.open_file(name, Access::ReadWrite);
+            let mut mail = self.open_file(name, WindowAccess::ReadWrite);
             if let Err(Errno::NOENT) = mail {
                 // The number could be claimed from now on unless it is locked, too. Only then is a file
                 // made: a removal is also to free a disk that is full.
@@ -239,7 +239,7 @@ impl OpenDirectory {
                     Ok(()) | Err(Errno::EXIST) => {}
                     Err(errno) => return self.not_created(&path, errno),
                 }
-                mail = self.open_file(name, Access::ReadWrite);
+                mail = self.open_file(name, WindowAccess::ReadWrite);
             }
             let mail = match mail {
                 Ok(mail) => mail,
@@ -288,7 +288,7 @@ impl OpenDirectory {
         name.into()
     }
 
-    fn open_file(&self, name: &str, access: Access) -> Result<OwnedFd, Errno> {
+    fn open_file(&self, name: &str, access: WindowAccess) -> Result<OwnedFd, Errno> {
         open_again(&self.descriptor, name, access, OFlags::NOFOLLOW)
     }
 
@@ -370,12 +370,12 @@ fn nameless(descriptor: impl AsFd) -> String {
 pub(super) fn open_again(
     directory: impl AsFd,
     path: impl Arg,
-    access: Access,
+    access: WindowAccess,
     flags: OFlags,
 ) -> Result<OwnedFd, Errno> {
     let access = match access {
-        Access::ReadOnly => OFlags::RDONLY,
-        Access::ReadWrite => OFlags::RDWR,
+        WindowAccess::ReadOnly => OFlags::RDONLY,
+        WindowAccess::ReadWrite => OFlags::RDWR,
     };
     // Without NONBLOCK, opening what turns out to be a FIFO could block.
     let flags = access | flags | OFlags::CLOEXEC | OFlags::NONBLOCK | OFlags::NOCTTY;
@@ -383,7 +383,7 @@ pub(super) fn open_again(
 }
 
 /// A new open file description of what `descriptor` stands for.
-pub(super) fn reopen(descriptor: BorrowedFd<'_>, access: Access) -> Result<OwnedFd, Errno> {
+pub(super) fn reopen(descriptor: BorrowedFd<'_>, access: WindowAccess) -> Result<OwnedFd, Errno> {
     open_again(CWD, nameless(descriptor), access, OFlags::empty())
 }
 

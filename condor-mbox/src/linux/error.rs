@@ -4,7 +4,7 @@ use core::fmt;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use super::window::MapError;
+use super::window::WindowMapError;
 use crate::id::Processor;
 
 /// The kind of a file that was found or is required.
@@ -173,7 +173,7 @@ pub enum SystemError {
         /// The file.
         path: PathBuf,
         /// The reason, in words.
-        source: MapError,
+        source: WindowMapError,
     },
     /// A call to the operating system failed.
     #[error("cannot {doing} {path:?}: {source}")]

@@ -9,7 +9,7 @@ use rustix::pipe::PipeFlags;
 
 use super::directory::{expect_kind, expect_size, fill, open_again, reopen};
 use super::error::{FileKind, SystemError};
-use super::window::Access;
+use super::window::WindowAccess;
 
 const SEALS: SealFlags = SealFlags::SHRINK.union(SealFlags::GROW);
 
@@ -91,16 +91,16 @@ impl Family {
             .try_for_each(|descriptor| rustix::io::fcntl_setfd(descriptor, FdFlags::empty()))
     }
 
-    pub(super) fn mail(&self, number: usize, access: Access) -> Result<OwnedFd, Errno> {
+    pub(super) fn mail(&self, number: usize, access: WindowAccess) -> Result<OwnedFd, Errno> {
         reopen(self.members[number].mail.as_fd(), access)
     }
 
     pub(super) fn data(&self, number: usize) -> Result<OwnedFd, Errno> {
-        reopen(self.members[number].data.as_fd(), Access::ReadWrite)
+        reopen(self.members[number].data.as_fd(), WindowAccess::ReadWrite)
     }
 
     pub(super) fn bell(&self, number: usize) -> Result<OwnedFd, Errno> {
-        reopen(self.members[number].bell.as_fd(), Access::ReadWrite)
+        reopen(self.members[number].bell.as_fd(), WindowAccess::ReadWrite)
     }
 }
 
@@ -126,7 +126,7 @@ fn inherited_path(descriptor: RawFd) -> PathBuf {
 
 fn inherited(descriptor: RawFd) -> Result<OwnedFd, SystemError> {
     let path = format!("/proc/self/fd/{descriptor}");
-    open_again(CWD, &path, Access::ReadWrite, OFlags::empty())
+    open_again(CWD, &path, WindowAccess::ReadWrite, OFlags::empty())
         .map_err(SystemError::os("open", path))
 }
 
@@ -156,7 +156,7 @@ mod tests {
     #[test]
     fn memory_of_a_family_keeps_its_size() {
         let memory = memory(&label(0, "mail"), 4096).expect("it is created");
-        let again = reopen(memory.as_fd(), Access::ReadWrite).expect("it can be opened anew");
+        let again = reopen(memory.as_fd(), WindowAccess::ReadWrite).expect("it can be opened anew");
         for size in [0, 4095, 4097] {
             assert_eq!(
                 rustix::fs::ftruncate(&again, size),

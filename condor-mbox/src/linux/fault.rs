@@ -11,7 +11,7 @@ use core::ptr;
 use core::sync::atomic::{AtomicBool, AtomicUsize, Ordering, fence};
 use std::io;
 
-use condor_platform::linux::{BusError, on_bus_error};
+use condor_platform::linux::{MemoryFault, on_bus_error};
 use rustix::mm::{MapFlags, ProtFlags, mmap_anonymous};
 
 /// How many mappings one process may have: 32 numbers with 64 objects each, twice over.
@@ -119,7 +119,7 @@ impl Drop for Guarded {
 }
 
 /// Asked on SIGBUS: whether the address belongs to a mapping, which then has zeros in its place.
-fn repair(error: &mut BusError<'_>) -> bool {
+fn repair(error: &mut MemoryFault<'_>) -> bool {
     let address = error.address();
     let covering = |slot: &'static Slot| Some((slot, slot.covering(address)?));
     let Some((slot, (base, len))) = TABLE.iter().find_map(covering) else {

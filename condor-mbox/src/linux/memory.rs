@@ -8,7 +8,7 @@ use rustix::io::Errno;
 
 use super::directory::{expect_kind, open_again};
 use super::error::{FileKind, SystemError};
-use super::window::Access;
+use super::window::WindowAccess;
 
 /// Bytes of a file that is there to be locked; a `mail` has more.
 pub(super) const LOCK_BYTES: u32 = 4;
@@ -16,7 +16,7 @@ pub(super) const LOCK_BYTES: u32 = 4;
 /// The positions in a file of all objects of one kind: the `mail`, or the `data`, of each
 /// processor. They are evenly spaced.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Run {
+pub struct ObjectPositions {
     /// The offset of the object of processor 0, in bytes from the beginning of the file; a multiple
     /// of 4.
     pub offset: u64,
@@ -25,7 +25,7 @@ pub struct Run {
     pub stride: u64,
 }
 
-impl Run {
+impl ObjectPositions {
     /// `None` if there is no such offset.
     fn at(self, number: usize) -> Option<u64> {
         let number = u64::try_from(number).ok()?;
@@ -41,9 +41,9 @@ pub struct Memory {
     /// removed.
     pub file: PathBuf,
     /// The `mail` of each processor.
-    pub mail: Run,
+    pub mail: ObjectPositions,
     /// The `data` of each processor, which begins with its doorbell.
-    pub data: Run,
+    pub data: ObjectPositions,
 }
 
 /// What a system needs of its memory.
@@ -103,7 +103,7 @@ impl Memory {
     pub(super) fn open(&self, needs: Needs) -> Result<OwnedFd, SystemError> {
         self.check(needs)?;
         let path = &self.file;
-        let file = match open_again(CWD, path, Access::ReadWrite, OFlags::NOFOLLOW) {
+        let file = match open_again(CWD, path, WindowAccess::ReadWrite, OFlags::NOFOLLOW) {
             Ok(file) => file,
             Err(Errno::LOOP) => {
                 return Err(SystemError::WrongKind {
@@ -156,11 +156,11 @@ pub(super) mod tests {
     pub(in super::super) fn memory() -> Memory {
         Memory {
             file: "/dev/shm/ram".into(),
-            mail: Run {
+            mail: ObjectPositions {
                 offset: 4096,
                 stride: 8192,
             },
-            data: Run {
+            data: ObjectPositions {
                 offset: 1 << 40,
                 stride: 68,
             },
@@ -200,11 +200,11 @@ pub(super) mod tests {
         }
         // One processor's objects may lie together.
         let memory = Memory {
-            mail: Run {
+            mail: ObjectPositions {
                 offset: 0,
                 stride: 4164,
             },
-            data: Run {
+            data: ObjectPositions {
                 offset: 4096,
                 stride: 4164,
             },

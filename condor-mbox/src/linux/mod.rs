@@ -2,12 +2,12 @@
 //!
 //! | your case | use |
 //! |---|---|
-//! | unrelated programs | [`System::named`], or [`System::at`] for a directory of your own |
-//! | the memory of another machine, as one file | [`System::in_memory`] once, and then [`System::at`] in all programs |
-//! | one program that starts the others | [`System::family`], [`System::pass_to`], [`System::inherited`] |
+//! | unrelated programs | [`LinuxSystem::named`], or [`LinuxSystem::at`] for a directory of your own |
+//! | the memory of another machine, as one file | [`LinuxSystem::in_memory`] once, and then [`LinuxSystem::at`] in all programs |
+//! | one program that starts the others | [`LinuxSystem::family`], [`LinuxSystem::pass_to`], [`LinuxSystem::inherited`] |
 //! | a device, or a file with a layout of its own | [`LinuxWindow::map`], [`LinuxWindow::uio`] and your own doorbell |
 //!
-//! A [`System`] has *N* numbers. [`System::claim`] takes one of them for this process and returns a
+//! A [`LinuxSystem`] has *N* numbers. [`LinuxSystem::claim`] takes one of them for this process and returns a
 //! [`Claim`], which has the windows of all processors and a [`LinuxDoorbell`]. Each processor has
 //! two pieces of shared memory, `mail` and `data` (see [`layout`](crate::layout)), and a pipe, its
 //! *bell*, for programs that poll.
@@ -36,12 +36,12 @@
 //! [`Evidence`](crate::Evidence) is based on this. It happens after the kernel has freed the
 //! program's memory, which takes long for gigabytes of it. A process that was forked from the
 //! holder and did not `exec` holds the number, too: every process that a program starts does so for
-//! some milliseconds. So [`System::claim`] waits up to [`LOCK_PATIENCE`], which is 1 s, before it
+//! some milliseconds. So [`LinuxSystem::claim`] waits up to [`LOCK_PATIENCE`], which is 1 s, before it
 //! says that a number is taken.
 //!
 //! The files of a named system outlive all programs, and every file appears complete or not at all.
 //! So programs may be killed at any moment, and nothing has to be cleaned up by hand.
-//! [`System::remove`] removes the files. If the windows lie in one memory file, each `mail` has a
+//! [`LinuxSystem::remove`] removes the files. If the windows lie in one memory file, each `mail` has a
 //! small file that is locked in its place. Only the process that holds a number can tell whether a
 //! processor of another machine is alive.
 //!
@@ -60,8 +60,8 @@
 //! | can hold a number without using it, and ring without reason | every participant | likewise |
 //!
 //! So participants can disturb each other's *work*, but not a program's own memory. Permissions
-//! keep others out: a directory that [`System::named`] creates is accessible to its user only (mode
-//! 0700). For a group, create a directory with the group's permissions and use [`System::at`]:
+//! keep others out: a directory that [`LinuxSystem::named`] creates is accessible to its user only (mode
+//! 0700). For a group, create a directory with the group's permissions and use [`LinuxSystem::at`]:
 //! files get the read and write permissions of the directory. A user who may write the directory
 //! *above* can replace the directory. A family opens inherited descriptors again through
 //! `/proc/self/fd`, so `/proc` must be mounted, and the program must keep its user id.
@@ -99,10 +99,10 @@ pub use condor_platform::linux::LOCK_PATIENCE;
 pub use directory::allocate;
 pub use doorbell::{LinuxDoorbell, PollableBell};
 pub use error::{FileKind, SystemError};
-pub use memory::{Memory, Run};
-pub use system::System;
-pub use window::{Access, LinuxWindow, LinuxWindowError, MapError};
+pub use memory::{Memory, ObjectPositions};
+pub use system::LinuxSystem;
+pub use window::{LinuxWindow, LinuxWindowError, WindowAccess, WindowMapError};
 
 /// A mailbox of Linux, which all threads of a process may use.
-pub type Mailbox<'v, const N: usize, X = crate::CriticalSection> =
+pub type LinuxMailbox<'v, const N: usize, X = crate::CriticalSection> =
     crate::Mailbox<'v, (LinuxWindow, LinuxDoorbell<N>, X), N>;

@@ -7,7 +7,7 @@ use super::directory::OpenDirectory;
 use super::error::SystemError;
 use super::family::{Family, label};
 use super::memory::{LOCK_BYTES, Memory};
-use super::window::{Access, LinuxWindow, MapError};
+use super::window::{LinuxWindow, WindowAccess, WindowMapError};
 use crate::id::Processor;
 use crate::layout::header;
 
@@ -16,14 +16,14 @@ pub(super) enum Objects<'a> {
     Directory {
         place: OpenDirectory,
         /// Where the windows are, if not in files of the directory.
-        memory: Option<Opened>,
+        memory: Option<OpenMemory>,
     },
     Family(&'a Family),
 }
 
 /// A memory, and its file.
 #[derive(Debug)]
-pub(super) struct Opened {
+pub(super) struct OpenMemory {
     pub(super) memory: Memory,
     pub(super) file: OwnedFd,
 }
@@ -34,7 +34,7 @@ impl Objects<'_> {
         &self,
         number: usize,
         mail_bytes: u32,
-        access: Access,
+        access: WindowAccess,
     ) -> Result<Option<OwnedFd>, SystemError> {
         match self {
             Self::Directory { place, memory } => {
@@ -52,18 +52,18 @@ impl Objects<'_> {
         held: OwnedFd,
         bytes: u32,
     ) -> Result<LinuxWindow, SystemError> {
-        let Some(Opened { memory, file }) = self.in_memory() else {
-            let duplicate = held.try_clone().map_err(|source| MapError::System {
+        let Some(OpenMemory { memory, file }) = self.in_memory() else {
+            let duplicate = held.try_clone().map_err(|source| WindowMapError::System {
                 doing: "duplicate a descriptor",
                 source,
             });
             let window = duplicate.and_then(|file| {
-                LinuxWindow::map_and_keep(file, 0, bytes, Access::ReadWrite, held)
+                LinuxWindow::map_and_keep(file, 0, bytes, WindowAccess::ReadWrite, held)
             });
             return self.mapped(number, "mail", window);
         };
         let offset = memory.mail_at(number);
-        let window = LinuxWindow::map_and_keep(file, offset, bytes, Access::ReadWrite, held);
+        let window = LinuxWindow::map_and_keep(file, offset, bytes, WindowAccess::ReadWrite, held);
         self.mapped(number, "mail", window)
     }
 
@@ -87,7 +87,7 @@ impl Objects<'_> {
         bytes: u32,
     ) -> Result<LinuxWindow, SystemError> {
         let (file, offset) = self.mail(number, lock);
-        let window = LinuxWindow::map(file, offset, bytes, Access::ReadOnly);
+        let window = LinuxWindow::map(file, offset, bytes, WindowAccess::ReadOnly);
         self.mapped(number, "mail", window)
     }
 
@@ -98,15 +98,15 @@ impl Objects<'_> {
         bytes: u32,
     ) -> Result<Option<LinuxWindow>, SystemError> {
         let map = |file: &OwnedFd, offset| {
-            let window = LinuxWindow::map(file, offset, bytes, Access::ReadWrite);
+            let window = LinuxWindow::map(file, offset, bytes, WindowAccess::ReadWrite);
             self.mapped(number, "data", window).map(Some)
         };
-        if let Some(Opened { memory, file }) = self.in_memory() {
+        if let Some(OpenMemory { memory, file }) = self.in_memory() {
             return map(file, memory.data_at(number));
         }
         let file = match self {
             Self::Directory { place, .. } => {
-                place.object(&file_name(number, "data"), bytes, Access::ReadWrite)?
+                place.object(&file_name(number, "data"), bytes, WindowAccess::ReadWrite)?
             }
             Self::Family(family) => self.opened(number, "data", family.data(number))?,
         };
@@ -138,11 +138,11 @@ impl Objects<'_> {
     fn mail<'o>(&'o self, number: usize, lock: &'o OwnedFd) -> (&'o OwnedFd, u64) {
         match self.in_memory() {
             None => (lock, 0),
-            Some(Opened { memory, file }) => (file, memory.mail_at(number)),
+            Some(OpenMemory { memory, file }) => (file, memory.mail_at(number)),
         }
     }
 
-    const fn in_memory(&self) -> Option<&Opened> {
+    const fn in_memory(&self) -> Option<&OpenMemory> {
         match self {
             Self::Directory { memory, .. } => memory.as_ref(),
             Self::Family(_) => None,
@@ -153,7 +153,7 @@ impl Objects<'_> {
         &self,
         number: usize,
         object: &str,
-        window: Result<LinuxWindow, MapError>,
+        window: Result<LinuxWindow, WindowMapError>,
     ) -> Result<LinuxWindow, SystemError> {
         window.map_err(|source| SystemError::Map {
             path: match self.in_memory() {

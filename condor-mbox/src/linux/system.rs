@@ -1,4 +1,4 @@
-//! [`System`]: where the memory of *N* processors lies.
+//! [`LinuxSystem`]: where the memory of *N* processors lies.
 
 use std::ffi::OsString;
 use std::os::fd::{AsRawFd, RawFd};
@@ -18,8 +18,8 @@ use super::error::SystemError;
 use super::family::Family;
 use super::lock;
 use super::memory::{LOCK_BYTES, Memory, Needs};
-use super::objects::{Objects, Opened, file_name};
-use super::window::Access;
+use super::objects::{Objects, OpenMemory, file_name};
+use super::window::WindowAccess;
 use crate::id::Processor;
 use crate::layout;
 
@@ -31,9 +31,9 @@ const ATTEMPTS: u32 = 16;
 /// A system of `N` processors, at most [`Processor::MAX_COUNT`], and the place of its memory. The
 /// [module](super) lists the possible places.
 ///
-/// A `System` claims no processor number; [`claim`](Self::claim) does.
+/// A `LinuxSystem` claims no processor number; [`claim`](Self::claim) does.
 #[derive(Clone, Debug)]
-pub struct System<const N: usize> {
+pub struct LinuxSystem<const N: usize> {
     place: Home,
     user_bytes: u32,
 }
@@ -49,7 +49,7 @@ enum Home {
     Family(Arc<Family>),
 }
 
-impl<const N: usize> System<N> {
+impl<const N: usize> LinuxSystem<N> {
     const MAIL_BYTES: u32 = layout::mail_bytes(N as u32);
 
     /// Returns the system `name` of this user, for programs that need not know each other.
@@ -344,7 +344,7 @@ impl<const N: usize> System<N> {
         number: Processor,
     ) -> Result<Option<Claim<N>>, SystemError> {
         let own = number.index();
-        let Some(held) = objects.lock(own, Self::MAIL_BYTES, Access::ReadWrite)? else {
+        let Some(held) = objects.lock(own, Self::MAIL_BYTES, WindowAccess::ReadWrite)? else {
             return Ok(None);
         };
         if !lock::take(&held).map_err(SystemError::os("lock", objects.path(own, "mail")))? {
@@ -399,9 +399,9 @@ impl<const N: usize> System<N> {
         }
     }
 
-    fn opened(&self, memory: Memory) -> Result<Opened, SystemError> {
+    fn opened(&self, memory: Memory) -> Result<OpenMemory, SystemError> {
         let file = memory.open(self.needs()?)?;
-        Ok(Opened { memory, file })
+        Ok(OpenMemory { memory, file })
     }
 
     fn needs(&self) -> Result<Needs, SystemError> {

@@ -15,13 +15,13 @@ use rustix::mm::{MapFlags, ProtFlags};
 use super::copy;
 use super::fault::{self, GuardError, Guarded};
 use crate::window::{
-    CompareExchange, LoadOrder, MemoryWindow, StoreOrder, WindowError, WindowErrorKind, Words,
-    check_access, check_words,
+    CompareExchange, LoadOrder, MemoryWindow, StoreOrder, WindowError, WindowErrorKind,
+    WindowWords, check_access, check_words,
 };
 
 /// The accesses that a mapping allows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Access {
+pub enum WindowAccess {
     /// Loads only; the file need only be open for reading.
     ReadOnly,
     /// Loads and stores; the file must be open for both.
@@ -50,7 +50,7 @@ impl WindowError for LinuxWindowError {
 /// The reason for which a mapping could not be made.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
-pub enum MapError {
+pub enum WindowMapError {
     /// Offset or length is not a multiple of four, or the length is zero.
     #[error("a window of {len:#x} bytes at offset {offset:#x} does not consist of whole words")]
     NotWords {
@@ -91,7 +91,7 @@ pub enum MapError {
     },
 }
 
-impl MapError {
+impl WindowMapError {
     pub(super) fn system(doing: &'static str) -> impl FnOnce(Errno) -> Self {
         move |errno| Self::System {
             doing,
@@ -121,11 +121,11 @@ impl MapError {
 /// ```
 /// use std::io::Write;
 /// use condor_mbox::{LoadOrder, MemoryWindow};
-/// use condor_mbox::linux::{Access, LinuxWindow};
+/// use condor_mbox::linux::{WindowAccess, LinuxWindow};
 ///
 /// let mut file = tempfile::tempfile()?;
 /// file.write_all(&[1, 0, 0, 0, 2, 0, 0, 0])?;
-/// let window = LinuxWindow::map(&file, 0, 8, Access::ReadOnly)?;
+/// let window = LinuxWindow::map(&file, 0, 8, WindowAccess::ReadOnly)?;
 /// assert_eq!(window.load(4, LoadOrder::Acquire)?, 2);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
@@ -133,7 +133,7 @@ impl MapError {
 pub struct LinuxWindow {
     base: NonNull<u8>,
     size: u32,
-    access: Access,
+    access: WindowAccess,
     lost: &'static AtomicBool,
     /// Keeps `base` and `lost` valid.
     _mapping: Arc<Mapping>,
@@ -173,11 +173,16 @@ impl LinuxWindow {
     /// (opened with `O_SYNC`, since it may be cached otherwise). The offset need not begin a page.
     ///
     /// # Errors
-    /// [`MapError::NotWords`] if offset or length is not a multiple of four, [`MapError::TooLarge`]
-    /// if they are too large, [`MapError::TooShort`] if a regular file ends before the window does,
-    /// [`MapError::TooMany`] if the process has too many windows, [`MapError::System`] if the
+    /// [`WindowMapError::NotWords`] if offset or length is not a multiple of four, [`WindowMapError::TooLarge`]
+    /// if they are too large, [`WindowMapError::TooShort`] if a regular file ends before the window does,
+    /// [`WindowMapError::TooMany`] if the process has too many windows, [`WindowMapError::System`] if the
     /// operating system refuses.
-    pub fn map(file: impl AsFd, offset: u64, len: u32, access: Access) -> Result<Self, MapError> {
+    pub fn map(
+        file: impl AsFd,
+        offset: u64,
+        len: u32,
+        access: WindowAccess,
+    ) -> Result<Self, WindowMapError> {
         Self::map_pages(file.as_fd(), offset, len, access, None)
     }
 
@@ -186,9 +191,9 @@ impl LinuxWindow {
         file: impl AsFd,
         offset: u64,
         len: u32,
-        access: Access,
+        access: WindowAccess,
         kept: OwnedFd,
-    ) -> Result<Self, MapError> {
+    ) -> Result<Self, WindowMapError> {
         Self::map_pages(file, offset, len, access, Some(kept))
     }
 
@@ -197,17 +202,17 @@ impl LinuxWindow {
     /// Its size and place are read from `/sys/class/uio/uio{device}/maps/map{map}`.
     ///
     /// # Errors
-    /// [`MapError::System`] if the device or the memory does not exist or may not be opened;
+    /// [`WindowMapError::System`] if the device or the memory does not exist or may not be opened;
     /// otherwise an error of [`map`](Self::map).
-    pub fn uio(device: u32, map: u32, access: Access) -> Result<Self, MapError> {
+    pub fn uio(device: u32, map: u32, access: WindowAccess) -> Result<Self, WindowMapError> {
         let described =
             std::path::PathBuf::from(format!("/sys/class/uio/uio{device}/maps/map{map}"));
         let (offset, len) = uio_range(&described, map)?;
         let opened = File::options()
             .read(true)
-            .write(access == Access::ReadWrite)
+            .write(access == WindowAccess::ReadWrite)
             .open(format!("/dev/uio{device}"));
-        let file = opened.map_err(|source| MapError::System {
+        let file = opened.map_err(|source| WindowMapError::System {
             doing: "open the UIO device",
             source,
         })?;
@@ -218,16 +223,16 @@ impl LinuxWindow {
         file: impl AsFd,
         offset: u64,
         size: u32,
-        access: Access,
+        access: WindowAccess,
         keep: Option<OwnedFd>,
-    ) -> Result<Self, MapError> {
+    ) -> Result<Self, WindowMapError> {
         let len = u64::from(size);
         if size == 0 || !size.is_multiple_of(4) || !offset.is_multiple_of(4) {
-            return Err(MapError::NotWords { offset, len });
+            return Err(WindowMapError::NotWords { offset, len });
         }
         let page = rustix::param::page_size() as u64;
         let skip = offset % page;
-        let too_large = MapError::TooLarge { offset, len };
+        let too_large = WindowMapError::TooLarge { offset, len };
         let Some(end) = offset
             .checked_add(len)
             .filter(|&end| i64::try_from(end).is_ok())
@@ -237,14 +242,14 @@ impl LinuxWindow {
         let Ok(bytes) = usize::try_from((skip + len).div_ceil(page) * page) else {
             return Err(too_large);
         };
-        let stat = rustix::fs::fstat(&file).map_err(MapError::system("examine the file"))?;
+        let stat = rustix::fs::fstat(&file).map_err(WindowMapError::system("examine the file"))?;
         let found = u64::try_from(stat.st_size).unwrap_or(0);
         if FileType::from_raw_mode(stat.st_mode) == FileType::RegularFile && found < end {
-            return Err(MapError::TooShort { needed: end, found });
+            return Err(WindowMapError::TooShort { needed: end, found });
         }
         let protection = match access {
-            Access::ReadOnly => ProtFlags::READ,
-            Access::ReadWrite => ProtFlags::READ | ProtFlags::WRITE,
+            WindowAccess::ReadOnly => ProtFlags::READ,
+            WindowAccess::ReadWrite => ProtFlags::READ | ProtFlags::WRITE,
         };
         // SAFETY: without FIXED the kernel chooses addresses that nothing else uses. That others
         // change the memory is harmless: no reference to it lives longer than one atomic access.
@@ -258,7 +263,7 @@ impl LinuxWindow {
                 offset - skip,
             )
         }
-        .map_err(MapError::system("map the file"))?;
+        .map_err(WindowMapError::system("map the file"))?;
         let address = NonZeroUsize::new(pages.expose_provenance()).ok_or(too_large)?;
         // From here on the mapping is undone when `mapping` is dropped.
         let mut mapping = Mapping {
@@ -268,17 +273,18 @@ impl LinuxWindow {
             _file: keep,
         };
         let guard = Guarded::new(address.get(), bytes).map_err(|error| match error {
-            GuardError::Full => MapError::TooMany {
+            GuardError::Full => WindowMapError::TooMany {
                 slots: fault::SLOTS,
             },
-            GuardError::Install(source) => MapError::System {
+            GuardError::Install(source) => WindowMapError::System {
                 doing: "handle SIGBUS",
                 source,
             },
         })?;
         let lost = guard.lost();
         mapping.guard = Some(guard);
-        let base = NonNull::new(pages.cast::<u8>()).ok_or(MapError::TooLarge { offset, len })?;
+        let base =
+            NonNull::new(pages.cast::<u8>()).ok_or(WindowMapError::TooLarge { offset, len })?;
         // SAFETY: `skip` is less than a page, and there is at least one.
         let base = unsafe { base.add(skip as usize) };
         Ok(Self {
@@ -292,7 +298,7 @@ impl LinuxWindow {
 
     /// Returns the accesses that the mapping allows.
     #[must_use]
-    pub fn access(&self) -> Access {
+    pub fn access(&self) -> WindowAccess {
         self.access
     }
 
@@ -354,8 +360,8 @@ impl LinuxWindow {
     #[inline(always)]
     pub(super) fn check_store(&self, offset: u32, len: usize) -> Result<(), LinuxWindowError> {
         match self.access {
-            Access::ReadWrite => Ok(()),
-            Access::ReadOnly => Err(self.refused(WindowErrorKind::ReadOnly, offset, len)),
+            WindowAccess::ReadWrite => Ok(()),
+            WindowAccess::ReadOnly => Err(self.refused(WindowErrorKind::ReadOnly, offset, len)),
         }
     }
 
@@ -400,12 +406,12 @@ impl MemoryWindow for LinuxWindow {
 
     /// Where memory has gone, zeros are mapped.
     #[inline(always)]
-    fn words(&self) -> Option<Words<'_>> {
+    fn words(&self) -> Option<WindowWords<'_>> {
         // SAFETY: the words are inside the mapping and aligned, as pages are; else as in `word`. They
         // are all of the window, which never changes.
         cfg!(target_endian = "little").then(|| unsafe {
             let first = self.base.cast::<AtomicU32>().as_ptr();
-            Words::new(core::slice::from_raw_parts(first, (self.size / 4) as usize))
+            WindowWords::new(core::slice::from_raw_parts(first, (self.size / 4) as usize))
         })
     }
 
@@ -489,9 +495,9 @@ impl CompareExchange for LinuxWindow {
 }
 
 /// Offset for `mmap` and size in bytes of a memory, from its directory in sysfs.
-fn uio_range(described: &std::path::Path, map: u32) -> Result<(u64, u32), MapError> {
-    let number = |name: &str| -> Result<u64, MapError> {
-        let fail = |source| MapError::System {
+fn uio_range(described: &std::path::Path, map: u32) -> Result<(u64, u32), WindowMapError> {
+    let number = |name: &str| -> Result<u64, WindowMapError> {
+        let fail = |source| WindowMapError::System {
             doing: "read the description of the UIO device",
             source,
         };
@@ -505,7 +511,7 @@ fn uio_range(described: &std::path::Path, map: u32) -> Result<(u64, u32), MapErr
     let offset = u64::from(map) * page + within % page;
     match u32::try_from(size) {
         Ok(len) => Ok((offset, len)),
-        Err(_) => Err(MapError::TooLarge { offset, len: size }),
+        Err(_) => Err(WindowMapError::TooLarge { offset, len: size }),
     }
 }
 
@@ -528,7 +534,7 @@ mod tests {
         assert!(
             matches!(
                 error,
-                MapError::TooLarge {
+                WindowMapError::TooLarge {
                     len: 0x1_0000_0000,
                     ..
                 }
@@ -536,6 +542,6 @@ mod tests {
             "{error}"
         );
         let error = describe("none\n", "0x0\n").expect_err("it is no number");
-        assert!(matches!(error, MapError::System { .. }), "{error}");
+        assert!(matches!(error, WindowMapError::System { .. }), "{error}");
     }
 }

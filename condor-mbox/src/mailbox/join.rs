@@ -3,7 +3,7 @@
 use super::peer::{Peer, Word};
 use super::{Mailbox, Waiting, listen, vectors};
 use crate::backend::Backend;
-use crate::error::Error;
+use crate::error::MailboxError;
 use crate::exclusion::Exclusion as _;
 use crate::id::Processor;
 use crate::layout::{self, JOINING, SLOTS, entry, header};
@@ -28,7 +28,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         windows: [Windows<B::Window>; N],
         doorbell: B::Doorbell,
         exclusion: B::Exclusion,
-    ) -> Result<Self, Error> {
+    ) -> Result<Self, MailboxError> {
         const {
             assert!(
                 N >= 1 && N <= Processor::MAX_COUNT,
@@ -77,7 +77,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
     ///
     /// # Errors
     /// [`Error::Window`] if the own memory cannot be accessed.
-    pub fn join(&mut self) -> Result<(), Error> {
+    pub fn join(&mut self) -> Result<(), MailboxError> {
         let own = self.own()?;
         own.store(
             At::header(header::INCARNATION),
@@ -124,7 +124,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
     ///
     /// # Errors
     /// [`Error::Window`] if the own memory cannot be accessed.
-    pub fn leave(&mut self) -> Result<(), Error> {
+    pub fn leave(&mut self) -> Result<(), MailboxError> {
         self.incarnation.set(0);
         let own = self.own()?;
         own.store(At::header(header::INCARNATION), 0, StoreOrder::Release)?;
@@ -144,7 +144,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
     pub fn declare_stopped(
         processor: Processor,
         windows: &Windows<B::Window>,
-    ) -> Result<(), Error> {
+    ) -> Result<(), MailboxError> {
         let mail = Mail::<_, N>::new(&windows.mail, &processor);
         mail.check_sizes(windows.data.size())?;
         mail.check_layout(windows.data.size())?;
@@ -173,7 +173,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
     }
 
     /// Empties every ring and cell of our own `mail`.
-    fn clear(&self, own: &Mail<'_, B::Window, N>) -> Result<(), Error> {
+    fn clear(&self, own: &Mail<'_, B::Window, N>) -> Result<(), MailboxError> {
         let clear = |at| own.store(at, 0, StoreOrder::Relaxed);
         for peer in &self.peers {
             for index in 0..SLOTS {
@@ -198,7 +198,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
     /// Notices that `peer` began or ended an incarnation, and acknowledges it.
     #[cold]
     #[inline(never)]
-    pub(super) fn notice(&self, peer: &Peer<B::Window, N>) -> Result<(), Error> {
+    pub(super) fn notice(&self, peer: &Peer<B::Window, N>) -> Result<(), MailboxError> {
         let present = peer.load_present()?;
         if peer.number == self.me
             || self.incarnation.get() == 0
@@ -216,7 +216,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         &self,
         peer: &Peer<B::Window, N>,
         own: &Mail<'_, B::Window, N>,
-    ) -> Result<(), Error> {
+    ) -> Result<(), MailboxError> {
         let present = peer.load_present()?;
         if present == peer.incarnation.get() {
             return Ok(());
@@ -284,7 +284,7 @@ const fn next_incarnation(last: u32) -> u32 {
 fn each<W: MemoryWindow, const N: usize>(
     me: Processor,
     windows: [Windows<W>; N],
-) -> Result<[Peer<W, N>; N], Error> {
+) -> Result<[Peer<W, N>; N], MailboxError> {
     for (number, Windows { mail, .. }) in (0..).map(Processor).zip(&windows) {
         Mail::<_, N>::new(mail, &number).check_size()?;
     }

@@ -13,7 +13,7 @@ use super::peer::{Peer, Word};
 use super::wait::{End, Watch};
 use crate::backend::Backend;
 use crate::doorbell::{Doorbell as _, Evidence};
-use crate::error::{Error, Progress};
+use crate::error::{MailboxError, SendProgress};
 use crate::exclusion::Exclusion as _;
 use crate::id::{Processor, Vector};
 use crate::layout::vector::HANDLED;
@@ -28,10 +28,10 @@ pub(super) struct Listening<const N: usize> {
     to: Word,
     /// The incarnation of its holder that was asked to admit us.
     incarnation: Word,
-    senders: [Heard; N],
+    senders: [ListenerProgress; N],
 }
 
-struct Heard {
+struct ListenerProgress {
     /// Epoch of the requests from the sender to the number listened to.
     epoch: Word,
     /// Sequence of the latest that was taken or missed.
@@ -49,7 +49,7 @@ enum Look {
 
 impl<const N: usize> Listening<N> {
     pub(super) fn new() -> Self {
-        let heard = |_| Heard {
+        let heard = |_| ListenerProgress {
             epoch: Word::new(0),
             tail: Word::new(0),
             missed: Word::new(0),
@@ -116,9 +116,13 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
     /// the own one, [`Error::NotJoined`] if this mailbox has not joined; [`Error::TimedOut`] or
     /// [`Error::Stalled`] if the holder does not admit this mailbox in time; [`Error::PeerDied`],
     /// [`Error::PeerLeft`] or [`Error::PeerRestarted`] if the holder ends.
-    pub fn listen(&mut self, number: Option<Processor>, timeout: Duration) -> Result<(), Error> {
+    pub fn listen(
+        &mut self,
+        number: Option<Processor>,
+        timeout: Duration,
+    ) -> Result<(), MailboxError> {
         if number == Some(self.me) {
-            return Err(Error::ListensToItself { number: self.me });
+            return Err(MailboxError::ListensToItself { number: self.me });
         }
         let begun = self.doorbell.now();
         let deadline = begun.after(timeout);
@@ -139,26 +143,26 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         });
         let admitted = |_| Ok(self.is_admitted(peer)?.then_some(()));
         let end = self.wait(self.doorbell.now(), deadline, watch, admitted)?;
-        let (vector, progress) = (Vector(0), Progress::MayRun);
+        let (vector, progress) = (Vector(0), SendProgress::MayRun);
         match end {
             End::Came(()) => {}
             End::Expired { stalled: true } => {
-                return Err(Error::Stalled {
+                return Err(MailboxError::Stalled {
                     to,
                     vector,
                     progress,
                 });
             }
             End::Expired { stalled: false } => {
-                return Err(Error::TimedOut {
+                return Err(MailboxError::TimedOut {
                     to,
                     vector,
                     progress,
                 });
             }
-            End::Died => return Err(Error::PeerDied { to, progress }),
-            End::Left => return Err(Error::PeerLeft { to, progress }),
-            End::Restarted => return Err(Error::PeerRestarted { to, progress }),
+            End::Died => return Err(MailboxError::PeerDied { to, progress }),
+            End::Left => return Err(MailboxError::PeerLeft { to, progress }),
+            End::Restarted => return Err(MailboxError::PeerRestarted { to, progress }),
         }
         for (sender, heard) in self.peers.iter().zip(&self.listening.senders) {
             heard.missed.set(0);
@@ -182,7 +186,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
     }
 
     /// Forgets the number to which this mailbox listens, so that no sender waits for it.
-    pub(super) fn stop_hearing(&self) -> Result<(), Error> {
+    pub(super) fn stop_hearing(&self) -> Result<(), MailboxError> {
         self.listening.to.set(0);
         self.listening.incarnation.set(0);
         let own = self.own()?;
@@ -208,7 +212,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
     ///
     /// # Errors
     /// [`Error::NoSuchProcessor`] if there is no processor `sender`.
-    pub fn missed(&self, sender: Processor) -> Result<u32, Error> {
+    pub fn missed(&self, sender: Processor) -> Result<u32, MailboxError> {
         let heard = self.listening.senders.get(sender.index());
         heard
             .map(|heard| heard.missed.get())
@@ -216,7 +220,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
     }
 
     /// Whether the holder of the number has set our bit.
-    fn is_admitted(&self, holder: &Peer<B::Window, N>) -> Result<bool, Error> {
+    fn is_admitted(&self, holder: &Peer<B::Window, N>) -> Result<bool, MailboxError> {
         // Acquire: pairs with the Release store in `admit_listener`.
         let bits = holder
             .mail()
@@ -230,7 +234,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         &self,
         listener: &Peer<B::Window, N>,
         admit: bool,
-    ) -> Result<(), Error> {
+    ) -> Result<(), MailboxError> {
         let own = self.own()?;
         self.exclusion.with(|| {
             let bit = 1 << listener.number.0;
@@ -309,7 +313,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
     /// whether there was.
     #[cold]
     #[inline(never)]
-    pub(super) fn hear(&self, deadline: Instant) -> Result<bool, Error> {
+    pub(super) fn hear(&self, deadline: Instant) -> Result<bool, MailboxError> {
         let Some(to) = self.listens_to() else {
             return Ok(false);
         };
@@ -335,8 +339,8 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         &self,
         holder: &Peer<B::Window, N>,
         sender: &Peer<B::Window, N>,
-        heard: &Heard,
-    ) -> Result<Option<(u32, Entry)>, Error> {
+        heard: &ListenerProgress,
+    ) -> Result<Option<(u32, Entry)>, MailboxError> {
         let present = holder.present();
         if present != self.listening.incarnation.get() && !matches!(present, 0 | JOINING) {
             // The holder began a new incarnation, which has not admitted us yet.
@@ -371,10 +375,10 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
     fn start_hearing(
         &self,
         sender: Processor,
-        heard: &Heard,
+        heard: &ListenerProgress,
         epoch: u32,
         tail: u32,
-    ) -> Result<(), Error> {
+    ) -> Result<(), MailboxError> {
         heard.epoch.set(epoch);
         heard.tail.set(tail);
         let own = self.own()?;
@@ -388,8 +392,8 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         &self,
         holder: &Peer<B::Window, N>,
         sender: &Peer<B::Window, N>,
-        heard: &Heard,
-    ) -> Result<Look, Error> {
+        heard: &ListenerProgress,
+    ) -> Result<Look, MailboxError> {
         let depth = self.depth.get();
         if depth >= Call::MAX_DEPTH {
             return Ok(Look::Nothing);

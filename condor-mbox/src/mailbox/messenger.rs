@@ -5,7 +5,7 @@ use core::pin::Pin;
 use core::task::{Context, Poll, Waker};
 use core::time::Duration;
 
-use crate::error::Error;
+use crate::error::MailboxError;
 use crate::id::{Processor, Vector};
 use crate::time::Instant;
 
@@ -53,7 +53,7 @@ pub trait Messenger {
         vector: Vector,
         data: u32,
         timeout: Duration,
-    ) -> Result<(), Error>;
+    ) -> Result<(), MailboxError>;
 
     /// Sends `data` to `vector` of `to`, and waits for the result of its handler.
     ///
@@ -71,7 +71,7 @@ pub trait Messenger {
         vector: Vector,
         data: u32,
         timeout: Duration,
-    ) -> Result<u32, Error>;
+    ) -> Result<u32, MailboxError>;
 
     /// Sends `data` to `vector` of `to`, and returns a ticket for the reply.
     ///
@@ -84,7 +84,7 @@ pub trait Messenger {
         vector: Vector,
         data: u32,
         timeout: Duration,
-    ) -> Result<Ticket<'_>, Error>;
+    ) -> Result<MessageTicket<'_>, MailboxError>;
 
     /// Serves the messages that have come, and returns their number.
     ///
@@ -96,7 +96,7 @@ pub trait Messenger {
     /// # Errors
     /// [`Error::NotJoined`] if this mailbox has not joined; [`Error::Window`] if the own memory
     /// cannot be accessed.
-    fn serve(&self, timeout: Duration) -> Result<usize, Error>;
+    fn serve(&self, timeout: Duration) -> Result<usize, MailboxError>;
 
     /// Serves as [`serve`](Self::serve) does, while the caller waits for an action of `whom`: for
     /// example that a file server comes back, or that a terminal gets room. In simulated time, if
@@ -105,25 +105,25 @@ pub trait Messenger {
     /// # Errors
     /// [`Error::NotJoined`] if this mailbox has not joined; [`Error::Window`] if the own memory
     /// cannot be accessed.
-    fn serve_for(&self, whom: Processor, timeout: Duration) -> Result<usize, Error> {
+    fn serve_for(&self, whom: Processor, timeout: Duration) -> Result<usize, MailboxError> {
         let _ = whom;
         self.serve(timeout)
     }
 
-    /// Returns the reply to `pending` if it has come. Programs call [`Ticket::poll`] instead.
+    /// Returns the reply to `pending` if it has come. Programs call [`MessageTicket::poll`] instead.
     ///
     /// # Errors
-    /// The errors of [`Ticket::poll`].
-    fn poll_pending(&self, pending: &Pending) -> Result<Option<u32>, Error>;
+    /// The errors of [`MessageTicket::poll`].
+    fn poll_pending(&self, pending: &PendingReply) -> Result<Option<u32>, MailboxError>;
 
-    /// Waits for the reply to `pending`. Programs call [`Ticket::wait`] instead.
+    /// Waits for the reply to `pending`. Programs call [`MessageTicket::wait`] instead.
     ///
     /// # Errors
-    /// The errors of [`Ticket::wait`].
-    fn wait_pending(&self, pending: &Pending, timeout: Duration) -> Result<u32, Error>;
+    /// The errors of [`MessageTicket::wait`].
+    fn wait_pending(&self, pending: &PendingReply, timeout: Duration) -> Result<u32, MailboxError>;
 
     /// Gives up `pending`. Its reply is dropped when it comes.
-    fn abandon(&self, pending: &Pending);
+    fn abandon(&self, pending: &PendingReply);
 
     /// Wakes `waker` when the next [`serve`](Self::serve) ends. Without the feature `async` this is
     /// not possible, and `waker` is woken at once.
@@ -132,10 +132,10 @@ pub trait Messenger {
     }
 }
 
-/// A request whose reply has not come yet, as [`Ticket::detach`] returns it: unlike a [`Ticket`] it
+/// A request whose reply has not come yet, as [`MessageTicket::detach`] returns it: unlike a [`MessageTicket`] it
 /// does not borrow the messenger.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Pending {
+pub struct PendingReply {
     pub(super) to: Processor,
     pub(super) vector: Vector,
     pub(super) cell: u8,
@@ -182,14 +182,14 @@ pub struct Pending {
 /// # }
 /// ```
 #[must_use = "dropping a ticket gives up the reply"]
-pub struct Ticket<'m> {
+pub struct MessageTicket<'m> {
     messenger: &'m dyn Messenger,
-    pending: Option<Pending>,
+    pending: Option<PendingReply>,
 }
 
-impl<'m> Ticket<'m> {
+impl<'m> MessageTicket<'m> {
     /// Makes the ticket of a request that `messenger` sent.
-    pub fn attach(messenger: &'m dyn Messenger, pending: Pending) -> Self {
+    pub fn attach(messenger: &'m dyn Messenger, pending: PendingReply) -> Self {
         Self {
             messenger,
             pending: Some(pending),
@@ -200,7 +200,7 @@ impl<'m> Ticket<'m> {
     /// again. So a handler can keep it for a later call. Returns `None` if the reply was returned
     /// before. Dropping the result does not give up the reply, so its slot stays in use.
     #[must_use]
-    pub fn detach(mut self) -> Option<Pending> {
+    pub fn detach(mut self) -> Option<PendingReply> {
         self.pending.take()
     }
 
@@ -211,12 +211,15 @@ impl<'m> Ticket<'m> {
     ///
     /// # Errors
     /// The errors of [`Messenger::send_with_reply`].
-    pub fn wait(&mut self, timeout: Duration) -> Result<Option<u32>, Error> {
+    pub fn wait(&mut self, timeout: Duration) -> Result<Option<u32>, MailboxError> {
         let Some(pending) = &self.pending else {
             return Ok(None);
         };
         let outcome = self.messenger.wait_pending(pending, timeout);
-        if !matches!(outcome, Err(Error::TimedOut { .. } | Error::Stalled { .. })) {
+        if !matches!(
+            outcome,
+            Err(MailboxError::TimedOut { .. } | MailboxError::Stalled { .. })
+        ) {
             self.finish();
         }
         outcome.map(Some)
@@ -228,7 +231,7 @@ impl<'m> Ticket<'m> {
     /// The errors of [`Messenger::send_with_reply`], except time-outs. This call reads only memory:
     /// if a peer died without a trace there, the error comes only when another program has joined
     /// in its place. After an error the ticket is used up.
-    pub fn poll(&mut self) -> Result<Option<u32>, Error> {
+    pub fn poll(&mut self) -> Result<Option<u32>, MailboxError> {
         let Some(pending) = &self.pending else {
             return Ok(None);
         };
@@ -248,13 +251,13 @@ impl<'m> Ticket<'m> {
 }
 
 /// Waits for the reply or an error; never completes if the reply was returned before.
-impl Future for Ticket<'_> {
-    type Output = Result<u32, Error>;
+impl Future for MessageTicket<'_> {
+    type Output = Result<u32, MailboxError>;
 
     fn poll(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<Self::Output> {
         // Before the look: a reply that comes after it is served after it.
         self.messenger.wake_after_serve(context.waker());
-        match Ticket::poll(&mut self) {
+        match MessageTicket::poll(&mut self) {
             Ok(None) => Poll::Pending,
             Ok(Some(value)) => Poll::Ready(Ok(value)),
             Err(error) => Poll::Ready(Err(error)),
@@ -262,13 +265,13 @@ impl Future for Ticket<'_> {
     }
 }
 
-impl core::fmt::Debug for Ticket<'_> {
+impl core::fmt::Debug for MessageTicket<'_> {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         f.debug_tuple("Ticket").field(&self.pending).finish()
     }
 }
 
-impl Drop for Ticket<'_> {
+impl Drop for MessageTicket<'_> {
     fn drop(&mut self) {
         self.finish();
     }
@@ -392,7 +395,7 @@ impl Messenger for Call<'_> {
         vector: Vector,
         data: u32,
         timeout: Duration,
-    ) -> Result<(), Error> {
+    ) -> Result<(), MailboxError> {
         let timeout = self.within(timeout);
         self.messenger.send(to, vector, data, timeout)
     }
@@ -403,9 +406,9 @@ impl Messenger for Call<'_> {
         vector: Vector,
         data: u32,
         timeout: Duration,
-    ) -> Result<u32, Error> {
+    ) -> Result<u32, MailboxError> {
         if self.depth >= Self::MAX_DEPTH {
-            return Err(Error::TooDeep { depth: self.depth });
+            return Err(MailboxError::TooDeep { depth: self.depth });
         }
         let timeout = self.within(timeout);
         self.messenger.send_with_reply(to, vector, data, timeout)
@@ -417,29 +420,29 @@ impl Messenger for Call<'_> {
         vector: Vector,
         data: u32,
         timeout: Duration,
-    ) -> Result<Ticket<'_>, Error> {
+    ) -> Result<MessageTicket<'_>, MailboxError> {
         let timeout = self.within(timeout);
         self.messenger.begin(to, vector, data, timeout)
     }
 
-    fn serve(&self, timeout: Duration) -> Result<usize, Error> {
+    fn serve(&self, timeout: Duration) -> Result<usize, MailboxError> {
         self.messenger.serve(self.within(timeout))
     }
 
-    fn serve_for(&self, whom: Processor, timeout: Duration) -> Result<usize, Error> {
+    fn serve_for(&self, whom: Processor, timeout: Duration) -> Result<usize, MailboxError> {
         self.messenger.serve_for(whom, self.within(timeout))
     }
 
-    fn poll_pending(&self, pending: &Pending) -> Result<Option<u32>, Error> {
+    fn poll_pending(&self, pending: &PendingReply) -> Result<Option<u32>, MailboxError> {
         self.messenger.poll_pending(pending)
     }
 
-    fn wait_pending(&self, pending: &Pending, timeout: Duration) -> Result<u32, Error> {
+    fn wait_pending(&self, pending: &PendingReply, timeout: Duration) -> Result<u32, MailboxError> {
         let timeout = self.within(timeout);
         self.messenger.wait_pending(pending, timeout)
     }
 
-    fn abandon(&self, pending: &Pending) {
+    fn abandon(&self, pending: &PendingReply) {
         self.messenger.abandon(pending);
     }
 

@@ -11,18 +11,18 @@ mod tasks;
 mod vectors;
 mod wait;
 
-pub use messenger::{Call, Handler, Messenger, Pending, Ticket};
+pub use messenger::{Call, Handler, MessageTicket, Messenger, PendingReply};
 pub use vectors::VectorStatistics;
 pub use wait::Waiting;
 
 use crate::backend::Backend;
 use crate::doorbell::{Doorbell as _, Evidence};
-use crate::error::{Error, Object};
+use crate::error::{MailboxError, MemoryObject};
 use crate::id::{Processor, Vector};
 use crate::layout::JOINING;
 use crate::mail::Mail;
 use crate::region::Region;
-use crate::spin_lock::{Incarnations, Owner};
+use crate::spin_lock::{Incarnations, LockOwner};
 use crate::windows::Windows;
 use peer::{Peer, Word};
 
@@ -70,7 +70,7 @@ use peer::{Peer, Word};
 /// | background | everything |
 /// | handler | everything in its [`Call`], whose waits end with the wait that serves it |
 /// | interrupt | [`serve`](Messenger::serve), [`send`](Messenger::send) with a time-out of zero |
-/// | servo loop | [`send`](Messenger::send) and [`begin`](Messenger::begin) with a time-out of zero, and [`Ticket::poll`] |
+/// | servo loop | [`send`](Messenger::send) and [`begin`](Messenger::begin) with a time-out of zero, and [`MessageTicket::poll`] |
 pub struct Mailbox<'v, B: Backend, const N: usize> {
     me: Processor,
     doorbell: B::Doorbell,
@@ -130,7 +130,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
     ///
     /// # Errors
     /// [`Error::NoSuchProcessor`] if there is no such number.
-    pub fn windows(&self, processor: Processor) -> Result<&Windows<B::Window>, Error> {
+    pub fn windows(&self, processor: Processor) -> Result<&Windows<B::Window>, MailboxError> {
         Ok(&self.peer(processor)?.windows)
     }
 
@@ -139,7 +139,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
     /// # Errors
     /// [`Error::NoSuchProcessor`] if there is no such number; [`Error::Window`] if its memory is
     /// gone.
-    pub fn peer_state(&self, processor: Processor) -> Result<PeerState, Error> {
+    pub fn peer_state(&self, processor: Processor) -> Result<PeerState, MailboxError> {
         let peer = self.peer(processor)?;
         Ok(match peer.load_present()? {
             0 => PeerState::Absent,
@@ -159,10 +159,10 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
     /// # Errors
     /// [`Error::NoSuchProcessor`] if there is no such number; [`Error::Window`] if the window is
     /// too small.
-    pub fn region(&self, processor: Processor) -> Result<Region<&B::Window>, Error> {
-        Region::users(&self.windows(processor)?.data).map_err(|error| Error::Window {
+    pub fn region(&self, processor: Processor) -> Result<Region<&B::Window>, MailboxError> {
+        Region::users(&self.windows(processor)?.data).map_err(|error| MailboxError::Window {
             processor,
-            object: Object::Data,
+            object: MemoryObject::Data,
             kind: error.kind,
         })
     }
@@ -172,43 +172,43 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
     ///
     /// # Errors
     /// [`Error::NotJoined`] if this mailbox has not joined.
-    pub fn owner(&self) -> Result<Owner, Error> {
+    pub fn owner(&self) -> Result<LockOwner, MailboxError> {
         self.check_joined()?;
-        Owner::new(self.me, self.incarnation.get())
+        LockOwner::new(self.me, self.incarnation.get())
     }
 
     #[inline(always)]
-    fn check_joined(&self) -> Result<(), Error> {
+    fn check_joined(&self) -> Result<(), MailboxError> {
         if self.incarnation.get() == 0 {
-            return Err(Error::NotJoined { number: self.me });
+            return Err(MailboxError::NotJoined { number: self.me });
         }
         Ok(())
     }
 
     #[cold]
-    fn no_such(number: Processor) -> Error {
-        Error::NoSuchProcessor {
+    fn no_such(number: Processor) -> MailboxError {
+        MailboxError::NoSuchProcessor {
             number,
             processors: N as u8,
         }
     }
 
     #[inline(always)]
-    fn peer(&self, number: Processor) -> Result<&Peer<B::Window, N>, Error> {
+    fn peer(&self, number: Processor) -> Result<&Peer<B::Window, N>, MailboxError> {
         self.peers
             .get(number.index())
             .ok_or_else(|| Self::no_such(number))
     }
 
     #[inline(always)]
-    fn own(&self) -> Result<Mail<'_, B::Window, N>, Error> {
+    fn own(&self) -> Result<Mail<'_, B::Window, N>, MailboxError> {
         Ok(self.peer(self.me)?.mail())
     }
 }
 
 /// Learns which incarnations have ended from the peers' own words and from the platform.
 impl<B: Backend, const N: usize> Incarnations for Mailbox<'_, B, N> {
-    fn is_current(&self, owner: Owner) -> bool {
+    fn is_current(&self, owner: LockOwner) -> bool {
         let Some(Ok(peer)) = owner.processor().map(|number| self.peer(number)) else {
             return false;
         };

@@ -1,6 +1,6 @@
 //! [`Peer`]: a processor of the system, and what a mailbox remembers of it in its own memory.
 
-use crate::error::Error;
+use crate::error::MailboxError;
 use crate::id::Processor;
 use crate::layout::{JOINING, SLOTS, header};
 use crate::mail::{At, Entry, Mail, Pair};
@@ -98,13 +98,13 @@ impl<W: MemoryWindow, const N: usize> Peer<W, N> {
     }
 
     /// The same, with an error if its memory is gone.
-    pub(super) fn load_present(&self) -> Result<u32, Error> {
+    pub(super) fn load_present(&self) -> Result<u32, MailboxError> {
         self.mail()
             .load(At::header(header::INCARNATION), LoadOrder::Acquire)
     }
 
     /// Checks that the peer was built for this system.
-    pub(super) fn check_layout(&self) -> Result<(), Error> {
+    pub(super) fn check_layout(&self) -> Result<(), MailboxError> {
         let data_bytes = self.windows.data.size();
         self.mail().check_sizes(data_bytes)?;
         self.mail().check_layout(data_bytes)

@@ -6,13 +6,13 @@
 use core::hint::spin_loop;
 use core::time::Duration;
 
-use super::messenger::{Messenger, Pending, Ticket};
+use super::messenger::{MessageTicket, Messenger, PendingReply};
 use super::peer::{Peer, Word};
 use super::wait::{End, GLANCES, Watch};
 use super::{Mailbox, Waiting};
 use crate::backend::Backend;
 use crate::doorbell::Doorbell as _;
-use crate::error::{Error, Progress, ProtocolWord};
+use crate::error::{MailboxError, ProtocolWord, SendProgress};
 use crate::exclusion::Exclusion as _;
 use crate::id::{Processor, Vector};
 use crate::layout::vector::{FAILED, SENT};
@@ -31,20 +31,20 @@ pub(super) enum Refusal {
     /// Only listeners have not taken enough requests.
     Listeners,
     /// Something else is wrong.
-    Error(Error),
+    Error(MailboxError),
 }
 
-impl From<Error> for Refusal {
-    fn from(error: Error) -> Self {
+impl From<MailboxError> for Refusal {
+    fn from(error: MailboxError) -> Self {
         Self::Error(error)
     }
 }
 
 impl Refusal {
-    fn error(self, to: Processor) -> Error {
+    fn error(self, to: Processor) -> MailboxError {
         match self {
-            Self::NotConnected => Error::NotConnected { to },
-            Self::NoSlot | Self::Listeners => Error::NoSlot { to },
+            Self::NotConnected => MailboxError::NotConnected { to },
+            Self::NoSlot | Self::Listeners => MailboxError::NoSlot { to },
             Self::Error(error) => error,
         }
     }
@@ -65,7 +65,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         kind: u32,
         data: u32,
         patience: Duration,
-    ) -> Result<Pending, Refusal> {
+    ) -> Result<PendingReply, Refusal> {
         let mail = peer.mail();
         if mail.present() != peer.incarnation.get() {
             self.notice(peer)?;
@@ -113,7 +113,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
                 let sent = own.load(at, LoadOrder::Relaxed)?;
                 own.set(at, sent.wrapping_add(1));
             }
-            let pending = Pending {
+            let pending = PendingReply {
                 to: peer.number,
                 vector,
                 cell: cell as u8,
@@ -138,7 +138,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         kind: u32,
         data: u32,
         patience: Duration,
-    ) -> Result<Pending, Refusal> {
+    ) -> Result<PendingReply, Refusal> {
         self.publish::<false>(peer, kind, data, patience)
     }
 
@@ -163,10 +163,10 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
 
     /// Returns the peer `to`, after checking all arguments of a request and that we have joined.
     #[inline(always)]
-    fn receiver(&self, to: Processor, vector: Vector) -> Result<&Peer<B::Window, N>, Error> {
+    fn receiver(&self, to: Processor, vector: Vector) -> Result<&Peer<B::Window, N>, MailboxError> {
         let peer = self.peer(to)?;
         if vector.index() >= Vector::COUNT {
-            return Err(Error::NoSuchVector { vector });
+            return Err(MailboxError::NoSuchVector { vector });
         }
         self.check_joined()?;
         Ok(peer)
@@ -180,7 +180,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         kind: u32,
         data: u32,
         timeout: Duration,
-    ) -> Result<Pending, Error> {
+    ) -> Result<PendingReply, MailboxError> {
         // Mostly there is a slot, and the clock need not be read.
         match self.publish_once(peer, kind, data, timeout) {
             Ok(pending) => Ok(pending),
@@ -198,9 +198,9 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         data: u32,
         timeout: Duration,
         mut refusal: Refusal,
-    ) -> Result<Pending, Error> {
+    ) -> Result<PendingReply, MailboxError> {
         let (to, vector) = (peer.number, Vector(kind.to_le_bytes()[0]));
-        let progress = Progress::Never;
+        let progress = SendProgress::Never;
         let failed = |error| {
             self.count_failure(vector);
             Err(error)
@@ -246,12 +246,12 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
                     Err(refusal) => refusal.error(to),
                 }
             }
-            Ok(End::Expired { stalled: true }) if peer.has_joined() => Error::Stalled {
+            Ok(End::Expired { stalled: true }) if peer.has_joined() => MailboxError::Stalled {
                 to,
                 vector,
                 progress,
             },
-            Ok(End::Died) => Error::PeerDied { to, progress },
+            Ok(End::Died) => MailboxError::PeerDied { to, progress },
             Ok(_) => refusal.error(to),
             Err(error) => error,
         })
@@ -274,8 +274,8 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
     fn take_reply(
         &self,
         peer: &Peer<B::Window, N>,
-        pending: &Pending,
-    ) -> Option<Result<u32, Error>> {
+        pending: &PendingReply,
+    ) -> Option<Result<u32, MailboxError>> {
         let at = peer.theirs.cell(u32::from(pending.cell));
         let mail = peer.mail();
         if !mail.carries(at, pending.sequence) {
@@ -304,11 +304,11 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
     fn wait_for_reply(
         &self,
         peer: &Peer<B::Window, N>,
-        pending: &Pending,
+        pending: &PendingReply,
         begun: Instant,
         timeout: Duration,
         gives_up: bool,
-    ) -> Result<u32, Error> {
+    ) -> Result<u32, MailboxError> {
         if self.doorbell.is_exact() {
             // Time may stand during this wait: how soon the reply comes must not decide whether
             // requests that are there are served before it.
@@ -341,7 +341,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         data: u32,
         timeout: Duration,
         refusal: Refusal,
-    ) -> Result<u32, Error> {
+    ) -> Result<u32, MailboxError> {
         let deadline = self.doorbell.now().after(timeout);
         let pending = self.publish_late(peer, kind, data, timeout, refusal)?;
         let begun = self.doorbell.now();
@@ -353,11 +353,11 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
     fn wait_long_for_reply(
         &self,
         peer: &Peer<B::Window, N>,
-        pending: &Pending,
+        pending: &PendingReply,
         begun: Instant,
         timeout: Duration,
         gives_up: bool,
-    ) -> Result<u32, Error> {
+    ) -> Result<u32, MailboxError> {
         let deadline = begun.after(timeout);
         let watch = (peer.number != self.me).then_some(Watch {
             peer: peer.number,
@@ -381,10 +381,10 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
     fn no_reply(
         &self,
         peer: &Peer<B::Window, N>,
-        pending: &Pending,
-        end: &Result<End<u32>, Error>,
-    ) -> Error {
-        let Pending { to, vector, .. } = *pending;
+        pending: &PendingReply,
+        end: &Result<End<u32>, MailboxError>,
+    ) -> MailboxError {
+        let PendingReply { to, vector, .. } = *pending;
         self.count_failure(vector);
         let over = match end {
             Ok(End::Died) => Some(pending.incarnation),
@@ -395,24 +395,24 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         match end {
             // The reply came, and says that there is no value; or memory is gone.
             Err(error) => *error,
-            Ok(End::Expired { stalled: true }) => Error::Stalled {
+            Ok(End::Expired { stalled: true }) => MailboxError::Stalled {
                 to,
                 vector,
                 progress,
             },
-            Ok(End::Expired { .. } | End::Came(_)) => Error::TimedOut {
+            Ok(End::Expired { .. } | End::Came(_)) => MailboxError::TimedOut {
                 to,
                 vector,
                 progress,
             },
-            Ok(End::Died) => Error::PeerDied { to, progress },
-            Ok(End::Left) => Error::PeerLeft { to, progress },
-            Ok(End::Restarted) => Error::PeerRestarted { to, progress },
+            Ok(End::Died) => MailboxError::PeerDied { to, progress },
+            Ok(End::Left) => MailboxError::PeerLeft { to, progress },
+            Ok(End::Restarted) => MailboxError::PeerRestarted { to, progress },
         }
     }
 
     /// The reply to `pending`, if it has come; an error also if its receiver's incarnation is over.
-    fn reply_or_end(&self, pending: &Pending) -> Result<Option<u32>, Error> {
+    fn reply_or_end(&self, pending: &PendingReply) -> Result<Option<u32>, MailboxError> {
         let to = pending.to;
         let peer = self.peer(to)?;
         if let Some(reply) = self.take_reply(peer, pending) {
@@ -429,8 +429,8 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         let over = (present == 0).then_some(0);
         let progress = peer.progress(pending, over);
         Err(match over {
-            Some(_) => Error::PeerLeft { to, progress },
-            None => Error::PeerRestarted { to, progress },
+            Some(_) => MailboxError::PeerLeft { to, progress },
+            None => MailboxError::PeerRestarted { to, progress },
         })
     }
 
@@ -441,7 +441,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         to: Processor,
         kind: u32,
         timeout: Duration,
-    ) -> Result<u32, Error> {
+    ) -> Result<u32, MailboxError> {
         self.check_joined()?;
         let none = u32::from(u8::MAX);
         let pending = self.publish_within(self.peer(to)?, kind | none, 0, timeout)?;
@@ -478,7 +478,7 @@ impl<W: MemoryWindow, const N: usize> Peer<W, N> {
             if present != self.incarnation.get() {
                 return Err(Refusal::NotConnected);
             }
-            return Err(Refusal::Error(Error::Protocol {
+            return Err(Refusal::Error(MailboxError::Protocol {
                 peer: self.number,
                 word: ProtocolWord::Taken,
                 found: count,
@@ -511,36 +511,36 @@ impl<W: MemoryWindow, const N: usize> Peer<W, N> {
 
     /// How far a request had come when its sender gave up; `over` is the receiver's incarnation word
     /// if nothing runs there any more.
-    fn progress(&self, pending: &Pending, over: Option<u32>) -> Progress {
+    fn progress(&self, pending: &PendingReply, over: Option<u32>) -> SendProgress {
         let at = self.theirs.taken();
         let taken = self.mail().load(at, LoadOrder::Acquire);
         // What the private cursor knows is true even if the receiver has forgotten it since.
         let known = |count: u32| count.wrapping_sub(pending.sequence) <= u32::MAX / 2;
         if known(self.taken.get()) && self.epoch_out.get() == pending.epoch {
-            return Progress::Taken;
+            return SendProgress::Taken;
         }
         match taken {
-            Ok(count) if known(count) => Progress::Taken,
+            Ok(count) if known(count) => SendProgress::Taken,
             // The count is still that of the incarnation that ended: the next one begins it anew.
-            Ok(_) if over == Some(self.present()) => Progress::Never,
-            _ => Progress::MayRun,
+            Ok(_) if over == Some(self.present()) => SendProgress::Never,
+            _ => SendProgress::MayRun,
         }
     }
 }
 
 /// The error for a reply that is no value.
 #[cold]
-fn without_value(pending: &Pending, reply: Entry) -> Error {
-    let Pending { to, vector, .. } = *pending;
+fn without_value(pending: &PendingReply, reply: Entry) -> MailboxError {
+    let PendingReply { to, vector, .. } = *pending;
     match reply.kind {
-        status::NO_HANDLER => Error::NoHandler { to, vector },
-        status::HANDLER_FAILED => Error::HandlerFailed { to, vector },
-        status::REFUSED => Error::Refused {
+        status::NO_HANDLER => MailboxError::NoHandler { to, vector },
+        status::HANDLER_FAILED => MailboxError::HandlerFailed { to, vector },
+        status::REFUSED => MailboxError::Refused {
             to,
             vector,
             code: reply.value,
         },
-        found => Error::Protocol {
+        found => MailboxError::Protocol {
             peer: to,
             word: ProtocolWord::ReplyStatus,
             found,
@@ -565,7 +565,7 @@ impl<B: Backend, const N: usize> Messenger for Mailbox<'_, B, N> {
         vector: Vector,
         data: u32,
         timeout: Duration,
-    ) -> Result<(), Error> {
+    ) -> Result<(), MailboxError> {
         let peer = self.receiver(to, vector)?;
         let kind = kind::SEND | u32::from(vector.0);
         self.publish_within(peer, kind, data, timeout).map(drop)
@@ -577,7 +577,7 @@ impl<B: Backend, const N: usize> Messenger for Mailbox<'_, B, N> {
         vector: Vector,
         data: u32,
         timeout: Duration,
-    ) -> Result<u32, Error> {
+    ) -> Result<u32, MailboxError> {
         let peer = self.receiver(to, vector)?;
         let kind = kind::CALL | u32::from(vector.0);
         // The clock is read after the request is on its way, so that the receiver need not wait for it.
@@ -593,33 +593,33 @@ impl<B: Backend, const N: usize> Messenger for Mailbox<'_, B, N> {
         vector: Vector,
         data: u32,
         timeout: Duration,
-    ) -> Result<Ticket<'_>, Error> {
+    ) -> Result<MessageTicket<'_>, MailboxError> {
         let peer = self.receiver(to, vector)?;
         let kind = kind::CALL | u32::from(vector.0);
         let pending = self.publish_within(peer, kind, data, timeout)?;
-        Ok(Ticket::attach(self, pending))
+        Ok(MessageTicket::attach(self, pending))
     }
 
-    fn serve(&self, timeout: Duration) -> Result<usize, Error> {
+    fn serve(&self, timeout: Duration) -> Result<usize, MailboxError> {
         self.serve_within(timeout, None)
     }
 
-    fn serve_for(&self, whom: Processor, timeout: Duration) -> Result<usize, Error> {
+    fn serve_for(&self, whom: Processor, timeout: Duration) -> Result<usize, MailboxError> {
         self.serve_within(timeout, Some(whom))
     }
 
-    fn poll_pending(&self, pending: &Pending) -> Result<Option<u32>, Error> {
+    fn poll_pending(&self, pending: &PendingReply) -> Result<Option<u32>, MailboxError> {
         self.reply_or_end(pending)
             .inspect_err(|_| self.count_failure(pending.vector))
     }
 
-    fn wait_pending(&self, pending: &Pending, timeout: Duration) -> Result<u32, Error> {
+    fn wait_pending(&self, pending: &PendingReply, timeout: Duration) -> Result<u32, MailboxError> {
         let begun = self.doorbell.now();
         let peer = self.peer(pending.to)?;
         self.wait_for_reply(peer, pending, begun, timeout, false)
     }
 
-    fn abandon(&self, pending: &Pending) {
+    fn abandon(&self, pending: &PendingReply) {
         if let Ok(peer) = self.peer(pending.to) {
             self.exclusion.with(|| {
                 let owner = peer.owner.get(pending.cell as usize).map(Word::get);

@@ -9,7 +9,7 @@ use super::peer::Peer;
 use super::wait::End;
 use crate::backend::Backend;
 use crate::doorbell::Doorbell as _;
-use crate::error::Error;
+use crate::error::MailboxError;
 use crate::exclusion::Exclusion as _;
 use crate::id::{Processor, Vector};
 use crate::layout::vector::{HANDLED, WORST};
@@ -28,7 +28,7 @@ const FRESH: u32 = 1 << 8;
 
 /// The data for the reply to a request that was taken. No other context runs that request.
 #[derive(Clone, Copy)]
-struct Taken {
+struct ReplyData {
     incarnation: u32,
     sequence: u32,
     epoch: u32,
@@ -41,7 +41,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         &self,
         timeout: Duration,
         whom: Option<Processor>,
-    ) -> Result<usize, Error> {
+    ) -> Result<usize, MailboxError> {
         self.check_joined()?;
         let begun = self.doorbell.now();
         let most = N * SLOTS as usize;
@@ -79,7 +79,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         &self,
         mut now: Instant,
         deadline: Instant,
-    ) -> Result<usize, Error> {
+    ) -> Result<usize, MailboxError> {
         self.beat()?;
         let (mut count, mut more) = (0, false);
         for peer in &self.peers {
@@ -120,7 +120,11 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
 
     /// Increments the heartbeat, notices peers that have joined or left, and serves one request, if
     /// there is one. `now` is the latest reading of the clock, before and after the call.
-    pub(super) fn serve_one(&self, deadline: Instant, now: &mut Instant) -> Result<bool, Error> {
+    pub(super) fn serve_one(
+        &self,
+        deadline: Instant,
+        now: &mut Instant,
+    ) -> Result<bool, MailboxError> {
         self.beat()?;
         for peer in &self.peers {
             if peer.present() != peer.incarnation.get() {
@@ -165,7 +169,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
     /// # Errors
     /// [`Error::Window`] if the own memory is gone.
     #[inline(always)]
-    pub fn beat(&self) -> Result<(), Error> {
+    pub fn beat(&self) -> Result<(), MailboxError> {
         let beat = self.beats.get().wrapping_add(1);
         self.beats.set(beat);
         self.own()?
@@ -306,7 +310,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         &self,
         peer: &Peer<B::Window, N>,
         own: &Mail<'_, B::Window, N>,
-    ) -> Option<(Taken, u32, u32)> {
+    ) -> Option<(ReplyData, u32, u32)> {
         let depth = self.depth.get();
         if depth >= Call::MAX_DEPTH {
             return None;
@@ -327,7 +331,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         } else {
             self.last.set(number | FRESH);
         }
-        let taken = Taken {
+        let taken = ReplyData {
             incarnation: peer.incarnation.get(),
             sequence,
             epoch: entry.epoch,
@@ -343,10 +347,10 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         &self,
         peer: &Peer<B::Window, N>,
         own: &Mail<'_, B::Window, N>,
-        taken: &Taken,
+        taken: &ReplyData,
         (status, value): (u32, u32),
     ) {
-        let Taken { kind, epoch, .. } = *taken;
+        let ReplyData { kind, epoch, .. } = *taken;
         let replies = kind & 0xff00 == kind::CALL;
         let deepest = self.exclusion.with(|| {
             let depth = self.depth.get();
@@ -411,7 +415,7 @@ impl<B: Backend> Drop for Turn<'_, B> {
 struct Unfinished<'f, 'v, B: Backend, const N: usize> {
     mailbox: &'f Mailbox<'v, B, N>,
     peer: &'f Peer<B::Window, N>,
-    taken: Taken,
+    taken: ReplyData,
 }
 
 impl<B: Backend, const N: usize> Drop for Unfinished<'_, '_, B, N> {

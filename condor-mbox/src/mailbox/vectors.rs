@@ -2,7 +2,7 @@
 
 use super::{Handler, Mailbox};
 use crate::backend::Backend;
-use crate::error::Error;
+use crate::error::MailboxError;
 use crate::id::{Processor, Vector};
 use crate::layout::{NAME_BYTES, vector};
 use crate::mail::{At, Mail};
@@ -57,16 +57,16 @@ impl<'v, B: Backend, const N: usize> Mailbox<'v, B, N> {
         vector: Vector,
         handler: Handler<'v>,
         name: &str,
-    ) -> Result<(), Error> {
+    ) -> Result<(), MailboxError> {
         let entry = self
             .handlers
             .get_mut(vector.index())
-            .ok_or(Error::NoSuchVector { vector })?;
+            .ok_or(MailboxError::NoSuchVector { vector })?;
         if entry.is_some() {
-            return Err(Error::VectorTaken { vector });
+            return Err(MailboxError::VectorTaken { vector });
         }
         if name.len() > NAME_BYTES {
-            return Err(Error::NameTooLong {
+            return Err(MailboxError::NameTooLong {
                 vector,
                 len: name.len(),
             });
@@ -80,11 +80,11 @@ impl<'v, B: Backend, const N: usize> Mailbox<'v, B, N> {
     /// # Errors
     /// [`Error::NoSuchVector`] if the number is too large; [`Error::Window`] if the own memory
     /// cannot be accessed.
-    pub fn clear_vector(&mut self, vector: Vector) -> Result<(), Error> {
+    pub fn clear_vector(&mut self, vector: Vector) -> Result<(), MailboxError> {
         let entry = self
             .handlers
             .get_mut(vector.index())
-            .ok_or(Error::NoSuchVector { vector })?;
+            .ok_or(MailboxError::NoSuchVector { vector })?;
         *entry = None;
         self.write_name(vector, "")
     }
@@ -99,10 +99,10 @@ impl<'v, B: Backend, const N: usize> Mailbox<'v, B, N> {
         &self,
         processor: Processor,
         vector: Vector,
-    ) -> Result<VectorStatistics, Error> {
+    ) -> Result<VectorStatistics, MailboxError> {
         let peer = self.peer(processor)?;
         if vector.index() >= Vector::COUNT {
-            return Err(Error::NoSuchVector { vector });
+            return Err(MailboxError::NoSuchVector { vector });
         }
         peer.check_layout()?;
         let word = |field| {
@@ -122,7 +122,7 @@ impl<'v, B: Backend, const N: usize> Mailbox<'v, B, N> {
         })
     }
 
-    fn write_name(&self, vector: Vector, name: &str) -> Result<(), Error> {
+    fn write_name(&self, vector: Vector, name: &str) -> Result<(), MailboxError> {
         let own = self.own()?;
         let mut bytes = name.bytes();
         for field in (vector::NAME..).step_by(4).take(NAME_BYTES / 4) {
@@ -135,7 +135,9 @@ impl<'v, B: Backend, const N: usize> Mailbox<'v, B, N> {
 }
 
 /// Empties the table in `own`.
-pub(super) fn clear<W: MemoryWindow, const N: usize>(own: &Mail<'_, W, N>) -> Result<(), Error> {
+pub(super) fn clear<W: MemoryWindow, const N: usize>(
+    own: &Mail<'_, W, N>,
+) -> Result<(), MailboxError> {
     for number in 0..Vector::COUNT {
         for field in (vector::NAME..=vector::WORST).step_by(4) {
             let at = At::<N>::vector(Vector(number as u8), field);

@@ -5,7 +5,7 @@ use core::time::Duration;
 use super::Mailbox;
 use crate::backend::Backend;
 use crate::doorbell::{Doorbell as _, Evidence};
-use crate::error::Error;
+use crate::error::MailboxError;
 use crate::exclusion::Exclusion as _;
 use crate::id::Processor;
 use crate::layout::{JOINING, header};
@@ -98,7 +98,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
     ///
     /// # Errors
     /// [`Error::Window`] if the own memory cannot be accessed.
-    pub fn ring_always(&mut self, always: bool) -> Result<(), Error> {
+    pub fn ring_always(&mut self, always: bool) -> Result<(), MailboxError> {
         let step = match (self.always, always) {
             (false, true) => 1,
             (true, false) => u32::MAX,
@@ -127,7 +127,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         peer: Processor,
         former: Option<u32>,
         timeout: Duration,
-    ) -> Result<u32, Error> {
+    ) -> Result<u32, MailboxError> {
         self.check_joined()?;
         let known = self.peer(peer)?;
         let begun = self.doorbell.now();
@@ -149,7 +149,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         });
         match self.wait(begun, begun.after(timeout), watch, look)? {
             End::Came(incarnation) => Ok(incarnation),
-            _ => refused.and(Err(Error::NotConnected { to: peer })),
+            _ => refused.and(Err(MailboxError::NotConnected { to: peer })),
         }
     }
 
@@ -161,8 +161,8 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         begun: Instant,
         deadline: Instant,
         watch: Option<Watch>,
-        mut look: impl FnMut(bool) -> Result<Option<T>, Error>,
-    ) -> Result<End<T>, Error> {
+        mut look: impl FnMut(bool) -> Result<Option<T>, MailboxError>,
+    ) -> Result<End<T>, MailboxError> {
         if self.doorbell.is_exact() {
             // How many looks follow may depend on how fast a service of the host is; what is served
             // before its answer does not.
@@ -269,7 +269,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
     }
 
     /// Whether the peer of `watch` ended or began an incarnation; asks the platform too if `ask`.
-    fn fate<T>(&self, watch: Watch, ask: bool) -> Result<Option<End<T>>, Error> {
+    fn fate<T>(&self, watch: Watch, ask: bool) -> Result<Option<End<T>>, MailboxError> {
         let Some(incarnation) = watch.incarnation else {
             return Ok(None);
         };
@@ -296,7 +296,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
     }
 
     /// Adds `step` to the number of contexts that want to be rung.
-    fn want_rings(&self, step: u32) -> Result<(), Error> {
+    fn want_rings(&self, step: u32) -> Result<(), MailboxError> {
         let own = self.own()?;
         self.exclusion.with(|| {
             let waiters = self.waiters.get().wrapping_add(step);
@@ -316,7 +316,7 @@ struct Rings<'r, 'v, B: Backend, const N: usize> {
 }
 
 impl<'r, 'v, B: Backend, const N: usize> Rings<'r, 'v, B, N> {
-    fn want(mailbox: &'r Mailbox<'v, B, N>) -> Result<Self, Error> {
+    fn want(mailbox: &'r Mailbox<'v, B, N>) -> Result<Self, MailboxError> {
         mailbox.want_rings(1)?;
         Ok(Self { mailbox })
     }

@@ -20,7 +20,7 @@ struct CacheState {
 }
 
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Held {
+enum CachedWord {
     Not,
     Clean,
     Dirty,
@@ -29,7 +29,7 @@ enum Held {
 #[derive(Clone, Copy)]
 struct Line {
     words: [u32; WORDS],
-    held: Held,
+    held: CachedWord,
 }
 
 impl Cache {
@@ -46,13 +46,13 @@ impl Cache {
         let mut state = self.lock();
         let chance = state.next();
         let lines = state.lines(memory);
-        lines[at / WORDS].held = Held::Not;
+        lines[at / WORDS].held = CachedWord::Not;
         mischief(memory, lines, at / WORDS, chance);
         let line = hold(memory, lines, at / WORDS);
         let found = line.words[at % WORDS];
         if let Some(new) = new {
             line.words[at % WORDS] = new;
-            line.held = Held::Dirty;
+            line.held = CachedWord::Dirty;
         }
         found
     }
@@ -61,16 +61,16 @@ impl Cache {
         let mut state = self.lock();
         let lines = state.lines(memory);
         for at in range {
-            if lines[at].held == Held::Dirty {
+            if lines[at].held == CachedWord::Dirty {
                 write_back(memory, at, &lines[at]);
-                lines[at].held = Held::Clean;
+                lines[at].held = CachedWord::Clean;
             }
         }
     }
 
     pub(super) fn invalidate(&self, memory: &[AtomicU32], range: Range<usize>) {
         for line in &mut self.lock().lines(memory)[range] {
-            line.held = Held::Not;
+            line.held = CachedWord::Not;
         }
     }
 
@@ -89,7 +89,7 @@ impl CacheState {
         let index = known.unwrap_or_else(|| {
             let nothing = Line {
                 words: [0; WORDS],
-                held: Held::Not,
+                held: CachedWord::Not,
             };
             let lines = vec![nothing; count];
             self.memories.push((address, lines));
@@ -110,8 +110,8 @@ impl CacheState {
 /// The line with what it holds, fetched if it held nothing.
 fn hold<'l>(memory: &[AtomicU32], lines: &'l mut [Line], at: usize) -> &'l mut Line {
     let line = &mut lines[at];
-    if line.held == Held::Not {
-        line.held = Held::Clean;
+    if line.held == CachedWord::Not {
+        line.held = CachedWord::Clean;
         for (word, from) in line.words.iter_mut().zip(memory.iter().skip(at * WORDS)) {
             *word = from.load(Ordering::Acquire);
         }
@@ -129,10 +129,10 @@ fn mischief(memory: &[AtomicU32], lines: &mut [Line], near: usize, chance: u64) 
     };
     match chance % 8 {
         0 | 1 => {
-            if lines[at].held == Held::Dirty {
+            if lines[at].held == CachedWord::Dirty {
                 write_back(memory, at, &lines[at]);
             }
-            lines[at].held = Held::Not;
+            lines[at].held = CachedWord::Not;
         }
         2 | 3 => {
             hold(memory, lines, at);

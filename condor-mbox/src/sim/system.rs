@@ -5,9 +5,9 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use super::cache::Cache;
-use super::{Mailbox, SimWindow};
+use super::{SimMailbox, SimWindow};
 use crate::doorbell::{Doorbell, Evidence};
-use crate::error::Error;
+use crate::error::MailboxError;
 use crate::exclusion::CriticalSection;
 use crate::id::Processor;
 use crate::layout;
@@ -23,7 +23,7 @@ type Body = Arc<dyn Fn() + Send + Sync>;
 /// ```
 /// use std::time::Duration;
 /// use condor_mbox::sim::System;
-/// use condor_mbox::{Error, Messenger, Processor, Progress, Vector};
+/// use condor_mbox::{Error, Messenger, Processor, SendProgress, Vector};
 ///
 /// # const HOST: Processor = Processor(0);
 /// # const HAND: Processor = Processor(1);
@@ -48,7 +48,7 @@ type Body = Arc<dyn Fn() + Send + Sync>;
 /// system.stall(HAND, true);
 /// assert_eq!(
 ///     host.send_with_reply(HAND, V, 2, SECOND),
-///     Err(Error::Stalled { to: HAND, vector: V, progress: Progress::MayRun })
+///     Err(Error::Stalled { to: HAND, vector: V, progress: SendProgress::MayRun })
 /// );
 /// system.stall(HAND, false);
 /// assert_eq!(host.send_with_reply(HAND, V, 3, SECOND)?, 4);
@@ -56,7 +56,7 @@ type Body = Arc<dyn Fn() + Send + Sync>;
 /// # }
 /// ```
 #[derive(Clone)]
-pub struct System<const N: usize> {
+pub struct SimSystem<const N: usize> {
     windows: [Windows<SimWindow>; N],
     caches: [Option<Arc<Cache>>; N],
     bells: Arc<Bells>,
@@ -97,7 +97,7 @@ struct Bell {
 /// How far virtual time moves when somebody reads the clock.
 const TICK_NS: u64 = 100;
 
-impl<const N: usize> System<N> {
+impl<const N: usize> SimSystem<N> {
     /// Makes a system in virtual time: all processors run on one thread, and time passes when they
     /// wait or read the clock. Each processor has `data_bytes` bytes of users' data.
     #[must_use]
@@ -183,16 +183,16 @@ impl<const N: usize> System<N> {
     /// # Errors
     /// [`Error::NoSuchProcessor`] if there is no such number; [`Error::Window`] if its memory was
     /// made to fail by [`SimWindow::lose`].
-    pub fn mailbox<'v>(&self, number: Processor) -> Result<Mailbox<'v, N>, Error> {
+    pub fn mailbox<'v>(&self, number: Processor) -> Result<SimMailbox<'v, N>, MailboxError> {
         if number.index() >= N {
-            return Err(Error::NoSuchProcessor {
+            return Err(MailboxError::NoSuchProcessor {
                 number,
                 processors: N as u8,
             });
         }
         self.change(number, |bell| bell.dead = false);
         let (windows, doorbell) = (self.windows(number), self.doorbell(number));
-        let mut mailbox = Mailbox::new(number, windows, doorbell, CriticalSection)?;
+        let mut mailbox = SimMailbox::new(number, windows, doorbell, CriticalSection)?;
         if self.bells.begun.is_none() {
             mailbox.set_waiting(Waiting::Sleep);
         }

@@ -8,7 +8,7 @@ use crate::window::{
     AccessError, LoadOrder, MemoryWindow, StoreOrder, WindowError, WindowErrorKind,
 };
 
-use super::owner::{Incarnations, Owner};
+use super::owner::{Incarnations, LockOwner};
 use super::{Attempt, TestAndSet};
 
 /// Lamport's bakery: each processor that competes draws a ticket larger than all that it sees, and
@@ -71,7 +71,7 @@ impl<W: MemoryWindow, X: Exclusion> Bakery<W, X> {
     }
 
     /// Offset of the entry of `owner`'s processor.
-    fn entry_of(&self, owner: Owner) -> Result<(u8, u32), WindowErrorKind> {
+    fn entry_of(&self, owner: LockOwner) -> Result<(u8, u32), WindowErrorKind> {
         match owner.processor() {
             Some(Processor(number)) if number < self.processors => Ok((number, self.entry(number))),
             _ => Err(WindowErrorKind::OutOfBounds),
@@ -91,11 +91,11 @@ impl<W: MemoryWindow, X: Exclusion> Bakery<W, X> {
         &self,
         number: u8,
         incarnations: &dyn Incarnations,
-    ) -> Result<Option<(Owner, u32)>, WindowErrorKind> {
+    ) -> Result<Option<(LockOwner, u32)>, WindowErrorKind> {
         let entry = self.entry(number);
         // Pairs with the stores of the entry's word in `compete`, `withdraw` and `release`:
         // what its processor did inside the lock before is seen.
-        let Some(owner) = Owner::from_word(self.load(entry, LoadOrder::Acquire)?) else {
+        let Some(owner) = LockOwner::from_word(self.load(entry, LoadOrder::Acquire)?) else {
             return Ok(None);
         };
         if owner.processor() != Some(Processor(number)) || !incarnations.is_current(owner) {
@@ -143,9 +143,13 @@ impl<W: MemoryWindow, X: Exclusion> Bakery<W, X> {
 }
 
 impl<W: MemoryWindow, X: Exclusion> TestAndSet for Bakery<W, X> {
-    fn compete(&self, me: Owner, incarnations: &dyn Incarnations) -> Result<bool, WindowErrorKind> {
+    fn compete(
+        &self,
+        me: LockOwner,
+        incarnations: &dyn Incarnations,
+    ) -> Result<bool, WindowErrorKind> {
         let (number, entry) = self.entry_of(me)?;
-        let word = Owner::to_word(Some(me));
+        let word = LockOwner::to_word(Some(me));
         let entered = self.exclusion.with(|| {
             // Written by this processor alone; the exclusion orders its contexts.
             if self.load(entry, LoadOrder::Relaxed)? == word {
@@ -168,8 +172,8 @@ impl<W: MemoryWindow, X: Exclusion> TestAndSet for Bakery<W, X> {
 
     fn take(
         &self,
-        from: Option<Owner>,
-        me: Owner,
+        from: Option<LockOwner>,
+        me: LockOwner,
         incarnations: &dyn Incarnations,
     ) -> Result<Attempt, WindowErrorKind> {
         let (number, entry) = self.entry_of(me)?;
@@ -185,24 +189,24 @@ impl<W: MemoryWindow, X: Exclusion> TestAndSet for Bakery<W, X> {
         // Written inside the bakery alone; `competitor` has ordered it after the last owner.
         let attempt = Attempt::of(
             self.load(self.at, LoadOrder::Relaxed)?,
-            Owner::to_word(from),
+            LockOwner::to_word(from),
         );
         if attempt == Attempt::Taken {
             // Pairs with the load above, by way of the entry.
-            self.store(self.at, Owner::to_word(Some(me)), StoreOrder::Relaxed)?;
+            self.store(self.at, LockOwner::to_word(Some(me)), StoreOrder::Relaxed)?;
         }
         Ok(attempt)
     }
 
-    fn withdraw(&self, me: Owner) -> Result<(), WindowErrorKind> {
+    fn withdraw(&self, me: LockOwner) -> Result<(), WindowErrorKind> {
         let (_, entry) = self.entry_of(me)?;
         // Pairs with the load of `competitor`.
         self.store(entry, 0, StoreOrder::Release)
     }
 
-    fn release(&self, me: Owner) -> Result<(), WindowErrorKind> {
+    fn release(&self, me: LockOwner) -> Result<(), WindowErrorKind> {
         // Not its own word only if somebody took it for dead.
-        if self.load(self.at, LoadOrder::Relaxed)? == Owner::to_word(Some(me)) {
+        if self.load(self.at, LoadOrder::Relaxed)? == LockOwner::to_word(Some(me)) {
             // Pairs with the load of `take`, by way of the entry.
             self.store(self.at, 0, StoreOrder::Relaxed)?;
         }

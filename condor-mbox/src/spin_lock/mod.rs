@@ -12,7 +12,7 @@ use crate::time::{Clock, Instant};
 use crate::window::WindowErrorKind;
 
 pub use bakery::Bakery;
-pub use owner::{Incarnations, Owner};
+pub use owner::{Incarnations, LockOwner};
 pub use swap::{HardwareSemaphore, NativeSwap, SemaphoreSwap};
 
 /// A lock in shared memory that records its owner, and that others can recover if the owner dies.
@@ -23,7 +23,7 @@ pub use swap::{HardwareSemaphore, NativeSwap, SemaphoreSwap};
 /// of the memo ask for a test-and-set that is indivisible across the bus, for the same purpose.
 ///
 /// A processor holds the lock in one of its incarnations. If that incarnation ends before it
-/// releases the lock, the others get [`OwnerDead`](LockError::OwnerDead), and one of them can
+/// releases the lock, the others get [`OwnerDead`](SpinLockError::OwnerDead), and one of them can
 /// [`recover`](Self::recover) the lock and the structure. The lock is never taken from a living
 /// owner, however long it holds it.
 ///
@@ -34,8 +34,8 @@ pub use swap::{HardwareSemaphore, NativeSwap, SemaphoreSwap};
 ///
 /// ```
 /// # #[cfg(target_has_atomic = "32")] {
-/// use condor_mbox::spin_lock::{Incarnations, LockError, NativeSwap, Owner};
-/// use condor_mbox::{MemoryWindow, Places, Processor, Region, SpinLock};
+/// use condor_mbox::spin_lock::{Incarnations, SpinLockError, NativeSwap, LockOwner};
+/// use condor_mbox::{MemoryWindow, Allocator, Processor, Region, SpinLock};
 /// # use condor_mbox::StaticMemory;
 /// static MEMORY: StaticMemory<256> = StaticMemory::new();
 ///
@@ -43,20 +43,20 @@ pub use swap::{HardwareSemaphore, NativeSwap, SemaphoreSwap};
 /// struct Known;
 ///
 /// impl Incarnations for Known {
-///     fn is_current(&self, owner: Owner) -> bool {
+///     fn is_current(&self, owner: LockOwner) -> bool {
 ///         owner.processor() != Some(Processor(3))
 ///     }
 /// }
 ///
 /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
 /// let ram = Region::users(MEMORY.window())?;
-/// let lock = SpinLock::new(NativeSwap::new(&ram, Places::new(ram.size()).bytes(4)?)?);
-/// let (me, other) = (Owner::new(Processor(0), 1)?, Owner::new(Processor(1), 7)?);
+/// let lock = SpinLock::new(NativeSwap::new(&ram, Allocator::new(ram.size()).bytes(4)?)?);
+/// let (me, other) = (LockOwner::new(Processor(0), 1)?, LockOwner::new(Processor(1), 7)?);
 ///
 /// let guard = lock.try_lock(me, &Known)?;
 /// assert_eq!(
 ///     lock.try_lock(other, &Known).err(),
-///     Some(LockError::Busy { owner: Some(me) })
+///     Some(SpinLockError::Busy { owner: Some(me) })
 /// );
 /// drop(guard);
 /// assert!(lock.try_lock(other, &Known).is_ok());
@@ -79,69 +79,69 @@ impl<L: TestAndSet> SpinLock<L> {
     /// Takes the lock if it is free, without waiting.
     ///
     /// # Errors
-    /// [`Busy`](LockError::Busy) if a living owner holds it, [`OwnerDead`](LockError::OwnerDead) if
-    /// its owner has ended, [`NotCurrent`](LockError::NotCurrent) if the incarnation of `me` is
-    /// over, [`Memory`](LockError::Memory) if the memory cannot be accessed.
+    /// [`Busy`](SpinLockError::Busy) if a living owner holds it, [`OwnerDead`](SpinLockError::OwnerDead) if
+    /// its owner has ended, [`NotCurrent`](SpinLockError::NotCurrent) if the incarnation of `me` is
+    /// over, [`Memory`](SpinLockError::Memory) if the memory cannot be accessed.
     pub fn try_lock(
         &self,
-        me: Owner,
+        me: LockOwner,
         incarnations: &dyn Incarnations,
-    ) -> Result<Guard<'_, L>, LockError> {
+    ) -> Result<SpinLockGuard<'_, L>, SpinLockError> {
         self.take(None, me, incarnations, || true)
-            .map_err(|stopped| stopped.reason(|owner| LockError::Busy { owner }))
+            .map_err(|stopped| stopped.reason(|owner| SpinLockError::Busy { owner }))
     }
 
     /// Takes the lock, and spins until it is free or `timeout` has passed.
     ///
     /// # Errors
-    /// [`TimedOut`](LockError::TimedOut) after `timeout`. As soon as it is known:
-    /// [`OwnerDead`](LockError::OwnerDead) if the owner has ended,
-    /// [`NotCurrent`](LockError::NotCurrent) if the incarnation of `me` is over,
-    /// [`Memory`](LockError::Memory) if the memory cannot be accessed.
+    /// [`TimedOut`](SpinLockError::TimedOut) after `timeout`. As soon as it is known:
+    /// [`OwnerDead`](SpinLockError::OwnerDead) if the owner has ended,
+    /// [`NotCurrent`](SpinLockError::NotCurrent) if the incarnation of `me` is over,
+    /// [`Memory`](SpinLockError::Memory) if the memory cannot be accessed.
     pub fn lock(
         &self,
-        me: Owner,
+        me: LockOwner,
         incarnations: &dyn Incarnations,
         clock: &impl Clock,
         timeout: Duration,
-    ) -> Result<Guard<'_, L>, LockError> {
+    ) -> Result<SpinLockGuard<'_, L>, SpinLockError> {
         let deadline: Instant = clock.now().after(timeout);
         self.take(None, me, incarnations, || clock.now() >= deadline)
-            .map_err(|stopped| stopped.reason(|owner| LockError::TimedOut { owner }))
+            .map_err(|stopped| stopped.reason(|owner| SpinLockError::TimedOut { owner }))
     }
 
-    /// Takes the lock over from the owner that [`OwnerDead`](LockError::OwnerDead) named.
+    /// Takes the lock over from the owner that [`OwnerDead`](SpinLockError::OwnerDead) named.
     ///
     /// If several processors try, one gets it. The protected structure may be half changed; the
     /// processor that gets the lock must repair it before it drops the guard.
     ///
     /// # Errors
-    /// [`Busy`](LockError::Busy) if another processor recovers or has recovered it, or if `dead` is
-    /// alive after all; [`NotCurrent`](LockError::NotCurrent) if the incarnation of `me` is over;
-    /// [`Memory`](LockError::Memory) if the memory cannot be accessed.
+    /// [`Busy`](SpinLockError::Busy) if another processor recovers or has recovered it, or if `dead` is
+    /// alive after all; [`NotCurrent`](SpinLockError::NotCurrent) if the incarnation of `me` is over;
+    /// [`Memory`](SpinLockError::Memory) if the memory cannot be accessed.
     pub fn recover(
         &self,
-        dead: Owner,
-        me: Owner,
+        dead: LockOwner,
+        me: LockOwner,
         incarnations: &dyn Incarnations,
-    ) -> Result<Guard<'_, L>, LockError> {
+    ) -> Result<SpinLockGuard<'_, L>, SpinLockError> {
         if dead.is_alive(incarnations) {
-            return Err(LockError::Busy { owner: Some(dead) });
+            return Err(SpinLockError::Busy { owner: Some(dead) });
         }
         self.take(Some(dead), me, incarnations, || true)
-            .map_err(|stopped| stopped.reason(|owner| LockError::Busy { owner }))
+            .map_err(|stopped| stopped.reason(|owner| SpinLockError::Busy { owner }))
     }
 
     /// Competes for the lock as left by `from`, and looks until `enough` says so.
     fn take(
         &self,
-        from: Option<Owner>,
-        me: Owner,
+        from: Option<LockOwner>,
+        me: LockOwner,
         incarnations: &dyn Incarnations,
         mut enough: impl FnMut() -> bool,
-    ) -> Result<Guard<'_, L>, Stopped> {
+    ) -> Result<SpinLockGuard<'_, L>, AttemptEnd> {
         if !me.is_alive(incarnations) {
-            return Err(Stopped::For(LockError::NotCurrent { owner: me }));
+            return Err(AttemptEnd::For(SpinLockError::NotCurrent { owner: me }));
         }
         let mut competing = false;
         let stopped = loop {
@@ -159,37 +159,37 @@ impl<L: TestAndSet> SpinLock<L> {
             };
             match attempt {
                 Ok(Attempt::Taken) => {
-                    return Ok(Guard {
+                    return Ok(SpinLockGuard {
                         memory: &self.memory,
                         me,
                         held: true,
                     });
                 }
                 Ok(Attempt::Held(owner)) if !owner.is_alive(incarnations) => {
-                    break Stopped::For(LockError::OwnerDead { owner });
+                    break AttemptEnd::For(SpinLockError::OwnerDead { owner });
                 }
-                Ok(Attempt::Held(owner)) if enough() => break Stopped::Enough(Some(owner)),
-                Ok(Attempt::Behind(owner)) if enough() => break Stopped::Enough(owner),
+                Ok(Attempt::Held(owner)) if enough() => break AttemptEnd::Enough(Some(owner)),
+                Ok(Attempt::Behind(owner)) if enough() => break AttemptEnd::Enough(owner),
                 Ok(Attempt::Held(_) | Attempt::Behind(_)) => {}
-                Err(kind) => break Stopped::For(LockError::Memory { kind }),
+                Err(kind) => break AttemptEnd::For(SpinLockError::Memory { kind }),
             }
             core::hint::spin_loop();
         };
         if competing && let Err(kind) = self.memory.withdraw(me) {
-            return Err(Stopped::For(LockError::Memory { kind }));
+            return Err(AttemptEnd::For(SpinLockError::Memory { kind }));
         }
         Err(stopped)
     }
 }
 
 /// Why an attempt ended without the lock.
-enum Stopped {
-    Enough(Option<Owner>),
-    For(LockError),
+enum AttemptEnd {
+    Enough(Option<LockOwner>),
+    For(SpinLockError),
 }
 
-impl Stopped {
-    fn reason(self, enough: impl FnOnce(Option<Owner>) -> LockError) -> LockError {
+impl AttemptEnd {
+    fn reason(self, enough: impl FnOnce(Option<LockOwner>) -> SpinLockError) -> SpinLockError {
         match self {
             Self::Enough(owner) => enough(owner),
             Self::For(error) => error,
@@ -199,26 +199,26 @@ impl Stopped {
 
 /// A held [`SpinLock`]; dropping it releases the lock.
 #[must_use = "the lock is released at once if the guard is dropped"]
-pub struct Guard<'a, L: TestAndSet> {
+pub struct SpinLockGuard<'a, L: TestAndSet> {
     memory: &'a L,
-    me: Owner,
+    me: LockOwner,
     held: bool,
 }
 
-impl<L: TestAndSet> Guard<'_, L> {
+impl<L: TestAndSet> SpinLockGuard<'_, L> {
     /// Releases the lock, and returns an error if that failed.
     ///
     /// # Errors
-    /// [`Memory`](LockError::Memory) if the memory is gone, and the lock with it.
-    pub fn release(mut self) -> Result<(), LockError> {
+    /// [`Memory`](SpinLockError::Memory) if the memory is gone, and the lock with it.
+    pub fn release(mut self) -> Result<(), SpinLockError> {
         self.held = false;
         self.memory
             .release(self.me)
-            .map_err(|kind| LockError::Memory { kind })
+            .map_err(|kind| SpinLockError::Memory { kind })
     }
 }
 
-impl<L: TestAndSet> fmt::Debug for Guard<'_, L> {
+impl<L: TestAndSet> fmt::Debug for SpinLockGuard<'_, L> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("Guard")
             .field("me", &self.me)
@@ -226,7 +226,7 @@ impl<L: TestAndSet> fmt::Debug for Guard<'_, L> {
     }
 }
 
-impl<L: TestAndSet> Drop for Guard<'_, L> {
+impl<L: TestAndSet> Drop for SpinLockGuard<'_, L> {
     fn drop(&mut self) {
         if self.held {
             // Whoever wants the lock next meets the same lost memory, and is told.
@@ -238,30 +238,30 @@ impl<L: TestAndSet> Drop for Guard<'_, L> {
 /// The reason for which a [`SpinLock`] was not taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
-pub enum LockError {
+pub enum SpinLockError {
     /// A living owner holds it.
-    #[error("the lock is held by {}", Named(.owner))]
+    #[error("the lock is held by {}", OwnerName(.owner))]
     Busy {
         /// The owner; `None` if the lock was changing hands.
-        owner: Option<Owner>,
+        owner: Option<LockOwner>,
     },
     /// Living owners held it until the deadline.
-    #[error("the lock was held until the deadline, at last by {}", Named(.owner))]
+    #[error("the lock was held until the deadline, at last by {}", OwnerName(.owner))]
     TimedOut {
         /// The last owner; `None` if the lock was changing hands.
-        owner: Option<Owner>,
+        owner: Option<LockOwner>,
     },
     /// The owner's incarnation ended while it held the lock; see [`SpinLock::recover`].
     #[error("{owner} died with the lock")]
     OwnerDead {
         /// The dead owner, or garbage that was found in its place.
-        owner: Owner,
+        owner: LockOwner,
     },
     /// The caller's own incarnation is over: it must join again before it takes a lock.
     #[error("{owner} may not lock: that incarnation is over")]
     NotCurrent {
         /// The caller.
-        owner: Owner,
+        owner: LockOwner,
     },
     /// The memory could not be accessed.
     #[error("the memory of the lock: {kind:?}")]
@@ -271,9 +271,9 @@ pub enum LockError {
     },
 }
 
-struct Named<'a>(&'a Option<Owner>);
+struct OwnerName<'a>(&'a Option<LockOwner>);
 
-impl fmt::Display for Named<'_> {
+impl fmt::Display for OwnerName<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.0 {
             Some(owner) => owner.fmt(f),
@@ -288,10 +288,10 @@ pub enum Attempt {
     /// The lock had the expected owner, and is now the caller's.
     Taken,
     /// The lock has this other owner, dead or alive.
-    Held(Owner),
+    Held(LockOwner),
     /// This processor, which was alive just now, goes first; `None` if it is not known which one
     /// does.
-    Behind(Option<Owner>),
+    Behind(Option<LockOwner>),
 }
 
 impl Attempt {
@@ -300,7 +300,7 @@ impl Attempt {
         if found == expected {
             return Self::Taken;
         }
-        match Owner::from_word(found) {
+        match LockOwner::from_word(found) {
             Some(owner) => Self::Held(owner),
             None => Self::Behind(None),
         }
@@ -323,7 +323,11 @@ pub trait TestAndSet {
     ///
     /// # Errors
     /// The kind of the window's error.
-    fn compete(&self, me: Owner, incarnations: &dyn Incarnations) -> Result<bool, WindowErrorKind> {
+    fn compete(
+        &self,
+        me: LockOwner,
+        incarnations: &dyn Incarnations,
+    ) -> Result<bool, WindowErrorKind> {
         let _ = (me, incarnations);
         Ok(true)
     }
@@ -336,8 +340,8 @@ pub trait TestAndSet {
     /// The kind of the window's error.
     fn take(
         &self,
-        from: Option<Owner>,
-        me: Owner,
+        from: Option<LockOwner>,
+        me: LockOwner,
         incarnations: &dyn Incarnations,
     ) -> Result<Attempt, WindowErrorKind>;
 
@@ -345,7 +349,7 @@ pub trait TestAndSet {
     ///
     /// # Errors
     /// The kind of the window's error.
-    fn withdraw(&self, me: Owner) -> Result<(), WindowErrorKind> {
+    fn withdraw(&self, me: LockOwner) -> Result<(), WindowErrorKind> {
         let _ = me;
         Ok(())
     }
@@ -354,28 +358,32 @@ pub trait TestAndSet {
     ///
     /// # Errors
     /// The kind of the window's error.
-    fn release(&self, me: Owner) -> Result<(), WindowErrorKind>;
+    fn release(&self, me: LockOwner) -> Result<(), WindowErrorKind>;
 }
 
 impl<T: Deref<Target: TestAndSet>> TestAndSet for T {
-    fn compete(&self, me: Owner, incarnations: &dyn Incarnations) -> Result<bool, WindowErrorKind> {
+    fn compete(
+        &self,
+        me: LockOwner,
+        incarnations: &dyn Incarnations,
+    ) -> Result<bool, WindowErrorKind> {
         (**self).compete(me, incarnations)
     }
 
     fn take(
         &self,
-        from: Option<Owner>,
-        me: Owner,
+        from: Option<LockOwner>,
+        me: LockOwner,
         incarnations: &dyn Incarnations,
     ) -> Result<Attempt, WindowErrorKind> {
         (**self).take(from, me, incarnations)
     }
 
-    fn withdraw(&self, me: Owner) -> Result<(), WindowErrorKind> {
+    fn withdraw(&self, me: LockOwner) -> Result<(), WindowErrorKind> {
         (**self).withdraw(me)
     }
 
-    fn release(&self, me: Owner) -> Result<(), WindowErrorKind> {
+    fn release(&self, me: LockOwner) -> Result<(), WindowErrorKind> {
         (**self).release(me)
     }
 }

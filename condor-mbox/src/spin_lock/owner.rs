@@ -1,9 +1,9 @@
-//! [`Owner`]: a processor in one of its incarnations, as one word of shared memory.
+//! [`LockOwner`]: a processor in one of its incarnations, as one word of shared memory.
 
 use core::fmt;
 use core::num::NonZeroU32;
 
-use crate::error::Error;
+use crate::error::MailboxError;
 use crate::id::Processor;
 
 /// A processor in one of its incarnations.
@@ -12,17 +12,17 @@ use crate::id::Processor;
 /// lower 26 bits of its incarnation below; zero means no owner. Incarnations that are a multiple of
 /// 2²⁶ joins apart cannot be distinguished.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub struct Owner(NonZeroU32);
+pub struct LockOwner(NonZeroU32);
 
 const INCARNATION_BITS: u32 = 26;
 const INCARNATION_MASK: u32 = (1 << INCARNATION_BITS) - 1;
 
-impl Owner {
+impl LockOwner {
     /// Makes the owner that is `processor` in `incarnation`.
     ///
     /// # Errors
     /// [`Error::NoSuchProcessor`] if no system has a processor of that number.
-    pub const fn new(processor: Processor, incarnation: u32) -> Result<Self, Error> {
+    pub const fn new(processor: Processor, incarnation: u32) -> Result<Self, MailboxError> {
         let number = processor.0 as u32;
         if number < Processor::MAX_COUNT as u32
             && let Some(word) = NonZeroU32::new(
@@ -31,7 +31,7 @@ impl Owner {
         {
             Ok(Self(word))
         } else {
-            Err(Error::NoSuchProcessor {
+            Err(MailboxError::NoSuchProcessor {
                 number: processor,
                 processors: Processor::MAX_COUNT as u8,
             })
@@ -75,7 +75,7 @@ impl Owner {
     }
 }
 
-impl fmt::Display for Owner {
+impl fmt::Display for LockOwner {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.processor() {
             Some(processor) => write!(
@@ -98,5 +98,5 @@ impl fmt::Display for Owner {
 pub trait Incarnations {
     /// Returns whether `owner`'s incarnation may still go on; `false` only if it is known to have
     /// ended.
-    fn is_current(&self, owner: Owner) -> bool;
+    fn is_current(&self, owner: LockOwner) -> bool;
 }

@@ -8,7 +8,7 @@ use crate::window::{
     AccessError, CompareExchange, LoadOrder, MemoryWindow, StoreOrder, WindowError, WindowErrorKind,
 };
 
-use super::owner::{Incarnations, Owner};
+use super::owner::{Incarnations, LockOwner};
 use super::{Attempt, TestAndSet};
 
 /// A lock of one word of shared memory, taken by compare-and-swap.
@@ -38,23 +38,23 @@ impl<W: CompareExchange> NativeSwap<W> {
 impl<W: CompareExchange> TestAndSet for NativeSwap<W> {
     fn take(
         &self,
-        from: Option<Owner>,
-        me: Owner,
+        from: Option<LockOwner>,
+        me: LockOwner,
         _: &dyn Incarnations,
     ) -> Result<Attempt, WindowErrorKind> {
-        let from = Owner::to_word(from);
+        let from = LockOwner::to_word(from);
         // Pairs with the same operation in `release`, by whoever had the lock.
         let found = self
             .window
-            .compare_exchange(self.at, from, Owner::to_word(Some(me)))
+            .compare_exchange(self.at, from, LockOwner::to_word(Some(me)))
             .map_err(|error| error.kind())?;
         Ok(Attempt::of(found, from))
     }
 
-    fn release(&self, me: Owner) -> Result<(), WindowErrorKind> {
+    fn release(&self, me: LockOwner) -> Result<(), WindowErrorKind> {
         // Pairs with the same operation in `take`, by whoever gets the lock.
         self.window
-            .compare_exchange(self.at, Owner::to_word(Some(me)), 0)
+            .compare_exchange(self.at, LockOwner::to_word(Some(me)), 0)
             .map(|_| ())
             .map_err(|error| error.kind())
     }
@@ -152,24 +152,24 @@ impl<W: MemoryWindow, S: HardwareSemaphore, X: Exclusion> SemaphoreSwap<W, S, X>
 impl<W: MemoryWindow, S: HardwareSemaphore, X: Exclusion> TestAndSet for SemaphoreSwap<W, S, X> {
     fn take(
         &self,
-        from: Option<Owner>,
-        me: Owner,
+        from: Option<LockOwner>,
+        me: LockOwner,
         _: &dyn Incarnations,
     ) -> Result<Attempt, WindowErrorKind> {
-        let from = Owner::to_word(from);
-        match self.swap(from, Owner::to_word(Some(me))) {
+        let from = LockOwner::to_word(from);
+        match self.swap(from, LockOwner::to_word(Some(me))) {
             Ok(Some(found)) => Ok(Attempt::of(found, from)),
             Ok(None) => Ok(Attempt::Behind(None)),
             Err(error) => Err(error.kind()),
         }
     }
 
-    fn release(&self, me: Owner) -> Result<(), WindowErrorKind> {
+    fn release(&self, me: LockOwner) -> Result<(), WindowErrorKind> {
         // No semaphore: while a living owner's word is there, nobody else writes it.
         self.window
             .load(self.at, LoadOrder::Relaxed)
             .and_then(|found| {
-                if found == Owner::to_word(Some(me)) {
+                if found == LockOwner::to_word(Some(me)) {
                     // Pairs with the load of `swap_alone`, by whoever gets the lock.
                     self.window.store(self.at, 0, StoreOrder::Release)
                 } else {

@@ -41,12 +41,12 @@ pub(crate) enum Victim {
     Claimed,
     /// The latest victim that was ready to serve.
     Ready,
-    /// Beginnings of lives: begun and done.
+    /// Beginnings of incarnations: begun and done.
     Begun,
     Done,
-    /// The life that was begun last.
-    Life,
-    /// Ends of lives: begun, and followed by a new life.
+    /// The incarnation that was begun last.
+    Incarnation,
+    /// Ends of incarnations: begun, and followed by a new incarnation.
     Leaving,
     Left,
     /// The latest victim that was inside `HOLD`, in the midst of sending.
@@ -54,7 +54,7 @@ pub(crate) enum Victim {
     Sending,
     /// Wrong things that the victims saw.
     Faults,
-    /// For each survivor: the life in which, how many counted messages came, the first, the last.
+    /// For each survivor: the incarnation in which, how many counted messages came, the first, the last.
     Counted,
 }
 
@@ -209,8 +209,8 @@ impl Board {
         );
     }
 
-    /// The latest life that the victim's mailbox began.
-    pub(crate) fn last_life(&self) -> u32 {
+    /// The latest incarnation that the victim's mailbox began.
+    pub(crate) fn last_incarnation(&self) -> u32 {
         self.windows[VICTIM.index()]
             .mail
             .load(header::LAST_INCARNATION, LoadOrder::Acquire)

@@ -3,7 +3,7 @@
 use std::os::unix::process::ExitStatusExt;
 use std::time::{Duration, Instant};
 
-use condor_mbox::linux::{Claim, LinuxDoorbell, System, SystemError};
+use condor_mbox::linux::{Claim, LinuxDoorbell, LinuxSystem, SystemError};
 use condor_mbox::{Clock, Doorbell, Evidence};
 use rustix::process::Signal;
 
@@ -26,7 +26,7 @@ const STALLS: u32 = 4;
 
 /// The one who kills, and what it counted.
 pub(crate) struct Scene<'s> {
-    system: &'s System<N>,
+    system: &'s LinuxSystem<N>,
     board: &'s Board,
     clock: LinuxDoorbell<N>,
     random: Random,
@@ -44,7 +44,7 @@ pub(crate) struct Scene<'s> {
 
 impl<'s> Scene<'s> {
     pub(crate) fn new(
-        system: &'s System<N>,
+        system: &'s LinuxSystem<N>,
         board: &'s Board,
         claim: &Claim<N>,
         seed: u64,
@@ -139,7 +139,7 @@ impl<'s> Scene<'s> {
         }
         board.set_survivor(waited_for, Survivor::Nested, 0);
         self.reach(aim, waited_for)?;
-        self.until("beginning of lives", |board| {
+        self.until("beginning of incarnations", |board| {
             aim != Aim::Joining || board.victim(Victim::Leaving) != lives
         })?;
         let span = self.random.span(SPREAD);

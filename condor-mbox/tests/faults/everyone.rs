@@ -4,8 +4,8 @@ use std::io::ErrorKind;
 use std::os::unix::process::ExitStatusExt;
 use std::time::{Duration, Instant};
 
-use condor_mbox::linux::{Claim, Mailbox, System, SystemError};
-use condor_mbox::{Call, CriticalSection, Error, Handler, Messenger, Processor, Vector};
+use condor_mbox::linux::{Claim, LinuxMailbox, LinuxSystem, SystemError};
+use condor_mbox::{Call, CriticalSection, Handler, MailboxError, Messenger, Processor, Vector};
 use rustix::process::Signal;
 
 use super::AnyError;
@@ -70,7 +70,7 @@ pub(crate) fn kill_all(rounds: u32, seed: u64) -> Result<Everyone, AnyError> {
         }
     }
     everyone.rounds = 2 * rounds;
-    with_space(|| System::<N>::named(&name, BYTES))?.remove()?;
+    with_space(|| LinuxSystem::<N>::named(&name, BYTES))?.remove()?;
     Ok(everyone)
 }
 
@@ -100,7 +100,7 @@ pub(crate) const NAME: &str = "CONDOR_FAULTS_NAME";
 /// met all; ends well only if it has lost its own memory.
 pub(crate) fn play(number: u8) -> Result<(), AnyError> {
     let name = std::env::var(NAME)?;
-    let claim = with_space(|| System::<N>::named(&name, BYTES)?.claim(Processor(number)))?;
+    let claim = with_space(|| LinuxSystem::<N>::named(&name, BYTES)?.claim(Processor(number)))?;
     let me = claim.number();
     let answers = |call: &Call<'_>| answer(call.data(), me);
     let mailbox = open(&claim, &answers)?;
@@ -118,10 +118,12 @@ pub(crate) fn play(number: u8) -> Result<(), AnyError> {
                     }
                 }
                 Ok(told) => return Err(format!("{other} answered {told:#x} to {data}").into()),
-                Err(Error::Window { processor, .. }) if processor == me => break,
+                Err(MailboxError::Window { processor, .. }) if processor == me => break,
                 // They start and end when they like, and lose what they like.
                 Err(
-                    Error::PeerDied { .. } | Error::PeerRestarted { .. } | Error::Window { .. },
+                    MailboxError::PeerDied { .. }
+                    | MailboxError::PeerRestarted { .. }
+                    | MailboxError::Window { .. },
                 ) => {}
                 Err(error) => return Err(error.into()),
             }
@@ -137,9 +139,12 @@ pub(crate) fn play(number: u8) -> Result<(), AnyError> {
 }
 
 /// A mailbox of `claim` that has joined and answers.
-pub(crate) fn open<'v>(claim: &Claim<N>, answers: Handler<'v>) -> Result<Mailbox<'v, N>, Error> {
+pub(crate) fn open<'v>(
+    claim: &Claim<N>,
+    answers: Handler<'v>,
+) -> Result<LinuxMailbox<'v, N>, MailboxError> {
     let (windows, doorbell) = (claim.windows().clone(), claim.doorbell().clone());
-    let mut mailbox = Mailbox::new(claim.number(), windows, doorbell, CriticalSection)?;
+    let mut mailbox = LinuxMailbox::new(claim.number(), windows, doorbell, CriticalSection)?;
     mailbox.set_vector(ANSWER, answers, "answer")?;
     mailbox.set_vector(WAIT, &wait, "wait")?;
     mailbox.join()?;

@@ -1,6 +1,6 @@
 //! Which error may come when.
 
-use condor_mbox::{Error, Instant};
+use condor_mbox::{Instant, MailboxError};
 
 use super::board::{Board, Director, Victim};
 
@@ -15,8 +15,8 @@ pub(crate) struct Moment {
     pub(crate) kills: u32,
     pub(crate) stopped: u32,
     pub(crate) ready: u32,
-    pub(crate) life: u32,
-    pub(crate) last_life: u32,
+    pub(crate) incarnation: u32,
+    pub(crate) last_incarnation: u32,
     begun: u32,
     leaving: u32,
     stopping: u32,
@@ -50,8 +50,8 @@ impl Moment {
             kills: board.director(Director::Kills),
             stopped: board.director(Director::Stopped),
             ready: board.victim(Victim::Ready),
-            life: board.victim(Victim::Life),
-            last_life: board.last_life(),
+            incarnation: board.victim(Victim::Incarnation),
+            last_incarnation: board.last_incarnation(),
             begun: board.victim(Victim::Begun),
             leaving: board.victim(Victim::Leaving),
             stopping: board.director(Director::Stopping),
@@ -71,7 +71,7 @@ pub(crate) struct Span {
     pub(crate) after: Moment,
     /// Whether it waits, or ends at once.
     pub(crate) waits: bool,
-    /// Whether the victim has answered this survivor in the life that it had before.
+    /// Whether the victim has answered this survivor in the incarnation that it had before.
     pub(crate) acquainted: bool,
 }
 
@@ -81,7 +81,7 @@ impl Span {
         self.after.kills >= self.before.claimed.max(1)
     }
 
-    /// Whether a life was being begun or ended at some time.
+    /// Whether an incarnation was being begun or ended at some time.
     fn sees_beginning(&self) -> bool {
         self.after.begun > self.before.done
     }
@@ -92,19 +92,19 @@ impl Span {
     }
 
     /// Whether `error` says what was the case.
-    pub(crate) fn justifies(&self, error: Error) -> bool {
+    pub(crate) fn justifies(&self, error: MailboxError) -> bool {
         match error {
-            Error::PeerDied { .. } => self.sees_death(),
-            Error::PeerRestarted { .. } => self.sees_beginning(),
-            Error::PeerLeft { .. } => self.after.leaving > self.before.left,
-            Error::Stalled { .. } | Error::TimedOut { .. } => self.sees_stop(),
-            Error::NotConnected { .. } if self.waits => {
+            MailboxError::PeerDied { .. } => self.sees_death(),
+            MailboxError::PeerRestarted { .. } => self.sees_beginning(),
+            MailboxError::PeerLeft { .. } => self.after.leaving > self.before.left,
+            MailboxError::Stalled { .. } | MailboxError::TimedOut { .. } => self.sees_stop(),
+            MailboxError::NotConnected { .. } if self.waits => {
                 self.sees_stop() && (self.sees_beginning() || !self.acquainted)
             }
-            Error::NotConnected { .. } => {
+            MailboxError::NotConnected { .. } => {
                 self.sees_death() || self.sees_beginning() || !self.acquainted
             }
-            Error::NoSlot { .. } => !self.waits || self.sees_stop(),
+            MailboxError::NoSlot { .. } => !self.waits || self.sees_stop(),
             _ => false,
         }
     }

@@ -27,7 +27,7 @@ mod victim;
 use std::process::ExitCode;
 use std::time::Instant;
 
-use condor_mbox::linux::System;
+use condor_mbox::linux::LinuxSystem;
 use interrupt_injector::{argument, seed};
 
 use board::{Board, Director, USER_BYTES};
@@ -58,7 +58,7 @@ fn play(part: &[String]) -> Result<(), AnyError> {
     match words[..] {
         ["victim", number] => victim::play(number.parse()?),
         ["survivor", seed] => {
-            let claim = System::<N>::inherited()?.claim(SURVIVORS[1])?;
+            let claim = LinuxSystem::<N>::inherited()?.claim(SURVIVORS[1])?;
             survivor::play(&claim, seed.parse()?)
         }
         ["member", number] => everyone::play(number.parse()?),
@@ -98,7 +98,7 @@ fn direct() -> Result<bool, AnyError> {
 
 /// Kills and stops the victim of a family.
 fn with_survivors(options: &Options) -> Result<Report, AnyError> {
-    let system = System::<N>::family(USER_BYTES)?;
+    let system = LinuxSystem::<N>::family(USER_BYTES)?;
     let claim = system.claim(SURVIVORS[0])?;
     let board = Board::new(&claim);
     let mut other = Process::start(&format!("survivor {}", options.seed ^ 1), |command| {

@@ -1,6 +1,6 @@
 //! What a survivor saw, in shared memory, so that the director can add it up.
 
-use condor_mbox::Error;
+use condor_mbox::MailboxError;
 
 use super::board::{Board, Survivor};
 
@@ -47,15 +47,15 @@ impl Count {
         (Self::Overdue, "longest beyond a deadline, µs"),
     ];
 
-    pub(crate) fn of(error: Error) -> Self {
+    pub(crate) fn of(error: MailboxError) -> Self {
         match error {
-            Error::PeerDied { .. } => Self::Died,
-            Error::PeerRestarted { .. } => Self::Restarted,
-            Error::PeerLeft { .. } => Self::Left,
-            Error::Stalled { .. } => Self::Stalled,
-            Error::TimedOut { .. } => Self::TimedOut,
-            Error::NotConnected { .. } => Self::NotConnected,
-            Error::NoSlot { .. } => Self::NoSlot,
+            MailboxError::PeerDied { .. } => Self::Died,
+            MailboxError::PeerRestarted { .. } => Self::Restarted,
+            MailboxError::PeerLeft { .. } => Self::Left,
+            MailboxError::Stalled { .. } => Self::Stalled,
+            MailboxError::TimedOut { .. } => Self::TimedOut,
+            MailboxError::NotConnected { .. } => Self::NotConnected,
+            MailboxError::NoSlot { .. } => Self::NoSlot,
             _ => Self::Other,
         }
     }

@@ -3,9 +3,9 @@
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Duration;
 
-use condor_mbox::linux::{Claim, Mailbox};
+use condor_mbox::linux::{Claim, LinuxMailbox};
 use condor_mbox::{
-    Call, Clock, CriticalSection, Error, Messenger, PeerState, Processor, Vector, Waiting,
+    Call, Clock, CriticalSection, MailboxError, Messenger, PeerState, Processor, Vector, Waiting,
 };
 
 use super::AnyError;
@@ -15,7 +15,7 @@ use super::random::Random;
 use super::record::{Count, Record, Series};
 use super::talk::{
     ASK_BACK, ASK_OTHER, COUNTED, ECHO, HOLD, LONG, N, NUMBERED, Numbered, QUESTION, VICTIM,
-    answer, failed_in, life_of,
+    answer, failed_in, incarnation_of,
 };
 
 /// How long a call may last while the victim is stopped for certain.
@@ -54,7 +54,7 @@ pub(crate) fn play(claim: &Claim<N>, seed: u64) -> Result<(), AnyError> {
         0
     };
     let (windows, doorbell) = (claim.windows().clone(), claim.doorbell().clone());
-    let mut mailbox = Mailbox::new(me, windows, doorbell, CriticalSection)?;
+    let mut mailbox = LinuxMailbox::new(me, windows, doorbell, CriticalSection)?;
     mailbox.set_waiting(Waiting::SpinThenSleep {
         spin: Duration::from_micros(20),
     });
@@ -76,26 +76,26 @@ pub(crate) fn play(claim: &Claim<N>, seed: u64) -> Result<(), AnyError> {
 
 struct Player<'p, 'v> {
     me: Processor,
-    mailbox: &'p Mailbox<'v, N>,
+    mailbox: &'p LinuxMailbox<'v, N>,
     board: &'p Board,
     record: &'p Record<'p>,
     random: Random,
     /// The running number of the latest request.
     number: u32,
-    /// The victim's latest life that answered.
+    /// The victim's latest incarnation that answered.
     acquainted: u32,
     tally: Tally,
 }
 
-/// Counted messages that certainly went to one life of the victim.
+/// Counted messages that certainly went to one incarnation of the victim.
 #[derive(Default)]
 struct Tally {
-    life: u32,
+    incarnation: u32,
     sent: u32,
     latest: u32,
-    /// The latest message to an earlier life.
+    /// The latest message to an earlier incarnation.
     before: u32,
-    /// A life to which some message may have gone, or to the one before.
+    /// An incarnation to which some message may have gone, or to the one before.
     doubtful: u32,
 }
 
@@ -138,7 +138,7 @@ impl Player<'_, '_> {
         }
     }
 
-    /// A call whose reply must be right; gives the life that replied.
+    /// A call whose reply must be right; gives the incarnation that replied.
     fn call(&mut self, vector: Vector, nested: u32) -> Option<u32> {
         let number = self.next_number();
         let (outcome, span) = self.watched(true, |mailbox, patience| {
@@ -168,20 +168,24 @@ impl Player<'_, '_> {
                 return;
             }
             self.record.add(Count::Messages, 1);
-            self.tally.note(number, span.before.life, span.after.life);
+            self.tally
+                .note(number, span.before.incarnation, span.after.incarnation);
         }
-        let Some(life) = self.call(ECHO, 0) else {
+        let Some(incarnation) = self.call(ECHO, 0) else {
             return;
         };
         let told = [0, 1, 2, 3].map(|index| self.board.counted(self.me.index(), index));
         let tally = &self.tally;
-        if life != tally.life || told[0] != life || self.board.victim(Victim::Life) != life {
+        if incarnation != tally.incarnation
+            || told[0] != incarnation
+            || self.board.victim(Victim::Incarnation) != incarnation
+        {
             return;
         }
         self.record.add(Count::Audits, 1);
         if told[1] != tally.sent || told[3] != tally.latest || told[2] <= tally.before {
             self.record.fault(&format!(
-                "life {life} got {} messages from {} to {}, but was sent {} after {} to {}",
+                "incarnation {incarnation} got {} messages from {} to {}, but was sent {} after {} to {}",
                 told[1], told[2], told[3], tally.sent, tally.before, tally.latest
             ));
         }
@@ -234,7 +238,7 @@ impl Player<'_, '_> {
             }
             match mailbox.peer_state(VICTIM) {
                 Ok(PeerState::Dead { .. }) if dead_until.is_none() => {
-                    // A ticket sees only what the next life will write; some wait for that.
+                    // A ticket sees only what the next incarnation will write; some wait for that.
                     dead_until = Some(now.after(self.random.span(POLLED)));
                     let span = self.span(before, true);
                     self.record.add(Count::SeenDead, 1);
@@ -266,7 +270,7 @@ impl Player<'_, '_> {
             before,
             after: Moment::after(self.board, at),
             waits,
-            acquainted: self.acquainted == before.life,
+            acquainted: self.acquainted == before.incarnation,
         }
     }
 
@@ -281,8 +285,8 @@ impl Player<'_, '_> {
     fn watched<T>(
         &self,
         waits: bool,
-        call: impl FnOnce(&Mailbox<'_, N>, Duration) -> Result<T, Error>,
-    ) -> (Result<T, Error>, Span) {
+        call: impl FnOnce(&LinuxMailbox<'_, N>, Duration) -> Result<T, MailboxError>,
+    ) -> (Result<T, MailboxError>, Span) {
         let before = self.before();
         let patience = self.patience(&before);
         let outcome = call(self.mailbox, patience);
@@ -301,7 +305,7 @@ impl Player<'_, '_> {
     }
 
     /// Counts an outcome and judges an error.
-    fn accept<T>(&mut self, outcome: Result<T, Error>, span: Span) -> Option<T> {
+    fn accept<T>(&mut self, outcome: Result<T, MailboxError>, span: Span) -> Option<T> {
         let error = match outcome {
             Ok(value) => return Some(value),
             Err(error) => error,
@@ -310,14 +314,17 @@ impl Player<'_, '_> {
         if !span.justifies(error) {
             self.record.fault(&format!("{error}, during {span:#?}"));
         }
-        if matches!(error, Error::PeerDied { .. } | Error::PeerRestarted { .. }) {
+        if matches!(
+            error,
+            MailboxError::PeerDied { .. } | MailboxError::PeerRestarted { .. }
+        ) {
             self.notice(&span);
         }
         if span.waits && span.before.is_stopped() {
             let stalls = self.board.survivor(self.me.index(), Survivor::Stalls) + 1;
             self.board
                 .set_survivor(self.me.index(), Survivor::Stalls, stalls);
-            if matches!(error, Error::TimedOut { .. }) && !self.continued(&span) {
+            if matches!(error, MailboxError::TimedOut { .. }) && !self.continued(&span) {
                 self.record
                     .fault(&format!("{error}, but it was stopped: {span:#?}"));
             }
@@ -350,7 +357,7 @@ impl Player<'_, '_> {
         self.board.set_survivor(me, Survivor::Noticed, kills);
     }
 
-    /// Checks a reply; gives the life that it came from.
+    /// Checks a reply; gives the incarnation that it came from.
     fn check_reply(
         &mut self,
         value: u32,
@@ -359,9 +366,9 @@ impl Player<'_, '_> {
         nested: u32,
         span: Span,
     ) -> Option<u32> {
-        let lives = span.before.life..=span.after.last_life;
-        let life = life_of(value, vector, number, nested);
-        if !lives.contains(&life) {
+        let lives = span.before.incarnation..=span.after.last_incarnation;
+        let incarnation = incarnation_of(value, vector, number, nested);
+        if !lives.contains(&incarnation) {
             let is_failure = lives.contains(&failed_in(value, vector, number));
             if is_failure && self.board.director(Director::Stopping) != 0 {
                 self.record.add(Count::FailedInside, 1);
@@ -373,9 +380,11 @@ impl Player<'_, '_> {
             return None;
         }
         self.record.add(Count::Replies, 1);
-        self.acquainted = life;
+        self.acquainted = incarnation;
         let me = self.me.index();
-        if life == span.after.life && span.after.ready > self.board.survivor(me, Survivor::Good) {
+        if incarnation == span.after.incarnation
+            && span.after.ready > self.board.survivor(me, Survivor::Good)
+        {
             let spawned_at = self.board.time(Director::SpawnedAt);
             let took = span.after.at.ns_since(spawned_at);
             self.record.sample(Series::Rejoin, took);
@@ -386,21 +395,21 @@ impl Player<'_, '_> {
             self.board
                 .set_survivor(me, Survivor::Again, span.before.continued);
         }
-        Some(life)
+        Some(incarnation)
     }
 }
 
 impl Tally {
-    /// Notes message `number`, before and after which the victim's life was this.
-    fn note(&mut self, number: u32, life_before: u32, life_after: u32) {
-        if life_before != life_after {
-            self.doubtful = life_after;
-        } else if life_before == self.life {
+    /// Notes message `number`, before and after which the victim's incarnation was this.
+    fn note(&mut self, number: u32, incarnation_before: u32, incarnation_after: u32) {
+        if incarnation_before != incarnation_after {
+            self.doubtful = incarnation_after;
+        } else if incarnation_before == self.incarnation {
             self.sent += 1;
             self.latest = number;
-        } else if life_before != self.doubtful {
+        } else if incarnation_before != self.doubtful {
             self.before = self.latest;
-            (self.life, self.sent, self.latest) = (life_before, 1, number);
+            (self.incarnation, self.sent, self.latest) = (incarnation_before, 1, number);
         }
     }
 }

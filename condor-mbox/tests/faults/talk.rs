@@ -32,19 +32,21 @@ pub(crate) const LONG: Duration = Duration::from_secs(10);
 /// Bit that says that a nested call of the victim failed.
 const FAILED: u32 = 1 << 31;
 
-/// What the victim replies in `life` to `data` for `vector`; `nested` is what it was told meanwhile.
-pub(crate) fn reply(vector: Vector, data: u32, nested: Option<u32>, life: u32) -> u32 {
+/// What the victim replies in `incarnation` to `data` for `vector`; `nested` is what it was told meanwhile.
+pub(crate) fn reply(vector: Vector, data: u32, nested: Option<u32>, incarnation: u32) -> u32 {
     let failed = if nested.is_none() { FAILED } else { 0 };
-    mixed(u32::from(vector.0) << 24 ^ data ^ nested.unwrap_or(0).rotate_left(7)) ^ failed ^ life
+    mixed(u32::from(vector.0) << 24 ^ data ^ nested.unwrap_or(0).rotate_left(7))
+        ^ failed
+        ^ incarnation
 }
 
-/// The life in which the victim gave `found`, if that is a reply to `data` for `vector` during
+/// The incarnation in which the victim gave `found`, if that is a reply to `data` for `vector` during
 /// which it was told `nested`.
-pub(crate) fn life_of(found: u32, vector: Vector, data: u32, nested: u32) -> u32 {
+pub(crate) fn incarnation_of(found: u32, vector: Vector, data: u32, nested: u32) -> u32 {
     found ^ reply(vector, data, Some(nested), 0)
 }
 
-/// Whether `found` says that the nested call failed, and in which life.
+/// Whether `found` says that the nested call failed, and in which incarnation.
 pub(crate) fn failed_in(found: u32, vector: Vector, data: u32) -> u32 {
     found ^ reply(vector, data, None, 0)
 }
@@ -60,10 +62,10 @@ fn mixed(word: u32) -> u32 {
     word ^ (word >> 16)
 }
 
-/// A message of the victim: the low bits of its life, and its number in that life from 1 on.
+/// A message of the victim: the low bits of its incarnation, and its number in that incarnation from 1 on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Numbered {
-    pub(crate) life: u32,
+    pub(crate) incarnation: u32,
     pub(crate) number: u32,
 }
 
@@ -71,33 +73,33 @@ impl Numbered {
     const BITS: u32 = 12;
     const MASK: u32 = (1 << Self::BITS) - 1;
     /// Incarnations are told apart modulo this.
-    const LIVES: u32 = 1 << (u32::BITS - Self::BITS);
+    const INCARNATIONS: u32 = 1 << (u32::BITS - Self::BITS);
 
-    pub(crate) fn new(life: u32, number: u32) -> Self {
+    pub(crate) fn new(incarnation: u32, number: u32) -> Self {
         Self {
-            life: life % Self::LIVES,
+            incarnation: incarnation % Self::INCARNATIONS,
             number: number & Self::MASK,
         }
     }
 
     pub(crate) fn word(self) -> u32 {
-        self.life << Self::BITS | self.number
+        self.incarnation << Self::BITS | self.number
     }
 
     pub(crate) fn of(word: u32) -> Self {
         Self {
-            life: word >> Self::BITS,
+            incarnation: word >> Self::BITS,
             number: word & Self::MASK,
         }
     }
 
     /// Whether `self` may be the next that arrives after `former`.
     pub(crate) fn may_follow(self, former: Self) -> bool {
-        if self.life == former.life {
+        if self.incarnation == former.incarnation {
             self.number == former.number.wrapping_add(1) & Self::MASK
         } else {
-            let later = self.life.wrapping_sub(former.life) % Self::LIVES;
-            self.number == 1 && later < Self::LIVES / 2
+            let later = self.incarnation.wrapping_sub(former.incarnation) % Self::INCARNATIONS;
+            self.number == 1 && later < Self::INCARNATIONS / 2
         }
     }
 }

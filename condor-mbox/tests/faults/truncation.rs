@@ -3,10 +3,10 @@
 use std::fs::File;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use condor_mbox::error::Object;
-use condor_mbox::linux::{Mailbox, System};
+use condor_mbox::error::MemoryObject;
+use condor_mbox::linux::{LinuxMailbox, LinuxSystem};
 use condor_mbox::window::WindowErrorKind;
-use condor_mbox::{Call, Error, Messenger, Processor};
+use condor_mbox::{Call, MailboxError, Messenger, Processor};
 
 use super::AnyError;
 use super::everyone::{ANSWER, BYTES, MET, NAME, WAIT, open, with_space};
@@ -31,7 +31,7 @@ pub(crate) struct Truncation {
 pub(crate) fn truncate() -> Result<Truncation, AnyError> {
     let mut seen = Truncation::default();
     let name = format!("faults-truncated-{}", std::process::id());
-    let system = with_space(|| System::<N>::named(&name, BYTES))?;
+    let system = with_space(|| LinuxSystem::<N>::named(&name, BYTES))?;
     let claim = with_space(|| system.claim(ME))?;
     let start = |number: Processor| {
         Process::start(&format!("member {}", number.0), |command| {
@@ -78,7 +78,7 @@ pub(crate) fn truncate() -> Result<Truncation, AnyError> {
 /// Calls both processes, then waits for the one that loses its memory, then goes on with the other;
 /// gives the number of good replies after the loss.
 fn call_until_lost(
-    mailbox: &Mailbox<'_, N>,
+    mailbox: &LinuxMailbox<'_, N>,
     has_met: &AtomicBool,
     waits: &AtomicBool,
 ) -> Result<u32, String> {
@@ -94,9 +94,9 @@ fn call_until_lost(
         call(LOST, data)?;
     }
     let expect_loss = |vector| match mailbox.send_with_reply(LOST, vector, 1, LONG) {
-        Err(Error::Window {
+        Err(MailboxError::Window {
             processor: LOST,
-            object: Object::Mail,
+            object: MemoryObject::Mail,
             kind: WindowErrorKind::Lost,
         }) => Ok(()),
         outcome => Err(format!("a call to truncated memory: {outcome:?}")),

@@ -3,8 +3,8 @@
 use std::cell::Cell;
 use std::sync::atomic::{AtomicU32, Ordering};
 
-use condor_mbox::linux::{Claim, Mailbox, System};
-use condor_mbox::{Call, CriticalSection, Error, Messenger, PeerState, Processor, Vector};
+use condor_mbox::linux::{Claim, LinuxMailbox, LinuxSystem};
+use condor_mbox::{Call, CriticalSection, MailboxError, Messenger, PeerState, Processor, Vector};
 
 use super::AnyError;
 use super::board::{Aim, Board, Director, Victim};
@@ -16,13 +16,13 @@ use super::talk::{
 
 /// Plays victim number `number` until it is killed.
 pub(crate) fn play(number: u32) -> Result<(), AnyError> {
-    let claim = System::<N>::inherited()?.claim(VICTIM)?;
+    let claim = LinuxSystem::<N>::inherited()?.claim(VICTIM)?;
     let board = Board::new(&claim);
     board.set_victim(Victim::Claimed, number);
     let state = VictimState {
         board: &board,
         number,
-        life: AtomicU32::new(0),
+        incarnation: AtomicU32::new(0),
         latest: [const { AtomicU32::new(0) }; N],
     };
     let mut random = Random::new(u64::from(number));
@@ -35,13 +35,13 @@ pub(crate) fn play(number: u32) -> Result<(), AnyError> {
 struct VictimState<'b> {
     board: &'b Board,
     number: u32,
-    life: AtomicU32,
+    incarnation: AtomicU32,
     /// The latest running number of every survivor.
     latest: [AtomicU32; N],
 }
 
 impl VictimState<'_> {
-    /// One life; it ends when the aim is the beginning of lives.
+    /// One incarnation; it ends when the aim is the beginning of incarnations.
     fn live(&self, claim: &Claim<N>, random: &mut Random) -> Result<(), AnyError> {
         let board = self.board;
         let begun = board.victim(Victim::Begun) + 1;
@@ -56,7 +56,7 @@ impl VictimState<'_> {
         let ask_other = |call: &Call<'_>| self.pass_on(call, Processor(1 - call.sender().0));
         let hold = |call: &Call<'_>| self.hold(call);
         let (windows, doorbell) = (claim.windows().clone(), claim.doorbell().clone());
-        let mut mailbox = Mailbox::new(VICTIM, windows, doorbell, CriticalSection)?;
+        let mut mailbox = LinuxMailbox::new(VICTIM, windows, doorbell, CriticalSection)?;
         mailbox.set_vector(ECHO, &echo, "echo")?;
         mailbox.set_vector(COUNTED, &counted, "count")?;
         mailbox.set_vector(ASK_BACK, &ask_back, "ask the sender back")?;
@@ -67,14 +67,14 @@ impl VictimState<'_> {
         let PeerState::Up { incarnation, .. } = mailbox.peer_state(VICTIM)? else {
             return Err("a mailbox that has joined is up".into());
         };
-        self.life.store(incarnation, Ordering::Relaxed);
+        self.incarnation.store(incarnation, Ordering::Relaxed);
         for survivor in SURVIVORS {
             for index in 1..4 {
                 board.set_counted(survivor.index(), index, 0);
             }
             board.set_counted(survivor.index(), 0, incarnation);
         }
-        board.set_victim(Victim::Life, incarnation);
+        board.set_victim(Victim::Incarnation, incarnation);
         board.set_victim(Victim::Left, board.victim(Victim::Leaving));
         board.set_victim(Victim::Done, begun);
         if board.aim() != Aim::Joining {
@@ -87,12 +87,17 @@ impl VictimState<'_> {
         Ok(())
     }
 
-    /// Does what the aim is, until it is the beginning of lives.
-    fn work(&self, mailbox: &Mailbox<'_, N>, life: u32, random: &mut Random) -> Result<(), Error> {
+    /// Does what the aim is, until it is the beginning of incarnations.
+    fn work(
+        &self,
+        mailbox: &LinuxMailbox<'_, N>,
+        incarnation: u32,
+        random: &mut Random,
+    ) -> Result<(), MailboxError> {
         let talk = Talk {
             state: self,
             mailbox,
-            life,
+            incarnation,
             numbers: Default::default(),
         };
         loop {
@@ -119,7 +124,7 @@ impl VictimState<'_> {
             call.vector(),
             call.data(),
             nested,
-            self.life.load(Ordering::Relaxed),
+            self.incarnation.load(Ordering::Relaxed),
         )
     }
 
@@ -173,15 +178,15 @@ impl VictimState<'_> {
     }
 
     /// The survivors neither die nor stall; but who was stopped may find its own time over.
-    fn judge<T>(&self, to: Processor, outcome: &Result<T, Error>) {
+    fn judge<T>(&self, to: Processor, outcome: &Result<T, MailboxError>) {
         let stopped = self.board.director(Director::Stopping) != 0;
         match outcome {
             Ok(_) => {}
             Err(
-                Error::TimedOut { .. }
-                | Error::Stalled { .. }
-                | Error::TooDeep { .. }
-                | Error::NoSlot { .. },
+                MailboxError::TimedOut { .. }
+                | MailboxError::Stalled { .. }
+                | MailboxError::TooDeep { .. }
+                | MailboxError::NoSlot { .. },
             ) if stopped => {}
             Err(error) => self.fault(&format!("a request to {to} ended with: {error}")),
         }
@@ -194,11 +199,11 @@ impl VictimState<'_> {
     }
 }
 
-/// The victim's own messages in one life.
+/// The victim's own messages in one incarnation.
 struct Talk<'t, 'v> {
     state: &'t VictimState<'t>,
-    mailbox: &'t Mailbox<'v, N>,
-    life: u32,
+    mailbox: &'t LinuxMailbox<'v, N>,
+    incarnation: u32,
     numbers: [Cell<u32>; SURVIVORS.len()],
 }
 
@@ -207,7 +212,7 @@ impl Talk<'_, '_> {
         for (to, last) in SURVIVORS.into_iter().zip(&self.numbers) {
             for _ in 0..random.below(4) {
                 let number = last.get() + 1;
-                let word = Numbered::new(self.life, number).word();
+                let word = Numbered::new(self.incarnation, number).word();
                 let sent = self.mailbox.send(to, NUMBERED, word, LONG);
                 self.state.judge(to, &sent);
                 if sent.is_ok() {

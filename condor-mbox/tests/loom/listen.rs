@@ -72,7 +72,7 @@ fn an_overrun_listener_knows_what_it_missed() {
     });
 }
 
-/// A is killed and begins another life while C listens to B and hears the former one: what C hears
+/// A is killed and begins another incarnation while C listens to B and hears the former one: what C hears
 /// is whole and at most once. Bound 3: 15 796 executions, 23 s.
 #[test]
 fn a_sender_that_restarts_is_heard_once() {
@@ -100,7 +100,7 @@ fn a_sender_that_restarts_is_heard_once() {
         forget(a);
         let a = system.joined::<Spinning, _>(A, Alone, &[]);
         connect(&a, &b);
-        // The first of this life, with the other vector.
+        // The first of this incarnation, with the other vector.
         a.send(B, W, 2, Duration::ZERO).unwrap();
         thread.join().unwrap();
         c.serve(Duration::ZERO).unwrap();

@@ -12,12 +12,12 @@ use condor_mbox::{Call, Error, Handler, Messenger};
 
 type Log = Arc<Mutex<Vec<(u32, u32)>>>;
 
-/// Notes (life, data) of every message, and replies 100 times the life plus the data.
-fn noting(log: &Log, life: u32) -> Handler<'static> {
+/// Notes (incarnation, data) of every message, and replies 100 times the incarnation plus the data.
+fn noting(log: &Log, incarnation: u32) -> Handler<'static> {
     let log = Arc::clone(log);
     Box::leak(Box::new(move |call: &Call<'_>| {
-        log.lock().unwrap().push((life, call.data()));
-        100 * life + call.data()
+        log.lock().unwrap().push((incarnation, call.data()));
+        100 * incarnation + call.data()
     }))
 }
 
@@ -28,7 +28,7 @@ fn check(log: &Log) {
     assert!(log.windows(2).all(|two| two[0].1 < two[1].1), "{log:?}");
 }
 
-/// B is killed or leaves and begins another life while A calls it without waiting. Every request
+/// B is killed or leaves and begins another incarnation while A calls it without waiting. Every request
 /// runs at most once, every reply is that of who ran it, and nobody is said to have broken the
 /// protocol.
 fn receiver_restarts(name: &str, leaves: bool) {
@@ -39,7 +39,7 @@ fn receiver_restarts(name: &str, leaves: bool) {
         let a = Arc::new(system.joined::<Spinning, _>(A, Alone, &[]));
         let b = system.joined::<Spinning, _>(B, Alone, &[(V, old)]);
         connect(&a, &b);
-        // So far that the count of a new life is out of reach.
+        // So far that the count of a new incarnation is out of reach.
         for data in 1..=4 {
             a.send(B, V, data, Duration::ZERO).unwrap();
             b.serve(Duration::ZERO).unwrap();
@@ -93,8 +93,8 @@ fn receiver_leaves_and_rejoins() {
     receiver_restarts("receiver leaves", true);
 }
 
-/// A is killed and begins another life while B serves it: no request of its former life runs
-/// after one of its present life, and none twice.
+/// A is killed and begins another incarnation while B serves it: no request of its former incarnation runs
+/// after one of its present incarnation, and none twice.
 #[test]
 fn sender_is_killed_and_rejoins() {
     explore("sender killed", 2, || {
@@ -132,7 +132,7 @@ fn sender_is_killed_and_rejoins() {
     });
 }
 
-/// A sleeps for a reply, or for B to join, while B leaves and begins another life: it is woken.
+/// A sleeps for a reply, or for B to join, while B leaves and begins another incarnation: it is woken.
 fn sleeping_caller<D: Bell<2>>(name: &str) {
     explore(name, 1, || {
         let log = Log::default();

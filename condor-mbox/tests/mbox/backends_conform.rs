@@ -1,7 +1,7 @@
 //! Every backend of this crate passes the suites that a backend of one's own would run.
 #![cfg(feature = "conformance")]
 
-use condor_mbox::sim::{SimDoorbell, SimWindow, System};
+use condor_mbox::sim::{SimDoorbell, SimSystem, SimWindow};
 use condor_mbox::window::CompareExchange;
 use condor_mbox::{Doorbell, Processor, Region, StaticMemory, conformance};
 
@@ -41,7 +41,7 @@ fn simulated_memory() {
 
 #[test]
 fn simulated_processors() {
-    let system = System::<2>::in_virtual_time(64);
+    let system = SimSystem::<2>::in_virtual_time(64);
     let (mine, others) = (system.windows(ME), system.windows(OTHER));
     for owner in [ME, OTHER] {
         let (mine, others) = (&mine[owner.index()], &others[owner.index()]);
@@ -65,8 +65,8 @@ fn rung_from_a_thread(mine: &SimDoorbell, other: &SimDoorbell) {
 #[test]
 fn the_simulated_doorbell() {
     for system in [
-        System::<2>::in_virtual_time(64),
-        System::<2>::in_real_time(64),
+        SimSystem::<2>::in_virtual_time(64),
+        SimSystem::<2>::in_real_time(64),
     ] {
         rung_from_a_thread(&system.doorbell(ME), &system.doorbell(OTHER));
         system.repeat_rings(ME, u32::MAX);
@@ -78,13 +78,13 @@ fn the_simulated_doorbell() {
 mod linux {
     use std::fs::File;
 
-    use condor_mbox::linux::{Access, LinuxWindow, Memory, Run, System};
+    use condor_mbox::linux::{LinuxSystem, LinuxWindow, Memory, ObjectPositions, WindowAccess};
     use condor_mbox::{Doorbell, conformance};
 
     use super::{ME, OTHER, windows_conform};
 
     /// Memory and doorbells of two claims of one system.
-    fn claims_conform(system: &System<2>) {
+    fn claims_conform(system: &LinuxSystem<2>) {
         let mine = system.claim(ME).unwrap();
         let others = system.claim(OTHER).unwrap();
         for owner in 0..2 {
@@ -108,13 +108,13 @@ mod linux {
 
     #[test]
     fn a_family() {
-        claims_conform(&System::family(64).unwrap());
+        claims_conform(&LinuxSystem::family(64).unwrap());
     }
 
     #[test]
     fn a_system_of_files() {
         let directory = tempfile::tempdir().unwrap();
-        claims_conform(&System::at(directory.path().join("system"), 64).unwrap());
+        claims_conform(&LinuxSystem::at(directory.path().join("system"), 64).unwrap());
     }
 
     #[test]
@@ -123,21 +123,21 @@ mod linux {
             let directory = tempfile::tempdir().unwrap();
             let file = directory.path().join("ram");
             File::create(&file).unwrap().set_len(1 << 17).unwrap();
-            let run = |offset, stride| Run { offset, stride };
+            let run = |offset, stride| ObjectPositions { offset, stride };
             let memory = Memory {
                 file,
                 mail: run(offset, 1 << 15),
                 data: run(offset + (1 << 16), 132),
             };
             let path = directory.path().join("system");
-            claims_conform(&System::in_memory(path, 64, &memory).unwrap());
+            claims_conform(&LinuxSystem::in_memory(path, 64, &memory).unwrap());
         }
     }
 
     #[test]
     fn a_named_system() {
         let name = format!("conformance-{}", std::process::id());
-        let system = System::named(&name, 64).unwrap();
+        let system = LinuxSystem::named(&name, 64).unwrap();
         claims_conform(&system);
         system
             .remove_within(std::time::Duration::from_secs(60))
@@ -151,12 +151,12 @@ mod linux {
         let map = |file: &File, access| LinuxWindow::map(file, 4100, 4096, access).unwrap();
         let again = file.reopen().unwrap();
         let (one, other) = (
-            map(file.as_file(), Access::ReadWrite),
-            map(&again, Access::ReadWrite),
+            map(file.as_file(), WindowAccess::ReadWrite),
+            map(&again, WindowAccess::ReadWrite),
         );
         windows_conform(&one, &other);
-        conformance::read_only(&map(&again, Access::ReadOnly)).unwrap();
+        conformance::read_only(&map(&again, WindowAccess::ReadOnly)).unwrap();
         let unwritable = File::open(file.path()).unwrap();
-        conformance::read_only(&map(&unwritable, Access::ReadOnly)).unwrap();
+        conformance::read_only(&map(&unwritable, WindowAccess::ReadOnly)).unwrap();
     }
 }

@@ -7,7 +7,7 @@ use std::sync::{Condvar, Mutex};
 use std::time::Duration;
 
 use condor_mbox::conformance;
-use condor_mbox::window::{WindowErrorKind, Words};
+use condor_mbox::window::{WindowErrorKind, WindowWords};
 use condor_mbox::{Clock, Doorbell, Instant, LoadOrder, MemoryWindow, Processor, StoreOrder};
 
 use crate::memory::{Memory, MemoryError};
@@ -216,7 +216,7 @@ impl MemoryWindow for Faulty {
         self.0.store(offset, value, order)
     }
 
-    fn words(&self) -> Option<Words<'_>> {
+    fn words(&self) -> Option<WindowWords<'_>> {
         let words: &'static [AtomicU32] = match self.1 {
             Fault::HasOtherWords | Fault::HasWordsInCaches => {
                 static OTHERS: [AtomicU32; 16] = [const { AtomicU32::new(5) }; 16];
@@ -225,7 +225,7 @@ impl MemoryWindow for Faulty {
             _ => return None,
         };
         // SAFETY: no mailbox has this window, which is wrong on purpose.
-        Some(unsafe { Words::new(words) })
+        Some(unsafe { WindowWords::new(words) })
     }
 
     fn is_coherent(&self) -> bool {

@@ -3,10 +3,10 @@
 use std::time::Duration;
 
 use condor_mbox::exchange::{Blocks, ExchangeError, answer};
-use condor_mbox::sim::{Mailbox, SimWindow, System};
+use condor_mbox::sim::{SimMailbox, SimSystem, SimWindow};
 use condor_mbox::{
-    AccessError, Call, Error, Exchange, MemoryWindow, Messenger, Places, Processor, Progress,
-    Region, Vector,
+    AccessError, Allocator, Call, Exchange, MailboxError, MemoryWindow, Messenger, Processor,
+    Region, SendProgress, Vector,
 };
 
 const ASKER: Processor = Processor(0);
@@ -22,10 +22,10 @@ struct Pose {
     joints: [u32; 16],
 }
 
-type PoseExchange<'m> = Exchange<'m, Mailbox<'static, 2>, &'m SimWindow, Pose, [u32; 16]>;
+type PoseExchange<'m> = Exchange<'m, SimMailbox<'static, 2>, &'m SimWindow, Pose, [u32; 16]>;
 
-fn system() -> (System<2>, Mailbox<'static, 2>) {
-    let system = System::<2>::in_virtual_time(4096);
+fn system() -> (SimSystem<2>, SimMailbox<'static, 2>) {
+    let system = SimSystem::<2>::in_virtual_time(4096);
     let data = system
         .windows(SERVER)
         .map(|windows| Region::users(windows.data).unwrap());
@@ -48,11 +48,11 @@ fn system() -> (System<2>, Mailbox<'static, 2>) {
 }
 
 fn exchange<'m>(
-    asker: &'m Mailbox<'static, 2>,
+    asker: &'m SimMailbox<'static, 2>,
     offset: usize,
 ) -> Result<PoseExchange<'m>, AccessError> {
     let region = asker.region(ASKER).unwrap();
-    let mut places = Places::new(region.size());
+    let mut places = Allocator::new(region.size());
     places.bytes(offset)?;
     Exchange::new(asker, region, &mut places)
 }
@@ -79,10 +79,10 @@ fn a_block_is_in_doubt_until_its_late_reply_came() {
     let mut exchange = exchange(&asker, 0).unwrap();
     assert!(exchange.call(SERVER, V, &pose(1), SECOND).is_ok());
     system.stall(SERVER, true);
-    let stalled = Error::Stalled {
+    let stalled = MailboxError::Stalled {
         to: SERVER,
         vector: V,
-        progress: Progress::MayRun,
+        progress: SendProgress::MayRun,
     };
     assert_eq!(
         exchange.call(SERVER, V, &pose(2), SECOND),
@@ -114,10 +114,10 @@ fn an_offset_outside_of_the_region_is_refused() {
 
 #[test]
 fn blocks_of_the_server_belong_to_one_asker_each() {
-    let system = System::<2>::in_virtual_time(4096);
+    let system = SimSystem::<2>::in_virtual_time(4096);
     let [_, own] = system.windows(SERVER);
     let data = Region::users(own.data).unwrap();
-    let mut places = Places::new(data.size());
+    let mut places = Allocator::new(data.size());
     places.bytes(100).unwrap();
     let blocks = Blocks::<Pose, u32>::new(&mut places, 2).unwrap();
     let first = move |call: &Call<'_>| blocks.answer(call, &data, |pose: Pose| pose.joints[0]);
@@ -150,6 +150,6 @@ fn blocks_of_the_server_belong_to_one_asker_each() {
     let far = Blocks::<Pose, u32>::at(u32::MAX, 2);
     assert!(far.client(&asker, &region).is_err());
     assert_eq!(far.block(SERVER), None);
-    let mut small = Places::new(blocks.bytes() as u32 - 1);
+    let mut small = Allocator::new(blocks.bytes() as u32 - 1);
     assert!(Blocks::<Pose, u32>::new(&mut small, 2).is_err());
 }

@@ -8,7 +8,7 @@ use std::thread;
 use std::time::Duration;
 
 use condor_mbox::layout::{self, header};
-use condor_mbox::linux::{LinuxDoorbell, LinuxWindow, System};
+use condor_mbox::linux::{LinuxDoorbell, LinuxSystem, LinuxWindow};
 use condor_mbox::{CriticalSection, Mailbox, Messenger, Processor, Vector};
 
 type Linux<'v> = Mailbox<'v, (LinuxWindow, LinuxDoorbell<3>, CriticalSection), 3>;
@@ -21,7 +21,7 @@ const AMPLE: Duration = Duration::from_secs(60);
 const CALLS: u32 = 300;
 const ROUNDS: u32 = 8;
 
-fn join(system: &System<3>, number: Processor) -> Linux<'static> {
+fn join(system: &LinuxSystem<3>, number: Processor) -> Linux<'static> {
     let (windows, doorbell) = system.claim(number).unwrap().into_parts();
     let mut mailbox = Mailbox::new(number, windows, doorbell, CriticalSection).unwrap();
     mailbox
@@ -73,7 +73,7 @@ fn scribble(files: &[File; 2], truncate: bool, noise: &mut Noise) {
 fn round(number: u32) {
     let directory = tempfile::tempdir().unwrap();
     let place = directory.path().join("system");
-    let system = System::<3>::at(&place, 4096).unwrap();
+    let system = LinuxSystem::<3>::at(&place, 4096).unwrap();
     // It joined once, so that the others believe in it.
     let hostile = join(&system, HOSTILE);
     let (host, other) = (join(&system, HOST), join(&system, OTHER));

@@ -5,10 +5,10 @@ use std::time::Duration;
 
 use condor_mbox::exchange::ExchangeError;
 use condor_mbox::layout::{self, SLOTS, entry, header};
-use condor_mbox::sim::{Mailbox, SimWindow, System};
+use condor_mbox::sim::{SimMailbox, SimSystem, SimWindow};
 use condor_mbox::{
-    Clock, Error, Exchange, LoadOrder, MemoryWindow, Messenger, Places, Processor, StoreOrder,
-    Vector,
+    Allocator, Clock, Exchange, LoadOrder, MailboxError, MemoryWindow, Messenger, Processor,
+    StoreOrder, Vector,
 };
 
 const HOST: Processor = Processor(0);
@@ -26,7 +26,7 @@ struct Hostile {
 }
 
 impl Hostile {
-    fn of(system: &System<3>) -> Self {
+    fn of(system: &SimSystem<3>) -> Self {
         let mails = system.windows(HOSTILE).map(|windows| windows.mail);
         Self { mails }
     }
@@ -41,8 +41,8 @@ impl Hostile {
         loaded.unwrap()
     }
 
-    /// Looks joined, in `life`, to everybody who looks.
-    fn live(&self, life: u32) {
+    /// Looks joined, in `incarnation`, to everybody who looks.
+    fn live(&self, incarnation: u32) {
         let data_bytes = layout::BELL_BYTES + 4096;
         for (offset, word) in [
             (header::MAGIC, layout::MAGIC),
@@ -52,7 +52,7 @@ impl Hostile {
             (header::SLOTS, SLOTS),
             (header::VECTORS, layout::VECTORS as u32),
             (header::DATA_SIZE, data_bytes),
-            (header::INCARNATION, life),
+            (header::INCARNATION, incarnation),
         ] {
             self.set(offset, word);
         }
@@ -79,7 +79,7 @@ impl Hostile {
     }
 }
 
-fn joined(system: &System<3>, number: Processor) -> Mailbox<'static, 3> {
+fn joined(system: &SimSystem<3>, number: Processor) -> SimMailbox<'static, 3> {
     let mut mailbox = system.mailbox(number).unwrap();
     mailbox.set_vector(V, &|call| call.data(), "echo").unwrap();
     mailbox.join().unwrap();
@@ -88,7 +88,7 @@ fn joined(system: &System<3>, number: Processor) -> Mailbox<'static, 3> {
 
 /// Runs a mailbox while others wait, until it is dropped.
 struct Attended {
-    system: System<3>,
+    system: SimSystem<3>,
     number: Processor,
 }
 
@@ -99,7 +99,7 @@ impl Drop for Attended {
     }
 }
 
-fn attend(system: &System<3>, mailbox: Mailbox<'static, 3>) -> Attended {
+fn attend(system: &SimSystem<3>, mailbox: SimMailbox<'static, 3>) -> Attended {
     let attended = Attended {
         system: system.clone(),
         number: mailbox.number(),
@@ -110,8 +110,8 @@ fn attend(system: &System<3>, mailbox: Mailbox<'static, 3>) -> Attended {
     attended
 }
 
-fn system() -> System<3> {
-    System::in_virtual_time(4096)
+fn system() -> SimSystem<3> {
+    SimSystem::in_virtual_time(4096)
 }
 
 #[test]
@@ -179,7 +179,7 @@ fn listen_ends_by_its_timeout_as_a_whole() {
 }
 
 #[test]
-fn cleared_memory_does_not_begin_a_life_that_others_hold_for_current() {
+fn cleared_memory_does_not_begin_an_incarnation_that_others_hold_for_current() {
     let system = system();
     let host = joined(&system, HOST);
     let former = joined(&system, HOSTILE);
@@ -199,7 +199,7 @@ fn cleared_memory_does_not_begin_a_life_that_others_hold_for_current() {
 }
 
 #[test]
-fn a_life_that_comes_back_finds_nothing_of_its_own() {
+fn an_incarnation_that_comes_back_finds_nothing_of_its_own() {
     let system = system();
     let host = joined(&system, HOST);
     let hostile = Hostile::of(&system);
@@ -244,12 +244,12 @@ fn an_exchange_that_was_refused_is_not_in_doubt() {
     let _attended = attend(&system, joined(&system, OTHER));
     let region = host.region(HOST).unwrap();
     let mut exchange =
-        Exchange::<_, _, u32, u32>::new(&host, region, &mut Places::new(region.size())).unwrap();
+        Exchange::<_, _, u32, u32>::new(&host, region, &mut Allocator::new(region.size())).unwrap();
     let missing = Vector(3);
     for _ in 0..2 {
         assert_eq!(
             exchange.call(OTHER, missing, &1, SECOND),
-            Err(ExchangeError::Mailbox(Error::NoHandler {
+            Err(ExchangeError::Mailbox(MailboxError::NoHandler {
                 to: OTHER,
                 vector: missing
             }))

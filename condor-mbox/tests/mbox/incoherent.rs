@@ -9,12 +9,12 @@ use std::time::Duration;
 
 use condor_mbox::exchange::answer;
 use condor_mbox::layout::LINE;
-use condor_mbox::sim::{SimWindow, SimWindowError, System};
-use condor_mbox::spin_lock::{Bakery, Incarnations, NativeSwap, Owner};
+use condor_mbox::sim::{SimSystem, SimWindow, SimWindowError};
+use condor_mbox::spin_lock::{Bakery, Incarnations, LockOwner, NativeSwap};
 use condor_mbox::window::{WindowError, WindowErrorKind};
 use condor_mbox::{
-    Call, CriticalSection, Exchange, LoadOrder, Mailbox, MemoryWindow, Messenger, Place, Places,
-    Processor, Published, Region, SingleContext, SpinLock, StoreOrder, Vector, Windows,
+    Allocator, Call, CriticalSection, Exchange, LoadOrder, Mailbox, MemoryWindow, Messenger,
+    Offset, Processor, Published, Region, SingleContext, SpinLock, StoreOrder, Vector, Windows,
 };
 
 const A: Processor = Processor(0);
@@ -64,7 +64,7 @@ impl MemoryWindow for Noting {
     }
 }
 
-fn noting(system: &System<2>, by: Processor, writers: &Writers) -> [Windows<Noting>; 2] {
+fn noting(system: &SimSystem<2>, by: Processor, writers: &Writers) -> [Windows<Noting>; 2] {
     let mut owner = 0;
     system.windows(by).map(|windows| {
         let noting = |object: &str, inner| Noting {
@@ -86,7 +86,7 @@ fn noting(system: &System<2>, by: Processor, writers: &Writers) -> [Windows<Noti
 struct All;
 
 impl Incarnations for All {
-    fn is_current(&self, _: Owner) -> bool {
+    fn is_current(&self, _: LockOwner) -> bool {
         true
     }
 }
@@ -94,7 +94,7 @@ impl Incarnations for All {
 #[test]
 fn no_line_has_two_writers() {
     let writers = Writers::default();
-    let system = System::<2>::in_virtual_time(8192).with_caches(7);
+    let system = SimSystem::<2>::in_virtual_time(8192).with_caches(7);
     let open = |by| {
         let (windows, bell) = (noting(&system, by, &writers), system.doorbell(by));
         Mailbox::<(_, _, _), 2>::new(by, windows, bell, CriticalSection).unwrap()
@@ -116,7 +116,7 @@ fn no_line_has_two_writers() {
             }
         });
         let own = a.region(A).unwrap();
-        let mut places = Places::new(own.size());
+        let mut places = Allocator::new(own.size());
         let mut exchange = Exchange::<_, _, u32, u32>::new(&a, own, &mut places).unwrap();
         for value in 0..20 {
             assert_eq!(exchange.call(B, V, &value, GENEROUS).unwrap(), value * 2);
@@ -140,7 +140,7 @@ fn no_line_has_two_writers() {
     for by in [A, B, A] {
         let window = noting(&system, by, &writers)[0].data.clone();
         let lock = SpinLock::new(Bakery::new(window, 6144, 2, SingleContext::new()).unwrap());
-        let me = Owner::new(by, 1).unwrap();
+        let me = LockOwner::new(by, 1).unwrap();
         lock.try_lock(me, &All).unwrap().release().unwrap();
         owner_line = Some(("0.data".to_string(), 6144 / LINE));
     }
@@ -154,7 +154,7 @@ fn no_line_has_two_writers() {
 
 #[test]
 fn a_lock_of_one_word_is_refused() {
-    let system = System::<2>::in_virtual_time(64).with_caches(1);
+    let system = SimSystem::<2>::in_virtual_time(64).with_caches(1);
     let [windows, _] = system.windows(A);
     let refused = NativeSwap::new(windows.data, 0).map(drop).unwrap_err();
     assert_eq!(refused.kind, WindowErrorKind::NotCoherent);
@@ -166,7 +166,7 @@ fn a_lock_of_one_word_is_refused() {
 #[cfg_attr(miri, ignore = "hours")]
 fn threads_behind_caches_keep_the_promises() {
     for seed in 0..8 {
-        let system = System::<2>::in_real_time(8192).with_caches(seed);
+        let system = SimSystem::<2>::in_real_time(8192).with_caches(seed);
         let heard = Mutex::new(Vec::new());
         let number = |call: &Call<'_>| {
             heard.lock().unwrap().push(call.data());
@@ -177,13 +177,13 @@ fn threads_behind_caches_keep_the_promises() {
         b.join().unwrap();
         let mut a = system.mailbox(A).unwrap();
         a.join().unwrap();
-        let counter = Place::<u32>::at(4096);
+        let counter = Offset::<u32>::at(4096);
         let count = |by: Processor| {
             let [windows, _] = system.windows(by);
             let ram = Region::users(windows.data).unwrap();
             let bakery = Bakery::new(&ram, 6080, 2, SingleContext::new()).unwrap();
             let lock = SpinLock::new(bakery);
-            let me = Owner::new(by, 1).unwrap();
+            let me = LockOwner::new(by, 1).unwrap();
             let clock = system.doorbell(by);
             for _ in 0..100 {
                 let guard = lock.lock(me, &All, &clock, GENEROUS).unwrap();

@@ -5,15 +5,15 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use condor_mbox::layout::SLOTS;
-use condor_mbox::sim::{Mailbox, System};
+use condor_mbox::sim::{SimMailbox, SimSystem};
 use condor_mbox::{Call, Doorbell, Messenger, Processor, Vector};
 
 const A: Processor = Processor(0);
 const B: Processor = Processor(1);
 const V: Vector = Vector(7);
 
-fn pair() -> (Mailbox<'static, 2>, Mailbox<'static, 2>) {
-    let system = System::<2>::in_virtual_time(4096);
+fn pair() -> (SimMailbox<'static, 2>, SimMailbox<'static, 2>) {
+    let system = SimSystem::<2>::in_virtual_time(4096);
     let mut a = system.mailbox(A).unwrap();
     let mut b = system.mailbox(B).unwrap();
     b.set_vector(V, &|_| 0, "nothing").unwrap();
@@ -26,7 +26,7 @@ fn pair() -> (Mailbox<'static, 2>, Mailbox<'static, 2>) {
     (a, b)
 }
 
-fn rings(mailbox: &Mailbox<'_, 2>) -> u64 {
+fn rings(mailbox: &SimMailbox<'_, 2>) -> u64 {
     mailbox.doorbell().prepare()
 }
 
@@ -45,7 +45,7 @@ fn what_was_sent_before_rings_were_wanted_is_rung_for() {
 
 #[test]
 fn what_one_service_leaves_is_rung_for() {
-    static FROM: OnceLock<Mailbox<'static, 2>> = OnceLock::new();
+    static FROM: OnceLock<SimMailbox<'static, 2>> = OnceLock::new();
     // Whoever serves is sent another message: there is no end.
     fn refill(_: &Call<'_>) -> u32 {
         u32::from(FROM.get().unwrap().send(B, V, 0, Duration::ZERO).is_ok())
@@ -65,7 +65,7 @@ fn what_one_service_leaves_is_rung_for() {
 
 #[test]
 fn what_the_depth_refused_is_rung_for() {
-    static DEEP: OnceLock<Mailbox<'static, 2>> = OnceLock::new();
+    static DEEP: OnceLock<SimMailbox<'static, 2>> = OnceLock::new();
     static REFUSED: AtomicBool = AtomicBool::new(false);
     // An interrupt in each handler, which serves the next request or is refused.
     fn dive(call: &Call<'_>) -> u32 {

@@ -4,7 +4,7 @@
 //! same mailbox before the k-th of them, for every k that the operation reaches. Sections mask it.
 //!
 //! It fails without the section around the publishing of a request, its taking, the end of its
-//! handler or the acknowledgement of a new life, and if a reply cell is not released when its
+//! handler or the acknowledgement of a new incarnation, and if a reply cell is not released when its
 //! reply has come or its ticket was dropped.
 
 use std::cell::{Cell, RefCell};
@@ -12,10 +12,10 @@ use std::rc::Rc;
 use std::time::Duration;
 
 use condor_mbox::layout::SLOTS;
-use condor_mbox::sim::{Mailbox as SimMailbox, SimDoorbell, SimWindow, SimWindowError, System};
+use condor_mbox::sim::{SimDoorbell, SimMailbox, SimSystem, SimWindow, SimWindowError};
 use condor_mbox::{
-    Call, Error, Exclusion, LoadOrder, Mailbox, MemoryWindow, Messenger, Processor, StoreOrder,
-    Vector, Waiting, Windows,
+    Call, Exclusion, LoadOrder, Mailbox, MailboxError, MemoryWindow, Messenger, Processor,
+    StoreOrder, Vector, Waiting, Windows,
 };
 
 const A: Processor = Processor(0);
@@ -177,7 +177,7 @@ impl MemoryWindow for Counted {
 fn note<T>(
     from: Processor,
     to: Processor,
-    send: impl FnOnce(u32) -> Result<T, Error>,
+    send: impl FnOnce(u32) -> Result<T, MailboxError>,
 ) -> Option<(u32, T)> {
     JOURNAL.with(|journal| {
         let data = increment(&journal.messages);
@@ -198,7 +198,7 @@ fn note<T>(
                 increment(&totals.sent);
                 Some((data, value))
             }
-            Err(Error::NoSlot { .. }) => {
+            Err(MailboxError::NoSlot { .. }) => {
                 increment(&totals.failed);
                 None
             }
@@ -228,7 +228,7 @@ fn answer(by: Processor, data: u32) -> u32 {
 
 /// Three processors; the first is the one that is interrupted.
 struct World {
-    system: System<3>,
+    system: SimSystem<3>,
     a: &'static Interrupted,
     b: Cell<&'static SimMailbox<'static, 3>>,
     c: &'static SimMailbox<'static, 3>,
@@ -237,7 +237,7 @@ struct World {
 impl World {
     fn new() -> Rc<Self> {
         JOURNAL.with(|journal| journal.totals.iter().for_each(Totals::clear));
-        let system = System::<3>::in_virtual_time(64);
+        let system = SimSystem::<3>::in_virtual_time(64);
         let counted = |Windows { mail, data }| Windows {
             mail: Counted(mail),
             data: Counted(data),
@@ -371,7 +371,7 @@ impl World {
 }
 
 /// A program that runs while others wait.
-fn start(system: &System<3>, number: Processor) -> &'static SimMailbox<'static, 3> {
+fn start(system: &SimSystem<3>, number: Processor) -> &'static SimMailbox<'static, 3> {
     let mut mailbox = system.mailbox(number).unwrap();
     let handler = move |call: &Call<'_>| handle(number, call);
     mailbox

@@ -8,8 +8,8 @@ use std::task::Poll;
 use std::thread;
 use std::time::Duration;
 
-use condor_mbox::linux::{Mailbox, PollableBell, System};
-use condor_mbox::{Call, CriticalSection, Error, Messenger, Processor, Vector};
+use condor_mbox::linux::{LinuxMailbox, LinuxSystem, PollableBell};
+use condor_mbox::{Call, CriticalSection, MailboxError, Messenger, Processor, Vector};
 use rustix::event::epoll;
 use tokio::net::unix::pipe;
 
@@ -21,11 +21,11 @@ const STOP: Vector = Vector(2);
 const GENEROUS: Duration = Duration::from_secs(100);
 const MESSAGES: u32 = 2000;
 
-fn mailbox<'v>(system: &System<2>, number: Processor) -> (Mailbox<'v, 2>, PollableBell) {
+fn mailbox<'v>(system: &LinuxSystem<2>, number: Processor) -> (LinuxMailbox<'v, 2>, PollableBell) {
     let claim = system.claim(number).unwrap();
     let bell = claim.doorbell().pollable();
     let (windows, doorbell) = claim.into_parts();
-    let mailbox = Mailbox::new(number, windows, doorbell, CriticalSection).unwrap();
+    let mailbox = LinuxMailbox::new(number, windows, doorbell, CriticalSection).unwrap();
     (mailbox, bell)
 }
 
@@ -34,7 +34,7 @@ fn double(call: &Call<'_>) -> u32 {
 }
 
 /// Sends for as long as it takes until `STOP`, from a thread that sleeps inside of its mailbox.
-fn ask(system: &System<2>) {
+fn ask(system: &LinuxSystem<2>) {
     let (mut mailbox, _) = mailbox(system, OTHER);
     mailbox.join().unwrap();
     for data in 0..MESSAGES {
@@ -46,7 +46,7 @@ fn ask(system: &System<2>) {
 }
 
 fn serve_by_epoll(flags: epoll::EventFlags) {
-    let system = System::<2>::family(64).unwrap();
+    let system = LinuxSystem::<2>::family(64).unwrap();
     let stopped = Mutex::new(false);
     let stop = |_: &Call<'_>| {
         *stopped.lock().unwrap() = true;
@@ -98,7 +98,7 @@ async fn rung(bell: &pipe::Receiver) {
 }
 
 /// Asks by tickets, and serves what comes meanwhile.
-async fn ask_from_a_loop(system: &System<2>, number: Processor) {
+async fn ask_from_a_loop(system: &LinuxSystem<2>, number: Processor) {
     let (mut mailbox, bell) = mailbox(system, number);
     mailbox.set_vector(DOUBLE, &double, "double").unwrap();
     mailbox.join().unwrap();
@@ -110,7 +110,7 @@ async fn ask_from_a_loop(system: &System<2>, number: Processor) {
             while mailbox.serve(Duration::ZERO).unwrap() > 0 {}
             match mailbox.begin(peer, DOUBLE, data, Duration::ZERO) {
                 Ok(ticket) => break ticket,
-                Err(Error::NotConnected { .. }) => rung(&bell).await,
+                Err(MailboxError::NotConnected { .. }) => rung(&bell).await,
                 Err(error) => panic!("{error}"),
             }
         };
@@ -136,7 +136,7 @@ fn two_tasks_of_one_loop_ask_each_other() {
         .enable_all()
         .build()
         .unwrap();
-    let system = System::<2>::family(64).unwrap();
+    let system = LinuxSystem::<2>::family(64).unwrap();
     let mut tasks = [
         Some(Box::pin(ask_from_a_loop(&system, LOOP))),
         Some(Box::pin(ask_from_a_loop(&system, OTHER))),

@@ -5,7 +5,7 @@ use std::fs::File;
 use std::io::{Seek, Write};
 
 use condor_mbox::MemoryWindow;
-use condor_mbox::linux::{Access, LinuxWindow};
+use condor_mbox::linux::{LinuxWindow, WindowAccess};
 
 fn file_of(bytes: &[u8]) -> File {
     let mut file = tempfile::tempfile().expect("a temporary file");
@@ -17,7 +17,7 @@ fn file_of(bytes: &[u8]) -> File {
 #[test]
 fn data_go_both_ways() {
     let memory = file_of(&[0; 4096]);
-    let window = LinuxWindow::map(&memory, 4, 1024, Access::ReadWrite).expect("it is mapped");
+    let window = LinuxWindow::map(&memory, 4, 1024, WindowAccess::ReadWrite).expect("it is mapped");
     let file = file_of(b"0123456789");
     assert_eq!(window.read_file(&file, 2, 8, 100).expect("it is read"), 8);
     let mut read = [0; 12];
@@ -32,7 +32,7 @@ fn data_go_both_ways() {
 #[test]
 fn what_is_not_inside_is_a_bad_address() {
     let memory = file_of(&[0; 4096]);
-    let window = LinuxWindow::map(&memory, 0, 1024, Access::ReadWrite).expect("it is mapped");
+    let window = LinuxWindow::map(&memory, 0, 1024, WindowAccess::ReadWrite).expect("it is mapped");
     let file = file_of(&[1; 4096]);
     for (offset, len) in [
         (1024, 1),
@@ -66,7 +66,7 @@ fn what_is_not_inside_is_a_bad_address() {
         .expect_err("there is no such position");
     assert_eq!(error.raw_os_error(), Some(libc::EINVAL));
 
-    let window = LinuxWindow::map(&memory, 0, 1024, Access::ReadOnly).expect("it is mapped");
+    let window = LinuxWindow::map(&memory, 0, 1024, WindowAccess::ReadOnly).expect("it is mapped");
     let error = window
         .read_file(&file, 0, 0, 4)
         .expect_err("it is read-only");
@@ -80,7 +80,7 @@ fn what_is_not_inside_is_a_bad_address() {
 #[test]
 fn memory_that_is_gone_is_a_bad_address() {
     let memory = file_of(&[0; 8192]);
-    let window = LinuxWindow::map(&memory, 0, 8192, Access::ReadWrite).expect("it is mapped");
+    let window = LinuxWindow::map(&memory, 0, 8192, WindowAccess::ReadWrite).expect("it is mapped");
     let file = file_of(&[1; 8192]);
     memory.set_len(0).expect("it is truncated");
     for result in [

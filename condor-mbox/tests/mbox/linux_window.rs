@@ -4,7 +4,7 @@
 use std::fs::File;
 use std::io::Write;
 
-use condor_mbox::linux::{Access, LinuxWindow, MapError};
+use condor_mbox::linux::{LinuxWindow, WindowAccess, WindowMapError};
 use condor_mbox::window::{CompareExchange, WindowError, WindowErrorKind};
 use condor_mbox::{LoadOrder, MemoryWindow, StoreOrder};
 
@@ -14,7 +14,7 @@ fn file_of(bytes: u64) -> File {
     file
 }
 
-fn window_of(bytes: u32, access: Access) -> LinuxWindow {
+fn window_of(bytes: u32, access: WindowAccess) -> LinuxWindow {
     LinuxWindow::map(file_of(bytes.into()), 0, bytes, access).expect("it can be mapped")
 }
 
@@ -25,7 +25,7 @@ fn kind<T: std::fmt::Debug, E: WindowError>(result: Result<T, E>) -> WindowError
 #[test]
 fn accesses_outside_or_misaligned_are_refused() {
     use WindowErrorKind::{Misaligned, OutOfBounds};
-    let window = window_of(128, Access::ReadWrite);
+    let window = window_of(128, WindowAccess::ReadWrite);
     let cases = [
         (128, OutOfBounds),
         (132, OutOfBounds),
@@ -76,7 +76,7 @@ fn accesses_outside_or_misaligned_are_refused() {
 
 #[test]
 fn a_window_for_reading_refuses_to_write() {
-    let window = window_of(64, Access::ReadOnly);
+    let window = window_of(64, WindowAccess::ReadOnly);
     assert_eq!(
         window.load(60, LoadOrder::Relaxed).expect("it can be read"),
         0
@@ -92,7 +92,7 @@ fn a_window_for_reading_refuses_to_write() {
 
 #[test]
 fn the_error_tells_the_access() {
-    let window = window_of(64, Access::ReadWrite);
+    let window = window_of(64, WindowAccess::ReadWrite);
     let error = window.read(60, &mut [0; 8]).expect_err("it is outside");
     assert_eq!((error.offset, error.len, error.size), (60, 8, 64));
     assert_eq!(
@@ -103,7 +103,7 @@ fn the_error_tells_the_access() {
 
 #[test]
 fn words_are_little_endian_and_parts_of_words_are_kept() {
-    let window = window_of(64, Access::ReadWrite);
+    let window = window_of(64, WindowAccess::ReadWrite);
     window
         .write(4, &[1, 2, 3, 4, 5, 6, 7])
         .expect("it is inside");
@@ -123,7 +123,7 @@ fn words_are_little_endian_and_parts_of_words_are_kept() {
 
 #[test]
 fn compare_exchange_gives_what_was_there() {
-    let window = window_of(64, Access::ReadWrite);
+    let window = window_of(64, WindowAccess::ReadWrite);
     assert_eq!(window.compare_exchange(8, 0, 5).expect("it is inside"), 0);
     assert_eq!(window.compare_exchange(8, 0, 6).expect("it is inside"), 5);
     assert_eq!(window.load(8, LoadOrder::Acquire).expect("it is inside"), 5);
@@ -132,8 +132,9 @@ fn compare_exchange_gives_what_was_there() {
 #[test]
 fn a_window_may_begin_anywhere_and_is_shared() {
     let file = file_of(3 * 65536);
-    let whole = LinuxWindow::map(&file, 0, 3 * 65536, Access::ReadWrite).expect("it maps");
-    let part = LinuxWindow::map(&file, 65536 + 4, 65536 + 8, Access::ReadWrite).expect("it maps");
+    let whole = LinuxWindow::map(&file, 0, 3 * 65536, WindowAccess::ReadWrite).expect("it maps");
+    let part =
+        LinuxWindow::map(&file, 65536 + 4, 65536 + 8, WindowAccess::ReadWrite).expect("it maps");
     assert_eq!(part.size(), 65536 + 8);
     part.store(65536 + 4, 7, StoreOrder::Release)
         .expect("it is inside");
@@ -158,12 +159,12 @@ fn a_window_may_begin_anywhere_and_is_shared() {
 fn ranges_that_cannot_be_windows_are_refused_with_their_values() {
     let file = file_of(4096);
     let map = |offset, len| {
-        LinuxWindow::map(&file, offset, len, Access::ReadWrite).expect_err("it is refused")
+        LinuxWindow::map(&file, offset, len, WindowAccess::ReadWrite).expect_err("it is refused")
     };
     for (offset, len) in [(0, 0), (0, 6), (2, 8)] {
         let error = map(offset, len);
         assert!(
-            matches!(error, MapError::NotWords { offset: o, len: l } if o == offset && l == u64::from(len)),
+            matches!(error, WindowMapError::NotWords { offset: o, len: l } if o == offset && l == u64::from(len)),
             "{error}"
         );
     }
@@ -171,7 +172,7 @@ fn ranges_that_cannot_be_windows_are_refused_with_their_values() {
     assert!(
         matches!(
             error,
-            MapError::TooShort {
+            WindowMapError::TooShort {
                 needed: 4100,
                 found: 4096
             }
@@ -179,22 +180,23 @@ fn ranges_that_cannot_be_windows_are_refused_with_their_values() {
         "{error}"
     );
     let error = map(u64::MAX - 3, 8);
-    assert!(matches!(error, MapError::TooLarge { .. }), "{error}");
+    assert!(matches!(error, WindowMapError::TooLarge { .. }), "{error}");
 }
 
 #[test]
 fn what_cannot_be_mapped_is_refused() {
     let (reader, mut writer) = std::io::pipe().expect("a pipe");
     writer.write_all(&[0; 64]).expect("it has room");
-    let error = LinuxWindow::map(reader, 0, 64, Access::ReadOnly).expect_err("no pipe is mapped");
-    assert!(matches!(error, MapError::System { .. }), "{error}");
-    let error = LinuxWindow::uio(u32::MAX, 0, Access::ReadOnly).expect_err("no such device");
-    assert!(matches!(error, MapError::System { .. }), "{error}");
+    let error =
+        LinuxWindow::map(reader, 0, 64, WindowAccess::ReadOnly).expect_err("no pipe is mapped");
+    assert!(matches!(error, WindowMapError::System { .. }), "{error}");
+    let error = LinuxWindow::uio(u32::MAX, 0, WindowAccess::ReadOnly).expect_err("no such device");
+    assert!(matches!(error, WindowMapError::System { .. }), "{error}");
 }
 
 #[test]
 fn long_copies_are_copies_of_all_words() {
-    let window = window_of(4096, Access::ReadWrite);
+    let window = window_of(4096, WindowAccess::ReadWrite);
     for (offset, len) in [(0, 4096_u32), (4, 1027), (60, 130), (12, 64), (8, 3)] {
         for at in (0..4096).step_by(4) {
             window.store(at, u32::MAX, StoreOrder::Relaxed).unwrap();

@@ -5,11 +5,11 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Duration;
 
-use condor_mbox::error::{LayoutField, Object};
-use condor_mbox::sim::{Mailbox, SimDoorbell, SimWindow, System};
+use condor_mbox::error::{LayoutField, MemoryObject};
+use condor_mbox::sim::{SimDoorbell, SimMailbox, SimSystem, SimWindow};
 use condor_mbox::{
-    Call, Clock, CriticalSection, Doorbell, Error, Instant, Messenger, PeerState, Processor,
-    Progress, Vector, Waiting, layout,
+    Call, Clock, CriticalSection, Doorbell, Instant, MailboxError, Messenger, PeerState, Processor,
+    SendProgress, Vector, Waiting, layout,
 };
 
 const A: Processor = Processor(0);
@@ -19,9 +19,9 @@ const V: Vector = Vector(12);
 
 /// A processor whose program runs while others wait; it lives as long as the test.
 fn attend<const N: usize>(
-    system: &System<N>,
-    mailbox: Mailbox<'static, N>,
-) -> &'static Mailbox<'static, N> {
+    system: &SimSystem<N>,
+    mailbox: SimMailbox<'static, N>,
+) -> &'static SimMailbox<'static, N> {
     let mailbox = &*Box::leak(Box::new(mailbox));
     system.while_waiting(mailbox.number(), || {
         mailbox.serve(Duration::ZERO).unwrap();
@@ -33,8 +33,8 @@ fn double(call: &Call<'_>) -> u32 {
     call.data().wrapping_mul(2)
 }
 
-fn pair_of<const N: usize>() -> (System<N>, Mailbox<'static, N>, Mailbox<'static, N>) {
-    let system = System::<N>::in_virtual_time(4096);
+fn pair_of<const N: usize>() -> (SimSystem<N>, SimMailbox<'static, N>, SimMailbox<'static, N>) {
+    let system = SimSystem::<N>::in_virtual_time(4096);
     let mut a = system.mailbox(A).unwrap();
     let mut b = system.mailbox(B).unwrap();
     b.set_vector(V, &double, "doubles").unwrap();
@@ -104,7 +104,7 @@ fn calls_nest_both_ways_to_a_bound() {
         }
         match call.send_with_reply(call.sender(), Vector(2), call.data() - 1, SECOND) {
             Ok(value) => value + 1,
-            Err(Error::TooDeep { depth }) => 1000 + depth,
+            Err(MailboxError::TooDeep { depth }) => 1000 + depth,
             Err(error) => panic!("{error}"),
         }
     }
@@ -122,7 +122,7 @@ fn calls_nest_both_ways_to_a_bound() {
 
 #[test]
 fn every_mail_is_large_enough() {
-    let system = System::<2>::in_virtual_time(0);
+    let system = SimSystem::<2>::in_virtual_time(0);
     let found = layout::mail_bytes(2) - 4;
     for processor in [A, B] {
         let mut windows = system.windows(A);
@@ -131,9 +131,9 @@ fn every_mail_is_large_enough() {
         let refused = condor_mbox::Mailbox::<(_, _, _), 2>::new(A, windows, bell, CriticalSection);
         assert_eq!(
             refused.map(drop),
-            Err(Error::Layout {
+            Err(MailboxError::Layout {
                 processor,
-                object: Object::Mail,
+                object: MemoryObject::Mail,
                 field: LayoutField::MailSize,
                 found,
                 expected: found + 4,
@@ -148,23 +148,23 @@ fn errors_carry_their_values() {
     let to = Processor(7);
     assert_eq!(
         a.send(to, V, 0, SECOND),
-        Err(Error::NoSuchProcessor {
+        Err(MailboxError::NoSuchProcessor {
             number: to,
             processors: 2
         })
     );
-    let (mut system_of_one, number) = (System::<1>::in_virtual_time(0).mailbox(A).unwrap(), A);
+    let (mut system_of_one, number) = (SimSystem::<1>::in_virtual_time(0).mailbox(A).unwrap(), A);
     let itself = system_of_one.listen(Some(A), SECOND);
-    assert_eq!(itself, Err(Error::ListensToItself { number }));
+    assert_eq!(itself, Err(MailboxError::ListensToItself { number }));
     let vector = Vector(200);
     assert_eq!(
         a.send(B, vector, 0, SECOND),
-        Err(Error::NoSuchVector { vector })
+        Err(MailboxError::NoSuchVector { vector })
     );
     let b = attend(&system, b);
     assert_eq!(
         a.send_with_reply(B, Vector(3), 0, SECOND),
-        Err(Error::NoHandler {
+        Err(MailboxError::NoHandler {
             to: B,
             vector: Vector(3)
         })
@@ -174,10 +174,10 @@ fn errors_carry_their_values() {
     let vector = V;
     assert_eq!(
         a.send_with_reply(B, V, 1, SECOND),
-        Err(Error::Stalled {
+        Err(MailboxError::Stalled {
             to: B,
             vector,
-            progress: Progress::MayRun
+            progress: SendProgress::MayRun
         })
     );
     system.stall(B, false);
@@ -186,9 +186,9 @@ fn errors_carry_their_values() {
     let _ = b;
     assert_eq!(
         a.send_with_reply(B, V, 1, SECOND),
-        Err(Error::PeerDied {
+        Err(MailboxError::PeerDied {
             to: B,
-            progress: Progress::Never
+            progress: SendProgress::Never
         })
     );
     let mut again = system.mailbox(B).unwrap();
@@ -212,7 +212,7 @@ fn tickets_are_polled_and_late_replies_dropped() {
     }
     assert_eq!(
         a.begin(B, V, 1, Duration::ZERO).map(drop),
-        Err(Error::NoSlot { to: B })
+        Err(MailboxError::NoSlot { to: B })
     );
     assert_eq!(b.serve(Duration::ZERO), Ok(8));
     for _ in 0..8 {
@@ -282,7 +282,7 @@ fn a_message_says_in_which_incarnation_it_was_sent() {
         drop(a);
     }
     assert_ne!(lives[0], lives[1]);
-    let seen = lives.iter().flat_map(|&life| [(B, life); 2]);
+    let seen = lives.iter().flat_map(|&incarnation| [(B, incarnation); 2]);
     assert_eq!(*SEEN.lock().unwrap(), seen.collect::<Vec<_>>());
 }
 
@@ -310,7 +310,7 @@ fn a_listener_that_always_hears_something_ends_its_wait() {
     let nobody = Processor(3);
     assert_eq!(
         c.wait_for_peer(nobody, None, Duration::from_micros(10)),
-        Err(Error::NotConnected { to: nobody })
+        Err(MailboxError::NotConnected { to: nobody })
     );
     assert!((10..1000).contains(&HEARD.load(Ordering::Relaxed)));
 }
@@ -330,7 +330,7 @@ fn what_was_sent_before_leaving_arrives() {
     // The sender is gone, and the receiver has noticed by trying to send to it.
     assert_eq!(
         b.send(A, V, 0, Duration::ZERO),
-        Err(Error::NotConnected { to: A })
+        Err(MailboxError::NotConnected { to: A })
     );
     assert_eq!(b.serve(Duration::ZERO), Ok(2));
     assert_eq!(SEEN.load(Ordering::Relaxed), 21);
@@ -374,7 +374,7 @@ fn a_sleeper_serves_everything_before_it_sleeps() {
     for reading in [1, 2] {
         let served = AtomicU32::new(0);
         let count = |_: &Call<'_>| served.fetch_add(1, Ordering::Relaxed);
-        let system = System::<3>::in_virtual_time(4096);
+        let system = SimSystem::<3>::in_virtual_time(4096);
         let mut b = system.mailbox(B).unwrap();
         let mut c = system.mailbox(Processor(2)).unwrap();
         b.join().unwrap();

@@ -1,4 +1,4 @@
-//! Random schedules of three processors, their lives and the faults of their doorbells, against
+//! Random schedules of three processors, their incarnations and the faults of their doorbells, against
 //! what must have happened, in virtual time.
 //!
 //! This sees only what programs see: outcomes, handlers and counts. `hostile` watches every word

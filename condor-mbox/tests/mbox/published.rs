@@ -2,9 +2,9 @@
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use condor_mbox::published::ReadError;
+use condor_mbox::published::PublishedReadError;
 use condor_mbox::window::WindowErrorKind;
-use condor_mbox::{AccessError, MemoryWindow, Places, Published, Region};
+use condor_mbox::{AccessError, Allocator, MemoryWindow, Published, Region};
 use proptest::prelude::*;
 
 use crate::memory::{Memory, Mortal};
@@ -23,12 +23,12 @@ const PUBLICATION: u32 = 9;
 fn nothing_is_published_at_first() {
     let memory = Memory::new(WORDS);
     let subscriber = CELL.subscriber(&memory).unwrap();
-    assert_eq!(subscriber.read(), Err(ReadError::Unpublished));
+    assert_eq!(subscriber.read(), Err(PublishedReadError::Unpublished));
     // A first publication that was begun is still none.
     for accesses in 2..2 + PUBLICATION {
         let mut publisher = CELL.publisher(Mortal::new(&memory, accesses)).unwrap();
         assert!(publisher.publish(&[1; 23]).is_err());
-        assert_eq!(subscriber.read(), Err(ReadError::Unpublished));
+        assert_eq!(subscriber.read(), Err(PublishedReadError::Unpublished));
     }
 }
 
@@ -119,7 +119,7 @@ fn a_cell_outside_its_window_is_refused() {
 fn cells_lie_side_by_side() {
     let memory = Memory::new(256);
     let ram = Region::users(&memory).unwrap();
-    let mut places = Places::new(ram.size());
+    let mut places = Allocator::new(ram.size());
     let first: Published<u64> = places.published().unwrap();
     let second: Published<[u32; 40]> = places.published().unwrap();
     let mut one = first.publisher(&ram).unwrap();
@@ -153,8 +153,8 @@ fn threads_that_poll_never_see_a_mixture() {
                             assert!(latest.sequence >= last, "time runs forwards");
                             last = latest.sequence;
                         }
-                        Err(ReadError::Unpublished) => assert_eq!(last, 0),
-                        Err(ReadError::Contended { attempts }) => assert_eq!(attempts, 4),
+                        Err(PublishedReadError::Unpublished) => assert_eq!(last, 0),
+                        Err(PublishedReadError::Contended { attempts }) => assert_eq!(attempts, 4),
                         Err(other) => panic!("{other}"),
                     }
                 }

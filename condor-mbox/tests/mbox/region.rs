@@ -2,7 +2,7 @@
 
 use condor_mbox::layout::{BELL_BYTES, LINE};
 use condor_mbox::window::WindowErrorKind;
-use condor_mbox::{AccessError, MemoryWindow, Place, Places, Region};
+use condor_mbox::{AccessError, Allocator, MemoryWindow, Offset, Region};
 use proptest::prelude::*;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
@@ -48,12 +48,12 @@ fn the_line_of_the_doorbell_is_not_the_users() {
 fn an_offset_from_a_message_reaches_the_same_value() {
     let memory = Memory::new(64);
     let ram = Region::users(&memory).unwrap();
-    let mut places = Places::new(ram.size());
+    let mut places = Allocator::new(ram.size());
     places.bytes(1).unwrap();
     let place = places.place::<Sample>().unwrap();
     ram.set(place, &SAMPLE).unwrap();
     let message = place.offset();
-    assert_eq!(ram.get(Place::<Sample>::at(message)), Ok(SAMPLE));
+    assert_eq!(ram.get(Offset::<Sample>::at(message)), Ok(SAMPLE));
 }
 
 #[test]
@@ -61,7 +61,7 @@ fn no_offset_from_a_message_is_trusted() {
     let memory = Memory::new(64);
     let ram = Region::users(&memory).unwrap().part(64, 32).unwrap();
     let last = 32 - u32::try_from(size_of::<Sample>()).unwrap();
-    assert!(ram.get(Place::<Sample>::at(last)).is_ok());
+    assert!(ram.get(Offset::<Sample>::at(last)).is_ok());
     for (offset, kind) in [
         (last + 4, WindowErrorKind::OutOfBounds),
         (32, WindowErrorKind::OutOfBounds),
@@ -77,8 +77,8 @@ fn no_offset_from_a_message_is_trusted() {
             size: 32,
             kind,
         };
-        assert_eq!(ram.get(Place::<Sample>::at(offset)), Err(expected));
-        assert_eq!(ram.set(Place::at(offset), &SAMPLE), Err(expected));
+        assert_eq!(ram.get(Offset::<Sample>::at(offset)), Err(expected));
+        assert_eq!(ram.set(Offset::at(offset), &SAMPLE), Err(expected));
     }
 }
 
@@ -108,27 +108,27 @@ fn a_part_has_no_more_than_it_was_given() {
 
 #[test]
 fn places_are_the_same_at_compile_time() {
-    const fn first(mut places: Places) -> Place<Sample> {
+    const fn first(mut places: Allocator) -> Offset<Sample> {
         match places.place() {
             Ok(place) => place,
             Err(_) => panic!("no room"),
         }
     }
-    const FIRST: Place<Sample> = first(Places::new(128));
+    const FIRST: Offset<Sample> = first(Allocator::new(128));
     let memory = Memory::new(32);
-    assert_eq!(Places::new(memory.size()).place().ok(), Some(FIRST));
+    assert_eq!(Allocator::new(memory.size()).place().ok(), Some(FIRST));
 }
 
 #[test]
 fn places_begin_at_lines_and_end_with_the_region() {
-    let mut places = Places::new(3 * LINE - 4);
+    let mut places = Allocator::new(3 * LINE - 4);
     assert_eq!(places.bytes(1), Ok(0));
     assert_eq!(places.bytes(LINE as usize), Ok(LINE));
     assert!(places.bytes(LINE as usize).is_err());
     assert_eq!(places.bytes(LINE as usize - 4), Ok(2 * LINE));
     assert!(places.bytes(1).is_err());
-    assert!(Places::new(64).bytes(usize::MAX).is_err());
-    assert_eq!(Places::new(u32::MAX - 3).bytes(0xFFFF_FFF0), Ok(0));
+    assert!(Allocator::new(64).bytes(usize::MAX).is_err());
+    assert_eq!(Allocator::new(u32::MAX - 3).bytes(0xFFFF_FFF0), Ok(0));
 }
 
 #[test]
@@ -136,7 +136,7 @@ fn a_lost_window_is_told_with_the_access() {
     let memory = Memory::new(64);
     let ram = Region::users(Mortal::new(&memory, 2)).unwrap();
     assert_eq!(
-        ram.get(Place::<Sample>::at(8)),
+        ram.get(Offset::<Sample>::at(8)),
         Err(AccessError {
             offset: 8,
             len: size_of::<Sample>(),

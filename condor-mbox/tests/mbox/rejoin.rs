@@ -1,4 +1,4 @@
-//! A receiver that begins a new life in the middle of a send to it.
+//! A receiver that begins a new incarnation in the middle of a send to it.
 
 use std::cell::Cell;
 use std::rc::Rc;
@@ -6,9 +6,9 @@ use std::time::Duration;
 
 use condor_mbox::error::ProtocolWord;
 use condor_mbox::layout::{self, JOINING, header};
-use condor_mbox::sim::{SimWindow, SimWindowError, System};
+use condor_mbox::sim::{SimSystem, SimWindow, SimWindowError};
 use condor_mbox::{
-    Call, CriticalSection, Error, LoadOrder, Mailbox, MemoryWindow, Messenger, Processor,
+    Call, CriticalSection, LoadOrder, Mailbox, MailboxError, MemoryWindow, Messenger, Processor,
     StoreOrder, Vector, Windows,
 };
 
@@ -56,8 +56,8 @@ fn ignore(_: &Call<'_>) -> u32 {
 }
 
 /// What a send ends with if `B` stores `before_taken` while it looks for a slot.
-fn send_while(before_taken: &'static [(u32, u32)]) -> Result<(), Error> {
-    let system = System::<2>::in_virtual_time(64);
+fn send_while(before_taken: &'static [(u32, u32)]) -> Result<(), MailboxError> {
+    let system = SimSystem::<2>::in_virtual_time(64);
     let writes = Rc::new(Cell::new(Default::default()));
     let peer = &system.windows(B)[1].mail;
     let raced = |window| Raced {
@@ -88,18 +88,18 @@ fn send_while(before_taken: &'static [(u32, u32)]) -> Result<(), Error> {
 }
 
 #[test]
-fn a_count_that_a_new_life_set_back_is_no_broken_protocol() {
+fn a_count_that_a_new_incarnation_set_back_is_no_broken_protocol() {
     assert_eq!(
         send_while(&[(header::INCARNATION, JOINING), (TAKEN, 0)]),
-        Err(Error::NotConnected { to: B })
+        Err(MailboxError::NotConnected { to: B })
     );
 }
 
 #[test]
-fn a_count_that_the_same_life_set_back_is_one() {
+fn a_count_that_the_same_incarnation_set_back_is_one() {
     assert_eq!(
         send_while(&[(TAKEN, 0)]),
-        Err(Error::Protocol {
+        Err(MailboxError::Protocol {
             peer: B,
             word: ProtocolWord::Taken,
             found: 0

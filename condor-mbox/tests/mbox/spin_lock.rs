@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Duration;
 
 use condor_mbox::spin_lock::{
-    Bakery, HardwareSemaphore, Incarnations, LockError, NativeSwap, Owner, SemaphoreSwap,
+    Bakery, HardwareSemaphore, Incarnations, LockOwner, NativeSwap, SemaphoreSwap, SpinLockError,
     TestAndSet,
 };
 use condor_mbox::window::WindowErrorKind;
@@ -55,37 +55,37 @@ impl Exclusion for Alone<'_> {
 }
 
 type Lock<'a> = SpinLock<Box<dyn TestAndSet + 'a>>;
-type Form = for<'a> fn(&'a Mortal<'a>, &'a Board, Owner) -> Lock<'a>;
+type Form = for<'a> fn(&'a Mortal<'a>, &'a Board, LockOwner) -> Lock<'a>;
 
-fn native<'a>(window: &'a Mortal<'a>, _: &'a Board, _: Owner) -> Lock<'a> {
+fn native<'a>(window: &'a Mortal<'a>, _: &'a Board, _: LockOwner) -> Lock<'a> {
     SpinLock::new(Box::new(NativeSwap::new(window, LOCK).unwrap()))
 }
 
-fn context(board: &Board, me: Owner) -> Alone<'_> {
+fn context(board: &Board, me: LockOwner) -> Alone<'_> {
     Alone(&board.contexts[me.processor().unwrap().index()])
 }
 
-fn semaphore<'a>(window: &'a Mortal<'a>, board: &'a Board, me: Owner) -> Lock<'a> {
+fn semaphore<'a>(window: &'a Mortal<'a>, board: &'a Board, me: LockOwner) -> Lock<'a> {
     let lock = SemaphoreSwap::new(window, LOCK, board, context(board, me)).unwrap();
     SpinLock::new(Box::new(lock))
 }
 
-fn bakery<'a>(window: &'a Mortal<'a>, board: &'a Board, me: Owner) -> Lock<'a> {
+fn bakery<'a>(window: &'a Mortal<'a>, board: &'a Board, me: LockOwner) -> Lock<'a> {
     let lock = Bakery::new(window, LOCK, PROCESSORS, context(board, me)).unwrap();
     SpinLock::new(Box::new(lock))
 }
 
 const FORMS: [Form; 3] = [native, semaphore, bakery];
 
-fn owner(processor: u8, life: u32) -> Owner {
-    Owner::new(Processor(processor), life).unwrap()
+fn owner(processor: u8, incarnation: u32) -> LockOwner {
+    LockOwner::new(Processor(processor), incarnation).unwrap()
 }
 
 /// Everybody lives but these.
-struct Except<'a>(&'a [Owner]);
+struct Except<'a>(&'a [LockOwner]);
 
 impl Incarnations for Except<'_> {
-    fn is_current(&self, owner: Owner) -> bool {
+    fn is_current(&self, owner: LockOwner) -> bool {
         !self.0.contains(&owner)
     }
 }
@@ -132,7 +132,7 @@ fn a_held_lock_is_busy_for_everybody() {
         let others = form(&window, &board, other);
         for _ in 0..3 {
             let guard = mine.try_lock(me, &EVERYBODY).unwrap();
-            let busy = LockError::Busy { owner: Some(me) };
+            let busy = SpinLockError::Busy { owner: Some(me) };
             assert_eq!(others.try_lock(other, &EVERYBODY).unwrap_err(), busy);
             // Another context of the owner's processor gets it no more than anybody else.
             assert_eq!(mine.try_lock(me, &EVERYBODY).unwrap_err(), busy);
@@ -145,7 +145,7 @@ fn a_held_lock_is_busy_for_everybody() {
                         Duration::from_millis(1)
                     )
                     .unwrap_err(),
-                LockError::TimedOut { owner: Some(me) }
+                SpinLockError::TimedOut { owner: Some(me) }
             );
             assert_eq!(others.recover(me, other, &EVERYBODY).unwrap_err(), busy);
             guard.release().unwrap();
@@ -155,7 +155,7 @@ fn a_held_lock_is_busy_for_everybody() {
 }
 
 #[test]
-fn a_life_that_is_over_gets_no_lock() {
+fn an_incarnation_that_is_over_gets_no_lock() {
     for form in FORMS {
         let (memory, board) = (Memory::new(WORDS), Board::default());
         let window = Mortal::new(&memory, u32::MAX);
@@ -163,7 +163,7 @@ fn a_life_that_is_over_gets_no_lock() {
         let lock = form(&window, &board, me);
         assert_eq!(
             lock.try_lock(me, &Except(&[me])).unwrap_err(),
-            LockError::NotCurrent { owner: me }
+            SpinLockError::NotCurrent { owner: me }
         );
         let _guard = lock.try_lock(owner(1, 2), &Except(&[me])).unwrap();
     }
@@ -179,7 +179,7 @@ fn lost_memory_is_an_error_and_no_panic() {
             form(&window, &board, me)
                 .try_lock(me, &EVERYBODY)
                 .unwrap_err(),
-            LockError::Memory {
+            SpinLockError::Memory {
                 kind: WindowErrorKind::Lost
             }
         );
@@ -187,7 +187,7 @@ fn lost_memory_is_an_error_and_no_panic() {
 }
 
 /// Takes the lock, changes the words and releases it; `true` if it came to the end.
-fn visit(lock: &Lock<'_>, me: Owner, window: &Mortal<'_>, inside: &Cell<bool>) -> bool {
+fn visit(lock: &Lock<'_>, me: LockOwner, window: &Mortal<'_>, inside: &Cell<bool>) -> bool {
     let Ok(guard) = lock.try_lock(me, &EVERYBODY) else {
         return false;
     };
@@ -201,7 +201,7 @@ fn visit(lock: &Lock<'_>, me: Owner, window: &Mortal<'_>, inside: &Cell<bool>) -
 }
 
 /// Runs `check` with the memory as an owner left it who died after every possible access.
-fn after_every_death(form: Form, check: impl Fn(&Memory, &Board, Owner)) {
+fn after_every_death(form: Form, check: impl Fn(&Memory, &Board, LockOwner)) {
     let doomed = owner(1, 1);
     for accesses in 0.. {
         let (memory, board) = (Memory::new(WORDS), Board::default());
@@ -217,7 +217,7 @@ fn after_every_death(form: Form, check: impl Fn(&Memory, &Board, Owner)) {
             let lock = form(&alive, &board, owner(0, 1));
             assert_eq!(
                 lock.try_lock(owner(0, 1), &EVERYBODY).unwrap_err(),
-                LockError::Busy {
+                SpinLockError::Busy {
                     owner: Some(doomed)
                 }
             );
@@ -245,23 +245,23 @@ fn whatever_an_owner_did_last_its_death_frees_the_lock_for_one() {
                     drop(guard);
                 }
                 Err(error) => {
-                    assert_eq!(error, LockError::OwnerDead { owner: doomed });
+                    assert_eq!(error, SpinLockError::OwnerDead { owner: doomed });
                     assert_eq!(two.try_lock(second, &lives).unwrap_err(), error);
                     let guard = one.recover(doomed, first, &lives).unwrap();
                     assert_eq!(
                         two.recover(doomed, second, &lives).unwrap_err(),
-                        LockError::Busy { owner: Some(first) }
+                        SpinLockError::Busy { owner: Some(first) }
                     );
                     repair(memory);
                     drop(guard);
                     assert_eq!(
                         two.recover(doomed, second, &lives).unwrap_err(),
-                        LockError::Busy { owner: None }
+                        SpinLockError::Busy { owner: None }
                     );
                 }
             }
             drop(two.try_lock(second, &lives).unwrap());
-            // The dead one in its next life.
+            // The dead one in its next incarnation.
             let again = owner(1, 2);
             let lock = form(&window, board, again);
             assert!(visit(&lock, again, &window, &Cell::new(false)));
@@ -300,7 +300,7 @@ fn whoever_dies_while_it_recovers_is_recovered_in_turn() {
                 let lock = form(&window, board, third);
                 match lock.try_lock(third, &lives) {
                     Ok(guard) => drop(guard),
-                    Err(LockError::OwnerDead { owner }) => {
+                    Err(SpinLockError::OwnerDead { owner }) => {
                         assert!(both.contains(&owner));
                         drop(lock.recover(owner, third, &lives).unwrap());
                     }
@@ -324,7 +324,7 @@ fn garbage_for_an_owner_can_be_recovered_from() {
             let window = Mortal::new(&memory, u32::MAX);
             let me = owner(0, 1);
             let lock = form(&window, &board, me);
-            let Err(LockError::OwnerDead { owner }) = lock.try_lock(me, &EVERYBODY) else {
+            let Err(SpinLockError::OwnerDead { owner }) = lock.try_lock(me, &EVERYBODY) else {
                 panic!("{garbage:#x} is nobody");
             };
             assert_eq!(owner.processor(), None);
@@ -350,7 +350,7 @@ fn tickets_of_the_dead_and_of_garbage_do_not_count() {
     // Processor 2 lives: it is in the middle of drawing, and comes first.
     assert_eq!(
         lock.try_lock(me, &EVERYBODY).unwrap_err(),
-        LockError::Busy {
+        SpinLockError::Busy {
             owner: Some(owner(2, 1))
         }
     );
@@ -358,7 +358,7 @@ fn tickets_of_the_dead_and_of_garbage_do_not_count() {
     region.set_word(entry(2) + 4, u32::MAX).unwrap();
     assert!(matches!(
         lock.try_lock(me, &EVERYBODY),
-        Err(LockError::Busy { .. })
+        Err(SpinLockError::Busy { .. })
     ));
     assert!(lock.try_lock(me, &Except(&[owner(2, 1)])).is_ok());
 }
@@ -372,7 +372,7 @@ fn a_semaphore_that_stays_taken_is_busy() {
     assert!(board.try_take());
     assert_eq!(
         lock.try_lock(me, &EVERYBODY).unwrap_err(),
-        LockError::Busy { owner: None }
+        SpinLockError::Busy { owner: None }
     );
     board.give();
     assert!(lock.try_lock(me, &EVERYBODY).is_ok());
@@ -395,24 +395,24 @@ fn locks_outside_their_window_are_refused() {
     let lock = bakery(&window, &board, owner(0, 1));
     assert_eq!(
         lock.try_lock(owner(PROCESSORS, 1), &EVERYBODY).unwrap_err(),
-        LockError::Memory {
+        SpinLockError::Memory {
             kind: WindowErrorKind::OutOfBounds
         }
     );
 }
 
 #[test]
-fn an_owner_is_a_processor_in_a_life() {
-    for life in [0, 1, 977, (1 << 26) - 1] {
+fn an_owner_is_a_processor_in_a_incarnation() {
+    for incarnation in [0, 1, 977, (1 << 26) - 1] {
         for number in [0, 1, 31] {
-            let owner = owner(number, life);
+            let owner = owner(number, incarnation);
             assert_eq!(owner.processor(), Some(Processor(number)));
-            assert!(owner.is_incarnation(life));
-            assert!(owner.is_incarnation(life.wrapping_add(1 << 26)));
-            assert!(!owner.is_incarnation(life.wrapping_add(1)));
+            assert!(owner.is_incarnation(incarnation));
+            assert!(owner.is_incarnation(incarnation.wrapping_add(1 << 26)));
+            assert!(!owner.is_incarnation(incarnation.wrapping_add(1)));
         }
     }
-    assert!(Owner::new(Processor(32), 1).is_err());
+    assert!(LockOwner::new(Processor(32), 1).is_err());
     assert_eq!(owner(3, 7).to_string(), "processor 3 in incarnation 7");
 }
 
@@ -442,7 +442,7 @@ fn threads_are_alone_inside() {
                                 change(memory).unwrap();
                                 visits += 1;
                             }
-                            Err(LockError::Busy { .. }) => std::thread::yield_now(),
+                            Err(SpinLockError::Busy { .. }) => std::thread::yield_now(),
                             Err(other) => panic!("{other}"),
                         }
                     }

@@ -6,7 +6,7 @@
 //! publisher see `published.rs`.)
 //!
 //! It fails if the epoch of a request or of a reply is not compared, if a new program lives the
-//! same life as the former, if a ticket does not compare the life of its peer, and if an entry
+//! same incarnation as the former, if a ticket does not compare the incarnation of its peer, and if an entry
 //! carries its sequence before its words.
 
 use std::cell::RefCell;
@@ -15,11 +15,11 @@ use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::time::Duration;
 
 use condor_mbox::layout::{self, SLOTS};
-use condor_mbox::sim::{Mailbox as SimMailbox, SimDoorbell, SimWindow, System};
+use condor_mbox::sim::{SimDoorbell, SimMailbox, SimSystem, SimWindow};
 use condor_mbox::window::{WindowError, WindowErrorKind};
 use condor_mbox::{
-    Call, CriticalSection, Error, LoadOrder, Mailbox, MemoryWindow, Messenger, PeerState,
-    Processor, StoreOrder, Ticket, Vector, Waiting, Windows,
+    Call, CriticalSection, LoadOrder, Mailbox, MailboxError, MemoryWindow, MessageTicket,
+    Messenger, PeerState, Processor, StoreOrder, Vector, Waiting, Windows,
 };
 
 /// The processor that stops.
@@ -140,7 +140,7 @@ const NEXT: u32 = 3;
 fn set_vectors<W: MemoryWindow>(
     mailbox: &mut Mailbox<'static, (W, SimDoorbell, CriticalSection), 2>,
     generation: u32,
-) -> Result<(), Error> {
+) -> Result<(), MailboxError> {
     for vector in 0..VECTORS {
         let handle = move |call: &Call<'_>| {
             assert_eq!(message(call.data() >> 8), (call.vector(), call.data()));
@@ -154,7 +154,7 @@ fn set_vectors<W: MemoryWindow>(
 }
 
 /// A whole program that runs while the other waits.
-fn start(system: &System<2>, number: Processor, generation: u32) -> Survivor {
+fn start(system: &SimSystem<2>, number: Processor, generation: u32) -> Survivor {
     let mut mailbox = system.mailbox(number).unwrap();
     set_vectors(&mut mailbox, generation).unwrap();
     mailbox.join().unwrap();
@@ -166,7 +166,7 @@ fn start(system: &System<2>, number: Processor, generation: u32) -> Survivor {
 }
 
 /// The program that stops; it has not joined.
-fn mortal(system: &System<2>, stores: &Arc<Stores>) -> Result<Mortal, Error> {
+fn mortal(system: &SimSystem<2>, stores: &Arc<Stores>) -> Result<Mortal, MailboxError> {
     let windows = system.windows(A).map(|Windows { mail, data }| {
         let [mail, data] = [mail, data].map(|window| MortalWindow {
             window,
@@ -192,19 +192,19 @@ struct Case {
 }
 
 struct World {
-    system: System<2>,
+    system: SimSystem<2>,
     stores: Arc<Stores>,
     b: Survivor,
     case: Case,
 }
 
 /// A call of the survivor to the program that stops.
-type Open = (u32, Ticket<'static>);
+type Open = (u32, MessageTicket<'static>);
 
 impl World {
     fn new(case: Case) -> Self {
         HANDLED.take();
-        let system = System::<2>::in_virtual_time(64);
+        let system = SimSystem::<2>::in_virtual_time(64);
         let b = start(&system, B, SURVIVOR);
         Self {
             system,
@@ -250,10 +250,10 @@ impl World {
             .send_with_reply(A, vector, data, PATIENCE)
             .expect_err("nobody is there to answer");
         let fits = match state {
-            PeerState::Dead { .. } => matches!(error, Error::PeerDied { .. }),
-            PeerState::Up { .. } => !case.known && matches!(error, Error::Stalled { .. }),
-            PeerState::Absent => matches!(error, Error::NotConnected { .. }),
-            PeerState::Joining => !case.known && matches!(error, Error::NotConnected { .. }),
+            PeerState::Dead { .. } => matches!(error, MailboxError::PeerDied { .. }),
+            PeerState::Up { .. } => !case.known && matches!(error, MailboxError::Stalled { .. }),
+            PeerState::Absent => matches!(error, MailboxError::NotConnected { .. }),
+            PeerState::Joining => !case.known && matches!(error, MailboxError::NotConnected { .. }),
         };
         assert!(fits, "{case:?}: {state:?}, {error}");
     }
@@ -273,7 +273,7 @@ impl World {
         }
     }
 
-    /// What happens from the stop on; `open` are the survivor's calls to the former life.
+    /// What happens from the stop on; `open` are the survivor's calls to the former incarnation.
     fn goes_on(&self, open: Vec<Open>) {
         let case = self.case;
         if case.known {
@@ -297,7 +297,7 @@ impl World {
                     assert_eq!(reply, answer(FORMER, data), "{case:?}");
                     assert!(before.contains(&(data >> 8)), "{case:?}");
                 }
-                Err(Error::PeerRestarted { .. }) => {}
+                Err(MailboxError::PeerRestarted { .. }) => {}
                 other => panic!("{case:?}: {other:?}"),
             }
         }
@@ -392,8 +392,8 @@ fn a_server_stops_while_a_call_waits_for_it() {
             let (vector, data) = message(number);
             match world.b.send_with_reply(A, vector, data, PATIENCE) {
                 Ok(reply) => assert_eq!(reply, answer(FORMER, data)),
-                Err(Error::PeerDied { .. }) if known => {}
-                Err(Error::Stalled { .. } | Error::TimedOut { .. }) if !known => {}
+                Err(MailboxError::PeerDied { .. }) if known => {}
+                Err(MailboxError::Stalled { .. } | MailboxError::TimedOut { .. }) if !known => {}
                 Err(error) => panic!("{:?}: {error}", world.case),
             }
         }
@@ -411,7 +411,7 @@ fn a_joiner_stops() {
 }
 
 #[test]
-fn a_joiner_stops_after_a_former_life() {
+fn a_joiner_stops_after_a_former_incarnation() {
     stop_everywhere(|world| {
         let former = world.joined();
         for number in 50..53 {

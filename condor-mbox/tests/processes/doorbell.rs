@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use crate::linux_child::{Actor, part, say, wait_for_parent};
 use condor_mbox::layout::BELL_BYTES;
-use condor_mbox::linux::{Claim, LinuxDoorbell, PollableBell, System};
+use condor_mbox::linux::{Claim, LinuxDoorbell, LinuxSystem, PollableBell};
 use condor_mbox::{Clock, Doorbell, Instant, LoadOrder, MemoryWindow, Processor, StoreOrder};
 use rustix::event::{Timespec, epoll};
 use tempfile::TempDir;
@@ -16,12 +16,12 @@ const SECOND: Processor = Processor(1);
 /// Never reached unless something is lost.
 const GENEROUS: Duration = Duration::from_secs(100);
 
-fn places() -> Vec<(Option<TempDir>, System<2>)> {
+fn places() -> Vec<(Option<TempDir>, LinuxSystem<2>)> {
     let directory = tempfile::tempdir().expect("a temporary directory");
-    let named = System::at(directory.path().join("system"), 64).expect("it is created");
+    let named = LinuxSystem::at(directory.path().join("system"), 64).expect("it is created");
     vec![
         (Some(directory), named),
-        (None, System::family(64).expect("it is created")),
+        (None, LinuxSystem::family(64).expect("it is created")),
     ]
 }
 
@@ -75,7 +75,7 @@ fn no_ring_is_lost_between_two_threads() {
 
 #[test]
 fn all_sleepers_of_a_number_are_woken() {
-    let system = System::<2>::family(64).expect("it is created");
+    let system = LinuxSystem::<2>::family(64).expect("it is created");
     let first = system.claim(FIRST).expect("it is free");
     let second = system.claim(SECOND).expect("it is free");
     for round in 1..200 {
@@ -90,7 +90,7 @@ fn all_sleepers_of_a_number_are_woken() {
 
 #[test]
 fn a_ring_after_prepare_ends_the_wait() {
-    let system = System::<2>::family(64).expect("it is created");
+    let system = LinuxSystem::<2>::family(64).expect("it is created");
     let first = system.claim(FIRST).expect("it is free");
     let bell = first.doorbell();
     let seen = bell.prepare();
@@ -101,7 +101,7 @@ fn a_ring_after_prepare_ends_the_wait() {
 
 #[test]
 fn a_wait_ends_at_its_deadline() {
-    let system = System::<2>::family(64).expect("it is created");
+    let system = LinuxSystem::<2>::family(64).expect("it is created");
     let first = system.claim(FIRST).expect("it is free");
     let bell = first.doorbell();
     let until = bell.now().after(Duration::from_millis(2));
@@ -219,7 +219,7 @@ fn what_a_killed_poller_left_is_undone() {
 fn scribbles_and_truncation_hurt_nobody() {
     let directory = tempfile::tempdir().expect("a temporary directory");
     let path = directory.path().join("system");
-    let system = System::<2>::at(&path, 64).expect("it is created");
+    let system = LinuxSystem::<2>::at(&path, 64).expect("it is created");
     let first = system.claim(FIRST).expect("it is free");
     let second = system.claim(SECOND).expect("it is free");
     let bell: LinuxDoorbell<2> = second.doorbell().clone();
@@ -253,7 +253,7 @@ fn scribbles_and_truncation_hurt_nobody() {
 #[test]
 fn the_parts() {
     let claimed = || {
-        let system = System::<2>::inherited().expect("it was passed");
+        let system = LinuxSystem::<2>::inherited().expect("it was passed");
         system.claim(SECOND).expect("it is free")
     };
     match part().as_deref() {

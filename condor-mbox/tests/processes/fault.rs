@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 
 use crate::linux_child::{Actor, part, say, wait_for_parent};
-use condor_mbox::linux::{Access, LinuxWindow};
+use condor_mbox::linux::{LinuxWindow, WindowAccess};
 use condor_mbox::window::{CompareExchange, WindowError, WindowErrorKind};
 use condor_mbox::{LoadOrder, MemoryWindow, StoreOrder};
 
@@ -16,7 +16,8 @@ const BYTES: u32 = 4 * 65536;
 fn mapped() -> (File, LinuxWindow) {
     let file = tempfile::tempfile().expect("a temporary file");
     file.set_len(BYTES.into()).expect("it can grow");
-    let window = LinuxWindow::map(&file, 0, BYTES, Access::ReadWrite).expect("it can be mapped");
+    let window =
+        LinuxWindow::map(&file, 0, BYTES, WindowAccess::ReadWrite).expect("it can be mapped");
     (file, window)
 }
 
@@ -56,7 +57,8 @@ fn every_access_to_a_truncated_file_is_lost() {
             is_lost(window.load(0, LoadOrder::Relaxed)),
             "also when it is back"
         );
-        let again = LinuxWindow::map(&file, 0, BYTES, Access::ReadWrite).expect("it can be mapped");
+        let again =
+            LinuxWindow::map(&file, 0, BYTES, WindowAccess::ReadWrite).expect("it can be mapped");
         again
             .store(65536, 1, StoreOrder::Relaxed)
             .expect("a new window sees the new file");
@@ -66,7 +68,8 @@ fn every_access_to_a_truncated_file_is_lost() {
 #[test]
 fn a_window_for_reading_can_be_lost() {
     let (file, _window) = mapped();
-    let window = LinuxWindow::map(&file, 65536, 65536, Access::ReadOnly).expect("it can be mapped");
+    let window =
+        LinuxWindow::map(&file, 65536, 65536, WindowAccess::ReadOnly).expect("it can be mapped");
     file.set_len(0).expect("it can shrink");
     assert!(is_lost(window.load(0, LoadOrder::Acquire)));
     assert!(is_lost(window.read(0, &mut [0; 64])));
@@ -166,7 +169,7 @@ fn the_parts() {
             file.set_len(4096).expect("it can grow");
             let mut windows = Vec::new();
             loop {
-                match LinuxWindow::map(&file, 0, 4096, Access::ReadOnly) {
+                match LinuxWindow::map(&file, 0, 4096, WindowAccess::ReadOnly) {
                     Ok(window) => windows.push(window),
                     Err(error) => return say(&format!("{error:?}")),
                 }

@@ -5,8 +5,10 @@ use std::path::Path;
 use std::process::{Child, Command};
 use std::time::Duration;
 
-use condor_mbox::linux::{Mailbox, System};
-use condor_mbox::{Call, Clock, CriticalSection, Error, Messenger, PeerState, Processor, Vector};
+use condor_mbox::linux::{LinuxMailbox, LinuxSystem};
+use condor_mbox::{
+    Call, Clock, CriticalSection, MailboxError, Messenger, PeerState, Processor, Vector,
+};
 
 const ME: Processor = Processor(0);
 const C: Processor = Processor(1);
@@ -44,7 +46,7 @@ impl Drop for Process {
     }
 }
 
-fn serve_until(mailbox: &Mailbox<'_, 2>, what: &str, found: impl Fn(PeerState) -> bool) {
+fn serve_until(mailbox: &LinuxMailbox<'_, 2>, what: &str, found: impl Fn(PeerState) -> bool) {
     let until = mailbox.doorbell().now().after(GENEROUS);
     while !found(mailbox.peer_state(C).unwrap()) {
         assert!(mailbox.doorbell().now() < until, "{what}");
@@ -56,13 +58,13 @@ fn serve_until(mailbox: &Mailbox<'_, 2>, what: &str, found: impl Fn(PeerState) -
 fn an_end_in_c_calls_and_is_called_and_restarts() {
     let directory = tempfile::tempdir().unwrap();
     let place = directory.path().join("system");
-    let (windows, doorbell) = System::<2>::at(&place, 64)
+    let (windows, doorbell) = LinuxSystem::<2>::at(&place, 64)
         .unwrap()
         .claim(ME)
         .unwrap()
         .into_parts();
     let triple = |call: &Call<'_>| call.data().wrapping_mul(3);
-    let mut mailbox = Mailbox::new(ME, windows, doorbell, CriticalSection).unwrap();
+    let mut mailbox = LinuxMailbox::new(ME, windows, doorbell, CriticalSection).unwrap();
     mailbox.set_vector(ASK_BACK, &triple, "triple").unwrap();
     mailbox.join().unwrap();
 
@@ -85,7 +87,7 @@ fn an_end_in_c_calls_and_is_called_and_restarts() {
             let reply = mailbox.send_with_reply(C, ASK_BACK, data, GENEROUS);
             assert_eq!(reply, Ok(3 * data + 1));
         }
-        let no_handler = Err(Error::NoHandler {
+        let no_handler = Err(MailboxError::NoHandler {
             to: C,
             vector: Vector(9),
         });
@@ -99,7 +101,7 @@ fn an_end_in_c_calls_and_is_called_and_restarts() {
             process.0.kill().unwrap();
             process.0.wait().unwrap();
             let error = mailbox.send_with_reply(C, DOUBLE, 0, GENEROUS).unwrap_err();
-            assert!(matches!(error, Error::PeerDied { .. }), "{error}");
+            assert!(matches!(error, MailboxError::PeerDied { .. }), "{error}");
         } else {
             assert_eq!(mailbox.send_with_reply(C, STOP, 0, GENEROUS), Ok(0));
             assert!(process.0.wait().unwrap().success());

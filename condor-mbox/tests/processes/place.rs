@@ -9,7 +9,7 @@ use std::time::Duration;
 use crate::linux_child::{Actor, part, say};
 use condor_mbox::Processor;
 use condor_mbox::layout::{BELL_BYTES, mail_bytes};
-use condor_mbox::linux::{FileKind, Memory, Run, System, SystemError};
+use condor_mbox::linux::{FileKind, LinuxSystem, Memory, ObjectPositions, SystemError};
 
 const USER_BYTES: u32 = 64;
 const FIRST: Processor = Processor(0);
@@ -37,7 +37,7 @@ fn is_a_link(error: &SystemError, at: &Path) -> bool {
 }
 
 /// Removes a system, once no child of another test, on its way to its own program, has its files.
-fn remove<const N: usize>(system: &System<N>) -> Result<(), SystemError> {
+fn remove<const N: usize>(system: &LinuxSystem<N>) -> Result<(), SystemError> {
     system.clone().remove_within(Duration::from_secs(100))
 }
 
@@ -48,8 +48,9 @@ fn a_link_in_the_place_of_a_named_system_is_not_followed() {
     let name = format!("test-link-{}", std::process::id());
     let path = Path::new("/dev/shm").join(format!("condor-{name}"));
     symlink(kept.path(), &path).expect("a link");
-    let refused = System::<1>::named(&name, USER_BYTES).map(|system| system.claim(FIRST).is_ok());
-    let at = System::<1>::at(&path, USER_BYTES).map(drop);
+    let refused =
+        LinuxSystem::<1>::named(&name, USER_BYTES).map(|system| system.claim(FIRST).is_ok());
+    let at = LinuxSystem::<1>::at(&path, USER_BYTES).map(drop);
     fs::remove_file(&path).expect("it is ours");
     let error = refused.expect_err("it is a link");
     assert!(is_a_link(&error, &path), "{error}");
@@ -64,7 +65,7 @@ fn a_link_in_the_place_of_a_grave_is_not_followed() {
     let kept = tempfile::tempdir().expect("a temporary directory");
     let path = kept.path().join("system");
     let other = kept.path().join("other");
-    let system = System::<1>::at(&path, USER_BYTES).expect("it is created");
+    let system = LinuxSystem::<1>::at(&path, USER_BYTES).expect("it is created");
     drop(system.claim(FIRST).expect("it is free"));
     fs::create_dir(&other).expect("a directory");
     fs::write(other.join("0.mail"), "").expect("a file");
@@ -84,7 +85,7 @@ fn a_relative_path_is_the_same_system_in_a_child_elsewhere() {
     let up = own.components().skip(1).map(|_| "..");
     let from_root = kept.path().strip_prefix("/").expect("it is absolute");
     let relative: PathBuf = up.collect::<PathBuf>().join(from_root).join("system");
-    let system = System::<1>::at(&relative, USER_BYTES).expect("it is created");
+    let system = LinuxSystem::<1>::at(&relative, USER_BYTES).expect("it is created");
     let _claim = system.claim(FIRST).expect("it is free");
     let mut child = Actor::start("place::the_child_elsewhere", "elsewhere", |command| {
         system.pass_to(command).current_dir(elsewhere.path());
@@ -104,7 +105,7 @@ fn a_relative_path_is_the_same_system_in_a_child_elsewhere() {
 #[test]
 fn the_child_elsewhere() {
     if part().as_deref() == Some("elsewhere") {
-        let claim = System::<1>::inherited().and_then(|system| system.claim(FIRST));
+        let claim = LinuxSystem::<1>::inherited().and_then(|system| system.claim(FIRST));
         say(&claim.map_or_else(|error| error.to_string(), |_| "claimed".into()));
     }
 }
@@ -114,18 +115,18 @@ fn the_child_elsewhere() {
 fn a_program_of_another_size_leaves_nothing_behind() {
     let kept = tempfile::tempdir().expect("a temporary directory");
     let path = kept.path().join("system");
-    let system = System::<2>::at(&path, USER_BYTES).expect("it is created");
+    let system = LinuxSystem::<2>::at(&path, USER_BYTES).expect("it is created");
     drop(system.claim(FIRST).expect("it is free"));
     let files = names(&path);
     let claim = |number| {
-        let larger = System::<4>::at(&path, USER_BYTES)?;
+        let larger = LinuxSystem::<4>::at(&path, USER_BYTES)?;
         larger.claim(Processor(number)).map(drop)
     };
     for number in 0..4 {
         let error = claim(number).expect_err("there are two").to_string();
         assert!(error.contains("processors is [2], expected 4"), "{error}");
     }
-    let error = System::<2>::at(&path, USER_BYTES + 4).expect_err("there are fewer bytes");
+    let error = LinuxSystem::<2>::at(&path, USER_BYTES + 4).expect_err("there are fewer bytes");
     let expected = "data-bytes is [64], expected 68";
     assert!(error.to_string().contains(expected), "{error}");
     assert_eq!(names(&path), files);
@@ -140,7 +141,7 @@ fn a_memory_that_a_stranger_names_is_refused() {
     let (path, ram) = (kept.path().join("system"), kept.path().join("ram"));
     let (mail, data) = (mail_bytes(1), BELL_BYTES + USER_BYTES);
     fs::write(&ram, vec![0; (mail + data) as usize]).expect("a file");
-    let run = |offset: u32| Run {
+    let run = |offset: u32| ObjectPositions {
         offset: offset.into(),
         stride: 4,
     };
@@ -149,24 +150,24 @@ fn a_memory_that_a_stranger_names_is_refused() {
         mail: run(0),
         data: run(mail),
     };
-    System::<1>::in_memory(&path, USER_BYTES, &memory).expect("it is created");
+    LinuxSystem::<1>::in_memory(&path, USER_BYTES, &memory).expect("it is created");
     let said = path.join("system");
     assert_eq!(mode(&said), 0o400);
     set_mode(&said, 0o420);
-    let error = System::<1>::at(&path, USER_BYTES).expect_err("others may write it");
+    let error = LinuxSystem::<1>::at(&path, USER_BYTES).expect_err("others may write it");
     assert!(error.to_string().contains("by its mode 420"), "{error}");
     set_mode(&said, 0o400);
-    System::<1>::at(&path, USER_BYTES).expect("it is ours");
+    LinuxSystem::<1>::at(&path, USER_BYTES).expect("it is ours");
     // Only root can make it somebody else's.
     if rustix::process::geteuid().is_root() {
         chown(&said, Some(1), None).expect("root may");
-        let error = System::<1>::at(&path, USER_BYTES).expect_err("it is a stranger's");
+        let error = LinuxSystem::<1>::at(&path, USER_BYTES).expect_err("it is a stranger's");
         assert!(
             matches!(error, SystemError::WrongOwner { found: 1, .. }),
             "{error}"
         );
         // A directory of the stranger's is his to describe.
         chown(&path, Some(1), None).expect("root may");
-        System::<1>::at(&path, USER_BYTES).expect("it is its owner's");
+        LinuxSystem::<1>::at(&path, USER_BYTES).expect("it is its owner's");
     }
 }

@@ -1,4 +1,4 @@
-//! Numbers, files and families of `System`.
+//! Numbers, files and families of `LinuxSystem`.
 #![cfg(feature = "linux")]
 
 use std::fs;
@@ -12,7 +12,9 @@ use std::time::{Duration, Instant};
 
 use crate::linux_child::{Actor, part, say, wait_for_parent};
 use condor_mbox::layout::{BELL_BYTES, header, mail_bytes};
-use condor_mbox::linux::{Access, Claim, FileKind, Memory, Run, System, SystemError};
+use condor_mbox::linux::{
+    Claim, FileKind, LinuxSystem, Memory, ObjectPositions, SystemError, WindowAccess,
+};
 use condor_mbox::{Doorbell, Evidence, LoadOrder, MemoryWindow, Processor, StoreOrder};
 use tempfile::TempDir;
 
@@ -21,9 +23,10 @@ const FIRST: Processor = Processor(0);
 const SECOND: Processor = Processor(1);
 const PATIENCE: Duration = Duration::from_secs(100);
 
-fn directory() -> (TempDir, System<2>) {
+fn directory() -> (TempDir, LinuxSystem<2>) {
     let directory = tempfile::tempdir().expect("a temporary directory");
-    let system = System::at(directory.path().join("system"), USER_BYTES).expect("it is created");
+    let system =
+        LinuxSystem::at(directory.path().join("system"), USER_BYTES).expect("it is created");
     (directory, system)
 }
 
@@ -61,32 +64,32 @@ fn memory(directory: &Path, offset: u64) -> Memory {
     ram.set_len(MEMORY_BYTES).expect("it has room");
     Memory {
         file,
-        mail: Run {
+        mail: ObjectPositions {
             offset,
             stride: 1 << 15,
         },
-        data: Run {
+        data: ObjectPositions {
             offset: offset + (1 << 16),
             stride: u64::from(BELL_BYTES + USER_BYTES),
         },
     }
 }
 
-fn in_memory(offset: u64) -> (TempDir, System<2>) {
+fn in_memory(offset: u64) -> (TempDir, LinuxSystem<2>) {
     let directory = tempfile::tempdir().expect("a temporary directory");
     let memory = memory(directory.path(), offset);
     let path = directory.path().join("system");
-    System::<2>::in_memory(&path, USER_BYTES, &memory).expect("it is created");
+    LinuxSystem::<2>::in_memory(&path, USER_BYTES, &memory).expect("it is created");
     // Nobody else is told where the memory is.
-    let system = System::at(path, USER_BYTES).expect("it is found");
+    let system = LinuxSystem::at(path, USER_BYTES).expect("it is found");
     (directory, system)
 }
 
 /// Every kind of place, with what must be kept meanwhile.
-fn places() -> Vec<(Option<TempDir>, System<2>)> {
+fn places() -> Vec<(Option<TempDir>, LinuxSystem<2>)> {
     let files = [directory(), in_memory(0x4000), in_memory(0x1234)];
     let files = files.map(|(kept, system)| (Some(kept), system));
-    let family = System::family(USER_BYTES).expect("it is created");
+    let family = LinuxSystem::family(USER_BYTES).expect("it is created");
     files.into_iter().chain([(None, family)]).collect()
 }
 
@@ -101,8 +104,8 @@ fn claimants_share_their_memory() {
             assert_eq!(load(&second, owner, 100), value);
         }
         let [own, peer] = first.windows();
-        assert_eq!(own.mail.access(), Access::ReadWrite);
-        assert_eq!(peer.mail.access(), Access::ReadOnly);
+        assert_eq!(own.mail.access(), WindowAccess::ReadWrite);
+        assert_eq!(peer.mail.access(), WindowAccess::ReadOnly);
         assert_eq!(own.mail.size(), mail_bytes(2));
         assert_eq!(peer.data.size(), BELL_BYTES + USER_BYTES);
         own.mail
@@ -227,7 +230,7 @@ fn grandchildren_can_take_part() {
 
 #[test]
 fn a_child_that_was_passed_nothing_holds_nothing() {
-    let system = System::<2>::family(USER_BYTES).expect("it is created");
+    let system = LinuxSystem::<2>::family(USER_BYTES).expect("it is created");
     let watcher = system.claim(FIRST).expect("it is free");
     let holder = system.claim(SECOND).expect("it is free");
     let mut child = Actor::start("system::the_parts", "bystander", |_| {});
@@ -270,7 +273,7 @@ fn creators_may_race() {
                 let (start, path) = (&start, directory.path().join("system"));
                 scope.spawn(move || {
                     start.wait();
-                    let system = System::at(path, USER_BYTES).expect("it is created once");
+                    let system = LinuxSystem::at(path, USER_BYTES).expect("it is created once");
                     let claim = system.claim(Processor(number)).expect("it is free");
                     store(&claim, 0, 4 * u32::from(number), 1 + u32::from(number));
                     claim
@@ -319,7 +322,7 @@ fn one_of_many_gets_the_number() {
 }
 
 /// Why the first number cannot be had.
-fn refusal<const N: usize>(system: &System<N>) -> SystemError {
+fn refusal<const N: usize>(system: &LinuxSystem<N>) -> SystemError {
     let result = system.claim_within(FIRST, PATIENCE).map(drop);
     result.expect_err("the files are of another size")
 }
@@ -400,7 +403,7 @@ fn names_of_the_wrong_kind_are_refused() {
     let (kept, _) = directory();
     let file = kept.path().join("file");
     fs::write(&file, "").expect("a file");
-    let error = System::<2>::at(&file, USER_BYTES).expect_err("it is no directory");
+    let error = LinuxSystem::<2>::at(&file, USER_BYTES).expect_err("it is no directory");
     assert!(
         matches!(
             error,
@@ -421,11 +424,11 @@ fn make_fifo(path: &Path) {
 #[test]
 fn bad_names_and_sizes_are_refused() {
     for name in ["", "a/b", "../x", "a\0b", &"x".repeat(241)] {
-        let error = System::<2>::named(name, USER_BYTES).expect_err("it is refused");
+        let error = LinuxSystem::<2>::named(name, USER_BYTES).expect_err("it is refused");
         assert!(matches!(error, SystemError::BadName { .. }), "{error}");
     }
     for user_bytes in [1, 4098, u32::MAX, u32::MAX - 3] {
-        let error = System::<2>::family(user_bytes).expect_err("it is refused");
+        let error = LinuxSystem::<2>::family(user_bytes).expect_err("it is refused");
         assert!(matches!(error, SystemError::BadDataSize { .. }), "{error}");
     }
 }
@@ -434,7 +437,7 @@ fn bad_names_and_sizes_are_refused() {
 fn a_named_system_is_its_users_alone() {
     let name = format!("test-{}", std::process::id());
     let path = Path::new("/dev/shm").join(format!("condor-{name}"));
-    let system = System::<2>::named(&name, USER_BYTES).expect("it is created");
+    let system = LinuxSystem::<2>::named(&name, USER_BYTES).expect("it is created");
     let claim = system.claim(FIRST).expect("it is free");
     let mode = |path: &Path| {
         fs::metadata(path)
@@ -452,7 +455,7 @@ fn a_named_system_is_its_users_alone() {
     if user == 0 {
         // Only root can make the directory somebody else's.
         std::os::unix::fs::chown(&path, Some(1), None).expect("root may");
-        let error = System::<2>::named(&name, USER_BYTES).expect_err("it is another user's");
+        let error = LinuxSystem::<2>::named(&name, USER_BYTES).expect_err("it is another user's");
         assert!(
             matches!(
                 error,
@@ -659,7 +662,7 @@ fn the_memory_stays_when_its_system_is_removed() {
         .expect("nobody has it");
     assert!(!kept.path().join("system").exists());
     let memory = memory_of(&kept, 0x1234);
-    let system = System::<2>::in_memory(kept.path().join("system"), USER_BYTES, &memory)
+    let system = LinuxSystem::<2>::in_memory(kept.path().join("system"), USER_BYTES, &memory)
         .expect("it begins anew");
     let claim = system.claim(FIRST).expect("it is free");
     assert_eq!(load(&claim, 0, 0), 5);
@@ -699,20 +702,24 @@ fn a_memory_that_is_wrong_is_refused() {
 
     for (wrong, expected) in [
         (
-            System::<2>::at(&path, USER_BYTES + 4).err(),
+            LinuxSystem::<2>::at(&path, USER_BYTES + 4).err(),
             "data-bytes is [256], expected 260",
         ),
         (
-            System::<3>::at(&path, USER_BYTES).err(),
+            LinuxSystem::<3>::at(&path, USER_BYTES).err(),
             "processors is [2], expected 3",
         ),
         (
-            System::<2>::in_memory(&path, USER_BYTES, &memory_of(&kept, 0x4004)).err(),
+            LinuxSystem::<2>::in_memory(&path, USER_BYTES, &memory_of(&kept, 0x4004)).err(),
             "its memory is Some(Memory",
         ),
         (
-            System::<2>::in_memory(kept.path().join("other"), USER_BYTES, &memory_of(&kept, 2))
-                .err(),
+            LinuxSystem::<2>::in_memory(
+                kept.path().join("other"),
+                USER_BYTES,
+                &memory_of(&kept, 2),
+            )
+            .err(),
             "0.mail at 0x2 begins within a word",
         ),
     ] {
@@ -741,7 +748,7 @@ fn a_system_of_files_does_not_become_one_in_memory() {
     drop(system.claim(FIRST).expect("it is free"));
     let path = kept.path().join("system");
     let memory = memory(kept.path(), 0);
-    let error = System::<2>::in_memory(path, USER_BYTES, &memory).expect_err("it has begun");
+    let error = LinuxSystem::<2>::in_memory(path, USER_BYTES, &memory).expect_err("it has begun");
     let expected = "its memory is None, expected Some(Memory";
     assert!(error.to_string().contains(expected), "{error}");
 }
@@ -787,7 +794,7 @@ impl Drop for StopAtEnd<'_> {
     }
 }
 
-fn holder_of(system: &System<2>) -> Actor {
+fn holder_of(system: &LinuxSystem<2>) -> Actor {
     let mut holder = Actor::start("system::the_parts", "holder", |command| {
         system.pass_to(command);
     });
@@ -800,7 +807,7 @@ fn holder_of(system: &System<2>) -> Actor {
 fn the_parts() {
     match part().as_deref() {
         Some("holder") => {
-            let system = System::<2>::inherited().expect("it was passed");
+            let system = LinuxSystem::<2>::inherited().expect("it was passed");
             let claim = system.claim(SECOND).expect("it is free");
             let (mail, id) = (&claim.windows()[1].mail, std::process::id());
             mail.store(header::PROCESS_ID, id, StoreOrder::Relaxed)
@@ -819,7 +826,7 @@ fn the_parts() {
             say("ready");
             wait_for_parent();
         }
-        Some("inheritor") => match System::<2>::inherited() {
+        Some("inheritor") => match LinuxSystem::<2>::inherited() {
             Ok(_) => say("inherited"),
             Err(error) => say(&error.to_string()),
         },

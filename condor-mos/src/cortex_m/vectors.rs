@@ -1,4 +1,4 @@
-//! [`Vectors`]: a spare interrupt for each rank.
+//! [`VectorPlatform`]: a spare interrupt for each rank.
 
 use core::mem::offset_of;
 

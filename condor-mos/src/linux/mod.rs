@@ -1,9 +1,9 @@
 //! Servo loops on Linux: in threads, or in signal handlers on one stack.
 //!
-//! | | [`Threads`] | [`Signals`] |
+//! | | [`Threads`] | [`SignalPlatform`] |
 //! |---|---|---|
 //! | a loop is | a thread | a call on the stack of the background |
-//! | a loop may | do anything | do what a signal handler may; see [`Signals::new`] |
+//! | a loop may | do anything | do what a signal handler may; see [`SignalPlatform::new`] |
 //! | to construct | safe | `unsafe`, with a contract |
 //! | a release costs | a wake-up and two changes of threads | a signal and one system call |
 //! | faster before slower | by `SCHED_FIFO`, where granted | always |
@@ -15,7 +15,7 @@
 //!
 //! # Critical sections
 //!
-//! [`Signals`] need the feature `critical-section` of condor-platform, and no other implementation
+//! [`SignalPlatform`] need the feature `critical-section` of condor-platform, and no other implementation
 //! of critical sections in the program: with that of std a signal could enter the section that it
 //! has interrupted. A platform checks this when it is connected. [`Threads`] do not use critical
 //! sections.
@@ -29,6 +29,6 @@ mod threads;
 mod time;
 
 pub use real_time::{Privileges, RealTime};
-pub use signals::Signals;
+pub use signals::SignalPlatform;
 pub use threads::Threads;
 pub use time::CLOCK;

@@ -87,7 +87,7 @@ pub(super) fn install(signal: i32, handler: extern "C" fn(i32)) -> Result<(), Co
     // Not blocked in its handler: a word of the thread does that, without a system call.
     action.sa_flags = libc::SA_RESTART | libc::SA_NODEFER;
     // SAFETY: the handler has the type that goes with these flags, and does nothing but what
-    // `Signals::new` was promised that handlers may do.
+    // `SignalPlatform::new` was promised that handlers may do.
     check(unsafe { libc::sigaction(signal, &raw const action, ptr::null_mut()) })?;
     Ok(())
 }

@@ -80,7 +80,7 @@ impl RealTime {
     }
 
     /// Asks the kernel for these privileges for the calling thread: the thread on whose stack the
-    /// loops of [`Signals`](super::Signals) run. Returns the kernel's answers.
+    /// loops of [`SignalPlatform`](super::SignalPlatform) run. Returns the kernel's answers.
     ///
     /// Under `SCHED_FIFO` the background of this thread keeps everything of lower priority off its
     /// core.

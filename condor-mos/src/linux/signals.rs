@@ -1,4 +1,4 @@
-//! [`Signals`]: loops on the stack of the thread that they interrupt.
+//! [`SignalPlatform`]: loops on the stack of the thread that they interrupt.
 
 use core::ptr;
 
@@ -37,7 +37,7 @@ const ANOTHER: u64 = u64::MAX;
 ///
 /// The timer counts `CLOCK_MONOTONIC`, in nanoseconds. It is armed after the fastest loop has run,
 /// which nothing may interrupt anyway, so no system call precedes the start of that loop.
-pub struct Signals {
+pub struct SignalPlatform {
     signal: u8,
     port: Masked<Port>,
 }
@@ -58,7 +58,7 @@ struct Port {
     set: [u64; 2],
 }
 
-impl Signals {
+impl SignalPlatform {
     /// Makes a platform that uses the signal `SIGRTMIN`.
     ///
     /// # Safety
@@ -161,7 +161,7 @@ impl Port {
     }
 }
 
-impl Timer for Signals {
+impl Timer for SignalPlatform {
     type Instant = u64;
 
     fn frequency(&self) -> Rate {
@@ -198,7 +198,7 @@ impl Timer for Signals {
     }
 }
 
-impl Platform for Signals {
+impl Platform for SignalPlatform {
     fn is_loops_stack(&self) -> bool {
         let mine = self.is_mine();
         if !mine {
@@ -246,7 +246,7 @@ impl Platform for Signals {
 
 /// What the handler is given: a platform, and the program's part of the handler.
 struct Handler<'h, H> {
-    signals: &'h Signals,
+    signals: &'h SignalPlatform,
     handler: &'h H,
 }
 
@@ -263,7 +263,7 @@ impl<H: Fn()> Handler<'_, H> {
 
 /// Disconnects the thread, also when the program unwinds.
 struct Connected<'h, H> {
-    signals: &'h Signals,
+    signals: &'h SignalPlatform,
     was_blocked: bool,
     signal: i32,
     /// Pointed to by the thread's service.
@@ -271,7 +271,7 @@ struct Connected<'h, H> {
 }
 
 impl<'h, H: Fn() + Sync> Connected<'h, H> {
-    fn new(signals: &'h Signals, handler: &'h H) -> Result<Self, ConnectError> {
+    fn new(signals: &'h SignalPlatform, handler: &'h H) -> Result<Self, ConnectError> {
         let signal = libc::SIGRTMIN() + i32::from(signals.signal);
         if signal > libc::SIGRTMAX() {
             return Err(ConnectError::NoSuchSignal { signal });

@@ -14,8 +14,8 @@ use condor_platform::linux::thread_number;
 use super::pi_mutex::{PiGuard, PiMutex};
 use super::real_time::{Privileges, RealTime, Wish, set_priority};
 use super::time::{self, CLOCK};
-use crate::body::Body;
-use crate::error::{LockError, LoopError, RateError, StartError};
+use crate::body::LoopBody;
+use crate::error::{LoopError, LoopLockError, RateError, StartError};
 use crate::loops::{Loops, Stop};
 use crate::process::{LoopId, Overrun};
 use crate::rate::Rate;
@@ -244,7 +244,7 @@ impl<K: Keep> Threads<K> {
         body: fn(&mut C, u64),
         context: &'static mut C,
     ) -> Result<(), LoopError> {
-        self.assign_body(id, overrun, Body::of_function(body, context))
+        self.assign_body(id, overrun, LoopBody::of_function(body, context))
     }
 
     /// Returns the privileges that were asked for so far, with the kernel's answers.
@@ -408,7 +408,12 @@ impl<K: Keep> Loops for Threads<K> {
 impl<K: Keep> Runner for Threads<K> {
     type Instant = u64;
 
-    fn assign_body(&self, id: LoopId, overrun: Overrun, body: Body<u64>) -> Result<(), LoopError> {
+    fn assign_body(
+        &self,
+        id: LoopId,
+        overrun: Overrun,
+        body: LoopBody<u64>,
+    ) -> Result<(), LoopError> {
         let slot = self.0.slot(id)?;
         let rate = {
             let mut thread = slot.thread.lock();
@@ -453,15 +458,15 @@ impl<K: Keep> Runner for Threads<K> {
         }
     }
 
-    fn enter(&self, gate: &Gate) -> Result<u32, LockError> {
+    fn enter(&self, gate: &Gate) -> Result<u32, LoopLockError> {
         if gate.threads.is_mine() {
-            return Err(LockError::Taken);
+            return Err(LoopLockError::Taken);
         }
         gate.threads.lock();
         // Taken by a scheduler on one stack, which does not wait. Pairs with the store in `leave`.
         if gate.taken.swap(true, Ordering::Acquire) {
             gate.threads.unlock();
-            return Err(LockError::Taken);
+            return Err(LoopLockError::Taken);
         }
         Ok(0)
     }

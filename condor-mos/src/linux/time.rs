@@ -2,13 +2,13 @@
 
 use rustix::time::{ClockId, Timespec, clock_gettime};
 
-use crate::clock::Clock;
+use crate::clock::ClockSpec;
 use crate::rate::Rate;
 
 pub(super) const NANOSECONDS: Rate = Rate::hz(1_000_000_000);
 
 /// The clock of Linux, for schedules: nanoseconds, in 64 bits.
-pub const CLOCK: Clock = Clock::of::<u64>(NANOSECONDS);
+pub const CLOCK: ClockSpec = ClockSpec::of::<u64>(NANOSECONDS);
 
 #[inline]
 pub(super) fn now() -> u64 {

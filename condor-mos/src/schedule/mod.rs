@@ -12,7 +12,7 @@ pub(crate) use grid::Grid;
 
 /// An instant of the schedule, with the loops that are due then.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Event {
+pub struct ScheduleEvent {
     /// The loops that are due: bit *n* stands for the loop of rank *n*, where rank 0 is the
     /// fastest. It is 0 at an instant that only divides a time too long for the timer.
     pub ranks: u32,

@@ -1,8 +1,8 @@
 //! [`Grids`]: the next event of any set of rates, computed when it is needed.
 
 use super::set::Set;
-use super::{Event, Grid};
-use crate::clock::Clock;
+use super::{Grid, ScheduleEvent};
+use crate::clock::ClockSpec;
 use crate::error::RateError;
 
 /// The instants of each loop of a set, by rank.
@@ -15,7 +15,7 @@ pub(super) struct Grids<const L: usize> {
 
 impl<const L: usize> Grids<L> {
     /// Every loop is due after its phase.
-    pub(super) const fn new(set: &Set<L>, clock: Clock) -> Result<Self, RateError> {
+    pub(super) const fn new(set: &Set<L>, clock: ClockSpec) -> Result<Self, RateError> {
         let mut this = Self {
             grids: [Grid::NONE; L],
             // Ranks without a loop are due in hundreds of years.
@@ -51,7 +51,7 @@ impl<const L: usize> Grids<L> {
     }
 
     /// The event that is due now; the next one is at most `longest` ticks away.
-    pub(super) const fn advance(&mut self, longest: u32) -> Event {
+    pub(super) const fn advance(&mut self, longest: u32) -> ScheduleEvent {
         let mut ranks = 0;
         let mut gap = longest as u64;
         let mut rank = 0;
@@ -70,7 +70,7 @@ impl<const L: usize> Grids<L> {
             self.remaining[rank] -= gap;
             rank += 1;
         }
-        Event {
+        ScheduleEvent {
             ranks,
             gap: gap as u32,
         }

@@ -1,7 +1,7 @@
 //! [`Set`]: the rates of a schedule, and their order.
 
 use super::Grid;
-use crate::clock::Clock;
+use crate::clock::ClockSpec;
 use crate::error::RateError;
 use crate::rate::{Rate, greatest_common_divisor};
 
@@ -118,7 +118,7 @@ impl<const L: usize> Set<L> {
 
     /// The hyperperiod in ticks: the inverse of the rates' greatest common divisor; `None` if it is
     /// too long to be counted.
-    pub(super) const fn cycle(&self, clock: Clock) -> Option<Grid> {
+    pub(super) const fn cycle(&self, clock: ClockSpec) -> Option<Grid> {
         let (mut numerator, mut denominator) = (0, 1_u64);
         let mut number = 0;
         while number < L && number < self.count {

@@ -2,8 +2,8 @@
 
 use super::scan::Grids;
 use super::set::Set;
-use super::{Event, Grid};
-use crate::clock::Clock;
+use super::{Grid, ScheduleEvent};
+use crate::clock::ClockSpec;
 use crate::error::RateError;
 use crate::rate::Rate;
 
@@ -22,9 +22,9 @@ const MOST_COUNTED: usize = 1 << 15;
 /// unfinished there.
 ///
 /// ```
-/// use condor_mos::{Clock, EventTable, Rate};
+/// use condor_mos::{ClockSpec, EventTable, Rate};
 ///
-/// const MICROSECONDS: Clock = Clock::of::<u64>(Rate::hz(1_000_000));
+/// const MICROSECONDS: ClockSpec = ClockSpec::of::<u64>(Rate::hz(1_000_000));
 /// const RATES: [Rate; 2] = [Rate::every_seconds(10), Rate::every_seconds(5)];
 /// const ENTRIES: usize = condor_mos::entries(&RATES, MICROSECONDS);
 /// const SLOW: EventTable<2, ENTRIES> = EventTable::new(&RATES, MICROSECONDS);
@@ -35,15 +35,15 @@ const MOST_COUNTED: usize = 1 << 15;
 /// A table that does not fit is an error of compilation:
 ///
 /// ```compile_fail
-/// # use condor_mos::{Clock, EventTable, Rate};
-/// # const MICROSECONDS: Clock = Clock::of::<u64>(Rate::hz(1_000_000));
+/// # use condor_mos::{ClockSpec, EventTable, Rate};
+/// # const MICROSECONDS: ClockSpec = ClockSpec::of::<u64>(Rate::hz(1_000_000));
 /// const TOO_SMALL: EventTable<3, 43> =
 ///     EventTable::new(&[Rate::hz(400), Rate::hz(60), Rate::hz(50)], MICROSECONDS);
 /// # let _ = TOO_SMALL;
 /// ```
 #[derive(Clone, Copy, Debug)]
 pub struct EventTable<const L: usize, const E: usize> {
-    clock: Clock,
+    clock: ClockSpec,
     set: Set<L>,
     wanted: Set<L>,
     change: Change,
@@ -53,7 +53,7 @@ pub struct EventTable<const L: usize, const E: usize> {
     missing: u64,
     /// The one in use, and the one that is built for other rates.
     halves: [Half; 2],
-    entries: [[Event; E]; 2],
+    entries: [[ScheduleEvent; E]; 2],
     active: usize,
     /// The index of the next event's entry, counted through both halves, and the indices at which its
     /// hyperperiod ends and begins. All three lie behind the last entry where there is no table.
@@ -71,9 +71,9 @@ pub struct EventTable<const L: usize, const E: usize> {
 /// first event at which no loop is unfinished; the loop is due there if it was due anyway.
 ///
 /// ```
-/// use condor_mos::{Clock, Rate, Scan};
+/// use condor_mos::{ClockSpec, Rate, Scan};
 ///
-/// const NANOSECONDS: Clock = Clock::of::<u64>(Rate::hz(1_000_000_000));
+/// const NANOSECONDS: ClockSpec = ClockSpec::of::<u64>(Rate::hz(1_000_000_000));
 /// const VIDEO: Scan<3> = Scan::new(
 ///     &[Rate::hz(400), Rate::hz(60), Rate::fraction(60_000, 1001)],
 ///     NANOSECONDS,
@@ -116,7 +116,7 @@ impl Half {
 /// If a rate has a period of less than one tick of the clock, or if there are not 1 to 32 rates; in
 /// a constant, that is an error of compilation.
 #[must_use]
-pub const fn entries(rates: &[Rate], clock: Clock) -> usize {
+pub const fn entries(rates: &[Rate], clock: ClockSpec) -> usize {
     match Set::<32>::new(rates, &[]) {
         Ok(set) => match Grids::new(&set, clock) {
             Ok(_) => needed(&set, clock),
@@ -127,7 +127,7 @@ pub const fn entries(rates: &[Rate], clock: Clock) -> usize {
 }
 
 /// As [`entries`], of any set.
-const fn needed<const L: usize>(set: &Set<L>, clock: Clock) -> usize {
+const fn needed<const L: usize>(set: &Set<L>, clock: ClockSpec) -> usize {
     let (Some(mut cycle), Ok(mut grids)) = (set.cycle(clock), Grids::new(set, clock)) else {
         return usize::MAX;
     };
@@ -179,7 +179,7 @@ impl<const L: usize, const E: usize> EventTable<L, E> {
     /// If there are not 1 to `L` rates, if a period is shorter than a tick, or if the events do not
     /// fit; in a constant, that is an error of compilation.
     #[must_use]
-    pub const fn new(rates: &[Rate], clock: Clock) -> Self {
+    pub const fn new(rates: &[Rate], clock: ClockSpec) -> Self {
         match Self::try_new(rates, clock) {
             Ok(table) => table,
             Err(error) => panic!("{}", error.message()),
@@ -191,7 +191,7 @@ impl<const L: usize, const E: usize> EventTable<L, E> {
     /// # Errors
     /// [`RateError::Loops`] unless there are 1 to `L` rates, [`RateError::TooFast`] if a period is
     /// shorter than a tick, [`RateError::TooManyEvents`] if the events do not fit.
-    pub const fn try_new(rates: &[Rate], clock: Clock) -> Result<Self, RateError> {
+    pub const fn try_new(rates: &[Rate], clock: ClockSpec) -> Result<Self, RateError> {
         Self::phased(rates, &[], clock)
     }
 
@@ -203,7 +203,11 @@ impl<const L: usize, const E: usize> EventTable<L, E> {
     /// [`RateError::Loops`] unless there are 1 to `L` rates, [`RateError::TooFast`] if a period is
     /// shorter than a tick, [`RateError::TooManyEvents`] if the events do not fit,
     /// [`RateError::Phase`] if a phase is not within the first period.
-    pub const fn phased(rates: &[Rate], phases: &[u32], clock: Clock) -> Result<Self, RateError> {
+    pub const fn phased(
+        rates: &[Rate],
+        phases: &[u32],
+        clock: ClockSpec,
+    ) -> Result<Self, RateError> {
         match Self::or_scan(rates, phases, clock) {
             Ok(this) if E > 0 && this.is_scan() => Err(Self::too_many(&this.set, clock)),
             result => result,
@@ -216,7 +220,11 @@ impl<const L: usize, const E: usize> EventTable<L, E> {
     /// # Errors
     /// [`RateError::Loops`] unless there are 1 to `L` rates, [`RateError::TooFast`] if a period is
     /// shorter than a tick, [`RateError::Phase`] if a phase is not within the first period.
-    pub const fn or_scan(rates: &[Rate], phases: &[u32], clock: Clock) -> Result<Self, RateError> {
+    pub const fn or_scan(
+        rates: &[Rate],
+        phases: &[u32],
+        clock: ClockSpec,
+    ) -> Result<Self, RateError> {
         let set = match Set::new(rates, phases) {
             Ok(set) => set,
             Err(error) => return Err(error),
@@ -233,7 +241,7 @@ impl<const L: usize, const E: usize> EventTable<L, E> {
             grids,
             missing: 0,
             halves: [Half::NONE; 2],
-            entries: [[Event { ranks: 0, gap: 0 }; E]; 2],
+            entries: [[ScheduleEvent { ranks: 0, gap: 0 }; E]; 2],
             active: 1,
             next: 2 * E,
             begin: 2 * E,
@@ -264,7 +272,7 @@ impl<const L: usize, const E: usize> EventTable<L, E> {
     /// Returns the events of one hyperperiod; the slice is empty if events are computed when they
     /// are due.
     #[must_use]
-    pub const fn events(&self) -> &[Event] {
+    pub const fn events(&self) -> &[ScheduleEvent] {
         let active = self.active & 1;
         let entries = &self.entries[active];
         match entries.split_at_checked(self.halves[active].len) {
@@ -281,7 +289,7 @@ impl<const L: usize, const E: usize> EventTable<L, E> {
 
     /// Returns the clock whose ticks the schedule counts.
     #[must_use]
-    pub const fn clock(&self) -> Clock {
+    pub const fn clock(&self) -> ClockSpec {
         self.clock
     }
 
@@ -297,7 +305,7 @@ impl<const L: usize, const E: usize> EventTable<L, E> {
     }
 
     /// Why there is no table for a set.
-    pub(crate) const fn too_many(set: &Set<L>, clock: Clock) -> RateError {
+    pub(crate) const fn too_many(set: &Set<L>, clock: ClockSpec) -> RateError {
         RateError::TooManyEvents {
             needed: needed(set, clock),
             capacity: E,
@@ -366,7 +374,7 @@ impl<const L: usize, const E: usize> EventTable<L, E> {
     /// The next event and its index, if it is in the table and no [`turn`](Self::turn) comes before it that
     /// does more than go back to the beginning.
     #[inline(always)]
-    pub(crate) fn peek(&self) -> Option<(Event, usize)> {
+    pub(crate) fn peek(&self) -> Option<(ScheduleEvent, usize)> {
         let mut next = self.next;
         if self.is_at_turn() {
             if !self.repeats {
@@ -431,7 +439,7 @@ impl<const L: usize, const E: usize> EventTable<L, E> {
     }
 
     /// The next event.
-    pub(crate) fn next_event(&mut self) -> Event {
+    pub(crate) fn next_event(&mut self) -> ScheduleEvent {
         match self.entries.as_flattened().get(self.next) {
             Some(event) => {
                 self.next += 1;

@@ -11,10 +11,10 @@ use crate::schedule::EventTable;
 ///
 /// ```
 /// use condor_mos::sim::worst_release_error;
-/// use condor_mos::{Clock, EventTable, Rate};
+/// use condor_mos::{ClockSpec, EventTable, Rate};
 ///
 /// // 3 Hz is no whole number of ticks.
-/// let clock = Clock::of::<u64>(Rate::hz(1000));
+/// let clock = ClockSpec::of::<u64>(Rate::hz(1000));
 /// let mut table = EventTable::<2, 8>::new(&[Rate::hz(3), Rate::hz(2)], clock);
 /// assert!(worst_release_error(&mut table, 1000) <= 0.5);
 /// ```

@@ -1,7 +1,7 @@
 //! A processor in virtual time, for tests on any machine with std.
 //!
 //! Time passes only where a program says so: while it computes or waits, and, if
-//! [`Processor::set_access_time`] asked for it, at each access to the timer. So every run is the
+//! [`SimPlatform::set_access_time`] asked for it, at each access to the timer. So every run is the
 //! same to the last tick. Loops nest by a call on the interrupted stack, as on RISC-V, or by one
 //! vector for each rank, as on Cortex-M.
 
@@ -26,13 +26,13 @@ use crate::timer::{Alarm, Armed, Timer};
 ///
 /// ```
 /// use condor_mos::sim::Processor;
-/// use condor_mos::{Clock, EventTable, LoopId, Loops, Overrun, Rate, Scheduler};
+/// use condor_mos::{ClockSpec, EventTable, LoopId, Loops, Overrun, Rate, Scheduler};
 ///
 /// const MICROSECONDS: Rate = Rate::hz(1_000_000);
 /// const RATES: [Rate; 2] = [Rate::hz(400), Rate::hz(50)];
 ///
-/// let processor = Processor::new(MICROSECONDS);
-/// let table = EventTable::<2, 8>::new(&RATES, Clock::of::<u64>(MICROSECONDS));
+/// let processor = SimPlatform::new(MICROSECONDS);
+/// let table = EventTable::<2, 8>::new(&RATES, ClockSpec::of::<u64>(MICROSECONDS));
 /// let scheduler = Scheduler::new(processor.clone(), table);
 /// let (mut fast, mut slow) = (0, 0);
 /// // Each loop computes for a while; the 50 Hz loop is interrupted by the 400 Hz loop.
@@ -51,7 +51,7 @@ use crate::timer::{Alarm, Armed, Timer};
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Clone)]
-pub struct Processor {
+pub struct SimPlatform {
     machine: Arc<Machine>,
 }
 
@@ -82,14 +82,14 @@ const NEVER: u64 = u64::MAX;
 /// The priority of the background.
 const BACKGROUND: u32 = u32::MAX;
 
-/// What interrupts call with a rank, in truth there as long as [`Processor::with_handler`] or
-/// [`Processor::with_vectors`] runs; on the thread that does so alone.
+/// What interrupts call with a rank, in truth there as long as [`SimPlatform::with_handler`] or
+/// [`SimPlatform::with_vectors`] runs; on the thread that does so alone.
 struct Connected {
     thread: ThreadId,
     call: &'static (dyn Fn(u32) + Sync),
 }
 
-impl Processor {
+impl SimPlatform {
     /// Makes a processor at tick 0, whose timer counts `frequency` ticks per second.
     #[must_use]
     pub fn new(frequency: Rate) -> Self {
@@ -169,7 +169,7 @@ impl Processor {
     /// use condor_mos::sim::Processor;
     /// use condor_mos::{Armed, Rate, Timer};
     ///
-    /// let processor = Processor::new(Rate::hz(1_000_000));
+    /// let processor = SimPlatform::new(Rate::hz(1_000_000));
     /// processor.set_access_time(1);
     /// assert_eq!(processor.now(), 0);
     /// assert_eq!(processor.arm(1), Armed::Past);
@@ -322,7 +322,7 @@ impl<F: FnMut()> Drop for AtEnd<F> {
     }
 }
 
-impl Timer for Processor {
+impl Timer for SimPlatform {
     type Instant = u64;
 
     fn frequency(&self) -> Rate {
@@ -347,14 +347,14 @@ impl Timer for Processor {
     }
 }
 
-impl Alarm for Processor {
+impl Alarm for SimPlatform {
     fn pend(&self) {
         self.machine.pended.store(true, Relaxed);
         self.interrupt();
     }
 }
 
-impl Platform for Processor {
+impl Platform for SimPlatform {
     fn connect<R>(
         &self,
         handler: impl Fn() + Sync,
@@ -373,15 +373,15 @@ impl Platform for Processor {
     }
 }
 
-/// A [`Processor`] with a vector for each rank, like the NVIC of Cortex-M. The vector of rank 0 is
+/// A [`SimPlatform`] with a vector for each rank, like the NVIC of Cortex-M. The vector of rank 0 is
 /// the timer's; a vector waits until the context in progress has a lower rank.
 #[derive(Clone)]
-pub struct Vectored(pub Processor);
+pub struct Vectored(pub SimPlatform);
 
 impl Deref for Vectored {
-    type Target = Processor;
+    type Target = SimPlatform;
 
-    fn deref(&self) -> &Processor {
+    fn deref(&self) -> &SimPlatform {
         &self.0
     }
 }

@@ -1,15 +1,15 @@
 //! [`WrappingProcessor`]: a simulated processor whose counter wraps.
 
-use super::Processor;
-use crate::instant::{Instant, Wrapping};
+use super::SimPlatform;
+use crate::instant::{CounterReading, Wrapping};
 use crate::platform::Platform;
 use crate::rate::Rate;
 use crate::timer::{Armed, Timer};
 
-/// A [`Processor`] whose timer has only the last `BITS` bits of its counter, as hardware with 16 or
+/// A [`SimPlatform`] whose timer has only the last `BITS` bits of its counter, as hardware with 16 or
 /// 32 bits does.
 #[derive(Clone)]
-pub struct WrappingProcessor<const BITS: u32>(pub Processor);
+pub struct WrappingProcessor<const BITS: u32>(pub SimPlatform);
 
 impl<const BITS: u32> Timer for WrappingProcessor<BITS> {
     type Instant = Wrapping<BITS>;

@@ -13,7 +13,7 @@ use std::rc::Rc;
 
 use interrupt_injector::{Interrupts, explore, point};
 
-use crate::latest::{Latest, Reader, Writer};
+use crate::latest::{Latest, LatestReader, LatestWriter};
 
 /// How many interrupts come in one run.
 const INTERRUPTS: usize = if cfg!(miri) { 1 } else { 3 };
@@ -30,8 +30,8 @@ const fn value(number: u32) -> Value {
 /// A cell, and what was done to it. It is used for all runs, and so begins with any of its buffers
 /// anywhere.
 struct Channel {
-    writer: RefCell<Writer<'static, Value>>,
-    reader: RefCell<Reader<'static, Value>>,
+    writer: RefCell<LatestWriter<'static, Value>>,
+    reader: RefCell<LatestReader<'static, Value>>,
     /// The last value whose publication has begun, and the last one whose publication has ended.
     begun: Cell<u32>,
     ended: Cell<u32>,

@@ -8,7 +8,7 @@ use crate::lock::LoopLock;
 use crate::loops::Loops as _;
 use crate::process::{LoopId, Overrun};
 use crate::rate::{Rate, greatest_common_divisor};
-use crate::sim::{Processor, Vectored};
+use crate::sim::{SimPlatform, Vectored};
 
 /// How deep interrupts come within interrupts.
 const INTERRUPTS: Interrupts = Interrupts::Nested(3);
@@ -21,7 +21,7 @@ trait Program {
 /// Explores a program with all sets of rates of 1 to `fastest` Hz that are not multiples of others,
 /// the slowest loop first: numbers and ranks differ.
 fn with_all_sets(name: &str, program: &impl Program, kinds: &[Kind], overrun: Overrun) {
-    with_all_sets_on::<Processor>(name, program, kinds, overrun);
+    with_all_sets_on::<SimPlatform>(name, program, kinds, overrun);
     with_all_sets_on::<Vectored>(name, program, kinds, overrun);
 }
 

@@ -6,13 +6,13 @@ use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
 use interrupt_injector::with_points;
 
-use crate::clock::Clock;
+use crate::clock::ClockSpec;
 use crate::loops::Loops as _;
 use crate::process::{LoopId, Overrun};
 use crate::rate::Rate;
 use crate::schedule::EventTable;
 use crate::scheduler::Scheduler;
-use crate::sim::Processor;
+use crate::sim::SimPlatform;
 
 const FREQUENCY: Rate = Rate::hz(12);
 const SLOW: LoopId = LoopId(0);
@@ -21,8 +21,8 @@ const FAST: LoopId = LoopId(1);
 #[test]
 fn a_loop_that_unwinds_is_not_charged_for_loops_that_interrupt_its_end() {
     static UNWINDS: AtomicBool = AtomicBool::new(false);
-    let processor = Processor::new(FREQUENCY);
-    let clock = Clock::of::<u64>(FREQUENCY);
+    let processor = SimPlatform::new(FREQUENCY);
+    let clock = ClockSpec::of::<u64>(FREQUENCY);
     let table = EventTable::<2, 4>::new(&[Rate::hz(1), Rate::hz(4)], clock);
     let scheduler = Scheduler::new(processor.clone(), table);
     let mut slow = |_| {

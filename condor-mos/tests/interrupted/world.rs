@@ -6,7 +6,7 @@ use std::sync::Mutex;
 use interrupt_injector::{Plan, point, quietly, with_points};
 
 use super::oracle::{Asked, FREQUENCY, Oracle, Snapshot};
-use crate::clock::Clock;
+use crate::clock::ClockSpec;
 use crate::lock::LoopLock;
 use crate::loops::Loops as _;
 use crate::platform::Platform;
@@ -14,7 +14,7 @@ use crate::process::{LoopId, Overrun};
 use crate::rate::Rate;
 use crate::schedule::EventTable;
 use crate::scheduler::Scheduler;
-use crate::sim::{Processor, Vectored};
+use crate::sim::{SimPlatform, Vectored};
 
 /// Entries for rates of 1 to 4 Hz: a hyperperiod of 12 ticks.
 const ENTRIES: usize = 12;
@@ -41,17 +41,17 @@ pub(super) trait Simulated: Platform<Instant = u64> + Clone + Send + Sync + 'sta
 
     fn new(frequency: Rate) -> Self;
 
-    fn processor(&self) -> &Processor;
+    fn processor(&self) -> &SimPlatform;
 }
 
-impl Simulated for Processor {
+impl Simulated for SimPlatform {
     const NESTING: &str = "by call";
 
     fn new(frequency: Rate) -> Self {
         Self::new(frequency)
     }
 
-    fn processor(&self) -> &Processor {
+    fn processor(&self) -> &SimPlatform {
         self
     }
 }
@@ -60,10 +60,10 @@ impl Simulated for Vectored {
     const NESTING: &str = "by vectors";
 
     fn new(frequency: Rate) -> Self {
-        Self(Processor::new(frequency))
+        Self(SimPlatform::new(frequency))
     }
 
-    fn processor(&self) -> &Processor {
+    fn processor(&self) -> &SimPlatform {
         self
     }
 }
@@ -78,7 +78,7 @@ pub(super) struct Set<const L: usize> {
 
 impl<const L: usize> Set<L> {
     pub(super) fn new(rates: [u32; L], overrun: Overrun) -> Self {
-        let clock = Clock::of::<u64>(Rate::hz(FREQUENCY));
+        let clock = ClockSpec::of::<u64>(Rate::hz(FREQUENCY));
         Self {
             rates,
             overrun,

@@ -2,14 +2,14 @@
 
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering::Relaxed};
 
-use condor_mos::sim::Processor;
-use condor_mos::{Alarm, Clock, EventTable, LoopId, Loops, Overrun, Rate, Scheduler, Timer};
+use condor_mos::sim::SimPlatform;
+use condor_mos::{Alarm, ClockSpec, EventTable, LoopId, Loops, Overrun, Rate, Scheduler, Timer};
 
 const FREQUENCY: Rate = Rate::hz(1000);
 
 #[test]
 fn a_handler_runs_after_a_pend_and_once_after_several_in_itself() {
-    let processor = Processor::new(FREQUENCY);
+    let processor = SimPlatform::new(FREQUENCY);
     let (calls, depth) = (AtomicU32::new(0), AtomicU32::new(0));
     let handler = || {
         assert_eq!(
@@ -34,8 +34,8 @@ fn a_handler_runs_after_a_pend_and_once_after_several_in_itself() {
 
 #[test]
 fn a_schedule_is_not_disturbed_by_pends() {
-    let processor = Processor::new(FREQUENCY);
-    let table = EventTable::<1, 1>::new(&[Rate::hz(100)], Clock::of::<u64>(FREQUENCY));
+    let processor = SimPlatform::new(FREQUENCY);
+    let table = EventTable::<1, 1>::new(&[Rate::hz(100)], ClockSpec::of::<u64>(FREQUENCY));
     let scheduler = Scheduler::new(processor.clone(), table);
     let runs = AtomicU64::new(0);
     let mut body = |due: u64| {

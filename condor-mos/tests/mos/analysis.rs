@@ -1,9 +1,9 @@
 //! Response times by analysis against those of simulations from the instant at which all loops are due.
 
-use condor_mos::sim::Processor;
+use condor_mos::sim::SimPlatform;
 use condor_mos::{
-    Analysis, Clock, Load, LoopError, LoopId, Loops, Overrun, Rate, Response, Scan, Scheduler,
-    Timer,
+    Analysis, ClockSpec, Load, LoopError, LoopId, Loops, Overrun, Rate, ResponseTime, Scan,
+    Scheduler, Timer,
 };
 use proptest::prelude::*;
 
@@ -36,7 +36,7 @@ fn set() -> impl Strategy<Value = Set> {
 }
 
 /// The response of the loop `number`, whose release comes with all others, by small steps.
-fn step_by_step(set: &Set, number: usize) -> Response {
+fn step_by_step(set: &Set, number: usize) -> ResponseTime {
     let is_before = |other: usize| (set.periods[other], other) < (set.periods[number], number);
     // What comes before the loop, in whatever order, and its own.
     let mut before = set.blocking[number] * set.parts;
@@ -44,7 +44,7 @@ fn step_by_step(set: &Set, number: usize) -> Response {
     for time in 0..=set.periods[number] {
         if before + own == 0 {
             assert_eq!(time % set.parts, 0);
-            return Response::Within(u64::from(time / set.parts));
+            return ResponseTime::Within(u64::from(time / set.parts));
         }
         for other in 0..L {
             if time % set.periods[other] == 0 && time < set.periods[number] {
@@ -60,7 +60,7 @@ fn step_by_step(set: &Set, number: usize) -> Response {
             own -= 1;
         }
     }
-    Response::Late
+    ResponseTime::Late
 }
 
 proptest! {
@@ -73,11 +73,11 @@ proptest! {
             Load::new(rate, set.runs[number]).blocked(set.blocking[number])
         });
         let analysis = Analysis::with_overhead(Rate::hz(1), loads, set.overhead);
-        let expected: [Response; L] = std::array::from_fn(|number| step_by_step(&set, number));
+        let expected: [ResponseTime; L] = std::array::from_fn(|number| step_by_step(&set, number));
         for (number, expected) in expected.into_iter().enumerate() {
             prop_assert_eq!(analysis.response(LoopId(number as u8)), Some(expected), "{}", number);
         }
-        let late = (0..L).filter(|&number| expected[number] == Response::Late);
+        let late = (0..L).filter(|&number| expected[number] == ResponseTime::Late);
         let first = late.min_by_key(|&number| (set.periods[number], number));
         prop_assert_eq!(analysis.first_late(), first.map(|number| LoopId(number as u8)));
         prop_assert_eq!(analysis.is_schedulable(), first.is_none());
@@ -86,8 +86,8 @@ proptest! {
 
 /// The first and the worst response of each loop, as the scheduler runs them until `end`.
 fn scheduled(frequency: Rate, rates: [Rate; L], runs: [u32; L], end: u64) -> [(u64, u64); L] {
-    let processor = Processor::new(frequency);
-    let scan = Scan::<L>::new(&rates, Clock::of::<u64>(frequency));
+    let processor = SimPlatform::new(frequency);
+    let scan = Scan::<L>::new(&rates, ClockSpec::of::<u64>(frequency));
     let scheduler = Scheduler::new(processor.clone(), scan);
     let mut responses: [Vec<u64>; L] = Default::default();
     {
@@ -152,8 +152,8 @@ proptest! {
         let seen = scheduled(frequency, rates, runs, 6000);
         for (number, (first, worst)) in seen.into_iter().enumerate() {
             match analysis.response(LoopId(number as u8)) {
-                Some(Response::Within(ticks)) => prop_assert_eq!((first, worst), (ticks, ticks)),
-                Some(Response::Late) => prop_assert!(first > 6000 / u64::from(rates[number].numerator())),
+                Some(ResponseTime::Within(ticks)) => prop_assert_eq!((first, worst), (ticks, ticks)),
+                Some(ResponseTime::Late) => prop_assert!(first > 6000 / u64::from(rates[number].numerator())),
                 other => prop_assert!(false, "{other:?}"),
             }
         }
@@ -168,7 +168,7 @@ proptest! {
         let analysis = analysed(frequency, rates, runs);
         let seen = scheduled(frequency, rates, runs, 20_000);
         for (number, (_, worst)) in seen.into_iter().enumerate() {
-            if let Some(Response::Within(ticks)) = analysis.response(LoopId(number as u8)) {
+            if let Some(ResponseTime::Within(ticks)) = analysis.response(LoopId(number as u8)) {
                 prop_assert!(worst <= ticks, "{worst} {ticks}");
             }
         }
@@ -195,7 +195,7 @@ not schedulable, from loop 0 on; utilisation 122.0 %"
     );
 }
 
-fn responses<const L: usize>(periods_and_runs: [(u32, u32); L]) -> [Option<Response>; L] {
+fn responses<const L: usize>(periods_and_runs: [(u32, u32); L]) -> [Option<ResponseTime>; L] {
     let loads = periods_and_runs.map(|(period, run)| Load::new(Rate::every_seconds(period), run));
     let analysis = Analysis::new(Rate::hz(1), loads);
     core::array::from_fn(|number| analysis.response(LoopId(number as u8)))
@@ -204,7 +204,7 @@ fn responses<const L: usize>(periods_and_runs: [(u32, u32); L]) -> [Option<Respo
 /// A. Burns, A. Wellings, "Real-Time Systems and Programming Languages", on response times.
 #[test]
 fn the_examples_of_a_textbook_are_met() {
-    let within = |ticks| Some(Response::Within(ticks));
+    let within = |ticks| Some(ResponseTime::Within(ticks));
     assert_eq!(
         responses([(7, 3), (12, 3), (20, 5)]),
         [within(3), within(6), within(20)]
@@ -216,7 +216,7 @@ fn the_examples_of_a_textbook_are_met() {
     );
     assert_eq!(
         responses([(50, 12), (40, 10), (30, 10)]),
-        [Some(Response::Late), within(20), within(10)],
+        [Some(ResponseTime::Late), within(20), within(10)],
     );
 }
 
@@ -244,12 +244,12 @@ fn the_largest_numbers_end() {
     for frequency in frequencies {
         let analysis = Analysis::with_overhead(frequency, [slow, fast], u32::MAX);
         assert_eq!(analysis.first_late(), Some(LoopId(1)));
-        assert_eq!(analysis.response(LoopId(0)), Some(Response::Late));
+        assert_eq!(analysis.response(LoopId(0)), Some(ResponseTime::Late));
     }
     // A loop that leaves nothing to the next one, which has ages to wait for it.
     let full = Load::new(Rate::hz(u32::MAX), 1);
     let analysis = Analysis::new(Rate::hz(u32::MAX), [full, slow]);
-    assert_eq!(analysis.response(LoopId(0)), Some(Response::Within(1)));
-    assert_eq!(analysis.response(LoopId(1)), Some(Response::Undecided));
+    assert_eq!(analysis.response(LoopId(0)), Some(ResponseTime::Within(1)));
+    assert_eq!(analysis.response(LoopId(1)), Some(ResponseTime::Undecided));
     assert!(!analysis.is_schedulable());
 }

@@ -1,16 +1,16 @@
 //! Releases stay on their exact grid for a million hyperperiods.
 
 use condor_mos::sim::worst_release_error;
-use condor_mos::{Clock, EventTable, Rate, Scan, Wrapping};
+use condor_mos::{ClockSpec, EventTable, Rate, Scan, Wrapping};
 
 const MILLION: u64 = 1_000_000;
 
-const CLOCKS: [Clock; 5] = [
-    Clock::of::<u64>(Rate::hz(1_000_000_000)),
-    Clock::of::<u64>(Rate::fraction(14_318_180, 12)),
-    Clock::of::<Wrapping<32>>(Rate::hz(32_768)),
-    Clock::of::<Wrapping<24>>(Rate::hz(16_000_000)),
-    Clock::of::<Wrapping<16>>(Rate::fraction(1_000_000, 7)),
+const CLOCKS: [ClockSpec; 5] = [
+    ClockSpec::of::<u64>(Rate::hz(1_000_000_000)),
+    ClockSpec::of::<u64>(Rate::fraction(14_318_180, 12)),
+    ClockSpec::of::<Wrapping<32>>(Rate::hz(32_768)),
+    ClockSpec::of::<Wrapping<24>>(Rate::hz(16_000_000)),
+    ClockSpec::of::<Wrapping<16>>(Rate::fraction(1_000_000, 7)),
 ];
 
 fn check<const L: usize>(rates: [u32; L], hyperperiods: u64) {

@@ -1,8 +1,8 @@
 //! Instants of counters that begin anew.
 
-use condor_mos::{Instant, Wrapping};
+use condor_mos::{CounterReading, Wrapping};
 
-fn half_a_range_is_told_apart<I: Instant>(start: I) {
+fn half_a_range_is_told_apart<I: CounterReading>(start: I) {
     let half = 1_u64 << (I::BITS - 1);
     for ticks in [0, 1, half / 2, half - 1] {
         let Ok(ticks) = u32::try_from(ticks) else {

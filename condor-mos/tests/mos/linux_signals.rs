@@ -5,7 +5,7 @@ use std::hint::black_box;
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
-use condor_mos::linux::{CLOCK, Signals};
+use condor_mos::linux::{CLOCK, SignalPlatform};
 use condor_mos::{
     ConnectError, EventTable, LoopId, LoopLock, Loops, Overrun, Platform as _, Rate, Scheduler,
     Statistics,
@@ -15,12 +15,12 @@ const FAST: LoopId = LoopId(0);
 const SLOW: LoopId = LoopId(1);
 const DEADLINE: Duration = Duration::from_secs(60);
 
-type TwoLoops = Scheduler<Signals, 2, 32>;
+type TwoLoops = Scheduler<SignalPlatform, 2, 32>;
 
 fn scheduler(fast_hz: u32, slow_hz: u32) -> TwoLoops {
     let rates = [Rate::hz(fast_hz), Rate::hz(slow_hz)];
     // SAFETY: the loops of these tests compute and use atomics and the scheduler's calls.
-    let signals = unsafe { Signals::new() };
+    let signals = unsafe { SignalPlatform::new() };
     Scheduler::new(signals, EventTable::new(&rates, CLOCK))
 }
 
@@ -302,8 +302,14 @@ fn errno_is_as_before_a_loop() {
 #[test]
 fn one_thread_has_one_platform_at_a_time() {
     // SAFETY: the handlers do nothing.
-    let [one, other, none] = unsafe { [Signals::new(), Signals::new(), Signals::with_signal(200)] };
-    let connect = |signals: &Signals| signals.connect(|| (), || ());
+    let [one, other, none] = unsafe {
+        [
+            SignalPlatform::new(),
+            SignalPlatform::new(),
+            SignalPlatform::with_signal(200),
+        ]
+    };
+    let connect = |signals: &SignalPlatform| signals.connect(|| (), || ());
     for _ in 0..2 {
         let inner = one.connect(|| (), || connect(&other));
         assert_eq!(inner, Ok(Err(ConnectError::Connected)));
@@ -322,7 +328,7 @@ fn a_handler_of_the_program_is_not_replaced() {
     // SAFETY: the handler does nothing, and no other test uses this signal.
     unsafe { libc::signal(libc::SIGRTMIN() + 3, handler as libc::sighandler_t) };
     // SAFETY: its handler does nothing.
-    let signals = unsafe { Signals::with_signal(3) };
+    let signals = unsafe { SignalPlatform::with_signal(3) };
     let result = signals.connect(|| (), || ());
     assert!(
         matches!(result, Err(ConnectError::SignalTaken { .. })),

@@ -6,7 +6,8 @@ use std::time::{Duration, Instant};
 
 use condor_mos::linux::{RealTime, Threads};
 use condor_mos::{
-    LockError, LoopError, LoopId, LoopLock, Loops, Overrun, Rate, RateError, StartError, Statistics,
+    LoopError, LoopId, LoopLock, LoopLockError, Loops, Overrun, Rate, RateError, StartError,
+    Statistics,
 };
 
 const FAST: LoopId = LoopId(0);
@@ -204,7 +205,7 @@ fn an_inheritance_lock_excludes() {
         threads.start().unwrap();
         until(|| shared.lock(&threads, add).unwrap() > 1000);
         let again = shared.lock(&threads, |_| shared.lock(&threads, |_| ()));
-        assert_eq!(again, Ok(Err(LockError::Taken)));
+        assert_eq!(again, Ok(Err(LoopLockError::Taken)));
     });
     let ran = |id| threads.statistics(id).unwrap();
     assert!(!ran(FAST).faulted && !ran(SLOW).faulted);

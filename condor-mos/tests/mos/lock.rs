@@ -2,21 +2,23 @@
 
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 
-use condor_mos::sim::Processor;
-use condor_mos::{Clock, LockError, LoopId, LoopLock, Loops, Overrun, Rate, Scan, Scheduler};
+use condor_mos::sim::SimPlatform;
+use condor_mos::{
+    ClockSpec, LoopId, LoopLock, LoopLockError, Loops, Overrun, Rate, Scan, Scheduler,
+};
 
 const FREQUENCY: Rate = Rate::hz(1000);
 const IDS: [LoopId; 3] = [LoopId(0), LoopId(1), LoopId(2)];
 
-type Three = Scheduler<Processor, 3, 0>;
+type Three = Scheduler<SimPlatform, 3, 0>;
 
 /// Runs `background` while the loops of 10, 5 and 2 Hz do `body`.
 fn with_loops(
-    body: impl Fn(&Processor, &Three, usize) + Sync,
-    background: impl Fn(&Processor, &Three),
+    body: impl Fn(&SimPlatform, &Three, usize) + Sync,
+    background: impl Fn(&SimPlatform, &Three),
 ) {
-    let processor = Processor::new(FREQUENCY);
-    let clock = Clock::of::<u64>(FREQUENCY);
+    let processor = SimPlatform::new(FREQUENCY);
+    let clock = ClockSpec::of::<u64>(FREQUENCY);
     let rates = [Rate::hz(10), Rate::hz(5), Rate::hz(2)];
     let scheduler = Scheduler::new(processor.clone(), Scan::new(&rates, clock));
     let mut bodies: [_; 3] = std::array::from_fn(|number| {
@@ -44,7 +46,7 @@ fn a_faster_loop_is_undeclared() {
         |_, scheduler, number| {
             let locked = lock.lock(scheduler, |runs| *runs += 1);
             let expected = if number == 0 {
-                Err(LockError::Undeclared)
+                Err(LoopLockError::Undeclared)
             } else {
                 Ok(())
             };
@@ -63,7 +65,7 @@ fn a_lock_inside_itself_is_taken() {
         |_, _, _| {},
         |_, scheduler| {
             let inner = lock.lock(scheduler, |()| lock.lock(scheduler, |()| {}));
-            assert_eq!(inner, Ok(Err(LockError::Taken)));
+            assert_eq!(inner, Ok(Err(LoopLockError::Taken)));
             assert_eq!(lock.lock(scheduler, |()| {}), Ok(()));
         },
     );

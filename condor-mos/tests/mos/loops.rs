@@ -4,11 +4,11 @@
 use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
-use condor_mos::linux::{CLOCK, RealTime, Signals, Threads};
-use condor_mos::sim::Processor;
+use condor_mos::linux::{CLOCK, RealTime, SignalPlatform, Threads};
+use condor_mos::sim::SimPlatform;
 use condor_mos::{
-    EventTable, Histograms, LockError, LoopError, LoopId, LoopLock, Loops, NoStatistics, Overrun,
-    Rate, RateError, Scheduler, StartError,
+    EventTable, Histograms, LoopError, LoopId, LoopLock, LoopLockError, Loops, NoStatistics,
+    Overrun, Rate, RateError, Scheduler, StartError,
 };
 
 const FAST: LoopId = LoopId(0);
@@ -36,7 +36,7 @@ fn count<L: Loops>(loops: &L, background: impl FnOnce(&dyn Fn() -> bool)) -> [u3
     });
     assert_eq!(loops.enable(FAST), Err(LoopError::Unassigned { id: FAST }));
     let nested = shared.lock(loops, |_| shared.lock(loops, |_| ()));
-    assert_eq!(nested, Ok(Err(LockError::Taken)));
+    assert_eq!(nested, Ok(Err(LoopLockError::Taken)));
     shared.lock(loops, |counts| *counts).unwrap()
 }
 
@@ -49,7 +49,7 @@ fn until(event: impl Fn() -> bool) {
 
 #[test]
 fn loops_are_the_same_in_virtual_time_in_signals_and_in_threads() {
-    let processor = Processor::new(Rate::hz(1_000_000));
+    let processor = SimPlatform::new(Rate::hz(1_000_000));
     let scheduler = Scheduler::<_, 2, 0>::with_rates(processor.clone(), &RATES).unwrap();
     // 0 to 19 ms, and the first instant of the second run.
     let virtual_time = |both: &dyn Fn() -> bool| {
@@ -60,7 +60,7 @@ fn loops_are_the_same_in_virtual_time_in_signals_and_in_threads() {
     assert_eq!(scheduler.statistics(FAST).unwrap().run, 21);
 
     // SAFETY: the loops use a lock of this crate, and compute.
-    let signals = unsafe { Signals::new() };
+    let signals = unsafe { SignalPlatform::new() };
     let table = EventTable::<2, 8>::new(&RATES, CLOCK);
     let scheduler = Scheduler::<_, 2, 8, NoStatistics>::keeping(signals, table);
     count(&scheduler, |both| until(both));
@@ -75,13 +75,13 @@ fn loops_are_the_same_in_virtual_time_in_signals_and_in_threads() {
 #[test]
 fn a_lock_is_of_one_who_runs_loops_at_a_time() {
     let hertz = Rate::hz(1000);
-    let scheduler = Scheduler::<_, 1, 0>::with_rates(Processor::new(hertz), &[hertz]).unwrap();
+    let scheduler = Scheduler::<_, 1, 0>::with_rates(SimPlatform::new(hertz), &[hertz]).unwrap();
     let threads = Threads::new(&[hertz], RealTime::none()).unwrap();
     let shared = LoopLock::new(&[FAST], ());
     let inner = shared.lock(&scheduler, |()| shared.lock(&threads, |()| ()));
-    assert_eq!(inner, Ok(Err(LockError::Taken)));
+    assert_eq!(inner, Ok(Err(LoopLockError::Taken)));
     let inner = shared.lock(&threads, |()| shared.lock(&scheduler, |()| ()));
-    assert_eq!(inner, Ok(Err(LockError::Taken)));
+    assert_eq!(inner, Ok(Err(LoopLockError::Taken)));
     assert_eq!(shared.lock(&threads, |()| ()), Ok(()));
 }
 
@@ -115,7 +115,7 @@ fn threads_have_phases_and_histograms() {
 /// An instant that is soon.
 fn threads_begin() -> u64 {
     // SAFETY: nothing is connected.
-    let clock = unsafe { Signals::new() };
+    let clock = unsafe { SignalPlatform::new() };
     condor_mos::Timer::now(&clock) + 1_000_000
 }
 
@@ -160,8 +160,8 @@ fn rates_from_outside_have_a_table_or_a_scan_or_an_error() {
     let hertz = Rate::hz(1_000_000);
     let rates = [Rate::hz(400), Rate::hz(60)];
     // 22 entries.
-    let tabled = Scheduler::<_, 4, 22>::with_rates(Processor::new(hertz), &rates);
-    let scanned = Scheduler::<_, 4, 21>::with_rates(Processor::new(hertz), &rates);
+    let tabled = Scheduler::<_, 4, 22>::with_rates(SimPlatform::new(hertz), &rates);
+    let scanned = Scheduler::<_, 4, 21>::with_rates(SimPlatform::new(hertz), &rates);
     // Only a table can be too small for other rates.
     let seldom = Rate::fraction(1, 7);
     assert!(matches!(
@@ -169,6 +169,6 @@ fn rates_from_outside_have_a_table_or_a_scan_or_an_error() {
         Err(LoopError::Rate(_))
     ));
     assert_eq!(scanned.unwrap().set_rate(SLOW, seldom), Ok(()));
-    let none = Scheduler::<_, 1, 0>::with_rates(Processor::new(Rate::hz(10)), &rates[..1]);
+    let none = Scheduler::<_, 1, 0>::with_rates(SimPlatform::new(Rate::hz(10)), &rates[..1]);
     assert!(matches!(none.err(), Some(RateError::TooFast { .. })));
 }

@@ -2,7 +2,9 @@
 
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering::Relaxed};
 
-use condor_mos::{Armed, Clock, LoopId, Loops, Overrun, Platform, Rate, Scan, Scheduler, Timer};
+use condor_mos::{
+    Armed, ClockSpec, LoopId, Loops, Overrun, Platform, Rate, Scan, Scheduler, Timer,
+};
 
 const FREQUENCY: Rate = Rate::hz(1_000_000);
 const NEVER: u64 = u64::MAX;
@@ -52,7 +54,10 @@ fn an_overload_is_counted_and_the_background_goes_on() {
     };
     // An event every two ticks, or every tick.
     let rates = [Rate::hz(500_000), Rate::hz(333_333)];
-    let scheduler = Scheduler::new(&slow, Scan::<2>::new(&rates, Clock::of::<u64>(FREQUENCY)));
+    let scheduler = Scheduler::new(
+        &slow,
+        Scan::<2>::new(&rates, ClockSpec::of::<u64>(FREQUENCY)),
+    );
     let runs = AtomicU32::new(0);
     let body = |_| {
         runs.fetch_add(1, Relaxed);

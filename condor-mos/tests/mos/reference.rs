@@ -8,8 +8,8 @@ mod machine;
 mod model;
 mod program;
 
-use condor_mos::sim::Processor;
-use condor_mos::{Clock, EventTable, Instant, Scan, Wrapping};
+use condor_mos::sim::SimPlatform;
+use condor_mos::{ClockSpec, CounterReading, EventTable, Scan, Wrapping};
 use proptest::prelude::*;
 
 use machine::{Machine, Reading};
@@ -20,10 +20,10 @@ use program::{LOOPS, Program, program};
 type Table = EventTable<LOOPS, 4096>;
 
 fn check<I: Reading>(program: &Program) {
-    let clock = Clock::of::<I>(program.frequency);
-    let known = |log| log::known(log, <I as Instant>::BITS, &program.overruns);
+    let clock = ClockSpec::of::<I>(program.frequency);
+    let known = |log| log::known(log, <I as CounterReading>::BITS, &program.overruns);
     let gap = u64::from(clock.longest_gap());
-    let processor = || Processor::new(program.frequency);
+    let processor = || SimPlatform::new(program.frequency);
     let scan = Scan::<LOOPS>::try_new(&program.rates, clock).expect("slow rates");
     same(
         &known(Model::new(program, Kind::Scan, gap).run()),

@@ -3,17 +3,17 @@
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
-use condor_mos::sim::Processor;
-use condor_mos::{Clock, LoopError, LoopId, Loops, Overrun, Rate, Scan, Scheduler, StartError};
+use condor_mos::sim::SimPlatform;
+use condor_mos::{ClockSpec, LoopError, LoopId, Loops, Overrun, Rate, Scan, Scheduler, StartError};
 
 const FREQUENCY: Rate = Rate::hz(1000);
 const FAST: LoopId = LoopId(0);
 const SLOW: LoopId = LoopId(1);
 
-type Two = Scheduler<Processor, 2, 0>;
+type Two = Scheduler<SimPlatform, 2, 0>;
 
-fn loops(processor: &Processor) -> Two {
-    let clock = Clock::of::<u64>(FREQUENCY);
+fn loops(processor: &SimPlatform) -> Two {
+    let clock = ClockSpec::of::<u64>(FREQUENCY);
     Scheduler::new(
         processor.clone(),
         Scan::new(&[Rate::hz(10), Rate::hz(5)], clock),
@@ -21,7 +21,7 @@ fn loops(processor: &Processor) -> Two {
 }
 
 /// So many ticks more, with interrupts.
-fn run(processor: &Processor, scheduler: &Two, ticks: u64) {
+fn run(processor: &SimPlatform, scheduler: &Two, ticks: u64) {
     use condor_mos::Timer;
     let end = processor.now() + ticks;
     processor.with_handler(|| scheduler.on_timer(), || processor.run_until(end));
@@ -29,7 +29,7 @@ fn run(processor: &Processor, scheduler: &Two, ticks: u64) {
 
 #[test]
 fn a_loop_ends_with_its_scope_and_is_free_again() {
-    let processor = Processor::new(FREQUENCY);
+    let processor = SimPlatform::new(FREQUENCY);
     let scheduler = loops(&processor);
     for round in 1..=2_u32 {
         let mut runs = 0;
@@ -57,7 +57,7 @@ fn a_loop_ends_with_its_scope_and_is_free_again() {
 
 #[test]
 fn a_loop_is_assigned_once() {
-    let processor = Processor::new(FREQUENCY);
+    let processor = SimPlatform::new(FREQUENCY);
     let scheduler = loops(&processor);
     let (mut one, mut other, mut nobody) = (|_| {}, |_| {}, |_| {});
     let mut inner = |_| {};
@@ -78,7 +78,7 @@ fn a_loop_is_assigned_once() {
 
 #[test]
 fn a_scope_that_unwinds_disarms_its_loops() {
-    let processor = Processor::new(FREQUENCY);
+    let processor = SimPlatform::new(FREQUENCY);
     let scheduler = loops(&processor);
     let caught = catch_unwind(AssertUnwindSafe(|| {
         let mut runs = Box::new(0_u32);
@@ -98,7 +98,7 @@ fn a_scope_that_unwinds_disarms_its_loops() {
 
 #[test]
 fn a_body_that_unwinds_ends_and_all_goes_on() {
-    let processor = Processor::new(FREQUENCY);
+    let processor = SimPlatform::new(FREQUENCY);
     let scheduler = loops(&processor);
     let calls = AtomicU32::new(0);
     let caught = catch_unwind(AssertUnwindSafe(|| {
@@ -136,7 +136,7 @@ fn a_body_that_unwinds_ends_and_all_goes_on() {
 
 #[test]
 fn a_handler_of_another_thread_is_not_called() {
-    let processor = Processor::new(FREQUENCY);
+    let processor = SimPlatform::new(FREQUENCY);
     let calls = AtomicU32::new(0);
     processor.with_handler(
         || {
@@ -156,10 +156,10 @@ fn a_handler_of_another_thread_is_not_called() {
 /// As that of two schedulers which are statics. This is about what compiles.
 #[test]
 fn a_platform_that_is_borrowed_for_ever_has_loops_that_borrow_for_less() {
-    static PROCESSOR: std::sync::OnceLock<Processor> = std::sync::OnceLock::new();
-    let processor: &'static Processor = PROCESSOR.get_or_init(|| Processor::new(FREQUENCY));
-    let schedule = Scan::<1>::new(&[Rate::hz(10)], Clock::of::<u64>(FREQUENCY));
-    let scheduler: Scheduler<&'static Processor, 1, 0> = Scheduler::new(processor, schedule);
+    static PROCESSOR: std::sync::OnceLock<SimPlatform> = std::sync::OnceLock::new();
+    let processor: &'static SimPlatform = PROCESSOR.get_or_init(|| SimPlatform::new(FREQUENCY));
+    let schedule = Scan::<1>::new(&[Rate::hz(10)], ClockSpec::of::<u64>(FREQUENCY));
+    let scheduler: Scheduler<&'static SimPlatform, 1, 0> = Scheduler::new(processor, schedule);
     let mut runs = 0;
     let mut body = |_| runs += 1;
     scheduler.scope(|scope| {

@@ -1,14 +1,16 @@
 //! A schedule that begins at an instant.
 
-use condor_mos::sim::Processor;
-use condor_mos::{Clock, EventTable, LoopId, Loops, Overrun, Rate, Scheduler, StartError, Timer};
+use condor_mos::sim::SimPlatform;
+use condor_mos::{
+    ClockSpec, EventTable, LoopId, Loops, Overrun, Rate, Scheduler, StartError, Timer,
+};
 
 const MICROSECONDS: Rate = Rate::hz(1_000_000);
 
 #[test]
 fn loops_are_due_first_at_the_instant_that_was_given() {
-    let processor = Processor::new(MICROSECONDS);
-    let table = EventTable::<1, 1>::new(&[Rate::hz(100)], Clock::of::<u64>(MICROSECONDS));
+    let processor = SimPlatform::new(MICROSECONDS);
+    let table = EventTable::<1, 1>::new(&[Rate::hz(100)], ClockSpec::of::<u64>(MICROSECONDS));
     let scheduler = Scheduler::new(processor.clone(), table);
     let mut instants = Vec::new();
     let mut note = |_| instants.push(Timer::now(&processor));

@@ -1,9 +1,9 @@
 //! What schedulers keep of their loops' past, and what they tell bodies.
 
-use condor_mos::sim::{Processor, Vectored};
+use condor_mos::sim::{SimPlatform, Vectored};
 use condor_mos::{
-    Clock, Counts, EventTable, Histograms, Keep, LoopId, Loops, NoStatistics, Overrun, Platform,
-    Rate, Scheduler, Timer,
+    ClockSpec, Counts, EventTable, Histograms, Keep, LoopId, Loops, NoStatistics, Overrun,
+    Platform, Rate, Scheduler, Timer,
 };
 
 const FREQUENCY: Rate = Rate::hz(1000);
@@ -15,7 +15,7 @@ type Kept<P, K> = Scheduler<P, 2, 8, K>;
 /// A 100 Hz loop of 2 ticks and a 50 Hz loop of 4 ticks that is due first after 5.
 fn loops<P: Platform, K: Keep>(platform: P) -> Kept<P, K> {
     let rates = [Rate::hz(100), Rate::hz(50)];
-    let clock = Clock::of::<u64>(FREQUENCY);
+    let clock = ClockSpec::of::<u64>(FREQUENCY);
     Scheduler::keeping(
         platform,
         EventTable::phased(&rates, &[0, 5], clock).unwrap(),
@@ -24,7 +24,7 @@ fn loops<P: Platform, K: Keep>(platform: P) -> Kept<P, K> {
 
 /// Runs until tick 100, and gives when the loops were due and when they began.
 fn run<P: Platform<Instant = u64> + Sync, K: Keep>(
-    processor: &Processor,
+    processor: &SimPlatform,
     scheduler: &Kept<P, K>,
 ) -> [Vec<(u64, u64)>; 2] {
     let mut seen = [const { Vec::new() }; 2];
@@ -67,25 +67,25 @@ fn is_on_time(seen: &[Vec<(u64, u64)>; 2]) {
 
 #[test]
 fn bodies_are_told_when_they_were_due_whatever_is_kept() {
-    let processor = Processor::new(FREQUENCY);
+    let processor = SimPlatform::new(FREQUENCY);
     is_on_time(&run(
         &processor,
         &loops::<_, NoStatistics>(processor.clone()),
     ));
-    let processor = Processor::new(FREQUENCY);
+    let processor = SimPlatform::new(FREQUENCY);
     is_on_time(&run(&processor, &loops::<_, Counts>(processor.clone())));
-    let processor = Vectored(Processor::new(FREQUENCY));
+    let processor = Vectored(SimPlatform::new(FREQUENCY));
     is_on_time(&run(
         &processor,
         &loops::<_, NoStatistics>(processor.clone()),
     ));
-    let processor = Vectored(Processor::new(FREQUENCY));
+    let processor = Vectored(SimPlatform::new(FREQUENCY));
     is_on_time(&run(&processor, &loops::<_, Histograms>(processor.clone())));
 }
 
 #[test]
 fn histograms_have_percentiles_and_can_be_reset() {
-    let processor = Processor::new(FREQUENCY);
+    let processor = SimPlatform::new(FREQUENCY);
     let scheduler = loops::<_, Histograms>(processor.clone());
     run(&processor, &scheduler);
     let slow = scheduler.histograms(SLOW).unwrap();
@@ -101,7 +101,7 @@ fn histograms_have_percentiles_and_can_be_reset() {
 
 #[test]
 fn utilisation_is_that_of_the_present_rate() {
-    let processor = Processor::new(FREQUENCY);
+    let processor = SimPlatform::new(FREQUENCY);
     let scheduler = loops::<_, Counts>(processor.clone());
     let mut fast_loop = |_| processor.work(2);
     scheduler.scope(|scope| {

@@ -1,15 +1,15 @@
 //! Event tables against the numbers of their sources.
 
-use condor_mos::{Clock, Event, EventTable, Rate, RateError, Scan, entries};
+use condor_mos::{ClockSpec, EventTable, Rate, RateError, Scan, ScheduleEvent, entries};
 
-const MICROSECONDS: Clock = Clock::of::<u64>(Rate::hz(1_000_000));
+const MICROSECONDS: ClockSpec = ClockSpec::of::<u64>(Rate::hz(1_000_000));
 
 /// Computed by the compiler; one entry less would not compile.
 const FITS: EventTable<3, 44> =
     EventTable::new(&[Rate::hz(400), Rate::hz(60), Rate::hz(50)], MICROSECONDS);
 
-fn event(ranks: u32, gap: u32) -> Event {
-    Event { ranks, gap }
+fn event(ranks: u32, gap: u32) -> ScheduleEvent {
+    ScheduleEvent { ranks, gap }
 }
 
 #[test]
@@ -36,7 +36,7 @@ fn rates_of_400_60_and_50_hz_have_44_entries() {
         Rate::hz(32_768),
         Rate::fraction(14_318_180, 12),
     ] {
-        let clock = Clock::of::<u64>(frequency);
+        let clock = ClockSpec::of::<u64>(frequency);
         let table = EventTable::<3, 64>::try_new(&rates, clock).unwrap();
         assert_eq!(table.events().len(), 44);
         // The hyperperiod is 100 ms; the last gap may lack a tick that is carried.

@@ -1,8 +1,8 @@
 //! Time that passes inside critical sections: no release starts before it is due.
 
-use condor_mos::sim::{Processor, Vectored, WrappingProcessor};
+use condor_mos::sim::{SimPlatform, Vectored, WrappingProcessor};
 use condor_mos::{
-    Armed, Clock, LoopId, Loops, Overrun, Platform, Rate, Scan, Scheduler, Statistics, Timer,
+    Armed, ClockSpec, LoopId, Loops, Overrun, Platform, Rate, Scan, Scheduler, Statistics, Timer,
     Wrapping,
 };
 use proptest::prelude::*;
@@ -62,10 +62,10 @@ struct Program {
 /// The counts of all loops at the end, on a `platform` that is `processor`.
 fn run<P: Platform + Sync>(
     platform: P,
-    processor: &Processor,
+    processor: &SimPlatform,
     program: &Program,
 ) -> [Statistics; LOOPS] {
-    let clock = Clock::of::<P::Instant>(FREQUENCY);
+    let clock = ClockSpec::of::<P::Instant>(FREQUENCY);
     let schedule = Scan::<LOOPS>::try_new(&program.rates, clock).expect("it is slow enough");
     let scheduler = Scheduler::new(platform, schedule);
     let runs = std::sync::atomic::AtomicUsize::new(0);
@@ -101,7 +101,7 @@ fn run<P: Platform + Sync>(
 
 /// On every kind of processor: at the same instants, whatever the counter's width.
 fn check(program: &Program) {
-    let new = || Processor::new(FREQUENCY);
+    let new = || SimPlatform::new(FREQUENCY);
     let processor = new();
     let long = run(processor.clone(), &processor, program);
     let processor = new();
@@ -117,9 +117,9 @@ fn check(program: &Program) {
         program,
     );
     assert_eq!((word, half), (long, long));
-    let processor = Vectored(Processor::new(FREQUENCY));
+    let processor = Vectored(SimPlatform::new(FREQUENCY));
     let vectors = run(processor.clone(), &processor, program);
-    let processor = Vectored(Processor::new(FREQUENCY));
+    let processor = Vectored(SimPlatform::new(FREQUENCY));
     let narrow = run(NarrowVectored(processor.clone()), &processor, program);
     assert_eq!(narrow, vectors);
     for counts in [long, vectors].as_flattened() {
@@ -156,8 +156,8 @@ proptest! {
 fn a_faster_loop_that_is_due_a_tick_after_a_slower_one_is_not_late() {
     // At tick 7 the slower loop is due. A tick later, while that is being released, the faster one.
     let rates = [Rate::hz(250), Rate::fraction(1000, 7)];
-    let processor = Processor::new(FREQUENCY);
-    let clock = Clock::of::<Wrapping<32>>(FREQUENCY);
+    let processor = SimPlatform::new(FREQUENCY);
+    let clock = ClockSpec::of::<Wrapping<32>>(FREQUENCY);
     let schedule = Scan::<2>::try_new(&rates, clock).expect("it is slow enough");
     let scheduler = Scheduler::new(WrappingProcessor::<32>(processor.clone()), schedule);
     let mut starts = Vec::new();
@@ -185,8 +185,8 @@ fn a_faster_loop_that_is_due_a_tick_after_a_slower_one_is_not_late() {
 
 #[test]
 fn an_interrupt_a_tick_before_the_instant_begins_a_loop_in_time() {
-    let processor = Processor::new(FREQUENCY);
-    let clock = Clock::of::<Wrapping<32>>(FREQUENCY);
+    let processor = SimPlatform::new(FREQUENCY);
+    let clock = ClockSpec::of::<Wrapping<32>>(FREQUENCY);
     let platform = WrappingProcessor::<32>(processor.clone());
     let scheduler = Scheduler::new(platform, Scan::<1>::new(&[Rate::hz(100)], clock));
     let mut body = |_| {};

@@ -4,11 +4,11 @@ use std::cell::Cell;
 use std::sync::atomic::{AtomicU32, Ordering};
 
 use condor_mos::conformance::TimerFailure;
-use condor_mos::sim::{Processor, WrappingProcessor};
+use condor_mos::sim::{SimPlatform, WrappingProcessor};
 use condor_mos::{Armed, Rate, Timer, conformance};
 
 /// Connects `timer`, which counts the ticks of `processor`.
-fn verdict<T: Timer>(processor: &Processor, timer: &T) -> Result<(), TimerFailure> {
+fn verdict<T: Timer>(processor: &SimPlatform, timer: &T) -> Result<(), TimerFailure> {
     let interrupts = AtomicU32::new(0);
     let count = || {
         interrupts.fetch_add(1, Ordering::Relaxed);
@@ -22,14 +22,14 @@ fn verdict<T: Timer>(processor: &Processor, timer: &T) -> Result<(), TimerFailur
 #[test]
 fn simulated_timer_of_64_bits() {
     for frequency in [Rate::hz(1_000_000), Rate::hz(32_768), Rate::hz(10)] {
-        let processor = Processor::new(frequency);
+        let processor = SimPlatform::new(frequency);
         assert_eq!(verdict(&processor, &processor), Ok(()));
     }
 }
 
 #[test]
 fn simulated_timers_that_begin_anew() {
-    let processor = Processor::new(Rate::hz(1_000_000));
+    let processor = SimPlatform::new(Rate::hz(1_000_000));
     let timer = WrappingProcessor::<32>(processor.clone());
     assert_eq!(verdict(&processor, &timer), Ok(()));
     let timer = WrappingProcessor::<24>(processor.clone());
@@ -44,7 +44,7 @@ fn simulated_timers_that_begin_anew() {
 #[test]
 fn simulated_timers_whose_accesses_take_time() {
     for ticks in [1, 2, 7] {
-        let processor = Processor::new(Rate::hz(1_000_000));
+        let processor = SimPlatform::new(Rate::hz(1_000_000));
         processor.set_access_time(ticks);
         assert_eq!(verdict(&processor, &processor), Ok(()));
         let timer = WrappingProcessor::<16>(processor.clone());
@@ -55,10 +55,10 @@ fn simulated_timers_whose_accesses_take_time() {
 #[cfg(all(feature = "linux", target_os = "linux"))]
 #[test]
 fn timer_of_signals() {
-    use condor_mos::{Platform as _, linux::Signals};
+    use condor_mos::{Platform as _, linux::SignalPlatform};
 
     // SAFETY: the handler is one atomic addition.
-    let signals = unsafe { Signals::new() };
+    let signals = unsafe { SignalPlatform::new() };
     let interrupts = AtomicU32::new(0);
     let count = || {
         interrupts.fetch_add(1, Ordering::Relaxed);
@@ -75,7 +75,7 @@ fn timer_of_signals() {
 
 /// A timer that breaks one promise.
 struct Faulty<'p> {
-    processor: &'p Processor,
+    processor: &'p SimPlatform,
     fault: Fault,
     armed: Cell<bool>,
 }
@@ -141,7 +141,7 @@ fn each_fault_is_found() {
         (Fault::KeepsTheFirst, "to the later instant"),
         (Fault::StaysArmed, "after disarming"),
     ] {
-        let processor = Processor::new(Rate::hz(1_000));
+        let processor = SimPlatform::new(Rate::hz(1_000));
         // Past its beginning, so that it can go back.
         processor.run_until(10);
         let armed = Cell::new(false);

@@ -1,32 +1,32 @@
-//! [`Host`]: the host's side of a processor's terminal.
+//! [`TerminalHost`]: the host's side of a processor's terminal.
 
 use std::collections::VecDeque;
 use std::io;
 use std::time::Duration;
 
 use condor_mbox::{
-    AccessError, Error as MailboxError, MemoryWindow, Messenger, Pending, Processor, Region,
+    AccessError, MailboxError, MemoryWindow, Messenger, PendingReply, Processor, Region,
 };
 
 use super::sink::{Piece, Sink};
-use crate::layout::{Vectors, input_data, reply};
-use crate::reader::{Fetched, Reader, ReaderError, Status};
+use crate::layout::{TerminalVectors, input_data, reply};
+use crate::reader::{FetchedOutput, TerminalReader, TerminalReaderError, TerminalStatus};
 
 /// The host's end of one terminal of a processor. It moves output to a [`Sink`], and input from
 /// there.
 ///
 /// No call waits. The host's loop serves its mailbox, sleeps there or until a descriptor is ready,
-/// and calls [`serve`](Self::serve) for each terminal. Its handler for [`Vectors::output`] need not
+/// and calls [`serve`](Self::serve) for each terminal. Its handler for [`TerminalVectors::output`] need not
 /// do anything: the message only ends the sleep.
 #[derive(Debug)]
-pub struct Host<W> {
-    reader: Reader<W>,
+pub struct TerminalHost<W> {
+    reader: TerminalReader<W>,
     to: Processor,
     me: Processor,
-    vectors: Vectors,
+    vectors: TerminalVectors,
     /// The bytes that were read last. The sink has taken the first `taken` of them.
     buffer: Box<[u8]>,
-    fetched: Fetched,
+    fetched: FetchedOutput,
     taken: usize,
     /// Characters of the sink that are to be sent.
     typed: VecDeque<u8>,
@@ -35,12 +35,12 @@ pub struct Host<W> {
     /// Whether the sink knows which of its characters come next.
     told: bool,
     /// The message whose reply has not come: a character, or none to settle.
-    asked: Option<(Option<u8>, Pending)>,
+    asked: Option<(Option<u8>, PendingReply)>,
 }
 
-/// The result of [`Host::serve`].
+/// The result of [`TerminalHost::serve`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Served {
+pub struct ServedTerminal {
     /// The number of bytes that the sink has taken.
     pub output: usize,
     /// The number of characters that the processor has accepted.
@@ -60,7 +60,7 @@ pub struct Served {
 pub enum HostError {
     /// The terminal cannot be read.
     #[error(transparent)]
-    Reader(#[from] ReaderError),
+    Reader(#[from] TerminalReaderError),
     /// The sink returned this error.
     #[error("the sink of a terminal fails: {0}")]
     Sink(#[from] io::Error),
@@ -82,27 +82,27 @@ const PIECE: usize = 256;
 /// How often one call looks at the ring.
 const LOOKS: usize = 16;
 
-impl<W: MemoryWindow + Clone> Host<W> {
+impl<W: MemoryWindow + Clone> TerminalHost<W> {
     /// Attaches the processor number `me` of the host to the terminal at `offset` bytes of
     /// `region`, the users' region of the processor `to`.
     ///
     /// # Errors
-    /// [`ReaderError::NoTerminal`] if there is no terminal, [`ReaderError::NotReady`] or
-    /// [`ReaderError::Restarted`] if it is being made, [`ReaderError::Broken`] if a word is
-    /// invalid, [`ReaderError::Access`] if the memory cannot be accessed.
+    /// [`TerminalReaderError::NoTerminal`] if there is no terminal, [`TerminalReaderError::NotReady`] or
+    /// [`TerminalReaderError::Restarted`] if it is being made, [`TerminalReaderError::Broken`] if a word is
+    /// invalid, [`TerminalReaderError::Access`] if the memory cannot be accessed.
     pub fn attach(
         region: Region<W>,
         offset: u32,
         to: Processor,
         me: Processor,
-    ) -> Result<Self, ReaderError> {
+    ) -> Result<Self, TerminalReaderError> {
         Ok(Self {
-            reader: Reader::attach(region, offset, me)?,
+            reader: TerminalReader::attach(region, offset, me)?,
             to,
             me,
-            vectors: Vectors::DEFAULT,
+            vectors: TerminalVectors::DEFAULT,
             buffer: vec![0; BUFFER].into_boxed_slice(),
-            fetched: Fetched::default(),
+            fetched: FetchedOutput::default(),
             taken: 0,
             typed: VecDeque::new(),
             settled: false,
@@ -111,9 +111,9 @@ impl<W: MemoryWindow + Clone> Host<W> {
         })
     }
 
-    /// Uses these vectors instead of [`Vectors::DEFAULT`].
+    /// Uses these vectors instead of [`TerminalVectors::DEFAULT`].
     #[must_use]
-    pub fn with_vectors(self, vectors: Vectors) -> Self {
+    pub fn with_vectors(self, vectors: TerminalVectors) -> Self {
         Self { vectors, ..self }
     }
 
@@ -126,36 +126,36 @@ impl<W: MemoryWindow + Clone> Host<W> {
     /// kept for it.
     ///
     /// # Errors
-    /// [`HostError::Reader`] with [`ReaderError::Displaced`] if another host has attached, or with
-    /// [`ReaderError::Broken`] or [`ReaderError::Access`] if the terminal is invalid or cannot be
+    /// [`HostError::Reader`] with [`TerminalReaderError::Displaced`] if another host has attached, or with
+    /// [`TerminalReaderError::Broken`] or [`TerminalReaderError::Access`] if the terminal is invalid or cannot be
     /// accessed; [`HostError::Sink`] if the sink fails; [`HostError::Mailbox`] if this mailbox has
     /// not joined or its memory is gone. Nothing is lost by these errors.
     pub fn serve(
         &mut self,
         mailbox: &dyn Messenger,
         sink: &mut dyn Sink,
-    ) -> Result<Served, HostError> {
-        let mut served = Served::default();
+    ) -> Result<ServedTerminal, HostError> {
+        let mut served = ServedTerminal::default();
         match self.serve_output(mailbox, sink, &mut served) {
-            Err(HostError::Reader(ReaderError::Restarted { .. })) => self.attach_again()?,
+            Err(HostError::Reader(TerminalReaderError::Restarted { .. })) => self.attach_again()?,
             other => other?,
         }
         self.serve_input(mailbox, sink, &mut served)?;
         Ok(served)
     }
 
-    fn attach_again(&mut self) -> Result<(), ReaderError> {
-        match Reader::attach(self.reader.region.clone(), self.reader.offset(), self.me) {
+    fn attach_again(&mut self) -> Result<(), TerminalReaderError> {
+        match TerminalReader::attach(self.reader.region.clone(), self.reader.offset(), self.me) {
             Ok(reader) => {
                 self.reader = reader;
-                self.fetched = Fetched::default();
+                self.fetched = FetchedOutput::default();
                 self.taken = 0;
                 self.settled = false;
                 self.told = false;
                 Ok(())
             }
             // The processor is at it.
-            Err(ReaderError::NotReady { .. }) => Ok(()),
+            Err(TerminalReaderError::NotReady { .. }) => Ok(()),
             Err(error) => Err(error),
         }
     }
@@ -164,11 +164,11 @@ impl<W: MemoryWindow + Clone> Host<W> {
         &mut self,
         mailbox: &dyn Messenger,
         sink: &mut dyn Sink,
-        served: &mut Served,
+        served: &mut ServedTerminal,
     ) -> Result<(), HostError> {
         for _ in 0..LOOKS {
             if self.reader.status()?.stopped {
-                // To notice a new life also while nothing is read.
+                // To notice a new incarnation also while nothing is read.
                 self.reader.acknowledge(0)?;
                 return Ok(());
             }
@@ -176,12 +176,12 @@ impl<W: MemoryWindow + Clone> Host<W> {
                 let fetched = self.reader.fetch(&mut self.buffer)?;
                 self.fetched = fetched;
                 self.taken = 0;
-                if fetched == Fetched::default() {
+                if fetched == FetchedOutput::default() {
                     return Ok(());
                 }
             }
             let piece = Piece {
-                life: self.reader.life(),
+                incarnation: self.reader.incarnation(),
                 position: self.reader.position().wrapping_add(self.fetched.skipped),
                 overwritten: self.fetched.skipped,
                 bytes: self
@@ -210,7 +210,7 @@ impl<W: MemoryWindow + Clone> Host<W> {
         &mut self,
         mailbox: &dyn Messenger,
         sink: &mut dyn Sink,
-        served: &mut Served,
+        served: &mut ServedTerminal,
     ) -> Result<(), HostError> {
         if let Some((character, pending)) = self.asked {
             let answer = mailbox.poll_pending(&pending);
@@ -236,7 +236,7 @@ impl<W: MemoryWindow + Clone> Host<W> {
         }
         let status = self.reader.status()?;
         if status.full && status.interrupt.is_none() {
-            // It takes nothing; the sink keeps what may be for the next life. The processor sends a
+            // It takes nothing; the sink keeps what may be for the next incarnation. The processor sends a
             // message when its program has read.
             return Ok(());
         }
@@ -280,7 +280,7 @@ impl<W: MemoryWindow + Clone> Host<W> {
     fn tell(&mut self, sink: &mut dyn Sink) -> Result<(), HostError> {
         if !self.told {
             let taken = self.reader.status()?.typed;
-            sink.typing(self.reader.life(), taken, self.typed.len())?;
+            sink.typing(self.reader.incarnation(), taken, self.typed.len())?;
             self.told = true;
         }
         Ok(())
@@ -310,7 +310,7 @@ impl<W: MemoryWindow + Clone> Host<W> {
     ///
     /// # Errors
     /// [`AccessError`] if the terminal's memory cannot be accessed.
-    pub fn status(&self) -> Result<Status, AccessError> {
+    pub fn status(&self) -> Result<TerminalStatus, AccessError> {
         self.reader.status()
     }
 
@@ -332,9 +332,9 @@ impl<W: MemoryWindow + Clone> Host<W> {
     /// time-outs.
     ///
     /// # Errors
-    /// [`ReaderError::Displaced`] if another host has attached, [`ReaderError::Restarted`] if the
-    /// terminal was made anew, [`ReaderError::Access`] if the memory cannot be accessed.
-    pub fn detach(self) -> Result<(), ReaderError> {
+    /// [`TerminalReaderError::Displaced`] if another host has attached, [`TerminalReaderError::Restarted`] if the
+    /// terminal was made anew, [`TerminalReaderError::Access`] if the memory cannot be accessed.
+    pub fn detach(self) -> Result<(), TerminalReaderError> {
         self.reader.detach()
     }
 }

@@ -1,4 +1,4 @@
-//! [`Log`]: a terminal's output with the time of each line.
+//! [`TerminalLog`]: a terminal's output with the time of each line.
 
 use std::io::{self, Write};
 use std::time::Duration;
@@ -14,15 +14,15 @@ use super::sink::{Piece, Sink};
 ///
 /// ```
 /// use std::time::Duration;
-/// use condor_tty::linux::{Log, Sink};
+/// use condor_tty::linux::{TerminalLog, Sink};
 ///
-/// let mut log = Log::new((), Vec::new(), || Duration::from_millis(12_500));
+/// let mut log = TerminalLog::new((), Vec::new(), || Duration::from_millis(12_500));
 /// log.take(b"ready\r\n> ".into())?;
 /// assert_eq!(log.into_inner()?.1, b"12.500000 ready\n12.500000 > ");
 /// # Ok::<(), std::io::Error>(())
 /// ```
 #[derive(Debug)]
-pub struct Log<S, T, C> {
+pub struct TerminalLog<S, T, C> {
     /// The sink that takes the output.
     pub sink: S,
     to: T,
@@ -34,7 +34,7 @@ pub struct Log<S, T, C> {
     returned: bool,
 }
 
-impl<S: Sink, T: Write, C: FnMut() -> Duration> Log<S, T, C> {
+impl<S: Sink, T: Write, C: FnMut() -> Duration> TerminalLog<S, T, C> {
     /// Makes a log that passes output on to `sink` and writes to `to`, such as a file. `clock`
     /// returns the present time.
     pub const fn new(sink: S, to: T, clock: C) -> Self {
@@ -90,7 +90,7 @@ impl<S: Sink, T: Write, C: FnMut() -> Duration> Log<S, T, C> {
     }
 }
 
-impl<S: Sink, T: Write, C: FnMut() -> Duration> Sink for Log<S, T, C> {
+impl<S: Sink, T: Write, C: FnMut() -> Duration> Sink for TerminalLog<S, T, C> {
     fn take(&mut self, piece: Piece<'_>) -> io::Result<usize> {
         self.write_pending()?;
         let taken = self.sink.take(piece)?;
@@ -111,7 +111,7 @@ impl<S: Sink, T: Write, C: FnMut() -> Duration> Sink for Log<S, T, C> {
         self.sink.typed(into)
     }
 
-    fn typing(&mut self, life: u32, taken: u32, waiting: usize) -> io::Result<()> {
-        self.sink.typing(life, taken, waiting)
+    fn typing(&mut self, incarnation: u32, taken: u32, waiting: usize) -> io::Result<()> {
+        self.sink.typing(incarnation, taken, waiting)
     }
 }

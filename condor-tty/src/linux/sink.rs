@@ -5,10 +5,10 @@ use std::io;
 /// A piece of a terminal's output, as a [`Sink`] is offered it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Piece<'a> {
-    /// The life of the terminal that wrote it: a number that changes each time a program makes the
+    /// The incarnation of the terminal that wrote it: a number that changes each time a program makes the
     /// terminal anew.
-    pub life: u32,
-    /// The number of bytes of output of the same life before it; wraps.
+    pub incarnation: u32,
+    /// The number of bytes of output of the same incarnation before it; wraps.
     pub position: u32,
     /// The number of bytes directly before it that were overwritten unread.
     pub overwritten: u32,
@@ -64,14 +64,14 @@ pub trait Sink {
     /// Notes how much input the terminal has taken. The host calls this at moments when no
     /// character is on its way: before it begins to send, and when an interrupt has dropped
     /// characters. `taken` is the number of characters from any host that the terminal has taken
-    /// since its program made it, in the life with the number `life`; it wraps. Of the characters
+    /// since its program made it, in the incarnation with the number `incarnation`; it wraps. Of the characters
     /// that [`typed`](Self::typed) has returned, the last `waiting` come next. A sink needs this if
     /// its input outlives its host.
     ///
     /// # Errors
     /// The sink's error; the host sends no input until this call succeeds.
-    fn typing(&mut self, life: u32, taken: u32, waiting: usize) -> io::Result<()> {
-        let _ = (life, taken, waiting);
+    fn typing(&mut self, incarnation: u32, taken: u32, waiting: usize) -> io::Result<()> {
+        let _ = (incarnation, taken, waiting);
         Ok(())
     }
 }

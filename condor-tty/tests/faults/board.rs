@@ -73,7 +73,7 @@ impl Board {
 
     /// What the hosts have acknowledged, by the words that a killed one left; as in WIRE.md.
     pub(crate) fn acknowledged(&self) -> Result<Acknowledged, AccessError> {
-        if self.load(host::LIFE)? != self.load(processor::LIFE)? {
+        if self.load(host::INCARNATION)? != self.load(processor::INCARNATION)? {
             return Ok(Acknowledged::default());
         }
         let mut found = Acknowledged {

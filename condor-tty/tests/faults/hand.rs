@@ -2,9 +2,9 @@
 
 use std::time::Duration;
 
-use condor_mbox::linux::System;
+use condor_mbox::linux::LinuxSystem;
 use condor_mbox::{Call, CriticalSection, Messenger, Region};
-use condor_tty::{Policy, Settings, Terminal, Vectors};
+use condor_tty::{Policy, Terminal, TerminalSettings, TerminalVectors};
 use embedded_io::Write;
 
 use super::board::{self, Board};
@@ -17,7 +17,7 @@ const LOOK: Duration = Duration::from_millis(1);
 const REST: Duration = Duration::from_micros(20);
 
 pub(crate) fn play(policy: &str, mut random: Random) -> Result<(), AnyError> {
-    let mut claim = System::<N>::inherited()?.claim(HAND)?;
+    let mut claim = LinuxSystem::<N>::inherited()?.claim(HAND)?;
     let ram = Region::users(claim.windows()[HAND.index()].data.clone())?;
     let mut places = claim.places()?;
     let terminal = Terminal::<_, _, 16>::new(ram.clone(), &mut places, CAPACITY, CriticalSection)?;
@@ -25,7 +25,7 @@ pub(crate) fn play(policy: &str, mut random: Random) -> Result<(), AnyError> {
         return Err("the board is not where it is looked for".into());
     }
     let board = Board(ram);
-    terminal.configure(&Settings::RAW)?;
+    terminal.configure(&TerminalSettings::RAW)?;
     let policy = match policy {
         "block" => Policy::Block { timeout: TIMEOUT },
         "drop new" => Policy::DropNew,
@@ -35,8 +35,8 @@ pub(crate) fn play(policy: &str, mut random: Random) -> Result<(), AnyError> {
     terminal.set_policy(policy)?;
     let receive = |call: &Call<'_>| terminal.receive(call);
     let mut mailbox = claim.mailbox()?;
-    mailbox.set_vector(Vectors::DEFAULT.input, &receive, "terminal input")?;
-    mailbox.set_vector(Vectors::DEFAULT.room, &receive, "terminal room")?;
+    mailbox.set_vector(TerminalVectors::DEFAULT.input, &receive, "terminal input")?;
+    mailbox.set_vector(TerminalVectors::DEFAULT.room, &receive, "terminal room")?;
     mailbox.join()?;
 
     // Nobody waits for a host before the first one.

@@ -5,10 +5,10 @@ use std::io::{self, ErrorKind, Write};
 use std::path::Path;
 use std::time::Duration;
 
-use condor_mbox::linux::System;
+use condor_mbox::linux::LinuxSystem;
 use condor_mbox::{Messenger, Region};
-use condor_tty::linux::{Host, HostError, Piece, Sink};
-use condor_tty::{ReaderError, Vectors};
+use condor_tty::linux::{HostError, Piece, Sink, TerminalHost};
+use condor_tty::{TerminalReaderError, TerminalVectors};
 
 use super::{AnyError, HAND, HOST, N};
 
@@ -38,18 +38,18 @@ impl Sink for Journal {
 }
 
 pub(crate) fn play(journal: &Path) -> Result<(), AnyError> {
-    let claim = System::<N>::inherited()?.claim(HOST)?;
+    let claim = LinuxSystem::<N>::inherited()?.claim(HOST)?;
     let ram = Region::users(claim.windows()[HAND.index()].data.clone())?;
     let mut mailbox = claim.mailbox()?;
-    mailbox.set_vector(Vectors::DEFAULT.output, &|_| 0, "terminal output")?;
+    mailbox.set_vector(TerminalVectors::DEFAULT.output, &|_| 0, "terminal output")?;
     mailbox.join()?;
     let mut journal = Journal {
         file: OpenOptions::new().append(true).open(journal)?,
         record: Vec::new(),
     };
     let mut tty = loop {
-        match Host::attach(ram.clone(), 0, HAND, HOST) {
-            Err(ReaderError::NotReady { .. }) => mailbox.serve(LOOK)?,
+        match TerminalHost::attach(ram.clone(), 0, HAND, HOST) {
+            Err(TerminalReaderError::NotReady { .. }) => mailbox.serve(LOOK)?,
             attached => break attached?,
         };
     };

@@ -23,7 +23,7 @@ use std::path::PathBuf;
 use std::process::{Command, ExitCode};
 
 use condor_mbox::Processor;
-use condor_mbox::linux::System;
+use condor_mbox::linux::LinuxSystem;
 use interrupt_injector::{argument, seed};
 
 type AnyError = Box<dyn std::error::Error>;
@@ -67,7 +67,7 @@ fn part() -> Result<Option<Vec<String>>, AnyError> {
 }
 
 /// This program again, as a child of that part.
-fn child(system: &System<N>, part: &[&str]) -> Result<Command, AnyError> {
+fn child(system: &LinuxSystem<N>, part: &[&str]) -> Result<Command, AnyError> {
     let mut command = Command::new(std::env::current_exe()?);
     system.pass_to(&mut command);
     command.env(PART, part.join("\n"));

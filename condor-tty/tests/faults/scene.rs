@@ -6,15 +6,15 @@ use std::process::Child;
 use std::time::{Duration, Instant};
 
 use condor_mbox::Region;
-use condor_mbox::linux::System;
+use condor_mbox::linux::LinuxSystem;
 
 use super::board::{Acknowledged, Board};
 use super::judge::Account;
 use super::{AnyError, HAND, N, Random, WATCHER, child};
 
 const USER_BYTES: u32 = 64 * 1024;
-/// The longest life of a host, in microseconds: from before it attaches to some hundred writes.
-const LIFE: u64 = 15_000;
+/// The longest incarnation of a host, in microseconds: from before it attaches to some hundred writes.
+const INCARNATION: u64 = 15_000;
 /// How long the last host and the processor may take to end.
 const PATIENCE: Duration = Duration::from_secs(60);
 
@@ -25,7 +25,7 @@ pub(crate) fn play(
     journal: &Path,
 ) -> Result<Account, AnyError> {
     let begun = Instant::now();
-    let system = System::<N>::family(USER_BYTES)?;
+    let system = LinuxSystem::<N>::family(USER_BYTES)?;
     let claim = system.claim(WATCHER)?;
     let data = claim.windows()[HAND.index()].data.clone();
     let board = Board(Region::users(data)?);
@@ -35,7 +35,7 @@ pub(crate) fn play(
     let mut before = Acknowledged::default();
     for _ in 0..kills {
         let mut host = start(&system, journal)?;
-        std::thread::sleep(Duration::from_micros(random.below(LIFE)));
+        std::thread::sleep(Duration::from_micros(random.below(INCARNATION)));
         host.kill()?;
         let after = board.acknowledged()?;
         account.enter(&std::fs::read(journal)?, before, after);
@@ -75,7 +75,7 @@ pub(crate) fn play(
 }
 
 /// A host with an empty journal.
-fn start(system: &System<N>, journal: &Path) -> Result<Process, AnyError> {
+fn start(system: &LinuxSystem<N>, journal: &Path) -> Result<Process, AnyError> {
     File::create(journal)?;
     let path = journal.to_str().ok_or("a path that is no text")?;
     Ok(Process(child(system, &["host", path])?.spawn()?))

@@ -2,8 +2,8 @@
 
 use crate::support::{Board, HOST};
 use condor_mbox::sim::SimWindow;
-use condor_mbox::{MemoryWindow, Places, Region, SingleContext};
-use condor_tty::{Accepted, ConsoleError, Reader, Settings, Terminal};
+use condor_mbox::{Allocator, MemoryWindow, Region, SingleContext};
+use condor_tty::{ConsoleError, InputResult, Terminal, TerminalReader, TerminalSettings};
 use embedded_io::{BufRead, Read, ReadReady, Write};
 
 type Hand = Terminal<SimWindow, SingleContext, 8>;
@@ -11,13 +11,13 @@ type Hand = Terminal<SimWindow, SingleContext, 8>;
 fn hand() -> (SimWindow, Hand) {
     let memory = SimWindow::new(1024);
     let region = Region::whole(memory.clone());
-    let mut places = Places::new(region.size());
+    let mut places = Allocator::new(region.size());
     let terminal = Terminal::new(region, &mut places, 512, SingleContext::new()).unwrap();
     (memory, terminal)
 }
 
 fn shown(memory: &SimWindow) -> String {
-    let mut reader = Reader::attach(Region::whole(memory.clone()), 0, HOST).unwrap();
+    let mut reader = TerminalReader::attach(Region::whole(memory.clone()), 0, HOST).unwrap();
     let mut bytes = [0; 512];
     let fetched = reader.fetch(&mut bytes).unwrap();
     reader.acknowledge(fetched.len).unwrap();
@@ -26,22 +26,26 @@ fn shown(memory: &SimWindow) -> String {
 
 fn type_in(terminal: &Hand, text: &str) {
     for byte in text.bytes() {
-        assert_ne!(terminal.accept(byte).unwrap(), Accepted::Full, "{text:?}");
+        assert_ne!(
+            terminal.accept(byte).unwrap(),
+            InputResult::Full,
+            "{text:?}"
+        );
     }
 }
 
 #[test]
 fn a_closed_terminal_leaves_what_is_typed_to_the_host() {
     let (memory, hand) = hand();
-    hand.configure(&Settings::OUTPUT).unwrap();
+    hand.configure(&TerminalSettings::OUTPUT).unwrap();
     for character in *b"a\n\x03" {
-        assert_eq!(hand.accept(character), Ok(Accepted::Full));
+        assert_eq!(hand.accept(character), Ok(InputResult::Full));
     }
-    let reader = Reader::attach(Region::whole(memory.clone()), 0, HOST).unwrap();
+    let reader = TerminalReader::attach(Region::whole(memory.clone()), 0, HOST).unwrap();
     let status = reader.status().unwrap();
     assert!(status.full && status.interrupt.is_none(), "{status:?}");
-    assert_eq!(hand.settings(), Settings::OUTPUT);
-    hand.configure(&Settings::COOKED).unwrap();
+    assert_eq!(hand.settings(), TerminalSettings::OUTPUT);
+    hand.configure(&TerminalSettings::COOKED).unwrap();
     assert!(!reader.status().unwrap().full);
     type_in(&hand, "b\n");
     assert_eq!(reads(&hand), ["b\n"]);
@@ -51,19 +55,19 @@ fn a_closed_terminal_leaves_what_is_typed_to_the_host() {
 #[test]
 fn in_cbreak_mode_each_character_comes_at_once_and_interrupts_stay() {
     let (memory, hand) = hand();
-    hand.configure(&Settings::CBREAK).unwrap();
-    assert_eq!(hand.settings(), Settings::CBREAK);
-    let reader = Reader::attach(Region::whole(memory.clone()), 0, HOST).unwrap();
+    hand.configure(&TerminalSettings::CBREAK).unwrap();
+    assert_eq!(hand.settings(), TerminalSettings::CBREAK);
+    let reader = TerminalReader::attach(Region::whole(memory.clone()), 0, HOST).unwrap();
     let status = reader.status().unwrap();
     assert_eq!((status.cooked, status.interrupt), (false, Some(3)));
     type_in(&hand, "a\x7f\t\n");
     assert_eq!(reads(&hand), ["a\x7f\t\n"]);
-    assert_eq!(hand.accept(0x13), Ok(Accepted::Taken));
+    assert_eq!(hand.accept(0x13), Ok(InputResult::Taken));
     assert!(reader.status().unwrap().stopped);
-    assert_eq!(hand.accept(0x11), Ok(Accepted::Taken));
+    assert_eq!(hand.accept(0x11), Ok(InputResult::Taken));
     type_in(&hand, "12345678");
-    assert_eq!(hand.accept(b'9'), Ok(Accepted::Full));
-    assert_eq!(hand.accept(3), Ok(Accepted::Interrupts));
+    assert_eq!(hand.accept(b'9'), Ok(InputResult::Full));
+    assert_eq!(hand.accept(3), Ok(InputResult::Interrupts));
     assert!(hand.take_interrupt());
     assert!(reads(&hand).is_empty());
     assert_eq!(shown(&memory), "");
@@ -127,7 +131,7 @@ fn lines_are_edited() {
 fn raw_mode_gives_every_character_at_once() {
     let (memory, terminal) = hand();
     type_in(&terminal, "ab");
-    terminal.configure(&Settings::RAW).unwrap();
+    terminal.configure(&TerminalSettings::RAW).unwrap();
     type_in(&terminal, "\x7f\x03\x04\r");
     assert_eq!(reads(&terminal), ["ab\x7f\x03\x04\r"]);
     assert_eq!(shown(&memory), "ab");
@@ -138,9 +142,9 @@ fn nothing_is_shown_without_echo() {
     let (memory, terminal) = hand();
     let echo = false;
     terminal
-        .configure(&Settings {
+        .configure(&TerminalSettings {
             echo,
-            ..Settings::COOKED
+            ..TerminalSettings::COOKED
         })
         .unwrap();
     type_in(&terminal, "key\x7f\x7f\x03no\n");
@@ -155,18 +159,18 @@ fn nothing_is_shown_without_echo() {
 fn a_full_queue_refuses_until_the_program_reads() {
     let (memory, terminal) = hand();
     let full = || {
-        Reader::attach(Region::whole(memory.clone()), 0, HOST)
+        TerminalReader::attach(Region::whole(memory.clone()), 0, HOST)
             .unwrap()
             .status()
             .unwrap()
             .full
     };
     type_in(&terminal, "abc\ndef");
-    assert_eq!(terminal.accept(b'g').unwrap(), Accepted::Full);
+    assert_eq!(terminal.accept(b'g').unwrap(), InputResult::Full);
     assert!(full());
     // The last place is for the end of the line.
     type_in(&terminal, "\n");
-    assert_eq!(terminal.accept(b'\n').unwrap(), Accepted::Full);
+    assert_eq!(terminal.accept(b'\n').unwrap(), InputResult::Full);
     let board = Board::new();
     let mut four = [0; 4];
     assert_eq!(terminal.console(&board).read(&mut four).unwrap(), 4);
@@ -190,8 +194,8 @@ fn a_line_longer_than_the_queue_can_still_be_ended() {
 fn an_interrupt_passes_a_full_queue() {
     let (memory, terminal) = hand();
     type_in(&terminal, "abc\ndef\n");
-    assert_eq!(terminal.accept(b'x').unwrap(), Accepted::Full);
-    assert_eq!(terminal.accept(3).unwrap(), Accepted::Interrupts);
+    assert_eq!(terminal.accept(b'x').unwrap(), InputResult::Full);
+    assert_eq!(terminal.accept(3).unwrap(), InputResult::Interrupts);
     let board = Board::new();
     let mut bytes = [0; 8];
     let read = terminal.console(&board).read(&mut bytes);
@@ -204,7 +208,7 @@ fn an_interrupt_passes_a_full_queue() {
 #[test]
 fn a_person_stops_the_output() {
     let (memory, terminal) = hand();
-    let reader = Reader::attach(Region::whole(memory), 0, HOST).unwrap();
+    let reader = TerminalReader::attach(Region::whole(memory), 0, HOST).unwrap();
     let stopped = || reader.status().unwrap().stopped;
     for (typed, now) in [
         ("\x13", true),
@@ -251,7 +255,7 @@ fn newlines_are_as_terminals_want_them() {
 fn half_a_newline_is_never_written() {
     let memory = SimWindow::new(512);
     let region = Region::whole(memory.clone());
-    let mut places = Places::new(region.size());
+    let mut places = Allocator::new(region.size());
     let terminal: Hand = Terminal::new(region, &mut places, 8, SingleContext::new()).unwrap();
     let board = Board::new();
     assert_eq!(terminal.poster(&board).post(b"1234567\n9").unwrap(), 7);

@@ -5,19 +5,19 @@ use std::cell::RefCell;
 use std::sync::OnceLock;
 use std::time::Duration;
 
-use condor_dev::sim::Bus;
-use condor_dev::stdio::{self, Buffering, Input, Output};
+use condor_dev::sim::SimBus;
+use condor_dev::stdio::{self, BufferedInput, BufferedOutput, Buffering};
 use condor_dev::{
-    FdError, IoError, Location, Mode, NoInterrupts, OpenError, Stream, StreamError, Switch,
-    device_switch, looks,
+    DeviceStream, DeviceStreamError, FdError, IoError, Location, NoInterrupts, OpenError, OpenMode,
+    Switch, device_switch, looks,
 };
-use condor_mbox::sim::{Mailbox, SimWindow, System};
-use condor_mbox::{CriticalSection, LoadOrder, MemoryWindow, Places, Processor, Region};
+use condor_mbox::sim::{SimMailbox, SimSystem, SimWindow};
+use condor_mbox::{Allocator, CriticalSection, LoadOrder, MemoryWindow, Processor, Region};
 use condor_tty::dev::{
-    AnyTerminal, END_OF_FILE, INTERRUPTED, TerminalBoard, Terminals, Tty, UNREACHABLE,
+    AnyTerminal, END_OF_FILE, INTERRUPTED, TerminalBoard, TerminalTable, Tty, UNREACHABLE,
 };
 use condor_tty::layout::processor::WAITING;
-use condor_tty::{Policy, Reader, Settings, Terminal};
+use condor_tty::{Policy, Terminal, TerminalReader, TerminalSettings};
 use embedded_io::{ReadReady, Write, WriteReady};
 
 const HOST: Processor = Processor(0);
@@ -26,7 +26,7 @@ const CAPACITY: u32 = 64;
 const BLOCK: Policy = Policy::Block {
     timeout: Duration::from_secs(1),
 };
-const BOTH: Mode = Mode::READ.union(Mode::WRITE);
+const BOTH: OpenMode = OpenMode::READ.union(OpenMode::WRITE);
 
 type Hand = Terminal<SimWindow, CriticalSection, 16>;
 
@@ -35,7 +35,7 @@ static PANEL: [OnceLock<&'static dyn AnyTerminal>; 8] = [const { OnceLock::new()
 
 struct Panel;
 
-impl Terminals for Panel {
+impl TerminalTable for Panel {
     fn terminal(base: usize) -> Option<&'static dyn AnyTerminal> {
         PANEL.get(base)?.get().copied()
     }
@@ -49,18 +49,18 @@ device_switch! {
     }
 }
 
-type Boards = Switch<Bus, NoInterrupts, Devices, 4>;
+type Boards = Switch<SimBus, NoInterrupts, Devices, 4>;
 
 /// A terminal whose processor has a mailbox, and the memory as its host has it.
-fn terminal() -> (&'static Hand, &'static Mailbox<'static, 2>, SimWindow) {
-    let system = System::<2>::in_virtual_time(1024);
+fn terminal() -> (&'static Hand, &'static SimMailbox<'static, 2>, SimWindow) {
+    let system = SimSystem::<2>::in_virtual_time(1024);
     let [_, windows] = system.windows(HAND);
     let ram = Region::users(windows.data.clone()).unwrap();
-    let mut places = Places::new(ram.size());
+    let mut places = Allocator::new(ram.size());
     let hand = Hand::new(ram.clone(), &mut places, CAPACITY, CriticalSection).unwrap();
-    hand.configure(&Settings {
+    hand.configure(&TerminalSettings {
         echo: false,
-        ..Settings::COOKED
+        ..TerminalSettings::COOKED
     })
     .unwrap();
     let mut mailbox = system.mailbox(HAND).unwrap();
@@ -72,23 +72,23 @@ fn terminal() -> (&'static Hand, &'static Mailbox<'static, 2>, SimWindow) {
     )
 }
 
-fn put(base: usize, hand: &'static Hand, mailbox: &'static Mailbox<'static, 2>) {
+fn put(base: usize, hand: &'static Hand, mailbox: &'static SimMailbox<'static, 2>) {
     let board: &'static _ = Box::leak(Box::new(TerminalBoard::new(hand, mailbox)));
     assert!(PANEL[base].set(board).is_ok());
 }
 
 fn switch() -> Boards {
-    let devices = Boards::new(Bus::new(), NoInterrupts, Devices::new());
+    let devices = Boards::new(SimBus::new(), NoInterrupts, Devices::new());
     devices.start();
     devices
 }
 
-fn host(data: &SimWindow) -> Reader<SimWindow> {
-    Reader::attach(Region::users(data.clone()).unwrap(), 0, HOST).unwrap()
+fn host(data: &SimWindow) -> TerminalReader<SimWindow> {
+    TerminalReader::attach(Region::users(data.clone()).unwrap(), 0, HOST).unwrap()
 }
 
 /// What the host shows now, and has dealt with.
-fn shown(host: &mut Reader<SimWindow>) -> Vec<u8> {
+fn shown(host: &mut TerminalReader<SimWindow>) -> Vec<u8> {
     let mut bytes = [0; 100];
     let count = host.fetch(&mut bytes).unwrap().len;
     host.acknowledge(count).unwrap();
@@ -107,7 +107,7 @@ fn a_terminal_opens_by_name_once_the_program_has_said_where_it_is() {
     devices.start();
     let fd = devices.open(":tty", 0, BOTH).unwrap();
     assert!(matches!(
-        devices.open("tty", 0, Mode::READ | Mode::EXCLUSIVE),
+        devices.open("tty", 0, OpenMode::READ | OpenMode::EXCLUSIVE),
         Err(OpenError::Busy { .. })
     ));
 
@@ -152,10 +152,10 @@ fn a_terminal_opens_by_name_once_the_program_has_said_where_it_is() {
 fn a_stream_waits_for_the_room_that_a_host_makes() {
     let (hand, mailbox, data) = terminal();
     put(1, hand, mailbox);
-    hand.configure(&Settings::RAW).unwrap();
+    hand.configure(&TerminalSettings::RAW).unwrap();
     hand.set_policy(BLOCK).unwrap();
     let devices = switch();
-    let fd = devices.open(":tty", 1, Mode::WRITE).unwrap();
+    let fd = devices.open(":tty", 1, OpenMode::WRITE).unwrap();
     let host = RefCell::new(host(&data));
     let arrived = RefCell::new(Vec::new());
     let waiting = || {
@@ -163,7 +163,7 @@ fn a_stream_waits_for_the_room_that_a_host_makes() {
             .unwrap()
             .load(WAITING, LoadOrder::Relaxed)
     };
-    let mut stream = Stream::new(&devices, fd, |_| {
+    let mut stream = DeviceStream::new(&devices, fd, |_| {
         // Who waits has said so, and wants a message when there is room.
         assert_eq!(waiting().unwrap(), 1);
         arrived.borrow_mut().extend(shown(&mut host.borrow_mut()));
@@ -176,11 +176,11 @@ fn a_stream_waits_for_the_room_that_a_host_makes() {
     assert_eq!((arrived.into_inner(), hand.lost()), (text, 0));
 
     // A host that died with a full ring is waited for, but not for ever.
-    let mut stream = Stream::new(&devices, fd, looks(3));
+    let mut stream = DeviceStream::new(&devices, fd, looks(3));
     assert_eq!(stream.write_all(&[b'-'; 64]), Ok(()));
     assert_eq!(stream.write_ready(), Ok(false));
-    assert_eq!(stream.write_all(b"more"), Err(StreamError::TimedOut));
-    assert_eq!(stream.flush(), Err(StreamError::TimedOut));
+    assert_eq!(stream.write_all(b"more"), Err(DeviceStreamError::TimedOut));
+    assert_eq!(stream.flush(), Err(DeviceStreamError::TimedOut));
     assert_eq!((hand.lost(), waiting().unwrap()), (0, 1));
     devices.close(fd).unwrap();
     assert_eq!(waiting().unwrap(), 0);
@@ -190,10 +190,10 @@ fn a_stream_waits_for_the_room_that_a_host_makes() {
 fn what_a_policy_drops_is_written_and_counted() {
     let (hand, mailbox, data) = terminal();
     put(2, hand, mailbox);
-    hand.configure(&Settings::RAW).unwrap();
+    hand.configure(&TerminalSettings::RAW).unwrap();
     let devices = switch();
-    let fd = devices.open(":tty", 2, Mode::WRITE).unwrap();
-    let mut stream = Stream::new(&devices, fd, looks(0));
+    let fd = devices.open(":tty", 2, OpenMode::WRITE).unwrap();
+    let mut stream = DeviceStream::new(&devices, fd, looks(0));
     let _killed = host(&data);
     hand.set_policy(Policy::DropNew).unwrap();
     stream.write_all(&[b'a'; 100]).unwrap();
@@ -219,10 +219,10 @@ fn memory_that_is_gone_is_an_error_and_holds_nobody() {
     devices.close(fd).unwrap();
 }
 
-type Ends = Stream<'static, Boards, fn(u32) -> bool>;
+type Ends = DeviceStream<'static, Boards, fn(u32) -> bool>;
 
-static OUTPUT: Output<Ends, 256> = Output::new(Buffering::Line);
-static INPUT: Input<Ends, 64> = Input::new();
+static OUTPUT: BufferedOutput<Ends, 256> = BufferedOutput::new(Buffering::Line);
+static INPUT: BufferedInput<Ends, 64> = BufferedInput::new();
 
 #[test]
 fn standard_output_and_input_are_a_terminal() {
@@ -232,8 +232,8 @@ fn standard_output_and_input_are_a_terminal() {
     let fd = devices.open(":tty", 4, BOTH).unwrap();
     let mut host = host(&data);
     let thrice: fn(u32) -> bool = |looks| looks < 3;
-    assert!(OUTPUT.open(Stream::new(devices, fd, thrice)).is_ok());
-    assert!(INPUT.open(Stream::new(devices, fd, thrice)).is_ok());
+    assert!(OUTPUT.open(DeviceStream::new(devices, fd, thrice)).is_ok());
+    assert!(INPUT.open(DeviceStream::new(devices, fd, thrice)).is_ok());
     stdio::set_output(&OUTPUT).unwrap();
     stdio::set_input(&INPUT).unwrap();
 
@@ -259,7 +259,7 @@ fn readiness_is_that_of_the_terminal() {
     hand.set_policy(BLOCK).unwrap();
     let devices = switch();
     let fd = devices.open(":tty", 5, BOTH).unwrap();
-    let mut stream = Stream::new(&devices, fd, looks(0));
+    let mut stream = DeviceStream::new(&devices, fd, looks(0));
     assert_eq!(
         (stream.read_ready(), stream.write_ready()),
         (Ok(false), Ok(true))

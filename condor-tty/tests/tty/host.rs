@@ -5,10 +5,10 @@ use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::time::Duration;
 
-use condor_mbox::sim::System;
-use condor_mbox::{Call, CriticalSection, MemoryWindow, Messenger, Places, Processor, Region};
-use condor_tty::linux::{Host, Log, Piece, Sink};
-use condor_tty::{ConsoleError, Policy, Settings, Terminal, Vectors};
+use condor_mbox::sim::SimSystem;
+use condor_mbox::{Allocator, Call, CriticalSection, MemoryWindow, Messenger, Processor, Region};
+use condor_tty::linux::{Piece, Sink, TerminalHost, TerminalLog};
+use condor_tty::{ConsoleError, Policy, Terminal, TerminalSettings, TerminalVectors};
 use embedded_io::{Read, ReadReady, Write};
 
 const HOST: Processor = Processor(0);
@@ -43,10 +43,10 @@ impl Sink for Slow {
 
 #[test]
 fn output_arrives_whole_and_input_is_answered() {
-    let system = System::<2>::in_real_time(4096);
+    let system = SimSystem::<2>::in_real_time(4096);
     let [_, windows] = system.windows(HAND);
     let ram = Region::users(windows.data).unwrap();
-    let mut places = Places::new(ram.size());
+    let mut places = Allocator::new(ram.size());
     let terminal =
         Terminal::<_, _, 16>::new(ram.clone(), &mut places, 64, CriticalSection).unwrap();
     terminal
@@ -54,9 +54,9 @@ fn output_arrives_whole_and_input_is_answered() {
         .unwrap();
     let echo = false;
     terminal
-        .configure(&Settings {
+        .configure(&TerminalSettings {
             echo,
-            ..Settings::COOKED
+            ..TerminalSettings::COOKED
         })
         .unwrap();
     let (done, at_prompt) = (AtomicBool::new(false), AtomicBool::new(false));
@@ -67,18 +67,18 @@ fn output_arrives_whole_and_input_is_answered() {
         })
     };
     let mut hand = system.mailbox(HAND).unwrap();
-    hand.set_vector(Vectors::DEFAULT.input, &receive, "input")
+    hand.set_vector(TerminalVectors::DEFAULT.input, &receive, "input")
         .unwrap();
-    hand.set_vector(Vectors::DEFAULT.room, &receive, "room")
+    hand.set_vector(TerminalVectors::DEFAULT.room, &receive, "room")
         .unwrap();
     hand.join().unwrap();
     let mut host = system.mailbox(HOST).unwrap();
-    host.set_vector(Vectors::DEFAULT.output, &|_| 0, "output")
+    host.set_vector(TerminalVectors::DEFAULT.output, &|_| 0, "output")
         .unwrap();
     host.join().unwrap();
 
     let mut slow = Slow::default();
-    let mut tty = Host::attach(ram, terminal.offset(), HAND, HOST).unwrap();
+    let mut tty = TerminalHost::attach(ram, terminal.offset(), HAND, HOST).unwrap();
     let (done, at_prompt, terminal, interrupts) = (&done, &at_prompt, &terminal, &interrupts);
     let log = std::thread::scope(|threads| {
         threads.spawn(move || {
@@ -103,7 +103,7 @@ fn output_arrives_whole_and_input_is_answered() {
             }
         });
         slow.typed.extend(b"hello\n");
-        let mut log = Log::new(slow, Vec::new(), Duration::default);
+        let mut log = TerminalLog::new(slow, Vec::new(), Duration::default);
         let mut typed = false;
         while !done.load(Ordering::Acquire) {
             tty.serve(&host, &mut log).unwrap();
@@ -135,32 +135,37 @@ fn output_arrives_whole_and_input_is_answered() {
     assert_eq!(terminal.lost(), 0);
 }
 
-/// Notes of which life and from which position on it was offered output.
+/// Notes of which incarnation and from which position on it was offered output.
 #[derive(Default)]
 struct Positions(Vec<(u32, u32, u32, usize)>);
 
 impl Sink for Positions {
     fn take(&mut self, piece: Piece<'_>) -> std::io::Result<usize> {
-        let Piece { life, position, .. } = piece;
+        let Piece {
+            incarnation,
+            position,
+            ..
+        } = piece;
         let count = piece.bytes.len();
-        self.0.push((life, position, piece.overwritten, count));
+        self.0
+            .push((incarnation, position, piece.overwritten, count));
         Ok(count)
     }
 }
 
 #[test]
-fn a_sink_is_told_where_in_a_life_its_output_was() {
-    let system = System::<2>::in_virtual_time(4096);
+fn a_sink_is_told_where_in_an_incarnation_its_output_was() {
+    let system = SimSystem::<2>::in_virtual_time(4096);
     let [_, windows] = system.windows(HAND);
     let ram = Region::users(windows.data).unwrap();
     let begin = || {
-        let mut places = Places::new(ram.size());
+        let mut places = Allocator::new(ram.size());
         Terminal::<_, _, 16>::new(ram.clone(), &mut places, 64, CriticalSection).unwrap()
     };
     let terminal = begin();
     let mut host = system.mailbox(HOST).unwrap();
     host.join().unwrap();
-    let attach = || Host::attach(ram.clone(), terminal.offset(), HAND, HOST).unwrap();
+    let attach = || TerminalHost::attach(ram.clone(), terminal.offset(), HAND, HOST).unwrap();
     let mut sink = Positions::default();
     let mut tty = attach();
     for _ in 0..3 {
@@ -215,15 +220,15 @@ impl Sink for Keys {
         Ok(count)
     }
 
-    fn typing(&mut self, life: u32, taken: u32, waiting: usize) -> std::io::Result<()> {
+    fn typing(&mut self, incarnation: u32, taken: u32, waiting: usize) -> std::io::Result<()> {
         let offset = match (self.next, self.mark) {
             (Some(next), _) => next - waiting,
-            (None, Some((of, then, offset))) if of == life => {
+            (None, Some((of, then, offset))) if of == incarnation => {
                 offset + taken.wrapping_sub(then) as usize
             }
             (None, _) => 0,
         };
-        self.mark = Some((life, taken, offset));
+        self.mark = Some((incarnation, taken, offset));
         self.next = Some(offset + waiting);
         Ok(())
     }
@@ -232,17 +237,17 @@ impl Sink for Keys {
 /// Types `text` by hosts that end one after the other, each after a few steps, while the processor's
 /// program reads as it comes; gives all that it has read.
 fn typed_by_many_hosts(text: &[u8], queue_is_read: impl Fn(u32) -> bool) -> Vec<u8> {
-    let system = System::<2>::in_virtual_time(4096);
+    let system = SimSystem::<2>::in_virtual_time(4096);
     let [_, windows] = system.windows(HAND);
     let ram = Region::users(windows.data).unwrap();
-    let mut places = Places::new(ram.size());
+    let mut places = Allocator::new(ram.size());
     let terminal =
         Terminal::<_, _, 16>::new(ram.clone(), &mut places, 64, CriticalSection).unwrap();
     let receive = |call: &Call<'_>| terminal.receive(call);
     let mut hand = system.mailbox(HAND).unwrap();
-    hand.set_vector(Vectors::DEFAULT.input, &receive, "input")
+    hand.set_vector(TerminalVectors::DEFAULT.input, &receive, "input")
         .unwrap();
-    hand.set_vector(Vectors::DEFAULT.room, &receive, "room")
+    hand.set_vector(TerminalVectors::DEFAULT.room, &receive, "room")
         .unwrap();
     hand.join().unwrap();
     let mut console = terminal.console(&hand).with_read_timeout(Duration::ZERO);
@@ -252,17 +257,17 @@ fn typed_by_many_hosts(text: &[u8], queue_is_read: impl Fn(u32) -> bool) -> Vec<
         next: None,
     };
     let (mut read, mut line) = (Vec::new(), [0; 16]);
-    for life in 0_u32..1000 {
+    for incarnation in 0_u32..1000 {
         sink.next = None;
         let mut host = system.mailbox(HOST).unwrap();
         host.join().unwrap();
-        let mut tty = Host::attach(ram.clone(), terminal.offset(), HAND, HOST).unwrap();
-        for step in 0..life % 23 {
+        let mut tty = TerminalHost::attach(ram.clone(), terminal.offset(), HAND, HOST).unwrap();
+        for step in 0..incarnation % 23 {
             tty.serve(&host, &mut sink).unwrap();
-            if (life + step) % 3 != 0 {
+            if (incarnation + step) % 3 != 0 {
                 hand.serve(Duration::ZERO).unwrap();
             }
-            while queue_is_read(life) && console.read_ready().unwrap() {
+            while queue_is_read(incarnation) && console.read_ready().unwrap() {
                 match console.read(&mut line) {
                     Ok(count) => read.extend(&line[..count]),
                     Err(ConsoleError::Interrupted) => read.extend(b"^C"),
@@ -288,6 +293,6 @@ fn what_an_interrupt_has_dropped_is_not_typed_by_the_next_host() {
     // The program reads late, so that most of the first lines wait when somebody interrupts.
     let mut text: Vec<u8> = (0..30).flat_map(|_| *b"forget\n").collect();
     text.extend(b"\x03after\n");
-    let read = typed_by_many_hosts(&text, |life| life > 300);
+    let read = typed_by_many_hosts(&text, |incarnation| incarnation > 300);
     assert_eq!(String::from_utf8_lossy(&read), "^Cafter\n");
 }

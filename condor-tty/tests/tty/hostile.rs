@@ -5,8 +5,8 @@ use std::time::Duration;
 
 use crate::terminals::support::{Board, HOST};
 use condor_mbox::sim::SimWindow;
-use condor_mbox::{LoadOrder, MemoryWindow, Places, Region, SingleContext, StoreOrder};
-use condor_tty::{Policy, Reader, Terminal};
+use condor_mbox::{Allocator, LoadOrder, MemoryWindow, Region, SingleContext, StoreOrder};
+use condor_tty::{Policy, Terminal, TerminalReader};
 use embedded_io::{Read, Write};
 use proptest::prelude::*;
 
@@ -59,7 +59,7 @@ proptest! {
             memory.store(at, CANARY, StoreOrder::Relaxed).unwrap();
         }
         let region = Region::whole(memory.clone());
-        let mut places = Places::new(region.size());
+        let mut places = Allocator::new(region.size());
         places.bytes(OFFSET as usize).unwrap();
         let terminal = Terminal::<_, _, 16>::new(region.clone(), &mut places, CAPACITY, SingleContext::new()).unwrap();
         let board = Board::new();
@@ -77,7 +77,7 @@ proptest! {
                 }
                 Step::Type(character) => drop(terminal.accept(character).unwrap()),
                 Step::Read(len) => drop(terminal.console(&board).read(&mut vec![0; len])),
-                Step::Attach => reader = Reader::attach(region.clone(), OFFSET, HOST).ok(),
+                Step::Attach => reader = TerminalReader::attach(region.clone(), OFFSET, HOST).ok(),
                 Step::Fetch(most, count) => {
                     if let Some(reader) = &mut reader {
                         let mut bytes = vec![0; most];
@@ -121,13 +121,13 @@ fn a_tail_that_cannot_be_is_ignored_and_counted() {
     let region = Region::whole(memory.clone());
     let terminal = Terminal::<_, _, 16>::new(
         region.clone(),
-        &mut Places::new(region.size()),
+        &mut Allocator::new(region.size()),
         32,
         SingleContext::new(),
     )
     .unwrap();
     let board = Board::new();
-    let _reader = Reader::attach(region, 0, HOST).unwrap();
+    let _reader = TerminalReader::attach(region, 0, HOST).unwrap();
     terminal.poster(&board).post(&[b'a'; 40]).unwrap();
     for (tail, ignored, unread) in [
         (33, 1, 32),
@@ -150,14 +150,14 @@ fn a_host_that_comes_and_goes_does_not_hold_a_writer() {
     let region = Region::whole(memory.clone());
     let terminal = Terminal::<_, _, 16>::new(
         region.clone(),
-        &mut Places::new(region.size()),
+        &mut Allocator::new(region.size()),
         32,
         SingleContext::new(),
     )
     .unwrap();
     let timeout = Duration::from_millis(25);
     terminal.set_policy(Policy::Block { timeout }).unwrap();
-    drop(Reader::attach(region, 0, HOST).unwrap());
+    drop(TerminalReader::attach(region, 0, HOST).unwrap());
     let mut here = true;
     let board = Board::with(move || {
         here = !here;

@@ -5,8 +5,8 @@ use std::rc::{Rc, Weak};
 
 use crate::support::{Board, HOST};
 use condor_mbox::sim::{SimWindow, SimWindowError};
-use condor_mbox::{Exclusion, LoadOrder, MemoryWindow, Places, Region, StoreOrder};
-use condor_tty::{Policy, Reader, Settings, Terminal};
+use condor_mbox::{Allocator, Exclusion, LoadOrder, MemoryWindow, Region, StoreOrder};
+use condor_tty::{Policy, Terminal, TerminalReader, TerminalSettings};
 
 type Hand = Terminal<Interrupted, Masked, 8>;
 
@@ -17,7 +17,7 @@ struct Line {
     masked: Cell<bool>,
     hand: RefCell<Weak<Hand>>,
     written: Cell<Option<usize>>,
-    host: RefCell<Option<Reader<SimWindow>>>,
+    host: RefCell<Option<TerminalReader<SimWindow>>>,
 }
 
 impl Line {
@@ -84,14 +84,14 @@ fn interrupt(policy: Policy, begin: usize, at: u32) -> bool {
     let line = Rc::new(Line::default());
     let memory = SimWindow::new(256);
     let region = Region::whole(Interrupted(memory.clone(), Rc::clone(&line)));
-    let mut places = Places::new(region.size());
+    let mut places = Allocator::new(region.size());
     let hand = Terminal::new(region, &mut places, 32, Masked(Rc::clone(&line))).unwrap();
     let hand = Rc::new(hand);
     *line.hand.borrow_mut() = Rc::downgrade(&hand);
-    hand.configure(&Settings::RAW).unwrap();
+    hand.configure(&TerminalSettings::RAW).unwrap();
     hand.set_policy(policy).unwrap();
     let board = Board::new();
-    let mut host = Reader::attach(Region::whole(memory), 0, HOST).unwrap();
+    let mut host = TerminalReader::attach(Region::whole(memory), 0, HOST).unwrap();
     let mut bytes = [0; 64];
     assert_eq!(hand.poster(&board).post(&vec![b'-'; begin]).unwrap(), begin);
     assert_eq!(host.fetch(&mut bytes).unwrap().len, begin);

@@ -6,8 +6,8 @@ use std::time::Duration;
 
 use crate::support::{Board, HOST, Mortal};
 use condor_mbox::sim::SimWindow;
-use condor_mbox::{LoadOrder, MemoryWindow, Messenger, Places, Region, SingleContext};
-use condor_tty::{Policy, Reader, Settings, Terminal, layout};
+use condor_mbox::{Allocator, LoadOrder, MemoryWindow, Messenger, Region, SingleContext};
+use condor_tty::{Policy, Terminal, TerminalReader, TerminalSettings, layout};
 use embedded_io::{Write, WriteReady};
 use proptest::prelude::*;
 
@@ -19,11 +19,11 @@ type Hand = Terminal<SimWindow, SingleContext, 8>;
 
 fn hand(memory: &SimWindow, policy: Policy) -> Hand {
     let region = Region::whole(memory.clone());
-    let mut places = Places::new(region.size());
+    let mut places = Allocator::new(region.size());
     places.bytes(OFFSET as usize).unwrap();
     let terminal = Terminal::new(region, &mut places, CAPACITY, SingleContext::new()).unwrap();
     assert_eq!(terminal.offset(), OFFSET);
-    terminal.configure(&Settings::RAW).unwrap();
+    terminal.configure(&TerminalSettings::RAW).unwrap();
     terminal.set_policy(policy).unwrap();
     terminal
 }
@@ -32,7 +32,7 @@ fn hand(memory: &SimWindow, policy: Policy) -> Hand {
 struct Watcher {
     memory: SimWindow,
     window: Mortal,
-    reader: Option<Reader<Mortal>>,
+    reader: Option<TerminalReader<Mortal>>,
     /// The last fetch, and how much before it had been overwritten.
     fetched: Vec<u8>,
     skipped: u32,
@@ -81,7 +81,7 @@ impl Watcher {
         self.skipped = 0;
         if self.reader.is_none() {
             let region = Region::whole(self.window.clone());
-            self.reader = Some(self.alive(Reader::attach(region, OFFSET, HOST))?);
+            self.reader = Some(self.alive(TerminalReader::attach(region, OFFSET, HOST))?);
         }
         let mut reader = self.reader.take()?;
         let status = self.alive(reader.status())?;
@@ -215,7 +215,7 @@ fn killed_a_thousand_times(policy: Policy, check: impl Fn(u32)) -> (u32, u32, u3
     let terminal = hand(&memory, policy);
     let host = Rc::new(RefCell::new(Watcher::new(&memory)));
     let written = Rc::new(RefCell::new(Vec::new()));
-    // A small generator of the lengths of lives: x ← 5 x + 3 modulo 2^16 has all its period.
+    // A small generator of the lengths of incarnations: x ← 5 x + 3 modulo 2^16 has all its period.
     let mut random = 1_u16;
     let (watcher, text) = (Rc::clone(&host), Rc::clone(&written));
     let live = move || {
@@ -291,7 +291,7 @@ fn nobody_waits_before_a_host_has_attached_nor_after_it_has_left() {
         (8, 0, 0)
     );
 
-    let reader = Reader::attach(Region::whole(memory), OFFSET, HOST).unwrap();
+    let reader = TerminalReader::attach(Region::whole(memory), OFFSET, HOST).unwrap();
     let refused = console.write_all(&[0; 5]);
     assert!(
         matches!(refused, Err(condor_tty::ConsoleError::TimedOut { lost: 5 })),
@@ -315,7 +315,7 @@ fn a_servo_loop_is_never_held_up() {
     for policy in [Policy::Block { timeout }, Policy::DropNew, Policy::DropOld] {
         let memory = SimWindow::new(512);
         let terminal = hand(&memory, policy);
-        let reader = Reader::attach(Region::whole(memory), OFFSET, HOST).unwrap();
+        let reader = TerminalReader::attach(Region::whole(memory), OFFSET, HOST).unwrap();
         drop(reader);
         let board = Board1::new();
         let poster = terminal.poster(&board);
@@ -337,41 +337,44 @@ fn a_servo_loop_is_never_held_up() {
 }
 
 #[test]
-fn a_new_life_of_the_terminal_is_noticed_and_counted_from_its_beginning() {
+fn a_new_incarnation_of_the_terminal_is_noticed_and_counted_from_its_beginning() {
     let memory = SimWindow::new(512);
     let board = Board1::new();
     let before = hand(&memory, Policy::DropOld);
-    let mut reader = Reader::attach(Region::whole(memory.clone()), OFFSET, HOST).unwrap();
-    let former = reader.life();
+    let mut reader = TerminalReader::attach(Region::whole(memory.clone()), OFFSET, HOST).unwrap();
+    let former = reader.incarnation();
     before.poster(&board).post(&[1; 50]).unwrap();
     let after = hand(&memory, Policy::DropNew);
     let noticed = reader.fetch(&mut [0; 8]);
     assert!(
         matches!(
             noticed,
-            Err(condor_tty::ReaderError::Restarted { life, .. }) if life == former + 1
+            Err(condor_tty::TerminalReaderError::Restarted { incarnation, .. }) if incarnation == former + 1
         ),
         "{noticed:?}"
     );
     assert!(reader.acknowledge(1).is_err());
     assert_eq!(after.attached().unwrap(), None);
     after.poster(&board).post(&[2; 3]).unwrap();
-    let mut reader = Reader::attach(Region::whole(memory.clone()), OFFSET, HOST).unwrap();
+    let mut reader = TerminalReader::attach(Region::whole(memory.clone()), OFFSET, HOST).unwrap();
     let mut bytes = [0; 8];
     assert_eq!(reader.fetch(&mut bytes).unwrap().len, 3);
     assert_eq!(
         (bytes[..3].to_vec(), reader.status().unwrap().overwritten),
         (vec![2; 3], 0)
     );
-    // Nor is a life at another place one that there was here.
-    let mut places = Places::new(512);
+    // Nor is an incarnation at another place one that there was here.
+    let mut places = Allocator::new(512);
     let own = Region::whole(memory.clone());
     let other = Terminal::<_, _, 8>::new(own, &mut places, 16, SingleContext::new()).unwrap();
     assert_ne!(other.offset(), OFFSET);
-    let life = Reader::attach(Region::whole(memory), other.offset(), HOST)
+    let incarnation = TerminalReader::attach(Region::whole(memory), other.offset(), HOST)
         .unwrap()
-        .life();
-    assert!(![former, former + 1].contains(&life), "{life}");
+        .incarnation();
+    assert!(
+        ![former, former + 1].contains(&incarnation),
+        "{incarnation}"
+    );
 }
 
 #[test]
@@ -381,12 +384,12 @@ fn who_attaches_last_reads_on() {
     let terminal = hand(&memory, Policy::DropNew);
     terminal.poster(&board).post(b"one two").unwrap();
     let region = Region::whole(memory);
-    let mut first = Reader::attach(region.clone(), OFFSET, HOST).unwrap();
+    let mut first = TerminalReader::attach(region.clone(), OFFSET, HOST).unwrap();
     let mut bytes = [0; 4];
     first.fetch(&mut bytes).unwrap();
     first.acknowledge(4).unwrap();
     first.fetch(&mut bytes).unwrap();
-    let mut second = Reader::attach(region, OFFSET, HOST).unwrap();
+    let mut second = TerminalReader::attach(region, OFFSET, HOST).unwrap();
     assert!(first.acknowledge(3).is_err());
     assert_eq!(second.fetch(&mut bytes).unwrap().len, 3);
     assert_eq!(&bytes[..3], b"two");

@@ -6,14 +6,16 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering::Relaxed};
 use std::time::Duration;
 
-use condor_mbox::sim::{SimWindow, SimWindowError, System};
+use condor_mbox::sim::{SimSystem, SimWindow, SimWindowError};
 use condor_mbox::{
-    Call, Clock, Doorbell, Exclusion, Instant, LoadOrder, Mailbox, MemoryWindow, Messenger, Places,
-    Region, StoreOrder, Waiting, Windows,
+    Allocator, Call, Clock, Doorbell, Exclusion, Instant, LoadOrder, Mailbox, MemoryWindow,
+    Messenger, Region, StoreOrder, Waiting, Windows,
 };
-use condor_mos::sim::Processor;
+use condor_mos::sim::SimPlatform;
 use condor_mos::{EventTable, LoopId, Loops, Overrun, Rate, Scheduler, Statistics, Timer};
-use condor_tty::{ConsoleError, Policy, Reader, Settings, Terminal, Vectors};
+use condor_tty::{
+    ConsoleError, Policy, Terminal, TerminalReader, TerminalSettings, TerminalVectors,
+};
 use embedded_io::Write;
 
 const HOST: condor_mbox::Processor = condor_mbox::Processor(0);
@@ -33,7 +35,7 @@ const LINE: &[u8] = b"joint 3 is at 0.250 rad\n";
 #[derive(Clone)]
 struct Slow {
     memory: SimWindow,
-    processor: Processor,
+    processor: SimPlatform,
 }
 
 impl MemoryWindow for Slow {
@@ -61,7 +63,7 @@ impl MemoryWindow for Slow {
 /// Sections in which no interrupt comes.
 #[derive(Clone)]
 struct Masked {
-    processor: Processor,
+    processor: SimPlatform,
     depth: Arc<AtomicU32>,
     /// Ticks of the longest one.
     longest: Arc<AtomicU64>,
@@ -86,7 +88,7 @@ impl Exclusion for Masked {
 }
 
 /// A doorbell that nobody rings: the processor sleeps until its time is over.
-struct Quiet(Processor);
+struct Quiet(SimPlatform);
 
 impl Clock for Quiet {
     fn now(&self) -> Instant {
@@ -132,13 +134,13 @@ struct Outcome {
 
 /// Runs the loop for two seconds beside a background that writes all the time.
 fn run(policy: Policy, host: HostWas, writer: Loop) -> Outcome {
-    let processor = Processor::new(TICKS);
+    let processor = SimPlatform::new(TICKS);
     let masked = Masked {
         processor: processor.clone(),
         depth: Arc::default(),
         longest: Arc::default(),
     };
-    let system = System::<2>::in_virtual_time(1024);
+    let system = SimSystem::<2>::in_virtual_time(1024);
     let windows = system.windows(HAND).map(|Windows { mail, data }| {
         let slow = |memory| Slow {
             memory,
@@ -150,10 +152,10 @@ fn run(policy: Policy, host: HostWas, writer: Loop) -> Outcome {
         }
     });
     let ram = Region::users(windows[HAND.index()].data.clone()).unwrap();
-    let mut places = Places::new(ram.size());
+    let mut places = Allocator::new(ram.size());
     let terminal =
         Terminal::<_, _, 16>::new(ram.clone(), &mut places, 512, masked.clone()).unwrap();
-    terminal.configure(&Settings::RAW).unwrap();
+    terminal.configure(&TerminalSettings::RAW).unwrap();
     terminal.set_policy(policy).unwrap();
     let receive = |call: &Call<'_>| terminal.receive(call);
     let doorbell = Quiet(processor.clone());
@@ -161,10 +163,10 @@ fn run(policy: Policy, host: HostWas, writer: Loop) -> Outcome {
         Mailbox::<(_, _, _), 2>::new(HAND, windows, doorbell, masked.clone()).unwrap();
     mailbox.set_waiting(Waiting::Sleep);
     mailbox
-        .set_vector(Vectors::DEFAULT.input, &receive, "terminal input")
+        .set_vector(TerminalVectors::DEFAULT.input, &receive, "terminal input")
         .unwrap();
     mailbox
-        .set_vector(Vectors::DEFAULT.room, &receive, "terminal room")
+        .set_vector(TerminalVectors::DEFAULT.room, &receive, "terminal room")
         .unwrap();
     mailbox.join().unwrap();
 
@@ -173,16 +175,16 @@ fn run(policy: Policy, host: HostWas, writer: Loop) -> Outcome {
     if matches!(host, HostWas::Killed) {
         let mut hosts = system.mailbox(HOST).unwrap();
         hosts
-            .set_vector(Vectors::DEFAULT.output, &|_| 0, "terminal output")
+            .set_vector(TerminalVectors::DEFAULT.output, &|_| 0, "terminal output")
             .unwrap();
         hosts.join().unwrap();
         // Its words say that it is there, and nobody is behind them.
-        Reader::attach(seen.clone(), 0, HOST).unwrap();
+        TerminalReader::attach(seen.clone(), 0, HOST).unwrap();
     }
 
     let scheduler = Scheduler::new(
         processor.clone(),
-        EventTable::<1, 1>::new(&[Rate::hz(400)], condor_mos::Clock::of::<u64>(TICKS)),
+        EventTable::<1, 1>::new(&[Rate::hz(400)], condor_mos::ClockSpec::of::<u64>(TICKS)),
     );
     let offered = AtomicU32::new(0);
     let mut timed_out = 0;
@@ -217,7 +219,7 @@ fn run(policy: Policy, host: HostWas, writer: Loop) -> Outcome {
     });
 
     // A host that comes now finds what is left, and who counted the rest.
-    let mut reader = Reader::attach(seen, 0, HOST).unwrap();
+    let mut reader = TerminalReader::attach(seen, 0, HOST).unwrap();
     let fetched = reader.fetch(&mut [0; 1024]).unwrap();
     reader.acknowledge(fetched.len).unwrap();
     let status = reader.status().unwrap();

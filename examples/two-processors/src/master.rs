@@ -2,7 +2,7 @@
 
 use core::time::Duration;
 
-use condor_rt::{Background, Error, Machine, Messenger as _, OpenOptions, Program, Setup};
+use condor_rt::{Background, Machine, Messenger as _, OpenOptions, Program, ProgramError, Setup};
 
 use crate::{MOVE, SERVO};
 
@@ -12,12 +12,12 @@ const PATIENCE: Duration = Duration::from_millis(100);
 pub struct Master;
 
 impl Program for Master {
-    fn run<M: Machine>(&self, machine: &M) -> Result<(), Error> {
+    fn run<M: Machine>(&self, machine: &M) -> Result<(), ProgramError> {
         Setup::new(machine)?.console()?.files()?.background(lead)
     }
 }
 
-fn lead<M: Machine>(background: &Background<'_, M>) -> Result<(), Error> {
+fn lead<M: Machine>(background: &Background<'_, M>) -> Result<(), ProgramError> {
     let (mut text, mut line) = ([0; 256], [0; 16]);
     let files = background.files()?;
     let mut file = files.open("moves", OpenOptions::new().read())?;

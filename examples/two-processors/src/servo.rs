@@ -4,9 +4,9 @@ use core::f32::consts::TAU;
 use core::sync::atomic::{AtomicI32, Ordering::Relaxed};
 
 use condor_dev::drivers::{As5600, Pca9685};
-use condor_dev::sim::{I2c, Joint};
-use condor_dev::{I2cBus, Location, Mode, NoInterrupts, Switch, device_switch};
-use condor_rt::{Error, Machine, Param, Program, Rate, Setup, Var};
+use condor_dev::sim::{I2c, SimJoint};
+use condor_dev::{I2cBus, Location, NoInterrupts, OpenMode, Switch, device_switch};
+use condor_rt::{Machine, Param, Program, ProgramError, Rate, Setup, Var};
 
 use crate::{MOVE, WHERE};
 
@@ -24,14 +24,14 @@ device_switch! {
 pub struct Servo;
 
 impl Program for Servo {
-    fn run<M: Machine>(&self, machine: &M) -> Result<(), Error> {
+    fn run<M: Machine>(&self, machine: &M) -> Result<(), ProgramError> {
         // With a real joint, `I2cBus::new` has the I2C controller of the board instead.
-        let joint = Joint::default();
+        let joint = SimJoint::default();
         let i2c = I2cBus::new(I2c(&joint));
         let boards = Switch::<_, _, _, 2>::new(i2c, NoInterrupts, Boards::new());
         boards.start();
-        let motor = boards.open_typed(Boards::motor, 0, Mode::WRITE)?;
-        let sensor = boards.open_typed(Boards::sensor, 0, Mode::READ)?;
+        let motor = boards.open_typed(Boards::motor, 0, OpenMode::WRITE)?;
+        let sensor = boards.open_typed(Boards::sensor, 0, OpenMode::READ)?;
 
         let position = Var::new("joint.position", "rad");
         let stiffness = Param::new("joint.stiffness", "N m/rad", 2.0_f32, 0.0..=20.0);
@@ -55,7 +55,7 @@ impl Program for Servo {
                 let error = target.load(Relaxed) as f32 / 1000.0 - angle;
                 let speed = (angle - last) * f32::from(HZ);
                 let torque = stiffness.get() * error - DAMPING_NM_S * speed;
-                let duty = (torque / Joint::STALL_NM * f32::from(Pca9685::CYCLE)) as i16;
+                let duty = (torque / SimJoint::STALL_NM * f32::from(Pca9685::CYCLE)) as i16;
                 let duties = [duty.max(0) as u16, duty.min(0).unsigned_abs()];
                 let _ = motor.set_duties(motor.registers, 0, &duties);
                 position.set(angle);

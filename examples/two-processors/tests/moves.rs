@@ -2,12 +2,12 @@
 
 use std::time::Duration;
 
-use condor_rt::{Error, Machine as _, Messenger as _, Processor, sim};
+use condor_rt::{Machine as _, Messenger as _, Processor, ProgramError, sim};
 use two_processors::{Master, SERVO, Servo, WHERE};
 
 #[test]
 fn the_joint_goes_where_the_file_says() -> Result<(), sim::SimError> {
-    let mut system = sim::System::new(65536)?;
+    let mut system = sim::VirtualSystem::new(65536)?;
     system.files(concat!(env!("CARGO_MANIFEST_DIR"), "/files"))?;
     system.spawn(Processor(0), &Master)?;
     system.spawn(SERVO, &Servo)?;
@@ -21,7 +21,7 @@ fn the_joint_goes_where_the_file_says() -> Result<(), sim::SimError> {
             assert!((at - expected).abs() < 10, "{at} mrad");
             machine.work(500_000_000);
         }
-        Ok::<_, Error>(())
+        Ok::<_, ProgramError>(())
     })?;
     system.run_until(5_000_000_000)?;
     Ok(())

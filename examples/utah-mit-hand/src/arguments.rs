@@ -1,6 +1,6 @@
 //! The arguments of the programs that make and read recordings.
 
-use condor_rt::{Machine, Text};
+use condor_rt::{Machine, ShortText};
 
 use crate::failure::Failure;
 
@@ -27,7 +27,7 @@ impl<'m> Record<'m> {
         let (mut file, mut ticks) = (None, None);
         for argument in arguments {
             let wrong = || Failure::Argument {
-                argument: Text::of(&argument),
+                argument: ShortText::of(&argument),
                 known: "record=FILE, ticks=COUNT above 0",
             };
             match argument.split_once('=') {
@@ -58,7 +58,7 @@ impl<'m> Replay<'m> {
                 Some(("to", name)) if !name.is_empty() => to = Some(name),
                 _ => {
                     return Err(Failure::Argument {
-                        argument: Text::of(&argument),
+                        argument: ShortText::of(&argument),
                         known: KNOWN,
                     });
                 }

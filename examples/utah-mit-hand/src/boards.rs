@@ -9,7 +9,7 @@
 //! of 0 N.
 
 use condor_dev::{Location, device_switch};
-use condor_hand::config::{Channel, Converter, Hand, Input, Output, Wire};
+use condor_hand::config::{Channel, Converter, Hand, InputChannel, OutputChannel, Wire};
 use thiserror::Error;
 use utah_mit_boards::{Adc16, Dac16, Encoder8};
 
@@ -214,7 +214,7 @@ pub fn processor<const F: usize, const N: usize>(hand: &Hand<F, N>, wire: Wire) 
 
 /// The counts of an output at which its register is 0.
 #[must_use]
-pub fn zero_of(output: &Output) -> u32 {
+pub fn zero_of(output: &OutputChannel) -> u32 {
     output.counts(0.0)
 }
 
@@ -244,7 +244,7 @@ pub const fn input_counts(register: i16) -> u32 {
 
 /// The counts in a counter of the encoder board; none for a position that the input does not have.
 #[must_use]
-pub fn encoder_counts(input: &Input, counter: i32) -> Option<u32> {
+pub fn encoder_counts(input: &InputChannel, counter: i32) -> Option<u32> {
     u32::try_from(counter)
         .ok()
         .filter(|&counts| counts <= input.full_scale())

@@ -1,19 +1,19 @@
 //! [`Failure`]: why a program of the hand ended before it was told to.
 
-use condor_fs::Error as FileError;
+use condor_fs::FileError;
 use condor_hand::controller::{ControllerError, TableError};
 use condor_hand::kinematics::JointLimitsError;
 use condor_hand::plant::PlantError;
 use thiserror::Error;
 
 use crate::boards::{BoardError, WiresError};
-use crate::recording::RecordingError;
+use crate::recording::ServoRecordingError;
 
 /// What something else says, as much of it as fits.
-pub type Words = condor_rt::Text<80>;
+pub type FailureText = condor_rt::ShortText<80>;
 
 /// The name of a file, as much of it as fits.
-pub type Name = condor_rt::Text<32>;
+pub type FileName = condor_rt::ShortText<32>;
 
 /// Why a program of the hand ended before it was told to, as far as only this hand knows.
 #[derive(Clone, Debug, PartialEq, Error)]
@@ -33,7 +33,7 @@ pub enum Failure {
         /// Its name.
         name: &'static str,
         /// The text of the reader's error.
-        error: Words,
+        error: FailureText,
     },
     /// The boards of the rack cannot serve the configuration.
     #[error(transparent)]
@@ -102,7 +102,7 @@ pub enum Failure {
     #[error("unknown argument \"{argument}\"; the program takes {known}")]
     Argument {
         /// The argument that was given.
-        argument: Words,
+        argument: FailureText,
         /// The arguments that the program takes.
         known: &'static str,
     },
@@ -116,13 +116,13 @@ pub enum Failure {
     #[error("{name}: {error}")]
     Recording {
         /// The name of its file.
-        name: Name,
+        name: FileName,
         /// What is wrong.
-        error: RecordingError,
+        error: ServoRecordingError,
     },
 }
 
-impl From<Failure> for condor_rt::Error {
+impl From<Failure> for condor_rt::ProgramError {
     fn from(failure: Failure) -> Self {
         Self::program(&failure)
     }

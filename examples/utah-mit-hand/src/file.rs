@@ -1,6 +1,6 @@
 //! Files as a whole.
 
-use condor_fs::{Errno, Error, File, FileSystem, OpenOptions};
+use condor_fs::{Errno, File, FileError, FileSystem, OpenOptions};
 use condor_mbox::{MemoryWindow, Messenger};
 
 /// Reads a file from its beginning, as much as there is and as fits; returns the number of bytes.
@@ -9,7 +9,7 @@ pub(crate) fn read<S: Messenger + ?Sized, W: MemoryWindow + Clone, const FILES: 
     name: &str,
     options: OpenOptions,
     into: &mut [u8],
-) -> Result<usize, Error> {
+) -> Result<usize, FileError> {
     let mut file = files.open(name, options)?;
     let mut len = 0;
     while let Some(rest) = into.get_mut(len..).filter(|rest| !rest.is_empty()) {
@@ -26,7 +26,7 @@ pub(crate) fn read<S: Messenger + ?Sized, W: MemoryWindow + Clone, const FILES: 
 pub(crate) fn write_all<S: Messenger + ?Sized, W: MemoryWindow + Clone, const FILES: usize>(
     file: &mut File<'_, '_, S, W, FILES>,
     bytes: &[u8],
-) -> Result<(), Error> {
+) -> Result<(), FileError> {
     all(bytes, |rest, _| file.write(rest))
 }
 
@@ -35,7 +35,7 @@ pub(crate) fn write_all_at<S: Messenger + ?Sized, W: MemoryWindow + Clone, const
     file: &File<'_, '_, S, W, FILES>,
     bytes: &[u8],
     position: u64,
-) -> Result<(), Error> {
+) -> Result<(), FileError> {
     all(bytes, |rest, written| {
         file.write_at(rest, position.saturating_add(written))
     })
@@ -44,8 +44,8 @@ pub(crate) fn write_all_at<S: Messenger + ?Sized, W: MemoryWindow + Clone, const
 /// Calls `write` with what is left, and the number of bytes before that.
 fn all(
     bytes: &[u8],
-    mut write: impl FnMut(&[u8], u64) -> Result<usize, Error>,
-) -> Result<(), Error> {
+    mut write: impl FnMut(&[u8], u64) -> Result<usize, FileError>,
+) -> Result<(), FileError> {
     let mut written = 0;
     while let Some(rest) = bytes.get(written..).filter(|rest| !rest.is_empty()) {
         match write(rest, written as u64)? {

@@ -1,10 +1,10 @@
-//! [`Followed`]: how well the joints have followed each motion, which the master publishes.
+//! [`TrackingReport`]: how well the joints have followed each motion, which the master publishes.
 
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 use crate::servo::Figures;
 
-/// The name of the published [`Followed`].
+/// The name of the published [`TrackingReport`].
 pub const FOLLOWED_NAME: &str = "followed";
 /// The longest name of a motion, bytes.
 const NAME_BYTES: usize = 24;
@@ -15,14 +15,14 @@ const MOTIONS: usize = 8;
 /// the motions with a name the first eight count.
 #[derive(Clone, Copy, Debug, PartialEq, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
-pub struct Followed {
-    motions: [Motion; MOTIONS],
+pub struct TrackingReport {
+    motions: [TrackedMotion; MOTIONS],
 }
 
 /// All runs of a motion.
 #[derive(Clone, Copy, Debug, PartialEq, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
-pub struct Motion {
+pub struct TrackedMotion {
     /// UTF-8, with zeros after it; nothing for no motion.
     name: [u8; NAME_BYTES],
     /// How often it has run.
@@ -31,9 +31,9 @@ pub struct Motion {
     pub figures: Figures,
 }
 
-impl Followed {
+impl TrackingReport {
     /// The motions, in the order in which they ran first.
-    pub fn motions(&self) -> impl Iterator<Item = (&str, &Motion)> {
+    pub fn motions(&self) -> impl Iterator<Item = (&str, &TrackedMotion)> {
         let named = self.motions.iter().map(|motion| (motion.name(), motion));
         named.filter(|(name, _)| !name.is_empty())
     }
@@ -52,7 +52,7 @@ impl Followed {
     }
 }
 
-impl Motion {
+impl TrackedMotion {
     fn name(&self) -> &str {
         let len = self.name.iter().take_while(|&&byte| byte != 0).count();
         let name = self.name.get(..len).unwrap_or(&[]);
@@ -68,7 +68,7 @@ mod tests {
 
     #[test]
     fn runs_of_a_name_are_one_motion_and_the_ninth_name_is_left_out() {
-        let mut followed = Followed::new_zeroed();
+        let mut followed = TrackingReport::new_zeroed();
         let figures = Figures::default();
         for name in [
             "wave", "open", "wave", "c", "d", "e", "f", "g", "h", "i", "wave",

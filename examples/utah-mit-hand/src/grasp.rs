@@ -1,13 +1,13 @@
 //! A grasp of the hand by [`DistributedGrasp`](condor_hand::grasp::distributed::DistributedGrasp): where
 //! its processors find each other's joints, orders and reports.
 //!
-//! The master writes the same `GraspOrder` for each servo processor, into [`GraspPlaces`] in the object
+//! The master writes the same `GraspOrder` for each servo processor, into [`HandGraspLayout`] in the object
 //! named [`NAME`] of its object table; [`tips`] computes the present places of the tips. Each servo
 //! processor publishes its [`Joints`] in every tick. A master that dies does not end a grasp.
 
 use condor_hand::grasp::distributed::HandJoints;
 use condor_hand::kinematics::Kinematics;
-use condor_vars::{Described, Field, Kind};
+use condor_vars::{CellField, CellStruct, ValueKind};
 use core::mem::offset_of;
 use nalgebra::Vector4;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
@@ -16,12 +16,12 @@ use crate::{FINGERS, JOINTS, UtahMit};
 
 mod partner;
 
-pub(crate) use partner::{Due, Heard, Partner};
+pub(crate) use partner::{Partner, PartnerState, TickTime};
 
-/// [`GraspPlaces`](condor_hand::message::GraspPlaces) of the hand.
-pub type GraspPlaces = condor_hand::message::GraspPlaces<FINGERS>;
+/// [`HandGraspLayout`](condor_hand::message::HandGraspLayout) of the hand.
+pub type HandGraspLayout = condor_hand::message::GraspLayout<FINGERS>;
 
-/// The name of [`GraspPlaces`] in the object table of a servo processor.
+/// The name of [`HandGraspLayout`] in the object table of a servo processor.
 pub const NAME: &str = "grasp";
 /// The name of the [`Joints`] in the object table of a servo processor.
 pub const JOINTS_NAME: &str = "joints";
@@ -46,21 +46,31 @@ pub struct Joints {
     pub ticks: u64,
 }
 
-impl Described for Joints {
-    const FIELDS: &'static [Field] = &[
-        Field::new("position", "rad", Kind::F64, offset_of!(Joints, position))
-            .repeated(FINGERS * JOINTS)
-            .about("As measured; joints in the order of the fingers."),
-        Field::new("velocity", "rad/s", Kind::F64, offset_of!(Joints, velocity))
-            .repeated(FINGERS * JOINTS)
-            .about("Filtered."),
-        Field::new("order", "", Kind::U64, offset_of!(Joints, order))
+impl CellStruct for Joints {
+    const FIELDS: &'static [CellField] = &[
+        CellField::new(
+            "position",
+            "rad",
+            ValueKind::F64,
+            offset_of!(Joints, position),
+        )
+        .repeated(FINGERS * JOINTS)
+        .about("As measured; joints in the order of the fingers."),
+        CellField::new(
+            "velocity",
+            "rad/s",
+            ValueKind::F64,
+            offset_of!(Joints, velocity),
+        )
+        .repeated(FINGERS * JOINTS)
+        .about("Filtered."),
+        CellField::new("order", "", ValueKind::U64, offset_of!(Joints, order))
             .repeated(FINGERS)
             .about("The grasp order in force for each finger; 0 for none."),
-        Field::new("served", "", Kind::U64, offset_of!(Joints, served))
+        CellField::new("served", "", ValueKind::U64, offset_of!(Joints, served))
             .about("A bit for each finger of this processor; others do not count."),
-        Field::new("due_ns", "ns", Kind::U64, offset_of!(Joints, due_ns)),
-        Field::new("ticks", "", Kind::U64, offset_of!(Joints, ticks)),
+        CellField::new("due_ns", "ns", ValueKind::U64, offset_of!(Joints, due_ns)),
+        CellField::new("ticks", "", ValueKind::U64, offset_of!(Joints, ticks)),
     ];
 }
 
@@ -87,7 +97,7 @@ impl Joints {
     }
 }
 
-impl Due for Joints {
+impl TickTime for Joints {
     fn due_ns(&self) -> u64 {
         self.due_ns
     }

@@ -7,9 +7,9 @@
 
 use core::mem::offset_of;
 
-use condor_hand::controller::Stop;
-use condor_hand::trajectory::Guard;
-use condor_vars::{Described, Field, Kind};
+use condor_hand::controller::GuardStop;
+use condor_hand::trajectory::MotionGuard;
+use condor_vars::{CellField, CellStruct, ValueKind};
 use zerocopy::{FromBytes, FromZeros, Immutable, IntoBytes};
 
 use crate::{FINGERS, JOINTS};
@@ -37,17 +37,17 @@ pub struct Felt {
     pub ticks: u64,
 }
 
-impl Described for Felt {
-    const FIELDS: &'static [Field] = &[
-        Field::new("torque", "N m", Kind::F64, offset_of!(Felt, torque))
+impl CellStruct for Felt {
+    const FIELDS: &'static [CellField] = &[
+        CellField::new("torque", "N m", ValueKind::F64, offset_of!(Felt, torque))
             .repeated(FINGERS * JOINTS)
             .about("The greatest of late, to either side; joints in the order of the fingers."),
-        Field::new("tension", "N", Kind::F64, offset_of!(Felt, tension))
+        CellField::new("tension", "N", ValueKind::F64, offset_of!(Felt, tension))
             .repeated(FINGERS * JOINTS)
             .about("The greater of the two tendons, the greatest of late."),
-        Field::new("contacts", "", Kind::U64, offset_of!(Felt, contacts))
+        CellField::new("contacts", "", ValueKind::U64, offset_of!(Felt, contacts))
             .about("A bit for each finger that was in contact of late."),
-        Field::new("ticks", "", Kind::U64, offset_of!(Felt, ticks)),
+        CellField::new("ticks", "", ValueKind::U64, offset_of!(Felt, ticks)),
     ];
 }
 
@@ -66,20 +66,25 @@ pub struct Stops {
     pub position: [[f64; JOINTS]; FINGERS],
 }
 
-impl Described for Stops {
-    const FIELDS: &'static [Field] = &[
-        Field::new("motion", "", Kind::U32, offset_of!(Stops, motion))
+impl CellStruct for Stops {
+    const FIELDS: &'static [CellField] = &[
+        CellField::new("motion", "", ValueKind::U32, offset_of!(Stops, motion))
             .repeated(FINGERS * JOINTS)
             .about("The motion that a guard has stopped; 0 for none."),
-        Field::new("guard", "", Kind::U32, offset_of!(Stops, guard))
+        CellField::new("guard", "", ValueKind::U32, offset_of!(Stops, guard))
             .repeated(FINGERS * JOINTS)
             .about("1 torque, 2 tension, 3 contact, and 256 times the joint."),
-        Field::new("value", "", Kind::F64, offset_of!(Stops, value))
+        CellField::new("value", "", ValueKind::F64, offset_of!(Stops, value))
             .repeated(FINGERS * JOINTS)
             .about("What was measured, N m or N."),
-        Field::new("position", "rad", Kind::F64, offset_of!(Stops, position))
-            .repeated(FINGERS * JOINTS)
-            .about("Where the joint rests."),
+        CellField::new(
+            "position",
+            "rad",
+            ValueKind::F64,
+            offset_of!(Stops, position),
+        )
+        .repeated(FINGERS * JOINTS)
+        .about("Where the joint rests."),
     ];
 }
 
@@ -94,13 +99,13 @@ impl Stops {
     }
 
     /// Adds the stop of a joint of the hand.
-    pub(crate) fn add(&mut self, finger: usize, joint: usize, stop: &Stop) {
+    pub(crate) fn add(&mut self, finger: usize, joint: usize, stop: &GuardStop) {
         let (kind, of) = match stop.guard {
-            Guard::Torque { joint } => (TORQUE, joint),
-            Guard::Tension { joint } => (TENSION, joint),
-            Guard::Contact { joint } => (CONTACT, joint),
+            MotionGuard::Torque { joint } => (TORQUE, joint),
+            MotionGuard::Tension { joint } => (TENSION, joint),
+            MotionGuard::Contact { joint } => (CONTACT, joint),
             // The servos check no time.
-            Guard::Time => return,
+            MotionGuard::Time => return,
         };
         put(&mut self.motion, finger, joint, stop.motion);
         put(&mut self.guard, finger, joint, kind | (of as u32) << 8);
@@ -109,16 +114,16 @@ impl Stops {
     }
 
     /// The stop of a joint of the hand, if there is one.
-    pub(crate) fn of(&self, finger: usize, joint: usize) -> Option<Stop> {
+    pub(crate) fn of(&self, finger: usize, joint: usize) -> Option<GuardStop> {
         let motion = get(&self.motion, finger, joint).filter(|&motion| motion != 0)?;
         let guard = get(&self.guard, finger, joint)?;
         let of = (guard >> 8) as usize;
-        Some(Stop {
+        Some(GuardStop {
             motion,
             guard: match guard & 0xff {
-                TORQUE => Guard::Torque { joint: of },
-                TENSION => Guard::Tension { joint: of },
-                CONTACT => Guard::Contact { joint: of },
+                TORQUE => MotionGuard::Torque { joint: of },
+                TENSION => MotionGuard::Tension { joint: of },
+                CONTACT => MotionGuard::Contact { joint: of },
                 _ => return None,
             },
             value: get(&self.value, finger, joint)?,

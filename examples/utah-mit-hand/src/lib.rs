@@ -31,7 +31,7 @@ mod followed;
 mod start;
 mod wanted;
 
-pub use failure::{Failure, Name, Words};
+pub use failure::{Failure, FailureText, FileName};
 
 /// Fingers of the hand.
 pub const FINGERS: usize = 4;

@@ -11,10 +11,10 @@ mod texts;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use condor_cli::{AnyError, Application, Run};
-use condor_host::description::{Description, Files};
+use condor_cli::{AnyError, Application, ProgramFunction};
+use condor_host::description::{Files, SystemDescription};
 use condor_host::extension::Extension;
-use condor_host::robot::{MotionQueue, Motions, Robot};
+use condor_host::robot::{MotionFiles, MotionSender, Robot};
 use condor_host::system::SystemDirectory;
 use condor_rt::linux;
 use condor_scene::{Ball, HandView};
@@ -43,7 +43,7 @@ const BALL: Ball<'_> = Ball {
 struct Hand;
 
 impl Application for Hand {
-    fn programs(&self) -> &[(&'static str, Run)] {
+    fn programs(&self) -> &[(&'static str, ProgramFunction)] {
         &[
             ("master", |arguments| linux::run(&Master, arguments)),
             ("plant", |arguments| linux::run(&Plant, arguments)),
@@ -57,7 +57,7 @@ impl Application for Hand {
         Some(SYSTEM.into())
     }
 
-    fn commands(&self) -> &[(&'static str, &'static str, Run)] {
+    fn commands(&self) -> &[(&'static str, &'static str, ProgramFunction)] {
         &[("motion", motion::ABOUT, motion::run)]
     }
 
@@ -78,8 +78,8 @@ impl Application for Hand {
     fn motions(
         &self,
         robot: &Path,
-        description: Option<&Description>,
-    ) -> Result<Option<Box<dyn Motions>>, AnyError> {
+        description: Option<&SystemDescription>,
+    ) -> Result<Option<Box<dyn MotionFiles>>, AnyError> {
         let texts = match description {
             Some(description) => description.files.as_ref().map(texts_of),
             None => Some(Path::new(SYSTEM).with_file_name("")),
@@ -93,9 +93,9 @@ impl Application for Hand {
 
     fn motion_queue(
         &self,
-        description: &Description,
+        description: &SystemDescription,
         directory: &SystemDirectory,
-    ) -> Result<Option<Box<dyn MotionQueue>>, AnyError> {
+    ) -> Result<Option<Box<dyn MotionSender>>, AnyError> {
         let (Some(hand), Some(files)) = (&description.robot, &description.files) else {
             return Ok(None);
         };
@@ -103,7 +103,7 @@ impl Application for Hand {
         Ok(Some(Box::new(Offers::new(directory, &files.root, joints))))
     }
 
-    fn prepare(&self, description: &Description) -> Result<(), AnyError> {
+    fn prepare(&self, description: &SystemDescription) -> Result<(), AnyError> {
         let (Some(hand), Some(files)) = (&description.robot, &description.files) else {
             return Ok(());
         };
@@ -113,7 +113,7 @@ impl Application for Hand {
 
     fn summarize(
         &self,
-        description: &Description,
+        description: &SystemDescription,
         directory: &SystemDirectory,
     ) -> Result<(), AnyError> {
         summary::of(description, directory)

@@ -13,20 +13,20 @@
 //! |---|---|
 //! | `console` | its terminal |
 //! | `trajectories` | its loop: counts and variables |
-//! | `wanted-2` | a published [`Wanted`] |
-//! | `followed` | a published [`Followed`]: how well the joints have followed each motion |
+//! | `wanted-2` | a published [`DesiredPositions`] |
+//! | `followed` | a published [`TrackingReport`]: how well the joints have followed each motion |
 //! | `motions` | where its [queue](condor_hand::message::motions) is asked |
 
 use core::cell::RefCell;
 use core::time::Duration;
 
-use condor_hand::message::motions::{MOTIONS, MotionsBlocks, Response};
-use condor_hand::trajectory::{Generator, Limits};
+use condor_hand::message::motions::{MOTIONS, MotionResponse, MotionsBlocks};
+use condor_hand::trajectory::{Generator, JointLimits};
 use condor_mbox::{Clock, Processor};
-use condor_rt::objects::Kind;
-use condor_rt::{Error, Machine, MailboxOf, PROCESSORS, Program, Setup, users};
-use condor_tty::{ConsoleError, LineEditor, Settings};
-use condor_vars::{Client, Var, Vars};
+use condor_rt::objects::ObjectKind;
+use condor_rt::{Machine, MailboxOf, PROCESSORS, Program, ProgramError, Setup, users};
+use condor_tty::{ConsoleError, LineEditor, TerminalSettings};
+use condor_vars::{Var, VariableClient, Vars};
 use critical_section::Mutex;
 use embedded_io::{Read, ReadReady};
 
@@ -44,13 +44,13 @@ mod sequence;
 mod servos;
 mod words;
 
-pub use crate::followed::{FOLLOWED_NAME, Followed, Motion};
-pub use crate::wanted::{WANTED_NAME, Wanted};
+pub use crate::followed::{FOLLOWED_NAME, TrackedMotion, TrackingReport};
+pub use crate::wanted::{DesiredPositions, WANTED_NAME};
 pub use sequence::MOTION_BYTES;
 pub use words::is_name;
 
 use commands::{Commands, Processors, Watching};
-use drive::{ALL, Drive, Ears, OfServos};
+use drive::{ALL, Drive, OfServos, ServoListener};
 use follow::Follow;
 use others::Others;
 use play::Player;
@@ -72,14 +72,14 @@ type Editor = LineEditor<160, 16>;
 pub struct Master;
 
 impl Program for Master {
-    fn run<M: Machine>(&self, machine: &M) -> Result<(), Error> {
+    fn run<M: Machine>(&self, machine: &M) -> Result<(), ProgramError> {
         let mut place = None;
         let hand = start::configured(machine, &mut place, |_, hand| Ok(hand))?;
         let (numbers, seats) = servos::seats(hand)?;
         let mut ears = OfServos::new();
         for &number in &numbers {
             // As many as there are.
-            let _ = ears.push(Ears::new(&users(machine, Processor(number))?));
+            let _ = ears.push(ServoListener::new(&users(machine, Processor(number))?));
         }
         let rate_hz = hand.trajectory_hz;
         let period_s = 1.0 / f64::from(rate_hz);
@@ -97,24 +97,24 @@ impl Program for Master {
         let wanted = wanted.about("Where it is to be; joints in the order of the fingers.");
         let loose =
             Var::<u32>::new("loose", "").about("A bit for each finger that does not follow.");
-        let tuning = setup.place("tuning", Kind::Other, |places| {
+        let tuning = setup.place("tuning", ObjectKind::Other, |places| {
             let free = places.clone();
-            places.bytes(Client::<MailboxOf<'_, M>, M::Window>::BYTES)?;
+            places.bytes(VariableClient::<MailboxOf<'_, M>, M::Window>::BYTES)?;
             Ok(free)
         })?;
-        let blocks = setup.place(MOTIONS_NAME, Kind::Other, |places| {
+        let blocks = setup.place(MOTIONS_NAME, ObjectKind::Other, |places| {
             MotionsBlocks::new(places, PROCESSORS as u8)
         })?;
         let own = setup.own().clone();
         let post = Post::new();
         setup
-            .console_with(&Settings::CBREAK)?
+            .console_with(&TerminalSettings::CBREAK)?
             .files()?
             .supervisor()?
             .on(MOTIONS, MOTIONS_NAME, &|call| {
                 post.answer(call, &blocks, &own, |sender, request| {
                     drive::with(&shared, |drive| drive.take_points(sender, request))
-                        .unwrap_or(Some(Response::busy()))
+                        .unwrap_or(Some(MotionResponse::busy()))
                 })
             })
             .watch(&wanted)
@@ -159,8 +159,8 @@ impl Program for Master {
 /// The background, until the program is to end.
 fn attend<M: Machine>(
     mut commands: Commands<'_, '_, M>,
-    ears: &[Ears<M::Window>],
-) -> Result<(), Error> {
+    ears: &[ServoListener<M::Window>],
+) -> Result<(), ProgramError> {
     let background = commands.background;
     let clock = background.machine().doorbell();
     let mut watched = None;
@@ -192,7 +192,7 @@ fn attend<M: Machine>(
 fn listen<M: Machine>(
     commands: &mut Commands<'_, '_, M>,
     editor: &mut Editor,
-) -> Result<(), Error> {
+) -> Result<(), ProgramError> {
     let background = commands.background;
     let terminal = background.console()?;
     let console = terminal.console(background.mailbox());
@@ -228,8 +228,8 @@ fn listen<M: Machine>(
 }
 
 /// The limits of all joints of the hand, which has as many.
-fn limits(hand: &UtahMit) -> [Limits<f64>; ALL] {
-    let mut limits = [Limits {
+fn limits(hand: &UtahMit) -> [JointLimits<f64>; ALL] {
+    let mut limits = [JointLimits {
         low: -1.0,
         high: 1.0,
         velocity: 1.0,

@@ -4,9 +4,9 @@ use std::io::{IsTerminal, Write};
 use std::process::ExitCode;
 use std::time::Duration;
 
-use condor_hand::message::motions::{MotionsClient, MotionsError, Seen, Sent};
-use condor_hand::queue::{Answer, Identity, State};
-use condor_host::control::Client;
+use condor_hand::message::motions::{MotionsClient, MotionsError, RequestProgress, SentPoints};
+use condor_hand::queue::{QueueAnswer, RequestIdentity, RequestState};
+use condor_host::control::ControlClient;
 use condor_host::error::AnyError;
 use condor_host::system::{self, SystemDirectory};
 use condor_mbox::{MemoryWindow, Messenger};
@@ -38,7 +38,7 @@ const PAUSE: Duration = Duration::from_millis(20);
 
 /// What the arguments ask for.
 #[derive(Debug, Default)]
-struct Asked {
+struct MotionArguments {
     system: Option<String>,
     from_other: bool,
     stream: Option<String>,
@@ -64,8 +64,8 @@ pub(crate) fn run(arguments: Vec<String>) -> ExitCode {
     }
 }
 
-fn asked(arguments: Vec<String>) -> Option<Asked> {
-    let mut asked = Asked::default();
+fn asked(arguments: Vec<String>) -> Option<MotionArguments> {
+    let mut asked = MotionArguments::default();
     let mut arguments = arguments.into_iter();
     while let Some(argument) = arguments.next() {
         match argument.as_str() {
@@ -80,7 +80,7 @@ fn asked(arguments: Vec<String>) -> Option<Asked> {
 }
 
 /// Whether all of them were done.
-fn enqueue(asked: &Asked) -> Result<bool, AnyError> {
+fn enqueue(asked: &MotionArguments) -> Result<bool, AnyError> {
     let points = match &asked.stream {
         Some(file) => {
             let text = read_text(file).map_err(|error| format!("{file}: {error}"))?;
@@ -105,7 +105,7 @@ fn enqueue(asked: &Asked) -> Result<bool, AnyError> {
 
 /// Says so if the simulated time is paused: the master answers only when it goes on.
 fn tell_if_paused(directory: &SystemDirectory) -> Result<(), AnyError> {
-    let status = Client::connect(directory)?.status()?;
+    let status = ControlClient::connect(directory)?.status()?;
     if status.clock.is_some_and(|clock| clock.paused) {
         eprintln!(
             "utah-mit-hand motion: waits, since the simulated time is paused; `utah-mit-hand clock resume` or \
@@ -116,17 +116,17 @@ fn tell_if_paused(directory: &SystemDirectory) -> Result<(), AnyError> {
 }
 
 /// Shows on a terminal how far a motion is, in a line that the next one overwrites.
-fn show(motion: &str, seen: &Seen) {
+fn show(motion: &str, seen: &RequestProgress) {
     let mut terminal = std::io::stderr();
     if !terminal.is_terminal() {
         return;
     }
     let what = match seen.answer {
-        Answer::Known(State::Started, _) => match seen.progress {
+        QueueAnswer::Known(RequestState::Started, _) => match seen.progress {
             Some(progress) => format!("{:3.0} %", 100.0 * progress),
             None => "runs".to_owned(),
         },
-        Answer::Known(State::Accepted, _) => format!("waits for {}", seen.before),
+        QueueAnswer::Known(RequestState::Accepted, _) => format!("waits for {}", seen.before),
         _ => String::new(),
     };
     // What cannot be shown is not needed.
@@ -141,7 +141,7 @@ fn run_all<M: Messenger, W: MemoryWindow + Clone>(
     motions: &[String],
 ) -> Result<bool, AnyError> {
     for (number, motion) in (1..).zip(motions) {
-        let identity = Identity { session, number };
+        let identity = RequestIdentity { session, number };
         client.offer(identity, motion.as_bytes(), ANSWER)?;
         if !is_done(client, messenger, identity, motion)? {
             return Ok(false);
@@ -157,7 +157,7 @@ fn run_stream<M: Messenger, W: MemoryWindow + Clone>(
     session: u32,
     points: &Points,
 ) -> Result<bool, AnyError> {
-    let identity = Identity { session, number: 1 };
+    let identity = RequestIdentity { session, number: 1 };
     client.stream(identity, points.mask, ANSWER)?;
     for batch in points.batches() {
         let sent = loop {
@@ -168,8 +168,8 @@ fn run_stream<M: Messenger, W: MemoryWindow + Clone>(
             }
         };
         match sent {
-            Ok(Sent::Until(_)) => {}
-            Ok(Sent::Ended(_)) => break,
+            Ok(SentPoints::Until(_)) => {}
+            Ok(SentPoints::Ended(_)) => break,
             Err(error) => {
                 let first = batch.points.first().map_or(0.0, |point| point.time);
                 return Err(format!("the points from {first} s on: {error}").into());
@@ -183,22 +183,22 @@ fn run_stream<M: Messenger, W: MemoryWindow + Clone>(
 fn is_done<M: Messenger, W: MemoryWindow + Clone>(
     client: &mut MotionsClient<'_, M, W>,
     messenger: &M,
-    identity: Identity,
+    identity: RequestIdentity,
     motion: &str,
 ) -> Result<bool, AnyError> {
     loop {
         let seen = client.look(identity, ANSWER)?;
         show(motion, &seen);
         match seen.answer {
-            Answer::Known(State::Done, _) => {
+            QueueAnswer::Known(RequestState::Done, _) => {
                 println!("{motion}: done");
                 return Ok(true);
             }
-            Answer::Known(state, reason) if state.is_final() => {
+            QueueAnswer::Known(state, reason) if state.is_final() => {
                 println!("{motion}: {state:?}, {reason}");
                 return Ok(false);
             }
-            Answer::Known(..) => {
+            QueueAnswer::Known(..) => {
                 messenger.serve(PAUSE)?;
             }
             other => return Err(format!("{motion}: the master answers {other:?}").into()),

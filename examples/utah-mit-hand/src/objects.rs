@@ -5,20 +5,20 @@
 //! program there has not begun, or is another one. A program that is started anew, perhaps with
 //! another text, may have its objects elsewhere; look again after a call to it has failed.
 
-use condor_hand::message::ServoPlaces;
+use condor_hand::message::ServoLayout;
 use condor_hand::message::motions::MotionsBlocks;
 use condor_mbox::exchange::Blocks;
-use condor_mbox::{AccessError, MemoryWindow, Places, Published, Region};
+use condor_mbox::{AccessError, Allocator, MemoryWindow, Published, Region};
 use condor_rt::PROCESSORS;
-use condor_rt::objects::{self, Kind, Object};
+use condor_rt::objects::{self, ObjectKind, SharedObject};
 
-use crate::followed::{FOLLOWED_NAME, Followed};
-use crate::grasp::{self, GraspPlaces, Joints};
+use crate::followed::{FOLLOWED_NAME, TrackingReport};
+use crate::grasp::{self, HandGraspLayout, Joints};
 use crate::guards::{self, Felt, Stops};
-use crate::plant::{self, Truth};
+use crate::plant::{self, TrueState};
 use crate::servo::{self, Tracking};
 use crate::table::{self, Palm};
-use crate::wanted::{WANTED_NAME, Wanted};
+use crate::wanted::{DesiredPositions, WANTED_NAME};
 use crate::{FINGERS, JOINTS};
 
 /// The name of the blocks in which the master's queue of motions is asked.
@@ -30,10 +30,10 @@ pub const MOTIONS_NAME: &str = "motions";
 /// [`AccessError`] if the memory cannot be accessed.
 pub fn servos<W: MemoryWindow>(
     region: &Region<W>,
-) -> Result<Option<ServoPlaces<FINGERS, JOINTS>>, AccessError> {
-    let object = objects::find(region, "servos", Kind::Other)?;
+) -> Result<Option<ServoLayout<FINGERS, JOINTS>>, AccessError> {
+    let object = objects::find(region, "servos", ObjectKind::Other)?;
     object
-        .map(|object| ServoPlaces::new(&mut from(region, &object)?, PROCESSORS as u8))
+        .map(|object| ServoLayout::new(&mut from(region, &object)?, PROCESSORS as u8))
         .transpose()
 }
 
@@ -77,9 +77,9 @@ pub fn tracking<W: MemoryWindow>(
 ///
 /// # Errors
 /// [`AccessError`] if the memory cannot be accessed.
-pub fn grasp<W: MemoryWindow>(region: &Region<W>) -> Result<Option<GraspPlaces>, AccessError> {
-    let object = objects::find(region, grasp::NAME, Kind::Other)?;
-    Ok(object.map(|object| GraspPlaces::at(object.offset)))
+pub fn grasp<W: MemoryWindow>(region: &Region<W>) -> Result<Option<HandGraspLayout>, AccessError> {
+    let object = objects::find(region, grasp::NAME, ObjectKind::Other)?;
+    Ok(object.map(|object| HandGraspLayout::at(object.offset)))
 }
 
 /// Requests to the table.
@@ -88,8 +88,8 @@ pub fn grasp<W: MemoryWindow>(region: &Region<W>) -> Result<Option<GraspPlaces>,
 /// [`AccessError`] if the memory cannot be accessed.
 pub fn table<W: MemoryWindow>(
     region: &Region<W>,
-) -> Result<Option<Blocks<table::Request, table::Response>>, AccessError> {
-    let object = objects::find(region, table::NAME, Kind::Other)?;
+) -> Result<Option<Blocks<table::TableRequest, table::TableResponse>>, AccessError> {
+    let object = objects::find(region, table::NAME, ObjectKind::Other)?;
     Ok(object.map(|object| Blocks::at(object.offset, PROCESSORS as u8)))
 }
 
@@ -107,8 +107,8 @@ pub fn palm<W: MemoryWindow>(region: &Region<W>) -> Result<Option<Published<Palm
 /// [`AccessError`] if the memory cannot be accessed.
 pub fn plant<W: MemoryWindow>(
     region: &Region<W>,
-) -> Result<Option<Blocks<plant::Request, plant::Response>>, AccessError> {
-    let object = objects::find(region, plant::NAME, Kind::Other)?;
+) -> Result<Option<Blocks<plant::PlantRequest, plant::PlantResponse>>, AccessError> {
+    let object = objects::find(region, plant::NAME, ObjectKind::Other)?;
     Ok(object.map(|object| Blocks::at(object.offset, PROCESSORS as u8)))
 }
 
@@ -117,7 +117,7 @@ pub fn plant<W: MemoryWindow>(
 /// # Errors
 /// [`AccessError`] if the memory cannot be accessed.
 pub fn motions<W: MemoryWindow>(region: &Region<W>) -> Result<Option<MotionsBlocks>, AccessError> {
-    let object = objects::find(region, MOTIONS_NAME, Kind::Other)?;
+    let object = objects::find(region, MOTIONS_NAME, ObjectKind::Other)?;
     Ok(object.map(|object| Blocks::at(object.offset, PROCESSORS as u8)))
 }
 
@@ -127,7 +127,7 @@ pub fn motions<W: MemoryWindow>(region: &Region<W>) -> Result<Option<MotionsBloc
 /// [`AccessError`] if the memory cannot be accessed.
 pub fn wanted<W: MemoryWindow>(
     region: &Region<W>,
-) -> Result<Option<Published<Wanted>>, AccessError> {
+) -> Result<Option<Published<DesiredPositions>>, AccessError> {
     published(region, WANTED_NAME)
 }
 
@@ -137,7 +137,7 @@ pub fn wanted<W: MemoryWindow>(
 /// [`AccessError`] if the memory cannot be accessed.
 pub fn followed<W: MemoryWindow>(
     region: &Region<W>,
-) -> Result<Option<Published<Followed>>, AccessError> {
+) -> Result<Option<Published<TrackingReport>>, AccessError> {
     published(region, FOLLOWED_NAME)
 }
 
@@ -145,7 +145,9 @@ pub fn followed<W: MemoryWindow>(
 ///
 /// # Errors
 /// [`AccessError`] if the memory cannot be accessed.
-pub fn truth<W: MemoryWindow>(region: &Region<W>) -> Result<Option<Published<Truth>>, AccessError> {
+pub fn truth<W: MemoryWindow>(
+    region: &Region<W>,
+) -> Result<Option<Published<TrueState>>, AccessError> {
     published(region, plant::TRUTH_NAME)
 }
 
@@ -156,7 +158,7 @@ pub fn truth<W: MemoryWindow>(region: &Region<W>) -> Result<Option<Published<Tru
 /// [`AccessError`] if the memory cannot be accessed.
 pub fn object<W: MemoryWindow>(
     region: &Region<W>,
-) -> Result<Option<Published<plant::Object>>, AccessError> {
+) -> Result<Option<Published<plant::CameraObject>>, AccessError> {
     published(region, plant::OBJECT_NAME)
 }
 
@@ -164,13 +166,16 @@ fn published<W: MemoryWindow, T>(
     region: &Region<W>,
     name: &str,
 ) -> Result<Option<Published<T>>, AccessError> {
-    let object = objects::find(region, name, Kind::Other)?;
+    let object = objects::find(region, name, ObjectKind::Other)?;
     Ok(object.map(|object| Published::at(object.offset)))
 }
 
 /// The places from an object on.
-fn from<W: MemoryWindow>(region: &Region<W>, object: &Object) -> Result<Places, AccessError> {
-    let mut places = Places::new(region.size());
+fn from<W: MemoryWindow>(
+    region: &Region<W>,
+    object: &SharedObject,
+) -> Result<Allocator, AccessError> {
+    let mut places = Allocator::new(region.size());
     places.bytes(object.offset as usize)?;
     Ok(places)
 }

@@ -7,10 +7,10 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use condor_hand::message::motions::{MotionsClient, MotionsError};
-use condor_hand::queue::{Answer, Identity, Reason};
-use condor_host::control::Client;
+use condor_hand::queue::{QueueAnswer, RefusalReason, RequestIdentity};
+use condor_host::control::ControlClient;
 use condor_host::error::AnyError;
-use condor_host::robot::{MotionQueue, Outcome};
+use condor_host::robot::{MotionOutcome, MotionSender};
 use condor_host::system::SystemDirectory;
 use condor_host::view::{Post, View};
 use condor_mbox::Processor;
@@ -35,7 +35,7 @@ pub(crate) struct Queue {
 impl Queue {
     /// Finds the master.
     pub(crate) fn find(directory: &SystemDirectory) -> Result<Self, AnyError> {
-        let status = Client::connect(directory)?.status()?;
+        let status = ControlClient::connect(directory)?.status()?;
         let mut view = View::open(directory, status.window_bytes)?;
         view.join()?;
         for member in &status.processors {
@@ -91,7 +91,7 @@ pub(crate) struct Offers {
 }
 
 struct Request {
-    identity: Identity,
+    identity: RequestIdentity,
     /// Its file, which is removed when the master needs it no more.
     file: Option<PathBuf>,
 }
@@ -110,22 +110,22 @@ impl Offers {
     }
 
     /// Looks what has become of a motion.
-    fn look(&mut self, id: u64) -> Result<Outcome, AnyError> {
+    fn look(&mut self, id: u64) -> Result<MotionOutcome, AnyError> {
         let (Some(request), Some(queue)) = (self.requests.get_mut(&id), &self.queue) else {
             return Err(format!("motion {id} is not known, or no longer").into());
         };
         let seen = queue.client()?.look(request.identity, ANSWER)?;
         let (state, reason, is_final) = match seen.answer {
-            Answer::Known(state, reason) => (state.word(), Some(reason), state.is_final()),
-            Answer::New => ("unknown", None, false),
-            Answer::Never => ("refused", None, true),
-            Answer::Forgotten | Answer::NoSession => ("forgotten", None, true),
+            QueueAnswer::Known(state, reason) => (state.word(), Some(reason), state.is_final()),
+            QueueAnswer::New => ("unknown", None, false),
+            QueueAnswer::Never => ("refused", None, true),
+            QueueAnswer::Forgotten | QueueAnswer::NoSession => ("forgotten", None, true),
         };
         if is_final {
             request.remove();
         }
-        let reason = reason.filter(|it| *it != Reason::None);
-        Ok(Outcome {
+        let reason = reason.filter(|it| *it != RefusalReason::None);
+        Ok(MotionOutcome {
             state: state.into(),
             reason: reason.map(|it| it.to_string()),
             progress: seen.progress,
@@ -159,7 +159,7 @@ pub(crate) fn clear(files: &Path) {
     }
 }
 
-impl MotionQueue for Offers {
+impl MotionSender for Offers {
     fn enqueue(&mut self, text: &str, takes_control: bool) -> Result<u64, AnyError> {
         let image = compile_motion(text, Path::new("motion"), &self.joints)?;
         self.tidy();
@@ -172,13 +172,13 @@ impl MotionQueue for Offers {
         let number = u32::try_from(self.last + 1)?;
         let mut session = self.session;
         if let Some(own) = session {
-            let identity = Identity {
+            let identity = RequestIdentity {
                 session: own,
                 number,
             };
             // Other clients may have taken its place.
             session = match client.look(identity, ANSWER)?.answer {
-                Answer::NoSession => None,
+                QueueAnswer::NoSession => None,
                 _ => Some(own),
             };
         }
@@ -187,7 +187,7 @@ impl MotionQueue for Offers {
             None => client.open(ANSWER)?,
         };
         self.session = Some(session);
-        let identity = Identity { session, number };
+        let identity = RequestIdentity { session, number };
         let name = format!("{PREFIX}{session}-{number}");
         let file = self.files.join(format!("{name}.motion"));
         WholeFile::write(&file, &image).map_err(|error| format!("{}: {error}", file.display()))?;
@@ -210,7 +210,7 @@ impl MotionQueue for Offers {
         Ok(self.last)
     }
 
-    fn outcome(&mut self, id: u64) -> Result<Outcome, AnyError> {
+    fn outcome(&mut self, id: u64) -> Result<MotionOutcome, AnyError> {
         self.look(id)
     }
 }

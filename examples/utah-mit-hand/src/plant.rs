@@ -24,11 +24,11 @@
 //! |---|---|
 //! | `console` | its terminal: boards that rest and go on |
 //! | `robot` | its loop: counts and variables |
-//! | `truth` | a published [`Truth`] |
-//! | `object` | a published [`Object`]: what the camera measures |
-//! | `plant` | the blocks of [`PLANT`]: a [`Blocks`] of [`Request`] and [`Response`] |
+//! | `truth` | a published [`TrueState`] |
+//! | `object` | a published [`CameraObject`]: what the camera measures |
+//! | `plant` | the blocks of [`PLANT`]: a [`Blocks`] of [`Request`] and [`PlantResponse`] |
 
-use condor_vars::{Described, Field, Kind};
+use condor_vars::{CellField, CellStruct, ValueKind};
 use core::cell::RefCell;
 use core::mem::offset_of;
 
@@ -36,7 +36,7 @@ use condor_hand::grasp::Wrench;
 use condor_mbox::Vector;
 use condor_mbox::exchange::Blocks;
 use condor_rt::objects;
-use condor_rt::{Error, Machine, PROCESSORS, Program, Setup};
+use condor_rt::{Machine, PROCESSORS, Program, ProgramError, Setup};
 use condor_vars::{Var, Vars};
 use critical_section::Mutex;
 use nalgebra::Vector3;
@@ -54,9 +54,11 @@ mod watchdog;
 
 use arguments::Arguments;
 use camera::Camera;
-pub use camera::Object;
+pub use camera::CameraObject;
 use registers::Registers;
-pub use requests::{Range, Refusal, Request, Response, Verb, Which};
+pub use requests::{
+    NumberRange, PlantOperation, PlantRefusal, PlantRequest, PlantResponse, PlantTarget,
+};
 pub use robot::MACHINE;
 use robot::{Robot, WORKSPACE_M};
 
@@ -64,15 +66,15 @@ use robot::{Robot, WORKSPACE_M};
 pub const PLANT: Vector = Vector(4);
 /// The name of the robot's blocks in its processor's object table.
 pub const NAME: &str = "plant";
-/// The name of the published [`Truth`].
+/// The name of the published [`TrueState`].
 pub const TRUTH_NAME: &str = "truth";
-/// The name of the published [`Object`].
+/// The name of the published [`CameraObject`].
 pub const OBJECT_NAME: &str = "object";
 
 /// How the robot really is, published in every tick. Vectors are in the axes of the palm.
 #[derive(Clone, Copy, Debug, PartialEq, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
-pub struct Truth {
+pub struct TrueState {
     /// Since the robot began, s.
     pub time_s: f64,
     /// Of the joints of each finger, rad.
@@ -99,50 +101,85 @@ pub struct Truth {
     pub failed: u64,
 }
 
-impl Described for Truth {
-    const FIELDS: &'static [Field] = &[
-        Field::new("time_s", "s", Kind::F64, offset_of!(Truth, time_s))
+impl CellStruct for TrueState {
+    const FIELDS: &'static [CellField] = &[
+        CellField::new("time_s", "s", ValueKind::F64, offset_of!(TrueState, time_s))
             .about("Since the robot began."),
-        Field::new("position", "rad", Kind::F64, offset_of!(Truth, position))
-            .repeated(FINGERS * JOINTS)
-            .about("Joints in the order of the fingers."),
-        Field::new("velocity", "rad/s", Kind::F64, offset_of!(Truth, velocity))
-            .repeated(FINGERS * JOINTS),
-        Field::new("tension", "N", Kind::F64, offset_of!(Truth, tension))
-            .repeated(2 * FINGERS * JOINTS)
-            .about("Of flexor and extensor."),
-        Field::new("table", "m", Kind::F64, offset_of!(Truth, table)).repeated(3),
-        Field::new("ball", "m", Kind::F64, offset_of!(Truth, ball))
+        CellField::new(
+            "position",
+            "rad",
+            ValueKind::F64,
+            offset_of!(TrueState, position),
+        )
+        .repeated(FINGERS * JOINTS)
+        .about("Joints in the order of the fingers."),
+        CellField::new(
+            "velocity",
+            "rad/s",
+            ValueKind::F64,
+            offset_of!(TrueState, velocity),
+        )
+        .repeated(FINGERS * JOINTS),
+        CellField::new(
+            "tension",
+            "N",
+            ValueKind::F64,
+            offset_of!(TrueState, tension),
+        )
+        .repeated(2 * FINGERS * JOINTS)
+        .about("Of flexor and extensor."),
+        CellField::new("table", "m", ValueKind::F64, offset_of!(TrueState, table)).repeated(3),
+        CellField::new("ball", "m", ValueKind::F64, offset_of!(TrueState, ball))
             .repeated(3)
             .about("Its centre; NaN without one."),
-        Field::new("orientation", "", Kind::F64, offset_of!(Truth, orientation))
-            .repeated(4)
-            .about("Of the ball: a unit quaternion, the real part first."),
-        Field::new("touching", "", Kind::U64, offset_of!(Truth, touching))
-            .about("A bit for each finger that touches the ball."),
-        Field::new("sliding", "", Kind::U64, offset_of!(Truth, sliding))
-            .about("A bit for each finger that slides on it."),
-        Field::new("resting", "", Kind::U64, offset_of!(Truth, resting))
-            .about("A bit for each D/A board that rests."),
-        Field::new("hash", "", Kind::U64, offset_of!(Truth, hash))
+        CellField::new(
+            "orientation",
+            "",
+            ValueKind::F64,
+            offset_of!(TrueState, orientation),
+        )
+        .repeated(4)
+        .about("Of the ball: a unit quaternion, the real part first."),
+        CellField::new(
+            "touching",
+            "",
+            ValueKind::U64,
+            offset_of!(TrueState, touching),
+        )
+        .about("A bit for each finger that touches the ball."),
+        CellField::new(
+            "sliding",
+            "",
+            ValueKind::U64,
+            offset_of!(TrueState, sliding),
+        )
+        .about("A bit for each finger that slides on it."),
+        CellField::new(
+            "resting",
+            "",
+            ValueKind::U64,
+            offset_of!(TrueState, resting),
+        )
+        .about("A bit for each D/A board that rests."),
+        CellField::new("hash", "", ValueKind::U64, offset_of!(TrueState, hash))
             .about("Of the positions of all joints in all ticks so far."),
-        Field::new("failed", "", Kind::U64, offset_of!(Truth, failed))
+        CellField::new("failed", "", ValueKind::U64, offset_of!(TrueState, failed))
             .about("Ticks in which the robot or its bus failed since it was mended."),
     ];
 }
 
 /// The robot, between handlers and the loop.
-type Shared = Mutex<RefCell<Robot>>;
+type SharedRobot = Mutex<RefCell<Robot>>;
 
 /// The program.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Plant;
 
 impl Program for Plant {
-    fn run<M: Machine>(&self, machine: &M) -> Result<(), Error> {
+    fn run<M: Machine>(&self, machine: &M) -> Result<(), ProgramError> {
         let arguments = Arguments::of(machine)?;
         let registers = Registers::new(machine.bus());
-        // Boards of a former life answer no more.
+        // Boards of a former incarnation answer no more.
         registers.unplug()?;
         let mut place = None;
         let (hand, robot) = start::configured(machine, &mut place, |_, hand| {
@@ -151,7 +188,7 @@ impl Program for Plant {
             registers.plug()?;
             Ok((hand, robot))
         })?;
-        let shared: Shared = Mutex::new(RefCell::new(robot));
+        let shared: SharedRobot = Mutex::new(RefCell::new(robot));
         let ball = Vars::<f64, 3>::named(&["ball.x", "ball.y", "ball.z"], "m");
         let ball = ball.about("Its centre, in the axes of the palm; NaN without one.");
         let touching = Var::<u64>::new("ball.touching", "").about("A bit for each finger.");
@@ -161,8 +198,8 @@ impl Program for Plant {
         let mut truth = setup.publish_fields(TRUTH_NAME)?;
         let mut seen = setup.publish_fields(OBJECT_NAME)?;
         let mut camera = Camera::new(&arguments);
-        let blocks = setup.place(NAME, objects::Kind::Other, |places| {
-            Blocks::<Request, Response>::new(places, PROCESSORS as u8)
+        let blocks = setup.place(NAME, objects::ObjectKind::Other, |places| {
+            Blocks::<PlantRequest, PlantResponse>::new(places, PROCESSORS as u8)
         })?;
         let own = setup.own().clone();
         setup
@@ -230,48 +267,48 @@ impl Program for Plant {
 }
 
 /// Does something with the robot; `None` if that is in progress already.
-fn with<R>(shared: &Shared, work: impl FnOnce(&mut Robot) -> R) -> Option<R> {
+fn with<R>(shared: &SharedRobot, work: impl FnOnce(&mut Robot) -> R) -> Option<R> {
     critical_section::with(|section| {
         let mut robot = shared.borrow(section).try_borrow_mut().ok()?;
         Some(work(&mut robot))
     })
 }
 
-fn respond(shared: &Shared, request: &Request) -> Response {
+fn respond(shared: &SharedRobot, request: &PlantRequest) -> PlantResponse {
     let done = with(shared, |robot| (obey(robot, request), robot.resting()));
-    let (outcome, resting) = done.unwrap_or((Err(Refusal::Busy), 0));
-    Response {
+    let (outcome, resting) = done.unwrap_or((Err(PlantRefusal::Busy), 0));
+    PlantResponse {
         refusal: outcome.err().map_or(0, |refusal| refusal as u32),
         resting: resting as u32,
     }
 }
 
 /// Does what is asked for.
-fn obey(robot: &mut Robot, request: &Request) -> Result<(), Refusal> {
+fn obey(robot: &mut Robot, request: &PlantRequest) -> Result<(), PlantRefusal> {
     let [first @ .., radius, mass, _] = request.numbers;
     let [.., mx, my, mz] = request.numbers;
     let first = Vector3::from(first);
     let (finger, joint) = (request.finger as usize, request.joint as usize);
-    let which = Which::from_number(request.which).ok_or(Refusal::NoSuchPart);
+    let which = PlantTarget::from_number(request.which).ok_or(PlantRefusal::NoSuchPart);
     let wrench = Wrench {
         force: first,
         moment: Vector3::new(mx, my, mz),
     };
-    match Verb::from_number(request.verb).ok_or(Refusal::Verb)? {
-        Verb::Status => Ok(()),
-        Verb::Push => robot.push_ball(wrench),
-        Verb::PlaceBall => robot.place_ball(first, radius, mass),
-        Verb::LetGo => robot.let_go(first.x),
-        Verb::RemoveBall => {
+    match PlantOperation::from_number(request.operation).ok_or(PlantRefusal::Operation)? {
+        PlantOperation::Status => Ok(()),
+        PlantOperation::Push => robot.push_ball(wrench),
+        PlantOperation::PlaceBall => robot.place_ball(first, radius, mass),
+        PlantOperation::LetGo => robot.let_go(first.x),
+        PlantOperation::RemoveBall => {
             robot.remove_ball();
             Ok(())
         }
-        Verb::StickSensor => robot.stick(finger, joint, which?),
-        Verb::CutTendon => robot.cut(finger, joint, which?),
-        Verb::Mend => {
+        PlantOperation::StickSensor => robot.stick(finger, joint, which?),
+        PlantOperation::CutTendon => robot.cut(finger, joint, which?),
+        PlantOperation::Mend => {
             robot.mend();
             Ok(())
         }
-        Verb::PushTip => robot.push_tip(finger, wrench),
+        PlantOperation::PushTip => robot.push_tip(finger, wrench),
     }
 }

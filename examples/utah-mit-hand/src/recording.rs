@@ -2,7 +2,7 @@
 //!
 //! A [servo](crate::servo) with the argument `record=FILE` makes one, and [`replay`](crate::replay)
 //! computes the same outputs from it again, on any target. A recording begins with the first tick
-//! of a program's life, so that the state of the controllers before it is known.
+//! of a program's incarnation, so that the state of the controllers before it is known.
 //!
 //! # The file
 //!
@@ -18,20 +18,20 @@
 //! | 2 | `/servo/palm` | its acceleration from this tick on; 0 before the first |
 //! | 3 | `/servo/order` | the number of a grasp's order, a [`GraspOrder`](condor_hand::grasp::distributed::GraspOrder) in words |
 //! | 4 | `/servo/others` | the [`Joints`](crate::grasp::Joints) of the fingers on other servo processors in the tick before, as far as the law of a grasp heard them |
-//! | 5 | `/servo/asked` | the finger; an [`Asked`](condor_hand::message::Asked) in words |
+//! | 5 | `/servo/asked` | the finger; an [`MotionArguments`](condor_hand::message::MotionArguments) in words |
 //! | 6 | `/servo/done` | the counts of 32 outputs: of each finger and joint flexor, extensor; the hash |
 //! | 7 | `/servo/end` | how many ticks there were |
 //!
 //! The values of a finger on another processor are 0. A tick consists of one message of channel 1,
 //! messages of channels 2 to 5 as needed, and one message of channel 6. The hash is the FNV-1a of 64
-//! bits over the [outputs](Output) of all ticks so far. A file without a message of channel 7 was
+//! bits over the [outputs](ServoOutputs) of all ticks so far. A file without a message of channel 7 was
 //! broken off; other programs can read it all the same.
 
 use core::fmt;
 
-use condor_fs::Error as FileError;
+use condor_fs::FileError;
 use condor_hand::grasp::distributed::GraspInputs;
-use condor_mcap::ReadError;
+use condor_mcap::McapError;
 use thiserror::Error;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
@@ -82,7 +82,7 @@ impl Inputs {
 
 /// What the controllers are given in a tick besides what is measured and what messages ask for.
 #[derive(Clone, Debug)]
-pub(crate) struct Given {
+pub(crate) struct TickInputs {
     /// The time since the last tick, s; for the first one, a period.
     pub(crate) period_s: f64,
     /// That of the palm, in its own axes, m/s².
@@ -92,11 +92,11 @@ pub(crate) struct Given {
 
 /// The outputs of a servo processor in a tick: for each finger and joint, flexor and extensor.
 ///
-/// The outputs of a finger on another processor are 0. A replay writes one `Output` per tick, 320
+/// The outputs of a finger on another processor are 0. A replay writes one `ServoOutputs` per tick, 320
 /// bytes, little-endian.
 #[derive(Clone, Copy, Debug, Default, PartialEq, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
-pub struct Output {
+pub struct ServoOutputs {
     /// The counts of the digital-to-analog converters.
     pub counts: [u16; OUTPUTS],
     /// The tensions that the actuators are to have, N.
@@ -106,7 +106,7 @@ pub struct Output {
 /// What ends a tick.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
-pub(crate) struct Done {
+pub(crate) struct TickEnd {
     pub(crate) counts: [u16; OUTPUTS],
     pub(crate) hash: u64,
 }
@@ -114,7 +114,7 @@ pub(crate) struct Done {
 /// The reason for which a recording cannot be made or replayed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 #[non_exhaustive]
-pub enum RecordingError {
+pub enum ServoRecordingError {
     /// The file service.
     #[error(transparent)]
     File(#[from] FileError),
@@ -127,12 +127,12 @@ pub enum RecordingError {
         /// The whole ticks before it.
         ticks: u32,
         /// The reason.
-        error: ReadError<FileError>,
+        error: McapError<FileError>,
     },
     /// Another file, or another version of the format.
     #[error(
         "it is no recording of this version: its {name} is {}, not {wanted}",
-        Found(found)
+        FoundVersion(found)
     )]
     Head {
         /// The name of the number in its metadata.
@@ -187,9 +187,9 @@ pub enum RecordingError {
     },
 }
 
-struct Found<'a>(&'a Option<u32>);
+struct FoundVersion<'a>(&'a Option<u32>);
 
-impl fmt::Display for Found<'_> {
+impl fmt::Display for FoundVersion<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.0 {
             Some(found) => found.fmt(f),

@@ -16,19 +16,21 @@
 use core::fmt::Write as _;
 
 use condor_fs::{Errno, FileSystem, FileWriter, OpenOptions};
-use condor_hand::controller::{FingerController, Tick};
+use condor_hand::controller::{FingerController, FingerTick};
 use condor_hand::grasp::distributed::FingerControllers;
 use condor_hand::kinematics::PlanarFinger;
-use condor_hand::servo::Sensed;
+use condor_hand::servo::FingerReadings;
 use condor_mbox::{MemoryWindow, Messenger};
-use condor_rt::{Background, Error, FILES, FilesOf, Machine, MailboxOf, Program, Setup, Text};
+use condor_rt::{
+    Background, FILES, FilesOf, Machine, MailboxOf, Program, ProgramError, Setup, ShortText,
+};
 use embedded_io::Write;
 use nalgebra::Vector3;
 use zerocopy::IntoBytes;
 
 use crate::arguments::Replay as Arguments;
 use crate::failure::Failure;
-use crate::recording::{Difference, Fnv, Output, RecordingError, Row, Rows};
+use crate::recording::{Difference, Fnv, Row, Rows, ServoOutputs, ServoRecordingError};
 use crate::servo::{Control, Controllers, Servos, controllers, rate_hz, served};
 use crate::{JOINTS, UtahMit, start};
 
@@ -42,7 +44,7 @@ const HALF_BYTES: usize = 256;
 pub struct Replay;
 
 impl Program for Replay {
-    fn run<M: Machine>(&self, machine: &M) -> Result<(), Error> {
+    fn run<M: Machine>(&self, machine: &M) -> Result<(), ProgramError> {
         Setup::new(machine)?
             .console()?
             .files()?
@@ -66,10 +68,10 @@ struct Replaying<'r, M: Machine> {
 }
 
 impl<'r, M: Machine> Replaying<'r, M> {
-    fn run(&self, files: &FilesOf<'r, M>) -> Result<(), Error> {
+    fn run(&self, files: &FilesOf<'r, M>) -> Result<(), ProgramError> {
         let Arguments { from, to } = self.arguments;
-        let reading = |error: RecordingError| Failure::Recording {
-            name: Text::of(&from),
+        let reading = |error: ServoRecordingError| Failure::Recording {
+            name: ShortText::of(&from),
             error,
         };
         let recording = files.open(from, OpenOptions::new().read());
@@ -78,14 +80,14 @@ impl<'r, M: Machine> Replaying<'r, M> {
         let number = u8::try_from(head.processor).unwrap_or(u8::MAX);
         let configured_hz = rate_hz(self.hand, number);
         if head.rate_hz != configured_hz {
-            return Err(Error::from(reading(RecordingError::Rate {
+            return Err(ProgramError::from(reading(ServoRecordingError::Rate {
                 recorded_hz: head.rate_hz,
                 processor: number,
                 configured_hz,
             })));
         }
         let mut control = Control::new(self.hand, served(self.hand, number))?;
-        let mut servos = Repeated {
+        let mut servos = ReplayedControllers {
             controllers: controllers(self.hand, number)?,
             row: None,
         };
@@ -101,7 +103,7 @@ impl<'r, M: Machine> Replaying<'r, M> {
             hash.add(output.as_bytes());
             if (output.counts, hash.value()) != (done.counts, done.hash) {
                 // From here on the hashes say nothing new.
-                difference.get_or_insert(RecordingError::Differs {
+                difference.get_or_insert(ServoRecordingError::Differs {
                     tick: rows.ticks() - 1,
                     difference: Difference::of(&done.counts, &output.counts),
                 });
@@ -120,7 +122,7 @@ impl<'r, M: Machine> Replaying<'r, M> {
     fn sink<'f>(
         files: &'f FilesOf<'r, M>,
         to: Option<&'r str>,
-    ) -> Result<Sink<'f, 'r, MailboxOf<'r, M>, M::Window>, Error> {
+    ) -> Result<Sink<'f, 'r, MailboxOf<'r, M>, M::Window>, ProgramError> {
         let mut sink = Sink {
             files,
             name: to.unwrap_or_default(),
@@ -169,22 +171,22 @@ impl<S: Messenger + ?Sized, W: MemoryWindow + Clone> Sink<'_, '_, S, W> {
         named.map_err(|error| self.failed(error))
     }
 
-    fn failed(&self, error: condor_fs::Error) -> Failure {
+    fn failed(&self, error: condor_fs::FileError) -> Failure {
         Failure::Recording {
-            name: Text::of(&self.name),
+            name: ShortText::of(&self.name),
             error: error.into(),
         }
     }
 }
 
 /// The controllers, which are asked for what was asked for in the recorded run.
-struct Repeated {
+struct ReplayedControllers {
     controllers: Controllers,
     row: Option<Row>,
 }
 
-impl Repeated {
-    fn step(&mut self, control: &mut Control<'_>, row: Row) -> Output {
+impl ReplayedControllers {
+    fn step(&mut self, control: &mut Control<'_>, row: Row) -> ServoOutputs {
         let given = row.given.clone();
         let measured = control.measure(given.period_s, self, |number, _| row.inputs.get(number));
         self.row = Some(row);
@@ -193,20 +195,20 @@ impl Repeated {
     }
 }
 
-impl FingerControllers<PlanarFinger, JOINTS> for Repeated {
+impl FingerControllers<PlanarFinger, JOINTS> for ReplayedControllers {
     fn of_finger(&mut self, finger: usize) -> Option<&mut FingerController<PlanarFinger, JOINTS>> {
         self.controllers.of_finger(finger)
     }
 }
 
-impl Servos for Repeated {
+impl Servos for ReplayedControllers {
     fn tick(
         &mut self,
         finger: usize,
-        sensed: &Sensed<f64, JOINTS>,
+        sensed: &FingerReadings<f64, JOINTS>,
         gravity: &Vector3<f64>,
         period_s: f64,
-    ) -> Option<Tick<JOINTS>> {
+    ) -> Option<FingerTick<JOINTS>> {
         let controller = self.controllers.of_finger(finger)?;
         let asked = self.row.iter().flat_map(|row| &row.asked);
         for (_, asked) in asked.filter(|(of, _)| *of == finger) {

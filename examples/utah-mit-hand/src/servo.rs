@@ -20,12 +20,12 @@
 //! | object | is |
 //! |---|---|
 //! | `console` | its terminal: faults, and what becomes of grasps |
-//! | `servos` | [`ServoPlaces`]: set-points and requests, vector [`SERVO`] |
+//! | `servos` | [`ServoLayout`]: set-points and requests, vector [`SERVO`] |
 //! | `servo` | the variables of its loop, joints and tendons, and its parameters, their gains |
 //! | `joints` | a published [`Joints`](crate::grasp::Joints) |
 //! | `tracking-2` | a published [`Tracking`] |
 //! | `felt`, `stops` | a published [`Felt`](crate::guards::Felt) and [`Stops`](crate::guards::Stops) |
-//! | `grasp` | [`GraspPlaces`] |
+//! | `grasp` | [`HandGraspLayout`] |
 //! | `recording` | the ring of a recording |
 //!
 //! When it ends it leaves its board of outputs open: the watchdog of that takes the tensions to the
@@ -37,20 +37,21 @@ use core::time::Duration;
 use condor_fs::OpenOptions;
 use condor_hand::config::{Finger, ProcessorKind};
 use condor_hand::controller::FingerController;
-use condor_hand::message::{Identity, SERVO, ServoObject, ServoPlaces};
-use condor_mbox::{AccessError, MemoryWindow, Places, Processor, Region};
+use condor_hand::message::{HandIdentity, SERVO, ServoLayout, ServoObject};
+use condor_mbox::{AccessError, Allocator, MemoryWindow, Processor, Region};
 use condor_mos::Latest;
-use condor_rt::objects::Kind;
+use condor_rt::objects::ObjectKind;
 use condor_rt::{
-    Background, Error, FILES, FilesOf, Machine, MailboxOf, PROCESSORS, Program, Setup, Text, users,
+    Background, FILES, FilesOf, Machine, MailboxOf, PROCESSORS, Program, ProgramError, Setup,
+    ShortText, users,
 };
 
 use crate::arguments::Record;
 use crate::boards::{self, Wires};
 use crate::failure::Failure;
-use crate::grasp::{GraspPlaces, Heard, JOINTS_NAME, NAME, Partner};
+use crate::grasp::{HandGraspLayout, JOINTS_NAME, NAME, Partner, PartnerState};
 use crate::guards::{FELT_NAME, STOPS_NAME};
-use crate::recording::{Head, Recorder, RecordingError, Ring, Tape, TapeState};
+use crate::recording::{Head, Recorder, Ring, ServoRecordingError, Tape, TapeState};
 use crate::wanted::WANTED_NAME;
 use crate::{FINGERS, JOINTS, UtahMit, start, table};
 
@@ -66,7 +67,7 @@ pub(crate) use control::{Control, Controllers, Servos};
 use feeling::Feeling;
 use fingers::Fingers;
 use gains::Gains;
-use news::News;
+use news::LoopNews;
 use tracking::Tracker;
 pub use tracking::{Figures, Tracking, Worst};
 use variables::Variables;
@@ -82,7 +83,7 @@ pub const LOOP: &str = "servo";
 pub struct Servo;
 
 impl Program for Servo {
-    fn run<M: Machine>(&self, machine: &M) -> Result<(), Error> {
+    fn run<M: Machine>(&self, machine: &M) -> Result<(), ProgramError> {
         let number = machine.number().0;
         let record = Record::of(machine)?;
         let (mut place, mut panel) = (None, None);
@@ -101,7 +102,7 @@ fn serve<M: Machine>(
     hand: &UtahMit,
     wires: Wires<'_, M::Bus>,
     record: Option<Record<'_>>,
-) -> Result<(), Error> {
+) -> Result<(), ProgramError> {
     let number = machine.number().0;
     let controllers = controllers(hand, number)?;
     let control = Control::new(hand, served(hand, number))?;
@@ -112,8 +113,8 @@ fn serve<M: Machine>(
     let mut setup = Setup::new(machine)?;
     setup.console()?;
     let own = setup.own().clone();
-    let places = setup.place("servos", Kind::Other, |places| {
-        ServoPlaces::new(places, PROCESSORS as u8)
+    let places = setup.place("servos", ObjectKind::Other, |places| {
+        ServoLayout::new(places, PROCESSORS as u8)
     })?;
     let gains = Gains::new(&entries, |place, joint| {
         let mut served = controllers.iter().flatten();
@@ -124,14 +125,14 @@ fn serve<M: Machine>(
     for (name, finger) in names.iter_mut().zip(&hand.fingers) {
         *name = finger.name.as_str();
     }
-    let identity = Identity::new(&hand.name, names, rate_hz);
+    let identity = HandIdentity::new(&hand.name, names, rate_hz);
     let (asked, servos) =
         servo_object.split(identity, &own, places, machine.exclusion(), controllers)?;
     let variables = Variables::new(entries.clone());
 
     let partners = Partners::new(machine, hand, number)?;
-    let grasp = setup.place(NAME, Kind::Other, GraspPlaces::new)?;
-    let mut told = Latest::new(News::NOTHING);
+    let grasp = setup.place(NAME, ObjectKind::Other, HandGraspLayout::new)?;
+    let mut told = Latest::new(LoopNews::NOTHING);
     let (writer, mut reader) = told.split_mut();
     let clock = machine.doorbell();
     let ring = Ring::default();
@@ -153,11 +154,11 @@ fn serve<M: Machine>(
         wires,
         grasp: grasp.servo_end(own.clone())?,
         partners: &partners.servos,
-        heard: [Heard::NOTHING; FINGERS],
+        heard: [PartnerState::NOTHING; FINGERS],
         palm: &partners.palm,
-        accelerated: Heard::NOTHING,
+        accelerated: PartnerState::NOTHING,
         wanted: &partners.wanted,
-        motion: Heard::NOTHING,
+        motion: PartnerState::NOTHING,
         joints: setup.publish_fields(JOINTS_NAME)?,
         tracker: Tracker::new(&hand.fingers, rate_hz),
         tracked: setup.publish_fields(TRACKING_NAME)?,
@@ -170,7 +171,7 @@ fn serve<M: Machine>(
         period_s,
         recorder,
         writer,
-        news: News::NOTHING,
+        news: LoopNews::NOTHING,
     };
     setup
         .on(SERVO, "servos", &|call| asked.answer(call))
@@ -184,7 +185,7 @@ fn serve<M: Machine>(
             let say = |line: Arguments<'_>| background.print(format_args!("{line}\n"));
             let names = Names(hand, served(hand, number));
             say(format_args!("serves {names} at {rate_hz} Hz"));
-            let mut heard = News::NOTHING;
+            let mut heard = LoopNews::NOTHING;
             attend(background, recording.as_ref(), || {
                 partners.look()?;
                 let news = *reader.read();
@@ -199,8 +200,8 @@ fn serve<M: Machine>(
 fn attend<M: Machine>(
     background: &Background<'_, M>,
     recording: Option<&Recording<'_, M::Window>>,
-    mut look: impl FnMut() -> Result<(), Error>,
-) -> Result<(), Error> {
+    mut look: impl FnMut() -> Result<(), ProgramError>,
+) -> Result<(), ProgramError> {
     let files = recording.map(|_| background.files()).transpose()?;
     let begun = recording.zip(files.as_ref());
     let begun = begun.map(|(recording, files)| recording.begin::<M>(files));
@@ -233,8 +234,12 @@ struct Partners<W> {
 
 impl<W: MemoryWindow + Clone> Partners<W> {
     /// Of a processor; itself stands for one that is not there.
-    fn new<M: Machine<Window = W>>(machine: &M, hand: &UtahMit, number: u8) -> Result<Self, Error> {
-        let one = |number, name| Ok::<_, Error>(Partner::new(users(machine, number)?, name));
+    fn new<M: Machine<Window = W>>(
+        machine: &M,
+        hand: &UtahMit,
+        number: u8,
+    ) -> Result<Self, ProgramError> {
+        let one = |number, name| Ok::<_, ProgramError>(Partner::new(users(machine, number)?, name));
         let of_kind = |kind| Processor(number_of(hand, kind).unwrap_or(number));
         let mut servos = heapless::Vec::new();
         for other in others(hand, number) {
@@ -278,11 +283,11 @@ fn number_of(hand: &UtahMit, kind: ProcessorKind) -> Option<u8> {
 }
 
 /// The fingers that a processor serves, in their order.
-type Served<'h> = heapless::Vec<&'h Finger<JOINTS>, FINGERS>;
+type ServedFingers<'h> = heapless::Vec<&'h Finger<JOINTS>, FINGERS>;
 
 /// The fingers of a processor.
-fn fingers_on(hand: &UtahMit, number: u8) -> Served<'_> {
-    let mut served = Served::new();
+fn fingers_on(hand: &UtahMit, number: u8) -> ServedFingers<'_> {
+    let mut served = ServedFingers::new();
     for (_, finger) in hand.fingers_on(number) {
         // As many as the hand has, at most.
         let _ = served.push(finger);
@@ -365,10 +370,12 @@ impl<'r, W: MemoryWindow + Clone> Recording<'r, W> {
         head: Head,
         own: &'r Region<W>,
         ring: &'r Ring,
-    ) -> Result<Self, Error> {
+    ) -> Result<Self, ProgramError> {
         let bytes = Ring::BYTES as usize;
-        let place = |places: &mut Places| places.bytes(bytes);
-        let offset = setup.files()?.place("recording", Kind::Other, place)?;
+        let place = |places: &mut Allocator| places.bytes(bytes);
+        let offset = setup
+            .files()?
+            .place("recording", ObjectKind::Other, place)?;
         Ok(Self {
             file,
             head,
@@ -404,9 +411,9 @@ impl<'r, W: MemoryWindow + Clone> Recording<'r, W> {
         .map_err(|error| self.failed(error))
     }
 
-    fn failed(&self, error: RecordingError) -> Failure {
+    fn failed(&self, error: ServoRecordingError) -> Failure {
         Failure::Recording {
-            name: Text::of(&self.file),
+            name: ShortText::of(&self.file),
             error,
         }
     }

@@ -3,12 +3,12 @@
 use core::time::Duration;
 
 use condor_fs::OpenOptions;
-use condor_hand::config::{Channel, Finger, ImageError, Wire};
+use condor_hand::config::{Channel, Finger, HandImageError, Wire};
 use condor_hand::kinematics::PlanarFinger;
 use condor_mbox::Clock;
 use condor_mos::Rate;
-use condor_rt::{Background, Error, Machine, Setup, Text};
-use condor_tty::Settings;
+use condor_rt::{Background, Machine, ProgramError, Setup, ShortText};
+use condor_tty::TerminalSettings;
 
 use crate::boards::{Panel, Wires};
 use crate::failure::Failure;
@@ -22,37 +22,39 @@ const BOARDS_TIMEOUT: Duration = Duration::from_secs(10);
 /// How long the background serves before it looks around.
 const NAP: Duration = Duration::from_millis(20);
 
-/// The first life of a program: reads the configuration, and makes what follows from it alone.
+/// The first incarnation of a program: reads the configuration, and makes what follows from it alone.
 pub(crate) fn configured<'h, M: Machine, R>(
     machine: &M,
     place: &'h mut Option<UtahMit>,
-    make: impl FnOnce(&Background<'_, M>, &'h UtahMit) -> Result<R, Error>,
-) -> Result<R, Error> {
+    make: impl FnOnce(&Background<'_, M>, &'h UtahMit) -> Result<R, ProgramError>,
+) -> Result<R, ProgramError> {
     // What is returned through all that a background runs in is on the stack many times.
     let mut result = None;
     Setup::new(machine)?
-        // What is typed is for the next life.
-        .console_with(&Settings::OUTPUT)?
+        // What is typed is for the next incarnation.
+        .console_with(&TerminalSettings::OUTPUT)?
         .files()?
         .background(|background| {
             let hand = place.insert(configuration(background)?);
             result = Some(make(background, hand)?);
             Ok(())
         })?;
-    result.ok_or(Error::Missing {
+    result.ok_or(ProgramError::Missing {
         what: "configuration",
     })
 }
 
 /// The configuration, from the file service, as far as the boards of the rack can serve it.
-pub(crate) fn configuration<M: Machine>(background: &Background<'_, M>) -> Result<UtahMit, Error> {
+pub(crate) fn configuration<M: Machine>(
+    background: &Background<'_, M>,
+) -> Result<UtahMit, ProgramError> {
     let failed = |error| Failure::File { name: IMAGE, error };
     let files = background.files()?;
     let mut image = [0; IMAGE_BYTES];
     let len = file::read(&files, IMAGE, OpenOptions::new().read(), &mut image).map_err(failed)?;
-    let broken = |error: ImageError| Failure::Image {
+    let broken = |error: HandImageError| Failure::Image {
         name: IMAGE,
-        error: Text::of(&error),
+        error: ShortText::of(&error),
     };
     let hand = UtahMit::from_image(image.get(..len).unwrap_or(&[])).map_err(broken)?;
     boards::check(&hand).map_err(Failure::from)?;
@@ -81,7 +83,7 @@ pub(crate) fn wires<'s, M: Machine>(
     background: &Background<'_, M>,
     panel: &'s Panel<M::Bus>,
     hand: &UtahMit,
-) -> Result<Wires<'s, M::Bus>, Error> {
+) -> Result<Wires<'s, M::Bus>, ProgramError> {
     let (number, clock) = (
         background.machine().number().0,
         background.machine().doorbell(),
@@ -122,8 +124,8 @@ pub(crate) fn rate(hz: u32) -> Rate {
 /// The background: serves messages and calls `look`, in turn, until the program is to end.
 pub(crate) fn attend<M: Machine>(
     background: &Background<'_, M>,
-    mut look: impl FnMut() -> Result<(), Error>,
-) -> Result<(), Error> {
+    mut look: impl FnMut() -> Result<(), ProgramError>,
+) -> Result<(), ProgramError> {
     while !background.is_stopping() {
         background.serve(NAP)?;
         look()?;

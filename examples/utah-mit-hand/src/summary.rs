@@ -4,7 +4,7 @@
 use std::error::Error;
 
 use condor_hand::config::{Finger, Hand};
-use condor_host::description::Description;
+use condor_host::description::SystemDescription;
 use condor_host::system::SystemDirectory;
 use condor_host::view::View;
 use condor_mbox::linux::LinuxWindow;
@@ -66,7 +66,7 @@ fn print_joints(
 /// # Errors
 /// What cannot be read.
 pub(crate) fn of(
-    description: &Description,
+    description: &SystemDescription,
     directory: &SystemDirectory,
 ) -> Result<(), Box<dyn Error>> {
     let file = description
@@ -84,7 +84,7 @@ pub(crate) fn of(
 fn print_motions(
     view: &View,
     hand: &Hand<FINGERS, JOINTS>,
-    description: &Description,
+    description: &SystemDescription,
 ) -> Result<(), Box<dyn Error>> {
     for processor in &description.processors {
         let region = view.region(Processor(processor.number))?;
@@ -125,7 +125,7 @@ fn print_motions(
 }
 
 /// Prints by what the joints of a simulated robot can be compared with those of another run.
-fn print_hash(view: &View, description: &Description) -> Result<(), Box<dyn Error>> {
+fn print_hash(view: &View, description: &SystemDescription) -> Result<(), Box<dyn Error>> {
     for processor in &description.processors {
         let region = view.region(Processor(processor.number))?;
         if let Some(cell) = objects::truth(&region)?

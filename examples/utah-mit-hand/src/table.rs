@@ -8,11 +8,11 @@
 //! | `console` | its terminal |
 //! | `axes` | its loop: counts and variables |
 //! | `palm` | a published [`Palm`] |
-//! | `table` | the blocks of [`TABLE`]: a [`Blocks`] of [`Request`] and [`Response`] |
+//! | `table` | the blocks of [`TABLE`]: a [`Blocks`] of [`TableRequest`] and [`TableResponse`] |
 //!
 //! A table takes motions after it has been home.
 
-use condor_vars::{Described, Field, Kind};
+use condor_vars::{CellField, CellStruct, ValueKind};
 use core::cell::RefCell;
 use core::mem::offset_of;
 
@@ -24,14 +24,14 @@ use condor_mbox::exchange::Blocks;
 use condor_mbox::published::Publisher;
 use condor_mbox::{Clock, Instant, Region, Vector};
 use condor_rt::objects;
-use condor_rt::{Error, Machine, PROCESSORS, Program, Setup};
+use condor_rt::{Machine, PROCESSORS, Program, ProgramError, Setup};
 use condor_vars::Vars;
 use critical_section::Mutex;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 use crate::boards::{self, Wires};
 use crate::failure::Failure;
-use crate::grasp::Due;
+use crate::grasp::TickTime;
 use crate::{UtahMit, start};
 
 /// The vector of requests to the table.
@@ -57,30 +57,30 @@ pub struct Palm {
     pub due_ns: u64,
 }
 
-impl Due for Palm {
+impl TickTime for Palm {
     fn due_ns(&self) -> u64 {
         self.due_ns
     }
 }
 
-impl Described for Palm {
-    const FIELDS: &'static [Field] = &[
-        Field::new(
+impl CellStruct for Palm {
+    const FIELDS: &'static [CellField] = &[
+        CellField::new(
             "acceleration",
             "m/s^2",
-            Kind::F64,
+            ValueKind::F64,
             offset_of!(Palm, acceleration),
         )
         .repeated(3)
         .about("Of the palm, in its own axes."),
-        Field::new("position", "m", Kind::F64, offset_of!(Palm, position))
+        CellField::new("position", "m", ValueKind::F64, offset_of!(Palm, position))
             .repeated(AXES)
             .about("Where the axes are."),
-        Field::new("target", "m", Kind::F64, offset_of!(Palm, target))
+        CellField::new("target", "m", ValueKind::F64, offset_of!(Palm, target))
             .repeated(AXES)
             .about("Where they are to be."),
-        Field::new("state", "", Kind::U64, offset_of!(Palm, state)),
-        Field::new("due_ns", "ns", Kind::U64, offset_of!(Palm, due_ns)),
+        CellField::new("state", "", ValueKind::U64, offset_of!(Palm, state)),
+        CellField::new("due_ns", "ns", ValueKind::U64, offset_of!(Palm, due_ns)),
     ];
 }
 
@@ -130,7 +130,7 @@ impl TableStatus {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 #[non_exhaustive]
-pub enum Verb {
+pub enum TableOperation {
     /// What it is about.
     Status = 0,
     /// Enables the table, which goes home at the fraction `speed` of its limits of velocity.
@@ -148,9 +148,9 @@ pub enum Verb {
 /// A request to the table.
 #[derive(Clone, Copy, Debug, PartialEq, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
-pub struct Request {
-    /// The number of a [`Verb`].
-    pub verb: u32,
+pub struct TableRequest {
+    /// The number of a [`TableOperation`].
+    pub operation: u32,
     /// 0.
     pub zero: u32,
     /// Above 0, at most 1.
@@ -162,8 +162,8 @@ pub struct Request {
 /// What the table answers.
 #[derive(Clone, Copy, Debug, PartialEq, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
-pub struct Response {
-    /// The number of a [`Refusal`]; 0 if what was asked for is done, or on its way.
+pub struct TableResponse {
+    /// The number of a [`TableRefusal`]; 0 if what was asked for is done, or on its way.
     pub refusal: u32,
     /// The number of the [`TableStatus`] that it is in now.
     pub state: u32,
@@ -173,9 +173,9 @@ pub struct Response {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 #[non_exhaustive]
-pub enum Refusal {
-    /// There is no such verb.
-    Verb = 1,
+pub enum TableRefusal {
+    /// There is no such operation.
+    Operation = 1,
     /// It is busy with another request: ask again.
     Busy = 2,
     /// It has not been home, or has failed.
@@ -186,12 +186,12 @@ pub enum Refusal {
     Motion = 5,
 }
 
-impl Refusal {
+impl TableRefusal {
     /// Returns the refusal with this number; `None` for 0, and for an unknown number.
     #[must_use]
     pub const fn from_number(number: u32) -> Option<Self> {
         match number {
-            1 => Some(Self::Verb),
+            1 => Some(Self::Operation),
             2 => Some(Self::Busy),
             3 => Some(Self::NotReady),
             4 => Some(Self::Speed),
@@ -202,9 +202,9 @@ impl Refusal {
 }
 
 /// The controller, between handlers and the loop.
-type Shared = Mutex<RefCell<Driven>>;
+type SharedTable = Mutex<RefCell<DrivenTable>>;
 
-struct Driven {
+struct DrivenTable {
     controller: TableController,
     /// How many axes there are.
     axes: usize,
@@ -215,14 +215,14 @@ struct Driven {
 pub struct Table;
 
 impl Program for Table {
-    fn run<M: Machine>(&self, machine: &M) -> Result<(), Error> {
+    fn run<M: Machine>(&self, machine: &M) -> Result<(), ProgramError> {
         let number = machine.number().0;
         let (mut place, mut panel) = (None, None);
         let (hand, rate_hz, driven, wires) =
             start::configured(machine, &mut place, |background, hand| {
                 let processor = hand.processor(number);
                 let processor = processor.ok_or(Failure::NoProcessor { processor: number })?;
-                let driven = Driven {
+                let driven = DrivenTable {
                     controller: TableController::new(hand).map_err(Failure::from)?,
                     axes: hand.table.as_ref().map_or(0, |table| table.axes.len()),
                 };
@@ -230,7 +230,7 @@ impl Program for Table {
                 let wires = start::wires(background, panel, hand)?;
                 Ok((hand, hand.rate_hz(processor), driven, wires))
             })?;
-        let shared: Shared = Mutex::new(RefCell::new(driven));
+        let shared: SharedTable = Mutex::new(RefCell::new(driven));
         let variables = Variables::new();
         let clock = machine.doorbell();
 
@@ -245,8 +245,8 @@ impl Program for Table {
             last: None,
             period_s: 1.0 / f64::from(rate_hz),
         };
-        let blocks = setup.place(NAME, objects::Kind::Other, |places| {
-            Blocks::<Request, Response>::new(places, PROCESSORS as u8)
+        let blocks = setup.place(NAME, objects::ObjectKind::Other, |places| {
+            Blocks::<TableRequest, TableResponse>::new(places, PROCESSORS as u8)
         })?;
         let own = setup.own().clone();
         setup
@@ -296,7 +296,7 @@ impl Variables {
 /// All that happens in a tick of the table's loop.
 struct Axes<'r, M: Machine> {
     hand: &'r UtahMit,
-    shared: &'r Shared,
+    shared: &'r SharedTable,
     wires: Wires<'r, M::Bus>,
     publisher: Publisher<Palm, Region<M::Window>>,
     variables: &'r Variables,
@@ -343,34 +343,34 @@ impl<M: Machine> Axes<'_, M> {
 }
 
 /// Does something with the controller; `None` if that is in progress already.
-fn with<R>(shared: &Shared, work: impl FnOnce(&mut Driven) -> R) -> Option<R> {
+fn with<R>(shared: &SharedTable, work: impl FnOnce(&mut DrivenTable) -> R) -> Option<R> {
     critical_section::with(|section| {
         let mut table = shared.borrow(section).try_borrow_mut().ok()?;
         Some(work(&mut table))
     })
 }
 
-fn respond(shared: &Shared, request: &Request) -> Response {
+fn respond(shared: &SharedTable, request: &TableRequest) -> TableResponse {
     let done = with(shared, |table| {
         let outcome = obey(table, request);
         (outcome, TableStatus::of(table.controller.state()))
     });
-    let (outcome, state) = done.unwrap_or((Err(Refusal::Busy), TableStatus::Off));
-    Response {
+    let (outcome, state) = done.unwrap_or((Err(TableRefusal::Busy), TableStatus::Off));
+    TableResponse {
         refusal: outcome.err().map_or(0, |refusal| refusal as u32),
         state: state as u32,
     }
 }
 
-fn obey(table: &mut Driven, request: &Request) -> Result<(), Refusal> {
-    const STATUS: u32 = Verb::Status as u32;
-    const HOME: u32 = Verb::Home as u32;
-    const MOVE: u32 = Verb::Move as u32;
-    const STOP: u32 = Verb::Stop as u32;
-    const DISABLE: u32 = Verb::Disable as u32;
-    const CLEAR: u32 = Verb::Clear as u32;
-    let Driven { controller, axes } = table;
-    match request.verb {
+fn obey(table: &mut DrivenTable, request: &TableRequest) -> Result<(), TableRefusal> {
+    const STATUS: u32 = TableOperation::Status as u32;
+    const HOME: u32 = TableOperation::Home as u32;
+    const MOVE: u32 = TableOperation::Move as u32;
+    const STOP: u32 = TableOperation::Stop as u32;
+    const DISABLE: u32 = TableOperation::Disable as u32;
+    const CLEAR: u32 = TableOperation::Clear as u32;
+    let DrivenTable { controller, axes } = table;
+    match request.operation {
         STATUS => {}
         HOME => controller.start(request.speed).map_err(refusal)?,
         MOVE => {
@@ -378,22 +378,22 @@ fn obey(table: &mut Driven, request: &Request) -> Result<(), Refusal> {
             let mut motion = Primitive::new(pace, Profile::MinimumJerk);
             for (axis, &to) in request.to.iter().enumerate().take(*axes) {
                 let more = motion.with(axis, Target::Absolute(to));
-                motion = more.map_err(|_| Refusal::Motion)?;
+                motion = more.map_err(|_| TableRefusal::Motion)?;
             }
             controller.enqueue(motion).map_err(refusal)?;
         }
         STOP => controller.stop(),
         DISABLE => controller.disable(),
         CLEAR => controller.clear(),
-        _ => return Err(Refusal::Verb),
+        _ => return Err(TableRefusal::Operation),
     }
     Ok(())
 }
 
-fn refusal(error: TableError) -> Refusal {
+fn refusal(error: TableError) -> TableRefusal {
     match error {
-        TableError::NotReady { .. } => Refusal::NotReady,
-        TableError::Speed(_) => Refusal::Speed,
-        _ => Refusal::Motion,
+        TableError::NotReady { .. } => TableRefusal::NotReady,
+        TableError::Speed(_) => TableRefusal::Speed,
+        _ => TableRefusal::Motion,
     }
 }

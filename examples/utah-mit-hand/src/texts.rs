@@ -5,7 +5,7 @@ use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
 use condor_host::error::AnyError;
-use condor_host::robot::Motions;
+use condor_host::robot::MotionFiles;
 use condor_platform::linux::{WholeFile, read_text};
 use utah_mit_hand::compile::compile_motion;
 use utah_mit_hand::master::is_name;
@@ -36,7 +36,7 @@ fn told(path: &Path, error: &std::io::Error) -> String {
     format!("{}: {error}", path.display())
 }
 
-impl Motions for Texts {
+impl MotionFiles for Texts {
     fn list(&self) -> Result<Vec<String>, AnyError> {
         let entries = match fs::read_dir(&self.directory) {
             Err(error) if error.kind() == ErrorKind::NotFound => return Ok(Vec::new()),

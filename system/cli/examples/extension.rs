@@ -24,10 +24,12 @@ use std::process::ExitCode;
 use std::time::Duration;
 
 use condor_cli::{AnyError, Programs};
-use condor_host::description::Whole;
-use condor_host::extension::{Extension, Found, Furnished, Group, Service};
-use condor_host::supervisor::{Image, Launch, LaunchError, Process, RunState, Signals, Stop};
-use condor_host::system::{SystemDirectory, Windows};
+use condor_host::description::WholeNumber;
+use condor_host::extension::{Extension, ExtensionPart, Group, Service, StartingExtension};
+use condor_host::supervisor::{
+    ChildProcess, EndSignals, Launch, LaunchError, ProgramImage, RunState, StopMethod,
+};
+use condor_host::system::{SystemDirectory, SystemWindows};
 use condor_mbox::linux::LinuxDoorbell;
 use condor_mbox::{Call, Messenger, Processor, SingleContext, Vector};
 use condor_rt::linux::Environment;
@@ -49,10 +51,11 @@ impl Extension for Nice {
         true
     }
 
-    fn read(&self, found: &mut Found<'_, '_>) -> Option<Box<dyn Group>> {
+    fn read(&self, found: &mut ExtensionPart<'_, '_>) -> Option<Box<dyn Group>> {
         let levels = found.processors.iter_mut().map(|processor| {
             let keys = &mut processor.keys;
-            let level: Option<Whole<_, 1, 19>> = keys.need("level", "how nice it is, 1 to 19");
+            let level: Option<WholeNumber<_, 1, 19>> =
+                keys.need("level", "how nice it is, 1 to 19");
             Some((processor.number?, level?.0))
         });
         // All are read, so that all mistakes are told.
@@ -63,12 +66,12 @@ impl Extension for Nice {
 }
 
 impl Group for Levels {
-    fn furnish(&self, _: &SystemDirectory) -> Result<Box<dyn Furnished>, AnyError> {
+    fn furnish(&self, _: &SystemDirectory) -> Result<Box<dyn StartingExtension>, AnyError> {
         Ok(Box::new(self.clone()))
     }
 }
 
-impl Furnished for Levels {
+impl StartingExtension for Levels {
     fn launch(
         &self,
         number: Processor,
@@ -78,7 +81,7 @@ impl Furnished for Levels {
         let mut levels = self.0.iter();
         let level = levels.find(|(one, _)| *one == number.0);
         let (_, level) = level.ok_or("the description has no such processor")?;
-        let process = Process::new();
+        let process = ChildProcess::new();
         Ok(Box::new(NiceProcess {
             process,
             level: *level,
@@ -88,25 +91,28 @@ impl Furnished for Levels {
 
 /// A process that the program `nice` starts.
 struct NiceProcess {
-    process: Process,
+    process: ChildProcess,
     level: i64,
 }
 
 impl Launch for NiceProcess {
-    fn load(&mut self, image: &Image) -> Result<(), LaunchError> {
+    fn load(&mut self, image: &ProgramImage) -> Result<(), LaunchError> {
         let file = image.file.display().to_string();
         let before = ["-n".into(), self.level.to_string(), file];
         let arguments = [&before, image.arguments.as_slice()].concat();
         let environment = image.environment.clone();
-        self.process
-            .load(&Image::new("/usr/bin/nice".into(), arguments, environment))
+        self.process.load(&ProgramImage::new(
+            "/usr/bin/nice".into(),
+            arguments,
+            environment,
+        ))
     }
 
     fn start(&mut self) -> Result<(), LaunchError> {
         self.process.start()
     }
 
-    fn stop(&mut self, how: Stop) -> Result<(), LaunchError> {
+    fn stop(&mut self, how: StopMethod) -> Result<(), LaunchError> {
         self.process.stop(how)
     }
 
@@ -130,18 +136,18 @@ impl Extension for Adder {
         Some("adder")
     }
 
-    fn read(&self, found: &mut Found<'_, '_>) -> Option<Box<dyn Group>> {
+    fn read(&self, found: &mut ExtensionPart<'_, '_>) -> Option<Box<dyn Group>> {
         let keys = found.keys.as_mut()?;
-        let amount: Whole<_, 0, 100> = keys.need("amount", "what is added")?;
+        let amount: WholeNumber<_, 0, 100> = keys.need("amount", "what is added")?;
         Some(Box::new(Amount(amount.0)))
     }
 
     fn serve(&self, arguments: &[String]) -> Result<(), AnyError> {
         let amount = arguments.first().ok_or("no amount is given")?;
         let amount: u32 = amount.parse()?;
-        let mut signals = Signals::new()?;
+        let mut signals = EndSignals::new()?;
         let environment = Environment::read()?;
-        let system = Windows::at(&environment.system, environment.window_bytes)?;
+        let system = SystemWindows::at(&environment.system, environment.window_bytes)?;
         let claim = system.claim(environment.processor)?;
         let add = |call: &Call<'_>| call.data().wrapping_add(amount);
         let mut mailbox = claim.mailbox_with(SingleContext::new())?;
@@ -155,16 +161,16 @@ impl Extension for Adder {
 }
 
 impl Group for Amount {
-    fn furnish(&self, _: &SystemDirectory) -> Result<Box<dyn Furnished>, AnyError> {
+    fn furnish(&self, _: &SystemDirectory) -> Result<Box<dyn StartingExtension>, AnyError> {
         Ok(Box::new(self.clone()))
     }
 }
 
-impl Furnished for Amount {
+impl StartingExtension for Amount {
     fn service(&self) -> Option<Service> {
         Some(Service {
             arguments: vec![self.0.to_string()],
-            launch: Box::new(Process::new()),
+            launch: Box::new(ChildProcess::new()),
         })
     }
 }

@@ -15,12 +15,12 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::process::ExitCode;
 
-use condor_cli::{AnyError, Application, Run};
+use condor_cli::{AnyError, Application, ProgramFunction};
 use condor_host::robot::{
-    Clearance, Dragged, Frame, Held, Joint, JointPlan, Line, Moved, Plan, PlanEvent, Robot,
-    Simulator, What,
+    Clearance, DragResult, Frame, JointPlan, LimitedJoint, LimitedPosture, Plan, PlanEvent, Robot,
+    RobotJoint, RobotLine, Simulator, What,
 };
-use condor_toml::Text;
+use condor_toml::SourceText;
 use serde::{Deserialize, Serialize};
 use serde_json::Value as Json;
 
@@ -36,7 +36,7 @@ const INERTIA: f64 = 0.1;
 const LONGEST_S: f64 = 60.0;
 
 /// The lengths of the links, m.
-struct Arm([f64; 3], Vec<Joint>);
+struct Arm([f64; 3], Vec<RobotJoint>);
 
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -78,12 +78,12 @@ impl Arm {
 }
 
 impl Robot for Arm {
-    fn joints(&self) -> &[Joint] {
+    fn joints(&self) -> &[RobotJoint] {
         &self.1
     }
 
-    fn lines(&self, positions: &[f64]) -> Vec<Line> {
-        vec![Line {
+    fn lines(&self, positions: &[f64]) -> Vec<RobotLine> {
+        vec![RobotLine {
             name: "arm".into(),
             points: self.chain(positions),
             radius_m: 0.02,
@@ -112,7 +112,7 @@ impl Robot for Arm {
 }
 
 impl Simulator for Arm {
-    fn moved(&self, positions: &[f64]) -> Moved {
+    fn moved(&self, positions: &[f64]) -> LimitedPosture {
         let asked = positions.iter().copied().chain([0.0; 3]);
         let asked = asked.map(|it| if it.is_finite() { it } else { 0.0 });
         let (mut positions, mut held) = (Vec::new(), Vec::new());
@@ -121,14 +121,19 @@ impl Simulator for Arm {
             positions.push(limit);
             if asked.abs() > LIMIT {
                 let joint = joint.into();
-                held.push(Held { joint, limit });
+                held.push(LimitedJoint { joint, limit });
             }
         }
-        Moved { positions, held }
+        LimitedPosture { positions, held }
     }
 
     /// Turns one joint after another so that the tip is in the direction of the point.
-    fn dragged(&self, positions: &[f64], frame: &str, to: [f64; 3]) -> Result<Dragged, AnyError> {
+    fn dragged(
+        &self,
+        positions: &[f64],
+        frame: &str,
+        to: [f64; 3],
+    ) -> Result<DragResult, AnyError> {
         if frame != TIP {
             return Err(format!("there is no frame {frame:?} to drag, but {TIP:?}").into());
         }
@@ -142,7 +147,7 @@ impl Simulator for Arm {
         let tip = self.chain(&moved.positions)[3];
         let squares = tip.iter().zip(to).map(|(is, to)| (is - to).powi(2));
         let distance_m = squares.sum::<f64>().sqrt();
-        Ok(Dragged {
+        Ok(DragResult {
             is_reached: distance_m < 1e-6,
             positions: moved.positions,
             distance_m,
@@ -225,21 +230,21 @@ fn push(plan: &mut Plan, from: &[f64], to: &[f64], part: f64, duration_s: f64) {
 struct OfArm;
 
 impl Application for OfArm {
-    fn programs(&self) -> &[(&'static str, Run)] {
+    fn programs(&self) -> &[(&'static str, ProgramFunction)] {
         &[]
     }
 
     fn robot(&self, robot: &Path) -> Result<Option<Box<dyn Robot>>, AnyError> {
         let file = robot.to_string_lossy();
         let text = std::fs::read_to_string(robot).map_err(|it| format!("{file}: {it}"))?;
-        let text = Text::new(&file, &text);
+        let text = SourceText::new(&file, &text);
         let tree = text.parse()?;
         let lengths = text.keys(&tree).and_then(|mut keys| {
             let lengths: Option<[f64; 3]> = keys.need("lengths", "three lengths, m");
             keys.finish();
             lengths
         });
-        let joints = JOINTS.map(|name| Joint {
+        let joints = JOINTS.map(|name| RobotJoint {
             name: name.into(),
             position: format!("{name}.position"),
             velocity: None,

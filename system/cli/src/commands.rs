@@ -43,7 +43,7 @@ use condor_host::plain::plain_json;
 
 /// Which of the running systems is meant.
 #[derive(Debug, Args)]
-pub(crate) struct Which {
+pub(crate) struct SystemChoice {
     /// The name of the system; needed only if several are running
     #[arg(long, value_name = "NAME")]
     pub(crate) system: Option<String>,
@@ -53,7 +53,7 @@ pub(crate) struct Which {
 #[derive(Debug, Args)]
 pub(crate) struct How {
     #[command(flatten)]
-    which: Which,
+    which: SystemChoice,
     /// Prints JSON
     #[arg(long)]
     json: bool,

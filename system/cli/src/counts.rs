@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use serde::Serialize;
 
-use crate::table::{Left, Right, Table, or_dash};
+use crate::table::{Left, Right, TextTable, or_dash};
 use condor_host::control::Member;
 use condor_host::view::{LoopRates, LoopSample, VectorCounts, View, ViewError};
 
@@ -59,8 +59,8 @@ pub(crate) fn vectors<'m>(
     Ok(rows)
 }
 
-pub(crate) fn table_of_loops(rows: &[Row<LoopRates>]) -> Table<9> {
-    let mut table = Table::new([
+pub(crate) fn table_of_loops(rows: &[Row<LoopRates>]) -> TextTable<9> {
+    let mut table = TextTable::new([
         ("processor", Left),
         ("loop", Left),
         ("Hz", Right),
@@ -115,8 +115,8 @@ fn tenths(value: f64) -> String {
     format!("{value:.1}")
 }
 
-pub(crate) fn table_of_vectors(rows: &[Row<VectorCounts>]) -> Table<7> {
-    let mut table = Table::new([
+pub(crate) fn table_of_vectors(rows: &[Row<VectorCounts>]) -> TextTable<7> {
+    let mut table = TextTable::new([
         ("processor", Left),
         ("vector", Right),
         ("name", Left),

@@ -22,6 +22,6 @@ mod screen;
 mod table;
 pub mod ui;
 
-pub use condor_host::application::{Application, Programs, Run};
+pub use condor_host::application::{Application, ProgramFunction, Programs};
 pub use condor_host::error::AnyError;
 pub use line::main;

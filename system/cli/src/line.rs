@@ -14,9 +14,9 @@ use std::process::ExitCode;
 
 use clap::{Arg, CommandFactory, FromArgMatches, Parser, Subcommand};
 
-use crate::commands::{self, Which};
+use crate::commands::{self, SystemChoice};
 use condor_host::application::Application;
-use condor_host::description::{Description, find_program};
+use condor_host::description::{SystemDescription, find_program};
 use condor_host::error::{AnyError, me};
 use condor_host::gateway::INSTALL;
 use condor_host::plain::plain_lines;
@@ -35,7 +35,7 @@ struct Line {
 #[derive(Debug, Subcommand)]
 enum Command {
     /// Makes a new project with programs for two processors
-    New(new::New),
+    New(new::NewArguments),
     /// Checks the description of a system (a TOML file) and explains every mistake
     Check {
         /// The file of the description; by default that of this program, or else `condor.toml`
@@ -44,15 +44,15 @@ enum Command {
     /// Starts a system: its services and the programs of its processors
     Up(up::Up),
     /// Stops the program of a processor, or stops a service
-    Stop(requests::One),
+    Stop(requests::OneProcessor),
     /// Starts a processor's program, or a service, that has been stopped or has failed
-    Start(requests::One),
+    Start(requests::OneProcessor),
     /// Stops a processor's program, or a service, if it runs, and starts it again
-    Restart(requests::One),
+    Restart(requests::OneProcessor),
     /// Stops the program of a processor and starts another one there
     Load(requests::Load),
     /// Stops all programs and services of a running system, within 10 s; kills and names those that do not end when asked
-    Down(Which),
+    Down(SystemChoice),
     /// Shows a running system on this terminal: terminals, loops, messages, log
     Ui(ui::Ui),
     /// Shows the state of the processors and services of a running system
@@ -230,7 +230,7 @@ fn description(file: Option<PathBuf>, application: &dyn Application) -> PathBuf 
 }
 
 fn check(file: &Path, application: &dyn Application) -> Result<(), AnyError> {
-    match Description::read(file, application) {
+    match SystemDescription::read(file, application) {
         Ok(description) => {
             let count = description.processors.len();
             println!(

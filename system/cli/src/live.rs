@@ -24,17 +24,17 @@ use std::thread::Scope;
 use std::time::{Duration, Instant};
 
 use crate::listening::{Rules, Token};
-use condor_host::control::Status;
+use condor_host::control::SystemStatus;
 use condor_host::error::AnyError;
-use condor_host::events::Events;
+use condor_host::events::EventCollector;
 use condor_host::messages::wall_ns;
-use condor_host::names::Named;
+use condor_host::names::VariableName;
 use condor_host::plain::plain;
 use condor_host::robot::Robot;
 use condor_host::system::SystemDirectory;
 use condor_host::view::View;
-use condor_host::watching::{Known, Newcomers, One, Rows};
-use desk::{Desk, Told};
+use condor_host::watching::{CatalogEntry, NewPrograms, Rows, VariableCatalog};
+use desk::{ParameterWorker, WorkerMessage};
 use feeds::Feeds;
 use server::Server;
 use session::{Ask, Catalog};
@@ -50,7 +50,7 @@ const LOOK: Duration = Duration::from_millis(5);
 /// The system that is shown, and the rules for its viewers.
 pub(crate) struct Stage<'s> {
     pub(crate) directory: &'s SystemDirectory,
-    pub(crate) status: &'s Status,
+    pub(crate) status: &'s SystemStatus,
     /// Patterns of the variables to show.
     pub(crate) patterns: &'s [String],
     pub(crate) robot: Option<&'s dyn Robot>,
@@ -70,10 +70,10 @@ struct Live<'s> {
     view: &'s View,
     is_simulated: bool,
     rows: Rows<'s>,
-    newcomers: Newcomers,
-    events: Events<'s>,
+    newcomers: NewPrograms,
+    events: EventCollector<'s>,
     feeds: Feeds<'s>,
-    desk: Desk,
+    desk: ParameterWorker,
     worker: Option<Worker>,
     server: Server,
     /// The parameters of which any client wants to know changes.
@@ -132,7 +132,7 @@ pub(crate) fn simulate(
             worker.turn(&mut server, LOOK);
             // There are no parameters.
             if let Some((client, Ask::Get { id, .. } | Ask::Set { id, .. })) = server.ask() {
-                server.take(Told::Answer {
+                server.take(WorkerMessage::Answer {
                     client,
                     parameters: Vec::new(),
                     id,
@@ -154,9 +154,9 @@ impl<'s> Live<'s> {
     ) -> Result<Self, AnyError> {
         let status = stage.status;
         let is_simulated = status.clock.is_some();
-        let known = Known::all(view, &status.processors)?;
+        let known = VariableCatalog::all(view, &status.processors)?;
         known.tell_troubles();
-        let newcomers = Newcomers::after(&known, &status.processors, stage.patterns);
+        let newcomers = NewPrograms::after(&known, &status.processors, stage.patterns);
         let columns = columns(&known, stage.patterns, stage.robot)?;
         let rows = Rows::of(view, &columns, 1)?;
         let now_ns = view.now().as_ns();
@@ -172,8 +172,8 @@ impl<'s> Live<'s> {
             stage.robot,
             [ahead_ns, at_ns],
         );
-        let events = Events::of(stage.directory, status, view)?;
-        let desk = Desk::open(
+        let events = EventCollector::of(stage.directory, status, view)?;
+        let desk = ParameterWorker::open(
             stage.directory.clone(),
             status.window_bytes,
             status.processors.clone(),
@@ -257,7 +257,7 @@ impl<'s> Live<'s> {
         let first = self.server.channels();
         let channels = self.feeds.add(first, sources, &columns);
         self.server.advertise(channels);
-        if ones.iter().any(One::can_be_set) {
+        if ones.iter().any(CatalogEntry::can_be_set) {
             let text = "parameters of programs that have come later are set by `condor vars set`, or \
                         here after `condor view` is started again";
             eprintln!("condor: {text}");
@@ -280,10 +280,10 @@ impl<'s> Live<'s> {
 
 /// Returns the variables to read: what the patterns stand for, and those of the robot that there are.
 fn columns<'k>(
-    known: &'k Known,
+    known: &'k VariableCatalog,
     patterns: &[String],
     robot: Option<&dyn Robot>,
-) -> Result<Vec<&'k One>, AnyError> {
+) -> Result<Vec<&'k CatalogEntry>, AnyError> {
     let joints = robot.map(Robot::joints).unwrap_or_default();
     let of_joints = joints.iter().flat_map(feeds::variables).cloned();
     let of_robot = of_joints.chain(robot.map(scene::variables).unwrap_or_default());
@@ -296,7 +296,7 @@ fn columns<'k>(
 }
 
 /// Returns the shortest name of each parameter, and all names that one has and no other variable.
-fn parameters(known: &Known) -> (Vec<String>, BTreeMap<String, usize>) {
+fn parameters(known: &VariableCatalog) -> (Vec<String>, BTreeMap<String, usize>) {
     let all: Vec<_> = known.all.iter().filter(|one| one.can_be_set()).collect();
     let shortest = known.labels(&all);
     let mut names = BTreeMap::new();

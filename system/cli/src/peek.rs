@@ -5,9 +5,9 @@ use condor_debug::names::{Names, Number};
 use condor_mbox::linux::LinuxWindow;
 use condor_platform::linux::read_regular;
 
-use condor_host::control::{Member, Status};
+use condor_host::control::{Member, SystemStatus};
 use condor_host::description::beside;
-use condor_host::error::{AnyError, FileError};
+use condor_host::error::{AnyError, NamedFileError};
 use condor_host::extension::Extension;
 use condor_host::system::SystemDirectory;
 use condor_host::view::View;
@@ -47,7 +47,7 @@ impl Peek {
     pub(crate) fn open(
         extensions: &[&'static dyn Extension],
         directory: &SystemDirectory,
-        status: &Status,
+        status: &SystemStatus,
         member: &Member,
         view: &View,
     ) -> Result<Option<Self>, AnyError> {
@@ -55,7 +55,7 @@ impl Peek {
             return Ok(None);
         };
         let path = beside(status.file.as_ref(), &member.program);
-        let file = read_regular(&path).map_err(FileError::at("read", &path))?;
+        let file = read_regular(&path).map_err(NamedFileError::at("read", &path))?;
         Ok(Some(Self {
             debuggee,
             path,

@@ -28,9 +28,9 @@ mod scale;
 mod trigger;
 
 pub(crate) use draw::draw;
-pub(crate) use feed::Feed;
+pub(crate) use feed::PlotFeed;
 pub(crate) use figure::Figure;
-pub(crate) use keys::{Asked, press};
+pub(crate) use keys::{PlotRequest, press};
 pub(crate) use model::{Plot, Prompt};
-pub(crate) use news::News;
+pub(crate) use news::FeedEvent;
 pub(crate) use trigger::Condition;

@@ -1,7 +1,7 @@
 //! Recordings of a running system, as MCAP files.
 //!
 //! A recording is an MCAP file with the profile `ros2`, so that Foxglove, Lichtblick, PlotJuggler and
-//! rosbag2 open it. [`Reader`] reads the variables in it.
+//! rosbag2 open it. [`RecordingReader`] reads the variables in it.
 //!
 //! | topic | type | messages |
 //! |---|---|---|
@@ -36,7 +36,7 @@
 //! does within about half a minute, and the count of dropped messages may be too small.
 //!
 //! [`complete`] also leaves out what is damaged: chunks whose checksums are wrong, and what is no record. It goes on with
-//! the next chunk whose checksum is right. [`Reader`] refuses a damaged chunk, and reads those that other programs have
+//! the next chunk whose checksum is right. [`RecordingReader`] refuses a damaged chunk, and reads those that other programs have
 //! compressed by lz4 or zstd. Neither holds more than 256 MiB of a chunk in memory.
 
 mod completion;
@@ -58,13 +58,13 @@ use mcap::McapError;
 use mcap::records::Metadata;
 use mcap::write::NoSeek;
 
-pub use completion::{Completed, Damage, complete};
-pub use condor_host::error::FileError;
+pub use completion::{Damage, RecordingCompletion, complete};
+pub use condor_host::error::NamedFileError;
 pub use condor_ros2::{DecodeError, Layout, LayoutError};
-pub use reader::{Column, Reader, Source};
+pub use reader::{Column, RecordedSource, RecordingReader};
 
 pub(crate) use completion::Former;
-pub(crate) use writer::{Attached, Origin, Writer, Written};
+pub(crate) use writer::{AttachedFile, Origin, TopicCounts, Writer};
 
 /// The version of what a recording has beside MCAP.
 pub const FORMAT: u32 = 1;
@@ -78,7 +78,7 @@ const CHUNK_BYTES: u64 = 1 << 20;
 
 /// The messages of a topic in a recording.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Topic {
+pub struct RecordedTopic {
     /// Its name.
     pub name: String,
     /// The number of its messages in the file.
@@ -93,7 +93,7 @@ pub struct Topic {
 pub enum RecordingError {
     /// The operating system refused an operation on a file.
     #[error(transparent)]
-    File(#[from] FileError),
+    File(#[from] NamedFileError),
     /// MCAP cannot be written, or the file is damaged.
     #[error("{}: {source}", path.display())]
     Mcap {
@@ -200,7 +200,7 @@ impl RecordingError {
         |source| {
             let path = path.to_owned();
             match source {
-                McapError::Io(source) => FileError::at("write", path)(source).into(),
+                McapError::Io(source) => NamedFileError::at("write", path)(source).into(),
                 source => Self::Mcap { path, source },
             }
         }

@@ -1,4 +1,4 @@
-//! [`Table`]: rows in aligned columns.
+//! [`TextTable`]: rows in aligned columns.
 
 use core::fmt;
 
@@ -14,13 +14,13 @@ pub(crate) use Side::{Left, Right};
 
 /// Rows under titles, each column as wide as its widest cell.
 #[derive(Debug)]
-pub(crate) struct Table<const C: usize> {
+pub(crate) struct TextTable<const C: usize> {
     titles: [(&'static str, Side); C],
     rows: Vec<[String; C]>,
     gap: usize,
 }
 
-impl<const C: usize> Table<C> {
+impl<const C: usize> TextTable<C> {
     pub(crate) const fn new(titles: [(&'static str, Side); C]) -> Self {
         Self {
             titles,
@@ -40,7 +40,7 @@ impl<const C: usize> Table<C> {
     }
 }
 
-impl<const C: usize> fmt::Display for Table<C> {
+impl<const C: usize> fmt::Display for TextTable<C> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let mut widths = self.titles.map(|(title, _)| title.chars().count());
         for row in &self.rows {
@@ -78,7 +78,7 @@ mod tests {
 
     #[test]
     fn columns_are_as_wide_as_their_widest_cell() {
-        let mut table = Table::new([("name", Left), ("n", Right)]);
+        let mut table = TextTable::new([("name", Left), ("n", Right)]);
         table.row(["é".into(), "1000".into()]);
         table.row(["finger".into(), "7".into()]);
         let text = "name       n\né       1000\nfinger     7\n";
@@ -87,7 +87,7 @@ mod tests {
 
     #[test]
     fn names_do_not_command_the_terminal() {
-        let mut table = Table::new([("name", Left), ("n", Right)]);
+        let mut table = TextTable::new([("name", Left), ("n", Right)]);
         table.row(["a\x1b]0;b\x07\nc".into(), "1".into()]);
         let text = "name                 n\na\\u{1b}]0;b\\u{7}\\nc  1\n";
         assert_eq!(table.to_string(), text);

@@ -26,12 +26,12 @@ use std::time::{Duration, Instant};
 
 use crate::plot::Figure;
 use crate::screen::{self, Screen};
-use condor_host::control::{Client, ClientError, told_of};
+use condor_host::control::{ControlClient, ControlClientError, told_of};
 use condor_host::extension::Extension;
 use condor_host::robot::Robot;
 use condor_host::signals;
 use condor_host::system::SystemDirectory;
-use feed::{Feed, News};
+use feed::{UiEvent, UiFeeds};
 use input::Situation;
 use look::Look;
 use menu::Doer;
@@ -49,7 +49,7 @@ const LOOK: Duration = Duration::from_millis(500);
 pub enum UiError {
     /// The supervisor did not answer, or refused.
     #[error(transparent)]
-    Supervisor(#[from] ClientError),
+    Supervisor(#[from] ControlClientError),
     /// The terminal in which it runs has failed.
     #[error("the terminal of the user interface failed: {0}")]
     Terminal(#[from] io::Error),
@@ -67,19 +67,19 @@ pub fn run(
     robot: Option<Box<dyn Robot>>,
     extensions: &[&'static dyn Extension],
 ) -> Result<(), UiError> {
-    let status = Client::connect(directory)?.status()?;
+    let status = ControlClient::connect(directory)?.status()?;
     let mut model = Model::new(&status, tools);
     model.plot.figure = robot.map(Figure::new);
     model.plot.has_colors = screen::has_colors();
     let end = signals::flag()?;
     let (sender, news) = mpsc::channel();
-    let feed = Feed::start(directory, &model.windows, &sender);
+    let feed = UiFeeds::start(directory, &model.windows, &sender);
     let mut screen = Screen::open()?;
     let doer = Doer::new(directory, extensions, sender);
     let outcome = show(&mut screen, &mut model, &news, &feed, &doer, &end);
     drop(screen);
     if outcome? == Leaving::Down {
-        let killed = Client::connect(directory)?.down()?;
+        let killed = ControlClient::connect(directory)?.down()?;
         if let Some(text) = told_of(&killed) {
             println!("{text}");
         }
@@ -90,8 +90,8 @@ pub fn run(
 fn show(
     screen: &mut Screen,
     model: &mut Model,
-    news: &mpsc::Receiver<News>,
-    feed: &Feed,
+    news: &mpsc::Receiver<UiEvent>,
+    feed: &UiFeeds,
     doer: &Doer,
     end: &AtomicBool,
 ) -> io::Result<Leaving> {
@@ -132,13 +132,13 @@ fn show(
     Ok(Leaving::Running)
 }
 
-fn take(model: &mut Model, news: News, doer: &Doer) -> io::Result<Option<Leaving>> {
+fn take(model: &mut Model, news: UiEvent, doer: &Doer) -> io::Result<Option<Leaving>> {
     match news {
-        News::Input(event) => {
+        UiEvent::Input(event) => {
             let action = input::action(&Situation::of(model), &event);
             Ok(action.and_then(|action| menu::act(model, action, doer)))
         }
-        News::NoInput(error) => Err(error),
+        UiEvent::NoInput(error) => Err(error),
         other => {
             model.hear(other);
             Ok(None)

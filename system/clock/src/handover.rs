@@ -38,14 +38,14 @@ pub trait Handover {
     }
 
     /// Reports a mistake of the program; may unwind. By default it does nothing.
-    fn fault(&self, fault: Fault) {
+    fn fault(&self, fault: ClockFault) {
         let _ = fault;
     }
 }
 
 /// A mistake that a program makes with simulated time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Fault {
+pub enum ClockFault {
     /// The program still runs ten seconds of its time after it was told to stop.
     NotStopping,
     /// The program waits without a deadline, and no participant is left that could ring it.

@@ -31,10 +31,10 @@ mod local;
 pub mod linux;
 
 #[cfg(target_has_atomic = "64")]
-pub use handover::{Fault, Handover};
+pub use handover::{ClockFault, Handover};
 #[cfg(target_has_atomic = "64")]
 pub use local::LocalClock;
 #[cfg(target_has_atomic = "64")]
 pub use page::{NEVER, Page, PageError, Until};
 #[cfg(target_has_atomic = "64")]
-pub use standing::Standing;
+pub use standing::Obstacle;

@@ -6,7 +6,7 @@ mod tests;
 use core::ops::Deref;
 use core::ptr;
 
-use crate::handover::{Fault, Handover};
+use crate::handover::{ClockFault, Handover};
 use crate::page::{NEVER, Page, Until};
 use crate::sizes::LOOPS;
 // Of one processor: its contexts are calls on one stack.
@@ -264,9 +264,9 @@ impl<P: Deref<Target = Page<N>>, H: Handover, const N: usize> LocalClock<P, H> {
         self.readings.store(0, Relaxed);
         let now = self.page.turn(self.number, at, until, &self.by);
         if now == NEVER {
-            self.by.fault(Fault::WaitsForever);
+            self.by.fault(ClockFault::WaitsForever);
         } else if now > self.page.stop_at().saturating_add(PATIENCE_NS) {
-            self.by.fault(Fault::NotStopping);
+            self.by.fault(ClockFault::NotStopping);
         }
         now
     }
@@ -299,7 +299,7 @@ impl<P: Deref<Target = Page<N>>, H: Handover, const N: usize> LocalClock<P, H> {
     fn count_reading(&self) -> u32 {
         let readings = self.readings.load(Relaxed).saturating_add(1);
         if readings >= TOO_MANY_READINGS {
-            self.by.fault(Fault::Polls);
+            self.by.fault(ClockFault::Polls);
         }
         self.readings.store(readings, Relaxed);
         readings

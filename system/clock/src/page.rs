@@ -10,7 +10,7 @@ mod tests;
 
 use crate::handover::Handover;
 use crate::sizes::LINES;
-use crate::standing::Standing;
+use crate::standing::Obstacle;
 use crate::sync::{AtomicU32, AtomicU64, Ordering};
 
 /// An instant that never comes.
@@ -349,7 +349,7 @@ impl<const N: usize> Page<N> {
         };
         self.await_turn(me, by);
         while self.now() < line.next.load(Ordering::Relaxed) {
-            // This turn was meant for its former life.
+            // This turn was meant for its former incarnation.
             self.give(me, by);
             self.await_turn(me, by);
         }
@@ -451,7 +451,7 @@ impl<const N: usize> Page<N> {
         // Relaxed: `pass` acquires.
         let turn = self.turn.load(Ordering::Relaxed);
         if holder_of(turn) == Some(me | PASSING) {
-            // Its former life died while it gave the turn on.
+            // Its former incarnation died while it gave the turn on.
             self.pass(turn, Some(me));
         }
     }
@@ -639,16 +639,16 @@ impl<const N: usize> Page<N> {
     }
 
     /// Returns the reason for which time does not pass at this moment.
-    pub fn standing(&self, by: &impl Handover) -> Standing {
+    pub fn standing(&self, by: &impl Handover) -> Obstacle {
         if let Some(holder) = self.holder() {
             let asks = self.line(holder);
             let asks = asks.map_or(0, |line| line.asks.load(Ordering::Relaxed));
             let asks = asks.checked_sub(1).map(|service| service as u8);
             // One that has its answer and does not go on is waited for itself.
             let asks = asks.filter(|&service| self.owes(service));
-            return Standing::Turn { holder, asks };
+            return Obstacle::Turn { holder, asks };
         }
-        self.first(by).err().unwrap_or(Standing::Pace)
+        self.first(by).err().unwrap_or(Obstacle::Pace)
     }
 }
 

@@ -1,11 +1,11 @@
-//! [`Standing`]: what time waits for.
+//! [`Obstacle`]: what time waits for.
 
 use core::fmt;
 
 /// The reason for which simulated time does not pass. It is a snapshot, which is out of date as
 /// soon as time passes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Standing {
+pub enum Obstacle {
     /// A processor, or a part of the host, has the turn and keeps it until it waits.
     Turn {
         /// The number of that participant.
@@ -31,7 +31,7 @@ pub enum Standing {
     Idle,
 }
 
-impl fmt::Display for Standing {
+impl fmt::Display for Obstacle {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Turn { holder, asks: None } => {

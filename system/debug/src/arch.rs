@@ -1,10 +1,10 @@
-//! [`Arch`]: what a slave needs of its processor.
+//! [`Arch`]: what a stub needs of its processor.
 
 use core::ops::Range;
 
 use crate::Trigger;
 
-/// A processor as its [`Slave`](crate::Slave) uses it.
+/// A processor as its [`Stub`](crate::Stub) uses it.
 ///
 /// # For implementers
 ///

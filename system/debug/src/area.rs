@@ -20,7 +20,7 @@ pub(crate) const HOLDS: u32 = 1068;
 pub(crate) const REASON: u32 = 1072;
 const CHANGE: u32 = 1088;
 /// The place of the table of planted breakpoints in the area, for a trap entry that must put an instruction back
-/// without the slave: entries of an address (8 bytes), its original instruction (4 bytes), and 1 (4 bytes) if
+/// without the stub: entries of an address (8 bytes), its original instruction (4 bytes), and 1 (4 bytes) if
 /// a breakpoint instruction is planted there.
 pub const PLANTED: u32 = 1344;
 
@@ -48,14 +48,14 @@ pub struct Trigger {
     /// The address of the instruction or of the first byte.
     pub address: u64,
     /// The accesses that stop the program, before they are made.
-    pub access: Access,
+    pub access: TriggerAccess,
     /// The number of bytes: 1, 2, 4 or 8; of an instruction, 2 or 4.
     pub bytes: u8,
 }
 
 /// The accesses at which a [`Trigger`] stops a program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Access {
+pub enum TriggerAccess {
     /// An instruction is executed.
     Execute,
     /// A value is stored.
@@ -71,10 +71,10 @@ impl Trigger {
     #[cfg(feature = "gateway")]
     pub(crate) fn word(self) -> u32 {
         let access = match self.access {
-            Access::Execute => 2,
-            Access::Write => 4,
-            Access::Read => 8,
-            Access::ReadWrite => 12,
+            TriggerAccess::Execute => 2,
+            TriggerAccess::Write => 4,
+            TriggerAccess::Read => 8,
+            TriggerAccess::ReadWrite => 12,
         };
         access | u32::from(self.bytes) << 8
     }
@@ -82,10 +82,10 @@ impl Trigger {
     /// The trigger of a word; `None` if there is none such.
     pub(crate) const fn from_word(address: u64, word: u32) -> Option<Self> {
         let access = match word & 0xff {
-            2 => Access::Execute,
-            4 => Access::Write,
-            8 => Access::Read,
-            12 => Access::ReadWrite,
+            2 => TriggerAccess::Execute,
+            4 => TriggerAccess::Write,
+            8 => TriggerAccess::Read,
+            12 => TriggerAccess::ReadWrite,
             _ => return None,
         };
         let bytes = match word >> 8 {
@@ -102,7 +102,7 @@ impl Trigger {
 
 /// What a debugger wants of a processor, whatever command it gives.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Mode {
+pub struct DebugRequest {
     /// A debugger is attached: breakpoints and fatal exceptions hold the program.
     pub attached: bool,
     /// A fatal exception holds the program, also while no debugger is attached.
@@ -111,7 +111,7 @@ pub struct Mode {
     pub hold_start: bool,
 }
 
-impl Mode {
+impl DebugRequest {
     pub(crate) const fn from_word(word: u32) -> Self {
         Self {
             attached: word & 1 != 0,
@@ -140,7 +140,7 @@ impl Mode {
 
 /// The reason for which a program is held.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Reason {
+pub enum HoldReason {
     /// The debugger has stopped it.
     Stopped,
     /// It has come to a breakpoint.
@@ -151,7 +151,7 @@ pub enum Reason {
     Trigger,
 }
 
-impl Reason {
+impl HoldReason {
     pub(crate) const fn word(self) -> u32 {
         match self {
             Self::Stopped => 1,
@@ -196,8 +196,8 @@ impl<W: MemoryWindow> Area<W> {
         self.0.set_word(at, value)
     }
 
-    pub(crate) fn mode(&self) -> Result<Mode, AccessError> {
-        self.word(MODE).map(Mode::from_word)
+    pub(crate) fn mode(&self) -> Result<DebugRequest, AccessError> {
+        self.word(MODE).map(DebugRequest::from_word)
     }
 
     pub(crate) fn change(&self, place: u32) -> Result<Entry, AccessError> {

@@ -4,19 +4,22 @@
 
 // What both sides know.
 mod area;
-pub use area::{AREA_BYTES, Access, FRAME_REGISTERS, MOST_PLANTED, Mode, PLANTED, Reason, Trigger};
+pub use area::{
+    AREA_BYTES, DebugRequest, FRAME_REGISTERS, HoldReason, MOST_PLANTED, PLANTED, Trigger,
+    TriggerAccess,
+};
 
 // The processor's side.
 mod arch;
-mod slave;
+mod stub;
 pub use arch::Arch;
-pub use slave::{Outcome, Slave};
+pub use stub::{Stub, TrapOutcome};
 
 // The host's side.
 #[cfg(feature = "gateway")]
 mod tracer;
 #[cfg(feature = "gateway")]
-pub use tracer::{Breakpoint, Planted, State, Tracer, TracerError};
+pub use tracer::{Breakpoint, PlantedBreakpoint, ProgramState, Tracer, TracerError};
 #[cfg(all(feature = "gateway", target_os = "linux"))]
 pub mod gateway;
 

@@ -8,7 +8,7 @@ use condor_mbox::sim::SimWindow;
 use condor_mbox::{AccessError, Region};
 
 use crate::area::Area;
-use crate::{AREA_BYTES, Access, Arch, Outcome, Slave, Trigger};
+use crate::{AREA_BYTES, Arch, Stub, TrapOutcome, Trigger, TriggerAccess};
 
 /// Instructions, each of one word: any other word is an exception.
 pub const COUNT: u32 = 1;
@@ -62,10 +62,10 @@ impl SimProcessor {
             ends: AtomicBool::new(false),
             trigger: Mutex::new(None),
         };
-        let slave = Slave::new(processor.area.clone());
-        slave.begin(&processor)?;
+        let stub = Stub::new(processor.area.clone());
+        stub.begin(&processor)?;
         // Its debugger comes later.
-        let _ = slave.start(&processor)?;
+        let _ = stub.start(&processor)?;
         Ok(processor)
     }
 
@@ -99,12 +99,12 @@ impl SimProcessor {
     /// # Errors
     /// [`AccessError`] if the debug area cannot be accessed.
     pub fn run(&self) -> Result<u64, AccessError> {
-        let slave = Slave::new(self.area.clone());
+        let stub = Stub::new(self.area.clone());
         let (mut pc, mut counter) = (0, 0_u64);
         while !self.ends.load(Ordering::Relaxed) {
-            if self.take_ring() && slave.has_command()? {
+            if self.take_ring() && stub.has_command()? {
                 self.save(pc, counter)?;
-                slave.obey(self)?;
+                stub.obey(self)?;
                 (pc, counter) = self.saved()?;
             }
             match self.instruction(pc) {
@@ -122,13 +122,13 @@ impl SimProcessor {
                 other => {
                     self.save(pc, counter)?;
                     let breakpoint = matches!(other, Some(BREAKPOINT | STORE)).then_some(pc);
-                    let outcome = slave.exception(self, breakpoint)?;
-                    if outcome == Outcome::Fatal {
+                    let outcome = stub.exception(self, breakpoint)?;
+                    if outcome == TrapOutcome::Fatal {
                         return Ok(counter);
                     }
                     let before = pc;
                     (pc, counter) = self.saved()?;
-                    if outcome == Outcome::ResumeBehind && pc == before {
+                    if outcome == TrapOutcome::ResumeBehind && pc == before {
                         pc = pc.wrapping_add(INSTRUCTION_BYTES);
                     }
                 }
@@ -152,7 +152,8 @@ impl SimProcessor {
         let trigger = *self.trigger.lock().unwrap_or_else(PoisonError::into_inner);
         trigger.is_some_and(|it| {
             let word = address..address.saturating_add(INSTRUCTION_BYTES);
-            matches!(it.access, Access::Write | Access::ReadWrite) && word.contains(&it.address)
+            matches!(it.access, TriggerAccess::Write | TriggerAccess::ReadWrite)
+                && word.contains(&it.address)
         })
     }
 
@@ -197,7 +198,7 @@ impl Arch for SimProcessor {
 
     fn arm(&self, trigger: Trigger) -> bool {
         let mut armed = self.trigger.lock().unwrap_or_else(PoisonError::into_inner);
-        let is_free = armed.is_none() && trigger.access != Access::Execute;
+        let is_free = armed.is_none() && trigger.access != TriggerAccess::Execute;
         if is_free {
             *armed = Some(trigger);
         }

@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use condor_mbox::{AccessError, MemoryWindow, Region};
 
-use crate::area::{self, Area, Entry, Mode, Reason, Trigger};
+use crate::area::{self, Area, DebugRequest, Entry, HoldReason, Trigger};
 
 /// How long a processor may take to execute a command.
 const PATIENCE: Duration = Duration::from_secs(3);
@@ -16,11 +16,11 @@ const NAP: Duration = Duration::from_micros(50);
 
 /// The state of a processor's program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum State {
+pub enum ProgramState {
     /// It runs, or there is none.
     Runs,
     /// It is held.
-    Held(Reason),
+    Held(HoldReason),
 }
 
 /// What stops a program.
@@ -56,7 +56,7 @@ impl Breakpoint {
 
 /// A breakpoint that is planted in a program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Planted {
+pub struct PlantedBreakpoint {
     /// What it is.
     pub breakpoint: Breakpoint,
     /// The instruction that a breakpoint instruction replaces.
@@ -102,7 +102,7 @@ impl<W> core::fmt::Debug for Tracer<W> {
 
 impl<W: MemoryWindow> Tracer<W> {
     /// Makes the tracer of the processor with this debug area. `ring` raises the interrupt in which its
-    /// slave obeys.
+    /// stub obeys.
     pub fn new(area: Region<W>, ring: impl Fn() + Send + 'static) -> Self {
         Self {
             area: Area::new(area),
@@ -114,7 +114,7 @@ impl<W: MemoryWindow> Tracer<W> {
     ///
     /// # Errors
     /// [`TracerError::Access`].
-    pub fn mode(&self) -> Result<Mode, TracerError> {
+    pub fn mode(&self) -> Result<DebugRequest, TracerError> {
         Ok(self.area.mode()?)
     }
 
@@ -122,7 +122,7 @@ impl<W: MemoryWindow> Tracer<W> {
     ///
     /// # Errors
     /// [`TracerError::Access`].
-    pub fn set_mode(&self, mode: Mode) -> Result<(), TracerError> {
+    pub fn set_mode(&self, mode: DebugRequest) -> Result<(), TracerError> {
         Ok(self.area.set(area::MODE, mode.word())?)
     }
 
@@ -130,13 +130,13 @@ impl<W: MemoryWindow> Tracer<W> {
     ///
     /// # Errors
     /// [`TracerError::Access`].
-    pub fn state(&self) -> Result<State, TracerError> {
+    pub fn state(&self) -> Result<ProgramState, TracerError> {
         // Acquire: the frame is that of this hold.
         if self.area.word(area::STATE)? != area::HELD {
-            return Ok(State::Runs);
+            return Ok(ProgramState::Runs);
         }
-        let reason = Reason::from_word(self.area.word(area::REASON)?);
-        Ok(State::Held(reason))
+        let reason = HoldReason::from_word(self.area.word(area::REASON)?);
+        Ok(ProgramState::Held(reason))
     }
 
     /// Returns how often a program of the processor was held.
@@ -151,15 +151,15 @@ impl<W: MemoryWindow> Tracer<W> {
     ///
     /// # Errors
     /// [`TracerError::NoAnswer`], [`TracerError::Access`].
-    pub fn stop(&self) -> Result<Reason, TracerError> {
-        if let State::Held(reason) = self.state()? {
+    pub fn stop(&self) -> Result<HoldReason, TracerError> {
+        if let ProgramState::Held(reason) = self.state()? {
             return Ok(reason);
         }
         self.command(area::STOP, &[])?;
         self.wait(|| {
             Ok(match self.state()? {
-                State::Held(reason) => Some(reason),
-                State::Runs => None,
+                ProgramState::Held(reason) => Some(reason),
+                ProgramState::Runs => None,
             })
         })
     }
@@ -225,7 +225,7 @@ impl<W: MemoryWindow> Tracer<W> {
     ///
     /// # Errors
     /// [`TracerError::Access`].
-    pub fn planted(&self) -> Result<Vec<Planted>, TracerError> {
+    pub fn planted(&self) -> Result<Vec<PlantedBreakpoint>, TracerError> {
         let mut all = Vec::new();
         for place in 0..area::MOST_PLANTED {
             let Entry { address, words } = self.area.planted(place)?;
@@ -235,7 +235,7 @@ impl<W: MemoryWindow> Tracer<W> {
             };
             if let Some(breakpoint) = breakpoint {
                 let original = words[0];
-                all.push(Planted {
+                all.push(PlantedBreakpoint {
                     breakpoint,
                     original,
                 });
@@ -244,7 +244,7 @@ impl<W: MemoryWindow> Tracer<W> {
         Ok(all)
     }
 
-    /// Returns whether the program that runs can have no breakpoint at an address of it, as its slave has said
+    /// Returns whether the program that runs can have no breakpoint at an address of it, as its stub has said
     /// when it began.
     ///
     /// # Errors
@@ -296,7 +296,7 @@ impl<W: MemoryWindow> Tracer<W> {
         }
         self.area.set(area::CHANGES, changes.len() as u32)?;
         self.area.set(area::ACTION, action)?;
-        // Release: the slave that sees it sees the command.
+        // Release: the stub that sees it sees the command.
         self.area.set(area::COMMAND, command.wrapping_add(1))?;
         (self.ring)();
         Ok(())

@@ -3,5 +3,5 @@
 mod processors;
 mod variables;
 
-pub use processors::{Processors, Row, processors};
+pub use processors::{ProcessorReport, ProcessorRow, processors};
 pub use variables::{Variable, all_values, values, variable, variables};

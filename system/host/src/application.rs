@@ -3,23 +3,23 @@
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use crate::description::Description;
+use crate::description::SystemDescription;
 use crate::error::{AnyError, me};
 use crate::extension::Extension;
-use crate::robot::{MotionQueue, Motions, Robot};
+use crate::robot::{MotionFiles, MotionSender, Robot};
 use crate::system::SystemDirectory;
 
 /// The function of a program: it gets the program's arguments, runs in the process that a
 /// supervisor started for it, and returns the exit status. Most such functions call
 /// [`linux::run`](condor_rt::linux::run).
-pub type Run = fn(Vec<String>) -> ExitCode;
+pub type ProgramFunction = fn(Vec<String>) -> ExitCode;
 
 /// The parts that a binary adds to `condor`. If it adds only programs and extensions, use
 /// [`Programs`].
 pub trait Application: Sync {
     /// Returns the programs of the binary, each with its name. A description selects one by
     /// `program = "self"` and its name as the first argument.
-    fn programs(&self) -> &[(&'static str, Run)];
+    fn programs(&self) -> &[(&'static str, ProgramFunction)];
 
     /// Returns the file of the description that commands use if none is named; `None` if there is
     /// no such file.
@@ -29,7 +29,7 @@ pub trait Application: Sync {
 
     /// Returns further commands of the binary: the name of each, what the help says of it, and the
     /// function that gets its arguments.
-    fn commands(&self) -> &[(&'static str, &'static str, Run)] {
+    fn commands(&self) -> &[(&'static str, &'static str, ProgramFunction)] {
         &[]
     }
 
@@ -70,8 +70,8 @@ pub trait Application: Sync {
     fn motions(
         &self,
         robot: &Path,
-        description: Option<&Description>,
-    ) -> Result<Option<Box<dyn Motions>>, AnyError> {
+        description: Option<&SystemDescription>,
+    ) -> Result<Option<Box<dyn MotionFiles>>, AnyError> {
         let _ = (robot, description);
         Ok(None)
     }
@@ -83,9 +83,9 @@ pub trait Application: Sync {
     /// An error that says why there is none.
     fn motion_queue(
         &self,
-        description: &Description,
+        description: &SystemDescription,
         directory: &SystemDirectory,
-    ) -> Result<Option<Box<dyn MotionQueue>>, AnyError> {
+    ) -> Result<Option<Box<dyn MotionSender>>, AnyError> {
         let _ = (description, directory);
         Ok(None)
     }
@@ -95,7 +95,7 @@ pub trait Application: Sync {
     ///
     /// # Errors
     /// An error that says what cannot be made; the system is not started then.
-    fn prepare(&self, description: &Description) -> Result<(), AnyError> {
+    fn prepare(&self, description: &SystemDescription) -> Result<(), AnyError> {
         let _ = description;
         Ok(())
     }
@@ -108,7 +108,7 @@ pub trait Application: Sync {
     /// An error that says why there is no summary.
     fn summarize(
         &self,
-        description: &Description,
+        description: &SystemDescription,
         directory: &SystemDirectory,
     ) -> Result<(), AnyError> {
         let _ = (description, directory);
@@ -120,14 +120,14 @@ pub trait Application: Sync {
 /// uses `condor.toml` in the working directory.
 #[derive(Clone, Copy, Default)]
 pub struct Programs<'p> {
-    programs: &'p [(&'static str, Run)],
+    programs: &'p [(&'static str, ProgramFunction)],
     extensions: &'p [&'static dyn Extension],
 }
 
 impl<'p> Programs<'p> {
     /// Makes an application of programs with their names.
     #[must_use]
-    pub const fn new(programs: &'p [(&'static str, Run)]) -> Self {
+    pub const fn new(programs: &'p [(&'static str, ProgramFunction)]) -> Self {
         Self {
             programs,
             extensions: &[],
@@ -144,7 +144,7 @@ impl<'p> Programs<'p> {
 }
 
 impl Application for Programs<'_> {
-    fn programs(&self) -> &[(&'static str, Run)] {
+    fn programs(&self) -> &[(&'static str, ProgramFunction)] {
         self.programs
     }
 

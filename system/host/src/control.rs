@@ -1,4 +1,4 @@
-//! The control socket of a running system: its protocol, and the [`Client`] that commands use.
+//! The control socket of a running system: its protocol, and the [`ControlClient`] that commands use.
 //!
 //! Requests and answers are JSON objects, one per line, over the Unix socket `control` in the
 //! directory of the [system](crate::system). The answer comes when the request has taken effect:
@@ -15,7 +15,7 @@
 pub(crate) mod client;
 pub(crate) mod server;
 
-pub use client::{Client, ClientError, Events, follow, from_here, told_of};
+pub use client::{ControlClient, ControlClientError, ControlEvents, follow, from_here, told_of};
 
 use std::time::Duration;
 
@@ -33,8 +33,8 @@ pub const DOWN: Duration = Duration::from_secs(10);
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(tag = "do", rename_all = "lowercase", deny_unknown_fields)]
 #[non_exhaustive]
-pub enum Request {
-    /// Asks for the [`Status`] of the system.
+pub enum ControlRequest {
+    /// Asks for the [`SystemStatus`] of the system.
     Status {},
     /// Stops the program of a processor, or a service.
     Stop {
@@ -84,34 +84,34 @@ pub enum Request {
         /// The greatest number of lines.
         lines: usize,
     },
-    /// Asks for events: after the answer, every [`Event`] is sent as a line when it happens.
+    /// Asks for events: after the answer, every [`SystemEvent`] is sent as a line when it happens.
     Events {},
 }
 
 /// An answer of the supervisor.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
-pub struct Answer {
+pub struct ControlAnswer {
     /// Whether the request has been carried out.
     pub ok: bool,
     /// The reason, if it was not carried out.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub error: Option<String>,
-    /// The state of the system, in the answer to [`Request::Status`]; otherwise `None`.
+    /// The state of the system, in the answer to [`ControlRequest::SystemStatus`]; otherwise `None`.
     #[serde(flatten, default, skip_serializing_if = "Option::is_none")]
-    pub status: Option<Status>,
-    /// The lines of the log, in the answer to [`Request::Log`], oldest first; otherwise `None`.
+    pub status: Option<SystemStatus>,
+    /// The lines of the log, in the answer to [`ControlRequest::Log`], oldest first; otherwise `None`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub lines: Option<Vec<String>>,
     /// The names of the processors and services that had to be killed, in the answer to
-    /// [`Request::Down`]; otherwise empty.
+    /// [`ControlRequest::Down`]; otherwise empty.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub killed: Vec<String>,
 }
 
 /// The state of a system.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Status {
+pub struct SystemStatus {
     /// The name of the system.
     pub system: String,
     /// The file of the description from which it was started.
@@ -136,7 +136,7 @@ pub struct Status {
     pub processors: Vec<Member>,
 }
 
-impl Status {
+impl SystemStatus {
     /// Returns the processors and then the services.
     pub fn members(&self) -> impl Iterator<Item = &Member> + Clone {
         self.processors.iter().chain(&self.services)
@@ -287,7 +287,7 @@ impl core::fmt::Display for MemberState {
 /// An event in a system: a line of its log.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
-pub struct Event {
+pub struct SystemEvent {
     /// The time, in the format of RFC 3339.
     pub time: String,
     /// The name of the processor or service to which it happened, or `condor`.
@@ -299,7 +299,7 @@ pub struct Event {
     pub state: Option<MemberState>,
 }
 
-impl core::fmt::Display for Event {
+impl core::fmt::Display for SystemEvent {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         write!(f, "{} {}: {}", self.time, self.source, self.text)
     }

@@ -49,11 +49,11 @@ use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::extension::Group;
 
-pub use condor_toml::{Keys, Spanned, TextErrors, Whole};
+pub use condor_toml::{Keys, Spanned, TextErrors, WholeNumber};
 
 /// The description of a system, which has passed every check.
 #[derive(Debug)]
-pub struct Description {
+pub struct SystemDescription {
     /// The file from which it was read, as an absolute path.
     pub file: PathBuf,
     /// The name of the system.
@@ -73,7 +73,7 @@ pub struct Description {
     /// service.
     pub files: Option<Files>,
     /// The sizes of the records that the terminal service keeps of each terminal.
-    pub terminals: Terminals,
+    pub terminals: TerminalSizes,
     /// The greatest number of restarts of a service in a minute. If it fails again, it has failed
     /// for good.
     pub service_restarts: u32,
@@ -90,21 +90,21 @@ pub enum ClockKind {
     #[default]
     Real,
     /// The processors run by a simulated time of the system's own, at this speed.
-    Simulated(Speed),
+    Simulated(ClockSpeed),
 }
 
 /// The speed of a simulated clock in thousandths of the real time; 0 means as fast as possible.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Speed(pub u64);
+pub struct ClockSpeed(pub u64);
 
-impl Speed {
+impl ClockSpeed {
     /// The speed of the real time.
     pub const ONE: Self = Self(1000);
     /// The greatest speed: time goes on as fast as the programs compute.
     pub const MAX: Self = Self(0);
 }
 
-impl FromStr for Speed {
+impl FromStr for ClockSpeed {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
@@ -118,7 +118,7 @@ impl FromStr for Speed {
     }
 }
 
-impl fmt::Display for Speed {
+impl fmt::Display for ClockSpeed {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match *self {
             Self::MAX => f.write_str("max"),
@@ -127,27 +127,27 @@ impl fmt::Display for Speed {
     }
 }
 
-impl<'de> Deserialize<'de> for Speed {
+impl<'de> Deserialize<'de> for ClockSpeed {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         /// Its errors are raised where the place of the value is still known.
         struct Word;
 
         impl Visitor<'_> for Word {
-            type Value = Speed;
+            type Value = ClockSpeed;
 
             fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
                 f.write_str("a number or `max`")
             }
 
-            fn visit_str<E: de::Error>(self, text: &str) -> Result<Speed, E> {
+            fn visit_str<E: de::Error>(self, text: &str) -> Result<ClockSpeed, E> {
                 text.parse().map_err(E::custom)
             }
 
-            fn visit_i64<E: de::Error>(self, number: i64) -> Result<Speed, E> {
+            fn visit_i64<E: de::Error>(self, number: i64) -> Result<ClockSpeed, E> {
                 self.visit_str(&number.to_string())
             }
 
-            fn visit_f64<E: de::Error>(self, number: f64) -> Result<Speed, E> {
+            fn visit_f64<E: de::Error>(self, number: f64) -> Result<ClockSpeed, E> {
                 self.visit_str(&number.to_string())
             }
         }
@@ -156,7 +156,7 @@ impl<'de> Deserialize<'de> for Speed {
     }
 }
 
-impl Speed {
+impl ClockSpeed {
     /// So many times the real time, from 0.001 to 1000.
     fn times(factor: f64) -> Option<Self> {
         #[allow(
@@ -197,14 +197,14 @@ pub struct Files {
 
 /// The sizes of the records that the terminal service keeps of each terminal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Terminals {
+pub struct TerminalSizes {
     /// The number of bytes of a terminal's earlier output that a new viewer gets.
     pub replay_bytes: u32,
     /// The size in bytes at which a log is rotated; one previous log is kept.
     pub log_bytes: u32,
 }
 
-impl Default for Terminals {
+impl Default for TerminalSizes {
     fn default() -> Self {
         Self {
             replay_bytes: 64 * 1024,

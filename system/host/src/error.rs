@@ -8,7 +8,7 @@ pub type AnyError = Box<dyn core::error::Error>;
 /// The operating system refused an operation on a file.
 #[derive(Debug, thiserror::Error)]
 #[error("cannot {doing} {path:?}: {source}")]
-pub struct FileError {
+pub struct NamedFileError {
     /// The operation, such as `open`.
     pub doing: &'static str,
     /// The path of the file.
@@ -17,7 +17,7 @@ pub struct FileError {
     pub source: std::io::Error,
 }
 
-impl FileError {
+impl NamedFileError {
     /// Returns what makes an error of the refused operation `doing` on the file at `path`.
     pub fn at(doing: &'static str, path: impl AsRef<Path>) -> impl FnOnce(std::io::Error) -> Self {
         let path = path.as_ref().to_owned();

@@ -1,4 +1,4 @@
-//! [`Events`]: what happens in a system, for recordings and live viewers.
+//! [`EventCollector`]: what happens in a system, for recordings and live viewers.
 
 use std::collections::HashMap;
 use std::fs::File;
@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use condor_ros2::Level;
 
-use crate::control::{ClientError, Event, MemberState, Status, follow};
+use crate::control::{ControlClientError, MemberState, SystemEvent, SystemStatus, follow};
 use crate::error::AnyError;
 use crate::services::terminals::keyboard;
 use crate::system::SystemDirectory;
@@ -22,15 +22,15 @@ const LINE_BYTES: usize = 4096;
 /// The events of a system: lines of its log, lines that are typed, and counts of messages.
 ///
 /// An event has the time at which it is seen.
-pub struct Events<'s> {
-    status: &'s Status,
-    log: Receiver<Result<Event, ClientError>>,
+pub struct EventCollector<'s> {
+    status: &'s SystemStatus,
+    log: Receiver<Result<SystemEvent, ControlClientError>>,
     keyboards: Vec<Keyboard>,
     counts: Counts,
     looked: Instant,
 }
 
-/// The counts of the vectors of processors at the last look, each with the life of the program.
+/// The counts of the vectors of processors at the last look, each with the incarnation of the program.
 #[derive(Default)]
 struct Counts(HashMap<(String, u8), (u32, VectorCounts)>);
 
@@ -44,14 +44,14 @@ struct Keyboard {
     line: Vec<u8>,
 }
 
-impl<'s> Events<'s> {
+impl<'s> EventCollector<'s> {
     /// Takes the events from now on.
     ///
     /// # Errors
     /// An error of the supervisor, of a file to which people type, or of the memory of a processor.
     pub fn of(
         directory: &SystemDirectory,
-        status: &'s Status,
+        status: &'s SystemStatus,
         view: &View,
     ) -> Result<Self, AnyError> {
         let (_, news) = follow(directory, 0)?;
@@ -131,20 +131,20 @@ impl Counts {
     /// Hands over the name of a processor and what has changed of the counts of a vector of it, for each.
     fn look(
         &mut self,
-        status: &Status,
+        status: &SystemStatus,
         view: &View,
         mut take: impl FnMut(&str, &str),
     ) -> Result<(), AnyError> {
         for member in status.members() {
             let processor = member.processor();
-            let life = view.heart(processor)?.life;
+            let incarnation = view.heart(processor)?.incarnation;
             let vectors = view.vectors(processor)?;
             // Those of a program that begins just now may be of both lives: the next look has them.
-            if view.heart(processor)?.life != life {
+            if view.heart(processor)?.incarnation != incarnation {
                 continue;
             }
             for counts in vectors {
-                if let Some(text) = self.news(&member.name, life, &counts) {
+                if let Some(text) = self.news(&member.name, incarnation, &counts) {
                     take(&member.name, &text);
                 }
             }
@@ -152,11 +152,11 @@ impl Counts {
         Ok(())
     }
 
-    /// Tells what has changed of the counts of a vector since the last look. A new life begins with 0.
-    fn news(&mut self, processor: &str, life: u32, counts: &VectorCounts) -> Option<String> {
+    /// Tells what has changed of the counts of a vector since the last look. A new incarnation begins with 0.
+    fn news(&mut self, processor: &str, incarnation: u32, counts: &VectorCounts) -> Option<String> {
         let key = (processor.to_owned(), counts.vector);
-        let before = self.0.insert(key, (life, counts.clone()));
-        let before = before.filter(|(before, _)| *before == life);
+        let before = self.0.insert(key, (incarnation, counts.clone()));
+        let before = before.filter(|(before, _)| *before == incarnation);
         let before = before.map(|(_, counts)| counts);
         let before = before.map_or([0; 3], |it| [it.sent, it.handled, it.failed]);
         let [sent, handled, failed] = before;

@@ -6,7 +6,7 @@
 //!
 //! An extension goes through three stages, and each returns the next one: [`Extension::read`]
 //! checks the description, [`Group::furnish`] makes what must exist before programs start, and
-//! [`Furnished::launch`] returns the [`Launch`] that runs the program of a processor.
+//! [`StartingExtension::launch`] returns the [`Launch`] that runs the program of a processor.
 
 use core::fmt::Debug;
 use std::collections::BTreeSet;
@@ -18,12 +18,12 @@ use std::time::SystemTime;
 use condor_debug::gateway::Debuggee;
 use condor_mbox::Processor;
 use condor_mbox::linux::{LinuxDoorbell, LinuxWindow};
-use condor_rt::linux::{Environment, FileRange, Loops};
+use condor_rt::linux::{Environment, FileRange, LoopContext};
 use condor_rt::numbers::PROCESSORS;
-use condor_toml::{Keys, Spanned, Whole};
+use condor_toml::{Keys, Spanned, WholeNumber};
 
-use crate::error::{AnyError, FileError};
-use crate::launch::{Launch, Process};
+use crate::error::{AnyError, NamedFileError};
+use crate::launch::{ChildProcess, Launch};
 use crate::system::SystemDirectory;
 
 /// An addition to `condor`: a kind of processors (such as the harts of a board), a service, or
@@ -57,7 +57,7 @@ pub trait Extension: Sync {
     /// [`Keys::wrong`]; keys that it does not ask for are reported as unknown.
     ///
     /// Returns `None` if something is wrong.
-    fn read(&self, found: &mut Found<'_, '_>) -> Option<Box<dyn Group>>;
+    fn read(&self, found: &mut ExtensionPart<'_, '_>) -> Option<Box<dyn Group>>;
 
     /// Returns the program of processor `number`, which is of this kind, for a debugger; `None` if a
     /// debugger of this machine traces its process. `directory` is that of the running system, and
@@ -89,7 +89,7 @@ pub trait Extension: Sync {
 /// The parts of a description that belong to an extension.
 #[derive(Debug)]
 #[non_exhaustive]
-pub struct Found<'a, 't> {
+pub struct ExtensionPart<'a, 't> {
     /// The file of the description, to which paths are relative: see
     /// [`beside`](crate::description::beside) and
     /// [`find_program`](crate::description::find_program).
@@ -130,11 +130,11 @@ pub trait Group: Debug {
     ///
     /// # Errors
     /// An error that says what cannot be made; the system does not come up then.
-    fn furnish(&self, directory: &SystemDirectory) -> Result<Box<dyn Furnished>, AnyError>;
+    fn furnish(&self, directory: &SystemDirectory) -> Result<Box<dyn StartingExtension>, AnyError>;
 }
 
 /// An extension in a system that is being started.
-pub trait Furnished {
+pub trait StartingExtension {
     /// Returns the file of the bus; `None` if this extension does not provide the bus.
     fn bus(&self) -> Option<FileRange> {
         None
@@ -178,7 +178,7 @@ pub struct Service {
     /// The arguments for [`Extension::serve`]. The number of the service is in its
     /// [environment](condor_rt::linux::Environment::read).
     pub arguments: Vec<String>,
-    /// The [`Launch`] that runs it: a [`Process`], or a wrapper of one.
+    /// The [`Launch`] that runs it: a [`ChildProcess`], or a wrapper of one.
     pub launch: Box<dyn Launch>,
 }
 
@@ -189,7 +189,7 @@ pub struct Service {
 pub(crate) fn furnish<'g>(
     groups: impl Iterator<Item = (&'static str, &'g dyn Group)>,
     directory: &SystemDirectory,
-) -> Result<Vec<Box<dyn Furnished>>, AnyError> {
+) -> Result<Vec<Box<dyn StartingExtension>>, AnyError> {
     let mut all = Vec::new();
     let mut providers = [None; 3];
     for (name, group) in groups {
@@ -215,7 +215,7 @@ pub(crate) fn furnish<'g>(
 }
 
 /// What is in a directory: name, number and time of the last change of each file.
-fn entries(directory: &Path) -> Result<BTreeSet<(OsString, u64, SystemTime)>, FileError> {
+fn entries(directory: &Path) -> Result<BTreeSet<(OsString, u64, SystemTime)>, NamedFileError> {
     let entries = std::fs::read_dir(directory).and_then(|entries| {
         let entries = entries.map(|entry| {
             let entry = entry?;
@@ -224,7 +224,7 @@ fn entries(directory: &Path) -> Result<BTreeSet<(OsString, u64, SystemTime)>, Fi
         });
         entries.collect()
     });
-    entries.map_err(FileError::at("read", directory))
+    entries.map_err(NamedFileError::at("read", directory))
 }
 
 /// The kind of processors that are processes of this machine. It is the default kind.
@@ -241,13 +241,13 @@ impl Extension for Processes {
         true
     }
 
-    fn read(&self, found: &mut Found<'_, '_>) -> Option<Box<dyn Group>> {
-        let loops = Loops::ALL.map(|loops| (loops.word(), loops));
+    fn read(&self, found: &mut ExtensionPart<'_, '_>) -> Option<Box<dyn Group>> {
+        let loops = LoopContext::ALL.map(|loops| (loops.word(), loops));
         let settings = found.processors.iter_mut().map(|processor| {
             let keys = &mut processor.keys;
             let loops = keys.word("loops", &loops).unwrap_or_default();
-            let cpu: Option<Whole<_, 0, 1023>> = keys.get("cpu");
-            let priority: Option<Whole<_, 1, 99>> = keys.get("priority");
+            let cpu: Option<WholeNumber<_, 0, 1023>> = keys.get("cpu");
+            let priority: Option<WholeNumber<_, 1, 99>> = keys.get("priority");
             Settings {
                 number: processor.number,
                 loops,
@@ -263,7 +263,7 @@ impl Extension for Processes {
 #[derive(Clone, Copy, Debug)]
 struct Settings {
     number: Option<u8>,
-    loops: Loops,
+    loops: LoopContext,
     cpu: Option<usize>,
     priority: Option<u8>,
 }
@@ -272,12 +272,12 @@ struct Settings {
 struct ProcessGroup(Vec<Settings>);
 
 impl Group for ProcessGroup {
-    fn furnish(&self, _: &SystemDirectory) -> Result<Box<dyn Furnished>, AnyError> {
+    fn furnish(&self, _: &SystemDirectory) -> Result<Box<dyn StartingExtension>, AnyError> {
         Ok(Box::new(self.clone()))
     }
 }
 
-impl Furnished for ProcessGroup {
+impl StartingExtension for ProcessGroup {
     fn launch(
         &self,
         number: Processor,
@@ -290,7 +290,7 @@ impl Furnished for ProcessGroup {
             environment.cpu = settings.cpu;
             environment.priority = settings.priority;
         }
-        Ok(Box::new(Process::new()))
+        Ok(Box::new(ChildProcess::new()))
     }
 }
 
@@ -303,7 +303,10 @@ mod tests {
     struct Board(&'static str);
 
     impl Group for Board {
-        fn furnish(&self, directory: &SystemDirectory) -> Result<Box<dyn Furnished>, AnyError> {
+        fn furnish(
+            &self,
+            directory: &SystemDirectory,
+        ) -> Result<Box<dyn StartingExtension>, AnyError> {
             if self.0 == "windows" {
                 // As `System::in_memory` does, whoever else has done so.
                 let path = directory.mailbox().join("system");
@@ -315,7 +318,7 @@ mod tests {
         }
     }
 
-    impl Furnished for Board {
+    impl StartingExtension for Board {
         fn bus(&self) -> Option<FileRange> {
             (self.0 == "bus").then(|| FileRange::whole("bus".into()))
         }

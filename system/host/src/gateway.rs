@@ -6,8 +6,8 @@ use std::process::Command;
 
 use crate::description::{beside, find_program};
 use crate::error::AnyError;
-use crate::extension::{Extension, Found, Furnished, Group, Service};
-use crate::launch::Process;
+use crate::extension::{Extension, ExtensionPart, Group, Service, StartingExtension};
+use crate::launch::ChildProcess;
 use crate::system::SystemDirectory;
 use condor_toml::Spanned;
 
@@ -33,7 +33,7 @@ impl Extension for Gateway {
         Some("gateway")
     }
 
-    fn read(&self, found: &mut Found<'_, '_>) -> Option<Box<dyn Group>> {
+    fn read(&self, found: &mut ExtensionPart<'_, '_>) -> Option<Box<dyn Group>> {
         let file = found.file;
         let keys = found.keys.as_mut()?;
         let table = keys.span();
@@ -70,17 +70,17 @@ impl Extension for Gateway {
 }
 
 impl Group for Serves {
-    fn furnish(&self, _: &SystemDirectory) -> Result<Box<dyn Furnished>, AnyError> {
+    fn furnish(&self, _: &SystemDirectory) -> Result<Box<dyn StartingExtension>, AnyError> {
         Ok(Box::new(self.clone()))
     }
 }
 
-impl Furnished for Serves {
+impl StartingExtension for Serves {
     fn service(&self) -> Option<Service> {
         let words = [&self.program, &self.config].map(|path| path.display().to_string());
         Some(Service {
             arguments: words.into(),
-            launch: Box::new(Process::new()),
+            launch: Box::new(ChildProcess::new()),
         })
     }
 }

@@ -2,7 +2,7 @@
 
 pub(crate) mod process;
 
-pub use process::Process;
+pub use process::ChildProcess;
 
 use core::fmt;
 use std::os::fd::BorrowedFd;
@@ -10,7 +10,7 @@ use std::path::PathBuf;
 
 use condor_rt::linux::Environment;
 
-use crate::error::FileError;
+use crate::error::NamedFileError;
 
 /// A processor as its supervisor handles it: a process of this machine, a hart that is held in
 /// reset while its memory is loaded, or a mapped device that another processor controls.
@@ -28,13 +28,13 @@ pub trait Launch {
     /// # Errors
     /// [`LaunchError::Runs`] if the previous program runs; otherwise the operating system or the
     /// extension has failed. Nothing is loaded then.
-    fn load(&mut self, image: &Image) -> Result<(), LaunchError>;
+    fn load(&mut self, image: &ProgramImage) -> Result<(), LaunchError>;
 
     /// Checks whether `image` can be loaded after the running program has ended.
     ///
     /// # Errors
     /// The errors of [`load`](Self::load) that can be found before. The default finds none.
-    fn check(&self, image: &Image) -> Result<(), LaunchError> {
+    fn check(&self, image: &ProgramImage) -> Result<(), LaunchError> {
         let _ = image;
         Ok(())
     }
@@ -50,7 +50,7 @@ pub trait Launch {
     ///
     /// # Errors
     /// [`LaunchError`] if the program cannot be reached.
-    fn stop(&mut self, how: Stop) -> Result<(), LaunchError>;
+    fn stop(&mut self, how: StopMethod) -> Result<(), LaunchError>;
 
     /// Returns whether a program can be started now: false while the machine that has this
     /// processor is off. The supervisor waits until it is true.
@@ -97,7 +97,7 @@ pub trait Launch {
 /// A program with its arguments and its environment.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
-pub struct Image {
+pub struct ProgramImage {
     /// The file of the program.
     pub file: PathBuf,
     /// The arguments of the program.
@@ -106,7 +106,7 @@ pub struct Image {
     pub environment: Environment,
 }
 
-impl Image {
+impl ProgramImage {
     /// Makes the image of the program in `file`, with its arguments and its environment.
     #[must_use]
     pub const fn new(file: PathBuf, arguments: Vec<String>, environment: Environment) -> Self {
@@ -120,7 +120,7 @@ impl Image {
 
 /// The way in which a program is ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Stop {
+pub enum StopMethod {
     /// The program is asked to end, and may clean up.
     Ask,
     /// The program is killed.
@@ -184,5 +184,5 @@ pub enum LaunchError {
     Other(Box<dyn core::error::Error + Send + Sync>),
     /// The operating system refuses.
     #[error(transparent)]
-    Os(#[from] FileError),
+    Os(#[from] NamedFileError),
 }

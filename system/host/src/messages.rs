@@ -4,10 +4,10 @@ mod pose;
 
 use std::collections::BTreeSet;
 
-use condor_ros2::{Field, Layout, field_name, type_name};
+use condor_ros2::{Layout, RosField, field_name, type_name};
 
-use crate::watching::{One, Source};
-pub use pose::Pose;
+use crate::watching::{CatalogEntry, RowSource};
+pub use pose::PoseMessages;
 
 /// The topic of the joints of a robot.
 pub const JOINTS: &str = "/joint_states";
@@ -23,8 +23,8 @@ pub const EVENTS: &str = "/events";
 
 /// Returns the field of a row that shows a variable.
 #[must_use]
-pub fn field(one: &One) -> Field {
-    Field {
+pub fn field(one: &CatalogEntry) -> RosField {
+    RosField {
         name: one.name.clone(),
         kind: one.of.kind,
         unit: one.entry.unit.to_string(),
@@ -44,10 +44,10 @@ pub fn wall_ns() -> u64 {
 /// columns of the rows.
 pub fn layouts(
     topics: &mut Topics,
-    sources: &[Source],
-    columns: &[&One],
+    sources: &[RowSource],
+    columns: &[&CatalogEntry],
 ) -> Vec<([String; 2], Layout)> {
-    let layout = |source: &Source| {
+    let layout = |source: &RowSource| {
         let fields = source.fields().iter();
         let ones = fields.filter_map(|field| columns.get(*field.columns.first()?));
         let (processor, owner) = source.place();

@@ -9,7 +9,7 @@ use wildmatch::WildMatch;
 const SUGGESTIONS: usize = 5;
 
 /// A variable, as far as its names go.
-pub trait Named {
+pub trait VariableName {
     /// Returns the names of its processor and of its loop or cell, and its own name.
     fn parts(&self) -> [&str; 3];
 
@@ -42,7 +42,7 @@ pub trait Named {
 ///
 /// # Errors
 /// A text that says that nothing has the name, with similar ones, or that several have it.
-pub fn find<'a, T: Named>(all: &'a [T], name: &str, hint: &str) -> Result<&'a T, String> {
+pub fn find<'a, T: VariableName>(all: &'a [T], name: &str, hint: &str) -> Result<&'a T, String> {
     let mut found = all.iter().filter(|one| one.is_called(name));
     match (found.next(), found.next()) {
         (Some(one), None) => Ok(one),
@@ -73,7 +73,7 @@ pub fn find<'a, T: Named>(all: &'a [T], name: &str, hint: &str) -> Result<&'a T,
 ///
 /// # Errors
 /// A text that names the first pattern that nothing matches.
-pub fn matching<'a, T: Named>(
+pub fn matching<'a, T: VariableName>(
     all: &'a [T],
     patterns: &[String],
     hint: &str,
@@ -98,9 +98,9 @@ pub fn matching<'a, T: Named>(
 }
 
 /// Returns the shortest name of each that no other variable has.
-pub fn labels<T: Named>(all: &[T], chosen: &[&T]) -> Vec<String> {
+pub fn labels<T: VariableName>(all: &[T], chosen: &[&T]) -> Vec<String> {
     let mut counts = BTreeMap::new();
-    for name in all.iter().flat_map(Named::names) {
+    for name in all.iter().flat_map(VariableName::names) {
         *counts.entry(name).or_insert(0) += 1;
     }
     let label = |one: &&T| {
@@ -113,7 +113,7 @@ pub fn labels<T: Named>(all: &[T], chosen: &[&T]) -> Vec<String> {
 }
 
 /// Tells the names that are most like `name`; `None` if there are no names.
-pub fn nearest<'n, T: Named + 'n>(
+pub fn nearest<'n, T: VariableName + 'n>(
     name: &str,
     all: impl IntoIterator<Item = &'n T>,
 ) -> Option<String> {
@@ -175,11 +175,11 @@ pub fn whole(text: &str) -> Option<i128> {
 
 #[cfg(test)]
 mod tests {
-    use super::{Named, find, labels, matching, nearest, word};
+    use super::{VariableName, find, labels, matching, nearest, word};
 
     struct One([&'static str; 3]);
 
-    impl Named for One {
+    impl VariableName for One {
         fn parts(&self) -> [&str; 3] {
             self.0
         }

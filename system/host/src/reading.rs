@@ -1,16 +1,18 @@
-//! From a text to a [`Description`] for an [`Application`].
+//! From a text to a [`SystemDescription`] for an [`Application`].
 
 mod processor;
 
 use std::path::{Path, PathBuf};
 
 use condor_platform::linux::read_text;
-use condor_toml::{Fault, Keys, Spanned, Text, TextErrors, Whole};
+use condor_toml::{Keys, Misreading, SourceText, Spanned, TextErrors, WholeNumber};
 
 use crate::application::Application;
-use crate::description::{ClockKind, Description, Entry, Files, Speed, Terminals, beside};
+use crate::description::{
+    ClockKind, ClockSpeed, Entry, Files, SystemDescription, TerminalSizes, beside,
+};
 use crate::error::AnyError;
-use crate::extension::{Extension, Found, PROCESSES};
+use crate::extension::{Extension, ExtensionPart, PROCESSES};
 use crate::gateway::GATEWAY;
 use crate::robot::Robot;
 
@@ -19,11 +21,11 @@ const MOST_BYTES: i64 = 1 << 30;
 /// Names become those of files and of sockets, whose paths are short.
 const LONGEST: usize = 32;
 
-type Pages = Whole<u32, PAGE, MOST_BYTES, PAGE>;
-type Bytes = Whole<u32, 0, MOST_BYTES>;
-type Restarts = Whole<u32, 0, 1_000_000>;
+type Pages = WholeNumber<u32, PAGE, MOST_BYTES, PAGE>;
+type Bytes = WholeNumber<u32, 0, MOST_BYTES>;
+type Restarts = WholeNumber<u32, 0, 1_000_000>;
 
-impl Description {
+impl SystemDescription {
     /// Reads and checks the description in `file`, for this application.
     ///
     /// # Errors
@@ -32,8 +34,8 @@ impl Description {
     pub fn read(file: impl AsRef<Path>, application: &dyn Application) -> Result<Self, TextErrors> {
         let file = file.as_ref();
         let text = read_text(file).map_err(|error| {
-            let fault = Fault::from(format!("cannot read it: {error}"));
-            Text::new(&file.to_string_lossy(), "").error(fault)
+            let fault = Misreading::from(format!("cannot read it: {error}"));
+            SourceText::new(&file.to_string_lossy(), "").error(fault)
         })?;
         Self::from_toml(&text, file, application)
     }
@@ -49,10 +51,12 @@ impl Description {
         application: &dyn Application,
     ) -> Result<Self, TextErrors> {
         let name = file.to_string_lossy();
-        let text = Text::new(&name, text);
+        let text = SourceText::new(&name, text);
         // Other commands read it again, from other directories.
         let file = std::path::absolute(file).map_err(|error| {
-            text.error(Fault::from(format!("cannot find its directory: {error}")))
+            text.error(Misreading::from(format!(
+                "cannot find its directory: {error}"
+            )))
         })?;
         let tree = text.parse()?;
         let top = text.keys(&tree);
@@ -74,7 +78,7 @@ pub fn robot_of(
     file: &Path,
     application: &dyn Application,
 ) -> Result<Option<Box<dyn Robot>>, AnyError> {
-    let description = Description::read(file, application)?;
+    let description = SystemDescription::read(file, application)?;
     match &description.robot {
         Some(robot) => application.robot(robot),
         None => Ok(None),
@@ -87,7 +91,7 @@ struct Own<'o> {
     application: &'o dyn Application,
 }
 
-fn system(mut top: Keys<'_, '_>, own: &Own<'_>) -> Option<Description> {
+fn system(mut top: Keys<'_, '_>, own: &Own<'_>) -> Option<SystemDescription> {
     let name = name(&mut top);
     let window_bytes: Option<Pages> = top.need("window_bytes", "a multiple of 4096");
     let robot: Option<Spanned<String>> = top.get("robot");
@@ -119,7 +123,7 @@ fn system(mut top: Keys<'_, '_>, own: &Own<'_>) -> Option<Description> {
     }
     for (place, (extension, keys)) in extensions.iter().zip(tables).enumerate() {
         let mine = rest.extract_if(.., |(kind, _)| *kind == place);
-        let mut mine = Found {
+        let mut mine = ExtensionPart {
             file: own.file,
             keys,
             processors: mine.map(|(_, found)| found).collect(),
@@ -141,7 +145,7 @@ fn system(mut top: Keys<'_, '_>, own: &Own<'_>) -> Option<Description> {
         processors.chain(mine.keys).for_each(Keys::finish);
     }
     // An optional part that is wrong is `None` here; its mistake has been noted.
-    Some(Description {
+    Some(SystemDescription {
         file: own.file.into(),
         name: name?.into_inner(),
         window_bytes: window_bytes?.0,
@@ -197,14 +201,14 @@ fn name(keys: &mut Keys<'_, '_>) -> Option<Spanned<String>> {
 
 fn clock(mut keys: Keys<'_, '_>) -> Option<ClockKind> {
     let kind = keys.word("kind", &[("real", false), ("simulated", true)]);
-    let speed: Option<Spanned<Speed>> = keys.get("speed");
+    let speed: Option<Spanned<ClockSpeed>> = keys.get("speed");
     if let (Some(speed), Some(false) | None) = (&speed, kind) {
         let problem =
             "a real clock has no speed; `kind = \"simulated\"` gives the system a clock of its own";
         keys.wrong(&speed.span(), problem);
     }
     keys.finish();
-    let speed = speed.map_or(Speed::ONE, Spanned::into_inner);
+    let speed = speed.map_or(ClockSpeed::ONE, Spanned::into_inner);
     Some(if kind? {
         ClockKind::Simulated(speed)
     } else {
@@ -263,8 +267,8 @@ fn services(mut keys: Keys<'_, '_>) -> Option<u32> {
     Some(restarts?.0)
 }
 
-fn terminals(mut keys: Keys<'_, '_>) -> Terminals {
-    let default = Terminals::default();
+fn terminals(mut keys: Keys<'_, '_>) -> TerminalSizes {
+    let default = TerminalSizes::default();
     let replay_bytes: Option<Bytes> = keys.get("replay_bytes");
     let replay_bytes = replay_bytes.map_or(default.replay_bytes, |bytes| bytes.0);
     let log_bytes: Option<Spanned<Bytes>> = keys.get("log_bytes");
@@ -272,7 +276,7 @@ fn terminals(mut keys: Keys<'_, '_>) -> Terminals {
     let least = replay_bytes.max(PAGE as u32);
     let log_bytes = match log_bytes {
         Some(log_bytes) => {
-            let Whole(bytes) = *log_bytes.get_ref();
+            let WholeNumber(bytes) = *log_bytes.get_ref();
             if bytes < least {
                 let problem = format!("{bytes} is too small; it must be at least {least}");
                 keys.wrong(&log_bytes.span(), problem);
@@ -282,7 +286,7 @@ fn terminals(mut keys: Keys<'_, '_>) -> Terminals {
         None => default.log_bytes.max(replay_bytes),
     };
     keys.finish();
-    Terminals {
+    TerminalSizes {
         replay_bytes,
         log_bytes,
     }

@@ -3,16 +3,16 @@
 //! `condor` knows no robot. An application that does returns it by
 //! [`Application::robot`](crate::application::Application::robot): plots then draw it, and recordings and
 //! viewers get its joints and frames. A robot with a [`Simulator`] is also computed without any processor;
-//! [`Motions`] are its motion files, and a [`MotionQueue`] has a running system make what was composed.
+//! [`MotionFiles`] are its motion files, and a [`MotionSender`] has a running system make what was composed.
 
 mod motions;
 mod simulator;
 
-pub use motions::{MotionQueue, Motions, Outcome};
+pub use motions::{MotionFiles, MotionOutcome, MotionSender};
 pub use simulator::largest;
 pub use simulator::{
-    Clearance, Collision, Dragged, Held, JointPlan, Moved, Overload, Peaks, Plan, PlanEvent,
-    Simulator, TendonPlan, What,
+    Clearance, Collision, DragResult, JointPlan, LimitedJoint, LimitedPosture, MotionPeaks,
+    Overload, Plan, PlanEvent, Simulator, TendonPlan, What,
 };
 
 /// A robot as people look at it: its joints, and where its parts are.
@@ -21,10 +21,10 @@ pub use simulator::{
 /// those that are not finite, count as 0.
 pub trait Robot: Send + Sync {
     /// Returns the joints.
-    fn joints(&self) -> &[Joint];
+    fn joints(&self) -> &[RobotJoint];
 
     /// Returns the lines to draw, in the frame of the base.
-    fn lines(&self, positions: &[f64]) -> Vec<Line>;
+    fn lines(&self, positions: &[f64]) -> Vec<RobotLine>;
 
     /// Returns the frames of all links but the base, parents first.
     fn frames(&self, positions: &[f64]) -> Vec<Frame>;
@@ -36,7 +36,7 @@ pub trait Robot: Send + Sync {
 
     /// Returns what the robot handles. `observed` are the values of [`observed`](Self::observed), in that order; NaN
     /// if they are not known.
-    fn objects(&self, positions: &[f64], observed: &[f64]) -> Vec<Object> {
+    fn objects(&self, positions: &[f64], observed: &[f64]) -> Vec<RobotObject> {
         let _ = (positions, observed);
         Vec::new()
     }
@@ -55,7 +55,7 @@ pub trait Robot: Send + Sync {
 
 /// A joint.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Joint {
+pub struct RobotJoint {
     /// Its name.
     pub name: String,
     /// The variable that has its position, in radians or metres.
@@ -70,7 +70,7 @@ pub struct Joint {
 
 /// A polyline.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Line {
+pub struct RobotLine {
     /// The name of the part.
     pub name: String,
     /// Its points, in metres.
@@ -96,7 +96,7 @@ pub struct Frame {
 
 /// A ball that the robot handles.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Object {
+pub struct RobotObject {
     /// Its name.
     pub name: String,
     /// Its centre, in metres.
@@ -104,12 +104,12 @@ pub struct Object {
     /// Its radius, in metres.
     pub radius_m: f64,
     /// Where parts of the robot touch it.
-    pub contacts: Vec<Contact>,
+    pub contacts: Vec<RobotContact>,
 }
 
 /// A place at which a part of the robot touches an object.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Contact {
+pub struct RobotContact {
     /// The name of the part.
     pub name: String,
     /// The place, in metres.

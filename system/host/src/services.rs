@@ -8,12 +8,12 @@ pub mod terminals;
 use std::time::Duration;
 
 use condor_mbox::linux::{Claim, SystemError};
-use condor_mbox::{Error, Processor};
+use condor_mbox::{MailboxError, Processor};
 
 use crate::application::Application;
-use crate::error::{AnyError, FileError};
+use crate::error::{AnyError, NamedFileError};
 use crate::gateway::GATEWAY;
-use crate::system::Windows;
+use crate::system::SystemWindows;
 use condor_rt::linux::{Environment, MappedPage, ProcessError};
 use condor_rt::numbers::PROCESSORS;
 use serde::Serialize;
@@ -40,13 +40,13 @@ pub enum ServiceError {
     Windows(#[from] SystemError),
     /// Its mailbox returned this error.
     #[error(transparent)]
-    Mailbox(#[from] Error),
+    Mailbox(#[from] MailboxError),
     /// The file server returned this error.
     #[error(transparent)]
     Files(#[from] condor_fs::server::ServerError),
     /// An operation on one of its files failed.
     #[error(transparent)]
-    File(#[from] FileError),
+    File(#[from] NamedFileError),
     /// Signals could not be handled, or the wait for events failed.
     #[error("cannot wait for events: {0}")]
     Events(std::io::Error),
@@ -89,7 +89,7 @@ fn settings<T: DeserializeOwned>(arguments: &[String]) -> Result<T, AnyError> {
 /// clock, if it has one.
 fn claim(number: Processor) -> Result<(Claim<PROCESSORS>, Option<MappedPage>), ServiceError> {
     let environment = Environment::read()?;
-    let system = Windows::at(environment.system, environment.window_bytes)?;
+    let system = SystemWindows::at(environment.system, environment.window_bytes)?;
     let page = environment.clock.as_ref().map(MappedPage::open);
     Ok((system.claim_within(number, SUCCESSION)?, page.transpose()?))
 }

@@ -14,12 +14,12 @@ const ENDING: [i32; 3] = [SIGHUP, SIGINT, SIGTERM];
 /// A receiver of the signals that ask a program to end. They do not end this process as long as
 /// this value lives, so a service can clean up before it ends.
 #[derive(Debug)]
-pub struct Signals {
+pub struct EndSignals {
     reader: UnixStream,
     registered: Vec<SigId>,
 }
 
-impl Signals {
+impl EndSignals {
     /// Takes over the signals that ask a program to end: SIGHUP, SIGINT and SIGTERM.
     ///
     /// # Errors
@@ -70,7 +70,7 @@ pub fn flag() -> std::io::Result<Arc<AtomicBool>> {
     Ok(flag)
 }
 
-impl Drop for Signals {
+impl Drop for EndSignals {
     fn drop(&mut self) {
         for id in self.registered.drain(..) {
             signal_hook::low_level::unregister(id);

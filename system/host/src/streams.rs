@@ -2,19 +2,19 @@
 //!
 //! Topics, types and bytes are those of a recording and of `condor view`.
 
-use condor_ros2::{Head, Layout, Log, Message as _, Time, encode, schema};
+use condor_ros2::{Head, Layout, Log, RosMessage as _, Time, encode, schema};
 
-use crate::control::Status;
+use crate::control::SystemStatus;
 use crate::error::AnyError;
-use crate::events::Events;
+use crate::events::EventCollector;
 use crate::messages::{self, EVENTS, Topics, wall_ns};
 use crate::system::SystemDirectory;
 use crate::view::View;
-use crate::watching::{Known, Newcomers, One, Rows, Source};
+use crate::watching::{CatalogEntry, NewPrograms, RowSource, Rows, VariableCatalog};
 
 /// A topic, with the type of its messages.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Topic {
+pub struct StreamTopic {
     /// Its name, such as `/servo_a/servo`.
     pub name: String,
     /// The name of the type of its messages, such as `condor/msg/ServoAServo`.
@@ -27,7 +27,7 @@ pub struct Topic {
 
 /// A message of a topic.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Message {
+pub struct StreamMessage {
     /// The place of its topic among [`Streams::topics`].
     pub topic: usize,
     /// The bytes, as CDR.
@@ -38,14 +38,14 @@ pub struct Message {
 pub struct Streams<'s> {
     view: &'s View,
     rows: Rows<'s>,
-    newcomers: Newcomers,
+    newcomers: NewPrograms,
     /// By the number of the source: the place of its topic, and the layout of its rows.
     layouts: Vec<(usize, Layout)>,
     names: Topics,
-    topics: Vec<Topic>,
+    topics: Vec<StreamTopic>,
     /// The place of the topic of events.
     events_topic: usize,
-    events: Events<'s>,
+    events: EventCollector<'s>,
     ahead_ns: u64,
 }
 
@@ -57,14 +57,14 @@ impl<'s> Streams<'s> {
     /// An error that says which name is unknown, or why the system cannot be asked.
     pub fn open(
         directory: &SystemDirectory,
-        status: &'s Status,
+        status: &'s SystemStatus,
         view: &'s View,
         patterns: &[String],
         every: u32,
     ) -> Result<Self, AnyError> {
         // Without patterns it needs no variables, of which there may be none.
         let known = (!patterns.is_empty())
-            .then(|| Known::all(view, &status.processors))
+            .then(|| VariableCatalog::all(view, &status.processors))
             .transpose()?;
         let columns = known.as_ref().map(|known| known.matching(patterns));
         let columns = columns.transpose()?.unwrap_or_default();
@@ -72,9 +72,9 @@ impl<'s> Streams<'s> {
         // Without patterns it wants no variables that come later, either.
         let (members, all) = match &known {
             Some(known) => (&*status.processors, known),
-            None => (&[][..], &Known::default()),
+            None => (&[][..], &VariableCatalog::default()),
         };
-        let newcomers = Newcomers::after(all, members, patterns);
+        let newcomers = NewPrograms::after(all, members, patterns);
         let now_ns = view.now().as_ns();
         // Simulated time is told as it is.
         let at_ns = if view.is_simulated() {
@@ -90,12 +90,12 @@ impl<'s> Streams<'s> {
             names: Topics::default(),
             topics: Vec::new(),
             events_topic: 0,
-            events: Events::of(directory, status, view)?,
+            events: EventCollector::of(directory, status, view)?,
             ahead_ns: at_ns.wrapping_sub(now_ns),
         };
         streams.add_topics(0, &columns);
         streams.events_topic = streams.topics.len();
-        streams.topics.push(Topic {
+        streams.topics.push(StreamTopic {
             name: EVENTS.into(),
             schema_name: Log::NAME.into(),
             schema: schema::<Log>(),
@@ -105,11 +105,11 @@ impl<'s> Streams<'s> {
     }
 
     /// Adds the topics of the sources from number `first` on.
-    fn add_topics(&mut self, first: usize, columns: &[&One]) {
-        let sources: &[Source] = self.rows.sources.get(first..).unwrap_or_default();
+    fn add_topics(&mut self, first: usize, columns: &[&CatalogEntry]) {
+        let sources: &[RowSource] = self.rows.sources.get(first..).unwrap_or_default();
         for ([name, schema_name], layout) in messages::layouts(&mut self.names, sources, columns) {
             let place = self.topics.len();
-            self.topics.push(Topic {
+            self.topics.push(StreamTopic {
                 name,
                 schema_name,
                 schema: layout.schema(),
@@ -122,7 +122,7 @@ impl<'s> Streams<'s> {
     /// Returns the topics. [`read`](Self::read) adds those of programs that come later behind them; the messages
     /// of new ones come with the call after that.
     #[must_use]
-    pub fn topics(&self) -> &[Topic] {
+    pub fn topics(&self) -> &[StreamTopic] {
         &self.topics
     }
 
@@ -130,7 +130,7 @@ impl<'s> Streams<'s> {
     ///
     /// # Errors
     /// An error that says why the system cannot be read.
-    pub fn read(&mut self, mut take: impl FnMut(Message)) -> Result<bool, AnyError> {
+    pub fn read(&mut self, mut take: impl FnMut(StreamMessage)) -> Result<bool, AnyError> {
         let (layouts, ahead_ns) = (&self.layouts, self.ahead_ns);
         self.rows.read(|source, row| {
             let head = Head {
@@ -143,7 +143,7 @@ impl<'s> Streams<'s> {
                 && let Ok(payload) = layout.encode(&head, row.words)
             {
                 let topic = *topic;
-                take(Message { topic, payload });
+                take(StreamMessage { topic, payload });
             }
         })?;
         let stamp = Time::from_ns(self.view.now().as_ns().wrapping_add(ahead_ns));
@@ -156,7 +156,7 @@ impl<'s> Streams<'s> {
                 text: text.into(),
             };
             let payload = encode(&log);
-            take(Message { topic, payload });
+            take(StreamMessage { topic, payload });
         };
         for change in self.rows.changes() {
             tell(condor_ros2::Level::Warn, "condor", &change.text);

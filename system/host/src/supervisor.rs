@@ -3,7 +3,7 @@
 //! [`run`] does all that in the thread that calls it. The thread waits for events only: the end of
 //! a process, a ring of the mailbox, a request, or a signal. Only heartbeats are polled.
 //!
-//! Programs are started through [`Launch`]: as [`Process`]es of this machine, or in the way of an
+//! Programs are started through [`Launch`]: as [`ChildProcess`]es of this machine, or in the way of an
 //! [extension](crate::extension).
 
 mod eye;
@@ -18,8 +18,10 @@ mod requests;
 pub mod stat;
 mod time;
 
-pub use crate::launch::{Exit, Image, Launch, LaunchError, Process, RunState, Stop};
-pub use crate::signals::Signals;
+pub use crate::launch::{
+    ChildProcess, Exit, Launch, LaunchError, ProgramImage, RunState, StopMethod,
+};
+pub use crate::signals::EndSignals;
 
 use std::time::{Duration, Instant};
 
@@ -31,15 +33,15 @@ use rustix::event::{PollFd, PollFlags, Timespec};
 use rustix::io::Errno;
 
 use crate::control::server::Server;
-use crate::control::{DOWN, Status};
-use crate::description::{ClockKind, Description, OnFailure};
-use crate::error::{AnyError, FileError, me};
+use crate::control::{DOWN, SystemStatus};
+use crate::description::{ClockKind, OnFailure, SystemDescription};
+use crate::error::{AnyError, NamedFileError, me};
 use crate::services::terminals::{self, Script};
 use crate::system::{MemoryFile, SystemDirectory};
-use eye::Eye;
+use eye::SupervisorMailbox;
 pub use journal::last as last_lines;
 use journal::{CONDOR, Journal};
-use member::{Member, Phase, Then};
+use member::{Member, NextStep, Phase};
 use orders::Orders;
 use place::RunDirectory;
 pub use place::supervisor as process_of;
@@ -63,7 +65,7 @@ const REQUESTS: usize = 16;
 
 /// The options of a supervisor that are not part of a description.
 #[derive(Clone, Debug, Default)]
-pub struct Options {
+pub struct SupervisorOptions {
     /// The names of the binary's own programs, which a later `load` may name after `"self"`.
     pub own: Vec<&'static str>,
     /// Whether events are written to standard error, too.
@@ -103,13 +105,13 @@ pub enum UpError {
     },
     /// An operation on a file of the system failed.
     #[error(transparent)]
-    File(#[from] FileError),
+    File(#[from] NamedFileError),
     /// The processors' shared memory (the windows) cannot be made.
     #[error(transparent)]
     Windows(#[from] SystemError),
     /// The supervisor's mailbox returned this error.
     #[error(transparent)]
-    Mailbox(#[from] condor_mbox::Error),
+    Mailbox(#[from] condor_mbox::MailboxError),
     /// The application or an extension failed to make what the system needs.
     #[error("{0}")]
     Prepare(AnyError),
@@ -129,7 +131,7 @@ pub enum UpError {
 #[non_exhaustive]
 pub struct Summary {
     /// The state of all processors and services just before.
-    pub status: Status,
+    pub status: SystemStatus,
     /// Whether something was wrong: the system had not come up, a program had failed for good, or a
     /// program did not run although it had not been stopped.
     pub failed: bool,
@@ -152,24 +154,24 @@ pub struct Summary {
 ///
 /// The programs are killed when the thread that calls this ends; if it ends in order, so are their
 /// process groups. Descendants that have left these groups are killed at the end if
-/// [`Options::adopts`] is set, and by a [`keeper`].
+/// [`SupervisorOptions::adopts`] is set, and by a [`keeper`].
 ///
 /// # Errors
 /// [`UpError`] if the system cannot come up or stay up, for the reason in the variant. No program
 /// runs any more then.
 pub fn run(
-    description: &Description,
-    options: Options,
+    description: &SystemDescription,
+    options: SupervisorOptions,
     prepare: impl FnOnce() -> Result<(), AnyError>,
     started: impl FnOnce(&SystemDirectory),
-    ending: impl FnOnce(&SystemDirectory, &Status),
+    ending: impl FnOnce(&SystemDirectory, &SystemStatus),
 ) -> Result<Summary, UpError> {
     if options.adopts {
         keeper::adopt().map_err(UpError::Events)?;
     }
     let place = RunDirectory::take(&description.name)?;
     let log = place.directory.log();
-    let journal = Journal::new(&log, options.echo).map_err(FileError::at("write", &log))?;
+    let journal = Journal::new(&log, options.echo).map_err(NamedFileError::at("write", &log))?;
     let furniture = place.furnish(description)?;
     if furniture.clock.is_some() {
         terminals::begin(&place.directory, options.typing.as_ref())?;
@@ -180,12 +182,12 @@ pub fn run(
     let claim = windows.claim(SUPERVISOR)?;
     let orders = Orders::new(description, claim.windows());
     let receive = |call: &Call<'_>| orders.receive(call);
-    let eye = Eye::open(claim, page, &receive)?;
+    let eye = SupervisorMailbox::open(claim, page, &receive)?;
     let members = plan::members(description, &place.directory, &furniture, &eye)?;
     let mut supervisor = Supervisor {
         description,
         options,
-        signals: Signals::new().map_err(UpError::Events)?,
+        signals: EndSignals::new().map_err(UpError::Events)?,
         server: Server::new(furniture.listener).map_err(UpError::Events)?,
         eye,
         orders: &orders,
@@ -215,11 +217,11 @@ pub fn run(
 }
 
 struct Supervisor<'d> {
-    description: &'d Description,
-    options: Options,
-    signals: Signals,
+    description: &'d SystemDescription,
+    options: SupervisorOptions,
+    signals: EndSignals,
     server: Server,
-    eye: Eye<'d>,
+    eye: SupervisorMailbox<'d>,
     orders: &'d Orders<'d>,
     /// The memory that belongs to no processor.
     shared: Option<FileRange>,
@@ -255,7 +257,7 @@ impl Supervisor<'_> {
     fn keep(
         &mut self,
         started: impl FnOnce(&SystemDirectory),
-        ending: impl FnOnce(&SystemDirectory, &Status),
+        ending: impl FnOnce(&SystemDirectory, &SystemStatus),
     ) -> Result<Summary, UpError> {
         let (mut started, mut ending) = (Some(started), Some(ending));
         let mut summary = None;
@@ -285,7 +287,7 @@ impl Supervisor<'_> {
                     .iter_mut()
                     .filter(|member| !member.plan.is_service())
                 {
-                    member.end(Then::Stop, &self.eye, &mut self.journal);
+                    member.end(NextStep::Stop, &self.eye, &mut self.journal);
                 }
             }
             if ending.is_none() {
@@ -445,7 +447,7 @@ impl Supervisor<'_> {
     /// Kills everybody: whoever asks twice does not want to wait.
     fn force(&mut self) {
         for member in &mut self.members {
-            member.end(Then::Stop, &self.eye, &mut self.journal);
+            member.end(NextStep::Stop, &self.eye, &mut self.journal);
             member.force(&mut self.journal);
         }
     }
@@ -467,7 +469,7 @@ impl Supervisor<'_> {
                 KILL_PROCESSORS
             };
             if age >= limit {
-                member.end(Then::Stop, &self.eye, &mut self.journal);
+                member.end(NextStep::Stop, &self.eye, &mut self.journal);
                 member.force(&mut self.journal);
             }
         }
@@ -501,7 +503,7 @@ impl Supervisor<'_> {
             Some(Down::Processors) => {
                 self.down = Some(Down::Services);
                 for member in &mut self.members {
-                    member.end(Then::Stop, &self.eye, &mut self.journal);
+                    member.end(NextStep::Stop, &self.eye, &mut self.journal);
                 }
                 !any_alive(&self.members, true)
             }
@@ -560,13 +562,13 @@ impl Supervisor<'_> {
         }
     }
 
-    fn status(&self) -> Status {
+    fn status(&self) -> SystemStatus {
         let of = |services: bool| {
             let members = self.members.iter();
             let members = members.filter(move |member| member.plan.is_service() == services);
             members.map(Member::status).collect()
         };
-        Status {
+        SystemStatus {
             system: self.description.name.clone(),
             file: self.description.file.display().to_string(),
             window_bytes: self.description.window_bytes,

@@ -27,7 +27,7 @@ use condor_mbox::linux::SystemError;
 use rustix::net::sockopt::{Timeout, set_socket_timeout};
 use rustix::net::{AddressFamily, SocketAddrUnix, SocketFlags, SocketType};
 
-pub use crate::error::FileError;
+pub use crate::error::NamedFileError;
 use crate::error::me;
 use condor_mbox::Region;
 use condor_mbox::linux::LinuxWindow;
@@ -61,7 +61,7 @@ pub enum FindError {
     },
     /// The directory of all systems cannot be used.
     #[error(transparent)]
-    Directory(#[from] FileError),
+    Directory(#[from] NamedFileError),
 }
 
 struct Running<'a>(&'a [String]);
@@ -83,8 +83,8 @@ impl SystemDirectory {
     /// Returns the directory of the system `name` of this user; makes it if it does not exist.
     ///
     /// # Errors
-    /// [`FileError`] if it cannot be made, or belongs to another user.
-    pub fn of(name: &str) -> Result<Self, FileError> {
+    /// [`NamedFileError`] if it cannot be made, or belongs to another user.
+    pub fn of(name: &str) -> Result<Self, NamedFileError> {
         let path = all()?.join(name);
         private(&path)?;
         Ok(Self(path))
@@ -198,8 +198,8 @@ impl SystemDirectory {
     /// [`SystemError::BadDataSize`] if the size is not one of whole words,
     /// [`SystemError::OtherSystem`] if the windows have another size, [`SystemError::Os`] if the
     /// operating system refuses.
-    pub fn system(&self, window_bytes: u32) -> Result<Windows, SystemError> {
-        Windows::at(self.mailbox(), window_bytes)
+    pub fn system(&self, window_bytes: u32) -> Result<SystemWindows, SystemError> {
+        SystemWindows::at(self.mailbox(), window_bytes)
     }
 
     /// Returns whether its supervisor accepts connections.
@@ -209,9 +209,9 @@ impl SystemDirectory {
     }
 
     /// Connects to its supervisor, which may be stopped, and take no connection.
-    pub(crate) fn connect(&self) -> Result<UnixStream, FileError> {
+    pub(crate) fn connect(&self) -> Result<UnixStream, NamedFileError> {
         let path = self.control();
-        connect(&path).map_err(|error| FileError::at("connect to", path)(error.into()))
+        connect(&path).map_err(|error| NamedFileError::at("connect to", path)(error.into()))
     }
 }
 
@@ -268,7 +268,7 @@ fn connect(path: &Path) -> rustix::io::Result<UnixStream> {
 }
 
 /// The windows, the processors' shared memory, of a system.
-pub type Windows = condor_mbox::linux::System<PROCESSORS>;
+pub type SystemWindows = condor_mbox::linux::LinuxSystem<PROCESSORS>;
 
 /// Returns the running system `name`; without a name, the only one that runs.
 ///
@@ -304,12 +304,12 @@ pub fn find(name: Option<&str>) -> Result<SystemDirectory, FindError> {
 /// Returns the running systems of this user, sorted by name.
 ///
 /// # Errors
-/// [`FileError`] if the directory of all systems cannot be read.
-pub fn running() -> Result<Vec<SystemDirectory>, FileError> {
+/// [`NamedFileError`] if the directory of all systems cannot be read.
+pub fn running() -> Result<Vec<SystemDirectory>, NamedFileError> {
     let path = all()?;
     let mut running = Vec::new();
-    for entry in std::fs::read_dir(&path).map_err(FileError::at("read", &path))? {
-        let directory = SystemDirectory(entry.map_err(FileError::at("read", &path))?.path());
+    for entry in std::fs::read_dir(&path).map_err(NamedFileError::at("read", &path))? {
+        let directory = SystemDirectory(entry.map_err(NamedFileError::at("read", &path))?.path());
         if directory.is_running() {
             running.push(directory);
         }
@@ -319,7 +319,7 @@ pub fn running() -> Result<Vec<SystemDirectory>, FileError> {
 }
 
 /// The directory that has those of all systems.
-fn all() -> Result<PathBuf, FileError> {
+fn all() -> Result<PathBuf, NamedFileError> {
     let user = rustix::process::getuid().as_raw();
     let runtime = std::env::var_os("XDG_RUNTIME_DIR").filter(|path| {
         // A relative one is another directory for each program, and counts as missing.
@@ -334,19 +334,21 @@ fn all() -> Result<PathBuf, FileError> {
 }
 
 /// Makes a directory that is this user's alone, and makes sure that it is.
-fn private(path: &Path) -> Result<(), FileError> {
+fn private(path: &Path) -> Result<(), NamedFileError> {
     match std::fs::DirBuilder::new().mode(0o700).create(path) {
         Err(error) if error.kind() != std::io::ErrorKind::AlreadyExists => {
-            return Err(FileError::at("make", path)(error));
+            return Err(NamedFileError::at("make", path)(error));
         }
         _ => {}
     }
-    let metadata = std::fs::symlink_metadata(path).map_err(FileError::at("look at", path))?;
+    let metadata = std::fs::symlink_metadata(path).map_err(NamedFileError::at("look at", path))?;
     if metadata.is_dir() && metadata.uid() == rustix::process::getuid().as_raw() {
         return Ok(());
     }
     let reason = "it is no directory of this user";
-    Err(FileError::at("use", path)(std::io::Error::other(reason)))
+    Err(NamedFileError::at("use", path)(std::io::Error::other(
+        reason,
+    )))
 }
 
 /// Writes a file that replaces a former one in one step: whoever reads it finds the former text or this one. Nobody

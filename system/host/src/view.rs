@@ -1,7 +1,7 @@
 //! The state of a running system, read from its memory by a visitor without stopping any program.
 //!
 //! A [`View`] claims one of the numbers of [`VISITORS`] and maps all windows. It reads everything
-//! from the memory of the processors: the life of a mailbox, the counts of servo loops and vectors,
+//! from the memory of the processors: the incarnation of a mailbox, the counts of servo loops and vectors,
 //! the state of terminals, and variables. To send messages, watch variables or set parameters, it
 //! must [join](View::join) first.
 
@@ -20,17 +20,17 @@ use core::time::Duration;
 
 use condor_mbox::linux::{Claim, LinuxWindow, SystemError};
 use condor_mbox::{
-    AccessError, Error, Instant, LoadOrder, MemoryWindow, Messenger, PeerState, Places, Processor,
-    Region, layout,
+    AccessError, Allocator, Instant, LoadOrder, MailboxError, MemoryWindow, Messenger, PeerState,
+    Processor, Region, layout,
 };
 use condor_platform::linux::{LOCK_PATIENCE, while_held};
 use serde::Serialize;
 
-use crate::system::{SystemDirectory, Windows};
+use crate::system::{SystemDirectory, SystemWindows};
 
 use condor_rt::linux::{HostBell, HostMailbox, MappedPage, ProcessError};
 use condor_rt::numbers::{PROCESSORS, VISITORS};
-use condor_rt::objects::{self, Kind, Object};
+use condor_rt::objects::{self, ObjectKind, SharedObject};
 
 /// The mailbox of a visitor: a program that comes to look at a running system, and goes again.
 pub type Post = HostMailbox<'static>;
@@ -70,7 +70,7 @@ pub enum ViewError {
     NoVector(String),
     /// The visitor's mailbox returned this error.
     #[error(transparent)]
-    Mailbox(#[from] Error),
+    Mailbox(#[from] MailboxError),
     /// An access to the memory of a processor failed.
     #[error("cannot access the memory of {processor}: {source}")]
     Memory {
@@ -97,7 +97,7 @@ impl core::fmt::Display for Holders<'_> {
 /// The state of a processor's mailbox.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Presence {
+pub enum MailboxState {
     /// It has never joined, or has left.
     Absent,
     /// It is about to join.
@@ -108,7 +108,7 @@ pub enum Presence {
     Dead,
 }
 
-impl core::fmt::Display for Presence {
+impl core::fmt::Display for MailboxState {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         f.pad(match self {
             Self::Absent => "absent",
@@ -123,10 +123,10 @@ impl core::fmt::Display for Presence {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Heart {
     /// The state of the mailbox.
-    pub presence: Presence,
+    pub presence: MailboxState,
     /// The incarnation of the mailbox, a number that changes each time a program joins: the present
     /// one, or the last one if no program has joined now; 0 before the first.
-    pub life: u32,
+    pub incarnation: u32,
     /// The heartbeat: a count that the processor increments whenever it serves or waits; wraps.
     pub beats: u32,
 }
@@ -135,7 +135,7 @@ pub struct Heart {
 pub struct View {
     post: Post,
     /// What is free of the visitor's own memory.
-    places: RefCell<Places>,
+    places: RefCell<Allocator>,
     /// The simulated clock, if the system has one.
     clock: Option<MappedPage>,
 }
@@ -205,14 +205,14 @@ impl View {
         let mail = &self.post.windows(processor)?.mail;
         let word = |at| mail.load(at, LoadOrder::Relaxed).unwrap_or(0);
         let presence = match self.post.peer_state(processor)? {
-            PeerState::Absent => Presence::Absent,
-            PeerState::Joining => Presence::Joining,
-            PeerState::Up { .. } => Presence::Up,
-            PeerState::Dead { .. } => Presence::Dead,
+            PeerState::Absent => MailboxState::Absent,
+            PeerState::Joining => MailboxState::Joining,
+            PeerState::Up { .. } => MailboxState::Up,
+            PeerState::Dead { .. } => MailboxState::Dead,
         };
         Ok(Heart {
             presence,
-            life: word(layout::header::LAST_INCARNATION),
+            incarnation: word(layout::header::LAST_INCARNATION),
             beats: word(layout::header::HEARTBEAT),
         })
     }
@@ -232,7 +232,11 @@ impl View {
     /// # Errors
     /// [`ViewError::Mailbox`] if there is no such processor, [`ViewError::Memory`] if its memory
     /// cannot be read, [`ViewError::Version`] if the table has another version.
-    pub fn objects(&self, processor: Processor, kind: Kind) -> Result<Vec<Object>, ViewError> {
+    pub fn objects(
+        &self,
+        processor: Processor,
+        kind: ObjectKind,
+    ) -> Result<Vec<SharedObject>, ViewError> {
         let region = self.region(processor)?;
         let at = |source| ViewError::Memory { processor, source };
         if let Some(found) = objects::version(&region).map_err(at)?
@@ -246,7 +250,7 @@ impl View {
     }
 }
 
-fn claim(windows: &Windows) -> Result<Claim<PROCESSORS>, ViewError> {
+fn claim(windows: &SystemWindows) -> Result<Claim<PROCESSORS>, ViewError> {
     let is_full = |result: &Result<_, _>| matches!(result, Err(ViewError::Full { .. }));
     while_held(LOCK_PATIENCE, is_full, || {
         let mut holders = Vec::new();

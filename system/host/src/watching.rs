@@ -1,19 +1,19 @@
 //! The variables of a running system: their names, and their values while programs run.
 //!
-//! [`Known`] finds names, and [`Newcomers`] those of programs that come later; [`Rows`] reads what loops write for this visitor, and what is published;
+//! [`VariableCatalog`] finds names, and [`NewPrograms`] those of programs that come later; [`Rows`] reads what loops write for this visitor, and what is published;
 //! [`Clients`] gets and sets parameters. The commands `vars`, `plot`, `record` and `view` are made of these.
 //!
 //! ```no_run
-//! use condor_host::control::Client;
+//! use condor_host::control::ControlClient;
 //! use condor_host::view::View;
-//! use condor_host::watching::{Known, Rows};
+//! use condor_host::watching::{VariableCatalog, Rows};
 //!
 //! # fn main() -> Result<(), condor_host::error::AnyError> {
 //! let directory = condor_host::system::find(None)?;
-//! let status = Client::connect(&directory)?.status()?;
+//! let status = ControlClient::connect(&directory)?.status()?;
 //! let mut view = View::open(&directory, status.window_bytes)?;
 //! view.join()?;
-//! let known = Known::all(&view, &status.processors)?;
+//! let known = VariableCatalog::all(&view, &status.processors)?;
 //! let positions = known.matching(&["*.position".to_owned()])?;
 //! let mut rows = Rows::of(&view, &positions, 1)?;
 //! loop {
@@ -31,14 +31,14 @@ mod rows;
 mod types;
 
 pub use clients::{Clients, SetError};
-pub use known::{Known, One};
-pub use newcomers::Newcomers;
+pub use known::{CatalogEntry, VariableCatalog};
+pub use newcomers::NewPrograms;
 pub use present::{patience, present, silence};
-pub use rows::{Change, Field, Row, Rows, Source};
+pub use rows::{Change, RowField, RowSource, Rows, SourceRow};
 pub use types::Type;
 pub use types::float;
 
 /// Returns where variables belong, `processor:loop` or `processor:cell`, each once.
-pub fn places(ones: &[One]) -> std::collections::BTreeSet<String> {
-    ones.iter().map(One::place).collect()
+pub fn places(ones: &[CatalogEntry]) -> std::collections::BTreeSet<String> {
+    ones.iter().map(CatalogEntry::place).collect()
 }

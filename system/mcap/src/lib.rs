@@ -7,7 +7,7 @@ mod reader;
 mod record;
 mod writer;
 
-pub use pairs::Pairs;
-pub use reader::{ReadError, Reader, Record};
-pub use record::Message;
-pub use writer::Writer;
+pub use pairs::NamePairs;
+pub use reader::{McapError, McapReader, McapRecord};
+pub use record::MessageHead;
+pub use writer::McapWriter;

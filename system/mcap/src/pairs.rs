@@ -1,10 +1,10 @@
-//! [`Pairs`]: names with values, as a file has them.
+//! [`NamePairs`]: names with values, as a file has them.
 
 /// Names with values, in the order in which a file has them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Pairs<'b>(&'b [u8]);
+pub struct NamePairs<'b>(&'b [u8]);
 
-impl<'b> Pairs<'b> {
+impl<'b> NamePairs<'b> {
     /// Splits a map from `body`; `None` if it is not whole, or has anything but pairs of strings.
     pub(crate) fn split(body: &'b [u8]) -> Option<(Self, &'b [u8])> {
         let (pairs, rest) = bytes(body)?;

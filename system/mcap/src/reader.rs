@@ -1,20 +1,20 @@
-//! [`Reader`]: reads a file from its beginning to its end.
+//! [`McapReader`]: reads a file from its beginning to its end.
 
 use embedded_io::{Read, ReadExactError};
 
-use crate::pairs::{Pairs, bytes, text};
-use crate::record::{HEAD_BYTES, MAGIC, Message, opcode};
+use crate::pairs::{NamePairs, bytes, text};
+use crate::record::{HEAD_BYTES, MAGIC, MessageHead, opcode};
 
 /// A file that is being read, record by record.
 #[derive(Debug)]
-pub struct Reader<R> {
+pub struct McapReader<R> {
     from: R,
-    part: Place,
+    part: FilePosition,
 }
 
 /// A place in a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Place {
+enum FilePosition {
     Data,
     /// After the data: what there is repeats or describes it.
     Summary,
@@ -24,7 +24,7 @@ enum Place {
 /// A record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
-pub enum Record<'b> {
+pub enum McapRecord<'b> {
     /// The first record of a file.
     Header {
         /// The convention that its messages follow; may be empty.
@@ -37,7 +37,7 @@ pub enum Record<'b> {
         /// The subject of the names and values.
         name: &'b str,
         /// The names and values.
-        pairs: Pairs<'b>,
+        pairs: NamePairs<'b>,
     },
     /// The description of the messages of a type.
     Schema {
@@ -61,16 +61,16 @@ pub enum Record<'b> {
         /// How its messages are encoded.
         encoding: &'b str,
         /// Names with values that belong to it.
-        metadata: Pairs<'b>,
+        metadata: NamePairs<'b>,
     },
     /// A message with its data.
-    Message(Message, &'b [u8]),
+    Message(MessageHead, &'b [u8]),
 }
 
 /// The reason for which a file cannot be read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
-pub enum ReadError<E> {
+pub enum McapError<E> {
     /// The error of what is read from.
     #[error(transparent)]
     Io(E),
@@ -106,7 +106,7 @@ pub enum ReadError<E> {
     Chunk,
 }
 
-impl<E> From<ReadExactError<E>> for ReadError<E> {
+impl<E> From<ReadExactError<E>> for McapError<E> {
     fn from(error: ReadExactError<E>) -> Self {
         match error {
             ReadExactError::UnexpectedEof => Self::BrokenOff,
@@ -115,19 +115,19 @@ impl<E> From<ReadExactError<E>> for ReadError<E> {
     }
 }
 
-impl<R: Read> Reader<R> {
+impl<R: Read> McapReader<R> {
     /// Begins to read a file.
     ///
     /// # Errors
-    /// [`ReadError::Magic`] if it is no MCAP file, [`ReadError::BrokenOff`] if it is shorter than
-    /// its first bytes, [`ReadError::Io`] with the error of `from`.
-    pub fn new(mut from: R) -> Result<Self, ReadError<R::Error>> {
+    /// [`McapError::Magic`] if it is no MCAP file, [`McapError::BrokenOff`] if it is shorter than
+    /// its first bytes, [`McapError::Io`] with the error of `from`.
+    pub fn new(mut from: R) -> Result<Self, McapError<R::Error>> {
         let mut found = [0; 8];
         from.read_exact(&mut found)?;
         if found != MAGIC {
-            return Err(ReadError::Magic { found });
+            return Err(McapError::Magic { found });
         }
-        let part = Place::Data;
+        let part = FilePosition::Data;
         Ok(Self { from, part })
     }
 
@@ -135,15 +135,15 @@ impl<R: Read> Reader<R> {
     /// Records of other kinds are skipped.
     ///
     /// # Errors
-    /// [`ReadError::BrokenOff`] if the file ends before its last record, [`ReadError::Room`] if the
-    /// buffer is too short, [`ReadError::Invalid`] if the record is not what its kind says,
-    /// [`ReadError::Chunk`] if messages are in chunks, [`ReadError::Io`] with the error of what is
+    /// [`McapError::BrokenOff`] if the file ends before its last record, [`McapError::Room`] if the
+    /// buffer is too short, [`McapError::Invalid`] if the record is not what its kind says,
+    /// [`McapError::Chunk`] if messages are in chunks, [`McapError::Io`] with the error of what is
     /// read from. After an error, the place in the file is unknown.
     pub fn next<'b>(
         &mut self,
         buffer: &'b mut [u8],
-    ) -> Result<Option<Record<'b>>, ReadError<R::Error>> {
-        while self.part != Place::End {
+    ) -> Result<Option<McapRecord<'b>>, McapError<R::Error>> {
+        while self.part != FilePosition::End {
             let mut head = [0; HEAD_BYTES];
             self.from.read_exact(&mut head)?;
             let [opcode, bytes @ ..] = head;
@@ -154,16 +154,16 @@ impl<R: Read> Reader<R> {
                     let mut magic = [0; 8];
                     self.from.read_exact(&mut magic)?;
                     if magic != MAGIC {
-                        return Err(ReadError::Invalid { opcode, bytes });
+                        return Err(McapError::Invalid { opcode, bytes });
                     }
-                    self.part = Place::End;
+                    self.part = FilePosition::End;
                 }
-                _ if self.part == Place::Summary => self.skip(bytes)?,
+                _ if self.part == FilePosition::Summary => self.skip(bytes)?,
                 opcode::DATA_END => {
                     self.skip(bytes)?;
-                    self.part = Place::Summary;
+                    self.part = FilePosition::Summary;
                 }
-                opcode::CHUNK => return Err(ReadError::Chunk),
+                opcode::CHUNK => return Err(McapError::Chunk),
                 opcode::HEADER
                 | opcode::METADATA
                 | opcode::SCHEMA
@@ -172,16 +172,16 @@ impl<R: Read> Reader<R> {
                     let room = buffer.len();
                     let body = usize::try_from(bytes).ok();
                     let body = body.and_then(|bytes| buffer.get_mut(..bytes));
-                    let body = body.ok_or(ReadError::Room {
+                    let body = body.ok_or(McapError::Room {
                         opcode,
                         bytes,
                         room,
                     })?;
                     self.from.read_exact(body)?;
-                    let record = Record::of(opcode, body);
+                    let record = McapRecord::of(opcode, body);
                     return match record {
                         Some(record) => Ok(Some(record)),
-                        None => Err(ReadError::Invalid { opcode, bytes }),
+                        None => Err(McapError::Invalid { opcode, bytes }),
                     };
                 }
                 _ => self.skip(bytes)?,
@@ -190,7 +190,7 @@ impl<R: Read> Reader<R> {
         Ok(None)
     }
 
-    fn skip(&mut self, mut bytes: u64) -> Result<(), ReadError<R::Error>> {
+    fn skip(&mut self, mut bytes: u64) -> Result<(), McapError<R::Error>> {
         let mut piece = [0; 64];
         while bytes > 0 {
             let len = bytes.min(piece.len() as u64);
@@ -202,7 +202,7 @@ impl<R: Read> Reader<R> {
     }
 }
 
-impl<'b> Record<'b> {
+impl<'b> McapRecord<'b> {
     /// Takes the body of a record apart; `None` if it is not that of its kind.
     fn of(opcode: u8, body: &'b [u8]) -> Option<Self> {
         Some(match opcode {
@@ -213,7 +213,7 @@ impl<'b> Record<'b> {
             }
             opcode::METADATA => {
                 let (name, rest) = text(body)?;
-                let (pairs, _) = Pairs::split(rest)?;
+                let (pairs, _) = NamePairs::split(rest)?;
                 Self::Metadata { name, pairs }
             }
             opcode::SCHEMA => {
@@ -233,7 +233,7 @@ impl<'b> Record<'b> {
                 let (schema, rest) = rest.split_first_chunk()?;
                 let (topic, rest) = text(rest)?;
                 let (encoding, rest) = text(rest)?;
-                let (metadata, _) = Pairs::split(rest)?;
+                let (metadata, _) = NamePairs::split(rest)?;
                 Self::Channel {
                     number: u16::from_le_bytes(*number),
                     schema: u16::from_le_bytes(*schema),
@@ -243,7 +243,7 @@ impl<'b> Record<'b> {
                 }
             }
             _ => {
-                let (message, data) = Message::split(body)?;
+                let (message, data) = MessageHead::split(body)?;
                 Self::Message(message, data)
             }
         })

@@ -1,4 +1,4 @@
-//! The numbers of records, and [`Message`].
+//! The numbers of records, and [`MessageHead`].
 
 /// The bytes with which a file begins and ends.
 pub(crate) const MAGIC: [u8; 8] = *b"\x89MCAP0\r\n";
@@ -19,7 +19,7 @@ pub(crate) mod opcode {
 ///
 /// Its time of publication in the file is the same as its log time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Message {
+pub struct MessageHead {
     /// The number of its channel.
     pub channel: u16,
     /// Its number in the channel.
@@ -28,7 +28,7 @@ pub struct Message {
     pub log_time_ns: u64,
 }
 
-impl Message {
+impl MessageHead {
     /// The number of bytes of a record of a message before its data.
     pub const HEAD_BYTES: usize = HEAD_BYTES + FIXED_BYTES;
 

@@ -1,16 +1,16 @@
-//! [`Writer`]: writes a file.
+//! [`McapWriter`]: writes a file.
 
 use embedded_io::Write;
 
-use crate::record::{MAGIC, Message, head_of, opcode};
+use crate::record::{MAGIC, MessageHead, head_of, opcode};
 
 /// A file that is being written. Call [`end`](Self::end) after the last record.
 #[derive(Debug)]
-pub struct Writer<W> {
+pub struct McapWriter<W> {
     to: W,
 }
 
-impl<W: Write> Writer<W> {
+impl<W: Write> McapWriter<W> {
     /// Begins a file in `to`. `profile` says what its messages are by convention, and may be empty;
     /// `library` says what writes it.
     ///
@@ -78,13 +78,13 @@ impl<W: Write> Writer<W> {
     ///
     /// # Errors
     /// The error of what is written to.
-    pub fn message(&mut self, message: &Message, data: &[&[u8]]) -> Result<(), W::Error> {
+    pub fn message(&mut self, message: &MessageHead, data: &[&[u8]]) -> Result<(), W::Error> {
         let bytes = data.iter().map(|part| part.len()).sum();
         self.to.write_all(&message.head(bytes))?;
         data.iter().try_for_each(|part| self.to.write_all(part))
     }
 
-    /// Writes bytes of messages that were put together by [`Message::head`] and kept. A message may
+    /// Writes bytes of messages that were put together by [`MessageHead::head`] and kept. A message may
     /// be in several pieces, but nothing else may be written before it is whole.
     ///
     /// # Errors

@@ -1,19 +1,19 @@
-//! [`Desk`]: the thread that visits a system. It reads what is watched, so that no row waits for Python.
+//! [`SystemWorker`]: the thread that visits a system. It reads what is watched, so that no row waits for Python.
 
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use condor_host::control::{Client, Status};
+use condor_host::control::{ControlClient, SystemStatus};
 use condor_host::system::SystemDirectory;
 use condor_host::view::View;
-use condor_host::watching::{Clients, Known, Rows};
+use condor_host::watching::{Clients, Rows, VariableCatalog};
 use condor_mbox::Messenger as _;
 use pyo3::prelude::*;
 
 use crate::failure::Failure;
-use crate::watch::{SLICE, Shared};
+use crate::watch::{SLICE, WatchState};
 
 /// The time between two looks for rows.
 const LOOK: Duration = Duration::from_millis(5);
@@ -22,20 +22,20 @@ const BEAT: Duration = Duration::from_millis(250);
 /// How much longer than for its own waits an answer may take: other threads may have asked before.
 const PATIENCE: Duration = Duration::from_secs(15);
 
-type Job = Box<dyn for<'s, 'v> FnOnce(&'s mut Seat<'v>) + Send>;
+type Job = Box<dyn for<'s, 'v> FnOnce(&'s mut WorkerState<'v>) + Send>;
 
 /// The way to the thread, which ends when this is closed or dropped.
-pub(crate) struct Desk {
+pub(crate) struct SystemWorker {
     jobs: Mutex<Option<Sender<Job>>>,
     thread: Mutex<Option<JoinHandle<()>>>,
 }
 
 /// What the thread has.
-pub(crate) struct Seat<'v> {
-    pub(crate) status: Status,
+pub(crate) struct WorkerState<'v> {
+    pub(crate) status: SystemStatus,
     pub(crate) view: &'v View,
     pub(crate) session: Session,
-    watches: Vec<(Arc<Shared>, Rows<'v>)>,
+    watches: Vec<(Arc<WatchState>, Rows<'v>)>,
     /// Clients that nobody uses at present: each has blocks of the visitor's memory for ever.
     spare: Vec<Clients<'v>>,
 }
@@ -48,10 +48,10 @@ pub(crate) struct Session {
     pub(crate) last: u32,
 }
 
-impl Desk {
+impl SystemWorker {
     /// Starts the thread, and waits until it has joined the system.
     pub(crate) fn open(directory: SystemDirectory, timeout: Duration) -> Result<Self, Failure> {
-        let mut client = Client::connect(&directory)?;
+        let mut client = ControlClient::connect(&directory)?;
         client.set_timeout(Some(timeout.max(Duration::from_millis(1))))?;
         let status = client.status()?;
         let (jobs, received) = channel();
@@ -64,7 +64,7 @@ impl Desk {
                 Err(error) => drop(teller.send(Err(error.into()))),
                 Ok(view) => {
                     let _ = teller.send(Ok(()));
-                    Seat::new(status, &view).work(&received);
+                    WorkerState::new(status, &view).work(&received);
                 }
             }
         });
@@ -86,7 +86,7 @@ impl Desk {
         &self,
         py: Python<'_>,
         timeout: Duration,
-        job: impl FnOnce(&mut Seat<'_>) -> Result<T, Failure> + Send + 'static,
+        job: impl FnOnce(&mut WorkerState<'_>) -> Result<T, Failure> + Send + 'static,
     ) -> PyResult<T> {
         let (answer, answered) = channel();
         let job: Job = Box::new(move |seat| {
@@ -143,15 +143,15 @@ impl Failure {
     }
 }
 
-impl Drop for Desk {
+impl Drop for SystemWorker {
     fn drop(&mut self) {
         // The thread ends by itself: nobody waits for it here, since this may have the GIL.
         drop(take(&self.jobs));
     }
 }
 
-impl<'v> Seat<'v> {
-    fn new(status: Status, view: &'v View) -> Self {
+impl<'v> WorkerState<'v> {
+    fn new(status: SystemStatus, view: &'v View) -> Self {
         Self {
             status,
             view,
@@ -179,13 +179,13 @@ impl<'v> Seat<'v> {
     }
 
     /// Returns the names of the system's variables, as they are now.
-    pub(crate) fn known(&self) -> Result<Known, Failure> {
-        Ok(Known::all(self.view, &self.status.processors)?)
+    pub(crate) fn known(&self) -> Result<VariableCatalog, Failure> {
+        Ok(VariableCatalog::all(self.view, &self.status.processors)?)
     }
 
     /// Ends what is not watched any more, so that its slots are free.
     fn tidy(&mut self) {
-        let ended = |(shared, _): &mut (Arc<Shared>, Rows<'v>)| shared.is_closed();
+        let ended = |(shared, _): &mut (Arc<WatchState>, Rows<'v>)| shared.is_closed();
         let ended: Vec<_> = self.watches.extract_if(.., ended).collect();
         self.spare
             .extend(ended.into_iter().map(|(_, rows)| rows.end()));
@@ -217,13 +217,13 @@ impl<'v> Seat<'v> {
         every: u32,
         most: usize,
         timeout: Duration,
-    ) -> Result<Arc<Shared>, Failure> {
+    ) -> Result<Arc<WatchState>, Failure> {
         let known = self.known()?;
         let columns = known.matching(patterns).map_err(Failure::not_found)?;
         let labels = known.labels(&columns);
         self.tidy();
         let rows = Rows::with(self.clients(timeout), &columns, every)?;
-        let shared = Arc::new(Shared::new(&rows, &columns, &labels, most));
+        let shared = Arc::new(WatchState::new(&rows, &columns, &labels, most));
         self.watches.push((shared.clone(), rows));
         Ok(shared)
     }

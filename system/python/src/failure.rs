@@ -5,7 +5,7 @@ use core::fmt;
 use core::time::Duration;
 
 use condor_hand::message::motions::MotionsError;
-use condor_host::control::{ClientError, UnknownMember};
+use condor_host::control::{ControlClientError, UnknownMember};
 use condor_host::system::FindError;
 use condor_host::view::ViewError;
 use condor_mbox::exchange::ExchangeError;
@@ -103,14 +103,23 @@ fn kind_of(error: &(dyn Error + 'static)) -> Kind {
         _ => mailbox,
     };
     match (mailbox, error.downcast_ref()) {
-        (Some(condor_mbox::Error::TimedOut { .. } | condor_mbox::Error::Stalled { .. }), _)
-        | (_, Some(ClientError::TimedOut { .. })) => Kind::TimedOut,
         (
-            Some(condor_mbox::Error::Refused { .. } | condor_mbox::Error::HandlerFailed { .. }),
+            Some(
+                condor_mbox::MailboxError::TimedOut { .. }
+                | condor_mbox::MailboxError::Stalled { .. },
+            ),
             _,
         )
-        | (_, Some(ClientError::Refused(_))) => Kind::Refused,
-        (Some(condor_mbox::Error::NoHandler { .. }), _) => Kind::NotFound,
+        | (_, Some(ControlClientError::TimedOut { .. })) => Kind::TimedOut,
+        (
+            Some(
+                condor_mbox::MailboxError::Refused { .. }
+                | condor_mbox::MailboxError::HandlerFailed { .. },
+            ),
+            _,
+        )
+        | (_, Some(ControlClientError::Refused(_))) => Kind::Refused,
+        (Some(condor_mbox::MailboxError::NoHandler { .. }), _) => Kind::NotFound,
         _ => Kind::Other,
     }
 }

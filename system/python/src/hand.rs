@@ -25,11 +25,11 @@ const BYTES: usize = 8192;
 pub(crate) struct Hand {
     name: String,
     view: HandView<FINGERS, JOINTS>,
-    wires: Vec<Wired>,
+    wires: Vec<WiringRow>,
 }
 
 /// `(name, kind, whether it is an output, board, channel, bits, gain, offset, least value)`.
-type Wired = (String, &'static str, bool, u8, u8, u8, f64, f64, f64);
+type WiringRow = (String, &'static str, bool, u8, u8, u8, f64, f64, f64);
 
 /// `(name, parent, x y z in m, quaternion x y z w)`, relative to the parent.
 type Frame = (String, String, [f64; 3], [f64; 4]);
@@ -67,7 +67,7 @@ impl Hand {
     }
 
     /// Returns the channels of all sensors and actuators, with their calibrations.
-    fn wires(&self) -> Vec<Wired> {
+    fn wires(&self) -> Vec<WiringRow> {
         self.wires.clone()
     }
 
@@ -160,7 +160,7 @@ impl Hand {
 }
 
 /// Returns the wires of a hand: of each joint the position and the tendons, then the tips, then the axes of the table.
-fn wired(hand: &config::Hand<FINGERS, JOINTS>) -> Vec<Wired> {
+fn wired(hand: &config::Hand<FINGERS, JOINTS>) -> Vec<WiringRow> {
     let all = hand.wires().filter_map(|(at, wire)| {
         let (name, kind, least) = end_of(hand, wire)?;
         let (is_output, bits, gain, offset) = match at.converter {

@@ -2,16 +2,16 @@
 
 use core::time::Duration;
 
-use condor_hand::message::motions::{MotionsBlocks, MotionsClient, Seen};
-use condor_hand::queue::{Answer, Identity, State};
+use condor_hand::message::motions::{MotionsBlocks, MotionsClient, RequestProgress};
+use condor_hand::queue::{QueueAnswer, RequestIdentity, RequestState};
 use condor_host::view::Post;
 use condor_mbox::Processor;
 use condor_mbox::exchange::Blocks;
 use condor_mbox::linux::LinuxWindow;
 use condor_rt::numbers::PROCESSORS;
-use condor_rt::objects::{self, Kind};
+use condor_rt::objects::{self, ObjectKind};
 
-use crate::desk::{Seat, Session};
+use crate::desk::{Session, WorkerState};
 use crate::failure::Failure;
 
 /// The name of the blocks in which a queue of motions is asked.
@@ -23,12 +23,12 @@ pub(crate) type Ticket = (u32, u32);
 /// `(state, reason, progress, requests before it, whether it is final)`.
 pub(crate) type Outcome = (String, Option<String>, Option<f64>, u32, bool);
 
-impl<'v> Seat<'v> {
+impl<'v> WorkerState<'v> {
     fn queue(&self) -> Result<MotionsClient<'v, Post, LinuxWindow>, Failure> {
         for member in &self.status.processors {
             let master = Processor(member.number);
             let region = self.view.region(master)?;
-            if let Some(object) = objects::find(&region, MOTIONS, Kind::Other)? {
+            if let Some(object) = objects::find(&region, MOTIONS, ObjectKind::Other)? {
                 let blocks: MotionsBlocks = Blocks::at(object.offset, PROCESSORS as u8);
                 return Ok(MotionsClient::new(
                     self.view.post(),
@@ -52,8 +52,8 @@ impl<'v> Seat<'v> {
     ) -> Result<u32, Failure> {
         if let Some(session) = self.session.number {
             let number = self.session.last.max(1);
-            let seen = queue.look(Identity { session, number }, timeout)?;
-            if !matches!(seen.answer, Answer::NoSession) {
+            let seen = queue.look(RequestIdentity { session, number }, timeout)?;
+            if !matches!(seen.answer, QueueAnswer::NoSession) {
                 return Ok(session);
             }
         }
@@ -76,7 +76,7 @@ impl<'v> Seat<'v> {
         let session = self.open(&mut queue, timeout)?;
         take_control(&mut queue, session, takes_control, timeout)?;
         let number = self.session.last + 1;
-        let offered = queue.offer(Identity { session, number }, motions, timeout);
+        let offered = queue.offer(RequestIdentity { session, number }, motions, timeout);
         // What was accepted runs all the same, and others need not take control away.
         let given_up = queue.give_up_control(session, timeout);
         self.session.last = number;
@@ -89,11 +89,11 @@ impl<'v> Seat<'v> {
         })?;
         given_up?;
         match offered {
-            Answer::Known(State::Refused, reason) => {
+            QueueAnswer::Known(RequestState::Refused, reason) => {
                 let text = format!("the motion is refused: {reason}");
                 Err(Failure::refused(text))
             }
-            Answer::Known(..) => Ok((session, number)),
+            QueueAnswer::Known(..) => Ok((session, number)),
             other => Err(Failure::refused(format!("the queue answers {other:?}"))),
         }
     }
@@ -104,18 +104,20 @@ impl<'v> Seat<'v> {
         (session, number): Ticket,
         timeout: Duration,
     ) -> Result<Outcome, Failure> {
-        let Seen {
+        let RequestProgress {
             answer,
             before,
             progress,
-        } = self.queue()?.look(Identity { session, number }, timeout)?;
+        } = self
+            .queue()?
+            .look(RequestIdentity { session, number }, timeout)?;
         let (state, reason, is_final) = match answer {
-            Answer::Known(state, reason) => (state.word(), Some(reason), state.is_final()),
-            Answer::New => ("unknown", None, false),
-            Answer::Never => ("refused", None, true),
-            Answer::Forgotten | Answer::NoSession => ("forgotten", None, true),
+            QueueAnswer::Known(state, reason) => (state.word(), Some(reason), state.is_final()),
+            QueueAnswer::New => ("unknown", None, false),
+            QueueAnswer::Never => ("refused", None, true),
+            QueueAnswer::Forgotten | QueueAnswer::NoSession => ("forgotten", None, true),
         };
-        let reason = reason.filter(|it| *it != condor_hand::queue::Reason::None);
+        let reason = reason.filter(|it| *it != condor_hand::queue::RefusalReason::None);
         let reason = reason.map(|it| it.to_string());
         Ok((state.into(), reason, progress, before, is_final))
     }

@@ -4,14 +4,14 @@ use std::collections::BTreeSet;
 
 use condor_vars::Cell;
 
-use crate::desk::Seat;
+use crate::desk::WorkerState;
 use crate::failure::Failure;
-use crate::values::Given;
+use crate::values::PythonValue;
 
 /// `(sequence number, [(field, value)])`.
-pub(crate) type Latest = (u32, Vec<(String, Given)>);
+pub(crate) type Latest = (u32, Vec<(String, PythonValue)>);
 
-impl Seat<'_> {
+impl WorkerState<'_> {
     /// Returns the latest value of a cell, all fields of one instant.
     pub(crate) fn published(&self, name: &str) -> Result<Latest, Failure> {
         let known = self.known()?;
@@ -29,7 +29,9 @@ impl Seat<'_> {
                     "several cells have the name `{name}`: write {places}"
                 )));
             }
-            let all: BTreeSet<_> = fields.map(condor_host::watching::One::place).collect();
+            let all: BTreeSet<_> = fields
+                .map(condor_host::watching::CatalogEntry::place)
+                .collect();
             let all: Vec<_> = all.into_iter().collect();
             let all = all.join(", ");
             return Err(Failure::not_found(format!(
@@ -41,7 +43,7 @@ impl Seat<'_> {
         let mut bytes = vec![0; cell.bytes()];
         let sequence = cell.read(&mut bytes)?;
         let values = own.iter().filter_map(|one| {
-            let value = Given::of(&one.of, one.entry.of_cell(&bytes)?);
+            let value = PythonValue::of(&one.of, one.entry.of_cell(&bytes)?);
             Some((one.entry.name.to_string(), value))
         });
         Ok((sequence, values.collect()))

@@ -8,9 +8,9 @@ use std::time::Duration;
 
 use condor_dev::{Bus as _, Width};
 use condor_mos::Rate;
-use condor_rt::linux::{Environment, Process, ProcessBus};
-use condor_rt::{Error, Machine as _, Setup};
-use condor_vars::{Description, Kind, Param, Watch};
+use condor_rt::linux::{Environment, LinuxProcess, ProcessBus};
+use condor_rt::{Machine as _, ProgramError, Setup};
+use condor_vars::{Param, ValueKind, VarDescription, Watch};
 use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::prelude::*;
 use pyo3::types::PyByteArray;
@@ -21,24 +21,24 @@ use crate::failure::Failure;
 const NAP: Duration = Duration::from_millis(20);
 
 /// `(name, unit, about, value, least value, greatest value)`.
-type Tuned = (String, String, String, f64, f64, f64);
+type TuningRow = (String, String, String, f64, f64, f64);
 
 /// A robot whose steps are a function of Python.
 #[pyclass(frozen)]
 pub(crate) struct Simulator {
     /// Until it runs.
-    process: Mutex<Option<Process>>,
+    process: Mutex<Option<LinuxProcess>>,
     number: u8,
     bus: ProcessBus,
     name: String,
     rate: Rate,
-    shown: Shown,
+    shown: ShownVariable,
     tuned: Vec<Param<f64>>,
     said: Mutex<Vec<String>>,
 }
 
 /// Variables whose names are known at run time, each of two words.
-struct Shown {
+struct ShownVariable {
     words: Vec<AtomicU32>,
     /// Names, units and descriptions.
     texts: Vec<[String; 3]>,
@@ -53,14 +53,14 @@ impl Simulator {
         name: String,
         rate_hz: u32,
         variables: Vec<[String; 3]>,
-        parameters: Vec<Tuned>,
+        parameters: Vec<TuningRow>,
     ) -> PyResult<Self> {
         let rate = Rate::new(rate_hz, 1).ok_or_else(|| {
             Failure::refused(format!("`rate_hz` must be 1 or more, not {rate_hz}"))
         })?;
         let process = py.detach(|| {
             let environment = Environment::read()?;
-            Ok::<_, Failure>(Process::new(&environment, [])?)
+            Ok::<_, Failure>(LinuxProcess::new(&environment, [])?)
         })?;
         Ok(Self {
             number: process.number().0,
@@ -68,7 +68,7 @@ impl Simulator {
             process: Mutex::new(Some(process)),
             name,
             rate,
-            shown: Shown::new(variables),
+            shown: ShownVariable::new(variables),
             tuned: parameters.into_iter().map(parameter).collect(),
             said: Mutex::default(),
         })
@@ -156,16 +156,16 @@ impl Simulator {
 impl Simulator {
     fn program(
         &self,
-        process: &Process,
+        process: &LinuxProcess,
         step: &Py<PyAny>,
         raised: &Mutex<Option<PyErr>>,
-    ) -> Result<(), Error> {
+    ) -> Result<(), ProgramError> {
         let is_over = AtomicBool::new(false);
         let end = |error: PyErr| {
             lock(raised).get_or_insert(error);
             is_over.store(true, Relaxed);
         };
-        let mut body = |tick: &mut condor_rt::Tick<'_>| {
+        let mut body = |tick: &mut condor_rt::LoopTick<'_>| {
             if is_over.load(Relaxed) {
                 return;
             }
@@ -197,14 +197,14 @@ impl Simulator {
                 }
             }
             match &*lock(raised) {
-                Some(error) => Err(Error::program(error)),
+                Some(error) => Err(ProgramError::program(error)),
                 None => Ok(()),
             }
         })
     }
 }
 
-impl Shown {
+impl ShownVariable {
     fn new(texts: Vec<[String; 3]>) -> Self {
         let words = texts
             .iter()
@@ -225,15 +225,15 @@ impl Shown {
     }
 }
 
-impl Watch for Shown {
+impl Watch for ShownVariable {
     fn words(&self) -> &[AtomicU32] {
         &self.words
     }
 
-    fn describe(&self, index: usize) -> Option<Description<'_>> {
+    fn describe(&self, index: usize) -> Option<VarDescription<'_>> {
         let [_, unit, about] = self.texts.get(index)?;
-        Some(Description {
-            kind: Kind::F64,
+        Some(VarDescription {
+            kind: ValueKind::F64,
             unit,
             about,
             labels: &[],
@@ -249,7 +249,7 @@ impl Watch for Shown {
 }
 
 /// Makes a parameter. Its texts stay for ever: a process is one simulator.
-fn parameter((name, unit, about, value, least, most): Tuned) -> Param<f64> {
+fn parameter((name, unit, about, value, least, most): TuningRow) -> Param<f64> {
     Param::new(name.leak(), unit.leak(), value, least..=most).about(about.leak())
 }
 

@@ -3,18 +3,18 @@
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-use condor_host::control::{Client, Request};
+use condor_host::control::{ControlClient, ControlRequest};
 use condor_host::system::{self, SystemDirectory};
 use condor_mbox::Messenger as _;
 use pyo3::prelude::*;
 use serde_json::json;
 
-use crate::desk::Desk;
+use crate::desk::SystemWorker;
 use crate::failure::{Failure, seconds};
 use crate::motions::{Outcome, Ticket};
 use crate::published::Latest;
 use crate::terminal::Terminal;
-use crate::values::{Given, described};
+use crate::values::{PythonValue, described};
 use crate::watch::Watch;
 
 /// The time between two looks for a service.
@@ -31,7 +31,7 @@ pub(crate) fn running(py: Python<'_>) -> PyResult<Vec<String>> {
 #[pyclass(frozen)]
 pub(crate) struct System {
     directory: SystemDirectory,
-    desk: Desk,
+    desk: SystemWorker,
 }
 
 #[pymethods]
@@ -50,7 +50,7 @@ impl System {
                 Some(directory) => SystemDirectory::at(directory),
                 None => system::find(name)?,
             };
-            let desk = Desk::open(directory.clone(), timeout)?;
+            let desk = SystemWorker::open(directory.clone(), timeout)?;
             Ok::<_, Failure>(Self { directory, desk })
         });
         Ok(joined?)
@@ -65,8 +65,8 @@ impl System {
     fn request(&self, py: Python<'_>, request: &str, timeout: f64) -> PyResult<String> {
         let timeout = seconds("timeout", timeout)?;
         let answer = py.detach(|| {
-            let request: Request = serde_json::from_str(request)?;
-            let mut client = Client::connect(&self.directory)?;
+            let request: ControlRequest = serde_json::from_str(request)?;
+            let mut client = ControlClient::connect(&self.directory)?;
             client.set_timeout(Some(timeout.max(Duration::from_millis(1))))?;
             Ok::<_, Failure>(serde_json::to_string(&client.ask(&request)?)?)
         });
@@ -108,13 +108,13 @@ impl System {
     }
 
     /// Returns the value of a parameter or a field; `None` of a variable, whose values are in rows.
-    fn get(&self, py: Python<'_>, name: String, timeout: f64) -> PyResult<Option<Given>> {
+    fn get(&self, py: Python<'_>, name: String, timeout: f64) -> PyResult<Option<PythonValue>> {
         let timeout = seconds("timeout", timeout)?;
         self.desk.ask(py, timeout, move |seat| {
             let known = seat.known()?;
             let one = known.find(&name).map_err(Failure::not_found)?;
             let value = seat.with_clients(timeout, |clients| Ok(clients.value(one)?))?;
-            Ok(value.map(|value| Given::of(&one.of, value)))
+            Ok(value.map(|value| PythonValue::of(&one.of, value)))
         })
     }
 
@@ -126,7 +126,7 @@ impl System {
         value: String,
         expected: Option<String>,
         timeout: f64,
-    ) -> PyResult<Given> {
+    ) -> PyResult<PythonValue> {
         let timeout = seconds("timeout", timeout)?;
         self.desk.ask(py, timeout, move |seat| {
             let known = seat.known()?;
@@ -137,7 +137,7 @@ impl System {
             let from = expected.as_deref().map(parse).transpose()?;
             let before =
                 seat.with_clients(timeout, |clients| Ok(clients.set(&name, one, from, new)?))?;
-            Ok(Given::of(&one.of, before))
+            Ok(PythonValue::of(&one.of, before))
         })
     }
 

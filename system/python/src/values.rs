@@ -1,14 +1,14 @@
 //! Values as Python has them.
 
-use condor_host::watching::{One, Type};
-use condor_vars::{Kind, Value};
+use condor_host::watching::{CatalogEntry, Type};
+use condor_vars::{AnyValue, ValueKind};
 use pyo3::IntoPyObjectExt;
 use pyo3::prelude::*;
 use serde_json::{Value as Json, json};
 
 /// A value that goes to Python.
 #[derive(Clone, Debug)]
-pub(crate) enum Given {
+pub(crate) enum PythonValue {
     Float(f64),
     Int(i64),
     Uint(u64),
@@ -16,18 +16,18 @@ pub(crate) enum Given {
     Label(String),
 }
 
-impl Given {
-    pub(crate) fn of(of: &Type, value: Value) -> Self {
+impl PythonValue {
+    pub(crate) fn of(of: &Type, value: AnyValue) -> Self {
         match value {
             // The shortest text that is this value, as everywhere.
-            Value::F32(short) => {
+            AnyValue::F32(short) => {
                 Self::Float(of.text(value).parse().unwrap_or_else(|_| short.into()))
             }
-            Value::F64(value) => Self::Float(value),
-            Value::Int(value) => Self::Int(value),
-            Value::Uint(value) => Self::Uint(value),
-            Value::Bool(value) => Self::Bool(value),
-            Value::Choice(number) => match of.labels.get(number as usize) {
+            AnyValue::F64(value) => Self::Float(value),
+            AnyValue::Int(value) => Self::Int(value),
+            AnyValue::Uint(value) => Self::Uint(value),
+            AnyValue::Bool(value) => Self::Bool(value),
+            AnyValue::Choice(number) => match of.labels.get(number as usize) {
                 Some(label) => Self::Label(label.clone()),
                 None => Self::Uint(number.into()),
             },
@@ -35,7 +35,7 @@ impl Given {
     }
 }
 
-impl<'py> IntoPyObject<'py> for Given {
+impl<'py> IntoPyObject<'py> for PythonValue {
     type Target = PyAny;
     type Output = Bound<'py, PyAny>;
     type Error = PyErr;
@@ -52,24 +52,24 @@ impl<'py> IntoPyObject<'py> for Given {
 }
 
 /// Returns the types of numpy for a kind: as its words are, and as people want it.
-pub(crate) const fn types(kind: Kind) -> (&'static str, &'static str) {
+pub(crate) const fn types(kind: ValueKind) -> (&'static str, &'static str) {
     match kind {
-        Kind::F32 => ("<f4", "float32"),
-        Kind::F64 => ("<f8", "float64"),
-        Kind::I8 => ("<i4", "int8"),
-        Kind::I16 => ("<i4", "int16"),
-        Kind::I32 => ("<i4", "int32"),
-        Kind::I64 => ("<i8", "int64"),
-        Kind::U8 => ("<u4", "uint8"),
-        Kind::U16 => ("<u4", "uint16"),
-        Kind::U32 | Kind::Choice => ("<u4", "uint32"),
-        Kind::U64 => ("<u8", "uint64"),
-        Kind::Bool => ("<u4", "bool"),
+        ValueKind::F32 => ("<f4", "float32"),
+        ValueKind::F64 => ("<f8", "float64"),
+        ValueKind::I8 => ("<i4", "int8"),
+        ValueKind::I16 => ("<i4", "int16"),
+        ValueKind::I32 => ("<i4", "int32"),
+        ValueKind::I64 => ("<i8", "int64"),
+        ValueKind::U8 => ("<u4", "uint8"),
+        ValueKind::U16 => ("<u4", "uint16"),
+        ValueKind::U32 | ValueKind::Choice => ("<u4", "uint32"),
+        ValueKind::U64 => ("<u8", "uint64"),
+        ValueKind::Bool => ("<u4", "bool"),
     }
 }
 
 /// Describes a variable, a parameter or a field, which `name` means.
-pub(crate) fn described(one: &One, name: &str) -> Json {
+pub(crate) fn described(one: &CatalogEntry, name: &str) -> Json {
     let bounds = one.entry.bounds;
     json!({
         "name": name,

@@ -4,8 +4,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-use condor_host::watching::{One, Row, Rows, Source};
-use condor_vars::Kind;
+use condor_host::watching::{CatalogEntry, RowSource, Rows, SourceRow};
+use condor_vars::ValueKind;
 use pyo3::prelude::*;
 use pyo3::types::{PyByteArray, PyList};
 
@@ -16,13 +16,13 @@ use crate::values::types;
 pub(crate) const SLICE: Duration = Duration::from_millis(100);
 
 /// What the thread and Python share.
-pub(crate) struct Shared {
-    kept: Mutex<Kept>,
+pub(crate) struct WatchState {
+    kept: Mutex<KeptRow>,
     more: Condvar,
     is_closed: AtomicBool,
 }
 
-struct Kept {
+struct KeptRow {
     sources: Vec<Series>,
     changes: Vec<String>,
     failure: Option<Failure>,
@@ -43,15 +43,20 @@ struct Series {
 
 struct Column {
     name: String,
-    kind: Kind,
+    kind: ValueKind,
     unit: String,
     labels: Vec<String>,
 }
 
-impl Shared {
+impl WatchState {
     /// Makes room for rows of `columns`, whose names are `labels`.
-    pub(crate) fn new(rows: &Rows<'_>, columns: &[&One], labels: &[String], most: usize) -> Self {
-        let series = |source: &Source| {
+    pub(crate) fn new(
+        rows: &Rows<'_>,
+        columns: &[&CatalogEntry],
+        labels: &[String],
+        most: usize,
+    ) -> Self {
+        let series = |source: &RowSource| {
             let fields = source.fields().iter();
             let columns = fields.filter_map(|field| {
                 let place = *field.columns.first()?;
@@ -75,7 +80,7 @@ impl Shared {
             }
         };
         Self {
-            kept: Mutex::new(Kept {
+            kept: Mutex::new(KeptRow {
                 sources: rows.sources.iter().map(series).collect(),
                 changes: Vec::new(),
                 failure: None,
@@ -108,13 +113,13 @@ impl Shared {
         self.more.notify_all();
     }
 
-    fn lock(&self) -> MutexGuard<'_, Kept> {
+    fn lock(&self) -> MutexGuard<'_, KeptRow> {
         self.kept.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
 impl Series {
-    fn push(&mut self, row: &Row<'_>) {
+    fn push(&mut self, row: &SourceRow<'_>) {
         let lost = self.overflow.saturating_add(row.lost.into());
         if self.ticks.len() >= self.capacity {
             self.overflow = lost.saturating_add(1);
@@ -192,7 +197,7 @@ impl Series {
 /// Variables that are watched. A thread reads them, whatever Python does.
 #[pyclass(frozen)]
 pub(crate) struct Watch {
-    pub(crate) shared: Arc<Shared>,
+    pub(crate) shared: Arc<WatchState>,
 }
 
 #[pymethods]
@@ -243,7 +248,7 @@ impl Drop for Watch {
     }
 }
 
-impl Shared {
+impl WatchState {
     /// Returns all rows if there are enough within `limit`.
     fn wait(
         &self,
@@ -251,8 +256,8 @@ impl Shared {
         span_ns: u64,
         limit: Duration,
     ) -> Result<Option<Vec<Series>>, Failure> {
-        let has_enough = |kept: &Kept| kept.sources.iter().all(|it| it.has(rows, span_ns));
-        let lacks = |kept: &mut Kept| kept.failure.is_none() && !has_enough(kept);
+        let has_enough = |kept: &KeptRow| kept.sources.iter().all(|it| it.has(rows, span_ns));
+        let lacks = |kept: &mut KeptRow| kept.failure.is_none() && !has_enough(kept);
         let waited = self.more.wait_timeout_while(self.lock(), limit, lacks);
         let (mut kept, _) = waited.unwrap_or_else(PoisonError::into_inner);
         match &kept.failure {

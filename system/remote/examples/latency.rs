@@ -12,7 +12,7 @@ use std::sync::atomic::{AtomicU8, Ordering};
 use std::thread;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
-use condor_remote::{Access, Network, Remote, Stream};
+use condor_remote::{Network, Remote, RemoteAccess, RemoteStream};
 use serde_json::json;
 
 type AnyError = Box<dyn Error + Send + Sync>;
@@ -32,7 +32,7 @@ struct Taken {
     lost: u64,
 }
 
-fn take(mut stream: Stream) -> Result<Taken, AnyError> {
+fn take(mut stream: RemoteStream) -> Result<Taken, AnyError> {
     let mut taken = Taken::default();
     loop {
         let message = stream.next(LOOK)?;
@@ -67,7 +67,7 @@ fn run() -> Result<(), AnyError> {
     let [place, client, robot] = &words[..] else {
         return Err("expected a place, the name of a client, and a robot".into());
     };
-    let network = Network::open(&Access::to(place), client, PATIENCE)?;
+    let network = Network::open(&RemoteAccess::to(place), client, PATIENCE)?;
     let remote = Remote::new(&network, robot)?;
     let (mut threads, mut variables) = (Vec::new(), 0);
     let begun = Instant::now();

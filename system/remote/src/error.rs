@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use crate::wire::Refusal;
+use crate::wire::RemoteRefusal;
 
 /// The reason for which a robot has not answered as it was asked.
 #[derive(Debug, thiserror::Error)]
@@ -10,7 +10,7 @@ use crate::wire::Refusal;
 pub enum RemoteError {
     /// The gateway has refused the request.
     #[error(transparent)]
-    Refused(#[from] Refusal),
+    Refused(#[from] RemoteRefusal),
     /// No answer has come: the robot cannot be reached, or the client is not allowed to ask. What was asked for may
     /// have been done.
     #[error(

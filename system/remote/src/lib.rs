@@ -6,12 +6,12 @@ mod remote;
 mod stream;
 pub mod wire;
 
-pub use condor_ros2::Row;
+pub use condor_ros2::RowMessage;
 pub use error::RemoteError;
-pub use network::{Access, Network, Tls};
+pub use network::{ClientTls, Network, RemoteAccess};
 pub use remote::Remote;
-pub use stream::{Message, Stream};
-pub use wire::{Id, Outcome, State};
+pub use stream::{RemoteMessage, RemoteStream};
+pub use wire::{Id, RemoteOutcome, RemoteState};
 
 /// The time after which a client asks again.
 const PAUSE: core::time::Duration = core::time::Duration::from_millis(20);

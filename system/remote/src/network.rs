@@ -1,4 +1,4 @@
-//! [`Access`]: how a client reaches gateways and routers; [`Network`]: the robots that are there.
+//! [`RemoteAccess`]: how a client reaches gateways and routers; [`Network`]: the robots that are there.
 
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
@@ -13,14 +13,14 @@ use crate::wire;
 /// How a client reaches gateways and routers, and proves who it is.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
-pub struct Access {
+pub struct RemoteAccess {
     /// The places to connect to, as zenoh writes them: `tcp/192.168.0.2:7447`, `tls/robot.local:7447`. The first that
     /// answers is used.
     pub connect: Vec<String>,
     /// The password; its user is the client's name.
     pub password: Option<String>,
     /// Certificates, for places that begin with `tls/`.
-    pub tls: Option<Tls>,
+    pub tls: Option<ClientTls>,
     /// Whether robots are also searched by multicast.
     pub scouting: bool,
 }
@@ -28,7 +28,7 @@ pub struct Access {
 /// The files of a client's certificates.
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Tls {
+pub struct ClientTls {
     /// The certificate of the authority that has signed the gateway's.
     pub authority: PathBuf,
     /// The client's certificate, whose common name is the client's name.
@@ -37,7 +37,7 @@ pub struct Tls {
     pub private_key: Option<PathBuf>,
 }
 
-impl Access {
+impl RemoteAccess {
     /// Makes the access to one place, without a secret.
     #[must_use]
     pub fn to(place: &str) -> Self {
@@ -126,7 +126,11 @@ impl Network {
     /// # Errors
     /// [`RemoteError::Name`] if there can be no such name, [`RemoteError::Zenoh`] if no connection is made in this time:
     /// nobody listens, or the password or the certificate is refused.
-    pub fn open(access: &Access, client: &str, timeout: Duration) -> Result<Self, RemoteError> {
+    pub fn open(
+        access: &RemoteAccess,
+        client: &str,
+        timeout: Duration,
+    ) -> Result<Self, RemoteError> {
         wire::check_name("client", client).map_err(RemoteError::Name)?;
         let session = zenoh::open(access.config(client, timeout)?).wait()?;
         Ok(Self {

@@ -14,8 +14,10 @@ use zenoh::query::{QueryTarget, Reply};
 
 use crate::error::RemoteError;
 use crate::network::Network;
-use crate::stream::Stream;
-use crate::wire::{self, Id, Outcome, Refusal, Request, State, Topic};
+use crate::stream::RemoteStream;
+use crate::wire::{
+    self, Id, RemoteOutcome, RemoteRefusal, RemoteRequest, RemoteState, RemoteTopic,
+};
 
 /// The longest time of one query: what is lost on the way is asked for again after it.
 const QUERY: Duration = Duration::from_secs(1);
@@ -25,14 +27,14 @@ const QUERY: Duration = Duration::from_secs(1);
 pub struct Remote {
     network: Network,
     robot: String,
-    /// The incarnation of this life of the client, once it was needed.
+    /// The incarnation of this incarnation of the client, once it was needed.
     incarnation: Mutex<Option<u64>>,
     last: AtomicU64,
     _here: LivelinessToken,
 }
 
 impl Remote {
-    /// Makes the way to a robot, in a new life of the client. It does not wait for the robot.
+    /// Makes the way to a robot, in a new incarnation of the client. It does not wait for the robot.
     ///
     /// # Errors
     /// [`RemoteError::Name`] if there can be no such robot, [`RemoteError::Zenoh`] if zenoh fails.
@@ -56,15 +58,15 @@ impl Remote {
     /// # Errors
     /// [`RemoteError`].
     pub fn status(&self, timeout: Duration) -> Result<Json, RemoteError> {
-        self.ask_until(&Request::Status {}, &[], timeout)
+        self.ask_until(&RemoteRequest::Status {}, &[], timeout)
     }
 
     /// Returns the topics of streams.
     ///
     /// # Errors
     /// [`RemoteError`].
-    pub fn topics(&self, timeout: Duration) -> Result<Vec<Topic>, RemoteError> {
-        self.ask_until(&Request::Topics {}, &[], timeout)
+    pub fn topics(&self, timeout: Duration) -> Result<Vec<RemoteTopic>, RemoteError> {
+        self.ask_until(&RemoteRequest::Topics {}, &[], timeout)
     }
 
     /// Returns variables, parameters and fields of published cells by name, or all: an object for each, as the
@@ -74,7 +76,7 @@ impl Remote {
     /// [`RemoteError`].
     pub fn variables(&self, names: &[String], timeout: Duration) -> Result<Vec<Json>, RemoteError> {
         let names = names.to_vec();
-        self.ask_until(&Request::Variables { names }, &[], timeout)
+        self.ask_until(&RemoteRequest::Variables { names }, &[], timeout)
     }
 
     /// Returns the value of a variable, of a parameter, or of a field of a published cell.
@@ -82,7 +84,7 @@ impl Remote {
     /// # Errors
     /// [`RemoteError`].
     pub fn get(&self, name: &str, timeout: Duration) -> Result<Json, RemoteError> {
-        self.ask_until(&Request::Get { name: name.into() }, &[], timeout)
+        self.ask_until(&RemoteRequest::Get { name: name.into() }, &[], timeout)
     }
 
     /// Sets a parameter, if it has the value `from`, or whatever it has; returns the value that it had.
@@ -97,7 +99,7 @@ impl Remote {
         timeout: Duration,
     ) -> Result<Json, RemoteError> {
         let name = name.into();
-        self.ask(&Request::Set { name, from, value }, &[], timeout)
+        self.ask(&RemoteRequest::Set { name, from, value }, &[], timeout)
     }
 
     /// Sends a message to a vector, by name or number, of a processor, and returns the reply.
@@ -112,7 +114,7 @@ impl Remote {
         timeout: Duration,
     ) -> Result<u32, RemoteError> {
         let (processor, vector) = (processor.into(), vector.into());
-        let request = Request::Send {
+        let request = RemoteRequest::Send {
             processor,
             vector,
             data,
@@ -120,8 +122,8 @@ impl Remote {
         self.ask(&request, &[], timeout)
     }
 
-    /// Returns the identity for the next motion of this life of the client. The first call asks the gateway for the
-    /// incarnation of this life.
+    /// Returns the identity for the next motion of this incarnation of the client. The first call asks the gateway for the
+    /// incarnation of this incarnation.
     ///
     /// # Errors
     /// [`RemoteError`].
@@ -132,7 +134,7 @@ impl Remote {
             .unwrap_or_else(PoisonError::into_inner);
         let incarnation = match *known {
             Some(incarnation) => incarnation,
-            None => *known.insert(self.ask_until(&Request::Join {}, &[], timeout)?),
+            None => *known.insert(self.ask_until(&RemoteRequest::Join {}, &[], timeout)?),
         };
         Ok(Id {
             incarnation,
@@ -152,17 +154,19 @@ impl Remote {
         motion: &[u8],
         takes_control: bool,
         timeout: Duration,
-    ) -> Result<Outcome, RemoteError> {
-        let request = Request::Offer { id, takes_control };
-        self.until_decided(&request, motion, timeout, |state| state != State::Offered)
+    ) -> Result<RemoteOutcome, RemoteError> {
+        let request = RemoteRequest::Offer { id, takes_control };
+        self.until_decided(&request, motion, timeout, |state| {
+            state != RemoteState::Offered
+        })
     }
 
     /// Returns what has become of a motion of this client, in whichever incarnation.
     ///
     /// # Errors
     /// [`RemoteError`].
-    pub fn outcome(&self, id: Id, timeout: Duration) -> Result<Outcome, RemoteError> {
-        self.ask_until(&Request::Outcome { id }, &[], timeout)
+    pub fn outcome(&self, id: Id, timeout: Duration) -> Result<RemoteOutcome, RemoteError> {
+        self.ask_until(&RemoteRequest::Outcome { id }, &[], timeout)
     }
 
     /// Makes sure that a motion never runs which the gateway has not received; returns what has become of it. Ask this
@@ -170,23 +174,28 @@ impl Remote {
     ///
     /// # Errors
     /// [`RemoteError`].
-    pub fn withdraw(&self, id: Id, timeout: Duration) -> Result<Outcome, RemoteError> {
-        self.ask_until(&Request::Withdraw { id }, &[], timeout)
+    pub fn withdraw(&self, id: Id, timeout: Duration) -> Result<RemoteOutcome, RemoteError> {
+        self.ask_until(&RemoteRequest::Withdraw { id }, &[], timeout)
     }
 
     /// Waits until nothing changes any more about a motion that was offered.
     ///
     /// # Errors
     /// [`RemoteError`]; [`RemoteError::NoAnswer`] if it has not ended in this time.
-    pub fn wait(&self, id: Id, timeout: Duration) -> Result<Outcome, RemoteError> {
-        self.until_decided(&Request::Outcome { id }, &[], timeout, State::is_final)
+    pub fn wait(&self, id: Id, timeout: Duration) -> Result<RemoteOutcome, RemoteError> {
+        self.until_decided(
+            &RemoteRequest::Outcome { id },
+            &[],
+            timeout,
+            RemoteState::is_final,
+        )
     }
 
     /// Has a motion run under a new identity, and waits for its end.
     ///
     /// # Errors
     /// The errors of [`next_id`](Self::next_id), [`offer`](Self::offer) and [`wait`](Self::wait).
-    pub fn run(&self, motion: &[u8], timeout: Duration) -> Result<Outcome, RemoteError> {
+    pub fn run(&self, motion: &[u8], timeout: Duration) -> Result<RemoteOutcome, RemoteError> {
         let deadline = Instant::now() + timeout;
         let left = || deadline.saturating_duration_since(Instant::now());
         let id = self.next_id(left())?;
@@ -202,7 +211,7 @@ impl Remote {
     /// # Errors
     /// [`RemoteError`].
     pub fn stop(&self, timeout: Duration) -> Result<(), RemoteError> {
-        self.ask_until::<Json>(&Request::Stop {}, &[], timeout)
+        self.ask_until::<Json>(&RemoteRequest::Stop {}, &[], timeout)
             .map(drop)
     }
 
@@ -210,7 +219,7 @@ impl Remote {
     ///
     /// # Errors
     /// [`RemoteError::NoTopic`] if there is none, or more than one; another [`RemoteError`].
-    pub fn subscribe(&self, name: &str, timeout: Duration) -> Result<Stream, RemoteError> {
+    pub fn subscribe(&self, name: &str, timeout: Duration) -> Result<RemoteStream, RemoteError> {
         let topics = self.topics(timeout)?;
         let exact = topics.iter().find(|topic| topic.name == name);
         let mut parts = topics.iter().filter(|topic| topic.name.contains(name));
@@ -223,21 +232,21 @@ impl Remote {
                 return Err(RemoteError::NoTopic { name, there });
             }
         };
-        Stream::open(&self.network, &self.robot, topic)
+        RemoteStream::open(&self.network, &self.robot, topic)
     }
 
     /// Asks again until the state of the answer is good.
     fn until_decided(
         &self,
-        request: &Request,
+        request: &RemoteRequest,
         motion: &[u8],
         timeout: Duration,
-        is_good: impl Fn(State) -> bool,
-    ) -> Result<Outcome, RemoteError> {
+        is_good: impl Fn(RemoteState) -> bool,
+    ) -> Result<RemoteOutcome, RemoteError> {
         let deadline = Instant::now() + timeout;
         loop {
             let left = deadline.saturating_duration_since(Instant::now());
-            let outcome: Outcome = self.ask_until(request, motion, left)?;
+            let outcome: RemoteOutcome = self.ask_until(request, motion, left)?;
             if is_good(outcome.state) {
                 return Ok(outcome);
             }
@@ -251,7 +260,7 @@ impl Remote {
     /// Asks again until there is an answer that stays. Only for requests that may be carried out twice.
     fn ask_until<T: DeserializeOwned>(
         &self,
-        request: &Request,
+        request: &RemoteRequest,
         motion: &[u8],
         timeout: Duration,
     ) -> Result<T, RemoteError> {
@@ -276,7 +285,7 @@ impl Remote {
     /// Asks once.
     fn ask<T: DeserializeOwned>(
         &self,
-        request: &Request,
+        request: &RemoteRequest,
         motion: &[u8],
         timeout: Duration,
     ) -> Result<T, RemoteError> {
@@ -314,7 +323,8 @@ fn read<T: DeserializeOwned>(reply: &Reply) -> Option<Result<T, RemoteError>> {
             serde_json::from_slice(&bytes).map_err(|_| strange(&bytes))
         }
         Err(error) => {
-            let refusal: Refusal = serde_json::from_slice(&error.payload().to_bytes()).ok()?;
+            let refusal: RemoteRefusal =
+                serde_json::from_slice(&error.payload().to_bytes()).ok()?;
             Err(refusal.into())
         }
     })

@@ -1,8 +1,8 @@
-//! [`Stream`]: the messages of a topic.
+//! [`RemoteStream`]: the messages of a topic.
 
 use std::time::{Duration, Instant};
 
-use condor_ros2::{DecodeError, Layout, Row};
+use condor_ros2::{DecodeError, Layout, RowMessage};
 use zenoh::Wait;
 use zenoh::handlers::{RingChannel, RingChannelHandler};
 use zenoh::pubsub::Subscriber;
@@ -10,7 +10,7 @@ use zenoh::sample::Sample;
 
 use crate::error::RemoteError;
 use crate::network::Network;
-use crate::wire::{self, Place, Topic};
+use crate::wire::{self, RemoteTopic, StreamPosition};
 
 /// The greatest number of messages that wait for their reader; then the oldest is lost.
 const WAITING: usize = 1024;
@@ -18,26 +18,30 @@ const WAITING: usize = 1024;
 /// The messages of a topic, from the subscription on. What is lost is counted: at the gateway, on the way, and here, if
 /// more than 1024 messages wait.
 #[derive(Debug)]
-pub struct Stream {
+pub struct RemoteStream {
     subscriber: Subscriber<RingChannelHandler<Sample>>,
     layout: Option<Layout>,
-    topic: Topic,
-    last: Option<Place>,
+    topic: RemoteTopic,
+    last: Option<StreamPosition>,
     lost: u64,
     lives: u64,
 }
 
 /// A message of a stream.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Message {
+pub struct RemoteMessage {
     /// The bytes, as CDR of the type of the topic.
     pub payload: Vec<u8>,
     /// The number of messages that were lost between the one before and this one.
     pub lost: u64,
 }
 
-impl Stream {
-    pub(crate) fn open(network: &Network, robot: &str, topic: &Topic) -> Result<Self, RemoteError> {
+impl RemoteStream {
+    pub(crate) fn open(
+        network: &Network,
+        robot: &str,
+        topic: &RemoteTopic,
+    ) -> Result<Self, RemoteError> {
         let key = wire::stream(robot, &topic.name);
         let subscriber = network.session.declare_subscriber(key);
         let layout = Layout::of_schema(&topic.schema).ok();
@@ -53,7 +57,7 @@ impl Stream {
 
     /// Returns the topic.
     #[must_use]
-    pub const fn topic(&self) -> &Topic {
+    pub const fn topic(&self) -> &RemoteTopic {
         &self.topic
     }
 
@@ -74,16 +78,16 @@ impl Stream {
     ///
     /// # Errors
     /// [`RemoteError::Strange`] if what comes is no message of a stream, [`RemoteError::Zenoh`] if zenoh fails.
-    pub fn next(&mut self, timeout: Duration) -> Result<Option<Message>, RemoteError> {
+    pub fn next(&mut self, timeout: Duration) -> Result<Option<RemoteMessage>, RemoteError> {
         let deadline = Instant::now() + timeout;
         let Some(sample) = self.subscriber.recv_deadline(deadline)? else {
             return Ok(None);
         };
         let attachment = sample.attachment().map(|it| it.to_bytes().into_owned());
-        let place = attachment.as_deref().and_then(Place::read);
+        let place = attachment.as_deref().and_then(StreamPosition::read);
         let place = place.ok_or_else(|| RemoteError::Strange(sample.key_expr().to_string()))?;
         let lost = match self.last.replace(place) {
-            Some(last) if last.life == place.life => {
+            Some(last) if last.incarnation == place.incarnation => {
                 place.number.saturating_sub(last.number).saturating_sub(1)
             }
             _ => {
@@ -93,14 +97,17 @@ impl Stream {
         };
         self.lost += lost;
         let payload = sample.payload().to_bytes().into_owned();
-        Ok(Some(Message { payload, lost }))
+        Ok(Some(RemoteMessage { payload, lost }))
     }
 
     /// Returns the row of a message; `None` if the topic has none.
     ///
     /// # Errors
     /// [`DecodeError`] if the bytes are not those of a row of this topic.
-    pub fn row<'m>(&'m self, message: &'m Message) -> Result<Option<Row<'m>>, DecodeError> {
+    pub fn row<'m>(
+        &'m self,
+        message: &'m RemoteMessage,
+    ) -> Result<Option<RowMessage<'m>>, DecodeError> {
         let layout = self.layout.as_ref();
         layout.map(|it| it.decode(&message.payload)).transpose()
     }

@@ -2,14 +2,14 @@
 //!
 //! A request is a query of zenoh. Its key names the client and the right that the request needs, so that the access
 //! control of zenoh binds both; its payload is JSON, with the [`VERSION`]; the bytes of a motion are its attachment.
-//! The answer is JSON, too: what was asked for, or a [`Refusal`] as an error of zenoh.
+//! The answer is JSON, too: what was asked for, or a [`RemoteRefusal`] as an error of zenoh.
 //!
 //! | key | is |
 //! |---|---|
 //! | `condor/ROBOT/alive` | a liveliness token, as long as the gateway runs |
 //! | `condor/ROBOT/here/CLIENT/INCARNATION` | a liveliness token, as long as the client is there |
 //! | `condor/ROBOT/by/CLIENT/RIGHT` | takes queries: requests of the client |
-//! | `condor/ROBOT/streams/…` | has the messages of a topic, each with a [`Place`] as attachment |
+//! | `condor/ROBOT/streams/…` | has the messages of a topic, each with a [`StreamPosition`] as attachment |
 
 use serde::{Deserialize, Serialize};
 use serde_json::Value as Json;
@@ -55,8 +55,8 @@ impl Right {
 /// The identity of a request of a motion: a client never uses it for another motion.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub struct Id {
-    /// The incarnation of the client: a number that each life of it has for itself, and greater than those of former
-    /// lives. The gateway gives it: see [`Request::Join`].
+    /// The incarnation of the client: a number that each incarnation of it has for itself, and greater than those of former
+    /// lives. The gateway gives it: see [`RemoteRequest::Join`].
     pub incarnation: u64,
     /// The number of the request in this incarnation.
     pub number: u64,
@@ -72,10 +72,10 @@ impl core::fmt::Display for Id {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "do", rename_all = "kebab-case", deny_unknown_fields)]
 #[non_exhaustive]
-pub enum Request {
+pub enum RemoteRequest {
     /// Asks for the state of processors and services: the [status](https://docs.rs/condor-host) of the system.
     Status {},
-    /// Asks for the [`Topic`]s of streams.
+    /// Asks for the [`RemoteTopic`]s of streams.
     Topics {},
     /// Asks for variables, parameters and fields of published cells, with values.
     Variables {
@@ -107,10 +107,10 @@ pub enum Request {
         /// The data.
         data: u32,
     },
-    /// Asks for the incarnation of a life of the client that begins; returns a number that is greater than all
+    /// Asks for the incarnation of an incarnation of the client that begins; returns a number that is greater than all
     /// those before.
     Join {},
-    /// Has a motion enqueued, if this request was never received before; returns an [`Outcome`].
+    /// Has a motion enqueued, if this request was never received before; returns an [`RemoteOutcome`].
     Offer {
         /// Its identity.
         id: Id,
@@ -118,12 +118,12 @@ pub enum Request {
         #[serde(default)]
         takes_control: bool,
     },
-    /// Asks what has become of a motion; returns an [`Outcome`].
+    /// Asks what has become of a motion; returns an [`RemoteOutcome`].
     Outcome {
         /// Its identity.
         id: Id,
     },
-    /// Has a motion never run if it was not received yet; returns an [`Outcome`], which is never [`State::New`].
+    /// Has a motion never run if it was not received yet; returns an [`RemoteOutcome`], which is never [`RemoteState::New`].
     Withdraw {
         /// Its identity.
         id: Id,
@@ -132,7 +132,7 @@ pub enum Request {
     Stop {},
 }
 
-impl Request {
+impl RemoteRequest {
     /// Returns the right that it needs.
     #[must_use]
     pub const fn right(&self) -> Right {
@@ -163,16 +163,16 @@ impl Request {
 
 /// A request, and the client that makes it.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Asked {
+pub struct ClientRequest {
     /// The name of the client.
     pub client: String,
     /// The request.
-    pub request: Request,
+    pub request: RemoteRequest,
     /// The bytes of a motion; empty for other requests.
     pub motion: Vec<u8>,
 }
 
-impl Asked {
+impl ClientRequest {
     /// Reads a request from what came from the network.
     ///
     /// # Errors
@@ -182,8 +182,8 @@ impl Asked {
         key: &str,
         payload: &[u8],
         attachment: &[u8],
-    ) -> Result<Self, Refusal> {
-        let wrong = |text: String| Refusal::new(text, false);
+    ) -> Result<Self, RemoteRefusal> {
+        let wrong = |text: String| RemoteRefusal::new(text, false);
         let rest = key.strip_prefix(&format!("{ROOT}/{robot}/by/"));
         let parts = rest.and_then(|rest| rest.split_once('/'));
         let (client, word) =
@@ -205,7 +205,7 @@ impl Asked {
             }
             None => return Err(wrong("the request has no `version`".into())),
         }
-        let request: Result<Request, _> = serde_json::from_value(json.into());
+        let request: Result<RemoteRequest, _> = serde_json::from_value(json.into());
         let request = request.map_err(|error| wrong(format!("no request: {error}")))?;
         if request.right().word() != word {
             let right = request.right().word();
@@ -214,7 +214,7 @@ impl Asked {
             )));
         }
         let most = match &request {
-            Request::Offer { .. } => MOTION_BYTES,
+            RemoteRequest::Offer { .. } => MOTION_BYTES,
             _ => 0,
         };
         if attachment.len() > most || attachment.is_empty() && most > 0 {
@@ -235,14 +235,14 @@ impl Asked {
 /// The reason for which a request was not carried out.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, thiserror::Error)]
 #[error("{error}")]
-pub struct Refusal {
+pub struct RemoteRefusal {
     /// The reason, for people.
     pub error: String,
-    /// Whether the same request may succeed later. It is no outcome of a motion: see [`Request::Withdraw`].
+    /// Whether the same request may succeed later. It is no outcome of a motion: see [`RemoteRequest::Withdraw`].
     pub again: bool,
 }
 
-impl Refusal {
+impl RemoteRefusal {
     /// Makes a refusal.
     #[must_use]
     pub fn new(error: impl Into<String>, again: bool) -> Self {
@@ -256,8 +256,8 @@ impl Refusal {
 /// The state of a motion.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum State {
-    /// The gateway has not received it. A request that is still on its way may arrive; see [`Request::Withdraw`].
+pub enum RemoteState {
+    /// The gateway has not received it. A request that is still on its way may arrive; see [`RemoteRequest::Withdraw`].
     New,
     /// The gateway has sent it to the robot, and does not know yet whether it was accepted.
     Offered,
@@ -287,7 +287,7 @@ pub enum State {
     Forgotten,
 }
 
-impl State {
+impl RemoteState {
     /// Returns whether nothing changes any more.
     #[must_use]
     pub const fn is_final(self) -> bool {
@@ -300,12 +300,12 @@ impl State {
     /// Returns whether it is certain that the motion has not run, and never will.
     #[must_use]
     pub const fn did_not_run(self) -> bool {
-        use State::{Lost, Never, Refused, Superseded, Withdrawn};
+        use RemoteState::{Lost, Never, Refused, Superseded, Withdrawn};
         matches!(self, Refused | Lost | Never | Withdrawn | Superseded)
     }
 }
 
-impl core::fmt::Display for State {
+impl core::fmt::Display for RemoteState {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         let word = serde_json::to_value(self).unwrap_or_default();
         f.pad(word.as_str().unwrap_or_default())
@@ -314,9 +314,9 @@ impl core::fmt::Display for State {
 
 /// What has become of a motion.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Outcome {
+pub struct RemoteOutcome {
     /// Its state.
-    pub state: State,
+    pub state: RemoteState,
     /// The reason for which it was refused or has ended early; empty if there is none.
     #[serde(default)]
     pub reason: String,
@@ -325,8 +325,8 @@ pub struct Outcome {
     pub progress: Option<f64>,
 }
 
-impl From<State> for Outcome {
-    fn from(state: State) -> Self {
+impl From<RemoteState> for RemoteOutcome {
+    fn from(state: RemoteState) -> Self {
         Self {
             state,
             reason: String::new(),
@@ -337,7 +337,7 @@ impl From<State> for Outcome {
 
 /// A topic of streams.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Topic {
+pub struct RemoteTopic {
     /// Its name, as in a recording, such as `/servo_a/servo`.
     pub name: String,
     /// The name of the type of its messages.
@@ -350,20 +350,20 @@ pub struct Topic {
 
 /// The place of a message in its stream, as its attachment has it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Place {
-    /// A number that each life of the stream has for itself.
-    pub life: u64,
-    /// The number of the message in this life, from 0. Numbers that are missing were lost on the way.
+pub struct StreamPosition {
+    /// A number that each incarnation of the stream has for itself.
+    pub incarnation: u64,
+    /// The number of the message in this incarnation, from 0. Numbers that are missing were lost on the way.
     pub number: u64,
 }
 
-impl Place {
+impl StreamPosition {
     /// Returns its bytes: both numbers, little-endian.
     #[must_use]
     pub fn bytes(self) -> [u8; 16] {
         let mut bytes = [0; 16];
-        let (life, number) = bytes.split_at_mut(8);
-        life.copy_from_slice(&self.life.to_le_bytes());
+        let (incarnation, number) = bytes.split_at_mut(8);
+        incarnation.copy_from_slice(&self.incarnation.to_le_bytes());
         number.copy_from_slice(&self.number.to_le_bytes());
         bytes
     }
@@ -371,9 +371,9 @@ impl Place {
     /// Reads it from its bytes; `None` if they are not 16.
     #[must_use]
     pub fn read(bytes: &[u8]) -> Option<Self> {
-        let (life, number) = bytes.split_first_chunk::<8>()?;
+        let (incarnation, number) = bytes.split_first_chunk::<8>()?;
         Some(Self {
-            life: u64::from_le_bytes(*life),
+            incarnation: u64::from_le_bytes(*incarnation),
             number: u64::from_le_bytes(number.try_into().ok()?),
         })
     }
@@ -455,8 +455,8 @@ pub fn check_name(what: &str, name: &str) -> Result<(), String> {
 mod tests {
     use super::*;
 
-    fn read(key: &str, payload: &[u8], motion: &[u8]) -> Result<Asked, String> {
-        Asked::read("hand", key, payload, motion).map_err(|it| it.error)
+    fn read(key: &str, payload: &[u8], motion: &[u8]) -> Result<ClientRequest, String> {
+        ClientRequest::read("hand", key, payload, motion).map_err(|it| it.error)
     }
 
     #[test]
@@ -466,9 +466,9 @@ mod tests {
             number: 3,
         };
         let requests = [
-            (Request::Status {}, &b""[..]),
+            (RemoteRequest::Status {}, &b""[..]),
             (
-                Request::Set {
+                RemoteRequest::Set {
                     name: "kp".into(),
                     from: None,
                     value: 2.5.into(),
@@ -476,14 +476,14 @@ mod tests {
                 b"",
             ),
             (
-                Request::Offer {
+                RemoteRequest::Offer {
                     id,
                     takes_control: true,
                 },
                 b"wave",
             ),
-            (Request::Withdraw { id }, b""),
-            (Request::Join {}, b""),
+            (RemoteRequest::Withdraw { id }, b""),
+            (RemoteRequest::Join {}, b""),
         ];
         for (request, motion) in requests {
             let key = by("hand", "lab", request.right().word());
@@ -491,7 +491,7 @@ mod tests {
             let motion = motion.to_vec();
             assert_eq!(
                 asked,
-                Ok(Asked {
+                Ok(ClientRequest {
                     client: "lab".into(),
                     request,
                     motion
@@ -502,7 +502,7 @@ mod tests {
 
     #[test]
     fn what_is_no_request_is_told() {
-        let status = Request::Status {}.payload();
+        let status = RemoteRequest::Status {}.payload();
         let key = by("hand", "lab", "look");
         for (key, payload, motion, complaint) in [
             (
@@ -564,11 +564,11 @@ mod tests {
         );
         assert_eq!(client_of("arm", &here("hand", "lab", 7)), None);
         assert_eq!(robot_of(&alive("hand")), Some("hand"));
-        let place = Place {
-            life: 3,
+        let place = StreamPosition {
+            incarnation: 3,
             number: 1 << 40,
         };
-        assert_eq!(Place::read(&place.bytes()), Some(place));
-        assert_eq!(Place::read(&[0; 15]), None);
+        assert_eq!(StreamPosition::read(&place.bytes()), Some(place));
+        assert_eq!(StreamPosition::read(&[0; 15]), None);
     }
 }

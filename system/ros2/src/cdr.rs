@@ -1,4 +1,4 @@
-//! [`Writer`] and [`Reader`]: little-endian CDR (version 1), as ROS 2 transmits it.
+//! [`CdrWriter`] and [`Reader`]: little-endian CDR (version 1), as ROS 2 transmits it.
 
 use core::str::{Utf8Error, from_utf8};
 
@@ -9,7 +9,7 @@ const HEADER: [u8; 4] = [0, 1, 0, 0];
 ///
 /// Each number is aligned to its own size, counted from the end of the header.
 #[derive(Debug)]
-pub struct Writer {
+pub struct CdrWriter {
     bytes: Vec<u8>,
 }
 
@@ -41,7 +41,7 @@ pub enum DecodeError {
     },
 }
 
-impl Writer {
+impl CdrWriter {
     pub(crate) fn new() -> Self {
         Self {
             bytes: HEADER.to_vec(),

@@ -2,12 +2,12 @@
 
 use std::collections::HashSet;
 
-use condor_vars::{Kind, Value};
+use condor_vars::{AnyValue, ValueKind};
 
-use crate::cdr::{DecodeError, Reader, Writer, short};
+use crate::cdr::{CdrWriter, DecodeError, Reader, short};
 use crate::messages::{TIME, Time};
 use crate::names::{constant_name, field_name};
-use crate::schema::{Message, joined};
+use crate::schema::{RosMessage, joined};
 
 /// The fields at the beginning of each row.
 const HEAD: &str = "\
@@ -22,16 +22,16 @@ const HEAD_BYTES: usize = 24;
 
 /// A variable, as a field of a row.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Field {
+pub struct RosField {
     /// The name of the variable.
     pub name: String,
     /// The type of its values.
-    pub kind: Kind,
+    pub kind: ValueKind,
     /// Its unit; may be empty.
     pub unit: String,
     /// Its description; may be empty.
     pub about: String,
-    /// The labels of the values of a [`Kind::Choice`], from 0; empty for other kinds.
+    /// The labels of the values of a [`ValueKind::Choice`], from 0; empty for other kinds.
     pub labels: Vec<String>,
 }
 
@@ -40,7 +40,7 @@ pub struct Field {
 /// All fields have fixed places, so a single value can be read without the others.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Layout {
-    fields: Vec<Field>,
+    fields: Vec<RosField>,
     /// The legal name of each field.
     names: Vec<String>,
     /// Where each field lies behind the header of a message, in bytes.
@@ -62,7 +62,7 @@ pub struct Head {
 
 /// A message that has the size of its layout.
 #[derive(Clone, Copy, Debug)]
-pub struct Row<'m> {
+pub struct RowMessage<'m> {
     layout: &'m Layout,
     head: Head,
     body: &'m [u8],
@@ -94,7 +94,7 @@ impl Layout {
     /// Makes the layout of rows with these fields, in their order. In names, units, descriptions and
     /// labels, control characters become spaces.
     #[must_use]
-    pub fn new(fields: impl IntoIterator<Item = Field>) -> Self {
+    pub fn new(fields: impl IntoIterator<Item = RosField>) -> Self {
         let mut taken: HashSet<String> = RESERVED.map(str::to_owned).into();
         let mut layout = Self {
             fields: Vec::new(),
@@ -110,7 +110,7 @@ impl Layout {
         layout
     }
 
-    fn push(&mut self, mut field: Field, name: String) {
+    fn push(&mut self, mut field: RosField, name: String) {
         for text in [&mut field.name, &mut field.unit, &mut field.about] {
             *text = printable(text);
         }
@@ -126,7 +126,7 @@ impl Layout {
     }
 
     /// Reads the layout from the text of its schema, as [`schema`](Self::schema) writes it. A
-    /// [`Kind::Choice`] without labels becomes a [`Kind::U32`]: the schema does not tell them apart.
+    /// [`ValueKind::Choice`] without labels becomes a [`ValueKind::U32`]: the schema does not tell them apart.
     ///
     /// # Errors
     /// [`LayoutError::Schema`] if a line has another form, or if one is missing.
@@ -162,12 +162,12 @@ impl Layout {
             let mut texts = comment.split('\t').map(str::to_owned);
             let mut kind = kind_of(of_type).ok_or_else(wrong)?;
             if !labels.is_empty() {
-                if kind != Kind::U32 {
+                if kind != ValueKind::U32 {
                     return Err(wrong());
                 }
-                kind = Kind::Choice;
+                kind = ValueKind::Choice;
             }
-            let field = Field {
+            let field = RosField {
                 name: texts.next().ok_or_else(wrong)?,
                 kind,
                 unit: texts.next().ok_or_else(wrong)?,
@@ -198,7 +198,7 @@ impl Layout {
                 text.push_str(&line);
                 taken.insert(constant);
             }
-            let Field {
+            let RosField {
                 name: of,
                 unit,
                 about,
@@ -212,19 +212,19 @@ impl Layout {
     }
 
     /// Iterates over the fields in their order, each with the name that it has in the schema.
-    pub fn fields(&self) -> impl ExactSizeIterator<Item = (&Field, &str)> {
+    pub fn fields(&self) -> impl ExactSizeIterator<Item = (&RosField, &str)> {
         self.fields
             .iter()
             .zip(self.names.iter().map(String::as_str))
     }
 
     /// Returns the bytes of a row's message. `words` are the values in the order of the fields, each as
-    /// [`Kind`] stores it.
+    /// [`ValueKind`] stores it.
     ///
     /// # Errors
     /// [`LayoutError::Words`] if `words` has another length than the fields need.
     pub fn encode(&self, head: &Head, words: &[u32]) -> Result<Vec<u8>, LayoutError> {
-        let mut to = Writer::new();
+        let mut to = CdrWriter::new();
         head.stamp.write(&mut to);
         to.number(head.tick.to_le_bytes());
         to.number(head.lost.to_le_bytes());
@@ -234,7 +234,7 @@ impl Layout {
                 ([low, rest @ ..], 1) => {
                     // Whatever is not false is true, and CDR has but one value for that.
                     let is_true = u32::from(*low != 0);
-                    let low = if field.kind == Kind::Bool {
+                    let low = if field.kind == ValueKind::Bool {
                         is_true
                     } else {
                         *low
@@ -277,7 +277,7 @@ impl Layout {
     /// # Errors
     /// [`DecodeError::Header`] if it is not little-endian CDR, [`DecodeError::Short`] if it does not
     /// have all fields.
-    pub fn decode<'m>(&'m self, message: &'m [u8]) -> Result<Row<'m>, DecodeError> {
+    pub fn decode<'m>(&'m self, message: &'m [u8]) -> Result<RowMessage<'m>, DecodeError> {
         let mut from = Reader::new(message)?;
         let head = Head {
             stamp: Time::read(&mut from)?,
@@ -288,7 +288,7 @@ impl Layout {
         if body.len() < self.bytes {
             return Err(short(body, self.bytes));
         }
-        Ok(Row {
+        Ok(RowMessage {
             layout: self,
             head,
             body,
@@ -296,7 +296,7 @@ impl Layout {
     }
 }
 
-impl Row<'_> {
+impl RowMessage<'_> {
     /// Returns what the row has besides its values.
     #[must_use]
     pub const fn head(&self) -> Head {
@@ -305,7 +305,7 @@ impl Row<'_> {
 
     /// Returns the value of the field `column`, counted from 0; `None` if there is no such field.
     #[must_use]
-    pub fn value(&self, column: usize) -> Option<Value> {
+    pub fn value(&self, column: usize) -> Option<AnyValue> {
         let place = *self.layout.places.get(column)?;
         let kind = self.layout.fields.get(column)?.kind;
         kind.value_of_bytes(self.body.get(place..)?)
@@ -313,26 +313,26 @@ impl Row<'_> {
 }
 
 /// The types of ROS, without that of choices, which are `uint32`.
-const TYPES: [(&str, Kind); 11] = [
-    ("float32", Kind::F32),
-    ("float64", Kind::F64),
-    ("int8", Kind::I8),
-    ("int16", Kind::I16),
-    ("int32", Kind::I32),
-    ("int64", Kind::I64),
-    ("uint8", Kind::U8),
-    ("uint16", Kind::U16),
-    ("uint32", Kind::U32),
-    ("uint64", Kind::U64),
-    ("bool", Kind::Bool),
+const TYPES: [(&str, ValueKind); 11] = [
+    ("float32", ValueKind::F32),
+    ("float64", ValueKind::F64),
+    ("int8", ValueKind::I8),
+    ("int16", ValueKind::I16),
+    ("int32", ValueKind::I32),
+    ("int64", ValueKind::I64),
+    ("uint8", ValueKind::U8),
+    ("uint16", ValueKind::U16),
+    ("uint32", ValueKind::U32),
+    ("uint64", ValueKind::U64),
+    ("bool", ValueKind::Bool),
 ];
 
-fn ros_type(kind: Kind) -> &'static str {
+fn ros_type(kind: ValueKind) -> &'static str {
     let found = TYPES.iter().find(|(_, other)| *other == kind);
     found.map_or("uint32", |(name, _)| name)
 }
 
-fn kind_of(name: &str) -> Option<Kind> {
+fn kind_of(name: &str) -> Option<ValueKind> {
     let found = TYPES.iter().find(|(other, _)| *other == name)?;
     Some(found.1)
 }

@@ -7,8 +7,8 @@ mod messages;
 mod names;
 mod schema;
 
-pub use cdr::{DecodeError, Writer};
-pub use layout::{Field, Head, Layout, LayoutError, Row};
-pub use messages::{JointState, Level, Log, TFMessage, Text, Time, Transform};
+pub use cdr::{CdrWriter, DecodeError};
+pub use layout::{Head, Layout, LayoutError, RosField, RowMessage};
+pub use messages::{JointState, Level, Log, StringMessage, TFMessage, Time, Transform};
 pub use names::{field_name, type_name};
-pub use schema::{ENCODING, Message, SCHEMA_ENCODING, encode, schema};
+pub use schema::{ENCODING, RosMessage, SCHEMA_ENCODING, encode, schema};

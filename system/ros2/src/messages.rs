@@ -1,7 +1,7 @@
 //! Messages whose types ROS 2 defines.
 
-use crate::cdr::{DecodeError, Reader, Writer};
-use crate::schema::Message;
+use crate::cdr::{CdrWriter, DecodeError, Reader};
+use crate::schema::RosMessage;
 
 const NS: u64 = 1_000_000_000;
 
@@ -64,12 +64,12 @@ impl Time {
     }
 }
 
-impl Message for Time {
+impl RosMessage for Time {
     const NAME: &'static str = "builtin_interfaces/msg/Time";
     const DEFINITION: &'static str = "int32 sec\nuint32 nanosec\n";
     const CONTAINED: &'static [(&'static str, &'static str)] = &[];
 
-    fn write(&self, to: &mut Writer) {
+    fn write(&self, to: &mut CdrWriter) {
         to.number(self.sec.to_le_bytes());
         to.u32(self.nanosec);
     }
@@ -77,14 +77,14 @@ impl Message for Time {
 
 /// `std_msgs/msg/String`: a text.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Text<'m>(pub &'m str);
+pub struct StringMessage<'m>(pub &'m str);
 
-impl Message for Text<'_> {
+impl RosMessage for StringMessage<'_> {
     const NAME: &'static str = "std_msgs/msg/String";
     const DEFINITION: &'static str = "string data\n";
     const CONTAINED: &'static [(&'static str, &'static str)] = &[];
 
-    fn write(&self, to: &mut Writer) {
+    fn write(&self, to: &mut CdrWriter) {
         to.text(self.0);
     }
 }
@@ -104,12 +104,12 @@ pub struct JointState<'m> {
     pub efforts: &'m [f64],
 }
 
-impl Message for JointState<'_> {
+impl RosMessage for JointState<'_> {
     const NAME: &'static str = "sensor_msgs/msg/JointState";
     const DEFINITION: &'static str = "std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort\n";
     const CONTAINED: &'static [(&'static str, &'static str)] = &[HEADER, TIME];
 
-    fn write(&self, to: &mut Writer) {
+    fn write(&self, to: &mut CdrWriter) {
         self.stamp.write(to);
         // Joints have no frame.
         to.text("");
@@ -142,7 +142,7 @@ pub struct Transform {
     pub rotation: [f64; 4],
 }
 
-impl Message for TFMessage<'_> {
+impl RosMessage for TFMessage<'_> {
     const NAME: &'static str = "tf2_msgs/msg/TFMessage";
     const DEFINITION: &'static str = "geometry_msgs/TransformStamped[] transforms\n";
     const CONTAINED: &'static [(&'static str, &'static str)] = &[
@@ -154,7 +154,7 @@ impl Message for TFMessage<'_> {
         QUATERNION,
     ];
 
-    fn write(&self, to: &mut Writer) {
+    fn write(&self, to: &mut CdrWriter) {
         to.sequence(self.transforms, |to, one| {
             self.stamp.write(to);
             to.text(&one.parent);
@@ -226,7 +226,7 @@ impl Log {
     }
 }
 
-impl Message for Log {
+impl RosMessage for Log {
     const NAME: &'static str = "rcl_interfaces/msg/Log";
     const DEFINITION: &'static str = "\
 byte DEBUG=10
@@ -244,7 +244,7 @@ uint32 line
 ";
     const CONTAINED: &'static [(&'static str, &'static str)] = &[TIME];
 
-    fn write(&self, to: &mut Writer) {
+    fn write(&self, to: &mut CdrWriter) {
         self.stamp.write(to);
         to.number([self.level as u8]);
         to.text(&self.name);

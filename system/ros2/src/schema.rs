@@ -1,6 +1,6 @@
-//! [`Message`], [`schema`] and [`encode`]: a message, the text that defines it, and its bytes.
+//! [`RosMessage`], [`schema`] and [`encode`]: a message, the text that defines it, and its bytes.
 
-use crate::cdr::Writer;
+use crate::cdr::CdrWriter;
 
 /// The name of the encoding of the messages in MCAP and in the Foxglove protocol.
 pub const ENCODING: &str = "cdr";
@@ -8,7 +8,7 @@ pub const ENCODING: &str = "cdr";
 pub const SCHEMA_ENCODING: &str = "ros2msg";
 
 /// A type of messages.
-pub trait Message {
+pub trait RosMessage {
     /// The name of the type, such as `sensor_msgs/msg/JointState`.
     const NAME: &'static str;
     /// The definition of the type, without those of the types that it contains.
@@ -17,12 +17,12 @@ pub trait Message {
     const CONTAINED: &'static [(&'static str, &'static str)];
 
     /// Writes the fields of the message.
-    fn write(&self, to: &mut Writer);
+    fn write(&self, to: &mut CdrWriter);
 }
 
 /// Returns the bytes of a message: the header that says how it is encoded, and its fields.
-pub fn encode<M: Message>(message: &M) -> Vec<u8> {
-    let mut to = Writer::new();
+pub fn encode<M: RosMessage>(message: &M) -> Vec<u8> {
+    let mut to = CdrWriter::new();
     message.write(&mut to);
     to.finish()
 }
@@ -30,7 +30,7 @@ pub fn encode<M: Message>(message: &M) -> Vec<u8> {
 /// Returns the text of the schema of a type of messages: its definition, and those of the types that
 /// it contains.
 #[must_use]
-pub fn schema<M: Message>() -> String {
+pub fn schema<M: RosMessage>() -> String {
     joined(M::DEFINITION, M::CONTAINED)
 }
 

@@ -1,4 +1,4 @@
-//! [`Error`]: why a program cannot run, or cannot go on.
+//! [`ProgramError`]: why a program cannot run, or cannot go on.
 
 use core::fmt;
 
@@ -11,15 +11,15 @@ use embedded_io::WriteFmtError;
 
 use crate::numbers::MISTAKE;
 use crate::objects::ObjectError;
-use crate::text::Text;
+use crate::text::ShortText;
 
 /// The reason for which a program ends before it was told to stop.
 #[derive(Clone, Debug, thiserror::Error)]
 #[non_exhaustive]
-pub enum Error {
+pub enum ProgramError {
     /// The mailbox returned this error.
     #[error(transparent)]
-    Mailbox(#[from] condor_mbox::Error),
+    Mailbox(#[from] condor_mbox::MailboxError),
     /// An access to the memory of a processor failed.
     #[error(transparent)]
     Access(#[from] AccessError),
@@ -31,7 +31,7 @@ pub enum Error {
     Terminal(#[from] TerminalError),
     /// The file service or its client returned this error.
     #[error(transparent)]
-    Files(#[from] condor_fs::Error),
+    Files(#[from] condor_fs::FileError),
     /// A board, a device on the bus, could not be opened.
     #[error(transparent)]
     Open(#[from] OpenError<'static>),
@@ -52,7 +52,7 @@ pub enum Error {
         /// The greatest number of such parts.
         capacity: usize,
         /// The name of the first part for which there is no room.
-        name: Text<32>,
+        name: ShortText<32>,
     },
     /// The program set up twice what it can have only once.
     #[error("a program has one {what}, and this one asked for another")]
@@ -74,20 +74,20 @@ pub enum Error {
         /// The use that the vector already has.
         by: &'static str,
         /// The name of the refused handler.
-        name: Text<32>,
+        name: ShortText<32>,
     },
     /// A variable or parameter was added after the last loop. It belongs to no loop, so nothing
     /// shows it.
     #[error("`{name}` is shown by no loop: add the servo after its variables and parameters")]
     LeftOver {
         /// The name of the variable or parameter.
-        name: Text<32>,
+        name: ShortText<32>,
     },
     /// The variables of a loop, or the fields of a cell, cannot be shown.
     #[error("the variables of `{name}`: {error}")]
     Variables {
         /// The name of the loop, or of the cell.
-        name: Text<32>,
+        name: ShortText<32>,
         /// The reason for which they cannot be shown.
         error: CatalogError,
     },
@@ -95,30 +95,30 @@ pub enum Error {
     #[error("`{name}` needs {needed} bytes of the window, and {left} are left: raise `window_bytes` by {}", .needed - .left)]
     Window {
         /// The name of the object that was to be placed.
-        name: Text<32>,
+        name: ShortText<32>,
         /// The length of that object in bytes.
         needed: u32,
         /// The number of free bytes.
         left: u32,
     },
-    /// An error of the program's own, as text; [`Error::program`] makes it.
+    /// An error of the program's own, as text; [`ProgramError::program`] makes it.
     #[error("{0}")]
-    Program(Text<112>),
+    Program(ShortText<112>),
 }
 
 /// The error of `write!` and `writeln!` to a file.
-impl From<WriteFmtError<condor_fs::Error>> for Error {
-    fn from(error: WriteFmtError<condor_fs::Error>) -> Self {
+impl From<WriteFmtError<condor_fs::FileError>> for ProgramError {
+    fn from(error: WriteFmtError<condor_fs::FileError>) -> Self {
         Self::Files(error.into())
     }
 }
 
-impl Error {
-    /// Makes an [`Error::Program`] of an error of the program's own; keeps the first 112 bytes of
+impl ProgramError {
+    /// Makes an [`ProgramError::Program`] of an error of the program's own; keeps the first 112 bytes of
     /// its text.
     #[must_use]
     pub fn program(error: &impl fmt::Display) -> Self {
-        Self::Program(Text::of(error))
+        Self::Program(ShortText::of(error))
     }
 
     /// Returns the exit status of a program that ends with this error: [`MISTAKE`] if each restart would
@@ -153,7 +153,7 @@ impl Error {
             return error.into();
         }
         Self::Window {
-            name: Text::of(name),
+            name: ShortText::of(name),
             needed,
             left,
         }

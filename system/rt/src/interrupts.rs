@@ -2,8 +2,8 @@
 
 use core::mem::offset_of;
 
-use condor_dev::{InterruptCounts, Vector};
-use condor_vars::{Described, Field, Kind};
+use condor_dev::{InterruptCounts, InterruptVector};
+use condor_vars::{CellField, CellStruct, ValueKind};
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 /// How many vectors without a driver are named.
@@ -42,7 +42,7 @@ impl Interrupts {
     #[must_use]
     pub fn new(
         counts: InterruptCounts,
-        unhandled: &mut dyn Iterator<Item = (Vector, u32)>,
+        unhandled: &mut dyn Iterator<Item = (InterruptVector, u32)>,
     ) -> Self {
         let mut unhandled_vectors = [NONE; NAMED];
         for (place, (vector, _)) in unhandled_vectors.iter_mut().zip(unhandled) {
@@ -60,25 +60,25 @@ impl Interrupts {
     }
 }
 
-impl Described for Interrupts {
-    const FIELDS: &'static [Field] = &[
-        Field::new("served", "", Kind::U32, offset_of!(Self, served)),
-        Field::new("spurious", "", Kind::U32, offset_of!(Self, spurious)),
-        Field::new("unclaimed", "", Kind::U32, offset_of!(Self, unclaimed)),
-        Field::new("unhandled", "", Kind::U32, offset_of!(Self, unhandled)),
-        Field::new("stuck", "", Kind::U32, offset_of!(Self, stuck)),
-        Field::new(
+impl CellStruct for Interrupts {
+    const FIELDS: &'static [CellField] = &[
+        CellField::new("served", "", ValueKind::U32, offset_of!(Self, served)),
+        CellField::new("spurious", "", ValueKind::U32, offset_of!(Self, spurious)),
+        CellField::new("unclaimed", "", ValueKind::U32, offset_of!(Self, unclaimed)),
+        CellField::new("unhandled", "", ValueKind::U32, offset_of!(Self, unhandled)),
+        CellField::new("stuck", "", ValueKind::U32, offset_of!(Self, stuck)),
+        CellField::new(
             "unhandled_vector",
             "",
-            Kind::I32,
+            ValueKind::I32,
             offset_of!(Self, unhandled_vectors),
         )
         .repeated(NAMED)
         .about("-1 is none."),
-        Field::new(
+        CellField::new(
             "unhandled_causes",
             "",
-            Kind::U32,
+            ValueKind::U32,
             offset_of!(Self, unhandled_causes),
         )
         .about("Bits of the numbers of causes."),

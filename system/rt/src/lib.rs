@@ -64,13 +64,13 @@ pub use condor_mbox::{Messenger, Processor, Vector};
 pub use condor_mos::{Latest, Rate};
 pub use condor_vars::{Param, Params, Var, Vars};
 
-pub use error::Error;
+pub use error::ProgramError;
 pub use interrupts::Interrupts;
 pub use machine::{Machine, MailboxOf, Program};
 pub use numbers::PROCESSORS;
-pub use running::{Background, Call, ConsoleOf, FILES, FilesOf, Tick};
+pub use running::{Background, ConsoleOf, FILES, FilesOf, HandlerCall, LoopTick};
 pub use servo::{LOOPS, ServoLoop, on_one_stack};
-pub use setup::{Body, HANDLERS, Handler, Setup, users};
+pub use setup::{HANDLERS, LoopFunction, MessageHandler, Setup, users};
 pub use silent::Silent;
-pub use text::Text;
+pub use text::ShortText;
 pub use variables::VARIABLES;

@@ -1,17 +1,17 @@
 //! The counts of a processor's servo loops, for programs that watch it.
 //!
 //! The program's background publishes the counts, and any process that maps the window reads them.
-//! Each loop is an object of [`Kind::Loop`] under its name. The object is a [`Published`] record of
+//! Each loop is an object of [`ObjectKind::Loop`] under its name. The object is a [`Published`] record of
 //! 22 words: the rate and the tick frequency, each as numerator and denominator; flags (bit 0:
 //! enabled, bit 1: faulted); the worst lateness and the worst run time in ticks; then the counts in
 //! the order of [`Statistics`] (`running` and `pending` take one word each, the others two, low
 //! word first); and a zero.
 
-use condor_mbox::published::{Publisher, ReadError};
-use condor_mbox::{AccessError, MemoryWindow, Places, Published, Region};
+use condor_mbox::published::{PublishedReadError, Publisher};
+use condor_mbox::{AccessError, Allocator, MemoryWindow, Published, Region};
 use condor_mos::{Rate, Statistics};
 
-use crate::objects::{Kind, Object, ObjectError, ObjectTable};
+use crate::objects::{ObjectError, ObjectKind, ObjectTable, SharedObject};
 
 type Row = [u32; 22];
 
@@ -32,11 +32,11 @@ impl<W: MemoryWindow + Clone> LoopReport<W> {
     /// loop of this name.
     pub fn new(
         region: &Region<W>,
-        places: &mut Places,
+        places: &mut Allocator,
         table: &mut ObjectTable<W>,
         name: &str,
     ) -> Result<Self, ObjectError> {
-        let row = table.cell::<Row>(places, name, Kind::Loop)?;
+        let row = table.cell::<Row>(places, name, ObjectKind::Loop)?;
         Ok(Self(row.publisher(region.clone())?))
     }
 
@@ -59,12 +59,12 @@ impl<W: MemoryWindow + Clone> LoopReport<W> {
 /// place outside of the region.
 pub fn read<W: MemoryWindow + Clone>(
     region: &Region<W>,
-    object: &Object,
+    object: &SharedObject,
 ) -> Result<Option<Statistics>, AccessError> {
     let row = Published::<Row>::at(object.offset).subscriber(region.clone())?;
     match row.read() {
         Ok(latest) => Ok(counts(&latest.value)),
-        Err(ReadError::Access(error)) => Err(error),
+        Err(PublishedReadError::Access(error)) => Err(error),
         Err(_) => Ok(None),
     }
 }

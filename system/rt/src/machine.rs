@@ -6,7 +6,7 @@ use condor_mbox::{
 };
 use condor_mos::{Loops, Rate};
 
-use crate::error::Error;
+use crate::error::ProgramError;
 use crate::interrupts::Interrupts;
 use crate::numbers::PROCESSORS;
 use crate::servo::ServoLoop;
@@ -74,7 +74,7 @@ pub trait Machine: Sync {
     /// # Errors
     /// [`mbox::Error::Layout`] if the memory was laid out for another system or by another version;
     /// [`mbox::Error::Window`] if it cannot be accessed.
-    fn mailbox<'v>(&self) -> Result<MailboxOf<'v, Self>, mbox::Error>
+    fn mailbox<'v>(&self) -> Result<MailboxOf<'v, Self>, mbox::MailboxError>
     where
         Self: Sized,
     {
@@ -119,7 +119,7 @@ pub trait Machine: Sync {
         &self,
         serve: impl Fn() -> usize + Sync,
         background: impl FnOnce() -> R,
-    ) -> Result<R, Error> {
+    ) -> Result<R, ProgramError> {
         let _ = serve;
         Ok(background())
     }
@@ -143,7 +143,7 @@ pub trait Machine: Sync {
         &self,
         loops: &mut [ServoLoop<'_>],
         background: impl FnOnce(&dyn Loops<Instant = u64>) -> R,
-    ) -> Result<R, Error>;
+    ) -> Result<R, ProgramError>;
 }
 
 /// A program for any [`Machine`].
@@ -158,5 +158,5 @@ pub trait Program {
     /// # Errors
     /// [`Error`] if the program has failed; its starter, such as a supervisor, decides what
     /// follows. A program makes an error of its own by [`Error::program`].
-    fn run<M: Machine>(&self, machine: &M) -> Result<(), Error>;
+    fn run<M: Machine>(&self, machine: &M) -> Result<(), ProgramError>;
 }

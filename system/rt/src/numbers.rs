@@ -4,7 +4,7 @@
 use core::ops::RangeInclusive;
 
 use condor_mbox::{Processor, Vector};
-use condor_tty::Vectors;
+use condor_tty::TerminalVectors;
 
 /// The number of processor numbers in a system: programs, services and visitors together.
 pub const PROCESSORS: usize = 32;
@@ -40,9 +40,12 @@ pub const VECTORS: [(Vector, &str); 7] = [
     (condor_fs::wire::OPEN_FILES, "what a client has open"),
     (condor_vars::VARS, "variables and parameters"),
     (REQUESTS, "requests to the supervisor"),
-    (Vectors::DEFAULT.output, "what a terminal shows"),
-    (Vectors::DEFAULT.input, "what is typed at a terminal"),
-    (Vectors::DEFAULT.room, "room in a terminal"),
+    (TerminalVectors::DEFAULT.output, "what a terminal shows"),
+    (
+        TerminalVectors::DEFAULT.input,
+        "what is typed at a terminal",
+    ),
+    (TerminalVectors::DEFAULT.room, "room in a terminal"),
 ];
 
 const _: () = {

@@ -17,15 +17,15 @@
 //! | offset in an entry | content |
 //! |---|---|
 //! | 0 | offset of the next entry, which is greater than that of this one; 0 if there is none. It is stored after the next entry is complete |
-//! | 4 | [`Kind`] |
+//! | 4 | [`ObjectKind`] |
 //! | 8 | offset of the object |
 //! | 12 | length of the object in bytes |
 //! | 16 | length of its name in bytes, at most 64 |
 //! | 20 | its name, in UTF-8 |
 
-use condor_mbox::{AccessError, MemoryWindow, Places, Published, Region};
+use condor_mbox::{AccessError, Allocator, MemoryWindow, Published, Region};
 
-use crate::text::Text;
+use crate::text::ShortText;
 
 const MAGIC: u32 = u32::from_le_bytes(*b"COBJ");
 /// The version of the table's layout.
@@ -55,7 +55,7 @@ mod entry {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u32)]
 #[non_exhaustive]
-pub enum Kind {
+pub enum ObjectKind {
     /// An object that only the program's own users know how to read.
     Other = 0,
     /// A terminal of condor-tty.
@@ -66,7 +66,7 @@ pub enum Kind {
     Variables = 3,
 }
 
-impl Kind {
+impl ObjectKind {
     const fn from_word(word: u32) -> Self {
         match word {
             1 => Self::Terminal,
@@ -79,11 +79,11 @@ impl Kind {
 
 /// An object in a processor's shared memory, as its entry in the object table describes it.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Object {
+pub struct SharedObject {
     /// The object's name; empty if the name in memory is too long or not UTF-8.
-    pub name: Text<NAME_BYTES>,
+    pub name: ShortText<NAME_BYTES>,
     /// The object's kind.
-    pub kind: Kind,
+    pub kind: ObjectKind,
     /// The object's offset in the users' region, in bytes.
     pub offset: u32,
     /// The object's length, in bytes.
@@ -106,7 +106,7 @@ pub enum ObjectError {
     #[error("an object's name has at most {NAME_BYTES} bytes, and that of `{name}...` has {len}")]
     Name {
         /// The beginning of the name.
-        name: Text<32>,
+        name: ShortText<32>,
         /// The length of the name, in bytes.
         len: usize,
     },
@@ -114,7 +114,7 @@ pub enum ObjectError {
     #[error("there are two objects `{name}`: each needs a name of its own")]
     Taken {
         /// The name.
-        name: Text<NAME_BYTES>,
+        name: ShortText<NAME_BYTES>,
     },
     /// The region has no room left, or its memory cannot be accessed.
     #[error(transparent)]
@@ -136,7 +136,7 @@ impl<W: MemoryWindow> ObjectTable<W> {
     /// # Errors
     /// [`ObjectError::NotFirst`] if something was taken from `places` before;
     /// [`ObjectError::Access`] if there is no room.
-    pub fn new(region: Region<W>, places: &mut Places) -> Result<Self, ObjectError> {
+    pub fn new(region: Region<W>, places: &mut Allocator) -> Result<Self, ObjectError> {
         let offset = places.bytes(BYTES as usize)?;
         if offset != 0 {
             return Err(ObjectError::NotFirst { offset });
@@ -156,9 +156,9 @@ impl<W: MemoryWindow> ObjectTable<W> {
     /// [`ObjectError::Taken`] if there is an object of this name and kind.
     pub fn cell<T>(
         &mut self,
-        places: &mut Places,
+        places: &mut Allocator,
         name: &str,
-        kind: Kind,
+        kind: ObjectKind,
     ) -> Result<Published<T>, ObjectError> {
         let cell = places.published::<T>()?;
         // What a former program has left there is none of this one's.
@@ -178,18 +178,18 @@ impl<W: MemoryWindow> ObjectTable<W> {
     /// of this name and kind, [`ObjectError::Access`] if there is no room.
     pub fn enter(
         &mut self,
-        places: &mut Places,
+        places: &mut Allocator,
         name: &str,
-        kind: Kind,
+        kind: ObjectKind,
         offset: u32,
         len: u32,
     ) -> Result<(), ObjectError> {
         if name.len() > NAME_BYTES {
-            let (name, len) = (Text::of(name), name.len());
+            let (name, len) = (ShortText::of(name), name.len());
             return Err(ObjectError::Name { name, len });
         }
         if find(&self.region, name, kind)?.is_some() {
-            let name = Text::of(name);
+            let name = ShortText::of(name);
             return Err(ObjectError::Taken { name });
         }
         let at = places.bytes(entry::NAME as usize + name.len())?;
@@ -225,7 +225,7 @@ pub fn version<W: MemoryWindow>(region: &Region<W>) -> Result<Option<u32>, Acces
 /// [`AccessError`] if the memory cannot be read; likewise for each item.
 pub fn all<W: MemoryWindow>(
     region: &Region<W>,
-) -> Result<impl Iterator<Item = Result<Object, AccessError>> + '_, AccessError> {
+) -> Result<impl Iterator<Item = Result<SharedObject, AccessError>> + '_, AccessError> {
     let first = if version(region)? == Some(VERSION) {
         region.word(word::FIRST)?
     } else {
@@ -246,15 +246,15 @@ pub fn all<W: MemoryWindow>(
     }))
 }
 
-fn read<W: MemoryWindow>(region: &Region<W>, at: u32) -> Result<(Object, u32), AccessError> {
+fn read<W: MemoryWindow>(region: &Region<W>, at: u32) -> Result<(SharedObject, u32), AccessError> {
     let word = |within: u32| region.word(at.saturating_add(within));
     let mut bytes = [0; NAME_BYTES];
     let len = word(entry::NAME_LEN)? as usize;
     let name = bytes.get_mut(..len).unwrap_or_default();
     region.read(at.saturating_add(entry::NAME), name)?;
-    let object = Object {
-        name: Text::of(core::str::from_utf8(name).unwrap_or_default()),
-        kind: Kind::from_word(word(entry::KIND)?),
+    let object = SharedObject {
+        name: ShortText::of(core::str::from_utf8(name).unwrap_or_default()),
+        kind: ObjectKind::from_word(word(entry::KIND)?),
         offset: word(entry::OFFSET)?,
         len: word(entry::LEN)?,
     };
@@ -269,8 +269,8 @@ fn read<W: MemoryWindow>(region: &Region<W>, at: u32) -> Result<(Object, u32), A
 pub fn find<W: MemoryWindow>(
     region: &Region<W>,
     name: &str,
-    kind: Kind,
-) -> Result<Option<Object>, AccessError> {
+    kind: ObjectKind,
+) -> Result<Option<SharedObject>, AccessError> {
     for object in all(region)? {
         let object = object?;
         if object.kind == kind && object.name.as_str() == name {

@@ -1,4 +1,4 @@
-//! The arguments of the parts of a program: [`Call`] for a handler, [`Tick`] for a loop, and
+//! The arguments of the parts of a program: [`HandlerCall`] for a handler, [`LoopTick`] for a loop, and
 //! [`Background`].
 
 use core::cell::{Cell, RefCell};
@@ -9,13 +9,13 @@ use core::time::Duration;
 use condor_fs::{Area, FileSystem};
 use condor_mbox::published::Publisher;
 use condor_mbox::{self as mbox, Clock as _, Doorbell as _, Exclusion, Instant, MemoryWindow};
-use condor_mbox::{Messenger, Places, Processor, Region, Vector};
+use condor_mbox::{Allocator, Messenger, Processor, Region, Vector};
 use condor_mos::{LoopError, LoopId, Loops, Rate, Statistics};
 use condor_tty::Terminal;
 use condor_vars::{Param, Tune as _};
 use embedded_io::{Read as _, ReadReady as _};
 
-use crate::error::Error;
+use crate::error::ProgramError;
 use crate::interrupts::Interrupts;
 use crate::loops::LoopReport;
 use crate::machine::{Machine, MailboxOf};
@@ -52,13 +52,13 @@ impl<W: MemoryWindow + Sync, X: Exclusion + Sync, const IN: usize> Screen for Te
 }
 
 /// A message, as its handler gets it. A handler can do with it what it can do with a
-/// [call](mbox::Call) of the mailbox, and print.
-pub struct Call<'c> {
+/// [call](mbox::HandlerCall) of the mailbox, and print.
+pub struct HandlerCall<'c> {
     pub(crate) call: &'c mbox::Call<'c>,
     pub(crate) screen: Option<&'c dyn Screen>,
 }
 
-impl<'c> Deref for Call<'c> {
+impl<'c> Deref for HandlerCall<'c> {
     type Target = mbox::Call<'c>;
 
     fn deref(&self) -> &mbox::Call<'c> {
@@ -66,7 +66,7 @@ impl<'c> Deref for Call<'c> {
     }
 }
 
-impl Call<'_> {
+impl HandlerCall<'_> {
     /// Prints on the program's terminal without waiting; does nothing if the program has no
     /// terminal.
     pub fn print(&self, text: fmt::Arguments<'_>) {
@@ -77,7 +77,7 @@ impl Call<'_> {
 }
 
 /// One run of a loop, as the loop's body gets it.
-pub struct Tick<'t> {
+pub struct LoopTick<'t> {
     /// The instant at which the run was due, in nanoseconds of the machine's clock.
     pub due: Instant,
     /// The number of runs before this one; wraps to 0 after 2³² runs.
@@ -86,7 +86,7 @@ pub struct Tick<'t> {
     pub(crate) screen: Option<&'t dyn Screen>,
 }
 
-impl Tick<'_> {
+impl LoopTick<'_> {
     /// Prints on the program's terminal without waiting; does nothing if the program has no
     /// terminal.
     pub fn print(&self, text: fmt::Arguments<'_>) {
@@ -101,7 +101,7 @@ impl Tick<'_> {
     /// [`mbox::Error::NoSlot`] if there is no room for the message now,
     /// [`mbox::Error::NotConnected`] if the receiver has not joined; otherwise an error of
     /// [`Messenger::send`].
-    pub fn send(&self, to: Processor, vector: Vector, data: u32) -> Result<(), mbox::Error> {
+    pub fn send(&self, to: Processor, vector: Vector, data: u32) -> Result<(), mbox::MailboxError> {
         self.messenger.send(to, vector, data, Duration::ZERO)
     }
 }
@@ -119,7 +119,7 @@ pub struct Background<'b, M: Machine> {
     pub(crate) mailbox: &'b MailboxOf<'b, M>,
     pub(crate) console: Option<&'b ConsoleOf<M>>,
     pub(crate) area: Option<Area<FILES>>,
-    pub(crate) asks: Option<&'b Places>,
+    pub(crate) asks: Option<&'b Allocator>,
     pub(crate) own: &'b Region<M::Window>,
     pub(crate) loops: Option<&'b dyn Loops<Instant = u64>>,
     pub(crate) names: &'b [&'b str],
@@ -145,8 +145,9 @@ impl<'b, M: Machine> Background<'b, M> {
     ///
     /// # Errors
     /// [`Error::Missing`] if the program did not set one up.
-    pub fn console(&self) -> Result<&'b ConsoleOf<M>, Error> {
-        self.console.ok_or(Error::Missing { what: "console" })
+    pub fn console(&self) -> Result<&'b ConsoleOf<M>, ProgramError> {
+        self.console
+            .ok_or(ProgramError::Missing { what: "console" })
     }
 
     /// Prints on the program's terminal; does nothing if the program has no terminal.
@@ -169,7 +170,7 @@ impl<'b, M: Machine> Background<'b, M> {
         &self,
         into: &'l mut [u8],
         time: Duration,
-    ) -> Result<Option<&'l str>, Error> {
+    ) -> Result<Option<&'l str>, ProgramError> {
         let mut console = self.console()?.console(self.mailbox);
         let bell = self.machine.doorbell();
         let end = bell.now().after(time);
@@ -191,8 +192,8 @@ impl<'b, M: Machine> Background<'b, M> {
     /// # Errors
     /// [`Error::Missing`] if the setup did not ask for files; [`Error::Files`] if
     /// [`FileSystem::connect`] fails.
-    pub fn files(&self) -> Result<FilesOf<'b, M>, Error> {
-        let area = self.area.ok_or(Error::Missing { what: "files" })?;
+    pub fn files(&self) -> Result<FilesOf<'b, M>, ProgramError> {
+        let area = self.area.ok_or(ProgramError::Missing { what: "files" })?;
         let (own, server) = (self.own.clone(), numbers::FILES);
         Ok(FileSystem::connect(
             self.mailbox,
@@ -209,9 +210,9 @@ impl<'b, M: Machine> Background<'b, M> {
     /// # Errors
     /// [`Error::Missing`] if the setup did not ask for it; [`Error::Access`] if the processor's own
     /// memory cannot be accessed.
-    pub fn supervisor(&self) -> Result<Supervisor<'b, M>, Error> {
+    pub fn supervisor(&self) -> Result<Supervisor<'b, M>, ProgramError> {
         let what = "supervisor";
-        let places = self.asks.ok_or(Error::Missing { what })?.clone();
+        let places = self.asks.ok_or(ProgramError::Missing { what })?.clone();
         Supervisor::new(self.mailbox, self.own.clone(), places)
     }
 
@@ -220,7 +221,7 @@ impl<'b, M: Machine> Background<'b, M> {
     /// # Errors
     /// [`Error::Missing`] if the program has no loops, [`Error::Loop`] with
     /// [`LoopError::NoSuchLoop`] if none has this name.
-    pub fn statistics(&self, name: &str) -> Result<Statistics, Error> {
+    pub fn statistics(&self, name: &str) -> Result<Statistics, ProgramError> {
         let (loops, id) = self.servo(name)?;
         Ok(loops.statistics(id)?)
     }
@@ -230,7 +231,7 @@ impl<'b, M: Machine> Background<'b, M> {
     /// # Errors
     /// [`Error::Missing`] if the program has no loops, [`Error::Loop`] with
     /// [`LoopError::NoSuchLoop`] if none has this name.
-    pub fn reset_statistics(&self, name: &str) -> Result<(), Error> {
+    pub fn reset_statistics(&self, name: &str) -> Result<(), ProgramError> {
         let (loops, id) = self.servo(name)?;
         Ok(loops.reset_statistics(id)?)
     }
@@ -241,7 +242,7 @@ impl<'b, M: Machine> Background<'b, M> {
     /// [`Error::Missing`] if the program has no loops, [`Error::Loop`] with
     /// [`LoopError::NoSuchLoop`] if none has this name; [`Error::Loop`] with [`LoopError::Rate`] if
     /// the new rates cannot be scheduled.
-    pub fn set_rate(&self, name: &str, rate: Rate) -> Result<(), Error> {
+    pub fn set_rate(&self, name: &str, rate: Rate) -> Result<(), ProgramError> {
         let (loops, id) = self.servo(name)?;
         Ok(loops.set_rate(id, rate)?)
     }
@@ -251,7 +252,7 @@ impl<'b, M: Machine> Background<'b, M> {
     /// # Errors
     /// [`Error::Missing`] if the program has no loops, [`Error::Loop`] with
     /// [`LoopError::NoSuchLoop`] if none has this name.
-    pub fn set_enabled(&self, name: &str, enabled: bool) -> Result<(), Error> {
+    pub fn set_enabled(&self, name: &str, enabled: bool) -> Result<(), ProgramError> {
         let (loops, id) = self.servo(name)?;
         Ok(if enabled {
             loops.enable(id)
@@ -272,7 +273,7 @@ impl<'b, M: Machine> Background<'b, M> {
     /// # Errors
     /// [`Error::Mailbox`] with [`mbox::Error::Window`], or [`Error::Access`], if the processor's
     /// own memory cannot be accessed.
-    pub fn serve(&self, time: Duration) -> Result<(), Error> {
+    pub fn serve(&self, time: Duration) -> Result<(), ProgramError> {
         let bell = self.machine.doorbell();
         if self.machine.mail_interrupts() {
             bell.wait(bell.prepare(), bell.now().after(time), None);
@@ -289,7 +290,7 @@ impl<'b, M: Machine> Background<'b, M> {
     ///
     /// # Errors
     /// [`Error::Access`] if the processor's own memory cannot be accessed.
-    pub fn show(&self) -> Result<(), Error> {
+    pub fn show(&self) -> Result<(), ProgramError> {
         let now = self.machine.doorbell().now();
         if let Ok(mut reports) = self.reports.try_borrow_mut()
             && now.ns_since(reports.0) >= REPORT_NS
@@ -324,8 +325,8 @@ impl<'b, M: Machine> Background<'b, M> {
         }
     }
 
-    fn servo(&self, name: &str) -> Result<(&'b dyn Loops<Instant = u64>, LoopId), Error> {
-        let loops = self.loops.ok_or(Error::Missing { what: "servo" })?;
+    fn servo(&self, name: &str) -> Result<(&'b dyn Loops<Instant = u64>, LoopId), ProgramError> {
+        let loops = self.loops.ok_or(ProgramError::Missing { what: "servo" })?;
         let place = self.names.iter().position(|known| *known == name);
         let no_such = LoopError::NoSuchLoop {
             id: LoopId(u8::MAX),
@@ -334,7 +335,10 @@ impl<'b, M: Machine> Background<'b, M> {
         Ok((loops, LoopId(place.ok_or(no_such)? as u8)))
     }
 
-    pub(crate) fn show_now(&self, (interrupts, reports): &mut Reports<M>) -> Result<(), Error> {
+    pub(crate) fn show_now(
+        &self,
+        (interrupts, reports): &mut Reports<M>,
+    ) -> Result<(), ProgramError> {
         if let (Some(shown), Some(interrupts)) = (interrupts, self.machine.interrupts()) {
             shown.publish(&interrupts)?;
         }

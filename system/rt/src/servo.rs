@@ -5,7 +5,7 @@ use core::num::NonZeroU64;
 use condor_mos::{LoopId, Loops, Overrun, Platform, Rate, RateError, Scheduler};
 use heapless::Vec;
 
-use crate::error::Error;
+use crate::error::ProgramError;
 use crate::list::fitting;
 
 /// The greatest number of loops of a program.
@@ -34,7 +34,7 @@ pub fn on_one_stack<P, R>(
     platform: P,
     loops: &mut [ServoLoop<'_>],
     background: impl FnOnce(&dyn Loops<Instant = u64>) -> R,
-) -> Result<R, Error>
+) -> Result<R, ProgramError>
 where
     P: Platform<Instant = u64> + Sync,
 {
@@ -87,7 +87,7 @@ pub(crate) fn run<R>(
     loops: &mut [ServoLoop<'_>],
     start: u64,
     background: impl FnOnce() -> R,
-) -> Result<R, Error> {
+) -> Result<R, ProgramError> {
     by.scope(|scope| {
         for (id, one) in (0..).map(LoopId).zip(loops) {
             scope.assign(id, one.overrun, &mut one.body)?;

@@ -6,23 +6,25 @@ use core::time::Duration;
 use condor_fs::Area;
 use condor_mbox::published::Publisher;
 use condor_mbox::{self as mbox, AccessError, Clock as _, Doorbell as _, Instant, MemoryWindow};
-use condor_mbox::{Messenger as _, Places, Published, Region, Vector, Waiting};
+use condor_mbox::{Allocator, Messenger as _, Published, Region, Vector, Waiting};
 use condor_mos::{Loops, Overrun, Rate};
-use condor_tty::{Terminal, Vectors};
-use condor_vars::{Catalog, Described, Param, Respond, Settings, Tune, VARS, Watch, describe};
+use condor_tty::{Terminal, TerminalVectors};
+use condor_vars::{
+    Catalog, CellStruct, Param, Respond, Tune, VARS, VariableSettings, Watch, describe,
+};
 use heapless::Vec;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
-use crate::error::Error;
+use crate::error::ProgramError;
 use crate::list::{List, fitting};
 use crate::loops::LoopReport;
 use crate::machine::Machine;
 use crate::numbers::{self, PROCESSORS};
-use crate::objects::{Kind, ObjectTable};
-use crate::running::{Background, Call, ConsoleOf, FILES, Screen, Tick};
+use crate::objects::{ObjectKind, ObjectTable};
+use crate::running::{Background, ConsoleOf, FILES, HandlerCall, LoopTick, Screen};
 use crate::servo::{LOOPS, ServoLoop};
 use crate::supervisor::Supervisor;
-use crate::text::Text;
+use crate::text::ShortText;
 use crate::variables::{
     self, LoopDesk, LoopSampler, LoopServer, Nanoseconds, VARIABLES, incarnation, name_of,
 };
@@ -40,9 +42,9 @@ const NAP: Duration = Duration::from_millis(20);
 const RESTING: Rate = Rate::hz(1);
 
 /// A handler of messages, in a program that [`Setup`] makes; its result is the reply.
-pub type Handler<'e> = &'e (dyn Fn(&Call<'_>) -> u32 + Sync);
+pub type MessageHandler<'e> = &'e (dyn Fn(&HandlerCall<'_>) -> u32 + Sync);
 /// The body of a loop, in a program that [`Setup`] makes.
-pub type Body<'e> = &'e mut (dyn FnMut(&mut Tick<'_>) + Send);
+pub type LoopFunction<'e> = &'e mut (dyn FnMut(&mut LoopTick<'_>) + Send);
 
 /// The builder of a program.
 ///
@@ -54,19 +56,19 @@ pub type Body<'e> = &'e mut (dyn FnMut(&mut Tick<'_>) + Send);
 pub struct Setup<'e, M: Machine> {
     machine: &'e M,
     own: Region<M::Window>,
-    places: Places,
+    places: Allocator,
     objects: ObjectTable<M::Window>,
     console: Option<ConsoleOf<M>>,
     area: Option<Area<FILES>>,
     /// Where a request to the supervisor has room.
-    asks: Option<Places>,
+    asks: Option<Allocator>,
     waiting: Waiting,
-    handlers: List<(Vector, &'e str, Handler<'e>), HANDLERS>,
+    handlers: List<(Vector, &'e str, MessageHandler<'e>), HANDLERS>,
     loops: List<Loop<'e>, LOOPS>,
     /// The variables, and below the parameters: those of the first loop, then those of the second, and so on.
     watched: List<&'e dyn Watch, VARIABLES>,
     tuned: List<&'e dyn Tune, VARIABLES>,
-    wrong: Option<Error>,
+    wrong: Option<ProgramError>,
 }
 
 /// The two ends of the tables of all loops.
@@ -79,7 +81,7 @@ struct Loop<'e> {
     name: &'e str,
     rate: Rate,
     overrun: Overrun,
-    body: Body<'e>,
+    body: LoopFunction<'e>,
     /// What its rate follows, in Hz.
     rate_hz: Option<&'e Param<u32>>,
     /// How many variables and parameters it and the loops before it have.
@@ -105,7 +107,7 @@ impl Loop<'_> {
             }
             // One that is to rest may be released before the background has it disabled.
             if self.rate_hz.is_none_or(|hz| hz.get() != 0) {
-                (self.body)(&mut Tick {
+                (self.body)(&mut LoopTick {
                     due,
                     number: number as u32,
                     messenger,
@@ -126,9 +128,9 @@ impl<'e, M: Machine> Setup<'e, M> {
     /// # Errors
     /// [`Error::Objects`] if the processor's shared memory has no room for the table;
     /// [`Error::Access`] if it is smaller than the doorbell's line.
-    pub fn new(machine: &'e M) -> Result<Self, Error> {
+    pub fn new(machine: &'e M) -> Result<Self, ProgramError> {
         let own = users(machine, machine.number())?;
-        let mut places = Places::new(own.size());
+        let mut places = Allocator::new(own.size());
         let objects = ObjectTable::new(own.clone(), &mut places)?;
         Ok(Self {
             machine,
@@ -152,8 +154,8 @@ impl<'e, M: Machine> Setup<'e, M> {
     /// # Errors
     /// [`Error::Twice`] if it has one, [`Error::Window`] if there is no room, [`Error::Objects`] if
     /// a terminal of this name is in the object table already.
-    pub fn console(&mut self) -> Result<&mut Self, Error> {
-        self.console_with(&condor_tty::Settings::COOKED)
+    pub fn console(&mut self) -> Result<&mut Self, ProgramError> {
+        self.console_with(&condor_tty::TerminalSettings::COOKED)
     }
 
     /// Gives the program a terminal as [`console`](Self::console) does, with these settings.
@@ -161,22 +163,25 @@ impl<'e, M: Machine> Setup<'e, M> {
     /// # Errors
     /// [`Error::Twice`] if it has one, [`Error::Window`] if there is no room, [`Error::Objects`] if
     /// a terminal of this name is in the object table already.
-    pub fn console_with(&mut self, settings: &condor_tty::Settings) -> Result<&mut Self, Error> {
+    pub fn console_with(
+        &mut self,
+        settings: &condor_tty::TerminalSettings,
+    ) -> Result<&mut Self, ProgramError> {
         if self.console.is_some() {
-            return Err(Error::Twice { what: "console" });
+            return Err(ProgramError::Twice { what: "console" });
         }
         let (own, exclusion) = (self.own.clone(), self.machine.exclusion());
         let mut room = self.places.clone();
         let made = Terminal::new(own, &mut room, SHOWN_BYTES, exclusion);
         let terminal = made.map_err(|error| match error {
-            condor_tty::TerminalError::Access(error) => Error::no_room("console", error),
+            condor_tty::TerminalError::Access(error) => ProgramError::no_room("console", error),
             error => error.into(),
         })?;
         terminal
             .configure(settings)
-            .map_err(|error| Error::no_room("console", error))?;
+            .map_err(|error| ProgramError::no_room("console", error))?;
         self.places = room;
-        self.enter("console", Kind::Terminal, terminal.offset())?;
+        self.enter("console", ObjectKind::Terminal, terminal.offset())?;
         self.console = Some(terminal);
         Ok(self)
     }
@@ -192,12 +197,12 @@ impl<'e, M: Machine> Setup<'e, M> {
     ///
     /// # Errors
     /// [`Error::Twice`] if that was done before, [`Error::Window`] if there is no room.
-    pub fn files(&mut self) -> Result<&mut Self, Error> {
+    pub fn files(&mut self) -> Result<&mut Self, ProgramError> {
         if self.area.is_some() {
-            return Err(Error::Twice { what: "file area" });
+            return Err(ProgramError::Twice { what: "file area" });
         }
         let area = Area::new(&mut self.places, PATH_BYTES, BUFFER_BYTES);
-        self.area = Some(area.map_err(|error| Error::no_room("files", error))?);
+        self.area = Some(area.map_err(|error| ProgramError::no_room("files", error))?);
         Ok(self)
     }
 
@@ -206,15 +211,15 @@ impl<'e, M: Machine> Setup<'e, M> {
     ///
     /// # Errors
     /// [`Error::Twice`] if `supervisor` was called before, [`Error::Window`] if the window has no room.
-    pub fn supervisor(&mut self) -> Result<&mut Self, Error> {
+    pub fn supervisor(&mut self) -> Result<&mut Self, ProgramError> {
         if self.asks.is_some() {
-            return Err(Error::Twice {
+            return Err(ProgramError::Twice {
                 what: "room for requests to the supervisor",
             });
         }
         let free = self.places.clone();
         let taken = self.places.bytes(Supervisor::<M>::BYTES);
-        taken.map_err(|error| Error::no_room("supervisor", error))?;
+        taken.map_err(|error| ProgramError::no_room("supervisor", error))?;
         self.asks = Some(free);
         Ok(self)
     }
@@ -224,7 +229,10 @@ impl<'e, M: Machine> Setup<'e, M> {
     /// # Errors
     /// [`Error::Window`] if there is no room, [`Error::Objects`] if the object table refuses the
     /// name.
-    pub fn publish<T>(&mut self, name: &str) -> Result<Publisher<T, Region<M::Window>>, Error>
+    pub fn publish<T>(
+        &mut self,
+        name: &str,
+    ) -> Result<Publisher<T, Region<M::Window>>, ProgramError>
     where
         T: FromBytes + IntoBytes + Immutable,
     {
@@ -240,21 +248,21 @@ impl<'e, M: Machine> Setup<'e, M> {
     pub fn publish_fields<T>(
         &mut self,
         name: &str,
-    ) -> Result<Publisher<T, Region<M::Window>>, Error>
+    ) -> Result<Publisher<T, Region<M::Window>>, ProgramError>
     where
-        T: FromBytes + IntoBytes + Immutable + Described,
+        T: FromBytes + IntoBytes + Immutable + CellStruct,
     {
         let cell = self.cell::<T>(name)?;
         let first = self.places.used();
         let described = describe(cell, &self.own, &mut self.places);
         described.map_err(|error| variables::wrong(name, error))?;
-        self.enter(name, Kind::Variables, first)?;
+        self.enter(name, ObjectKind::Variables, first)?;
         Ok(cell.publisher(self.own.clone())?)
     }
 
-    fn cell<T>(&mut self, name: &str) -> Result<Published<T>, Error> {
-        let cell = self.objects.cell(&mut self.places, name, Kind::Other);
-        cell.map_err(|error| Error::not_entered(name, error))
+    fn cell<T>(&mut self, name: &str) -> Result<Published<T>, ProgramError> {
+        let cell = self.objects.cell(&mut self.places, name, ObjectKind::Other);
+        cell.map_err(|error| ProgramError::not_entered(name, error))
     }
 
     /// Calls `make` to take room in the processor's shared memory, enters that room in the object
@@ -262,7 +270,7 @@ impl<'e, M: Machine> Setup<'e, M> {
     /// others know how to read.
     ///
     /// ```
-    /// # use condor_rt::{Error, Machine, Setup, objects::Kind};
+    /// # use condor_rt::{Error, Machine, Setup, objects::ObjectKind};
     /// # fn two<M: Machine>(setup: &mut Setup<'_, M>) -> Result<(), Error> {
     /// let offset = setup.place("points", Kind::Other, |places| places.bytes(64))?;
     /// # let _ = offset;
@@ -276,12 +284,12 @@ impl<'e, M: Machine> Setup<'e, M> {
     pub fn place<T>(
         &mut self,
         name: &str,
-        kind: Kind,
-        make: impl FnOnce(&mut Places) -> Result<T, AccessError>,
-    ) -> Result<T, Error> {
+        kind: ObjectKind,
+        make: impl FnOnce(&mut Allocator) -> Result<T, AccessError>,
+    ) -> Result<T, ProgramError> {
         let mut room = self.places.clone();
         let first = room.used();
-        let placed = make(&mut room).map_err(|error| Error::no_room(name, error))?;
+        let placed = make(&mut room).map_err(|error| ProgramError::no_room(name, error))?;
         self.places = room;
         self.enter(name, kind, first)?;
         Ok(placed)
@@ -296,13 +304,13 @@ impl<'e, M: Machine> Setup<'e, M> {
 
     /// Sets the handler that runs for each message to `vector`, which must be one of
     /// [`OWN_VECTORS`](numbers::OWN_VECTORS). Tools show `name` to people.
-    pub fn on(&mut self, vector: Vector, name: &'e str, handler: Handler<'e>) -> &mut Self {
+    pub fn on(&mut self, vector: Vector, name: &'e str, handler: MessageHandler<'e>) -> &mut Self {
         let is_taken = self.handlers.iter().any(|(taken, ..)| *taken == vector);
         let own = is_taken.then_some("another handler of the program");
         if let Some(by) = numbers::reserved(vector).or(own) {
-            let name = Text::of(name);
+            let name = ShortText::of(name);
             self.wrong
-                .get_or_insert(Error::VectorTaken { vector, by, name });
+                .get_or_insert(ProgramError::VectorTaken { vector, by, name });
         } else if self.handlers.push((vector, name, handler)).is_err() {
             self.full("handlers", HANDLERS, name);
         }
@@ -332,7 +340,7 @@ impl<'e, M: Machine> Setup<'e, M> {
     /// The first release is in the middle of a period of the program's fastest loop; periods are
     /// counted from the beginning of the machine's time. So loops of the same rate are due at the
     /// same instants on all processors that share a clock.
-    pub fn servo(&mut self, name: &'e str, rate: Rate, body: Body<'e>) -> &mut Self {
+    pub fn servo(&mut self, name: &'e str, rate: Rate, body: LoopFunction<'e>) -> &mut Self {
         self.servo_with(name, rate, Overrun::Skip, body)
     }
 
@@ -342,7 +350,7 @@ impl<'e, M: Machine> Setup<'e, M> {
         name: &'e str,
         rate: Rate,
         overrun: Overrun,
-        body: Body<'e>,
+        body: LoopFunction<'e>,
     ) -> &mut Self {
         self.add(name, (rate, None), overrun, body)
     }
@@ -357,7 +365,7 @@ impl<'e, M: Machine> Setup<'e, M> {
         &mut self,
         name: &'e str,
         rate_hz: &'e Param<u32>,
-        body: Body<'e>,
+        body: LoopFunction<'e>,
     ) -> &mut Self {
         let rate = Rate::new(rate_hz.get(), 1).unwrap_or(RESTING);
         self.tune(rate_hz)
@@ -369,7 +377,7 @@ impl<'e, M: Machine> Setup<'e, M> {
         name: &'e str,
         (rate, rate_hz): (Rate, Option<&'e Param<u32>>),
         overrun: Overrun,
-        body: Body<'e>,
+        body: LoopFunction<'e>,
     ) -> &mut Self {
         let new = Loop {
             name,
@@ -390,7 +398,7 @@ impl<'e, M: Machine> Setup<'e, M> {
     ///
     /// # Errors
     /// The errors of [`background`](Self::background).
-    pub fn run(&mut self) -> Result<(), Error> {
+    pub fn run(&mut self) -> Result<(), ProgramError> {
         self.background(|background| {
             while !background.is_stopping() {
                 background.serve(NAP)?;
@@ -415,8 +423,8 @@ impl<'e, M: Machine> Setup<'e, M> {
     /// otherwise the error that `background` returned.
     pub fn background<R>(
         &mut self,
-        background: impl FnOnce(&Background<'_, M>) -> Result<R, Error>,
-    ) -> Result<R, Error> {
+        background: impl FnOnce(&Background<'_, M>) -> Result<R, ProgramError>,
+    ) -> Result<R, ProgramError> {
         self.run_with(|running| {
             let outcome = background(running);
             if let Err(error) = &outcome {
@@ -429,7 +437,7 @@ impl<'e, M: Machine> Setup<'e, M> {
     fn run_with<R>(
         &mut self,
         background: impl FnOnce(&Background<'_, M>) -> R,
-    ) -> Result<R, Error> {
+    ) -> Result<R, ProgramError> {
         if let Some(wrong) = self.wrong.take() {
             return Err(wrong);
         }
@@ -453,7 +461,7 @@ impl<'e, M: Machine> Setup<'e, M> {
         let dispatch = |call: &mbox::Call<'_>| {
             let mut known = self.handlers.iter();
             let handler = known.find(|(vector, ..)| *vector == call.vector());
-            handler.map_or(0, |(.., handler)| handler(&Call { call, screen }))
+            handler.map_or(0, |(.., handler)| handler(&HandlerCall { call, screen }))
         };
         let typed = |call: &mbox::Call<'_>| console.map_or(0, |console| console.receive(call));
         let open_files = area.map(Area::handler);
@@ -465,8 +473,8 @@ impl<'e, M: Machine> Setup<'e, M> {
         let mut mailbox = machine.mailbox()?;
         mailbox.set_waiting(self.waiting);
         if console.is_some() {
-            mailbox.set_vector(Vectors::DEFAULT.input, &typed, "terminal input")?;
-            mailbox.set_vector(Vectors::DEFAULT.room, &typed, "terminal room")?;
+            mailbox.set_vector(TerminalVectors::DEFAULT.input, &typed, "terminal input")?;
+            mailbox.set_vector(TerminalVectors::DEFAULT.room, &typed, "terminal room")?;
         }
         if let Some(open_files) = &open_files {
             mailbox.set_vector(condor_fs::wire::OPEN_FILES, open_files, "open files")?;
@@ -545,7 +553,7 @@ impl<'e, M: Machine> Setup<'e, M> {
         watched: &'d [&'d dyn Watch],
         tuned: &'d [&'d dyn Tune],
         lives: &'d (dyn Fn(mbox::Processor) -> u32 + Sync),
-    ) -> Result<Tables<'d, M>, Error> {
+    ) -> Result<Tables<'d, M>, ProgramError> {
         let (mut servers, mut samplers) = (Vec::new(), Vec::new());
         let (mut watched, mut tuned, mut before) = (watched, tuned, (0, 0));
         for (one, desk) in self.loops.iter().zip(desks) {
@@ -560,7 +568,7 @@ impl<'e, M: Machine> Setup<'e, M> {
                 let _ = samplers.push(None);
                 continue;
             }
-            let settings = Settings {
+            let settings = VariableSettings {
                 rate: (one.rate.numerator(), one.rate.denominator()),
                 rows: variables::rows(one.rate),
             };
@@ -576,52 +584,53 @@ impl<'e, M: Machine> Setup<'e, M> {
             );
             let (server, sampler) = opened.map_err(|error| variables::wrong(one.name, error))?;
             let (objects, places) = (&mut self.objects, &mut self.places);
-            enter(objects, places, one.name, Kind::Variables, first)?;
+            enter(objects, places, one.name, ObjectKind::Variables, first)?;
             let _ = samplers.push(Some(sampler));
             // As many as there are loops.
             let _ = servers.push(server);
         }
         let left = tuned.first().map(|it| name_of(*it));
         match watched.first().map(|it| name_of(*it)).or(left) {
-            Some(name) => Err(Error::LeftOver { name }),
+            Some(name) => Err(ProgramError::LeftOver { name }),
             None => Ok((servers, samplers)),
         }
     }
 
-    fn reports(&mut self) -> Result<Vec<LoopReport<M::Window>, LOOPS>, Error> {
+    fn reports(&mut self) -> Result<Vec<LoopReport<M::Window>, LOOPS>, ProgramError> {
         let mut reports = Vec::new();
         for one in self.loops.iter() {
             let report = LoopReport::new(&self.own, &mut self.places, &mut self.objects, one.name);
             // As many as there are loops.
-            let _ = reports.push(report.map_err(|error| Error::not_entered(one.name, error))?);
+            let _ =
+                reports.push(report.map_err(|error| ProgramError::not_entered(one.name, error))?);
         }
         Ok(reports)
     }
 
     /// Enters what has been placed from `first` on.
-    fn enter(&mut self, name: &str, kind: Kind, first: u32) -> Result<(), Error> {
+    fn enter(&mut self, name: &str, kind: ObjectKind, first: u32) -> Result<(), ProgramError> {
         enter(&mut self.objects, &mut self.places, name, kind, first)
     }
 
     fn full(&mut self, what: &'static str, capacity: usize, name: &str) {
-        self.wrong.get_or_insert(Error::Full {
+        self.wrong.get_or_insert(ProgramError::Full {
             what,
             capacity,
-            name: Text::of(name),
+            name: ShortText::of(name),
         });
     }
 }
 
 fn enter<W: MemoryWindow>(
     objects: &mut ObjectTable<W>,
-    places: &mut Places,
+    places: &mut Allocator,
     name: &str,
-    kind: Kind,
+    kind: ObjectKind,
     first: u32,
-) -> Result<(), Error> {
+) -> Result<(), ProgramError> {
     let len = places.used() - first;
     let entered = objects.enter(places, name, kind, first, len);
-    entered.map_err(|error| Error::not_entered(name, error))
+    entered.map_err(|error| ProgramError::not_entered(name, error))
 }
 
 /// Returns the users' region of the `data` of `processor`: its part of the shared memory after the
@@ -632,10 +641,10 @@ fn enter<W: MemoryWindow>(
 pub fn users<M: Machine>(
     machine: &M,
     processor: mbox::Processor,
-) -> Result<Region<M::Window>, Error> {
+) -> Result<Region<M::Window>, ProgramError> {
     let mut windows = machine.windows().into_iter();
     let windows = windows.nth(processor.index());
-    let windows = windows.ok_or(mbox::Error::NoSuchProcessor {
+    let windows = windows.ok_or(mbox::MailboxError::NoSuchProcessor {
         number: processor,
         processors: PROCESSORS as u8,
     })?;

@@ -1,20 +1,20 @@
 //! [`Silent`]: a bus without boards.
 
-use condor_dev::{AccessError, Bus, BusErrorKind, Width};
+use condor_dev::{Bus, BusAccessError, BusErrorKind, Width};
 
 /// A bus on which nothing answers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Silent;
 
 impl Bus for Silent {
-    type Error = AccessError;
+    type Error = BusAccessError;
 
-    fn read(&self, address: usize, _: Width) -> Result<u32, AccessError> {
+    fn read(&self, address: usize, _: Width) -> Result<u32, BusAccessError> {
         let kind = BusErrorKind::NoAnswer;
-        Err(AccessError { address, kind })
+        Err(BusAccessError { address, kind })
     }
 
-    fn write(&self, address: usize, width: Width, _: u32) -> Result<(), AccessError> {
+    fn write(&self, address: usize, width: Width, _: u32) -> Result<(), BusAccessError> {
         self.read(address, width).map(drop)
     }
 }

@@ -64,9 +64,9 @@ where
 /// The critical sections of a processor in simulated time: no time passes in them, so nothing
 /// interrupts them. All clones are the same.
 #[derive(Clone, Debug)]
-pub struct Uninterrupted<C>(pub C);
+pub struct SimulatedSection<C>(pub C);
 
-impl<C, P, H> Exclusion for Uninterrupted<C>
+impl<C, P, H> Exclusion for SimulatedSection<C>
 where
     C: Deref<Target = LocalClock<P, H>>,
     P: Deref<Target = Page>,

@@ -2,18 +2,18 @@
 //! processor, or loads another one.
 //!
 //! The supervisor carries a request out only if the system's description allows it to the
-//! processor that asks. It answers a [`Request`] at once with a [`Response`], through a block of an
+//! processor that asks. It answers a [`SupervisorRequest`] at once with a [`SupervisorResponse`], through a block of an
 //! [`Exchange`]; the program asks for the outcome later.
 
 use core::time::Duration;
 
 use condor_mbox::exchange::ExchangeError;
-use condor_mbox::{Exchange, PeerState, Places, Processor, Region};
+use condor_mbox::{Allocator, Exchange, PeerState, Processor, Region};
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 use crate::machine::{Machine, MailboxOf};
 use crate::numbers::{REQUESTS, SUPERVISOR};
-use crate::text::Text;
+use crate::text::ShortText;
 
 /// How long the supervisor may take to answer.
 const ANSWER: Duration = Duration::from_secs(5);
@@ -22,8 +22,8 @@ const ANSWER: Duration = Duration::from_secs(5);
 const WORDS: usize = 368;
 const TEXT: usize = 240;
 
-/// Words of [`Request::verb`].
-pub mod verb {
+/// Words of [`SupervisorRequest::operation`].
+pub mod operation {
     /// Restarts the program of a processor; the only word is the processor.
     pub const RESTART: u32 = 1;
     /// Loads a program: the words are the processor, the program, and its arguments.
@@ -34,7 +34,7 @@ pub mod verb {
     pub const NAME: u32 = 4;
 }
 
-/// Words of [`Response::state`].
+/// Words of [`SupervisorResponse::state`].
 pub mod state {
     /// The request is being carried out.
     pub const PENDING: u32 = 1;
@@ -49,9 +49,9 @@ pub mod state {
 /// A request to the supervisor, as it lies in shared memory.
 #[derive(Clone, Debug, PartialEq, Eq, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
-pub struct Request {
-    /// One of [`verb`].
-    pub verb: u32,
+pub struct SupervisorRequest {
+    /// One of [`operation`].
+    pub operation: u32,
     /// The number of the request whose outcome is asked for, or of the processor whose name is asked
     /// for; otherwise 0.
     pub number: u32,
@@ -63,12 +63,12 @@ pub struct Request {
     pub words: [u8; WORDS],
 }
 
-impl Request {
+impl SupervisorRequest {
     /// Makes a request with these words; `None` if they are too long, or if one contains a zero
     /// byte.
     #[must_use]
     pub fn new<'w>(
-        verb: u32,
+        operation: u32,
         number: u32,
         words: impl IntoIterator<Item = &'w str>,
     ) -> Option<Self> {
@@ -83,7 +83,7 @@ impl Request {
             len = end + 1;
         }
         Some(Self {
-            verb,
+            operation,
             number,
             len: len as u32,
             zero: 0,
@@ -102,10 +102,10 @@ impl Request {
     }
 }
 
-/// The supervisor's answer to a [`Request`], as it lies in shared memory.
+/// The supervisor's answer to a [`SupervisorRequest`], as it lies in shared memory.
 #[derive(Clone, Debug, PartialEq, Eq, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
-pub struct Response {
+pub struct SupervisorResponse {
     /// One of [`state`].
     pub state: u32,
     /// The number of the request.
@@ -118,11 +118,11 @@ pub struct Response {
     pub text: [u8; TEXT],
 }
 
-impl Response {
+impl SupervisorResponse {
     /// Makes a response; keeps the first 240 bytes of `text`.
     #[must_use]
     pub fn new(state: u32, number: u32, text: &str) -> Self {
-        let cut = Text::<TEXT>::of(text);
+        let cut = ShortText::<TEXT>::of(text);
         let mut bytes = [0; TEXT];
         let kept = cut.as_str().as_bytes();
         for (to, from) in bytes.iter_mut().zip(kept) {
@@ -152,13 +152,13 @@ impl Response {
 /// [`Background::supervisor`]: crate::Background::supervisor
 pub struct Supervisor<'b, M: Machine> {
     mailbox: &'b MailboxOf<'b, M>,
-    exchange: Exchange<'b, MailboxOf<'b, M>, M::Window, Request, Response>,
-    reason: Text<TEXT>,
+    exchange: Exchange<'b, MailboxOf<'b, M>, M::Window, SupervisorRequest, SupervisorResponse>,
+    reason: ShortText<TEXT>,
 }
 
 /// A request that the supervisor has taken, for [`Supervisor::outcome`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Order(u32);
+pub struct SupervisorTicket(u32);
 
 /// The reason for which the supervisor does not do what was asked.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -174,7 +174,7 @@ pub enum SupervisorError {
     /// [`reason`](Supervisor::reason) says why.
     #[error("the supervisor refused the request")]
     Refused,
-    /// The supervisor does not know the request: a later one, or that of an earlier life of this
+    /// The supervisor does not know the request: a later one, or that of an earlier incarnation of this
     /// program, has taken its place, or the answer is none.
     #[error("the supervisor does not know the request (state {state})")]
     Unknown {
@@ -189,18 +189,18 @@ pub enum SupervisorError {
 impl<'b, M: Machine> Supervisor<'b, M> {
     /// The size of the block in shared memory, in bytes.
     pub(crate) const BYTES: usize =
-        Exchange::<'b, MailboxOf<'b, M>, M::Window, Request, Response>::BYTES;
+        Exchange::<'b, MailboxOf<'b, M>, M::Window, SupervisorRequest, SupervisorResponse>::BYTES;
 
     pub(crate) fn new(
         mailbox: &'b MailboxOf<'b, M>,
         own: Region<M::Window>,
-        mut places: Places,
-    ) -> Result<Self, crate::Error> {
+        mut places: Allocator,
+    ) -> Result<Self, crate::ProgramError> {
         let exchange = Exchange::new(mailbox, own, &mut places)?;
         Ok(Self {
             mailbox,
             exchange,
-            reason: Text::of(""),
+            reason: ShortText::of(""),
         })
     }
 
@@ -220,8 +220,8 @@ impl<'b, M: Machine> Supervisor<'b, M> {
     /// description does not allow it; [`SupervisorError::TooLong`] if the name is too long;
     /// [`SupervisorError::Unknown`] if the answer is none; [`SupervisorError::Exchange`] if there is
     /// no answer.
-    pub fn restart(&mut self, processor: &str) -> Result<Order, SupervisorError> {
-        self.order(verb::RESTART, [processor].into_iter())
+    pub fn restart(&mut self, processor: &str) -> Result<SupervisorTicket, SupervisorError> {
+        self.order(operation::RESTART, [processor].into_iter())
     }
 
     /// Asks the supervisor to end the program of `processor`, a name or a number, if it runs, and
@@ -235,19 +235,21 @@ impl<'b, M: Machine> Supervisor<'b, M> {
         processor: &'w str,
         program: &'w str,
         arguments: impl Iterator<Item = &'w str>,
-    ) -> Result<Order, SupervisorError> {
+    ) -> Result<SupervisorTicket, SupervisorError> {
         let words = [processor, program].into_iter().chain(arguments);
-        self.order(verb::LOAD, words)
+        self.order(operation::LOAD, words)
     }
 
     fn order<'w>(
         &mut self,
-        verb: u32,
+        operation: u32,
         words: impl Iterator<Item = &'w str>,
-    ) -> Result<Order, SupervisorError> {
-        let request = Request::new(verb, 0, words).ok_or(SupervisorError::TooLong)?;
+    ) -> Result<SupervisorTicket, SupervisorError> {
+        let request =
+            SupervisorRequest::new(operation, 0, words).ok_or(SupervisorError::TooLong)?;
         let response = self.ask(&request)?;
-        self.judge(&response).map(|_| Order(response.number))
+        self.judge(&response)
+            .map(|_| SupervisorTicket(response.number))
     }
 
     /// Asks for the outcome of a request. Returns true when it has been carried out, so that the
@@ -256,8 +258,8 @@ impl<'b, M: Machine> Supervisor<'b, M> {
     /// # Errors
     /// Those of [`restart`](Self::restart); [`SupervisorError::Refused`] also if the request has
     /// failed, and [`SupervisorError::Unknown`] if a later request has taken its place.
-    pub fn outcome(&mut self, order: Order) -> Result<bool, SupervisorError> {
-        let request = Request::new(verb::OUTCOME, order.0, []);
+    pub fn outcome(&mut self, order: SupervisorTicket) -> Result<bool, SupervisorError> {
+        let request = SupervisorRequest::new(operation::OUTCOME, order.0, []);
         let response = self.ask(&request.ok_or(SupervisorError::TooLong)?)?;
         self.judge(&response)
     }
@@ -268,25 +270,25 @@ impl<'b, M: Machine> Supervisor<'b, M> {
     /// # Errors
     /// [`SupervisorError::Absent`] if no supervisor runs; [`SupervisorError::Exchange`] if there is
     /// no answer.
-    pub fn name(&mut self, processor: Processor) -> Result<Option<Text<32>>, SupervisorError> {
-        let request = Request::new(verb::NAME, processor.0.into(), []);
+    pub fn name(&mut self, processor: Processor) -> Result<Option<ShortText<32>>, SupervisorError> {
+        let request = SupervisorRequest::new(operation::NAME, processor.0.into(), []);
         let response = self.ask(&request.ok_or(SupervisorError::TooLong)?)?;
-        Ok((response.state == state::DONE).then(|| Text::of(response.text())))
+        Ok((response.state == state::DONE).then(|| ShortText::of(response.text())))
     }
 
-    fn judge(&mut self, response: &Response) -> Result<bool, SupervisorError> {
+    fn judge(&mut self, response: &SupervisorResponse) -> Result<bool, SupervisorError> {
         match response.state {
             state::PENDING => Ok(false),
             state::DONE => Ok(true),
             state::REFUSED => {
-                self.reason = Text::of(response.text());
+                self.reason = ShortText::of(response.text());
                 Err(SupervisorError::Refused)
             }
             state => Err(SupervisorError::Unknown { state }),
         }
     }
 
-    fn ask(&mut self, request: &Request) -> Result<Response, SupervisorError> {
+    fn ask(&mut self, request: &SupervisorRequest) -> Result<SupervisorResponse, SupervisorError> {
         let peer = self.mailbox.peer_state(SUPERVISOR);
         match peer.map_err(ExchangeError::from)? {
             PeerState::Up { .. } => {}
@@ -303,24 +305,31 @@ mod tests {
 
     use super::*;
 
-    fn words(request: &Request) -> Option<Vec<&str>> {
+    fn words(request: &SupervisorRequest) -> Option<Vec<&str>> {
         request.words().map(Iterator::collect)
     }
 
     #[test]
     fn words_are_those_that_were_given_and_no_longer_than_the_block() {
-        let request = Request::new(verb::LOAD, 7, ["servo-a", "", "rate=2000"]).unwrap();
+        let request =
+            SupervisorRequest::new(operation::LOAD, 7, ["servo-a", "", "rate=2000"]).unwrap();
         assert_eq!(words(&request).unwrap(), ["servo-a", "", "rate=2000"]);
         let longest: String = core::iter::repeat_n('x', WORDS - 1).collect();
-        let request = Request::new(verb::RESTART, 0, [longest.as_str()]).unwrap();
+        let request = SupervisorRequest::new(operation::RESTART, 0, [longest.as_str()]).unwrap();
         assert_eq!(words(&request).unwrap(), [longest.as_str()]);
-        assert_eq!(Request::new(verb::LOAD, 0, [longest.as_str(), ""]), None);
-        assert_eq!(Request::new(verb::RESTART, 0, ["a\0b"]), None);
+        assert_eq!(
+            SupervisorRequest::new(operation::LOAD, 0, [longest.as_str(), ""]),
+            None
+        );
+        assert_eq!(
+            SupervisorRequest::new(operation::RESTART, 0, ["a\0b"]),
+            None
+        );
     }
 
     #[test]
     fn hostile_words_are_none() {
-        let mut request = Request::new(verb::RESTART, 0, ["a"]).unwrap();
+        let mut request = SupervisorRequest::new(operation::RESTART, 0, ["a"]).unwrap();
         for (len, bytes) in [
             (u32::MAX, b"a\0"),
             (WORDS as u32 + 1, b"a\0"),
@@ -331,11 +340,16 @@ mod tests {
             request.words[..2].copy_from_slice(bytes);
             assert_eq!(words(&request), None, "{len} {bytes:?}");
         }
-        let mut response = Response::new(state::REFUSED, 1, "no");
+        let mut response = SupervisorResponse::new(state::REFUSED, 1, "no");
         assert_eq!(response.text(), "no");
         response.len = u32::MAX;
         assert_eq!(response.text(), "");
         let long: String = core::iter::repeat_n('ö', TEXT).collect();
-        assert_eq!(Response::new(state::REFUSED, 1, &long).text().len(), TEXT);
+        assert_eq!(
+            SupervisorResponse::new(state::REFUSED, 1, &long)
+                .text()
+                .len(),
+            TEXT
+        );
     }
 }

@@ -1,12 +1,12 @@
-//! [`Text`]: what is printed, without a heap.
+//! [`ShortText`]: what is printed, without a heap.
 
 use core::fmt::{self, Write as _};
 
 /// A text without a heap, cut off after `BYTES` bytes.
 #[derive(Clone, PartialEq, Eq)]
-pub struct Text<const BYTES: usize>(heapless::String<BYTES, u8>);
+pub struct ShortText<const BYTES: usize>(heapless::String<BYTES, u8>);
 
-impl<const BYTES: usize> Text<BYTES> {
+impl<const BYTES: usize> ShortText<BYTES> {
     /// Returns the text that `printed` prints, cut off after `BYTES` bytes.
     #[must_use]
     pub fn of(printed: &(impl fmt::Display + ?Sized)) -> Self {
@@ -23,13 +23,13 @@ impl<const BYTES: usize> Text<BYTES> {
     }
 }
 
-impl<const BYTES: usize> fmt::Display for Text<BYTES> {
+impl<const BYTES: usize> fmt::Display for ShortText<BYTES> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.pad(&self.0)
     }
 }
 
-impl<const BYTES: usize> fmt::Debug for Text<BYTES> {
+impl<const BYTES: usize> fmt::Debug for ShortText<BYTES> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         fmt::Debug::fmt(self.0.as_str(), f)
     }

@@ -6,11 +6,11 @@ use core::num::NonZeroU64;
 
 use condor_mbox::{Doorbell, Evidence, LoadOrder, MemoryWindow as _, Processor, Windows, layout};
 use condor_mos::Rate;
-use condor_vars::{CatalogError, Desk, Sampler, Server, Watch};
+use condor_vars::{CatalogError, Sampler, Selections, VariableServer, Watch};
 
-use crate::error::Error;
+use crate::error::ProgramError;
 use crate::machine::Machine;
-use crate::text::Text;
+use crate::text::ShortText;
 
 /// The greatest number of variables (or blocks of variables), and of parameters, of a program.
 pub const VARIABLES: usize = 32;
@@ -21,9 +21,9 @@ const PIECES: usize = 24;
 /// For what part of a second a ring keeps rows of all variables.
 const KEPT: u32 = 8;
 
-pub(crate) type LoopDesk = Desk<PIECES, WATCHERS>;
+pub(crate) type LoopDesk = Selections<PIECES, WATCHERS>;
 pub(crate) type LoopServer<'d, M> =
-    Server<'d, <M as Machine>::Window, <M as Machine>::Exclusion, PIECES, WATCHERS>;
+    VariableServer<'d, <M as Machine>::Window, <M as Machine>::Exclusion, PIECES, WATCHERS>;
 pub(crate) type LoopSampler<'d, M> =
     Sampler<'d, <M as Machine>::Window, { 2 * VARIABLES }, PIECES, WATCHERS>;
 
@@ -34,11 +34,11 @@ pub(crate) fn rows(rate: Rate) -> u32 {
 }
 
 /// Why the variables of the loop `name` cannot be shown.
-pub(crate) fn wrong(name: &str, error: CatalogError) -> Error {
+pub(crate) fn wrong(name: &str, error: CatalogError) -> ProgramError {
     match error {
-        CatalogError::Access(error) => Error::no_room(name, error),
-        error => Error::Variables {
-            name: Text::of(name),
+        CatalogError::Access(error) => ProgramError::no_room(name, error),
+        error => ProgramError::Variables {
+            name: ShortText::of(name),
             error,
         },
     }
@@ -61,14 +61,14 @@ pub(crate) fn incarnation<M: Machine, const N: usize>(
 }
 
 /// The name of what is watched; of a block the first.
-pub(crate) fn name_of(watched: &dyn Watch) -> Text<32> {
+pub(crate) fn name_of(watched: &dyn Watch) -> ShortText<32> {
     struct First<'w>(&'w dyn Watch);
     impl fmt::Display for First<'_> {
         fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
             self.0.name(0, f)
         }
     }
-    Text::of(&First(watched))
+    ShortText::of(&First(watched))
 }
 
 /// Instants of a timer, in nanoseconds.

@@ -1,7 +1,7 @@
 //! [`Finger`]: where the links of a finger are.
 
 use condor_hand::config::{self, Shape};
-use condor_hand::kinematics::{Body, Motion};
+use condor_hand::kinematics::{ChainBody, ChainMotion};
 use condor_hand::{Pose, rotation_about};
 use nalgebra::{Matrix3, Vector3};
 
@@ -22,13 +22,13 @@ pub(crate) struct Link {
     pub(crate) name: String,
     /// The frame at the joint's zero, in the frame of the link before, or of the base.
     pub(crate) placement: Pose,
-    pub(crate) motion: Motion,
+    pub(crate) motion: ChainMotion,
     pub(crate) limits: config::Limits,
     /// The largest torque or force of the flexor, N m or N.
     pub(crate) effort: f64,
     /// The edges of its body, if that is a cuboid, m.
     pub(crate) cuboid: Option<[f64; 3]>,
-    pub(crate) body: Option<Body>,
+    pub(crate) body: Option<ChainBody>,
     /// The flexor and the extensor.
     pub(crate) tendons: [Tendon; 2],
 }
@@ -102,15 +102,15 @@ impl Link {
     /// Returns the frame of the link in that of the link before.
     pub(crate) fn moved(&self, position: f64) -> Pose {
         self.placement.then(&match self.motion {
-            Motion::Revolute(axis) => Pose {
+            ChainMotion::Revolute(axis) => Pose {
                 rotation: rotation_about(&axis, position),
                 position: Vector3::zeros(),
             },
-            Motion::Prismatic(axis) => Pose {
+            ChainMotion::Prismatic(axis) => Pose {
                 rotation: Matrix3::identity(),
                 position: axis * position,
             },
-            Motion::Fixed => Pose::identity(),
+            ChainMotion::Fixed => Pose::identity(),
         })
     }
 }

@@ -1,6 +1,8 @@
 use condor_hand::Pose;
 use condor_hand::config::Hand;
-use condor_host::robot::{Contact, Frame, Joint, Line, Object, Robot, Simulator};
+use condor_host::robot::{
+    Frame, Robot, RobotContact, RobotJoint, RobotLine, RobotObject, Simulator,
+};
 use nalgebra::{Rotation3, UnitQuaternion, Vector3};
 
 use crate::finger::Finger;
@@ -15,7 +17,7 @@ const BALL: &str = "ball";
 #[derive(Clone, Debug)]
 pub struct HandView<const FINGERS: usize, const JOINTS: usize> {
     pub(crate) hand: Hand<FINGERS, JOINTS>,
-    pub(crate) joints: Vec<Joint>,
+    pub(crate) joints: Vec<RobotJoint>,
     pub(crate) fingers: Vec<Finger>,
     /// The variables of the ball, if one is shown.
     ball: Vec<String>,
@@ -39,7 +41,7 @@ impl<const FINGERS: usize, const JOINTS: usize> HandView<FINGERS, JOINTS> {
         let fingers: Vec<Finger> = hand.fingers.iter().map(Finger::new).collect();
         let joints = fingers.iter().flat_map(|finger| &finger.links).map(|link| {
             let variable = |what| format!("{}.{what}", link.name);
-            Joint {
+            RobotJoint {
                 name: link.name.clone(),
                 position: variable("position"),
                 velocity: Some(variable("velocity")),
@@ -81,11 +83,11 @@ impl<const FINGERS: usize, const JOINTS: usize> HandView<FINGERS, JOINTS> {
 }
 
 impl<const FINGERS: usize, const JOINTS: usize> Robot for HandView<FINGERS, JOINTS> {
-    fn joints(&self) -> &[Joint] {
+    fn joints(&self) -> &[RobotJoint] {
         &self.joints
     }
 
-    fn lines(&self, positions: &[f64]) -> Vec<Line> {
+    fn lines(&self, positions: &[f64]) -> Vec<RobotLine> {
         let bases = self.fingers.iter().map(|it| it.base.position.into());
         let palm = [[0.0; 3]].into_iter().chain(bases).chain([[0.0; 3]]);
         let thickest = self
@@ -93,7 +95,7 @@ impl<const FINGERS: usize, const JOINTS: usize> Robot for HandView<FINGERS, JOIN
             .iter()
             .map(Finger::radius_m)
             .fold(0.0, f64::max);
-        let mut lines = vec![Line {
+        let mut lines = vec![RobotLine {
             name: PALM.into(),
             points: palm.collect(),
             radius_m: thickest,
@@ -104,14 +106,14 @@ impl<const FINGERS: usize, const JOINTS: usize> Robot for HandView<FINGERS, JOIN
             let origins = poses.iter().map(|pose| pose.position);
             let tip = poses.last().map(|last| last.transform(&finger.tip));
             let points = [finger.base.position].into_iter().chain(origins).chain(tip);
-            lines.push(Line {
+            lines.push(RobotLine {
                 name: finger.name.clone(),
                 points: points.map(Into::into).collect(),
                 radius_m: finger.radius_m(),
                 tension: None,
             });
             for tendon in finger.links.iter().flat_map(|link| &link.tendons) {
-                tendons.push(Line {
+                tendons.push(RobotLine {
                     name: tendon.name.clone(),
                     points: tendon::points(tendon, finger, &poses),
                     radius_m: 0.0,
@@ -147,7 +149,7 @@ impl<const FINGERS: usize, const JOINTS: usize> Robot for HandView<FINGERS, JOIN
         &self.ball
     }
 
-    fn objects(&self, positions: &[f64], observed: &[f64]) -> Vec<Object> {
+    fn objects(&self, positions: &[f64], observed: &[f64]) -> Vec<RobotObject> {
         let Some((&[x, y, z, radius_m, touching], forces)) = observed.split_first_chunk() else {
             return Vec::new();
         };
@@ -161,14 +163,14 @@ impl<const FINGERS: usize, const JOINTS: usize> Robot for HandView<FINGERS, JOIN
             let tip = poses.last()?.transform(&finger.tip);
             let out = (tip - center).try_normalize(0.0)?;
             let force_n = forces.get(number).copied();
-            Some(Contact {
+            Some(RobotContact {
                 name: finger.name.clone(),
                 point: (center + out * radius_m).into(),
                 normal: out.into(),
                 force_n: force_n.filter(|it| it.is_finite()),
             })
         });
-        vec![Object {
+        vec![RobotObject {
             name: BALL.into(),
             center: center.into(),
             radius_m,

@@ -1,12 +1,13 @@
 //! The motion that a hand makes of a text: the set-points of its master, and what they take.
 
 use condor_hand::config;
-use condor_hand::dynamics::{Drive, Dynamics};
+use condor_hand::dynamics::{DriveDynamics, Dynamics};
 use condor_hand::kinematics::Chain;
-use condor_hand::tendon::{Allocated, Allocation, MomentArms};
+use condor_hand::tendon::{AllocatedTensions, MomentArms, TensionAllocation};
 use condor_hand::trajectory::motion::load;
 use condor_hand::trajectory::{
-    Ended, Generator, Happening, Observations, Primitive, PrimitiveError, SetPoint, Ticket,
+    Generator, Happening, MotionEnd, MotionTicket, Observations, Primitive, PrimitiveError,
+    SetPoint,
 };
 use condor_host::error::AnyError;
 use condor_host::robot::{
@@ -201,7 +202,7 @@ struct Player {
     generator: Generator<ALL, QUEUE>,
     motions: Vec<Primitive<ALL>>,
     names: Vec<String>,
-    tickets: heapless::Vec<Ticket, GIVEN>,
+    tickets: heapless::Vec<MotionTicket, GIVEN>,
     /// Motions that the generator has taken, and those of them that move joints.
     fed: usize,
     moving: usize,
@@ -294,10 +295,10 @@ impl Player {
                     // One that never began is dropped.
                     self.moving = self.moving.saturating_sub(usize::from(step <= self.begun));
                     let what = match ended {
-                        Ended::Reached => What::Reached,
-                        Ended::Stopped(_) => What::Stopped,
-                        Ended::Aborted => What::Dropped,
-                        Ended::Superseded { .. } => What::Superseded,
+                        MotionEnd::Reached => What::Reached,
+                        MotionEnd::Stopped(_) => What::Stopped,
+                        MotionEnd::Aborted => What::Dropped,
+                        MotionEnd::Superseded { .. } => What::Superseded,
                     };
                     self.tell(before + 1, step, what);
                 }
@@ -353,9 +354,9 @@ impl Player {
 struct Model<const JOINTS: usize> {
     joints: usize,
     chain: Chain<f64, JOINTS>,
-    drive: Drive<f64, JOINTS>,
+    drive: DriveDynamics<f64, JOINTS>,
     arms: MomentArms<f64, JOINTS>,
-    allocation: [Allocation<f64>; JOINTS],
+    allocation: [TensionAllocation<f64>; JOINTS],
     gravity: Vector3<f64>,
 }
 
@@ -377,7 +378,10 @@ impl<const JOINTS: usize> Model<JOINTS> {
     }
 
     /// Returns the torques that set-points take in free space, N m, and the tensions for them.
-    fn loads(&self, points: &[SetPoint<f64>]) -> (SVector<f64, JOINTS>, Allocated<f64, JOINTS>) {
+    fn loads(
+        &self,
+        points: &[SetPoint<f64>],
+    ) -> (SVector<f64, JOINTS>, AllocatedTensions<f64, JOINTS>) {
         let each = |part: fn(&SetPoint<f64>) -> f64| {
             SVector::from_fn(|joint, _| points.get(joint).map_or(0.0, part))
         };

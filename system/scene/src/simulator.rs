@@ -4,7 +4,7 @@ use condor_hand::Pose;
 use condor_hand::kinematics::{JointLimits, Redundancy, Side};
 use condor_hand::math::clamp;
 use condor_host::error::AnyError;
-use condor_host::robot::{Clearance, Dragged, Held, Moved, Plan, Simulator};
+use condor_host::robot::{Clearance, DragResult, LimitedJoint, LimitedPosture, Plan, Simulator};
 use nalgebra::{SVector, Vector3};
 use serde_json::Value as Json;
 
@@ -19,8 +19,8 @@ const REACHED_M: f64 = 1e-6;
 const FAR_M: f64 = 1e3;
 
 impl<const FINGERS: usize, const JOINTS: usize> Simulator for HandView<FINGERS, JOINTS> {
-    fn moved(&self, positions: &[f64]) -> Moved {
-        let mut moved = Moved {
+    fn moved(&self, positions: &[f64]) -> LimitedPosture {
+        let mut moved = LimitedPosture {
             positions: Vec::new(),
             held: Vec::new(),
         };
@@ -30,13 +30,18 @@ impl<const FINGERS: usize, const JOINTS: usize> Simulator for HandView<FINGERS, 
             moved.positions.push(limit);
             if asked < low || asked > high {
                 let joint = joint.name.clone();
-                moved.held.push(Held { joint, limit });
+                moved.held.push(LimitedJoint { joint, limit });
             }
         }
         moved
     }
 
-    fn dragged(&self, positions: &[f64], frame: &str, to: [f64; 3]) -> Result<Dragged, AnyError> {
+    fn dragged(
+        &self,
+        positions: &[f64],
+        frame: &str,
+        to: [f64; 3],
+    ) -> Result<DragResult, AnyError> {
         if let Some(far) = to.iter().find(|it| !(-FAR_M..=FAR_M).contains(*it)) {
             return Err(format!("a coordinate is {far} m; up to {FAR_M} m are possible").into());
         }
@@ -84,9 +89,9 @@ impl<const FINGERS: usize, const JOINTS: usize> Simulator for HandView<FINGERS, 
                 Side::High => link.limits.high,
             };
             let joint = link.name.clone();
-            Some(Held { joint, limit })
+            Some(LimitedJoint { joint, limit })
         });
-        Ok(Dragged {
+        Ok(DragResult {
             positions,
             is_reached,
             distance_m: nearest.distance,

@@ -1,7 +1,7 @@
 //! The way of a tendon past the joints that it crosses.
 
 use condor_hand::Pose;
-use condor_hand::kinematics::Motion;
+use condor_hand::kinematics::ChainMotion;
 use nalgebra::Vector3;
 
 use crate::finger::{Finger, Tendon};
@@ -49,9 +49,9 @@ fn corner(before: &Vector3<f64>, behind: &Vector3<f64>) -> Vector3<f64> {
 
 /// Returns the direction from a joint in which a tendon lies whose pull along the link, back to the base, turns the
 /// link to positive angles.
-fn aside(motion: Motion, along: &Vector3<f64>) -> Vector3<f64> {
+fn aside(motion: ChainMotion, along: &Vector3<f64>) -> Vector3<f64> {
     match motion {
-        Motion::Revolute(axis) => axis.cross(along).try_normalize(0.0).unwrap_or_default(),
-        Motion::Prismatic(_) | Motion::Fixed => Vector3::zeros(),
+        ChainMotion::Revolute(axis) => axis.cross(along).try_normalize(0.0).unwrap_or_default(),
+        ChainMotion::Prismatic(_) | ChainMotion::Fixed => Vector3::zeros(),
     }
 }

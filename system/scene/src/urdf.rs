@@ -3,7 +3,7 @@
 use core::fmt::Write as _;
 
 use condor_hand::Pose;
-use condor_hand::kinematics::Motion;
+use condor_hand::kinematics::ChainMotion;
 use nalgebra::{Matrix3, Vector3};
 
 use crate::finger::{Finger, Link};
@@ -69,9 +69,9 @@ fn body(link: &Link, name: &str) -> String {
 
 fn joint(link: &Link, child: &str, parent: &str, at: &Pose) -> String {
     let (kind, axis) = match link.motion {
-        Motion::Revolute(axis) => ("revolute", axis),
-        Motion::Prismatic(axis) => ("prismatic", axis),
-        Motion::Fixed => ("fixed", Vector3::x()),
+        ChainMotion::Revolute(axis) => ("revolute", axis),
+        ChainMotion::Prismatic(axis) => ("prismatic", axis),
+        ChainMotion::Fixed => ("fixed", Vector3::x()),
     };
     let (name, limits) = (escaped(&link.name), &link.limits);
     format!(

@@ -7,9 +7,9 @@ use serde::de::{self, Expected, Unexpected};
 use toml::Spanned;
 use toml::de::DeValue;
 
-/// A mistake whose line is not known yet; [`Text::error`](crate::Text::error) finds its line.
+/// A mistake whose line is not known yet; [`SourceText::error`](crate::SourceText::error) finds its line.
 #[derive(Debug)]
-pub struct Fault {
+pub struct Misreading {
     pub(crate) span: Option<Range<usize>>,
     problem: Problem,
 }
@@ -23,7 +23,7 @@ enum Problem {
     Other(String),
 }
 
-impl Fault {
+impl Misreading {
     /// Creates a fault at the byte range `span` of the text; `problem` is the message.
     #[must_use]
     pub fn at(span: &Range<usize>, problem: impl Display) -> Self {
@@ -65,7 +65,7 @@ impl Fault {
     }
 }
 
-impl From<String> for Fault {
+impl From<String> for Misreading {
     fn from(problem: String) -> Self {
         Self {
             span: None,
@@ -74,7 +74,7 @@ impl From<String> for Fault {
     }
 }
 
-impl Display for Fault {
+impl Display for Misreading {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match &self.problem {
             Problem::Missing(key) => write!(f, "the key `{key}` is missing here"),
@@ -89,7 +89,7 @@ impl Display for Fault {
     }
 }
 
-impl core::error::Error for Fault {}
+impl core::error::Error for Misreading {}
 
 /// Returns a hint for the wrong word `word`: the question whether the most similar word of `known`
 /// was meant, or the list of all words of `known` if none is similar.
@@ -110,7 +110,7 @@ pub fn suggest(word: &str, known: &[&str]) -> String {
     }
 }
 
-impl de::Error for Fault {
+impl de::Error for Misreading {
     fn custom<T: Display>(message: T) -> Self {
         message.to_string().into()
     }

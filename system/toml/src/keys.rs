@@ -5,25 +5,25 @@ use serde::Deserialize;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-use crate::{Fault, Text, read};
+use crate::{Misreading, SourceText, read};
 
 /// A reader of one table, which is asked for the keys one by one. It notes mistakes in the
-/// [`Text`], and returns `None` for a wrong value.
+/// [`SourceText`], and returns `None` for a wrong value.
 #[derive(Debug)]
 pub struct Keys<'a, 't> {
-    text: &'a Text<'t>,
+    text: &'a SourceText<'t>,
     entries: &'a DeTable<'t>,
     /// Where a missing key is missing.
     span: Range<usize>,
     known: Vec<&'static str>,
 }
 
-impl<'t> Text<'t> {
+impl<'t> SourceText<'t> {
     /// Returns a reader of the keys of `table`. If `table` is a value of another type, notes a
     /// mistake and returns `None`.
     pub fn keys<'a>(&'a self, table: &'a Spanned<DeValue<'t>>) -> Option<Keys<'a, 't>> {
         let DeValue::Table(entries) = table.get_ref() else {
-            self.note(Fault::unsuitable(table, "a table"));
+            self.note(Misreading::unsuitable(table, "a table"));
             return None;
         };
         Some(Keys {
@@ -73,7 +73,7 @@ impl<'a, 't> Keys<'a, 't> {
     }
 
     /// Returns the value of a key; `None` if the key is missing, or if its value is wrong, which is
-    /// noted as a mistake. A [`Spanned`] value comes with its byte range; a [`Whole`](crate::Whole)
+    /// noted as a mistake. A [`Spanned`] value comes with its byte range; a [`WholeNumber`](crate::WholeNumber)
     /// number is checked against its bounds.
     pub fn get<T: Deserialize<'a>>(&mut self, key: &'static str) -> Option<T> {
         let value = self.value(key)?;
@@ -95,7 +95,7 @@ impl<'a, 't> Keys<'a, 't> {
         let choice = choices.iter().find(|(choice, _)| choice == word.get_ref());
         if choice.is_none() {
             let known: Vec<_> = choices.iter().map(|(word, _)| *word).collect();
-            let fault = Fault::unknown_word(word.get_ref(), &known);
+            let fault = Misreading::unknown_word(word.get_ref(), &known);
             self.text.note(fault.within(&word.span()));
         }
         choice.map(|(_, choice)| *choice)
@@ -116,7 +116,7 @@ impl<'a, 't> Keys<'a, 't> {
             return Vec::new();
         };
         let Some(list) = value.get_ref().as_array() else {
-            self.text.note(Fault::unsuitable(value, what));
+            self.text.note(Misreading::unsuitable(value, what));
             return Vec::new();
         };
         let tables = list.iter();
@@ -128,7 +128,7 @@ impl<'a, 't> Keys<'a, 't> {
         for key in self.entries.keys() {
             let name = key.get_ref().as_ref();
             if !self.known.contains(&name) {
-                let fault = Fault::unknown_key(name, &self.known);
+                let fault = Misreading::unknown_key(name, &self.known);
                 self.text.note(fault.within(&key.span()));
             }
         }

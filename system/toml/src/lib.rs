@@ -7,9 +7,9 @@ mod read;
 mod text;
 mod whole;
 
-pub use fault::{Fault, suggest};
+pub use fault::{Misreading, suggest};
 pub use keys::Keys;
 pub use read::read;
-pub use text::{Text, TextError, TextErrors};
+pub use text::{SourceText, TextError, TextErrors};
 pub use toml::Spanned;
-pub use whole::Whole;
+pub use whole::WholeNumber;

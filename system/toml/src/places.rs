@@ -1,18 +1,18 @@
-//! [`Places`]: the lines and columns of a text.
+//! [`LineTable`]: the lines and columns of a text.
 
 /// After so many bytes the characters before them are known.
 const STEP: usize = 64;
 
 /// A table by which the line and column of a byte are found without reading the text before it.
 #[derive(Debug)]
-pub(crate) struct Places {
+pub(crate) struct LineTable {
     /// The byte at which each line begins.
     lines: Vec<usize>,
     /// The number of characters before every [`STEP`]th byte.
     chars: Vec<usize>,
 }
 
-impl Places {
+impl LineTable {
     pub(crate) fn of(content: &str) -> Self {
         let ends = content.match_indices('\n').map(|(end, _)| end + 1);
         let mut before = 0;

@@ -14,16 +14,16 @@ use serde_spanned::de::{SpannedDeserializer, is_spanned};
 use toml::Spanned;
 use toml::de::DeValue;
 
-use crate::Fault;
+use crate::Misreading;
 
 /// Reads a value of a text into a `T` by serde. If a table has the same span as the table around
 /// it, the program has inserted it: a key that is missing in it is reported as missing in the outer
 /// one.
 ///
 /// # Errors
-/// [`Fault`] for the first mistake in the order of the text; a missing key of a table comes after
+/// [`Misreading`] for the first mistake in the order of the text; a missing key of a table comes after
 /// the other mistakes of that table.
-pub fn read<'de, T: Deserialize<'de>>(value: &'de Spanned<DeValue<'_>>) -> Result<T, Fault> {
+pub fn read<'de, T: Deserialize<'de>>(value: &'de Spanned<DeValue<'_>>) -> Result<T, Misreading> {
     T::deserialize(Value {
         value,
         way: String::new(),
@@ -39,7 +39,7 @@ struct Value<'de, 't> {
 #[derive(Clone, Copy)]
 struct Key<'de, 't>(&'de Spanned<Cow<'t, str>>);
 
-impl<'de> IntoDeserializer<'de, Fault> for Value<'de, '_> {
+impl<'de> IntoDeserializer<'de, Misreading> for Value<'de, '_> {
     type Deserializer = Self;
 
     fn into_deserializer(self) -> Self {
@@ -47,7 +47,7 @@ impl<'de> IntoDeserializer<'de, Fault> for Value<'de, '_> {
     }
 }
 
-impl<'de> IntoDeserializer<'de, Fault> for Key<'de, '_> {
+impl<'de> IntoDeserializer<'de, Misreading> for Key<'de, '_> {
     type Deserializer = Self;
 
     fn into_deserializer(self) -> Self {
@@ -56,12 +56,12 @@ impl<'de> IntoDeserializer<'de, Fault> for Key<'de, '_> {
 }
 
 impl<'de> Deserializer<'de> for Key<'de, '_> {
-    type Error = Fault;
+    type Error = Misreading;
 
-    fn deserialize_any<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Fault> {
+    fn deserialize_any<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Misreading> {
         visitor
             .visit_borrowed_str(self.0.get_ref())
-            .map_err(|fault: Fault| fault.within(&self.0.span()))
+            .map_err(|fault: Misreading| fault.within(&self.0.span()))
     }
 
     fn deserialize_struct<V: Visitor<'de>>(
@@ -69,7 +69,7 @@ impl<'de> Deserializer<'de> for Key<'de, '_> {
         name: &'static str,
         _: &'static [&'static str],
         visitor: V,
-    ) -> Result<V::Value, Fault> {
+    ) -> Result<V::Value, Misreading> {
         if is_spanned(name) {
             return visitor.visit_map(SpannedDeserializer::new(self, self.0.span()));
         }
@@ -93,9 +93,9 @@ impl<'de, 't> Value<'de, 't> {
         Self { value, way }
     }
 
-    fn visit<V: Visitor<'de>>(&self, visitor: V) -> Result<V::Value, Fault> {
+    fn visit<V: Visitor<'de>>(&self, visitor: V) -> Result<V::Value, Misreading> {
         let beyond = |number: &str| {
-            Fault::from(format!(
+            Misreading::from(format!(
                 "{number} stands where a number of 64 bits should be"
             ))
         };
@@ -116,7 +116,7 @@ impl<'de, 't> Value<'de, 't> {
                 });
                 let mut entries = SeqDeserializer::new(entries);
                 let value = visitor.visit_seq(&mut entries);
-                let value = value.map_err(|fault: Fault| fault.surplus(list))?;
+                let value = value.map_err(|fault: Misreading| fault.surplus(list))?;
                 // An array takes as many as it has places, and leaves the rest.
                 entries.end().map(|()| value)
             }
@@ -130,20 +130,23 @@ impl<'de, 't> Value<'de, 't> {
                 visitor.visit_f64(value.map_err(|_| beyond(number.as_str()))?)
             }
             DeValue::Boolean(value) => visitor.visit_bool(*value),
-            DeValue::Datetime(_) => Err(Fault::invalid_type(Unexpected::Other("a time"), &visitor)),
+            DeValue::Datetime(_) => Err(Misreading::invalid_type(
+                Unexpected::Other("a time"),
+                &visitor,
+            )),
         }
     }
 }
 
 impl<'de> Deserializer<'de> for Value<'de, '_> {
-    type Error = Fault;
+    type Error = Misreading;
 
-    fn deserialize_any<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Fault> {
+    fn deserialize_any<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Misreading> {
         self.visit(visitor)
             .map_err(|fault| fault.lacking(&self.way).within(&self.value.span()))
     }
 
-    fn deserialize_option<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Fault> {
+    fn deserialize_option<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Misreading> {
         visitor.visit_some(self)
     }
 
@@ -151,7 +154,7 @@ impl<'de> Deserializer<'de> for Value<'de, '_> {
         self,
         _: &'static str,
         visitor: V,
-    ) -> Result<V::Value, Fault> {
+    ) -> Result<V::Value, Misreading> {
         visitor.visit_newtype_struct(self)
     }
 
@@ -160,7 +163,7 @@ impl<'de> Deserializer<'de> for Value<'de, '_> {
         name: &'static str,
         _: &'static [&'static str],
         visitor: V,
-    ) -> Result<V::Value, Fault> {
+    ) -> Result<V::Value, Misreading> {
         if is_spanned(name) {
             let span = self.value.span();
             return visitor.visit_map(SpannedDeserializer::new(self, span));
@@ -173,7 +176,7 @@ impl<'de> Deserializer<'de> for Value<'de, '_> {
         _: &'static str,
         _: &'static [&'static str],
         visitor: V,
-    ) -> Result<V::Value, Fault> {
+    ) -> Result<V::Value, Misreading> {
         let only = match self.value.get_ref() {
             DeValue::Table(entries) if entries.len() == 1 => entries.iter().next(),
             _ => None,
@@ -186,10 +189,10 @@ impl<'de> Deserializer<'de> for Value<'de, '_> {
             }
             _ => {
                 let expected = "a word, or a table with the one key that chooses";
-                Err(Fault::unsuitable(self.value, expected))
+                Err(Misreading::unsuitable(self.value, expected))
             }
         };
-        value.map_err(|fault: Fault| fault.within(&self.value.span()))
+        value.map_err(|fault: Misreading| fault.within(&self.value.span()))
     }
 
     forward_to_deserialize_any! {
@@ -209,7 +212,7 @@ impl Visitor<'_> for Refusal<'_> {
     }
 }
 
-impl Fault {
+impl Misreading {
     /// Creates the fault of a `value` that stands where `expected`, a description in words, should
     /// be.
     #[must_use]
@@ -226,28 +229,34 @@ impl Fault {
 struct Choice<'de, 't>(Key<'de, 't>, Value<'de, 't>);
 
 impl<'de> EnumAccess<'de> for Choice<'de, '_> {
-    type Error = Fault;
+    type Error = Misreading;
     type Variant = Self;
 
-    fn variant_seed<V: de::DeserializeSeed<'de>>(self, seed: V) -> Result<(V::Value, Self), Fault> {
+    fn variant_seed<V: de::DeserializeSeed<'de>>(
+        self,
+        seed: V,
+    ) -> Result<(V::Value, Self), Misreading> {
         Ok((seed.deserialize(self.0)?, self))
     }
 }
 
 impl<'de> VariantAccess<'de> for Choice<'de, '_> {
-    type Error = Fault;
+    type Error = Misreading;
 
-    fn unit_variant(self) -> Result<(), Fault> {
+    fn unit_variant(self) -> Result<(), Misreading> {
         let Key(key) = self.0;
         let problem = format!("a table stands where the word \"{key}\" should be");
-        Err(Fault::at(&key.span(), problem))
+        Err(Misreading::at(&key.span(), problem))
     }
 
-    fn newtype_variant_seed<T: de::DeserializeSeed<'de>>(self, seed: T) -> Result<T::Value, Fault> {
+    fn newtype_variant_seed<T: de::DeserializeSeed<'de>>(
+        self,
+        seed: T,
+    ) -> Result<T::Value, Misreading> {
         seed.deserialize(self.1)
     }
 
-    fn tuple_variant<V: Visitor<'de>>(self, _: usize, visitor: V) -> Result<V::Value, Fault> {
+    fn tuple_variant<V: Visitor<'de>>(self, _: usize, visitor: V) -> Result<V::Value, Misreading> {
         self.1.deserialize_any(visitor)
     }
 
@@ -255,7 +264,7 @@ impl<'de> VariantAccess<'de> for Choice<'de, '_> {
         self,
         _: &'static [&'static str],
         visitor: V,
-    ) -> Result<V::Value, Fault> {
+    ) -> Result<V::Value, Misreading> {
         self.1.deserialize_any(visitor)
     }
 }

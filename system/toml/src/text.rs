@@ -9,8 +9,8 @@ use thiserror::Error;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-use crate::places::Places;
-use crate::{Fault, read};
+use crate::places::LineTable;
+use crate::{Misreading, read};
 
 /// A mistake at one place of a text.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
@@ -55,15 +55,15 @@ impl From<TextError> for TextErrors {
 
 /// A text with the name of its file, which collects the mistakes in it.
 #[derive(Debug)]
-pub struct Text<'t> {
+pub struct SourceText<'t> {
     file: &'t str,
     content: &'t str,
     /// Made for the first mistake.
-    places: OnceCell<Places>,
+    places: OnceCell<LineTable>,
     errors: RefCell<Vec<TextError>>,
 }
 
-impl<'t> Text<'t> {
+impl<'t> SourceText<'t> {
     /// Creates a text from `content`. `file` is the name of its file in errors; nothing is opened.
     #[must_use]
     pub fn new(file: &'t str, content: &'t str) -> Self {
@@ -82,7 +82,7 @@ impl<'t> Text<'t> {
     pub fn parse(&self) -> Result<Spanned<DeValue<'t>>, TextError> {
         let table = DeTable::parse(self.content).map_err(|error| {
             let span = error.span().unwrap_or_default();
-            self.error(Fault::at(&span, error.message()))
+            self.error(Misreading::at(&span, error.message()))
         })?;
         Ok(Spanned::new(
             table.span(),
@@ -107,13 +107,13 @@ impl<'t> Text<'t> {
 
     /// The line and column of a byte, from 1.
     fn place(&self, byte: usize) -> (usize, usize) {
-        let places = self.places.get_or_init(|| Places::of(self.content));
+        let places = self.places.get_or_init(|| LineTable::of(self.content));
         places.place(self.content, byte)
     }
 
     /// Returns `fault` as an error with the file, the line, the column and the wrong text.
     #[must_use]
-    pub fn error(&self, fault: Fault) -> TextError {
+    pub fn error(&self, fault: Misreading) -> TextError {
         let problem = fault.to_string();
         let span = fault.span.unwrap_or_default();
         let (line, column) = self.place(span.start);
@@ -129,10 +129,10 @@ impl<'t> Text<'t> {
 
     /// Notes a mistake at the byte range `span` of the text; `problem` is the message.
     pub fn wrong(&self, span: &Range<usize>, problem: impl Display) {
-        self.note(Fault::at(span, problem));
+        self.note(Misreading::at(span, problem));
     }
 
-    pub(crate) fn note(&self, fault: Fault) {
+    pub(crate) fn note(&self, fault: Misreading) {
         self.errors.borrow_mut().push(self.error(fault));
     }
 

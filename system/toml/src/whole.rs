@@ -6,13 +6,13 @@ use serde::de::{self, Deserialize, Deserializer, Unexpected, Visitor};
 /// A whole number from `LEAST` to `MOST` that is a multiple of `UNIT`; reading any other number is
 /// a mistake.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Whole<T, const LEAST: i64, const MOST: i64, const UNIT: i64 = 1>(
+pub struct WholeNumber<T, const LEAST: i64, const MOST: i64, const UNIT: i64 = 1>(
     /// The number.
     pub T,
 );
 
 impl<'de, T: TryFrom<i64>, const LEAST: i64, const MOST: i64, const UNIT: i64> Deserialize<'de>
-    for Whole<T, LEAST, MOST, UNIT>
+    for WholeNumber<T, LEAST, MOST, UNIT>
 {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         let within = Within::<T, LEAST, MOST, UNIT>(PhantomData);

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use condor_toml::{Fault, Spanned, Text, TextErrors, Whole, suggest};
+use condor_toml::{Misreading, SourceText, Spanned, TextErrors, WholeNumber, suggest};
 use serde::Deserialize;
 
 #[derive(Debug, PartialEq, Deserialize)]
@@ -47,7 +47,7 @@ on = true
 ";
 
 fn told(text: &str) -> String {
-    let text = Text::new("f", text);
+    let text = SourceText::new("f", text);
     text.read::<All>().unwrap_err().to_string()
 }
 
@@ -59,7 +59,7 @@ fn a_text_may_have_a_hundred_thousand_mistakes() {
         let keys: Vec<_> = (0..MANY).map(|key| format!("k{key:06} = \"ö\"")).collect();
         let end = if begin.starts_with('[') { "\n" } else { "}\n" };
         let content = format!("{begin}{}{end}", keys.join(between));
-        let text = Text::new("f", &content);
+        let text = SourceText::new("f", &content);
         let tree = text.parse().unwrap();
         let mut top = text.keys(&tree).unwrap();
         top.table("a").unwrap().finish();
@@ -89,7 +89,7 @@ fn a_long_word_is_compared_with_no_short_one() {
 
 #[test]
 fn values_and_keys_know_where_they_stand() {
-    let all: All = Text::new("f", RIGHT).read().unwrap();
+    let all: All = SourceText::new("f", RIGHT).read().unwrap();
     let shape = RIGHT.get(all.shape.span()).unwrap();
     assert_eq!(shape, "{ box = { sides = [1.0, 0x10] } }");
     let joints = all.joints.keys().map(|key| RIGHT.get(key.span()).unwrap());
@@ -171,7 +171,7 @@ fn what_is_wrong_is_told_with_its_place() {
 }
 
 fn read(text: &str) -> Result<(Vec<String>, i8), TextErrors> {
-    let text = Text::new("f", text);
+    let text = SourceText::new("f", text);
     let tree = text.parse()?;
     let mut top = text.keys(&tree).unwrap();
     let mut names = Vec::new();
@@ -180,7 +180,7 @@ fn read(text: &str) -> Result<(Vec<String>, i8), TextErrors> {
         row.word("kind", &[("big", ()), ("small", ())]);
         row.finish();
     }
-    let level: Option<Spanned<Whole<i8, -100, 100, 10>>> = top.get("level");
+    let level: Option<Spanned<WholeNumber<i8, -100, 100, 10>>> = top.get("level");
     if let Some(level) = &level {
         if level.get_ref().0 == 50 {
             top.wrong(&level.span(), "50 is not there today");
@@ -215,11 +215,11 @@ fn all_mistakes_are_told_in_the_order_of_the_lines() {
 #[test]
 fn a_place_is_in_characters_and_an_excerpt_in_one_line() {
     let content = "ä = \"\"\"b\nc\"\"\"";
-    let text = Text::new("f", content);
-    let error = text.error(Fault::at(&(5..content.len()), "no"));
+    let text = SourceText::new("f", content);
+    let error = text.error(Misreading::at(&(5..content.len()), "no"));
     assert_eq!((error.line, error.column), (1, 5));
     assert_eq!(error.text, "\"\"\"b");
-    let error = text.error(Fault::at(&(99..100), "no"));
+    let error = text.error(Misreading::at(&(99..100), "no"));
     assert_eq!((error.line, error.column, error.text.as_str()), (2, 5, ""));
     assert_eq!(suggest("x", &[]), "it has none");
     assert_eq!(suggest("x", &["one", "two"]), "it can be `one`, `two`");

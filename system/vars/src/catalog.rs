@@ -3,7 +3,7 @@
 use core::fmt;
 
 use condor_mbox::layout::LINE;
-use condor_mbox::{AccessError, LoadOrder, MemoryWindow, Place, Places, Region, StoreOrder};
+use condor_mbox::{AccessError, Allocator, LoadOrder, MemoryWindow, Offset, Region, StoreOrder};
 
 use crate::layout::{
     ABOUT_BYTES, IS_PARAM, MAGIC, MOST_ENTRIES, NAME_BYTES, Shape, UNIT_BYTES, VERSION, entry_at,
@@ -11,7 +11,7 @@ use crate::layout::{
 };
 use crate::param::Tune;
 use crate::sync::{Ordering, fence};
-use crate::var::{Description, Watch};
+use crate::var::{VarDescription, Watch};
 
 /// The variables and parameters of a loop, in the order in which they are numbered.
 #[derive(Clone, Copy)]
@@ -66,7 +66,7 @@ pub enum CatalogError {
 
 /// An entry that is to be written.
 pub(crate) struct Item<'i> {
-    pub(crate) description: Description<'i>,
+    pub(crate) description: VarDescription<'i>,
     /// Writes its name.
     pub(crate) name: &'i dyn Fn(&mut dyn fmt::Write) -> fmt::Result,
     pub(crate) is_param: bool,
@@ -178,7 +178,7 @@ pub(crate) fn measure(
     let (mut shape, mut end) = (Shape::default(), 0);
     items(&mut |item| {
         let entry = shape.entries;
-        let Description {
+        let VarDescription {
             kind,
             unit,
             about,
@@ -217,10 +217,10 @@ pub(crate) fn measure(
     Ok((shape, end))
 }
 
-/// Writes a table in the next of `places`; returns it with its offset and its life.
+/// Writes a table in the next of `places`; returns it with its offset and its incarnation.
 pub(crate) fn write<W: MemoryWindow + Clone>(
     own: &Region<W>,
-    places: &mut Places,
+    places: &mut Allocator,
     shape: Shape,
     rate: (u32, u32),
     cell: (u32, u32),
@@ -230,12 +230,12 @@ pub(crate) fn write<W: MemoryWindow + Clone>(
     let offset = places.bytes(bytes as usize)?;
     let table = own.part(offset, bytes)?;
     let set = |at, word| table.store(at, word, StoreOrder::Relaxed);
-    let life = table.load(header::LIFE, LoadOrder::Relaxed)?;
-    let life = life.wrapping_add(1);
+    let incarnation = table.load(header::INCARNATION, LoadOrder::Relaxed)?;
+    let incarnation = incarnation.wrapping_add(1);
     set(header::MAGIC, 0)?;
-    // Pairs with the first look of a reader: who sees the new life sees no magic of the former one.
-    table.store(header::LIFE, life, StoreOrder::Release)?;
-    // A reader of the former life that sees anything of what follows sees the new life afterwards.
+    // Pairs with the first look of a reader: who sees the new incarnation sees no magic of the former one.
+    table.store(header::INCARNATION, incarnation, StoreOrder::Release)?;
+    // A reader of the former incarnation that sees anything of what follows sees the new incarnation afterwards.
     fence(Ordering::Release);
     set(header::VERSION, VERSION)?;
     let Shape {
@@ -246,7 +246,7 @@ pub(crate) fn write<W: MemoryWindow + Clone>(
     } = shape;
     let ((a, b), (c, d)) = (rate, cell);
     let words = [bytes, a, b, entries, text_bytes, slots, slot_bytes, c, d];
-    table.set(Place::at(header::BYTES), &words)?;
+    table.set(Offset::at(header::BYTES), &words)?;
     for number in 0..slots {
         for word in [slot::CLAIM, slot::SELECTION, slot::BEGUN, slot::COMPLETE] {
             set(shape.slot(number) + word, 0)?;
@@ -256,7 +256,7 @@ pub(crate) fn write<W: MemoryWindow + Clone>(
     let texts = table.part(shape.texts(), shape.text_bytes)?;
     let (mut number, mut end) = (0, 0_u32);
     items(&mut |item| {
-        let Description {
+        let VarDescription {
             kind,
             unit,
             about,
@@ -282,11 +282,11 @@ pub(crate) fn write<W: MemoryWindow + Clone>(
         let [[a, b], [c, d]] = bounds;
         let (lengths, kind) = (u32::from_le_bytes(lengths), kind as u32 | flags);
         let words = [begin, lengths, kind, item.position, a, b, c, d];
-        table.set(Place::at(entry_at(number)), &words)?;
+        table.set(Offset::at(entry_at(number)), &words)?;
         number += 1;
         Ok(())
     })?;
     // Pairs with the reader's first look at the table.
     table.store(header::MAGIC, MAGIC, StoreOrder::Release)?;
-    Ok((table, offset, life))
+    Ok((table, offset, incarnation))
 }

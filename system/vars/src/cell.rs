@@ -1,19 +1,19 @@
 //! [`Cell`]: a published cell whose fields are shown.
 
-use condor_mbox::published::{ReadError, read_bytes};
-use condor_mbox::{MemoryWindow, Places, Published, Region};
+use condor_mbox::published::{PublishedReadError, read_bytes};
+use condor_mbox::{Allocator, MemoryWindow, Published, Region};
 
 use crate::catalog::{self, Body, CatalogError, Item};
-use crate::kind::{Kind, Value};
-use crate::table::{Entry, Table, TableError};
-use crate::var::Description;
+use crate::kind::{AnyValue, ValueKind};
+use crate::table::{TableEntry, VariableTable, VariableTableError};
+use crate::var::VarDescription;
 
 /// A struct whose latest value is published in a [`Published`] cell, and whose fields other
 /// programs can read by name.
 ///
 /// ```
 /// use core::mem::offset_of;
-/// use condor_vars::{Described, Field, Kind};
+/// use condor_vars::{CellStruct, CellField, ValueKind};
 ///
 /// #[repr(C)]
 /// struct Grasp {
@@ -21,36 +21,41 @@ use crate::var::Description;
 ///     contacts: u32,
 /// }
 ///
-/// impl Described for Grasp {
-///     const FIELDS: &'static [Field] = &[
-///         Field::new("force", "N", Kind::F32, offset_of!(Grasp, forces)).repeated(4),
-///         Field::new("contacts", "", Kind::U32, offset_of!(Grasp, contacts)),
+/// impl CellStruct for Grasp {
+///     const FIELDS: &'static [CellField] = &[
+///         CellField::new("force", "N", ValueKind::F32, offset_of!(Grasp, forces)).repeated(4),
+///         CellField::new("contacts", "", ValueKind::U32, offset_of!(Grasp, contacts)),
 ///     ];
 /// }
 /// ```
-pub trait Described {
+pub trait CellStruct {
     /// The fields, in any order; some may be left out.
-    const FIELDS: &'static [Field];
+    const FIELDS: &'static [CellField];
 }
 
 /// A field of a struct.
 #[derive(Clone, Copy, Debug)]
-pub struct Field {
+pub struct CellField {
     name: &'static str,
     unit: &'static str,
     about: &'static str,
     labels: &'static [&'static str],
-    kind: Kind,
+    kind: ValueKind,
     offset: usize,
     /// How many there are, one after the other.
     count: Option<usize>,
 }
 
-impl Field {
+impl CellField {
     /// Describes the field at `offset` bytes from the beginning of the struct; `offset_of!` returns
     /// this offset.
     #[must_use]
-    pub const fn new(name: &'static str, unit: &'static str, kind: Kind, offset: usize) -> Self {
+    pub const fn new(
+        name: &'static str,
+        unit: &'static str,
+        kind: ValueKind,
+        offset: usize,
+    ) -> Self {
         Self {
             name,
             unit,
@@ -68,7 +73,7 @@ impl Field {
         Self { about, ..self }
     }
 
-    /// Adds the names of the values of a [`Kind::Choice`], in the order of their numbers.
+    /// Adds the names of the values of a [`ValueKind::Choice`], in the order of their numbers.
     #[must_use]
     pub const fn labels(self, labels: &'static [&'static str]) -> Self {
         Self { labels, ..self }
@@ -87,7 +92,7 @@ impl Field {
     fn each(&self, body: &mut Body<'_>) -> Result<(), CatalogError> {
         (0..self.count.unwrap_or(1)).try_for_each(|index| {
             body(&Item {
-                description: Description {
+                description: VarDescription {
                     kind: self.kind,
                     unit: self.unit,
                     about: self.about,
@@ -113,10 +118,10 @@ impl Field {
 /// # Errors
 /// [`CatalogError::Block`] with the number of a field that is not inside of `T`; otherwise the
 /// other variants of [`CatalogError`].
-pub fn describe<T: Described, W: MemoryWindow + Clone>(
+pub fn describe<T: CellStruct, W: MemoryWindow + Clone>(
     cell: Published<T>,
     own: &Region<W>,
-    places: &mut Places,
+    places: &mut Allocator,
 ) -> Result<u32, CatalogError> {
     let bytes = size_of::<T>();
     for (block, field) in T::FIELDS.iter().enumerate() {
@@ -136,7 +141,7 @@ pub fn describe<T: Described, W: MemoryWindow + Clone>(
 /// A published cell of which the reader knows only the table that describes its fields.
 #[derive(Clone, Copy, Debug)]
 pub struct Cell<W> {
-    table: Table<W>,
+    table: VariableTable<W>,
     users: Region<W>,
     offset: u32,
     bytes: usize,
@@ -148,7 +153,7 @@ pub struct Cell<W> {
 pub enum CellError {
     /// The cell's table cannot be read.
     #[error(transparent)]
-    Table(#[from] TableError),
+    Table(#[from] VariableTableError),
     /// The table is that of a loop, not of a cell.
     #[error("the table describes no published cell")]
     NoCell,
@@ -162,7 +167,7 @@ pub enum CellError {
     },
     /// There is no value yet, or no consistent one could be read.
     #[error(transparent)]
-    Read(#[from] ReadError),
+    Read(#[from] PublishedReadError),
 }
 
 impl<W: MemoryWindow + Clone> Cell<W> {
@@ -173,7 +178,7 @@ impl<W: MemoryWindow + Clone> Cell<W> {
     /// [`CellError::Table`] if the table cannot be read, [`CellError::NoCell`] if it is that of a
     /// loop.
     pub fn open(users: &Region<W>, offset: u32) -> Result<Self, CellError> {
-        let table = Table::open(users, offset)?;
+        let table = VariableTable::open(users, offset)?;
         let (offset, bytes) = table.cell().ok_or(CellError::NoCell)?;
         Ok(Self {
             table,
@@ -187,7 +192,7 @@ impl<W: MemoryWindow + Clone> Cell<W> {
 impl<W: MemoryWindow> Cell<W> {
     /// Returns the table that describes the fields.
     #[must_use]
-    pub const fn table(&self) -> &Table<W> {
+    pub const fn table(&self) -> &VariableTable<W> {
         &self.table
     }
 
@@ -209,16 +214,16 @@ impl<W: MemoryWindow> Cell<W> {
             .get_mut(..bytes)
             .ok_or(CellError::Room { bytes, room })?;
         let sequence = read_bytes(&self.users, self.offset, value)?;
-        self.table.check_life()?;
+        self.table.check_incarnation()?;
         Ok(sequence)
     }
 }
 
-impl Entry {
+impl TableEntry {
     /// Returns the value of this field of a cell from `value`, the bytes of the whole cell; `None`
     /// if there are too few.
     #[must_use]
-    pub fn of_cell(&self, value: &[u8]) -> Option<Value> {
+    pub fn of_cell(&self, value: &[u8]) -> Option<AnyValue> {
         self.kind
             .value_of_bytes(value.get(self.position as usize..)?)
     }

@@ -1,22 +1,22 @@
-//! [`Client`]: asks the loops of another processor's program.
+//! [`VariableClient`]: asks the loops of another processor's program.
 
 use core::time::Duration;
 
 use condor_mbox::exchange::ExchangeError;
 use condor_mbox::{
-    AccessError, Exchange, MemoryWindow, Messenger, Places, Processor, Region, Vector,
+    AccessError, Allocator, Exchange, MemoryWindow, Messenger, Processor, Region, Vector,
 };
 
-use crate::kind::{Kind, Value};
-use crate::layout::{Block, response, verb};
-use crate::table::{Entry, Table, TableError};
+use crate::kind::{AnyValue, ValueKind};
+use crate::layout::{Block, operation, response};
+use crate::table::{TableEntry, VariableTable, VariableTableError};
 use crate::watcher::Watcher;
 
 /// A client of the loops of one processor: it asks for slots and selections, and sets parameters.
 ///
 /// Its calls wait for the reply, and serve messages meanwhile.
 #[derive(Debug)]
-pub struct Client<'m, M: Messenger + ?Sized, W> {
+pub struct VariableClient<'m, M: Messenger + ?Sized, W> {
     exchange: Exchange<'m, M, W, Block, Block>,
     messenger: &'m M,
     to: Processor,
@@ -32,7 +32,7 @@ pub enum RequestError {
     Exchange(#[from] ExchangeError),
     /// The table cannot be read, or has been made anew.
     #[error(transparent)]
-    Table(#[from] TableError),
+    Table(#[from] VariableTableError),
     /// The owner was busy until the deadline: the loop had not taken over the last selection, or
     /// another request was being answered.
     #[error("{to} was busy for {} ms", .timeout.as_millis())]
@@ -63,7 +63,7 @@ pub enum RequestError {
         slot: u32,
     },
     /// The selected variables lie in more pieces than the owner has room for; see
-    /// [`Desk`](crate::Desk).
+    /// [`Selections`](crate::Selections).
     #[error("the selection is in {pieces} pieces; {most} is the most")]
     Scattered {
         /// The number of pieces of the selection.
@@ -81,23 +81,23 @@ pub enum RequestError {
     #[error("{value} is no {kind:?}")]
     WrongKind {
         /// The value.
-        value: Value,
+        value: AnyValue,
         /// The type of the parameter.
-        kind: Kind,
+        kind: ValueKind,
     },
     /// The value is not within the bounds.
     #[error("out of bounds: from {least} to {greatest}")]
     OutOfBounds {
         /// The least value.
-        least: Value,
+        least: AnyValue,
         /// The greatest value.
-        greatest: Value,
+        greatest: AnyValue,
     },
     /// The parameter does not have the expected value: another program has changed it.
     #[error("the parameter is {present}")]
     Conflict {
         /// The value that was accepted last.
-        present: Value,
+        present: AnyValue,
     },
     /// The layout does not allow the response.
     #[error("{to} answered with code {code}")]
@@ -118,7 +118,7 @@ impl From<AccessError> for RequestError {
 /// How long a busy owner is left alone.
 const PAUSE: Duration = Duration::from_micros(200);
 
-impl<'m, M: Messenger + ?Sized, W: MemoryWindow> Client<'m, M, W> {
+impl<'m, M: Messenger + ?Sized, W: MemoryWindow> VariableClient<'m, M, W> {
     /// The number of bytes that a client takes from the users' region of its own processor.
     pub const BYTES: usize = Exchange::<'m, M, Region<W>, Block, Block>::BYTES;
 
@@ -131,7 +131,7 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow> Client<'m, M, W> {
     pub fn new(
         messenger: &'m M,
         own: Region<W>,
-        places: &mut Places,
+        places: &mut Allocator,
         to: Processor,
         vector: Vector,
     ) -> Result<Self, AccessError> {
@@ -153,10 +153,11 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow> Client<'m, M, W> {
     /// the response is invalid.
     pub fn claim<V: MemoryWindow + Clone>(
         &mut self,
-        table: &Table<V>,
+        table: &VariableTable<V>,
         timeout: Duration,
     ) -> Result<Watcher<V>, RequestError> {
-        let [number, claim] = self.ask(table, verb::CLAIM, 0, [0; 4], Kind::U32, timeout)?;
+        let [number, claim] =
+            self.ask(table, operation::CLAIM, 0, [0; 4], ValueKind::U32, timeout)?;
         let (to, code) = (self.to, response::DONE);
         Watcher::new(table.clone(), number, claim).ok_or(RequestError::Protocol { to, code })
     }
@@ -182,8 +183,14 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow> Client<'m, M, W> {
         let words = watcher.choose(entries)?;
         let (number, arguments) = (watcher.slot(), [watcher.claim(), every, 0, 0]);
         let table = watcher.table();
-        let [selection, found] =
-            self.ask(table, verb::SELECT, number, arguments, Kind::U32, timeout)?;
+        let [selection, found] = self.ask(
+            table,
+            operation::SELECT,
+            number,
+            arguments,
+            ValueKind::U32,
+            timeout,
+        )?;
         if found != words {
             let (to, code) = (self.to, response::DONE);
             return Err(RequestError::Protocol { to, code });
@@ -205,7 +212,14 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow> Client<'m, M, W> {
         watcher.end();
         let (number, arguments) = (watcher.slot(), [watcher.claim(), 0, 0, 0]);
         let table = watcher.table();
-        self.ask(table, verb::RELEASE, number, arguments, Kind::U32, timeout)?;
+        self.ask(
+            table,
+            operation::RELEASE,
+            number,
+            arguments,
+            ValueKind::U32,
+            timeout,
+        )?;
         Ok(())
     }
 
@@ -217,11 +231,18 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow> Client<'m, M, W> {
     /// [`claim`](Self::claim)).
     pub fn get<V: MemoryWindow>(
         &mut self,
-        table: &Table<V>,
-        entry: &Entry,
+        table: &VariableTable<V>,
+        entry: &TableEntry,
         timeout: Duration,
-    ) -> Result<Value, RequestError> {
-        let words = self.ask(table, verb::GET, entry.number, [0; 4], entry.kind, timeout)?;
+    ) -> Result<AnyValue, RequestError> {
+        let words = self.ask(
+            table,
+            operation::GET,
+            entry.number,
+            [0; 4],
+            entry.kind,
+            timeout,
+        )?;
         Ok(entry.kind.value(words))
     }
 
@@ -237,10 +258,10 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow> Client<'m, M, W> {
     /// those of all calls (see [`claim`](Self::claim)).
     pub fn set<V: MemoryWindow>(
         &mut self,
-        table: &Table<V>,
-        entry: &Entry,
-        expected: Value,
-        new: Value,
+        table: &VariableTable<V>,
+        entry: &TableEntry,
+        expected: AnyValue,
+        new: AnyValue,
         timeout: Duration,
     ) -> Result<(), RequestError> {
         let kind = entry.kind;
@@ -249,22 +270,29 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow> Client<'m, M, W> {
             kind.words_of(value).ok_or(wrong)
         };
         let ([a, b], [c, d]) = (words(expected)?, words(new)?);
-        self.ask(table, verb::SET, entry.number, [a, b, c, d], kind, timeout)?;
+        self.ask(
+            table,
+            operation::SET,
+            entry.number,
+            [a, b, c, d],
+            kind,
+            timeout,
+        )?;
         Ok(())
     }
 
     fn ask<V: MemoryWindow>(
         &mut self,
-        table: &Table<V>,
-        verb: u32,
+        table: &VariableTable<V>,
+        operation: u32,
         number: u32,
         [a, b, c, d]: [u32; 4],
-        kind: Kind,
+        kind: ValueKind,
         timeout: Duration,
     ) -> Result<[u32; 2], RequestError> {
         let deadline = self.messenger.now().after(timeout);
-        let (to, offset, expected) = (self.to, table.offset(), table.life());
-        let request = [verb, offset, expected, number, a, b, c, d];
+        let (to, offset, expected) = (self.to, table.offset(), table.incarnation());
+        let request = [operation, offset, expected, number, a, b, c, d];
         loop {
             let left = Duration::from_nanos(deadline.ns_since(self.messenger.now()));
             let [code, a, b, c, d, ..] = self.exchange.call(to, self.vector, &request, left)?;
@@ -277,10 +305,10 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow> Client<'m, M, W> {
                     continue;
                 }
                 response::NO_TABLE => RequestError::NoTable { to, offset },
-                response::RESTARTED => TableError::Restarted { found: a, expected }.into(),
+                response::RESTARTED => VariableTableError::Restarted { found: a, expected }.into(),
                 response::NO_SLOT => RequestError::NoSlot { slots: a },
                 response::NOT_YOURS => RequestError::Displaced { slot: number },
-                response::NO_ENTRY => TableError::NoEntry { number, entries: a }.into(),
+                response::NO_ENTRY => VariableTableError::NoEntry { number, entries: a }.into(),
                 response::SCATTERED => RequestError::Scattered { pieces: a, most: b },
                 response::NO_PARAM => RequestError::NoParam { number },
                 response::OUT_OF_BOUNDS => RequestError::OutOfBounds {

@@ -1,17 +1,17 @@
-//! [`Desk`]: private memory of a program that its request handler and its loop share.
+//! [`Selections`]: private memory of a program that its request handler and its loop share.
 
 use core::ops::Range;
 
 use crate::sync::{AtomicU32, Ordering, array_of, const_unless_loom};
 
-/// The memory through which the [`Server`](crate::Server) of a loop hands selections to its [`Sampler`](crate::Sampler).
+/// The memory through which the [`VariableServer`](crate::VariableServer) of a loop hands selections to its [`Sampler`](crate::Sampler).
 ///
 /// Each loop has one, with `SLOTS` slots for watchers. A selection has at most `PIECES` pieces; a
 /// piece is a run of neighbouring variables of one block, or a run of neighbouring whole blocks. So
 /// half the number of variables plus one is always enough. No other processor can access this
 /// memory.
 #[derive(Debug)]
-pub struct Desk<const PIECES: usize, const SLOTS: usize> {
+pub struct Selections<const PIECES: usize, const SLOTS: usize> {
     /// Whether some handler is at work: they may interrupt each other.
     pub(crate) is_taken: AtomicU32,
     pub(crate) slots: [Slot<PIECES>; SLOTS],
@@ -133,7 +133,7 @@ impl<const PIECES: usize> Slot<PIECES> {
     }
 }
 
-impl<const PIECES: usize, const SLOTS: usize> Desk<PIECES, SLOTS> {
+impl<const PIECES: usize, const SLOTS: usize> Selections<PIECES, SLOTS> {
     const_unless_loom! {
         /// Makes a desk without claims or selections.
         #[must_use]
@@ -146,7 +146,7 @@ impl<const PIECES: usize, const SLOTS: usize> Desk<PIECES, SLOTS> {
     }
 }
 
-impl<const PIECES: usize, const SLOTS: usize> Default for Desk<PIECES, SLOTS> {
+impl<const PIECES: usize, const SLOTS: usize> Default for Selections<PIECES, SLOTS> {
     fn default() -> Self {
         Self::new()
     }

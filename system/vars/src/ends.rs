@@ -1,21 +1,21 @@
-//! [`Ends`]: the two ends of a [`Desk`].
+//! [`Ends`]: the two ends of a [`Selections`].
 
-use condor_mbox::{Exclusion, MemoryWindow, Places, Processor, Region};
+use condor_mbox::{Allocator, Exclusion, MemoryWindow, Processor, Region};
 
 use crate::catalog::{self, Body, Catalog, CatalogError};
-use crate::desk::Desk;
+use crate::desk::Selections;
 use crate::sampler::Sampler;
-use crate::server::Server;
+use crate::server::VariableServer;
 
-/// The two ends of a [`Desk`]: the server for the request handler, and the sampler for the loop.
+/// The two ends of a [`Selections`]: the server for the request handler, and the sampler for the loop.
 pub type Ends<'e, W, X, const BLOCKS: usize, const PIECES: usize, const SLOTS: usize> = (
-    Server<'e, W, X, PIECES, SLOTS>,
+    VariableServer<'e, W, X, PIECES, SLOTS>,
     Sampler<'e, W, BLOCKS, PIECES, SLOTS>,
 );
 
 /// The settings of a loop's table.
 #[derive(Clone, Copy, Debug)]
-pub struct Settings {
+pub struct VariableSettings {
     /// The rate of the loop as a number of ticks in a number of seconds, such as `(400, 1)`.
     pub rate: (u32, u32),
     /// The number of rows of all variables for which each watcher's ring has room, rounded up to a
@@ -23,7 +23,7 @@ pub struct Settings {
     pub rows: u32,
 }
 
-impl<const PIECES: usize, const SLOTS: usize> Desk<PIECES, SLOTS> {
+impl<const PIECES: usize, const SLOTS: usize> Selections<PIECES, SLOTS> {
     /// Makes the table of a loop in the next of `places`. The table lies in `own`, the users'
     /// region of the program's own `data`. Returns the server for the request handler and the
     /// sampler for the loop.
@@ -39,8 +39,8 @@ impl<const PIECES: usize, const SLOTS: usize> Desk<PIECES, SLOTS> {
         &'e mut self,
         catalog: Catalog<'e>,
         own: &Region<W>,
-        places: &mut Places,
-        settings: &Settings,
+        places: &mut Allocator,
+        settings: &VariableSettings,
         exclusion: X,
         incarnation: &'e (dyn Fn(Processor) -> u32 + Sync),
     ) -> Result<Ends<'e, W, X, BLOCKS, PIECES, SLOTS>, CatalogError>
@@ -62,14 +62,14 @@ impl<const PIECES: usize, const SLOTS: usize> Desk<PIECES, SLOTS> {
                 })?;
         }
         let items = |body: &mut Body<'_>| catalog.each(body);
-        let (table, offset, life) =
+        let (table, offset, table_incarnation) =
             catalog::write(own, places, shape, settings.rate, (0, 0), items)?;
         let sampler = Sampler::new(desk, table.clone(), shape, blocks, catalog.params());
-        let server = Server {
+        let server = VariableServer {
             desk,
             table,
             offset,
-            life,
+            table_incarnation,
             shape,
             catalog,
             exclusion,

@@ -1,4 +1,4 @@
-//! [`Kind`] and [`Value`]: types and values that are known only at run time.
+//! [`ValueKind`] and [`AnyValue`]: types and values that are known only at run time.
 
 use core::fmt;
 use core::mem::discriminant;
@@ -9,7 +9,7 @@ use core::mem::discriminant;
 /// Narrow integers are extended to a word with their sign; `false` is 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]
-pub enum Kind {
+pub enum ValueKind {
     /// `f32`.
     F32 = 1,
     /// `f64`.
@@ -38,22 +38,22 @@ pub enum Kind {
 
 /// A value whose type is known only at run time.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Value {
-    /// A value of [`Kind::F32`].
+pub enum AnyValue {
+    /// A value of [`ValueKind::F32`].
     F32(f32),
-    /// A value of [`Kind::F64`].
+    /// A value of [`ValueKind::F64`].
     F64(f64),
     /// A signed integer of any size.
     Int(i64),
     /// An unsigned integer of any size.
     Uint(u64),
-    /// A value of [`Kind::Bool`].
+    /// A value of [`ValueKind::Bool`].
     Bool(bool),
-    /// A value of [`Kind::Choice`]: the number of its label.
+    /// A value of [`ValueKind::Choice`]: the number of its label.
     Choice(u32),
 }
 
-impl Kind {
+impl ValueKind {
     const ALL: [Self; 12] = [
         Self::F32,
         Self::F64,
@@ -98,28 +98,28 @@ impl Kind {
     /// Returns the value that these words hold, the lower first; a kind of one word ignores the
     /// second.
     #[must_use]
-    pub fn value(self, words: [u32; 2]) -> Value {
+    pub fn value(self, words: [u32; 2]) -> AnyValue {
         let ([low, _], long) = (words, join(words));
         match self {
-            Self::F32 => Value::F32(f32::from_bits(low)),
-            Self::F64 => Value::F64(f64::from_bits(long)),
-            Self::I8 => Value::Int((low as i8).into()),
-            Self::I16 => Value::Int((low as i16).into()),
-            Self::I32 => Value::Int(low.cast_signed().into()),
-            Self::I64 => Value::Int(long.cast_signed()),
-            Self::U8 => Value::Uint((low as u8).into()),
-            Self::U16 => Value::Uint((low as u16).into()),
-            Self::U32 => Value::Uint(low.into()),
-            Self::U64 => Value::Uint(long),
-            Self::Bool => Value::Bool(low != 0),
-            Self::Choice => Value::Choice(low),
+            Self::F32 => AnyValue::F32(f32::from_bits(low)),
+            Self::F64 => AnyValue::F64(f64::from_bits(long)),
+            Self::I8 => AnyValue::Int((low as i8).into()),
+            Self::I16 => AnyValue::Int((low as i16).into()),
+            Self::I32 => AnyValue::Int(low.cast_signed().into()),
+            Self::I64 => AnyValue::Int(long.cast_signed()),
+            Self::U8 => AnyValue::Uint((low as u8).into()),
+            Self::U16 => AnyValue::Uint((low as u16).into()),
+            Self::U32 => AnyValue::Uint(low.into()),
+            Self::U64 => AnyValue::Uint(long),
+            Self::Bool => AnyValue::Bool(low != 0),
+            Self::Choice => AnyValue::Choice(low),
         }
     }
 
     /// Returns the value of a field of a published struct from its bytes, which are little-endian;
     /// `None` if there are too few. Further bytes are ignored.
     #[must_use]
-    pub fn value_of_bytes(self, bytes: &[u8]) -> Option<Value> {
+    pub fn value_of_bytes(self, bytes: &[u8]) -> Option<AnyValue> {
         let field = bytes.get(..self.bytes())?.iter().rev();
         let long = field.fold(0, |long, byte| long << 8 | u64::from(*byte));
         Some(self.value(split(long)))
@@ -129,14 +129,14 @@ impl Kind {
     /// there are too few.
     ///
     /// ```
-    /// use condor_vars::{Kind, Value};
+    /// use condor_vars::{ValueKind, AnyValue};
     ///
-    /// let (value, rest) = Kind::I32.split(&[u32::MAX, 7]).unwrap();
-    /// assert_eq!(value, Value::Int(-1));
+    /// let (value, rest) = ValueKind::I32.split(&[u32::MAX, 7]).unwrap();
+    /// assert_eq!(value, AnyValue::Int(-1));
     /// assert_eq!(rest, [7]);
     /// ```
     #[must_use]
-    pub fn split(self, words: &[u32]) -> Option<(Value, &[u32])> {
+    pub fn split(self, words: &[u32]) -> Option<(AnyValue, &[u32])> {
         let (own, rest) = words.split_at_checked(self.words())?;
         let low = own.first().copied()?;
         let high = own.get(1).copied().unwrap_or(0);
@@ -146,7 +146,7 @@ impl Kind {
     /// Returns the words that store `value`, the lower first; `None` if it is of another kind, or
     /// does not fit.
     #[must_use]
-    pub fn words_of(self, value: Value) -> Option<[u32; 2]> {
+    pub fn words_of(self, value: AnyValue) -> Option<[u32; 2]> {
         let [low, high] = split(value.bits());
         let words = [low, if self.words() == 2 { high } else { 0 }];
         let found = self.value(words);
@@ -155,7 +155,7 @@ impl Kind {
     }
 }
 
-impl Value {
+impl AnyValue {
     fn bits(self) -> u64 {
         match self {
             Self::F32(value) => value.to_bits().into(),
@@ -172,7 +172,7 @@ impl Value {
 ///
 /// Floating point is printed with as many digits as distinguish it from all other numbers. `core`'s
 /// own printing has paths that panic, and the code of a control processor must have none.
-impl fmt::Display for Value {
+impl fmt::Display for AnyValue {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::F32(value) => f.write_str(zmij::Buffer::new().format(*value)),
@@ -195,31 +195,37 @@ pub(crate) const fn join([low, high]: [u32; 2]) -> u64 {
 
 #[cfg(test)]
 mod tests {
-    use super::{Kind, Value};
+    use super::{AnyValue, ValueKind};
 
     #[test]
     fn codes_values_and_words_agree() {
-        let int = [i64::from(i8::MIN), -2, i32::MIN.into(), i64::MIN].map(Value::Int);
-        let uint = [255, 65_535, u32::MAX.into(), u64::MAX].map(Value::Uint);
-        let floats = [Value::F32(-0.5), Value::F64(1e300)];
-        let others = [Value::Bool(true), Value::Choice(3)];
+        let int = [i64::from(i8::MIN), -2, i32::MIN.into(), i64::MIN].map(AnyValue::Int);
+        let uint = [255, 65_535, u32::MAX.into(), u64::MAX].map(AnyValue::Uint);
+        let floats = [AnyValue::F32(-0.5), AnyValue::F64(1e300)];
+        let others = [AnyValue::Bool(true), AnyValue::Choice(3)];
         let values = floats.into_iter().chain(int).chain(uint).chain(others);
-        for ((code, kind), value) in (1..).zip(Kind::ALL).zip(values) {
+        for ((code, kind), value) in (1..).zip(ValueKind::ALL).zip(values) {
             assert_eq!(kind as u32, code);
-            assert_eq!(Kind::from_code(code), Some(kind));
+            assert_eq!(ValueKind::from_code(code), Some(kind));
             assert_eq!(kind.value(kind.words_of(value).unwrap()), value);
         }
-        assert_eq!(Kind::from_code(0), None);
-        assert_eq!(Kind::from_code(13), None);
-        assert_eq!(Kind::U8.words_of(Value::Uint(256)), None);
-        assert_eq!(Kind::I8.words_of(Value::Int(128)), None);
-        assert_eq!(Kind::F32.words_of(Value::F64(1.0)), None);
+        assert_eq!(ValueKind::from_code(0), None);
+        assert_eq!(ValueKind::from_code(13), None);
+        assert_eq!(ValueKind::U8.words_of(AnyValue::Uint(256)), None);
+        assert_eq!(ValueKind::I8.words_of(AnyValue::Int(128)), None);
+        assert_eq!(ValueKind::F32.words_of(AnyValue::F64(1.0)), None);
     }
 
     #[test]
     fn fields_have_their_signs() {
-        assert_eq!(Kind::I8.value_of_bytes(&[0xff, 7]), Some(Value::Int(-1)));
-        assert_eq!(Kind::U16.value_of_bytes(&[1, 2]), Some(Value::Uint(513)));
-        assert_eq!(Kind::F64.value_of_bytes(&[0; 7]), None);
+        assert_eq!(
+            ValueKind::I8.value_of_bytes(&[0xff, 7]),
+            Some(AnyValue::Int(-1))
+        );
+        assert_eq!(
+            ValueKind::U16.value_of_bytes(&[1, 2]),
+            Some(AnyValue::Uint(513))
+        );
+        assert_eq!(ValueKind::F64.value_of_bytes(&[0; 7]), None);
     }
 }

@@ -8,7 +8,7 @@
 //! |---|---|---|
 //! | 0 | magic | `CVAR`; 0 while the owner writes what follows |
 //! | 4 | version | 1 |
-//! | 8 | life | one more whenever a program makes the table anew |
+//! | 8 | incarnation | one more whenever a program makes the table anew |
 //! | 12 | bytes | size of the whole table |
 //! | 16, 20 | rate | a number of ticks, and a number of seconds in which they happen |
 //! | 24 | entries | the number of variables and parameters, or of fields of a cell |
@@ -27,7 +27,7 @@
 //! |---|---|---|
 //! | 0 | text | offset of its text in the texts, a multiple of 4 |
 //! | 4 | lengths | bytes of the name, of the unit, of the description, and number of labels: 8 bits each, from the lowest |
-//! | 8 | kind | number of the [`Kind`](crate::Kind); bit 8 is set if it is a parameter |
+//! | 8 | kind | number of the [`ValueKind`](crate::ValueKind); bit 8 is set if it is a parameter |
 //! | 12 | position | offset of its value in a row of all variables, or in the value of the cell |
 //! | 16 | least | two words: the least value of a parameter |
 //! | 24 | greatest | two words: the greatest value of a parameter |
@@ -55,10 +55,10 @@
 //! unchanged.
 //!
 //! A *request* is eight words in the sender's `data`, sent by [`Exchange`](condor_mbox::Exchange);
-//! the response is eight words, too. The first four words of a request are always the verb, the
-//! offset of the table in the users' region, its life, and the number of a slot or an entry.
+//! the response is eight words, too. The first four words of a request are always the operation, the
+//! offset of the table in the users' region, its incarnation, and the number of a slot or an entry.
 //!
-//! | verb | further words | reply after 0 |
+//! | operation | further words | reply after 0 |
 //! |---|---|---|
 //! | 1 claim | | slot, claim |
 //! | 2 select | claim, every how many ticks a row, at least 1 | selection, words of a row's values |
@@ -71,8 +71,8 @@
 //! | 0 | as above | done |
 //! | 1 | | busy: ask again |
 //! | 2 | | there is no such table |
-//! | 3 | life | the table has been made anew |
-//! | 4 | verb | there is no such verb |
+//! | 3 | incarnation | the table has been made anew |
+//! | 4 | operation | there is no such operation |
 //! | 5 | slots | all slots are claimed by watchers that live |
 //! | 6 | | the slot is claimed by somebody else |
 //! | 7 | entries | there is no such entry, or the mask selects one that there is not |
@@ -106,7 +106,7 @@ pub(crate) type Block = [u32; 8];
 pub(crate) mod header {
     pub(crate) const MAGIC: u32 = 0;
     pub(crate) const VERSION: u32 = 4;
-    pub(crate) const LIFE: u32 = 8;
+    pub(crate) const INCARNATION: u32 = 8;
     pub(crate) const BYTES: u32 = 12;
 }
 
@@ -128,7 +128,7 @@ pub(crate) mod slot {
 /// Words of a row before the values.
 pub(crate) const ROW_HEADER: u32 = 4;
 
-pub(crate) mod verb {
+pub(crate) mod operation {
     pub(crate) const CLAIM: u32 = 1;
     pub(crate) const SELECT: u32 = 2;
     pub(crate) const RELEASE: u32 = 3;
@@ -141,7 +141,7 @@ pub(crate) mod response {
     pub(crate) const BUSY: u32 = 1;
     pub(crate) const NO_TABLE: u32 = 2;
     pub(crate) const RESTARTED: u32 = 3;
-    pub(crate) const NO_VERB: u32 = 4;
+    pub(crate) const NO_OPERATION: u32 = 4;
     pub(crate) const NO_SLOT: u32 = 5;
     pub(crate) const NOT_YOURS: u32 = 6;
     pub(crate) const NO_ENTRY: u32 = 7;

@@ -1,8 +1,8 @@
 // The first definition of a link counts: here those of README.md lead to items instead of files.
 //! [layout]: mod@layout
 //! [watch]: Watch
-//! [desk]: Desk
-//! [client]: Client
+//! [desk]: Selections
+//! [client]: VariableClient
 //! [watcher]: Watcher
 //!
 #![doc = include_str!("../README.md")]
@@ -30,24 +30,24 @@ mod var;
 mod watcher;
 
 // What a program declares.
-pub use kind::{Kind, Value};
-pub use param::{Param, Params, Refusal, Tune};
+pub use kind::{AnyValue, ValueKind};
+pub use param::{Param, ParamRefusal, Params, Tune};
 pub use scalar::{Scalar, Storage};
-pub use var::{Description, Var, Vars, Watch};
+pub use var::{Var, VarDescription, Vars, Watch};
 
 // The ends of its owner.
 pub use catalog::{Catalog, CatalogError};
-pub use cell::{Described, Field, describe};
-pub use desk::Desk;
-pub use ends::{Ends, Settings};
+pub use cell::{CellField, CellStruct, describe};
+pub use desk::Selections;
+pub use ends::{Ends, VariableSettings};
 pub use sampler::Sampler;
-pub use server::{Respond, Server, answer};
+pub use server::{Respond, VariableServer, answer};
 
 // The end of whoever watches and sets.
 pub use cell::{Cell, CellError};
-pub use client::{Client, RequestError};
+pub use client::{RequestError, VariableClient};
 pub use layout::VARS;
 #[cfg(feature = "std")]
-pub use merge::{Merge, Merged};
-pub use table::{Entry, Table, TableError};
-pub use watcher::{Row, WatchError, Watcher};
+pub use merge::{Merge, MergedRow};
+pub use table::{TableEntry, VariableTable, VariableTableError};
+pub use watcher::{RowHead, WatchError, Watcher};

@@ -46,7 +46,7 @@ struct Source<T> {
 
 /// A row with its time on the common axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Merged<T> {
+pub struct MergedRow<T> {
     /// The index of the source.
     pub source: usize,
     /// The time in nanoseconds: the time on the clock of the source plus the source's offset.
@@ -98,7 +98,7 @@ impl<T> Merge<T> {
 
     /// Returns the earliest row, if no earlier one can come or it is older than the horizon allows;
     /// otherwise `None`.
-    pub fn pop(&mut self) -> Option<Merged<T>> {
+    pub fn pop(&mut self) -> Option<MergedRow<T>> {
         let (earliest, at_ns) = self.earliest()?;
         let others = self.sources.iter().enumerate();
         let mut others = others.filter(|(number, _)| *number != earliest);
@@ -112,7 +112,7 @@ impl<T> Merge<T> {
     }
 
     /// Iterates over all remaining rows in order of time; call it when no more rows come.
-    pub fn finish(&mut self) -> impl Iterator<Item = Merged<T>> + '_ {
+    pub fn finish(&mut self) -> impl Iterator<Item = MergedRow<T>> + '_ {
         core::iter::from_fn(|| {
             let (earliest, _) = self.earliest()?;
             self.take(earliest)
@@ -125,11 +125,11 @@ impl<T> Merge<T> {
         fronts.min_by_key(|(_, at_ns)| *at_ns)
     }
 
-    fn take(&mut self, number: usize) -> Option<Merged<T>> {
+    fn take(&mut self, number: usize) -> Option<MergedRow<T>> {
         let (at_ns, item) = self.sources.get_mut(number)?.waiting.pop_front()?;
         let is_late = at_ns < self.given_ns;
         self.given_ns = self.given_ns.max(at_ns);
-        Some(Merged {
+        Some(MergedRow {
             source: number,
             at_ns,
             is_late,

@@ -6,7 +6,7 @@ use core::sync::atomic::AtomicU32 as Plain;
 
 use crate::scalar::{Scalar, Storage};
 use crate::sync::{AtomicU32, Ordering, array_of, const_unless_loom, fence};
-use crate::var::{Description, Names, Watch, description};
+use crate::var::{Names, VarDescription, Watch, description};
 
 /// A parameter of a loop. It has bounds, others change it by compare and set, and it is constant
 /// within a tick (one run of the loop's body).
@@ -16,15 +16,15 @@ use crate::var::{Description, Names, Watch, description};
 /// never waits. A parameter can be watched like a [`Var`](crate::Var), and can be a `static`.
 ///
 /// ```
-/// use condor_vars::{Param, Refusal, Tune};
+/// use condor_vars::{Param, ParamRefusal, Tune};
 ///
 /// static STIFFNESS: Param<f64> = Param::new("joint.stiffness", "N m/rad", 2.0, 0.0..=50.0);
-/// assert_eq!(STIFFNESS.compare_and_set(2.0, 60.0), Err(Refusal::OutOfBounds));
+/// assert_eq!(STIFFNESS.compare_and_set(2.0, 60.0), Err(ParamRefusal::OutOfBounds));
 /// assert_eq!(STIFFNESS.compare_and_set(2.0, 3.0), Ok(()));
 /// assert_eq!(STIFFNESS.get(), 2.0);
 /// STIFFNESS.latch(); // a `Sampler` does this when a tick begins
 /// assert_eq!(STIFFNESS.get(), 3.0);
-/// assert!(matches!(STIFFNESS.compare_and_set(2.0, 4.0), Err(Refusal::Conflict { .. })));
+/// assert!(matches!(STIFFNESS.compare_and_set(2.0, 4.0), Err(ParamRefusal::Conflict { .. })));
 /// ```
 pub type Param<T> = Params<T, 1>;
 
@@ -67,7 +67,7 @@ const NEVER: u32 = 1;
 
 /// The reason for which a parameter was not set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum Refusal {
+pub enum ParamRefusal {
     /// The new value is not within the bounds, or is not a value of the type.
     #[error("the value is out of bounds")]
     OutOfBounds,
@@ -107,9 +107,9 @@ impl<T: Scalar> Param<T> {
     /// inside of the same [`Exclusion`](condor_mbox::Exclusion) as the server.
     ///
     /// # Errors
-    /// [`Refusal::OutOfBounds`] if `new` is out of bounds, [`Refusal::Conflict`] if the value that
+    /// [`ParamRefusal::OutOfBounds`] if `new` is out of bounds, [`ParamRefusal::Conflict`] if the value that
     /// was accepted last is not `expected`.
-    pub fn compare_and_set(&self, expected: T, new: T) -> Result<(), Refusal> {
+    pub fn compare_and_set(&self, expected: T, new: T) -> Result<(), ParamRefusal> {
         self.compare_and_set_at(0, expected, new)
     }
 }
@@ -182,9 +182,14 @@ impl<T: Scalar, const N: usize> Params<T, N> {
     /// Changes the parameter `index` from `expected` to `new`, as [`Param::compare_and_set`] does.
     ///
     /// # Errors
-    /// [`Refusal::OutOfBounds`] if `new` is out of bounds or there is no such parameter,
-    /// [`Refusal::Conflict`] if the value that was accepted last is not `expected`.
-    pub fn compare_and_set_at(&self, index: usize, expected: T, new: T) -> Result<(), Refusal> {
+    /// [`ParamRefusal::OutOfBounds`] if `new` is out of bounds or there is no such parameter,
+    /// [`ParamRefusal::Conflict`] if the value that was accepted last is not `expected`.
+    pub fn compare_and_set_at(
+        &self,
+        index: usize,
+        expected: T,
+        new: T,
+    ) -> Result<(), ParamRefusal> {
         self.compare_and_set_words(index, expected.to_words(), new.to_words())
     }
 }
@@ -196,15 +201,15 @@ pub trait Tune: Watch {
     /// Changes a parameter as [`Params::compare_and_set_at`] does; the values are given as words.
     ///
     /// # Errors
-    /// [`Refusal::OutOfBounds`] if `new` is out of bounds, is not a value of the type, or there is
-    /// no such parameter; [`Refusal::Conflict`] if the value that was accepted last is not
+    /// [`ParamRefusal::OutOfBounds`] if `new` is out of bounds, is not a value of the type, or there is
+    /// no such parameter; [`ParamRefusal::Conflict`] if the value that was accepted last is not
     /// `expected`.
     fn compare_and_set_words(
         &self,
         index: usize,
         expected: [u32; 2],
         new: [u32; 2],
-    ) -> Result<(), Refusal>;
+    ) -> Result<(), ParamRefusal>;
 
     /// Returns the words of the value of the parameter `index` that was accepted last; zeros if
     /// there is no such parameter. The loop may not have taken the value over yet.
@@ -224,13 +229,13 @@ impl<T: Scalar, const N: usize> Tune for Params<T, N> {
         index: usize,
         expected: [u32; 2],
         new: [u32; 2],
-    ) -> Result<(), Refusal> {
+    ) -> Result<(), ParamRefusal> {
         let mut all: [_; N] = core::array::from_fn(|index| self.wanted(index));
         let accepted = T::from_words(new).filter(|value| self.bounds.contains(value));
         let place = all.get_mut(index).filter(|_| accepted.is_some());
-        let place = place.ok_or(Refusal::OutOfBounds)?;
+        let place = place.ok_or(ParamRefusal::OutOfBounds)?;
         if *place != expected {
-            return Err(Refusal::Conflict { present: *place });
+            return Err(ParamRefusal::Conflict { present: *place });
         }
         *place = new;
         let sequence = self.asked.load(Ordering::Relaxed);
@@ -294,9 +299,9 @@ impl<T: Scalar, const N: usize> Watch for Params<T, N> {
         T::Storage::words(&self.current)
     }
 
-    fn describe(&self, index: usize) -> Option<Description<'_>> {
+    fn describe(&self, index: usize) -> Option<VarDescription<'_>> {
         let bounds = [*self.bounds.start(), *self.bounds.end()].map(T::to_words);
-        (index < N).then_some(Description {
+        (index < N).then_some(VarDescription {
             bounds,
             ..description::<T>(self.unit, self.about)
         })

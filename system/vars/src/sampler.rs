@@ -6,19 +6,19 @@ use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
 use condor_mbox::{AccessError, Instant, MemoryWindow, Region, StoreOrder};
 
-use crate::desk::{Desk, Part, Plan};
+use crate::desk::{Part, Plan, Selections};
 use crate::kind::split;
 use crate::layout::{Shape, row_bytes, slot};
 use crate::param::Tune;
 use crate::sync::{Ordering, fence};
 
-/// The loop's part of a [`Desk`]. Call [`begin`](Self::begin) before the body of a tick and
+/// The loop's part of a [`Selections`]. Call [`begin`](Self::begin) before the body of a tick and
 /// [`end`](Self::end) after it.
 ///
 /// It neither waits nor locks. A tick costs some instructions for each slot and each parameter, and
 /// one copy of the selected values for each watcher.
 pub struct Sampler<'e, W, const BLOCKS: usize, const PIECES: usize, const SLOTS: usize> {
-    desk: &'e Desk<PIECES, SLOTS>,
+    desk: &'e Selections<PIECES, SLOTS>,
     rows: Rows<'e, W, BLOCKS>,
     params: &'e [&'e dyn Tune],
     rings: [Ring; SLOTS],
@@ -53,7 +53,7 @@ impl<'e, W: MemoryWindow, const BLOCKS: usize, const PIECES: usize, const SLOTS:
     Sampler<'e, W, BLOCKS, PIECES, SLOTS>
 {
     pub(crate) fn new(
-        desk: &'e Desk<PIECES, SLOTS>,
+        desk: &'e Selections<PIECES, SLOTS>,
         table: Region<W>,
         shape: Shape,
         blocks: heapless::Vec<&'e [AtomicU32], BLOCKS>,

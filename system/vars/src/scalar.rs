@@ -3,7 +3,7 @@
 use core::fmt::Debug;
 use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
-use crate::kind::{Kind, join, split};
+use crate::kind::{ValueKind, join, split};
 
 /// A type that variables and parameters can have: numbers, `bool`, and enums made with
 /// [`choice!`](crate::choice).
@@ -13,7 +13,7 @@ pub trait Scalar: Copy + Default + PartialOrd + Debug + Send + Sync + 'static {
     /// The type of the words that store a value.
     type Storage: Storage;
     /// The kind, by which tables describe the type.
-    const KIND: Kind;
+    const KIND: ValueKind;
     /// The names of an enum's values, by number; empty for all other types.
     const LABELS: &'static [&'static str] = &[];
 
@@ -77,7 +77,7 @@ macro_rules! scalars {
     ($($type:ty, $kind:ident, $words:literal, |$value:ident| $to:expr, |$from:ident| $of:expr;)*) => {$(
         impl Scalar for $type {
             type Storage = [AtomicU32; $words];
-            const KIND: Kind = Kind::$kind;
+            const KIND: ValueKind = ValueKind::$kind;
 
             #[inline(always)]
             fn to_words(self) -> [u32; 2] {
@@ -149,7 +149,7 @@ macro_rules! choice {
 
         impl $crate::Scalar for $name {
             type Storage = [::core::sync::atomic::AtomicU32; 1];
-            const KIND: $crate::Kind = $crate::Kind::Choice;
+            const KIND: $crate::ValueKind = $crate::ValueKind::Choice;
             const LABELS: &'static [&'static str] = &[$($label),+];
 
             fn to_words(self) -> [u32; 2] {

@@ -1,4 +1,4 @@
-//! [`Server`]: answers requests, in the background or in an interrupt of the table's owner.
+//! [`VariableServer`]: answers requests, in the background or in an interrupt of the table's owner.
 
 use core::fmt;
 use core::ops::Range;
@@ -8,17 +8,17 @@ use condor_mbox::{
 };
 
 use crate::catalog::Catalog;
-use crate::desk::{Desk, Plan, Slot};
-use crate::layout::{Block, Shape, response, slot, verb};
-use crate::param::{Refusal, Tune};
+use crate::desk::{Plan, Selections, Slot};
+use crate::layout::{Block, Shape, operation, response, slot};
+use crate::param::{ParamRefusal, Tune};
 use crate::sync::Ordering::Relaxed;
 
-/// The part of a [`Desk`] that answers requests; see [`answer`].
-pub struct Server<'e, W, X, const PIECES: usize, const SLOTS: usize> {
-    pub(crate) desk: &'e Desk<PIECES, SLOTS>,
+/// The part of a [`Selections`] that answers requests; see [`answer`].
+pub struct VariableServer<'e, W, X, const PIECES: usize, const SLOTS: usize> {
+    pub(crate) desk: &'e Selections<PIECES, SLOTS>,
     pub(crate) table: Region<W>,
     pub(crate) offset: u32,
-    pub(crate) life: u32,
+    pub(crate) table_incarnation: u32,
     pub(crate) shape: Shape,
     pub(crate) catalog: Catalog<'e>,
     pub(crate) exclusion: X,
@@ -44,7 +44,7 @@ pub fn answer<W: MemoryWindow>(
     })
 }
 
-/// A [`Server`] without its type parameters, so that the servers of several loops fit into one
+/// A [`VariableServer`] without its type parameters, so that the servers of several loops fit into one
 /// list.
 pub trait Respond: Sync {
     /// Returns the offset of the table in bytes, from the beginning of the users' region, by which
@@ -56,26 +56,27 @@ pub trait Respond: Sync {
 }
 
 /// The words of a response after "done", or another response.
-type Outcome = Result<[u32; 2], Refused>;
+type Outcome = Result<[u32; 2], RefusalBlock>;
 
 /// A response other than "done".
-struct Refused(Block);
+struct RefusalBlock(Block);
 
-impl From<AccessError> for Refused {
+impl From<AccessError> for RefusalBlock {
     fn from(_: AccessError) -> Self {
         Self([response::ACCESS, 0, 0, 0, 0, 0, 0, 0])
     }
 }
 
-const fn refused<T>(code: u32, [[a, b], [c, d]]: [[u32; 2]; 2]) -> Result<T, Refused> {
-    Err(Refused([code, a, b, c, d, 0, 0, 0]))
+const fn refused<T>(code: u32, [[a, b], [c, d]]: [[u32; 2]; 2]) -> Result<T, RefusalBlock> {
+    Err(RefusalBlock([code, a, b, c, d, 0, 0, 0]))
 }
 
-const fn refused_with<T>(code: u32, first: u32, second: u32) -> Result<T, Refused> {
+const fn refused_with<T>(code: u32, first: u32, second: u32) -> Result<T, RefusalBlock> {
     refused(code, [[first, second], [0; 2]])
 }
 
-impl<W, X, const PIECES: usize, const SLOTS: usize> Respond for Server<'_, W, X, PIECES, SLOTS>
+impl<W, X, const PIECES: usize, const SLOTS: usize> Respond
+    for VariableServer<'_, W, X, PIECES, SLOTS>
 where
     W: MemoryWindow + Sync,
     X: Exclusion + Sync,
@@ -87,28 +88,32 @@ where
     fn respond(&self, sender: Processor, request: &[u32; 8]) -> [u32; 8] {
         match self.outcome(sender, *request) {
             Ok([a, b]) => [response::DONE, a, b, 0, 0, 0, 0, 0],
-            Err(Refused(response)) => response,
+            Err(RefusalBlock(response)) => response,
         }
     }
 }
 
 impl<'e, W: MemoryWindow, X: Exclusion, const PIECES: usize, const SLOTS: usize>
-    Server<'e, W, X, PIECES, SLOTS>
+    VariableServer<'e, W, X, PIECES, SLOTS>
 {
-    fn outcome(&self, sender: Processor, [verb, _, life, number, a, b, c, d]: Block) -> Outcome {
-        if life != self.life {
-            return refused_with(response::RESTARTED, self.life, 0);
+    fn outcome(
+        &self,
+        sender: Processor,
+        [operation, _, table_incarnation, number, a, b, c, d]: Block,
+    ) -> Outcome {
+        if table_incarnation != self.table_incarnation {
+            return refused_with(response::RESTARTED, self.table_incarnation, 0);
         }
-        match verb {
-            verb::CLAIM => self.alone(|| self.claim(sender)),
-            verb::SELECT => self.alone(|| self.select(number, a, b)),
-            verb::RELEASE => self.alone(|| self.release(number, a)),
-            verb::GET => {
+        match operation {
+            operation::CLAIM => self.alone(|| self.claim(sender)),
+            operation::SELECT => self.alone(|| self.select(number, a, b)),
+            operation::RELEASE => self.alone(|| self.release(number, a)),
+            operation::GET => {
                 let (param, index) = self.param(number)?;
                 Ok(self.exclusion.with(|| param.wanted(index)))
             }
-            verb::SET => self.set(number, [a, b], [c, d]),
-            _ => refused_with(response::NO_VERB, verb, 0),
+            operation::SET => self.set(number, [a, b], [c, d]),
+            _ => refused_with(response::NO_OPERATION, operation, 0),
         }
     }
 
@@ -178,10 +183,10 @@ impl<'e, W: MemoryWindow, X: Exclusion, const PIECES: usize, const SLOTS: usize>
         let set = || param.compare_and_set_words(index, expected, new);
         match self.exclusion.with(set) {
             Ok(()) => Ok([0; 2]),
-            Err(Refusal::Conflict {
+            Err(ParamRefusal::Conflict {
                 present: [low, high],
             }) => refused_with(response::CONFLICT, low, high),
-            Err(Refusal::OutOfBounds) => {
+            Err(ParamRefusal::OutOfBounds) => {
                 let bounds = param.describe(index).map_or([[0; 2]; 2], |it| it.bounds);
                 refused(response::OUT_OF_BOUNDS, bounds)
             }
@@ -189,7 +194,7 @@ impl<'e, W: MemoryWindow, X: Exclusion, const PIECES: usize, const SLOTS: usize>
     }
 
     /// Finds the parameters that have the entry of a number, and which of them it is.
-    fn param(&self, number: u32) -> Result<(&'e dyn Tune, usize), Refused> {
+    fn param(&self, number: u32) -> Result<(&'e dyn Tune, usize), RefusalBlock> {
         let entries = self.shape.entries;
         if number >= entries {
             return refused_with(response::NO_ENTRY, entries, 0);
@@ -209,7 +214,7 @@ impl<'e, W: MemoryWindow, X: Exclusion, const PIECES: usize, const SLOTS: usize>
         refused_with(response::NO_PARAM, 0, 0)
     }
 
-    fn claimed(&self, number: u32, claim: u32) -> Result<&'e Slot<PIECES>, Refused> {
+    fn claimed(&self, number: u32, claim: u32) -> Result<&'e Slot<PIECES>, RefusalBlock> {
         let slot = self.desk.slots.get(number as usize);
         let is_claimed = |slot: &&Slot<PIECES>| {
             slot.incarnation.load(Relaxed) != 0 && slot.claim.load(Relaxed) == claim
@@ -227,7 +232,7 @@ impl<'e, W: MemoryWindow, X: Exclusion, const PIECES: usize, const SLOTS: usize>
     }
 
     /// Makes a plan of the mask in a slot, each of whose words is read once; returns the words of a row.
-    fn plan(&self, number: u32, plan: &Plan<PIECES>) -> Result<u32, Refused> {
+    fn plan(&self, number: u32, plan: &Plan<PIECES>) -> Result<u32, RefusalBlock> {
         let mask = self.shape.slot(number) + slot::MASK;
         let (mut entry, mut bits, mut words) = (0, 0, 0);
         let mut pieces = Pieces {
@@ -307,11 +312,13 @@ impl<const PIECES: usize> Pieces<'_, PIECES> {
     }
 }
 
-impl<W, X, const PIECES: usize, const SLOTS: usize> fmt::Debug for Server<'_, W, X, PIECES, SLOTS> {
+impl<W, X, const PIECES: usize, const SLOTS: usize> fmt::Debug
+    for VariableServer<'_, W, X, PIECES, SLOTS>
+{
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("Server")
             .field("offset", &self.offset)
-            .field("life", &self.life)
+            .field("table_incarnation", &self.table_incarnation)
             .field("catalog", &self.catalog)
             .finish_non_exhaustive()
     }

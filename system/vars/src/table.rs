@@ -1,8 +1,8 @@
-//! [`Table`]: reads the description of another program's variables from its window.
+//! [`VariableTable`]: reads the description of another program's variables from its window.
 
-use condor_mbox::{AccessError, LoadOrder, MemoryWindow, Place, Region};
+use condor_mbox::{AccessError, LoadOrder, MemoryWindow, Offset, Region};
 
-use crate::kind::{Kind, Value};
+use crate::kind::{AnyValue, ValueKind};
 use crate::layout::{
     ABOUT_BYTES, ENTRIES_AT, HEADER_WORDS, IS_PARAM, MAGIC, NAME_BYTES, Shape, UNIT_BYTES, VERSION,
     entry_at, header,
@@ -14,10 +14,10 @@ use crate::sync::{Ordering, fence};
 ///
 /// Opening it and reading it write nothing, so the window can be mapped read-only.
 #[derive(Clone, Copy, Debug)]
-pub struct Table<W> {
+pub struct VariableTable<W> {
     region: Region<W>,
     offset: u32,
-    life: u32,
+    incarnation: u32,
     rate: (u32, u32),
     cell: (u32, u32),
     pub(crate) shape: Shape,
@@ -25,7 +25,7 @@ pub struct Table<W> {
 
 /// A variable, a parameter or a field.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Entry {
+pub struct TableEntry {
     /// The number of the entry in its table, from 0.
     pub number: u32,
     /// The name.
@@ -35,13 +35,13 @@ pub struct Entry {
     /// The description; may be empty.
     pub about: heapless::String<ABOUT_BYTES>,
     /// The type of the value.
-    pub kind: Kind,
+    pub kind: ValueKind,
     /// The offset of the value in bytes, from the beginning of the values in a row of all
     /// variables, or of the value of a cell.
     pub position: u32,
     /// The least and the greatest value of a parameter; `None` for a variable, which cannot be set.
-    pub bounds: Option<[Value; 2]>,
-    /// The number of labels of an enum; [`Table::label`] reads them.
+    pub bounds: Option<[AnyValue; 2]>,
+    /// The number of labels of an enum; [`VariableTable::label`] reads them.
     pub labels: u8,
     /// Where they begin in the texts.
     labels_at: u32,
@@ -50,7 +50,7 @@ pub struct Entry {
 /// The reason for which a table cannot be read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
-pub enum TableError {
+pub enum VariableTableError {
     /// There is no table of this layout version at the offset, or not yet.
     #[error(
         "there is no table of version {VERSION} and magic {MAGIC:#x}: found version {version} and \
@@ -83,11 +83,11 @@ pub enum TableError {
         entries: u32,
     },
     /// The owner has made the table anew: open it again.
-    #[error("the table has been made anew: its life is {found}, not {expected}")]
+    #[error("the table has been made anew: its incarnation is {found}, not {expected}")]
     Restarted {
-        /// The number of the table's present [life](Table::life).
+        /// The number of the table's present [incarnation](VariableTable::incarnation).
         found: u32,
-        /// The number of its life when it was opened.
+        /// The number of its incarnation when it was opened.
         expected: u32,
     },
     /// The region refused an access.
@@ -95,24 +95,24 @@ pub enum TableError {
     Access(#[from] AccessError),
 }
 
-impl<W: MemoryWindow + Clone> Table<W> {
+impl<W: MemoryWindow + Clone> VariableTable<W> {
     /// Opens the table at `offset` bytes in `users`, the users' region of its owner's `data`.
     ///
     /// # Errors
-    /// [`TableError::NoTable`] if there is no table, [`TableError::Header`] if its header is
-    /// invalid, [`TableError::Restarted`] if it was made anew meanwhile, [`TableError::Access`] if
+    /// [`VariableTableError::NoTable`] if there is no table, [`VariableTableError::Header`] if its header is
+    /// invalid, [`VariableTableError::Restarted`] if it was made anew meanwhile, [`VariableTableError::Access`] if
     /// the memory cannot be accessed.
-    pub fn open(users: &Region<W>, offset: u32) -> Result<Self, TableError> {
+    pub fn open(users: &Region<W>, offset: u32) -> Result<Self, VariableTableError> {
         let head = users.part(offset, ENTRIES_AT)?;
-        // Pairs with the owner's store before it writes the rest: the magic is not that of an earlier life.
-        let life = head.word(header::LIFE)?;
+        // Pairs with the owner's store before it writes the rest: the magic is not that of an earlier incarnation.
+        let incarnation = head.word(header::INCARNATION)?;
         // Pairs with the owner's last store.
         let magic = head.word(header::MAGIC)?;
-        let words = head.get(Place::<[u32; HEADER_WORDS]>::at(0))?;
+        let words = head.get(Offset::<[u32; HEADER_WORDS]>::at(0))?;
         let [_, version, _, bytes, rate @ .., _, _, _, _, _, _] = words;
         let [.., entries, text_bytes, slots, slot_bytes, cell, cell_bytes] = words;
         if magic != MAGIC || version != VERSION {
-            return Err(TableError::NoTable { magic, version });
+            return Err(VariableTableError::NoTable { magic, version });
         }
         let shape = Shape {
             entries,
@@ -120,22 +120,24 @@ impl<W: MemoryWindow + Clone> Table<W> {
             slots,
             slot_bytes,
         };
-        let shape = shape.checked(bytes).ok_or(TableError::Header { bytes })?;
+        let shape = shape
+            .checked(bytes)
+            .ok_or(VariableTableError::Header { bytes })?;
         let region = users.part(offset, bytes)?;
         let table = Self {
             region,
             offset,
-            life,
+            incarnation,
             rate: rate.into(),
             cell: (cell, cell_bytes),
             shape,
         };
-        table.check_life()?;
+        table.check_incarnation()?;
         Ok(table)
     }
 }
 
-impl<W: MemoryWindow> Table<W> {
+impl<W: MemoryWindow> VariableTable<W> {
     /// Returns the offset of the table in bytes, from the beginning of the users' region of its
     /// owner's `data`.
     #[must_use]
@@ -143,12 +145,12 @@ impl<W: MemoryWindow> Table<W> {
         self.offset
     }
 
-    /// Returns the number of the table's life when it was opened. A life begins when a program of
+    /// Returns the number of the table's incarnation when it was opened. An incarnation begins when a program of
     /// the owner makes the table, and the number then grows by one; from then on reading this
-    /// `Table` fails with [`Restarted`](TableError::Restarted).
+    /// `VariableTable` fails with [`Restarted`](VariableTableError::Restarted).
     #[must_use]
-    pub const fn life(&self) -> u32 {
-        self.life
+    pub const fn incarnation(&self) -> u32 {
+        self.incarnation
     }
 
     /// Returns the rate of the loop: a number of ticks, and the number of seconds in which they
@@ -189,26 +191,26 @@ impl<W: MemoryWindow> Table<W> {
     /// Reads the entry `number`.
     ///
     /// # Errors
-    /// [`TableError::NoEntry`] if there is none of this number, [`TableError::Entry`] if it is
-    /// invalid, [`TableError::Restarted`] if the table was made anew, [`TableError::Access`] if the
+    /// [`VariableTableError::NoEntry`] if there is none of this number, [`VariableTableError::TableEntry`] if it is
+    /// invalid, [`VariableTableError::Restarted`] if the table was made anew, [`VariableTableError::Access`] if the
     /// memory cannot be accessed.
-    pub fn entry(&self, number: u32) -> Result<Entry, TableError> {
+    pub fn entry(&self, number: u32) -> Result<TableEntry, VariableTableError> {
         let entries = self.shape.entries;
         if number >= entries {
-            return Err(TableError::NoEntry { number, entries });
+            return Err(VariableTableError::NoEntry { number, entries });
         }
         let entry = self.read_entry(number)?;
-        // What was read of another life is no error of this one.
-        self.check_life()?;
-        entry.ok_or(TableError::Entry { number })
+        // What was read of another incarnation is no error of this one.
+        self.check_incarnation()?;
+        entry.ok_or(VariableTableError::Entry { number })
     }
 
     /// Finds the entry with this name; returns `None` if there is none.
     ///
     /// # Errors
-    /// [`TableError::Entry`] if an entry is invalid, [`TableError::Restarted`] if the table was
-    /// made anew, [`TableError::Access`] if the memory cannot be accessed.
-    pub fn find(&self, name: &str) -> Result<Option<Entry>, TableError> {
+    /// [`VariableTableError::TableEntry`] if an entry is invalid, [`VariableTableError::Restarted`] if the table was
+    /// made anew, [`VariableTableError::Access`] if the memory cannot be accessed.
+    pub fn find(&self, name: &str) -> Result<Option<TableEntry>, VariableTableError> {
         for entry in self.entries() {
             let entry = entry?;
             if entry.name == name {
@@ -220,7 +222,7 @@ impl<W: MemoryWindow> Table<W> {
 
     /// Iterates over all entries in the order of their numbers. An item is the error of
     /// [`entry`](Self::entry) if it cannot be read.
-    pub fn entries(&self) -> impl Iterator<Item = Result<Entry, TableError>> + '_ {
+    pub fn entries(&self) -> impl Iterator<Item = Result<TableEntry, VariableTableError>> + '_ {
         (0..self.len()).map(|number| self.entry(number))
     }
 
@@ -228,13 +230,13 @@ impl<W: MemoryWindow> Table<W> {
     /// label.
     ///
     /// # Errors
-    /// [`TableError::Entry`] if the label is invalid, [`TableError::Restarted`] if the table was
-    /// made anew, [`TableError::Access`] if the memory cannot be accessed.
+    /// [`VariableTableError::TableEntry`] if the label is invalid, [`VariableTableError::Restarted`] if the table was
+    /// made anew, [`VariableTableError::Access`] if the memory cannot be accessed.
     pub fn label(
         &self,
-        entry: &Entry,
+        entry: &TableEntry,
         value: u32,
-    ) -> Result<Option<heapless::String<UNIT_BYTES>>, TableError> {
+    ) -> Result<Option<heapless::String<UNIT_BYTES>>, VariableTableError> {
         if value >= entry.labels.into() {
             return Ok(None);
         }
@@ -247,24 +249,24 @@ impl<W: MemoryWindow> Table<W> {
                 None => None,
             };
         }
-        self.check_life()?;
+        self.check_incarnation()?;
         let number = entry.number;
-        label.ok_or(TableError::Entry { number }).map(Some)
+        label.ok_or(VariableTableError::Entry { number }).map(Some)
     }
 
     /// Reads an entry; `None` if it is impossible.
-    fn read_entry(&self, number: u32) -> Result<Option<Entry>, AccessError> {
-        let words = self.region.get(Place::<[u32; 8]>::at(entry_at(number)))?;
+    fn read_entry(&self, number: u32) -> Result<Option<TableEntry>, AccessError> {
+        let words = self.region.get(Offset::<[u32; 8]>::at(entry_at(number)))?;
         let [mut text, lengths, code, position, a, b, c, d] = words;
         let [name, unit, about, labels] = lengths.to_le_bytes();
         let name = self.text(&mut text, name.into())?;
         let unit = self.text(&mut text, unit.into())?;
         let about = self.text(&mut text, about.into())?;
-        let kind = Kind::from_code(code & !IS_PARAM);
+        let kind = ValueKind::from_code(code & !IS_PARAM);
         let (Some(kind), Some(name), Some(unit), Some(about)) = (kind, name, unit, about) else {
             return Ok(None);
         };
-        Ok(Some(Entry {
+        Ok(Some(TableEntry {
             number,
             name,
             unit,
@@ -307,15 +309,15 @@ impl<W: MemoryWindow> Table<W> {
         &self.region
     }
 
-    /// Looks whether all that was read before is of the life in which the table was opened.
-    pub(crate) fn check_life(&self) -> Result<(), TableError> {
-        // Pairs with the owner's fence after it has begun another life.
+    /// Looks whether all that was read before is of the incarnation in which the table was opened.
+    pub(crate) fn check_incarnation(&self) -> Result<(), VariableTableError> {
+        // Pairs with the owner's fence after it has begun another incarnation.
         fence(Ordering::Acquire);
-        let found = self.region.load(header::LIFE, LoadOrder::Relaxed)?;
-        let expected = self.life;
+        let found = self.region.load(header::INCARNATION, LoadOrder::Relaxed)?;
+        let expected = self.incarnation;
         if found == expected {
             return Ok(());
         }
-        Err(TableError::Restarted { found, expected })
+        Err(VariableTableError::Restarted { found, expected })
     }
 }

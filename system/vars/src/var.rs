@@ -3,7 +3,7 @@
 use core::fmt;
 use core::sync::atomic::AtomicU32;
 
-use crate::kind::Kind;
+use crate::kind::ValueKind;
 use crate::scalar::{Scalar, Storage};
 
 /// A variable that a loop sets and others watch.
@@ -151,7 +151,7 @@ pub trait Watch: Sync {
     fn words(&self) -> &[AtomicU32];
 
     /// Returns the description of the variable `index`; `None` after the last.
-    fn describe(&self, index: usize) -> Option<Description<'_>>;
+    fn describe(&self, index: usize) -> Option<VarDescription<'_>>;
 
     /// Writes the name of the variable `index`, at most 64 bytes.
     ///
@@ -162,9 +162,9 @@ pub trait Watch: Sync {
 
 /// The description of a variable, apart from its name.
 #[derive(Clone, Copy, Debug)]
-pub struct Description<'d> {
+pub struct VarDescription<'d> {
     /// The type.
-    pub kind: Kind,
+    pub kind: ValueKind,
     /// The unit, at most 32 bytes; empty if there is none.
     pub unit: &'d str,
     /// A text about the variable, at most 128 bytes; may be empty.
@@ -180,7 +180,7 @@ impl<T: Scalar, const N: usize> Watch for Vars<T, N> {
         T::Storage::words(&self.storage)
     }
 
-    fn describe(&self, index: usize) -> Option<Description<'_>> {
+    fn describe(&self, index: usize) -> Option<VarDescription<'_>> {
         (index < N).then_some(description::<T>(self.unit, self.about))
     }
 
@@ -192,8 +192,8 @@ impl<T: Scalar, const N: usize> Watch for Vars<T, N> {
 pub(crate) const fn description<T: Scalar>(
     unit: &'static str,
     about: &'static str,
-) -> Description<'static> {
-    Description {
+) -> VarDescription<'static> {
+    VarDescription {
         kind: T::KIND,
         unit,
         about,

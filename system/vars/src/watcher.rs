@@ -4,17 +4,17 @@ use condor_mbox::{AccessError, Instant, LoadOrder, MemoryWindow, StoreOrder};
 
 use crate::layout::{ROW_HEADER, row_bytes, slot};
 use crate::sync::{Ordering, fence};
-use crate::table::{Table, TableError};
+use crate::table::{VariableTable, VariableTableError};
 
-/// A slot of a loop, claimed by [`Client::claim`](crate::Client::claim), through which a program
+/// A slot of a loop, claimed by [`VariableClient::claim`](crate::VariableClient::claim), through which a program
 /// watches variables. Select variables, then read rows.
 ///
 /// Dropping a watcher keeps the slot claimed: give it back with
-/// [`Client::release`](crate::Client::release). If a program ends without doing so, its slot goes
+/// [`VariableClient::release`](crate::VariableClient::release). If a program ends without doing so, its slot goes
 /// to the next program that claims one.
 #[derive(Debug)]
 pub struct Watcher<W> {
-    table: Table<W>,
+    table: VariableTable<W>,
     number: u32,
     claim: u32,
     /// `None` before the first selection, and if it is not known whether the last was accepted.
@@ -38,7 +38,7 @@ struct Selection {
 
 /// The head of a row: everything but its values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Row {
+pub struct RowHead {
     /// The number of the tick.
     pub tick: u64,
     /// The instant at which the tick was released, on the clock of its processor.
@@ -55,7 +55,7 @@ pub struct Row {
 pub enum WatchError {
     /// The owner has restarted, or its memory cannot be reached.
     #[error(transparent)]
-    Table(#[from] TableError),
+    Table(#[from] VariableTableError),
     /// The owner took this watcher for dead and gave its slot to another.
     #[error("slot {slot} was given to another watcher")]
     Displaced {
@@ -87,11 +87,11 @@ const ATTEMPTS: u32 = 4;
 impl<W: MemoryWindow> Watcher<W> {
     /// Makes a watcher of a claimed slot; returns `None` if the table has no such slot.
     ///
-    /// [`Client`](crate::Client) does this for most programs. This function,
+    /// [`VariableClient`](crate::VariableClient) does this for most programs. This function,
     /// [`choose`](Self::choose) and [`follow`](Self::follow) are for programs that bring requests
     /// to the owner in another way.
     #[must_use]
-    pub fn new(table: Table<W>, number: u32, claim: u32) -> Option<Self> {
+    pub fn new(table: VariableTable<W>, number: u32, claim: u32) -> Option<Self> {
         (number < table.slots()).then_some(Self {
             table,
             number,
@@ -103,7 +103,7 @@ impl<W: MemoryWindow> Watcher<W> {
 
     /// Returns the table of the loop to which the slot belongs.
     #[must_use]
-    pub const fn table(&self) -> &Table<W> {
+    pub const fn table(&self) -> &VariableTable<W> {
         &self.table
     }
 
@@ -143,9 +143,9 @@ impl<W: MemoryWindow> Watcher<W> {
     /// that a row will have.
     ///
     /// # Errors
-    /// [`TableError::NoEntry`] if an entry does not exist, [`TableError::Restarted`] if the table
-    /// was made anew, [`TableError::Access`] if the memory cannot be accessed.
-    pub fn choose(&mut self, entries: &[u32]) -> Result<u32, TableError> {
+    /// [`VariableTableError::NoEntry`] if an entry does not exist, [`VariableTableError::Restarted`] if the table
+    /// was made anew, [`VariableTableError::Access`] if the memory cannot be accessed.
+    pub fn choose(&mut self, entries: &[u32]) -> Result<u32, VariableTableError> {
         self.end();
         if let Some(last) = entries.iter().max() {
             self.table.entry(*last)?;
@@ -165,7 +165,7 @@ impl<W: MemoryWindow> Watcher<W> {
             let region = self.table.region();
             region.store(mask + 4 * index, bits, StoreOrder::Relaxed)?;
         }
-        self.table.check_life()?;
+        self.table.check_incarnation()?;
         Ok(words)
     }
 
@@ -190,14 +190,14 @@ impl<W: MemoryWindow> Watcher<W> {
     /// there is none.
     ///
     /// The values are in the order of the numbers of the selected entries;
-    /// [`Kind::split`](crate::Kind::split) takes them apart. If a reader misses 2³² rows or more,
+    /// [`ValueKind::split`](crate::ValueKind::split) takes them apart. If a reader misses 2³² rows or more,
     /// the count of lost rows is wrong.
     ///
     /// # Errors
     /// [`WatchError::Unselected`] if nothing is selected, [`WatchError::Room`] if `values` is too
     /// short, [`WatchError::Displaced`] if the slot has gone to another watcher,
     /// [`WatchError::Table`] if the owner has made the table anew or its memory cannot be accessed.
-    pub fn read(&mut self, values: &mut [u32]) -> Result<Option<Row>, WatchError> {
+    pub fn read(&mut self, values: &mut [u32]) -> Result<Option<RowHead>, WatchError> {
         let Some(mut selection) = self.selection else {
             return Err(WatchError::Unselected);
         };
@@ -229,7 +229,7 @@ impl<W: MemoryWindow> Watcher<W> {
     }
 
     fn check_claim(&self) -> Result<(), WatchError> {
-        self.table.check_life()?;
+        self.table.check_incarnation()?;
         let slot = self.number;
         let at = self.table.shape.slot(slot) + slot::CLAIM;
         if self.table.region().word(at)? == self.claim {
@@ -242,10 +242,10 @@ impl<W: MemoryWindow> Watcher<W> {
 impl Selection {
     fn read<W: MemoryWindow>(
         &mut self,
-        table: &Table<W>,
+        table: &VariableTable<W>,
         at: u32,
         values: &mut [u32],
-    ) -> Result<Option<Row>, AccessError> {
+    ) -> Result<Option<RowHead>, AccessError> {
         let region = table.region();
         for _ in 0..ATTEMPTS {
             // Pairs with the writer's store after a complete row.
@@ -267,7 +267,7 @@ impl Selection {
             if begun.wrapping_sub(self.next) <= self.rows {
                 self.next = self.next.wrapping_add(1);
                 let [tick, tick_high, ns, ns_high] = header.map(u64::from);
-                return Ok(Some(Row {
+                return Ok(Some(RowHead {
                     tick: tick_high << 32 | tick,
                     released: Instant::from_ns(ns_high << 32 | ns),
                     lost: core::mem::take(&mut self.untold),

@@ -4,8 +4,8 @@ use std::collections::HashMap;
 use std::time::Duration;
 
 use condor_fs::wire::OPEN_FILES;
-use condor_fs::{Area, Errno, Error, FileSystem, OpenOptions, Status};
-use condor_mbox::linux::{LinuxWindow, Mailbox, System};
+use condor_fs::{Area, Errno, FileError, FileStatus, FileSystem, OpenOptions};
+use condor_mbox::linux::{LinuxMailbox, LinuxSystem, LinuxWindow};
 use condor_mbox::{Processor, Region};
 
 use crate::server::SERVER;
@@ -22,7 +22,7 @@ const BUFFER: u32 = 16 * 1024;
 /// How long an operation may take over all deaths of the server.
 const TIMEOUT: Duration = Duration::from_secs(60);
 
-type Mail = Mailbox<'static, N>;
+type Mail = LinuxMailbox<'static, N>;
 type File = condor_fs::File<'static, 'static, Mail, LinuxWindow, FILES>;
 
 /// The client, and its open files by the numbers that the kernel has for them.
@@ -42,7 +42,7 @@ struct Open {
 pub(crate) type Entry = (Vec<u8>, u32);
 
 impl Client {
-    pub(crate) fn connect(system: &'static System<N>) -> Result<Self, AnyError> {
+    pub(crate) fn connect(system: &'static LinuxSystem<N>) -> Result<Self, AnyError> {
         let mut claim = system.claim(CLIENT)?;
         let own = Region::users(claim.windows()[CLIENT.index()].data.clone())?;
         let area = Area::<FILES>::new(&mut claim.places()?, PATH, BUFFER)?;
@@ -65,7 +65,7 @@ impl Client {
         node: u64,
         path: &[u8],
         options: OpenOptions,
-    ) -> Result<u64, Error> {
+    ) -> Result<u64, FileError> {
         let file = self.files.open(path, options)?;
         self.last += 1;
         let appends = options == options.append();
@@ -85,17 +85,17 @@ impl Client {
         }
     }
 
-    pub(crate) fn file(&mut self, handle: u64) -> Result<&mut File, Error> {
+    pub(crate) fn file(&mut self, handle: u64) -> Result<&mut File, FileError> {
         let open = self.open.get_mut(&handle).ok_or(Errno::BADF)?;
         Ok(&mut open.file)
     }
 
-    pub(crate) fn close(&mut self, handle: u64) -> Result<(), Error> {
+    pub(crate) fn close(&mut self, handle: u64) -> Result<(), FileError> {
         self.open.remove(&handle).ok_or(Errno::BADF)?.file.close()
     }
 
     /// What is known of a node: by its path, or by a file that is open if it has none.
-    pub(crate) fn status(&self, node: u64, path: Option<&[u8]>) -> Result<Status, Error> {
+    pub(crate) fn status(&self, node: u64, path: Option<&[u8]>) -> Result<FileStatus, FileError> {
         if let Some(path) = path {
             return self.files.status(path);
         }
@@ -103,7 +103,7 @@ impl Client {
         open.ok_or(Errno::STALE)?.file.status()
     }
 
-    pub(crate) fn read(&mut self, handle: u64, at: u64, len: u32) -> Result<Vec<u8>, Error> {
+    pub(crate) fn read(&mut self, handle: u64, at: u64, len: u32) -> Result<Vec<u8>, FileError> {
         let file = self.file(handle)?;
         let mut data = vec![0; len as usize];
         let mut read = 0;
@@ -117,7 +117,7 @@ impl Client {
         Ok(data)
     }
 
-    pub(crate) fn write(&mut self, handle: u64, at: u64, data: &[u8]) -> Result<u32, Error> {
+    pub(crate) fn write(&mut self, handle: u64, at: u64, data: &[u8]) -> Result<u32, FileError> {
         let open = self.open.get_mut(&handle).ok_or(Errno::BADF)?;
         let (file, appends) = (&mut open.file, open.appends);
         let mut written = 0;
@@ -132,7 +132,7 @@ impl Client {
                 Ok(0) => break,
                 Ok(more) => written += more,
                 // What was written before is not to be lost sight of.
-                Err(Error::Errno(_)) if written > 0 => break,
+                Err(FileError::Errno(_)) if written > 0 => break,
                 Err(error) => return Err(error),
             }
         }
@@ -140,7 +140,7 @@ impl Client {
     }
 
     /// All entries of a directory.
-    pub(crate) fn entries(&self, path: &[u8]) -> Result<Vec<Entry>, Error> {
+    pub(crate) fn entries(&self, path: &[u8]) -> Result<Vec<Entry>, FileError> {
         let mut directory = self.files.open_directory(path)?;
         let (mut entries, mut name) = (Vec::new(), [0; 255]);
         while let Some(entry) = directory.next(&mut name)? {

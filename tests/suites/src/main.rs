@@ -14,7 +14,7 @@ use std::process::{Command, ExitCode};
 use std::time::{Instant, SystemTime};
 
 use clap::Parser;
-use condor_mbox::linux::System;
+use condor_mbox::linux::LinuxSystem;
 use fuser::{Config, SessionACL};
 use server::Supervisor;
 
@@ -69,7 +69,7 @@ fn run() -> Result<ExitCode, AnyError> {
     let mounted = mount_point.path();
 
     let begun = Instant::now();
-    let system: &'static System<N> = Box::leak(Box::new(System::family(BYTES)?));
+    let system: &'static LinuxSystem<N> = Box::leak(Box::new(LinuxSystem::family(BYTES)?));
     let supervisor = Supervisor::start(system, &tree, seed, arguments.steps);
     let mut config = Config::default();
     // The suites have several users. What one may do is for the server to say.

@@ -11,8 +11,8 @@ use std::path::Path;
 use std::sync::mpsc::{Sender, channel};
 use std::time::{Duration, SystemTime};
 
-use condor_fs::{Allocation, Error, OpenOptions, SetTime, Status, Times};
-use condor_mbox::linux::System;
+use condor_fs::{AllocationMode, FileError, FileStatus, OpenOptions, SetTime, Times};
+use condor_mbox::linux::LinuxSystem;
 use fuser::{
     BsdFileFlags, Errno, FileAttr, FileHandle, FileType, Filesystem, FopenFlags, Generation,
     INodeNo, InitFlags, KernelConfig, LockOwner, OpenFlags, RenameFlags, ReplyAttr, ReplyCreate,
@@ -53,7 +53,7 @@ type Found = Result<FileAttr, Errno>;
 
 impl Mount {
     /// Connects with the server.
-    pub(crate) fn new(system: &'static System<N>) -> Self {
+    pub(crate) fn new(system: &'static LinuxSystem<N>) -> Self {
         let (jobs, asked) = channel::<Job>();
         std::thread::spawn(move || {
             let mut inner = Inner {
@@ -162,7 +162,7 @@ impl Inner {
     }
 }
 
-fn attributes(node: u64, status: &Status) -> FileAttr {
+fn attributes(node: u64, status: &FileStatus) -> FileAttr {
     let modified = system_time(status.modified_s, status.modified_ns);
     FileAttr {
         ino: INodeNo(node),
@@ -217,7 +217,7 @@ fn set_time(time: Option<TimeOrNow>) -> SetTime {
     }
 }
 
-fn errno(error: Error) -> Errno {
+fn errno(error: FileError) -> Errno {
     if error.errno().is_none() {
         eprintln!("condor-suites: {error}");
     }
@@ -252,15 +252,15 @@ fn options(flags: i32) -> OpenOptions {
 }
 
 /// From the mode of `fallocate(2)`.
-fn allocation(mode: i32) -> Result<Allocation, Errno> {
+fn allocation(mode: i32) -> Result<AllocationMode, Errno> {
     const PUNCH: i32 = libc::FALLOC_FL_PUNCH_HOLE | libc::FALLOC_FL_KEEP_SIZE;
     const ZERO_KEPT: i32 = libc::FALLOC_FL_ZERO_RANGE | libc::FALLOC_FL_KEEP_SIZE;
     match mode {
-        0 => Ok(Allocation::Extend),
-        libc::FALLOC_FL_KEEP_SIZE => Ok(Allocation::KeepSize),
-        PUNCH => Ok(Allocation::PunchHole),
-        libc::FALLOC_FL_ZERO_RANGE => Ok(Allocation::Zero),
-        ZERO_KEPT => Ok(Allocation::ZeroKeepSize),
+        0 => Ok(AllocationMode::Extend),
+        libc::FALLOC_FL_KEEP_SIZE => Ok(AllocationMode::KeepSize),
+        PUNCH => Ok(AllocationMode::PunchHole),
+        libc::FALLOC_FL_ZERO_RANGE => Ok(AllocationMode::Zero),
+        ZERO_KEPT => Ok(AllocationMode::ZeroKeepSize),
         _ => Err(UNSUPPORTED),
     }
 }

@@ -7,10 +7,10 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread::JoinHandle;
 
-use condor_fs::server::{Options, Server, Step, Steps};
+use condor_fs::server::{FileServer, ServerOptions, Step, Steps};
 use condor_fs::wire::Operation;
 use condor_mbox::Processor;
-use condor_mbox::linux::System;
+use condor_mbox::linux::LinuxSystem;
 use rustix::fs::Mode;
 use rustix::process::{Pid, Signal};
 use rustix::process::{getpid, getppid, kill_process, set_parent_process_death_signal, umask};
@@ -50,13 +50,13 @@ pub(crate) fn served() -> Result<bool, AnyError> {
     let steps = KillAfter {
         steps: AtomicU64::new(steps.parse()?),
     };
-    let options = Options {
+    let options = ServerOptions {
         // No request is to blame for a kill.
-        lives: u32::MAX,
-        ..Options::default()
+        incarnations: u32::MAX,
+        ..ServerOptions::default()
     };
-    let server = Server::with_steps(tree, options, steps)?;
-    let claim = System::<N>::inherited()?.claim(SERVER)?;
+    let server = FileServer::with_steps(tree, options, steps)?;
+    let claim = LinuxSystem::<N>::inherited()?.claim(SERVER)?;
     server.serve(claim, &AtomicBool::new(false))?;
     Ok(true)
 }
@@ -69,7 +69,12 @@ pub(crate) struct Supervisor {
 
 impl Supervisor {
     /// Each server dies after `steps` steps on average, at a number of them that `seed` decides.
-    pub(crate) fn start(system: &'static System<N>, tree: &Path, seed: u64, steps: u64) -> Self {
+    pub(crate) fn start(
+        system: &'static LinuxSystem<N>,
+        tree: &Path,
+        seed: u64,
+        steps: u64,
+    ) -> Self {
         let kills = Arc::new(AtomicU64::new(0));
         let (tree, counted) = (tree.to_owned(), kills.clone());
         let mut random = seed | 1;
@@ -105,7 +110,7 @@ impl Supervisor {
 }
 
 /// Runs a server until it dies.
-fn serve(system: &System<N>, tree: &Path, steps: u64) -> Result<ExitStatus, AnyError> {
+fn serve(system: &LinuxSystem<N>, tree: &Path, steps: u64) -> Result<ExitStatus, AnyError> {
     let mut command = Command::new(std::env::current_exe()?);
     command.arg(PART).arg(tree).arg(steps.to_string());
     command.arg(std::process::id().to_string());

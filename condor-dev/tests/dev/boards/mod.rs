@@ -5,10 +5,12 @@
 
 use std::sync::{Arc, Mutex, MutexGuard};
 
-use condor_dev::AccessError;
+use condor_dev::BusAccessError;
 use condor_dev::drivers::Uart16550;
-use condor_dev::sim::{Bus, Controller, UartModel};
-use condor_dev::{DeviceError, Driver, Fd, IoError, Location, Mode, Switch, Vector, device_switch};
+use condor_dev::sim::{Controller, SimBus, UartModel};
+use condor_dev::{
+    DeviceError, Driver, Fd, InterruptVector, IoError, Location, OpenMode, Switch, device_switch,
+};
 use utah_mit_boards::sim::{AdcModel, DacModel, EncoderModel, MppModel};
 use utah_mit_boards::{Adc16, Dac16, Encoder8, Mpp};
 
@@ -33,20 +35,20 @@ pub const ENCODER: usize = 0x3000;
 pub const MPP: [usize; 2] = [0x4000, 0x4100];
 pub const UART: [usize; 2] = [0x5000, 0x5100];
 
-pub const MPPS: Vector = Vector(65);
-pub const UARTS: Vector = Vector(66);
+pub const MPPS: InterruptVector = InterruptVector(65);
+pub const UARTS: InterruptVector = InterruptVector(66);
 
-pub const BOTH: Mode = Mode::READ.union(Mode::WRITE);
+pub const BOTH: OpenMode = OpenMode::READ.union(OpenMode::WRITE);
 
-pub type Error = IoError<AccessError>;
+pub type Error = IoError<BusAccessError>;
 pub type Serial = Uart16550<1, 32>;
 pub type Serial4 = Uart16550<4, 32>;
 
 /// The machine, from inside and from outside.
 pub struct Machine {
-    pub bus: Bus,
+    pub bus: SimBus,
     pub controller: Controller,
-    pub switch: Switch<Bus, Controller, Boards, 8>,
+    pub switch: Switch<SimBus, Controller, Boards, 8>,
     pub adc: Arc<Mutex<AdcModel>>,
     pub dac: Arc<Mutex<DacModel>>,
     pub encoder: Arc<Mutex<EncoderModel>>,
@@ -58,7 +60,7 @@ pub struct Machine {
 impl Machine {
     /// With all boards in their places, before start-up.
     pub fn new() -> Self {
-        let (bus, controller) = (Bus::new(), Controller::new());
+        let (bus, controller) = (SimBus::new(), Controller::new());
         let this = Self {
             adc: bus.insert(ADC, AdcModel::default()),
             dac: bus.insert(DAC, DacModel::default()),
@@ -84,7 +86,7 @@ impl Machine {
         this
     }
 
-    pub fn open(&self, name: &str, mode: Mode) -> Fd {
+    pub fn open(&self, name: &str, mode: OpenMode) -> Fd {
         self.switch.open(name, 0, mode).unwrap()
     }
 
@@ -113,6 +115,6 @@ pub fn io<E>(error: DeviceError<E>) -> IoError<E> {
 }
 
 /// Whether a driver calls a board its own.
-pub fn finds<D: Driver>(bus: &Bus, base: usize) -> bool {
+pub fn finds<D: Driver>(bus: &SimBus, base: usize) -> bool {
     D::probe(condor_dev::Registers::new(bus, base))
 }

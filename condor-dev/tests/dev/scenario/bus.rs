@@ -3,9 +3,9 @@
 use std::cell::{Cell, RefCell};
 use std::rc::Rc;
 
-use condor_dev::AccessError;
+use condor_dev::BusAccessError;
 use condor_dev::sim::{self};
-use condor_dev::{Bus, BusErrorKind, InterruptController, Level, Vector, Width};
+use condor_dev::{Bus, BusErrorKind, InterruptController, InterruptLevel, InterruptVector, Width};
 
 use super::boards::{MPPS, UARTS};
 use super::journal::Journal;
@@ -52,13 +52,13 @@ impl Script {
 
 /// The simulated bus, with errors and lies in between.
 pub(super) struct HostileBus {
-    pub(super) inside: sim::Bus,
+    pub(super) inside: sim::SimBus,
     pub(super) script: Rc<Script>,
 }
 
 impl HostileBus {
     /// What becomes of an access: an error, or whether it is true.
-    fn fate(&self, address: usize) -> Result<bool, AccessError> {
+    fn fate(&self, address: usize) -> Result<bool, BusAccessError> {
         let script = &self.script;
         script.accesses.set(script.accesses.get() + 1);
         if !script.awake.get() {
@@ -70,7 +70,7 @@ impl HostileBus {
             script.hostile.set(script.hostile.get() + 1);
         }
         if fails {
-            return Err(AccessError {
+            return Err(BusAccessError {
                 address,
                 kind: BusErrorKind::NoAnswer,
             });
@@ -80,9 +80,9 @@ impl HostileBus {
 }
 
 impl Bus for HostileBus {
-    type Error = AccessError;
+    type Error = BusAccessError;
 
-    fn read(&self, address: usize, width: Width) -> Result<u32, AccessError> {
+    fn read(&self, address: usize, width: Width) -> Result<u32, BusAccessError> {
         let is_true = self.fate(address)?;
         let mut value = self.inside.read(address, width)?;
         if !is_true {
@@ -93,7 +93,7 @@ impl Bus for HostileBus {
         Ok(value)
     }
 
-    fn write(&self, address: usize, width: Width, value: u32) -> Result<(), AccessError> {
+    fn write(&self, address: usize, width: Width, value: u32) -> Result<(), BusAccessError> {
         self.fate(address)?;
         self.inside.write(address, width, value)?;
         self.script.journal.borrow_mut().was_written(address, value);
@@ -108,15 +108,15 @@ pub(super) struct HostileController {
 }
 
 impl InterruptController for HostileController {
-    fn enable(&self, vector: Vector, level: Level) {
+    fn enable(&self, vector: InterruptVector, level: InterruptLevel) {
         self.inside.enable(vector, level);
     }
 
-    fn disable(&self, vector: Vector) {
+    fn disable(&self, vector: InterruptVector) {
         self.inside.disable(vector);
     }
 
-    fn claim(&self) -> Option<Vector> {
+    fn claim(&self) -> Option<InterruptVector> {
         if !self.script.lies.get() || !self.script.awake.get() {
             return self.inside.claim();
         }
@@ -124,14 +124,14 @@ impl InterruptController for HostileController {
         let vector = match self.script.next()? {
             0..0x60 => MPPS,
             0x60..0xc0 => UARTS,
-            0xc0..0xd0 => Vector(7),
+            0xc0..0xd0 => InterruptVector(7),
             _ => return None,
         };
         claims.set(claims.get() + 1);
         (!claims.get().is_multiple_of(CLAIMS)).then_some(vector)
     }
 
-    fn complete(&self, vector: Vector) {
+    fn complete(&self, vector: InterruptVector) {
         self.inside.complete(vector);
     }
 }

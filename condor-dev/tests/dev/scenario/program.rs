@@ -5,8 +5,8 @@ use std::rc::Rc;
 
 use condor_dev::drivers::Format;
 use condor_dev::sim::{LineFault, Model};
-use condor_dev::{Fd, IoError, Mode, Switch};
-use utah_mit_boards::Trigger;
+use condor_dev::{Fd, IoError, OpenMode, Switch};
+use utah_mit_boards::ConversionTrigger;
 
 use super::Tally;
 use super::boards::{BOTH, Boards, Machine, outside};
@@ -87,7 +87,7 @@ impl Program {
         match step & 0x0f {
             0 | 1 => self.open(usize::from(step >> 4) % DEVICES.len(), BOTH),
             2 => {
-                let mode = Mode::from_bits_truncate(self.script.byte());
+                let mode = OpenMode::from_bits_truncate(self.script.byte());
                 self.open(usize::from(step >> 4) % DEVICES.len(), mode);
             }
             3 if !self.open.is_empty() => {
@@ -114,11 +114,11 @@ impl Program {
         }
     }
 
-    fn open(&mut self, device: usize, mode: Mode) {
+    fn open(&mut self, device: usize, mode: OpenMode) {
         let (name, board) = DEVICES[device];
         let mode = match name {
-            "dac" => mode - Mode::READ,
-            "adc" | "encoder" => mode - Mode::WRITE,
+            "dac" => mode - OpenMode::READ,
+            "adc" | "encoder" => mode - OpenMode::WRITE,
             _ => mode,
         };
         if let Ok(fd) = self.switch.open(name, board, mode) {
@@ -180,7 +180,11 @@ impl Program {
                 _ => uart.configure(uart.registers, divisor, Format::SEVEN_BITS.odd()),
             };
         } else if let Ok(adc) = self.switch.device(Boards::adc, fd) {
-            let triggers = [Trigger::Continuous, Trigger::Command, Trigger::External];
+            let triggers = [
+                ConversionTrigger::Continuous,
+                ConversionTrigger::Command,
+                ConversionTrigger::External,
+            ];
             let _ = adc.set_trigger(adc.registers, triggers[usize::from(what) % 3]);
             let _ = adc.start(adc.registers);
             let _ = adc.scan(adc.registers, &mut [0; 20][..usize::from(what) % 20]);

@@ -10,9 +10,9 @@ use std::os::unix::fs::{FileExt, symlink};
 use std::path::Path;
 use std::sync::{Arc, Mutex};
 
-use condor_fs::server::{Options, Server, Step, Steps};
-use condor_fs::wire::{self, Operation, Request, Span, block, open, slot, table};
-use condor_mbox::linux::{Access, LinuxWindow};
+use condor_fs::server::{FileServer, ServerOptions, Step, Steps};
+use condor_fs::wire::{self, Operation, RequestSlot, Span, block, open, slot, table};
+use condor_mbox::linux::{LinuxWindow, WindowAccess};
 use condor_mbox::{MemoryWindow, Region, Windows, layout::BELL_BYTES};
 
 use super::Source;
@@ -64,7 +64,7 @@ const NAMES: [&[u8]; 22] = [
 /// A server and its tree, for all runs of a thread.
 struct World {
     home: tempfile::TempDir,
-    server: Server<Meddler>,
+    server: FileServer<Meddler>,
     script: Script,
     windows: [Windows<LinuxWindow>; 2],
     memory: File,
@@ -114,18 +114,19 @@ impl World {
         for at in [0, PAGE + WINDOW] {
             memory.write_all_at(&GUARD, u64::from(at)).unwrap();
         }
-        let window = LinuxWindow::map(&memory, PAGE.into(), WINDOW, Access::ReadWrite).unwrap();
+        let window =
+            LinuxWindow::map(&memory, PAGE.into(), WINDOW, WindowAccess::ReadWrite).unwrap();
         let script = Script::default();
         let steps = Meddler {
             script: script.clone(),
             window: window.clone(),
         };
-        let options = Options {
+        let options = ServerOptions {
             max_file_bytes: Some(1 << 16),
             quota_bytes: Some(1 << 18),
-            ..Options::default()
+            ..ServerOptions::default()
         };
-        let server = Server::with_steps(home.path().join("tree"), options, steps).unwrap();
+        let server = FileServer::with_steps(home.path().join("tree"), options, steps).unwrap();
         let journal = home.path().join("tree/.condor-fs/journal");
         let journal = File::options()
             .read(true)
@@ -207,10 +208,10 @@ impl World {
 
     /// A new session, with which all that was left half done goes.
     fn session(&self) -> u64 {
-        let request = Request {
+        let request = RequestSlot {
             sequence: 1,
             operation: Operation::Session as u32,
-            ..Request::default()
+            ..RequestSlot::default()
         };
         self.put(&request);
         self.serve(&request, SLOT, TABLE);
@@ -225,7 +226,7 @@ impl World {
         self.region().word(at).unwrap()
     }
 
-    fn put(&self, request: &Request) {
+    fn put(&self, request: &RequestSlot) {
         self.region().set_word(SLOT + slot::STATE, 0).unwrap();
         for (word, n) in request.to_words().into_iter().zip(0..) {
             self.region().set_word(SLOT + 4 * n, word).unwrap();
@@ -233,7 +234,7 @@ impl World {
     }
 
     /// As a new server serves what its journal says: the same way that a message takes.
-    fn serve(&self, request: &Request, slot_at: u32, table_at: u32) {
+    fn serve(&self, request: &RequestSlot, slot_at: u32, table_at: u32) {
         let [session, session_high] = wire::halves(request.session);
         let [sequence, sequence_high] = wire::halves(request.sequence);
         let mut journal = [0; 32];
@@ -264,7 +265,7 @@ impl World {
         session: u64,
         sequence: u64,
         last_open: u64,
-    ) -> Request {
+    ) -> RequestSlot {
         let mut path = |n: u32| {
             let name = source.one(&NAMES);
             let at = PATHS + n * PATH_BYTES;
@@ -290,7 +291,7 @@ impl World {
             6 => 0,
             _ => source.word(),
         };
-        Request {
+        RequestSlot {
             session: if source.byte() < 8 { 7 } else { session },
             sequence,
             operation: 1 + source.below(u32::from(Operation::ALL.len() as u16) + 1),
@@ -324,7 +325,7 @@ impl World {
     }
 
     /// Does in the table what an honest client does after an open; whether it was one.
-    fn opened(&self, request: &Request) -> bool {
+    fn opened(&self, request: &RequestSlot) -> bool {
         let done = self.word(SLOT + slot::STATE) == wire::state::DONE
             && [0, 4].map(|at| self.word(SLOT + slot::STATE_SEQUENCE + at))
                 == wire::halves(request.sequence)

@@ -7,15 +7,15 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, Mutex};
 
 use condor_fs::wire::{self, slot, state};
-use condor_fs::{Buffer, Errno, Error, File, OpenOptions};
-use condor_mbox::sim::{Mailbox, SimWindow};
-use condor_mbox::{MemoryWindow, Places};
+use condor_fs::{Buffer, Errno, File, FileError, OpenOptions};
+use condor_mbox::sim::{SimMailbox, SimWindow};
+use condor_mbox::{Allocator, MemoryWindow};
 use embedded_io::{BufRead, Read, SeekFrom, Write};
 
 use super::Source;
 use crate::peer::{self, BUFFER, FILES, Fs, Own, PATH, Pair};
 
-/// Bytes of the client's window that are its area: all that a `Places` has given, in whole lines.
+/// Bytes of the client's window that are its area: all that a `Allocator` has given, in whole lines.
 const AREA: u32 = lines(slot::BYTES)
     + lines(wire::table::BYTES)
     + lines(FILES as u32 * wire::block::BYTES)
@@ -33,7 +33,7 @@ const fn lines(bytes: u32) -> u32 {
     bytes.next_multiple_of(condor_mbox::layout::LINE)
 }
 
-type OpenFile<'f> = File<'f, 'static, Mailbox<'static, 2>, SimWindow, FILES>;
+type OpenFile<'f> = File<'f, 'static, SimMailbox<'static, 2>, SimWindow, FILES>;
 
 /// What the host's bytes say.
 struct Hostile {
@@ -55,7 +55,7 @@ pub(crate) fn run(bytes: &[u8]) {
         hostile.lock().unwrap().answer(own, at)
     };
     peer::run(answer, |pair| {
-        let mut places = Places::new(pair.own().size());
+        let mut places = Allocator::new(pair.own().size());
         places.bytes(AREA as usize).unwrap();
         let guards = || (AREA + LENT..pair.own().size()).step_by(4);
         for at in guards() {
@@ -150,7 +150,7 @@ struct Program<'p> {
 
 impl Program<'_> {
     /// One call, which ends.
-    fn call<R>(&self, call: impl FnOnce() -> Result<R, Error>) -> Option<R> {
+    fn call<R>(&self, call: impl FnOnce() -> Result<R, FileError>) -> Option<R> {
         self.requests.store(0, Ordering::Relaxed);
         let outcome = call();
         let requests = self.requests.load(Ordering::Relaxed);
@@ -161,7 +161,7 @@ impl Program<'_> {
         outcome.ok()
     }
 
-    fn run(&self, source: &mut Source<'_>, places: &mut condor_mbox::Places) {
+    fn run(&self, source: &mut Source<'_>, places: &mut condor_mbox::Allocator) {
         let Some(fs) = self.call(|| self.pair.connect()) else {
             return;
         };

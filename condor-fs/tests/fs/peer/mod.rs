@@ -5,9 +5,9 @@
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use condor_fs::{Area, Error, FileSystem, wire};
-use condor_mbox::sim::{Mailbox, SimWindow, System};
-use condor_mbox::{Call, MemoryWindow, Messenger, Places, Processor, Region};
+use condor_fs::{Area, FileError, FileSystem, wire};
+use condor_mbox::sim::{SimMailbox, SimSystem, SimWindow};
+use condor_mbox::{Allocator, Call, MemoryWindow, Messenger, Processor, Region};
 
 pub(crate) const HOST: Processor = Processor(0);
 pub(crate) const CLIENT: Processor = Processor(1);
@@ -20,15 +20,15 @@ const BYTES: u32 = 2048;
 
 /// The users' region of the client's data.
 pub(crate) type Own = Region<SimWindow>;
-pub(crate) type Fs = FileSystem<'static, Mailbox<'static, 2>, SimWindow, FILES>;
+pub(crate) type Fs = FileSystem<'static, SimMailbox<'static, 2>, SimWindow, FILES>;
 /// What the host does with the slot at an offset: the reply.
 pub(crate) type Answer = Box<dyn FnMut(&Own, u32) -> u32 + Send>;
 
 /// Both processors, for one run after the other: mailboxes are not given back.
 pub(crate) struct Pair {
-    system: System<2>,
+    system: SimSystem<2>,
     answer: Arc<Mutex<Option<Answer>>>,
-    client: &'static Mailbox<'static, 2>,
+    client: &'static SimMailbox<'static, 2>,
     area: Area<FILES>,
     own: Own,
 }
@@ -57,7 +57,7 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 
 impl Pair {
     fn new() -> Self {
-        let system = System::<2>::in_virtual_time(BYTES);
+        let system = SimSystem::<2>::in_virtual_time(BYTES);
         let answer = Arc::new(Mutex::new(None::<Answer>));
         let [_, windows] = system.windows(HOST);
         let seen = Region::users(windows.data).unwrap();
@@ -77,7 +77,7 @@ impl Pair {
 
         let [_, windows] = system.windows(CLIENT);
         let own = Region::users(windows.data).unwrap();
-        let area = Area::<FILES>::new(&mut Places::new(own.size()), PATH, BUFFER).unwrap();
+        let area = Area::<FILES>::new(&mut Allocator::new(own.size()), PATH, BUFFER).unwrap();
         let mut client = system.mailbox(CLIENT).unwrap();
         let handler = Box::leak(Box::new(area.handler()));
         client
@@ -101,7 +101,7 @@ impl Pair {
         &self.own
     }
 
-    pub(crate) fn connect(&self) -> Result<Fs, Error> {
+    pub(crate) fn connect(&self) -> Result<Fs, FileError> {
         FileSystem::connect(self.client, HOST, self.own.clone(), self.area, TIMEOUT)
     }
 
@@ -112,13 +112,13 @@ impl Pair {
 }
 
 /// The request in a slot, if there is one.
-pub(crate) fn request(own: &Own, slot: u32) -> Option<wire::Request> {
+pub(crate) fn request(own: &Own, slot: u32) -> Option<wire::RequestSlot> {
     let words = std::array::from_fn(|n| own.word(slot + 4 * n as u32).unwrap());
-    wire::Request::from_words(&words)
+    wire::RequestSlot::from_words(&words)
 }
 
 /// Writes the result of `request` to its slot.
-pub(crate) fn record(own: &Own, slot: u32, request: &wire::Request, outcome: Result<u64, u16>) {
+pub(crate) fn record(own: &Own, slot: u32, request: &wire::RequestSlot, outcome: Result<u64, u16>) {
     let [session, session_high] = wire::halves(request.session);
     let [sequence, sequence_high] = wire::halves(request.sequence);
     let [value, value_high] = wire::halves(outcome.unwrap_or(0));

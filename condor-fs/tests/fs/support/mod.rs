@@ -10,11 +10,11 @@ use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use condor_fs::server::{Options, Server, Step, Steps};
+use condor_fs::server::{FileServer, ServerOptions, Step, Steps};
 use condor_fs::wire::{OPEN_FILES, Operation};
-use condor_fs::{Area, Error, FileSystem};
-use condor_mbox::linux::{LinuxWindow, Mailbox, System};
-use condor_mbox::{Places, Processor, Region};
+use condor_fs::{Area, FileError, FileSystem};
+use condor_mbox::linux::{LinuxMailbox, LinuxSystem, LinuxWindow};
+use condor_mbox::{Allocator, Processor, Region};
 use rustix::fs::{Gid, Uid};
 
 /// The kind of file system that never uses an inode number again.
@@ -29,10 +29,10 @@ pub(crate) const TIMEOUT: Duration = Duration::from_secs(60);
 const BYTES: u32 = 128 * 1024;
 const PART: &str = "CONDOR_FS_TEST_SERVER";
 
-pub(crate) type Mail<'v> = Mailbox<'v, N>;
+pub(crate) type Mail<'v> = LinuxMailbox<'v, N>;
 pub(crate) type Fs<'m, 'v> = FileSystem<'m, Mail<'v>, LinuxWindow, FILES>;
 pub(crate) type AnyFs<'m, 'v, const N: usize, const FILES: usize> =
-    Result<FileSystem<'m, Mailbox<'v, N>, LinuxWindow, FILES>, Error>;
+    Result<FileSystem<'m, LinuxMailbox<'v, N>, LinuxWindow, FILES>, FileError>;
 pub(crate) type Own = Region<LinuxWindow>;
 
 /// What a program of the host appends to the file `log`, as the option `host-appends` has it.
@@ -92,14 +92,14 @@ fn server_process() {
         log: has("host-appends").then(|| Path::new(root).join("log")),
         spare: has("spare"),
     };
-    let default = Options::default();
+    let default = ServerOptions::default();
     let mode = |option, default| {
         value(option).map_or(default, |mode| u32::from_str_radix(mode, 8).unwrap())
     };
     if let Some(bytes) = value("file-limit") {
         limit_files(bytes.parse().unwrap());
     }
-    let options = Options {
+    let options = ServerOptions {
         read_only: has("read-only"),
         max_file_bytes: value("max-file").map(|bytes| bytes.parse().unwrap()),
         quota_bytes: value("quota").map(|bytes| bytes.parse().unwrap()),
@@ -115,13 +115,16 @@ fn server_process() {
         };
         rustix::process::setrlimit(rustix::process::Resource::Nofile, limit).unwrap();
     }
-    let claim = System::<N>::inherited().unwrap().claim(SERVER).unwrap();
+    let claim = LinuxSystem::<N>::inherited()
+        .unwrap()
+        .claim(SERVER)
+        .unwrap();
     // By a path that everybody can go.
     std::env::set_current_dir(root).unwrap();
     if has("nobody") {
         become_nobody();
     }
-    let server = Server::with_steps(".", options, steps).unwrap();
+    let server = FileServer::with_steps(".", options, steps).unwrap();
     server.serve(claim, &AtomicBool::new(false)).unwrap();
 }
 
@@ -193,10 +196,10 @@ pub(crate) struct Supervisor {
 }
 
 impl Supervisor {
-    /// The first server dies as `kill` says; with `every-life` in `options`, all others as soon as they
+    /// The first server dies as `kill` says; with `every-incarnation` in `options`, all others as soon as they
     /// take that operation.
     pub(crate) fn start(
-        system: &Arc<System<N>>,
+        system: &Arc<LinuxSystem<N>>,
         root: &Path,
         kill: Option<Kill>,
         options: &'static str,
@@ -220,7 +223,7 @@ impl Supervisor {
                     format!("{}|{step:?}|{count}", operation as u32)
                 });
                 kill = kill
-                    .filter(|_| options.contains("every-life"))
+                    .filter(|_| options.contains("every-incarnation"))
                     .map(|(operation, _, _)| (operation, Step::Taken, 1));
                 let mut command = Command::new(std::env::current_exe().unwrap());
                 command
@@ -274,8 +277,8 @@ impl Drop for Supervisor {
     }
 }
 
-pub(crate) fn system() -> Arc<System<N>> {
-    Arc::new(System::family(BYTES).unwrap())
+pub(crate) fn system() -> Arc<LinuxSystem<N>> {
+    Arc::new(LinuxSystem::family(BYTES).unwrap())
 }
 
 /// Ends the server also if the program panics.
@@ -301,9 +304,9 @@ pub(crate) fn eventually<T, E: std::fmt::Display>(attempt: impl Fn() -> Result<T
 
 /// Runs `program` on a processor with files.
 pub(crate) fn with_client<R>(
-    system: &System<N>,
+    system: &LinuxSystem<N>,
     number: Processor,
-    program: impl FnOnce(&Fs<'_, '_>, &Own, &mut Places, &Mail<'_>) -> R,
+    program: impl FnOnce(&Fs<'_, '_>, &Own, &mut Allocator, &Mail<'_>) -> R,
 ) -> R {
     with_own_client(system, number, |files, own, places, mail| {
         program(&files, own, places, mail)
@@ -312,9 +315,9 @@ pub(crate) fn with_client<R>(
 
 /// The same, with the file system to keep.
 pub(crate) fn with_own_client<R>(
-    system: &System<N>,
+    system: &LinuxSystem<N>,
     number: Processor,
-    program: impl FnOnce(Fs<'_, '_>, &Own, &mut Places, &Mail<'_>) -> R,
+    program: impl FnOnce(Fs<'_, '_>, &Own, &mut Allocator, &Mail<'_>) -> R,
 ) -> R {
     try_client(system, number, (300, 4096), |files, own, places, mail| {
         program(files.unwrap(), own, places, mail)
@@ -324,10 +327,10 @@ pub(crate) fn with_own_client<R>(
 /// The same in a system of any size, with what the server says; `room` is bytes of a path, and of a
 /// file's buffer.
 pub(crate) fn try_client<R, const N: usize, const FILES: usize>(
-    system: &System<N>,
+    system: &LinuxSystem<N>,
     number: Processor,
     room: (u32, u32),
-    program: impl FnOnce(AnyFs<'_, '_, N, FILES>, &Own, &mut Places, &Mailbox<'_, N>) -> R,
+    program: impl FnOnce(AnyFs<'_, '_, N, FILES>, &Own, &mut Allocator, &LinuxMailbox<'_, N>) -> R,
 ) -> R {
     let mut claim = system.claim_within(number, TIMEOUT).unwrap();
     let own = Region::users(claim.windows()[number.index()].data.clone()).unwrap();
@@ -345,7 +348,7 @@ pub(crate) fn try_client<R, const N: usize, const FILES: usize>(
 
 /// Runs `program` on a processor that does not say where its table of open files is.
 pub(crate) fn with_silent_client<R>(
-    system: &System<N>,
+    system: &LinuxSystem<N>,
     number: Processor,
     program: impl FnOnce(Fs<'_, '_>) -> R,
 ) -> R {
@@ -361,7 +364,7 @@ pub(crate) fn with_silent_client<R>(
 pub(crate) fn with_server<R>(
     root: &Path,
     options: &'static str,
-    program: impl FnOnce(&Fs<'_, '_>, &Own, &mut Places, &Mail<'_>) -> R,
+    program: impl FnOnce(&Fs<'_, '_>, &Own, &mut Allocator, &Mail<'_>) -> R,
 ) -> R {
     let system = system();
     let _supervisor = Supervisor::start(&system, root, None, options);

@@ -6,8 +6,8 @@ use super::place::{Examiner, NOT_NEGATIVE, POSITIVE, Root, join};
 use super::shared::ORTHONORMAL;
 use crate::Requirement;
 use crate::config::{
-    Body, Finger, Form, Joint, Mistake, Motion, Problem, ProcessorKind, Rotation, ServoLaw, Shape,
-    Tendon,
+    Finger, Form, Joint, JointMotion, LinkBody, Mistake, Problem, ProcessorKind, Rotation,
+    ServoLaw, Shape, Tendon,
 };
 use crate::kinematics::is_inertia;
 use crate::math::{abs, is_finite, max};
@@ -91,10 +91,10 @@ impl<const F: usize, const J: usize> Examiner<'_, F, J> {
                     self.list(root, "mount.position", &mount.position)?;
                     self.rotation(root, "mount.rotation", &mount.rotation)?;
                     match mount.motion {
-                        Motion::Revolute(axis) => {
+                        JointMotion::Revolute(axis) => {
                             self.unit(root, "mount.motion.revolute", axis)?;
                         }
-                        Motion::Prismatic(axis) => {
+                        JointMotion::Prismatic(axis) => {
                             self.unit(root, "mount.motion.prismatic", axis)?;
                         }
                     }
@@ -108,7 +108,7 @@ impl<const F: usize, const J: usize> Examiner<'_, F, J> {
         Ok(())
     }
 
-    fn body(&mut self, root: Root, body: &Body, planar: bool) -> Result<(), Mistake> {
+    fn body(&mut self, root: Root, body: &LinkBody, planar: bool) -> Result<(), Mistake> {
         let off_axis = Problem::Is("is not on the x axis; a planar finger's links are");
         self.number(root, "body.mass_kg", body.mass_kg, POSITIVE)?;
         self.list(root, "body.center", &body.center)?;

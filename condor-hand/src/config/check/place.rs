@@ -3,7 +3,9 @@
 use core::fmt::{self, Write};
 
 use crate::Requirement;
-use crate::config::{Field, Finger, Hand, Mistake, Name, Owner, Place, Problem};
+use crate::config::{
+    Finger, Hand, Mistake, MistakeField, MistakeOwner, MistakePlace, Problem, ShortName,
+};
 use crate::math::{abs, is_finite};
 
 /// The way to a value from the top of the file, such as `fingers[1].joints[2].limits.low`.
@@ -157,8 +159,8 @@ impl<'a, const FINGERS: usize, const JOINTS: usize> Examiner<'a, FINGERS, JOINTS
     pub(super) fn name<'n>(
         &mut self,
         root: Root,
-        name: &Name,
-        mut earlier: impl Iterator<Item = &'n Name>,
+        name: &ShortName,
+        mut earlier: impl Iterator<Item = &'n ShortName>,
     ) -> Result<(), Mistake> {
         self.not_empty(root, "name", name.trim().is_empty())?;
         if earlier.any(|other| other == name) {
@@ -167,16 +169,16 @@ impl<'a, const FINGERS: usize, const JOINTS: usize> Examiner<'a, FINGERS, JOINTS
         Ok(())
     }
 
-    pub(super) fn place(&self, root: Root, field: &str) -> Place {
+    pub(super) fn place(&self, root: Root, field: &str) -> MistakePlace {
         let finger = |index: usize| self.hand.fingers.get(index);
         let name = |finger: Option<&Finger<JOINTS>>| {
             finger.map(|finger| finger.name.clone()).unwrap_or_default()
         };
         let owner = match root {
-            Root::Hand => Owner::Hand,
+            Root::Hand => MistakeOwner::Hand,
             Root::ControlProcessor(index) => {
                 let processor = self.hand.processors.get(index);
-                Owner::ControlProcessor(processor.map_or(0, |processor| processor.number))
+                MistakeOwner::ControlProcessor(processor.map_or(0, |processor| processor.number))
             }
             Root::Axis(index) => {
                 let axis = self
@@ -184,25 +186,25 @@ impl<'a, const FINGERS: usize, const JOINTS: usize> Examiner<'a, FINGERS, JOINTS
                     .table
                     .as_ref()
                     .and_then(|table| table.axes.get(index));
-                Owner::Axis(axis.map(|axis| axis.name.clone()).unwrap_or_default())
+                MistakeOwner::Axis(axis.map(|axis| axis.name.clone()).unwrap_or_default())
             }
-            Root::Finger(index) => Owner::Finger(name(finger(index))),
+            Root::Finger(index) => MistakeOwner::Finger(name(finger(index))),
             Root::Joint(index, number) => {
                 let joint = self.hand.joint(index, number);
-                Owner::Joint {
+                MistakeOwner::Joint {
                     finger: name(finger(index)),
                     joint: joint.map(|joint| joint.name.clone()).unwrap_or_default(),
                 }
             }
         };
         let field = join(field, "");
-        Place { owner, field }
+        MistakePlace { owner, field }
     }
 }
 
 /// The way to a field within a table.
-pub(super) fn join(table: &str, field: &str) -> Field {
-    let mut whole = Field::new();
+pub(super) fn join(table: &str, field: &str) -> MistakeField {
+    let mut whole = MistakeField::new();
     let dot = if table.is_empty() || field.is_empty() {
         ""
     } else {

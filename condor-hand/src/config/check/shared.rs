@@ -4,7 +4,9 @@ use nalgebra::Vector3;
 
 use super::place::{Examiner, POSITIVE, Root, join};
 use crate::Requirement;
-use crate::config::{ControlProcessor, Input, Limits, Mistake, Output, Problem, ProcessorKind};
+use crate::config::{
+    ControlProcessor, InputChannel, Limits, Mistake, OutputChannel, Problem, ProcessorKind,
+};
 use crate::math::{abs, sqrt};
 
 /// How far an entry of an orthonormal matrix may be off: people write ten digits.
@@ -55,8 +57,8 @@ impl<'a, const F: usize, const J: usize> Examiner<'a, F, J> {
         &mut self,
         root: Root,
         table: &str,
-        (adc, seen): (&Input, [f64; 2]),
-        dac: Option<(&Output, [f64; 2])>,
+        (adc, seen): (&InputChannel, [f64; 2]),
+        dac: Option<(&OutputChannel, [f64; 2])>,
     ) -> Result<(), Mistake> {
         let seen = seen.map(|value| (value, adc.exact_counts(value)));
         let numbers = (adc.bits, adc.gain, adc.offset, adc.full_scale());

@@ -3,7 +3,7 @@
 use core::ops::Range;
 use std::vec::Vec;
 
-use condor_toml::{Fault, Spanned};
+use condor_toml::{Misreading, Spanned};
 use toml::de::{DeTable, DeValue};
 
 type Value<'t> = Spanned<DeValue<'t>>;
@@ -21,7 +21,7 @@ const CHANNEL: &str = "channel";
 const CHOICES: [&str; 5] = ["form", "motion", "rectification", "rotation", "shape"];
 
 /// Fills in what the fingers and joints leave out, and removes the keys that say from where.
-pub(super) fn fill(tree: &mut Value<'_>) -> Result<(), Fault> {
+pub(super) fn fill(tree: &mut Value<'_>) -> Result<(), Misreading> {
     let general = take_table(tree)?;
     let Some(DeValue::Array(fingers)) = get_mut(tree, "fingers") else {
         return Ok(());
@@ -63,19 +63,19 @@ fn take<'t>(table: &mut Value<'t>, key: &str) -> Option<Value<'t>> {
 }
 
 /// Takes the defaults of joints out of a table.
-fn take_table<'t>(table: &mut Value<'t>) -> Result<Option<Value<'t>>, Fault> {
+fn take_table<'t>(table: &mut Value<'t>) -> Result<Option<Value<'t>>, Misreading> {
     match take(table, JOINT_DEFAULTS) {
         Some(value) if !value.get_ref().is_table() => {
-            Err(Fault::unsuitable(&value, "a table of defaults"))
+            Err(Misreading::unsuitable(&value, "a table of defaults"))
         }
         value => Ok(value),
     }
 }
 
 /// The finger above that `like` names.
-fn find<'a, 't>(above: &'a [Value<'t>], like: &Value<'_>) -> Result<&'a Value<'t>, Fault> {
+fn find<'a, 't>(above: &'a [Value<'t>], like: &Value<'_>) -> Result<&'a Value<'t>, Misreading> {
     let Some(name) = like.get_ref().as_str() else {
-        return Err(Fault::unsuitable(like, "the name of a finger"));
+        return Err(Misreading::unsuitable(like, "the name of a finger"));
     };
     let is_meant = |finger: &&Value<'_>| {
         let other = finger.get_ref().get("name");
@@ -83,7 +83,7 @@ fn find<'a, 't>(above: &'a [Value<'t>], like: &Value<'_>) -> Result<&'a Value<'t
     };
     above.iter().find(is_meant).ok_or_else(|| {
         let problem = std::format!("no finger `{name}` stands above this one");
-        Fault::at(&like.span(), problem)
+        Misreading::at(&like.span(), problem)
     })
 }
 

@@ -8,14 +8,14 @@ use crate::dynamics::Dynamics;
 use crate::grasp::{FingerState, GraspStiffness, TorqueLimits};
 use crate::kinematics::Kinematics;
 use crate::math::{clamp, min};
-use crate::servo::{JointTarget, Mode};
+use crate::servo::{JointTarget, ServoMode};
 
 /// The time within which all fingers are to have the order, s.
 const PATIENCE_S: f64 = 0.25;
 
 /// The controllers of the fingers that a processor serves.
 ///
-/// An array of controllers implements it, and so does the `ServoLoop` of the feature `mbox`.
+/// An array of controllers implements it, and so does the `HandLoop` of the feature `mbox`.
 pub trait FingerControllers<M, const N: usize> {
     /// Returns the controller of a finger of the hand; `None` if the processor does not serve it.
     fn of_finger(&mut self, finger: usize) -> Option<&mut FingerController<M, N>>;
@@ -325,7 +325,7 @@ where
     fn check_modes(&mut self, finger: usize) -> Result<(), GraspReason> {
         let finger = self.controllers.of_finger(finger);
         let finger = finger.ok_or(GraspReason::Fault)?;
-        if (0..N).all(|joint| finger.mode(joint) == Some(Mode::Grasp)) {
+        if (0..N).all(|joint| finger.mode(joint) == Some(ServoMode::Grasp)) {
             return Ok(());
         }
         Err(if finger.fault().is_some() {
@@ -438,9 +438,9 @@ where
             && let Some(finger) = self.controllers.of_finger(holder.finger)
         {
             for joint in 0..N {
-                if finger.mode(joint) == Some(Mode::Grasp) {
+                if finger.mode(joint) == Some(ServoMode::Grasp) {
                     // After a fault the finger has its own way to rest.
-                    let _ = finger.set_mode(joint, Mode::Position);
+                    let _ = finger.set_mode(joint, ServoMode::Position);
                 }
             }
         }

@@ -2,7 +2,8 @@ use nalgebra::{Matrix6, Vector3};
 
 use super::{GraspReason, LEAST_FINGERS};
 use crate::grasp::{
-    Friction, GraspError, GraspTuning, Posture, SpatialGain, Squeeze, Surface, TorqueLimits, Wrench,
+    ContactFriction, GraspError, GraspTuning, Posture, SpatialGain, Squeeze, TorqueLimits,
+    TuningSurface, Wrench,
 };
 
 /// An order for a grasp of a hand with `F` fingers: the fingers that hold an object, and the
@@ -89,8 +90,8 @@ impl<const F: usize> GraspOrder<F> {
                 moment: Vector3::from(self.moment),
             },
             squeeze: Squeeze::equal(self.squeeze_n)?,
-            surface: Surface::Ball(center),
-            friction: Friction::point(self.friction)?,
+            surface: TuningSurface::Ball(center),
+            friction: ContactFriction::point(self.friction)?,
             posture: Posture {
                 stiffness: self.posture_stiffness,
                 damping: self.posture_damping,

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use super::GraspOrder;
 use super::order::by_columns;
-use crate::grasp::{Friction, GraspError, SpatialGain, Squeeze};
+use crate::grasp::{ContactFriction, GraspError, SpatialGain, Squeeze};
 use crate::math::sqrt;
 use crate::number::not_negative;
 use crate::pose::{Pose, rotation_of};
@@ -112,7 +112,7 @@ impl GraspSettings {
             "the damping of the posture, N m s/rad,",
             self.posture_damping,
         )?;
-        Friction::<f64>::point(self.friction)?;
+        ContactFriction::<f64>::point(self.friction)?;
         not_negative("the time of the ramp, s,", self.ramp_s)?;
         Ok(())
     }

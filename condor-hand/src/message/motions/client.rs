@@ -5,10 +5,11 @@ use condor_mbox::{AccessError, Exchange, MemoryWindow, Messenger, Processor, Reg
 use thiserror::Error;
 
 use super::{
-    BODY_BYTES, Batch, Code, MOTIONS, MotionsBlocks, Request, Response, VERSION, Verb, WHOLE,
+    BODY_BYTES, Batch, Code, MOTIONS, MotionOperation, MotionRequest, MotionResponse,
+    MotionsBlocks, VERSION, WHOLE,
 };
-use crate::queue::{Answer, Identity, State};
-use crate::trajectory::StreamError;
+use crate::queue::{QueueAnswer, RequestIdentity, RequestState};
+use crate::trajectory::JointStreamError;
 
 /// The time after which a client asks again.
 const PAUSE: Duration = Duration::from_millis(2);
@@ -17,9 +18,9 @@ const ANSWER: Duration = Duration::from_millis(500);
 
 /// The state of a request, and how much of it is done.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Seen {
+pub struct RequestProgress {
     /// What has become of it.
-    pub answer: Answer,
+    pub answer: QueueAnswer,
     /// The number of requests that run or wait before it, while it waits.
     pub before: u32,
     /// How far it is, in 0..=1, while it runs. A stream has none: only its client knows how many points
@@ -29,11 +30,11 @@ pub struct Seen {
 
 /// The outcome of sending points.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Sent {
+pub enum SentPoints {
     /// The controller has them, and points until this time of the stream.
     Until(Duration),
     /// The stream has ended before, as this says.
-    Ended(Answer),
+    Ended(QueueAnswer),
 }
 
 /// The reason for which a client has no answer.
@@ -45,7 +46,7 @@ pub enum MotionsError {
     Exchange(#[from] ExchangeError),
     /// The client's mailbox cannot wait.
     #[error(transparent)]
-    Mailbox(#[from] condor_mbox::Error),
+    Mailbox(#[from] condor_mbox::MailboxError),
     /// The controller has not decided within the time: ask again.
     #[error("the controller has not answered within {timeout:?}")]
     TimedOut {
@@ -64,8 +65,10 @@ pub enum MotionsError {
         /// The controller's version.
         found: u32,
     },
-    /// The session is that of another processor, or of an earlier life of this one: open another.
-    #[error("the session was opened by another processor, or in an earlier life of this one")]
+    /// The session is that of another processor, or of an earlier incarnation of this one: open another.
+    #[error(
+        "the session was opened by another processor, or in an earlier incarnation of this one"
+    )]
     NotYours,
     /// The ledger of the controller has the last number that a session can have.
     #[error(
@@ -75,12 +78,12 @@ pub enum MotionsError {
     Exhausted,
     /// The points of a batch are refused, all of them.
     #[error(transparent)]
-    Points(#[from] StreamError),
+    Points(#[from] JointStreamError),
     /// The response is invalid.
     #[error("an answer that no controller gives: {response:?}")]
     Strange {
         /// The answer.
-        response: Response,
+        response: MotionResponse,
     },
 }
 
@@ -89,7 +92,7 @@ pub enum MotionsError {
 pub struct MotionsClient<'m, M: Messenger + ?Sized, W: MemoryWindow> {
     messenger: &'m M,
     to: Processor,
-    exchange: Exchange<'m, M, Region<W>, Request, Response>,
+    exchange: Exchange<'m, M, Region<W>, MotionRequest, MotionResponse>,
 }
 
 impl<'m, M: Messenger + ?Sized, W: MemoryWindow + Clone> MotionsClient<'m, M, W> {
@@ -119,7 +122,7 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow + Clone> MotionsClient<'m, M, W>
     /// # Errors
     /// [`MotionsError`]; a session that was opened all the same is never used.
     pub fn open(&mut self, timeout: Duration) -> Result<u32, MotionsError> {
-        self.done(&Request::new(Verb::Open, 0, 0), timeout)
+        self.done(&MotionRequest::new(MotionOperation::Open, 0, 0), timeout)
     }
 
     /// Puts the session in control if no other one is, or in any case with `from_other`; returns the
@@ -133,7 +136,7 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow + Clone> MotionsClient<'m, M, W>
         from_other: bool,
         timeout: Duration,
     ) -> Result<u32, MotionsError> {
-        let request = Request::new(Verb::Control, session, from_other.into());
+        let request = MotionRequest::new(MotionOperation::Control, session, from_other.into());
         self.done(&request, timeout)
     }
 
@@ -143,11 +146,11 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow + Clone> MotionsClient<'m, M, W>
     /// [`MotionsError`]; offer the same again, or [look](Self::look).
     pub fn offer(
         &mut self,
-        identity: Identity,
+        identity: RequestIdentity,
         motions: &[u8],
         timeout: Duration,
-    ) -> Result<Answer, MotionsError> {
-        self.offer_as(Verb::Offer, identity, motions, timeout)
+    ) -> Result<QueueAnswer, MotionsError> {
+        self.offer_as(MotionOperation::Offer, identity, motions, timeout)
     }
 
     /// Offers a stream of the joints in `mask` (bit *i* is joint *i*), until it is accepted or refused.
@@ -156,11 +159,16 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow + Clone> MotionsClient<'m, M, W>
     /// [`MotionsError`]; offer the same again, or [look](Self::look).
     pub fn stream(
         &mut self,
-        identity: Identity,
+        identity: RequestIdentity,
         mask: u32,
         timeout: Duration,
-    ) -> Result<Answer, MotionsError> {
-        self.offer_as(Verb::Stream, identity, &mask.to_le_bytes(), timeout)
+    ) -> Result<QueueAnswer, MotionsError> {
+        self.offer_as(
+            MotionOperation::Stream,
+            identity,
+            &mask.to_le_bytes(),
+            timeout,
+        )
     }
 
     /// Sends points of a stream of the joints in `mask`, until it has begun and there is room for them.
@@ -170,13 +178,13 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow + Clone> MotionsClient<'m, M, W>
     /// room; another [`MotionsError`]. Send the same again.
     pub fn points<const J: usize>(
         &mut self,
-        identity: Identity,
+        identity: RequestIdentity,
         mask: u32,
         batch: &Batch<J>,
         timeout: Duration,
-    ) -> Result<Sent, MotionsError> {
-        let Identity { session, number } = identity;
-        let mut request = Request::new(Verb::Points, session, number);
+    ) -> Result<SentPoints, MotionsError> {
+        let RequestIdentity { session, number } = identity;
+        let mut request = MotionRequest::new(MotionOperation::Points, session, number);
         let length = batch.write(mask, &mut request.body);
         let length = length.ok_or(MotionsError::Length {
             length: batch.points.len() * (8 + 16 * mask.count_ones() as usize),
@@ -184,12 +192,14 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow + Clone> MotionsClient<'m, M, W>
         request.length = length as u32;
         let response = self.ask(&request, timeout)?;
         match Code::from_number(response.code) {
-            Some(Code::Done) => Ok(Sent::Until(Duration::from_millis(response.value.into()))),
+            Some(Code::Done) => Ok(SentPoints::Until(Duration::from_millis(
+                response.value.into(),
+            ))),
             Some(Code::Refused) => Err(match response.refusal.error() {
                 Some(error) => MotionsError::Points(error),
                 None => MotionsError::Strange { response },
             }),
-            _ => answer(&response).map(Sent::Ended),
+            _ => answer(&response).map(SentPoints::Ended),
         }
     }
 
@@ -197,12 +207,19 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow + Clone> MotionsClient<'m, M, W>
     ///
     /// # Errors
     /// [`MotionsError`].
-    pub fn look(&mut self, identity: Identity, timeout: Duration) -> Result<Seen, MotionsError> {
-        let Identity { session, number } = identity;
-        let response = self.ask(&Request::new(Verb::Look, session, number), timeout)?;
+    pub fn look(
+        &mut self,
+        identity: RequestIdentity,
+        timeout: Duration,
+    ) -> Result<RequestProgress, MotionsError> {
+        let RequestIdentity { session, number } = identity;
+        let response = self.ask(
+            &MotionRequest::new(MotionOperation::Look, session, number),
+            timeout,
+        )?;
         let (answer, progress) = (answer(&response)?, response.progress.min(WHOLE));
-        let runs = matches!(answer, Answer::Known(State::Started, _));
-        Ok(Seen {
+        let runs = matches!(answer, QueueAnswer::Known(RequestState::Started, _));
+        Ok(RequestProgress {
             answer,
             before: response.value,
             progress: (runs && progress > 0).then(|| f64::from(progress) / f64::from(WHOLE)),
@@ -216,7 +233,10 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow + Clone> MotionsClient<'m, M, W>
     /// [`MotionsError`]; the controller ends all motion all the same once it has the request. Ask again to
     /// know that it has.
     pub fn abort(&mut self, session: u32, timeout: Duration) -> Result<u32, MotionsError> {
-        self.done(&Request::new(Verb::Abort, session, 0), timeout)
+        self.done(
+            &MotionRequest::new(MotionOperation::Abort, session, 0),
+            timeout,
+        )
     }
 
     /// Ends the control of the session, so that any other one can take it.
@@ -224,19 +244,22 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow + Clone> MotionsClient<'m, M, W>
     /// # Errors
     /// [`MotionsError`].
     pub fn give_up_control(&mut self, session: u32, timeout: Duration) -> Result<(), MotionsError> {
-        self.done(&Request::new(Verb::GiveUp, session, 0), timeout)
-            .map(drop)
+        self.done(
+            &MotionRequest::new(MotionOperation::GiveUp, session, 0),
+            timeout,
+        )
+        .map(drop)
     }
 
     fn offer_as(
         &mut self,
-        verb: Verb,
-        identity: Identity,
+        operation: MotionOperation,
+        identity: RequestIdentity,
         body: &[u8],
         timeout: Duration,
-    ) -> Result<Answer, MotionsError> {
-        let (length, Identity { session, number }) = (body.len(), identity);
-        let mut request = Request::new(verb, session, number);
+    ) -> Result<QueueAnswer, MotionsError> {
+        let (length, RequestIdentity { session, number }) = (body.len(), identity);
+        let mut request = MotionRequest::new(operation, session, number);
         let place = request.body.get_mut(..length);
         let place = place.ok_or(MotionsError::Length { length })?;
         place.copy_from_slice(body);
@@ -245,7 +268,7 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow + Clone> MotionsClient<'m, M, W>
     }
 
     /// Asks, and returns the value of the answer.
-    fn done(&mut self, request: &Request, timeout: Duration) -> Result<u32, MotionsError> {
+    fn done(&mut self, request: &MotionRequest, timeout: Duration) -> Result<u32, MotionsError> {
         let response = self.ask(request, timeout)?;
         match Code::from_number(response.code) {
             Some(Code::Done) => Ok(response.value),
@@ -256,7 +279,11 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow + Clone> MotionsClient<'m, M, W>
     }
 
     /// Asks until the controller has decided.
-    fn ask(&mut self, request: &Request, timeout: Duration) -> Result<Response, MotionsError> {
+    fn ask(
+        &mut self,
+        request: &MotionRequest,
+        timeout: Duration,
+    ) -> Result<MotionResponse, MotionsError> {
         let deadline = self.messenger.now().after(timeout);
         loop {
             let left = Duration::from_nanos(deadline.ns_since(self.messenger.now()));
@@ -279,13 +306,13 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow + Clone> MotionsClient<'m, M, W>
 }
 
 /// Whether a request must be asked again.
-fn is_open(response: &Response) -> bool {
+fn is_open(response: &MotionResponse) -> bool {
     let code = Code::from_number(response.code);
     matches!(code, Some(Code::Pending | Code::Busy))
 }
 
 /// The answer of the queue.
-fn answer(response: &Response) -> Result<Answer, MotionsError> {
+fn answer(response: &MotionResponse) -> Result<QueueAnswer, MotionsError> {
     let strange = MotionsError::Strange {
         response: *response,
     };

@@ -4,8 +4,8 @@ use condor_mbox::{Call, MemoryWindow, Processor, Region};
 use critical_section::Mutex;
 use heapless::Deque;
 
-use super::{Code, MotionsBlocks, Request, Response, VERSION, Verb};
-use crate::queue::{Answer, MotionQueue, Owner, Reason, State};
+use super::{Code, MotionOperation, MotionRequest, MotionResponse, MotionsBlocks, VERSION};
+use crate::queue::{MotionQueue, QueueAnswer, RefusalReason, RequestState, SessionOwner};
 
 /// The number of offers that the background has not looked at, of different processors.
 const INBOX: usize = 8;
@@ -25,7 +25,7 @@ pub enum Offer<'a> {
 /// [`MotionQueue`].
 #[derive(Debug)]
 pub struct MotionsPost<P, const Q: usize, const S: usize, const R: usize, const C: usize>(
-    Mutex<RefCell<Desk<P, Q, S, R, C>>>,
+    Mutex<RefCell<MotionsState<P, Q, S, R, C>>>,
 );
 
 /// The state of the abort for which the session in control has asked.
@@ -58,11 +58,11 @@ impl Abort {
 
 /// State shared by the handler and the background.
 #[derive(Debug)]
-pub(super) struct Desk<P, const Q: usize, const S: usize, const R: usize, const C: usize> {
+pub(super) struct MotionsState<P, const Q: usize, const S: usize, const R: usize, const C: usize> {
     /// `None` while the background works on it.
     pub(super) queue: Option<MotionQueue<P, Q, S, R>>,
     /// At most one offer of each processor.
-    pub(super) inbox: Deque<(Owner, Request), INBOX>,
+    pub(super) inbox: Deque<(SessionOwner, MotionRequest), INBOX>,
     /// For each processor the session that was opened for it, or 0 if it is still to be.
     opened: [Option<u32>; C],
     /// The processor that is the first to get a session.
@@ -78,7 +78,7 @@ impl<P, const Q: usize, const S: usize, const R: usize, const C: usize> MotionsP
     /// Makes a post without a queue: a [`MotionsServer`](super::MotionsServer) restores that.
     #[must_use]
     pub const fn new() -> Self {
-        Self(Mutex::new(RefCell::new(Desk {
+        Self(Mutex::new(RefCell::new(MotionsState {
             queue: None,
             inbox: Deque::new(),
             opened: [None; C],
@@ -100,24 +100,27 @@ impl<P, const Q: usize, const S: usize, const R: usize, const C: usize> MotionsP
         call: &Call<'_>,
         blocks: &MotionsBlocks,
         own: &Region<W>,
-        points: impl FnOnce(Owner, &Request) -> Option<Response>,
+        points: impl FnOnce(SessionOwner, &MotionRequest) -> Option<MotionResponse>,
     ) -> u32 {
-        let sender = Owner {
+        let sender = SessionOwner {
             processor: call.sender().0.into(),
-            life: call.sender_incarnation(),
+            incarnation: call.sender_incarnation(),
         };
-        blocks.answer(call, own, |request: Request| {
-            let taken = (request.verb == Verb::Points as u32)
+        blocks.answer(call, own, |request: MotionRequest| {
+            let taken = (request.operation == MotionOperation::Points as u32)
                 .then(|| points(sender, &request))
                 .flatten();
             taken
                 .or_else(|| self.with(|desk| desk.receive(sender, &request)))
-                .unwrap_or(Response::busy())
+                .unwrap_or(MotionResponse::busy())
         })
     }
 
     /// Runs `work` on the shared state; returns `None` if it is already borrowed.
-    pub(super) fn with<T>(&self, work: impl FnOnce(&mut Desk<P, Q, S, R, C>) -> T) -> Option<T> {
+    pub(super) fn with<T>(
+        &self,
+        work: impl FnOnce(&mut MotionsState<P, Q, S, R, C>) -> T,
+    ) -> Option<T> {
         critical_section::with(|section| {
             let mut desk = self.0.borrow(section).try_borrow_mut().ok()?;
             Some(work(&mut desk))
@@ -133,7 +136,7 @@ impl<P, const Q: usize, const S: usize, const R: usize, const C: usize> Default
     }
 }
 
-impl Response {
+impl MotionResponse {
     /// Returns the answer [`Code::Busy`]: the controller has no time now, and the client asks again.
     #[must_use]
     pub fn busy() -> Self {
@@ -141,19 +144,21 @@ impl Response {
     }
 }
 
-impl Request {
+impl MotionRequest {
     /// The content of an offer.
-    pub(super) fn offer(&self) -> Result<Offer<'_>, Reason> {
-        let body = self.body().ok_or(Reason::NoMotion)?;
-        if self.verb != Verb::Stream as u32 {
+    pub(super) fn offer(&self) -> Result<Offer<'_>, RefusalReason> {
+        let body = self.body().ok_or(RefusalReason::NoMotion)?;
+        if self.operation != MotionOperation::Stream as u32 {
             return Ok(Offer::Motions(body));
         }
-        let mask = body.first_chunk().ok_or(Reason::NoMotion)?;
+        let mask = body.first_chunk().ok_or(RefusalReason::NoMotion)?;
         Ok(Offer::Stream(u32::from_le_bytes(*mask)))
     }
 }
 
-impl<P, const Q: usize, const S: usize, const R: usize, const C: usize> Desk<P, Q, S, R, C> {
+impl<P, const Q: usize, const S: usize, const R: usize, const C: usize>
+    MotionsState<P, Q, S, R, C>
+{
     /// The processor whose turn it is to get a session, if any asks for one.
     pub(super) fn next_to_open(&mut self) -> Option<Processor> {
         let places = self.opened.iter().enumerate().cycle();
@@ -171,40 +176,44 @@ impl<P, const Q: usize, const S: usize, const R: usize, const C: usize> Desk<P, 
     }
 
     /// Answers what can be answered at once, and keeps the rest.
-    fn receive(&mut self, sender: Owner, request: &Request) -> Response {
+    fn receive(&mut self, sender: SessionOwner, request: &MotionRequest) -> MotionResponse {
         let Some(queue) = &mut self.queue else {
-            return Response::busy();
+            return MotionResponse::busy();
         };
         let (identity, session) = (request.identity(), request.session);
-        let done = |session: Option<u32>| Response::new(Code::Done, session.unwrap_or(0));
+        let done = |session: Option<u32>| MotionResponse::new(Code::Done, session.unwrap_or(0));
         let is_of_sender = |queue: &MotionQueue<P, Q, S, R>, session| {
             queue.owner(session) == Some(sender) && !queue.is_closed(session)
         };
         // Whoever asks about a session that is gone is told so.
         let is_of_other = queue.owner(session).is_some() && !is_of_sender(queue, session);
         let (not_yours, pending) = (
-            Response::new(Code::NotYours, 0),
-            Response::new(Code::Pending, 0),
+            MotionResponse::new(Code::NotYours, 0),
+            MotionResponse::new(Code::Pending, 0),
         );
-        let verb = Verb::from_number(request.verb);
-        match verb.filter(|_| request.version == VERSION) {
-            Some(Verb::Open) => {
+        let operation = MotionOperation::from_number(request.operation);
+        match operation.filter(|_| request.version == VERSION) {
+            Some(MotionOperation::Open) => {
                 let Some(opened) = self.opened.get_mut(sender.processor as usize) else {
-                    return Response::new(Code::Wrong, 0);
+                    return MotionResponse::new(Code::Wrong, 0);
                 };
                 match opened.take() {
                     Some(session) if session != 0 && is_of_sender(queue, session) => {
                         done(Some(session))
                     }
-                    _ if queue.is_exhausted() => Response::new(Code::Exhausted, 0),
+                    _ if queue.is_exhausted() => MotionResponse::new(Code::Exhausted, 0),
                     _ => {
                         *opened = Some(0);
                         pending
                     }
                 }
             }
-            Some(Verb::Control | Verb::Abort | Verb::GiveUp) if is_of_other => not_yours,
-            Some(Verb::Control) => {
+            Some(MotionOperation::Control | MotionOperation::Abort | MotionOperation::GiveUp)
+                if is_of_other =>
+            {
+                not_yours
+            }
+            Some(MotionOperation::Control) => {
                 let before = queue.in_control();
                 queue.take_control(session, request.number == 1);
                 let now = queue.in_control();
@@ -215,26 +224,28 @@ impl<P, const Q: usize, const S: usize, const R: usize, const C: usize> Desk<P, 
                 }
                 done(now)
             }
-            Some(Verb::Offer | Verb::Stream | Verb::Look) if request.number == 0 => {
-                Response::new(Code::Wrong, 0)
+            Some(MotionOperation::Offer | MotionOperation::Stream | MotionOperation::Look)
+                if request.number == 0 =>
+            {
+                MotionResponse::new(Code::Wrong, 0)
             }
-            Some(Verb::Offer | Verb::Stream | Verb::Look) => {
+            Some(MotionOperation::Offer | MotionOperation::Stream | MotionOperation::Look) => {
                 let answer = queue.answer(identity);
-                if !matches!(answer, Answer::New | Answer::Never) {
-                    let runs = matches!(answer, Answer::Known(State::Started, _));
-                    Response {
+                if !matches!(answer, QueueAnswer::New | QueueAnswer::Never) {
+                    let runs = matches!(answer, QueueAnswer::Known(RequestState::Started, _));
+                    MotionResponse {
                         value: queue.before(identity).unwrap_or(0) as u32,
                         progress: if runs { self.progress } else { 0 },
-                        ..Response::of(answer)
+                        ..MotionResponse::of(answer)
                     }
                 } else if self.inbox.iter().any(|(_, it)| it.identity() == identity) {
                     pending
-                } else if verb == Some(Verb::Look) || answer == Answer::Never {
-                    Response::of(answer)
+                } else if operation == Some(MotionOperation::Look) || answer == QueueAnswer::Never {
+                    MotionResponse::of(answer)
                 } else if is_of_other {
                     not_yours
                 } else if request.body().is_none() {
-                    Response::new(Code::Wrong, 0)
+                    MotionResponse::new(Code::Wrong, 0)
                 } else if self
                     .inbox
                     .iter()
@@ -243,10 +254,10 @@ impl<P, const Q: usize, const S: usize, const R: usize, const C: usize> Desk<P, 
                 {
                     pending
                 } else {
-                    Response::busy()
+                    MotionResponse::busy()
                 }
             }
-            Some(Verb::Abort) => {
+            Some(MotionOperation::Abort) => {
                 let in_control = queue.in_control();
                 if in_control != Some(session) {
                     return done(in_control);
@@ -261,16 +272,16 @@ impl<P, const Q: usize, const S: usize, const R: usize, const C: usize> Desk<P, 
                 pending
             }
             // Points of a stream that runs are taken elsewhere.
-            Some(Verb::Points) => match queue.answer(identity) {
+            Some(MotionOperation::Points) => match queue.answer(identity) {
                 _ if is_of_other => not_yours,
-                Answer::Known(State::Accepted | State::Started, _) => pending,
-                answer => Response::of(answer),
+                QueueAnswer::Known(RequestState::Accepted | RequestState::Started, _) => pending,
+                answer => MotionResponse::of(answer),
             },
-            Some(Verb::GiveUp) => {
+            Some(MotionOperation::GiveUp) => {
                 queue.give_up_control(session);
                 done(None)
             }
-            None => Response::new(Code::Wrong, 0),
+            None => MotionResponse::new(Code::Wrong, 0),
         }
     }
 }

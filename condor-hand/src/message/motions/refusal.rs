@@ -1,12 +1,12 @@
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 use crate::number::{NumberError, Requirement};
-use crate::trajectory::{QUANTITIES, StreamError};
+use crate::trajectory::{JointStreamError, QUANTITIES};
 
-/// A [`StreamError`] as it lies in an answer. Fields that an error does not use are zero.
+/// A [`JointStreamError`] as it lies in an answer. Fields that an error does not use are zero.
 #[derive(Clone, Copy, Debug, Default, PartialEq, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
-pub struct Refusal {
+pub struct StreamRefusal {
     /// The kind of error: 1 for the time, 2 for the sequence, 3 for the end, 4 for a joint, 0 for none.
     pub kind: u32,
     /// The joint, or the number of the batch that was found.
@@ -24,27 +24,27 @@ pub struct Refusal {
     pub bound: f64,
 }
 
-impl Refusal {
-    pub(super) fn of(error: StreamError) -> Self {
+impl StreamRefusal {
+    pub(super) fn of(error: JointStreamError) -> Self {
         match error {
-            StreamError::Time { time, after } => Self {
+            JointStreamError::Time { time, after } => Self {
                 kind: 1,
                 time,
                 value: after,
                 ..Self::default()
             },
-            StreamError::Sequence { found, expected } => Self {
+            JointStreamError::Sequence { found, expected } => Self {
                 kind: 2,
                 which: found,
                 quantity: expected,
                 ..Self::default()
             },
             // What is full is answered as busy.
-            StreamError::Ended | StreamError::Full { .. } => Self {
+            JointStreamError::Ended | JointStreamError::Full { .. } => Self {
                 kind: 3,
                 ..Self::default()
             },
-            StreamError::Joint { joint, time, error } => {
+            JointStreamError::Joint { joint, time, error } => {
                 let (must, bound) = match error.must {
                     Requirement::Finite => (0, 0.0),
                     Requirement::Above(bound) => (1, bound),
@@ -68,17 +68,17 @@ impl Refusal {
     }
 
     /// Returns the error; `None` if it is none that a controller writes.
-    pub(super) fn error(&self) -> Option<StreamError> {
+    pub(super) fn error(&self) -> Option<JointStreamError> {
         let Self {
             time, value, bound, ..
         } = *self;
         Some(match self.kind {
-            1 => StreamError::Time { time, after: value },
-            2 => StreamError::Sequence {
+            1 => JointStreamError::Time { time, after: value },
+            2 => JointStreamError::Sequence {
                 found: self.which,
                 expected: self.quantity,
             },
-            3 => StreamError::Ended,
+            3 => JointStreamError::Ended,
             4 => {
                 let must = match self.must {
                     0 => Requirement::Finite,
@@ -89,7 +89,7 @@ impl Refusal {
                     _ => return None,
                 };
                 let what = QUANTITIES.get(self.quantity as usize)?;
-                StreamError::Joint {
+                JointStreamError::Joint {
                     joint: self.which as usize,
                     time,
                     error: NumberError { what, value, must },
@@ -119,26 +119,26 @@ mod tests {
                 value: 7.25,
                 must,
             });
-            error.map(|error| StreamError::Joint {
+            error.map(|error| JointStreamError::Joint {
                 joint: 14,
                 time: 0.4,
                 error,
             })
         });
         let others = [
-            StreamError::Time {
+            JointStreamError::Time {
                 time: 0.1,
                 after: 0.2,
             },
-            StreamError::Sequence {
+            JointStreamError::Sequence {
                 found: 2,
                 expected: 1,
             },
-            StreamError::Ended,
+            JointStreamError::Ended,
         ];
         for error in errors.chain(others) {
-            assert_eq!(Refusal::of(error).error(), Some(error));
+            assert_eq!(StreamRefusal::of(error).error(), Some(error));
         }
-        assert_eq!(Refusal::default().error(), None);
+        assert_eq!(StreamRefusal::default().error(), None);
     }
 }

@@ -3,8 +3,11 @@ use core::time::Duration;
 use condor_mbox::Instant;
 
 use super::WHOLE;
-use super::post::{Abort, Desk, MotionsPost, Offer};
-use crate::queue::{Identity, MotionQueue, Owner, Reason, RestoreError, Row, State};
+use super::post::{Abort, MotionsPost, MotionsState, Offer};
+use crate::queue::{
+    LedgerRow, MotionQueue, RefusalReason, RequestIdentity, RequestState, RestoreError,
+    SessionOwner,
+};
 
 /// A ledger that cannot be read or written is tried again after this time.
 const AGAIN: Duration = Duration::from_millis(500);
@@ -19,7 +22,7 @@ pub trait LedgerStore {
     /// The reason for which rows cannot be read or written.
     type Error;
 
-    /// Calls `restore` with the bytes of all rows of the former life, or with no bytes if there are none;
+    /// Calls `restore` with the bytes of all rows of the former incarnation, or with no bytes if there are none;
     /// and with the least number of the next session, as
     /// [`MotionQueue::restore`] has it: the time in seconds, if there is a clock.
     ///
@@ -32,20 +35,20 @@ pub trait LedgerStore {
     ///
     /// # Errors
     /// The error of the store; it is tried again later.
-    fn replace(&mut self, rows: impl Iterator<Item = Row>) -> Result<(), Self::Error>;
+    fn replace(&mut self, rows: impl Iterator<Item = LedgerRow>) -> Result<(), Self::Error>;
 
     /// Writes the row with this index.
     ///
     /// # Errors
     /// The error of the store; all rows are replaced then. The row may be there or not, but it must not
     /// come after that.
-    fn write(&mut self, row: usize, bytes: &Row) -> Result<(), Self::Error>;
+    fn write(&mut self, row: usize, bytes: &LedgerRow) -> Result<(), Self::Error>;
 }
 
 /// An event for the controller to announce.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
-pub enum News {
+pub enum MotionsEvent {
     /// A client has ended all motion: stop the robot, then call [`MotionsServer::abort`].
     Aborted,
     /// A client has taken control with this session.
@@ -57,7 +60,7 @@ pub enum News {
 /// Whether the stored rows agree with the queue.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Condition {
-    /// The rows of the former life have not been read.
+    /// The rows of the former incarnation have not been read.
     Unread,
     /// The rows must be replaced by those of the queue in memory.
     Missing,
@@ -80,9 +83,9 @@ pub struct MotionsServer<'p, P, L, const Q: usize, const S: usize, const R: usiz
     /// Whether the controller has been told of that.
     has_complained: bool,
     /// How the request that ran has ended, if that could not be written.
-    ending: Option<(State, Reason)>,
+    ending: Option<(RequestState, RefusalReason)>,
     /// Why all requests are to end, if that could not be written.
-    aborting: Option<Reason>,
+    aborting: Option<RefusalReason>,
 }
 
 impl<'p, P, L: LedgerStore, const Q: usize, const S: usize, const R: usize, const C: usize>
@@ -101,8 +104,8 @@ impl<'p, P, L: LedgerStore, const Q: usize, const S: usize, const R: usize, cons
         }
     }
 
-    /// Deals with what has come by message; call it again and again. `life` returns the
-    /// [life](Owner::life) of a processor, `None` if it has none. `make` makes the data of a request of
+    /// Deals with what has come by message; call it again and again. `incarnation` returns the
+    /// [incarnation](SessionOwner::incarnation) of a processor, `None` if it has none. `make` makes the data of a request of
     /// what is offered, or returns the reason to refuse it.
     ///
     /// # Errors
@@ -111,18 +114,19 @@ impl<'p, P, L: LedgerStore, const Q: usize, const S: usize, const R: usize, cons
     pub fn attend(
         &mut self,
         now: Instant,
-        life: impl Fn(u32) -> Option<u32>,
-        make: impl FnOnce(Offer<'_>) -> Result<P, Reason>,
-    ) -> Result<Option<News>, RestoreError<L::Error>> {
+        incarnation: impl Fn(u32) -> Option<u32>,
+        make: impl FnOnce(Offer<'_>) -> Result<P, RefusalReason>,
+    ) -> Result<Option<MotionsEvent>, RestoreError<L::Error>> {
         self.mend(now)?;
         if self.aborting.is_none() && self.post.with(|desk| desk.abort) == Some(Abort::Asked) {
-            return Ok(Some(News::Aborted));
+            return Ok(Some(MotionsEvent::Aborted));
         }
         let gone = if self.condition == Condition::Whole {
             // What has ended is written before a client gets anything new.
             self.finish().map_err(RestoreError::Write)?;
-            self.decide(&life, make).map_err(RestoreError::Write)?;
-            self.close_gone(&life).map_err(RestoreError::Write)?
+            self.decide(&incarnation, make)
+                .map_err(RestoreError::Write)?;
+            self.close_gone(&incarnation).map_err(RestoreError::Write)?
         } else {
             None
         };
@@ -135,24 +139,24 @@ impl<'p, P, L: LedgerStore, const Q: usize, const S: usize, const R: usize, cons
                         .is_some_and(|it| it.in_control() == taken)
                 })
             });
-            taken.flatten().map(News::Taken)
+            taken.flatten().map(MotionsEvent::Taken)
         };
-        Ok(gone.map(News::Gone).or_else(taken))
+        Ok(gone.map(MotionsEvent::Gone).or_else(taken))
     }
 
     /// Opens a session, and decides about an offer.
     fn decide(
         &mut self,
-        life: &impl Fn(u32) -> Option<u32>,
-        make: impl FnOnce(Offer<'_>) -> Result<P, Reason>,
+        incarnation: &impl Fn(u32) -> Option<u32>,
+        make: impl FnOnce(Offer<'_>) -> Result<P, RefusalReason>,
     ) -> Result<(), L::Error> {
-        let asks = self.post.with(Desk::next_to_open).flatten();
+        let asks = self.post.with(MotionsState::next_to_open).flatten();
         if let Some(asks) = asks
-            && let Some(life) = life(asks.0.into())
+            && let Some(incarnation) = incarnation(asks.0.into())
         {
-            let owner = Owner {
+            let owner = SessionOwner {
                 processor: asks.0.into(),
-                life,
+                incarnation,
             };
             let opened = self.change(|queue, write| queue.open(owner, write))?;
             self.post.with(|desk| desk.open(asks, opened.flatten()));
@@ -162,16 +166,17 @@ impl<'p, P, L: LedgerStore, const Q: usize, const S: usize, const R: usize, cons
         if let Some(offered) = offered.flatten() {
             let (sender, request) = offered;
             let identity = request.identity();
-            let (post, life) = (self.post, life(sender.processor));
-            let is_there = |desk: &Desk<P, Q, S, R, C>| desk.inbox.front() == Some(&offered);
+            let (post, incarnation) = (self.post, incarnation(sender.processor));
+            let is_there =
+                |desk: &MotionsState<P, Q, S, R, C>| desk.inbox.front() == Some(&offered);
             let decided = self.change(|queue, write| {
                 if post.with(|desk| is_there(desk)) != Some(true) {
                     // An abort has come meanwhile.
                     return Ok(());
                 }
                 let is_of_sender = queue.owner(identity.session) == Some(sender);
-                // A life that has ended since then has no say any more.
-                if is_of_sender && life == Some(sender.life) {
+                // An incarnation that has ended since then has no say any more.
+                if is_of_sender && incarnation == Some(sender.incarnation) {
                     let make = || make(request.offer()?);
                     queue.offer(identity, write, make).map(drop)
                 } else {
@@ -189,12 +194,15 @@ impl<'p, P, L: LedgerStore, const Q: usize, const S: usize, const R: usize, cons
         Ok(())
     }
 
-    /// Closes the session of a client whose life has ended, if there is one. Returns it if it was in
+    /// Closes the session of a client whose incarnation has ended, if there is one. Returns it if it was in
     /// control.
-    fn close_gone(&mut self, life: &impl Fn(u32) -> Option<u32>) -> Result<Option<u32>, L::Error> {
+    fn close_gone(
+        &mut self,
+        incarnation: &impl Fn(u32) -> Option<u32>,
+    ) -> Result<Option<u32>, L::Error> {
         let gone = self.look(|queue| {
             let mut sessions = queue.sessions().filter(|it| !queue.is_closed(it.0));
-            sessions.find(|(_, owner)| life(owner.processor) != Some(owner.life))
+            sessions.find(|(_, owner)| incarnation(owner.processor) != Some(owner.incarnation))
         });
         let Some((session, _)) = gone.flatten() else {
             return Ok(None);
@@ -259,7 +267,7 @@ impl<'p, P, L: LedgerStore, const Q: usize, const S: usize, const R: usize, cons
         &mut self,
         work: impl FnOnce(
             &mut MotionQueue<P, Q, S, R>,
-            &mut dyn FnMut(usize, &Row) -> Result<(), L::Error>,
+            &mut dyn FnMut(usize, &LedgerRow) -> Result<(), L::Error>,
         ) -> Result<T, L::Error>,
     ) -> Result<Option<T>, L::Error> {
         if self.condition != Condition::Whole {
@@ -281,7 +289,7 @@ impl<'p, P, L: LedgerStore, const Q: usize, const S: usize, const R: usize, cons
     /// Returns the next request and its data; `None` if none waits, one runs, or a client has ended all
     /// motion. [Begin](Self::begin) it or [refuse](Self::refuse) it; or do neither, and it waits.
     #[must_use]
-    pub fn next_request(&self) -> Option<(Identity, P)>
+    pub fn next_request(&self) -> Option<(RequestIdentity, P)>
     where
         P: Clone,
     {
@@ -297,7 +305,7 @@ impl<'p, P, L: LedgerStore, const Q: usize, const S: usize, const R: usize, cons
     ///
     /// # Errors
     /// The error of the store; the request waits then.
-    pub fn refuse(&mut self, reason: Reason) -> Result<(), L::Error> {
+    pub fn refuse(&mut self, reason: RefusalReason) -> Result<(), L::Error> {
         self.change(|queue, write| queue.refuse_next(reason, write))
             .map(drop)
     }
@@ -335,7 +343,7 @@ impl<'p, P, L: LedgerStore, const Q: usize, const S: usize, const R: usize, cons
     ///
     /// # Errors
     /// The error of the store; [`attend`](Self::attend) tries it again.
-    pub fn end(&mut self, state: State, reason: Reason) -> Result<(), L::Error> {
+    pub fn end(&mut self, state: RequestState, reason: RefusalReason) -> Result<(), L::Error> {
         let ended = self.change(|queue, write| queue.end(state, reason, write));
         self.ending = match &ended {
             Ok(Some(())) => None,
@@ -348,7 +356,7 @@ impl<'p, P, L: LedgerStore, const Q: usize, const S: usize, const R: usize, cons
     ///
     /// # Errors
     /// The error of the store; [`attend`](Self::attend) tries it again.
-    pub fn abort(&mut self, reason: Reason) -> Result<(), L::Error> {
+    pub fn abort(&mut self, reason: RefusalReason) -> Result<(), L::Error> {
         self.aborting = Some(reason);
         self.post.with(|desk| desk.inbox.clear());
         self.finish()
@@ -357,7 +365,7 @@ impl<'p, P, L: LedgerStore, const Q: usize, const S: usize, const R: usize, cons
     /// Writes what has ended, if that could not be written before. A request that has ended by itself
     /// keeps its end when all are aborted.
     fn finish(&mut self) -> Result<(), L::Error> {
-        let aborted = self.aborting.map(|reason| (State::Aborted, reason));
+        let aborted = self.aborting.map(|reason| (RequestState::Aborted, reason));
         if let Some((state, reason)) = self.ending.or(aborted) {
             self.end(state, reason)?;
         }

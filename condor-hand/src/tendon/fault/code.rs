@@ -104,7 +104,7 @@ impl fmt::Display for FaultSite {
 /// A fault, with the value that showed it.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[error("{site}: {code} ({value})", value = Decimal(*.value))]
-pub struct Fault {
+pub struct FingerFault {
     /// The kind of fault.
     pub code: FaultCode,
     /// The site of the fault.

@@ -1,18 +1,18 @@
 use nalgebra::SVector;
 
 use super::sensor::{Joint, Latch, Run, Tendon};
-use super::usual::{Places, Usual, threshold};
-use super::{Fault, FaultCode, FaultLimits, FaultLimitsError, FaultSite};
+use super::usual::{SensorLanes, Usual, threshold};
+use super::{FaultCode, FaultLimits, FaultLimitsError, FaultSite, FingerFault};
 use crate::math::{Real, is_finite};
-use crate::tendon::{Pair, Pairs};
+use crate::tendon::{Pair, TendonPairs};
 
 /// The state of a finger in one tick, as its monitor checks it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Observation<'a, T: Real, const N: usize> {
     /// The desired tensions, N.
-    pub desired_tensions: &'a Pairs<T, N>,
+    pub desired_tensions: &'a TendonPairs<T, N>,
     /// The measured tensions, N.
-    pub tensions: &'a Pairs<T, N>,
+    pub tensions: &'a TendonPairs<T, N>,
     /// The desired positions, rad; `None` for joints whose position is not controlled.
     pub desired_positions: &'a [Option<T>; N],
     /// The measured positions, rad.
@@ -52,13 +52,13 @@ struct AllUsual<T, const N: usize> {
 struct FingerState<T, const N: usize> {
     tendons: [Pair<Tendon>; N],
     joints: [Joint; N],
-    tendon_places: [Places<T, 2>; N],
-    joint_places: Places<T, N>,
+    tendon_places: [SensorLanes<T, 2>; N],
+    joint_places: SensorLanes<T, N>,
     /// No check has failed in the last tick: nothing is being counted.
     quiet: bool,
     period: Run,
     set_point: Run,
-    first: Option<Fault>,
+    first: Option<FingerFault>,
 }
 
 impl<T: Real, const N: usize> FingerState<T, N> {
@@ -66,8 +66,8 @@ impl<T: Real, const N: usize> FingerState<T, N> {
         Self {
             tendons: [Pair::both(Tendon::default()); N],
             joints: [Joint::default(); N],
-            tendon_places: [Places::never(); N],
-            joint_places: Places::never(),
+            tendon_places: [SensorLanes::never(); N],
+            joint_places: SensorLanes::never(),
             quiet: true,
             period: Run::default(),
             set_point: Run::default(),
@@ -98,7 +98,7 @@ impl<T: Real, const N: usize> FingerMonitor<T, N> {
     /// Checks a tick; returns the first fault since the last [`clear`](Self::clear), or `None` if
     /// there was none.
     #[inline(always)]
-    pub fn update(&mut self, observation: &Observation<'_, T, N>) -> Option<Fault> {
+    pub fn update(&mut self, observation: &Observation<'_, T, N>) -> Option<FingerFault> {
         if observation.lost != 0 || !self.passes(observation) {
             self.examine(observation);
         }
@@ -224,7 +224,7 @@ impl<T: Real, const N: usize> FingerMonitor<T, N> {
 
     /// Returns the first fault since the last [`clear`](Self::clear); `None` if there was none.
     #[must_use]
-    pub fn first(&self) -> Option<Fault> {
+    pub fn first(&self) -> Option<FingerFault> {
         self.state.first
     }
 

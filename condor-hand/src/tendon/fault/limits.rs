@@ -18,7 +18,7 @@ pub struct Threshold<T> {
 /// A range of a value, with the number of samples in a row outside of it that is a fault; 0 samples
 /// switch the check off.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Range<T> {
+pub struct FaultRange<T> {
     /// The lowest good value.
     pub low: T,
     /// The highest good value.
@@ -47,7 +47,7 @@ pub struct SensorFaultLimits<T> {
     /// lost; 0 switches the check off.
     pub lost_samples: u16,
     /// The range of the sensor.
-    pub range: Range<T>,
+    pub range: FaultRange<T>,
     /// The conditions under which it is stuck.
     pub stuck: Stuck<T>,
     /// The greatest distance from the desired value.
@@ -71,7 +71,7 @@ pub struct JointFaultLimits<T> {
     /// The limits of its sensor.
     pub sensor: SensorFaultLimits<T>,
     /// The range of the joint.
-    pub limit: Range<T>,
+    pub limit: FaultRange<T>,
 }
 
 /// The limits of a finger.
@@ -149,7 +149,7 @@ fn threshold<T: Real>(site: FaultSite, code: FaultCode, value: T) -> Result<(), 
 fn range<T: Real>(
     site: FaultSite,
     code: FaultCode,
-    range: &Range<T>,
+    range: &FaultRange<T>,
 ) -> Result<(), FaultLimitsError> {
     let above = Requirement::AtLeast(range.low.to_f64());
     finite("the lower end", range.low)

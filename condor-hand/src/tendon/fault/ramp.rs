@@ -1,12 +1,12 @@
 use crate::math::{Real, real, round};
 use crate::number::{NumberError, Requirement, check, finite, positive};
-use crate::tendon::{Pair, Pairs};
+use crate::tendon::{Pair, TendonPairs};
 
 /// A ramp that brings all tensions to their final values in equal steps.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SafeRamp<T: Real, const N: usize> {
-    from: Pairs<T, N>,
-    to: Pairs<T, N>,
+    from: TendonPairs<T, N>,
+    to: TendonPairs<T, N>,
     samples: u32,
     left: u32,
 }
@@ -18,8 +18,8 @@ impl<T: Real, const N: usize> SafeRamp<T, N> {
     /// # Errors
     /// [`NumberError`] if a tension is not finite, or the time is not possible.
     pub fn new(
-        from: Pairs<T, N>,
-        to: Pairs<T, N>,
+        from: TendonPairs<T, N>,
+        to: TendonPairs<T, N>,
         seconds: T,
         sample_hz: T,
     ) -> Result<Self, NumberError> {
@@ -48,7 +48,7 @@ impl<T: Real, const N: usize> SafeRamp<T, N> {
 
     /// Returns the tensions of the next sample: one step nearer to the final ones, which are
     /// reached exactly.
-    pub fn update(&mut self) -> Pairs<T, N> {
+    pub fn update(&mut self) -> TendonPairs<T, N> {
         self.left = self.left.saturating_sub(1);
         let left = real::<T>(f64::from(self.left) / f64::from(self.samples));
         let way = |from: T, to: T| to + (from - to) * left;

@@ -1,5 +1,5 @@
 use super::{
-    Fault, FaultCode, FaultSite, JointFaultLimits, Range, SensorFaultLimits, Stuck,
+    FaultCode, FaultRange, FaultSite, FingerFault, JointFaultLimits, SensorFaultLimits, Stuck,
     TendonFaultLimits, Threshold,
 };
 use crate::math::{Real, abs, is_finite};
@@ -52,7 +52,7 @@ impl<T: Real> Threshold<T> {
     }
 }
 
-impl<T: Real> Range<T> {
+impl<T: Real> FaultRange<T> {
     fn excludes(&self, value: T) -> bool {
         value < self.low || value > self.high
     }
@@ -60,7 +60,7 @@ impl<T: Real> Range<T> {
 
 /// The site that is checked, and the first fault of all sites, which stays.
 pub(super) struct Latch<'a> {
-    pub(super) first: &'a mut Option<Fault>,
+    pub(super) first: &'a mut Option<FingerFault>,
     pub(super) site: FaultSite,
 }
 
@@ -68,7 +68,7 @@ impl Latch<'_> {
     pub(super) fn report<T: Real>(&mut self, code: FaultCode, is_fault: bool, value: T) {
         if is_fault && self.first.is_none() {
             let (site, value) = (self.site, value.to_f64());
-            *self.first = Some(Fault { code, site, value });
+            *self.first = Some(FingerFault { code, site, value });
         }
     }
 }
@@ -87,7 +87,7 @@ impl Sensor {
     fn update<T: Real>(
         &mut self,
         limits: &SensorFaultLimits<T>,
-        moved: &mut Moved<T>,
+        moved: &mut SensorMotion<T>,
         desired: Option<T>,
         (measured, is_possible): (T, bool),
         latch: &mut Latch<'_>,
@@ -131,13 +131,13 @@ impl Sensor {
 
 /// What was measured when a sensor moved last, and what was desired then.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Moved<T> {
+pub(super) struct SensorMotion<T> {
     /// NaN if it has never been seen, so that nothing is near it.
     pub(super) there: T,
     pub(super) wanted: T,
 }
 
-impl<T: Real> Moved<T> {
+impl<T: Real> SensorMotion<T> {
     pub(super) fn never() -> Self {
         Self {
             there: T::zero() / T::zero(),
@@ -174,7 +174,7 @@ impl Tendon {
     pub(super) fn update<T: Real>(
         &mut self,
         limits: &TendonFaultLimits<T>,
-        moved: &mut Moved<T>,
+        moved: &mut SensorMotion<T>,
         desired: T,
         measured: T,
         latch: &mut Latch<'_>,
@@ -213,7 +213,7 @@ impl Joint {
     pub(super) fn update<T: Real>(
         &mut self,
         limits: &JointFaultLimits<T>,
-        moved: &mut Moved<T>,
+        moved: &mut SensorMotion<T>,
         desired: Option<T>,
         (measured, is_possible): (T, bool),
         latch: &mut Latch<'_>,

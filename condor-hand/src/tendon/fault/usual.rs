@@ -1,4 +1,4 @@
-use super::sensor::Moved;
+use super::sensor::SensorMotion;
 use super::{JointFaultLimits, SensorFaultLimits, TendonFaultLimits, Threshold};
 use crate::math::{Real, abs, max, min, real};
 use crate::tendon::Pair;
@@ -16,9 +16,9 @@ pub(super) struct Usual<T, const L: usize> {
     travel: [T; L],
 }
 
-/// The lanes of what [`Moved`] says of one sensor each.
+/// The lanes of what [`SensorMotion`] says of one sensor each.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Places<T, const L: usize> {
+pub(super) struct SensorLanes<T, const L: usize> {
     there: [T; L],
     wanted: [T; L],
 }
@@ -124,7 +124,7 @@ impl<T: Real, const L: usize> Usual<T, L> {
     #[allow(clippy::needless_bitwise_bool, reason = "lanes have no branches")]
     pub(super) fn pass(
         &self,
-        places: &mut Places<T, L>,
+        places: &mut SensorLanes<T, L>,
         desired: &[T; L],
         measured: &[T; L],
     ) -> bool {
@@ -147,9 +147,9 @@ impl<T: Real, const L: usize> Usual<T, L> {
     }
 }
 
-impl<T: Real, const L: usize> Places<T, L> {
+impl<T: Real, const L: usize> SensorLanes<T, L> {
     pub(super) fn never() -> Self {
-        let Moved { there, wanted } = Moved::never();
+        let SensorMotion { there, wanted } = SensorMotion::never();
         Self {
             there: [there; L],
             wanted: [wanted; L],
@@ -157,14 +157,14 @@ impl<T: Real, const L: usize> Places<T, L> {
     }
 
     /// That of one sensor.
-    pub(super) fn of(&self, lane: usize) -> Moved<T> {
+    pub(super) fn of(&self, lane: usize) -> SensorMotion<T> {
         match (self.there.get(lane), self.wanted.get(lane)) {
-            (Some(&there), Some(&wanted)) => Moved { there, wanted },
-            _ => Moved::never(),
+            (Some(&there), Some(&wanted)) => SensorMotion { there, wanted },
+            _ => SensorMotion::never(),
         }
     }
 
-    pub(super) fn set(&mut self, lane: usize, moved: Moved<T>) {
+    pub(super) fn set(&mut self, lane: usize, moved: SensorMotion<T>) {
         if let (Some(there), Some(wanted)) = (self.there.get_mut(lane), self.wanted.get_mut(lane)) {
             (*there, *wanted) = (moved.there, moved.wanted);
         }
@@ -173,6 +173,6 @@ impl<T: Real, const L: usize> Places<T, L> {
     /// Forgets one sensor.
     #[inline(always)]
     pub(super) fn forget(&mut self, lane: usize) {
-        self.set(lane, Moved::never());
+        self.set(lane, SensorMotion::never());
     }
 }

@@ -1,7 +1,7 @@
 //! What holds for any grasp that is not nearly a line.
 
 use condor_hand::grasp::{
-    Contacts, Friction, GraspError, Normals, SpatialGain, Squeeze, Twist, Wrench,
+    ContactFriction, Contacts, GraspError, Normals, SpatialGain, Squeeze, Twist, Wrench,
 };
 use nalgebra::{Matrix6, Rotation3, SMatrix, Vector3};
 use proptest::array::{uniform3, uniform4};
@@ -112,7 +112,7 @@ fn least_squeeze<const M: usize>(
     coefficient: f64,
 ) {
     let contacts = Contacts::new(points).unwrap();
-    let friction = Friction::point(coefficient).unwrap();
+    let friction = ContactFriction::point(coefficient).unwrap();
     let Ok(normals) = Normals::new(directions) else {
         return;
     };

@@ -1,7 +1,7 @@
 //! Grasps whose answers can be found with a pencil.
 
 use condor_hand::grasp::{
-    Contacts, Friction, GraspError, Normals, SpatialGain, Squeeze, Twist, Wrench,
+    ContactFriction, Contacts, GraspError, Normals, SpatialGain, Squeeze, Twist, Wrench,
 };
 use nalgebra::{Matrix6, Vector3, vector};
 
@@ -176,11 +176,11 @@ fn the_edges_of_a_square_have_a_stress_of_their_own() {
 fn friction_is_measured_from_the_cone() {
     let normals = Normals::new([vector![0.0, 0.0, 3.0]]).unwrap();
     let force = [vector![3.0, 4.0, 12.0]];
-    let point = Friction::<f64>::point(0.5).unwrap();
+    let point = ContactFriction::<f64>::point(0.5).unwrap();
     assert_eq!(point.margins(&normals, &force).unwrap(), [1.0]);
     let pull = [vector![0.0, 0.0, -2.0]];
     assert_eq!(point.margins(&normals, &pull).unwrap(), [-1.0]);
-    for refused in [0.0, -1.0, f64::NAN].map(Friction::point) {
+    for refused in [0.0, -1.0, f64::NAN].map(ContactFriction::point) {
         assert!(matches!(refused, Err(GraspError::Number(_))));
     }
 }
@@ -195,7 +195,7 @@ fn two_tips_that_lift_a_block_need_the_weight_over_twice_the_friction() {
     let direction = contacts
         .internal_forces(&Squeeze::equal(1.0).unwrap())
         .unwrap();
-    let friction = Friction::<f64>::point(0.5).unwrap();
+    let friction = ContactFriction::<f64>::point(0.5).unwrap();
     let range = friction
         .squeeze_range(&normals, &forces, &direction)
         .unwrap();
@@ -214,7 +214,7 @@ fn two_tips_that_lift_a_block_need_the_weight_over_twice_the_friction() {
 fn a_squeeze_off_the_normal_has_a_greatest_too() {
     // Unit normal z, friction 0.5: the direction has slope 1 and leaves the cone at last.
     let normals = Normals::new([vector![0.0, 0.0, 1.0]]).unwrap();
-    let friction = Friction::<f64>::point(0.5).unwrap();
+    let friction = ContactFriction::<f64>::point(0.5).unwrap();
     let range =
         |force, direction: Vector3<f64>| friction.squeeze_range(&normals, &[force], &[direction]);
     let cut = range(vector![-4.0, 0.0, 4.0], vector![1.0, 0.0, 1.0]).unwrap();

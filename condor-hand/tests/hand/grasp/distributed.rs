@@ -4,10 +4,10 @@ use condor_hand::grasp::distributed::{
     DistributedGrasp, GraspInputs, GraspOrder, GraspReason, GraspState, HandJoints,
 };
 use condor_hand::kinematics::{Kinematics, PlanarFinger};
-use condor_hand::message::GraspPlaces;
-use condor_hand::servo::Sensed;
+use condor_hand::message::GraspLayout;
+use condor_hand::servo::FingerReadings;
 use condor_hand::tendon::Pair;
-use condor_mbox::{MemoryWindow, Places, Region, StaticMemory};
+use condor_mbox::{Allocator, MemoryWindow, Region, StaticMemory};
 use nalgebra::Vector3;
 
 const HAND: &str = include_str!("../../../hands/utah-mit.toml");
@@ -51,7 +51,7 @@ fn a_reading_that_is_none_does_not_end_a_grasp() {
         let joints = law.joints(position, [[0.0; 4]; 4], PERIOD_S, &mut controllers);
         law.step(&joints, inputs, &gravity, PERIOD_S, &mut controllers);
         for (finger, position) in controllers.iter_mut().flatten().zip(&position) {
-            let sensed = Sensed {
+            let sensed = FingerReadings {
                 position: (*position).into(),
                 tension: [Pair::both(20.0); 4],
                 touch: 0.0,
@@ -97,7 +97,7 @@ fn an_order_comes_back_from_its_words() {
 fn five_fingers_on_one_processor_hold_what_two_are_too_few_for() {
     static MEMORY: StaticMemory<4096> = StaticMemory::new();
     let region = Region::whole(MEMORY.window());
-    let places = GraspPlaces::<5>::new(&mut Places::new(region.size())).unwrap();
+    let places = GraspLayout::<5>::new(&mut Allocator::new(region.size())).unwrap();
     let mut end = places.servo_end(region).unwrap();
     assert!(places.report(&region).is_err());
 

@@ -1,8 +1,8 @@
 //! Numbers that no sensor should give: errors or finite answers, never NaN and never a panic.
 
 use condor_hand::grasp::{
-    Contacts, Friction, GraspError, GraspOutput, GraspStiffness, GraspTuning, Normals, Posture,
-    SpatialGain, Squeeze, Surface, TorqueLimits, Wrench,
+    ContactFriction, Contacts, GraspError, GraspOutput, GraspStiffness, GraspTuning, Normals,
+    Posture, SpatialGain, Squeeze, TorqueLimits, TuningSurface, Wrench,
 };
 use nalgebra::{Matrix6, SVector, Vector3};
 use proptest::prelude::*;
@@ -65,7 +65,7 @@ fn check<const M: usize>(
     }
     let [_, sliding, ..] = *numbers;
     let (Ok(friction), Ok(normals)) = (
-        Friction::point(sliding).or_else(|_| Friction::point(0.5)),
+        ContactFriction::point(sliding).or_else(|_| ContactFriction::point(0.5)),
         Normals::of_ball(&contacts, about).or_else(|_| Normals::new(points)),
     ) else {
         return;
@@ -189,8 +189,8 @@ proptest! {
             center,
             feed_forward: Wrench { force: Vector3::repeat(other), moment: Vector3::zeros() },
             squeeze: Squeeze::equal(limit).unwrap_or(Squeeze::none()),
-            surface: Surface::Ball(center),
-            friction: Friction::point(0.5).unwrap(),
+            surface: TuningSurface::Ball(center),
+            friction: ContactFriction::point(0.5).unwrap(),
             posture: Posture { stiffness: 0.1, damping: 0.01 },
             limits,
         };

@@ -3,8 +3,8 @@
 use std::array::from_fn;
 
 use condor_hand::grasp::{
-    FingerState, Friction, GraspError, GraspStiffness, GraspTuning, Normals, Posture, SpatialGain,
-    Squeeze, Surface, TorqueLimits, Twist, Wrench,
+    ContactFriction, FingerState, GraspError, GraspStiffness, GraspTuning, Normals, Posture,
+    SpatialGain, Squeeze, TorqueLimits, TuningSurface, Twist, Wrench,
 };
 use condor_hand::kinematics::PlanarFinger;
 use nalgebra::{Rotation3, SVector, Vector3, vector};
@@ -35,8 +35,8 @@ fn tuning() -> GraspTuning<f64, 4, 4> {
         center: CENTER,
         feed_forward: Wrench::zero(),
         squeeze: Squeeze::equal(1.5).unwrap(),
-        surface: Surface::Ball(CENTER),
-        friction: Friction::point(0.8).unwrap(),
+        surface: TuningSurface::Ball(CENTER),
+        friction: ContactFriction::point(0.8).unwrap(),
         posture: Posture {
             stiffness: 0.05,
             damping: 1e-3,
@@ -184,7 +184,7 @@ fn the_ball_moves_with_the_object() {
     let carried = moved(&states, |tip| CENTER + shift + turn * (tip - CENTER));
     let ball = grasp.update(&carried).unwrap().margins;
     let normals = states.map(|state| CENTER - state.tip);
-    soft.surface = Surface::Normals(Normals::new(normals).unwrap());
+    soft.surface = TuningSurface::Normals(Normals::new(normals).unwrap());
     grasp.set_tuning(soft).unwrap();
     let given = grasp.update(&carried).unwrap().margins;
     for finger in 0..4 {
@@ -282,7 +282,7 @@ fn what_is_wrong_is_told_with_its_values_and_changes_nothing() {
         Err(GraspError::WrenchNotFinite { .. })
     ));
     wrong = tuning();
-    wrong.surface = Surface::Ball(vector![0.0, f64::INFINITY, 0.0]);
+    wrong.surface = TuningSurface::Ball(vector![0.0, f64::INFINITY, 0.0]);
     assert!(matches!(
         grasp.set_tuning(wrong),
         Err(GraspError::Number(_))
@@ -303,8 +303,8 @@ fn what_is_wrong_is_told_with_its_values_and_changes_nothing() {
         center: CENTER,
         feed_forward: Wrench::zero(),
         squeeze: Squeeze::none(),
-        surface: Surface::Ball(CENTER),
-        friction: Friction::point(1.0).unwrap(),
+        surface: TuningSurface::Ball(CENTER),
+        friction: ContactFriction::point(1.0).unwrap(),
         posture: tuning().posture,
         limits: [TorqueLimits::none(); 2],
     };

@@ -1,5 +1,5 @@
 use condor_hand::grasp::{
-    Contacts, Friction, GraspError, Normals, SpatialGain, Squeeze, Twist, Wrench,
+    ContactFriction, Contacts, GraspError, Normals, SpatialGain, Squeeze, Twist, Wrench,
 };
 use condor_hand::kinematics::Jacobian;
 use nalgebra::{Matrix6, Vector3};
@@ -136,7 +136,7 @@ fn check<const M: usize>(index: usize, case: &Case) {
 
     let normals: [Vector3<f64>; M] = vectors(&case.normal_inward).try_into().unwrap();
     let normals = Normals::new(normals).unwrap();
-    let friction = Friction::point(case.mu).unwrap();
+    let friction = ContactFriction::point(case.mu).unwrap();
     let direction = contacts
         .internal_forces(&Squeeze::equal(1.0).unwrap())
         .unwrap();

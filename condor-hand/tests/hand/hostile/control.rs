@@ -2,11 +2,11 @@
 //! sensors that say anything.
 
 use condor_hand::config::{Joint, ServoLaw, Tendon};
-use condor_hand::controller::{FingerController, Tick};
+use condor_hand::controller::{FingerController, FingerTick};
 use condor_hand::dynamics::Dynamics;
-use condor_hand::servo::{JointGains, JointTarget, Mode, PositionLaw, Sensed};
-use condor_hand::tendon::fault::Fault;
-use condor_hand::tendon::{Pair, Pairs, Rectification, TensionGains};
+use condor_hand::servo::{FingerReadings, JointGains, JointTarget, PositionLaw, ServoMode};
+use condor_hand::tendon::fault::FingerFault;
+use condor_hand::tendon::{Pair, Rectification, TendonPairs, TensionGains};
 use condor_hand::trajectory::{SetPoint, StopGuard};
 use nalgebra::{SVector, Vector3};
 
@@ -149,8 +149,8 @@ struct Subject<'h, M> {
     controller: FingerController<M, 4>,
     hand: &'h Shipped,
     finger: usize,
-    fault: Option<Fault>,
-    sensed: Sensed<f64, 4>,
+    fault: Option<FingerFault>,
+    sensed: FingerReadings<f64, 4>,
 }
 
 fn drive<M: Dynamics<f64, 4>>(
@@ -167,7 +167,7 @@ fn drive<M: Dynamics<f64, 4>>(
         hand,
         finger,
         fault: None,
-        sensed: Sensed {
+        sensed: FingerReadings {
             position: SVector::from([0.1, 0.6, 0.8, 0.7]),
             tension: entry.least_tensions(),
             touch: 0.0,
@@ -188,7 +188,7 @@ impl<M: Dynamics<f64, 4>> Subject<'_, M> {
     fn event(&mut self, source: &mut Source<'_>) {
         let joint = source.below(5);
         let refused = match source.byte() % 12 {
-            0 => Mode::from_number(u32::from(source.byte() % 6))
+            0 => ServoMode::from_number(u32::from(source.byte() % 6))
                 .map(|mode| self.controller.set_mode(joint, mode).is_err()),
             1 => {
                 let target = target(source);
@@ -290,9 +290,9 @@ impl<M: Dynamics<f64, 4>> Subject<'_, M> {
         self.judge(&tick);
     }
 
-    fn judge(&mut self, tick: &Tick<4>) {
+    fn judge(&mut self, tick: &FingerTick<4>) {
         let entry = &self.hand.fingers[self.finger];
-        let most: Pairs<f64, 4> = core::array::from_fn(|joint| Pair {
+        let most: TendonPairs<f64, 4> = core::array::from_fn(|joint| Pair {
             flexor: entry.joints[joint].flexor.max_n,
             extensor: entry.joints[joint].extensor.max_n,
         });

@@ -1,14 +1,14 @@
 //! The simulated hand of a configuration.
 
 use condor_hand::config::Hand;
-use condor_hand::plant::{DriveKind, PlantError, PlantModel, Stop, Surface};
+use condor_hand::plant::{DriveKind, PlantError, PlantModel, SimStop, SimSurface};
 use condor_hand::tendon::Pair;
 use nalgebra::{Vector3, Vector4};
 
 use crate::support::geometry;
 
 fn machine() -> PlantModel {
-    let stop = Stop {
+    let stop = SimStop {
         stiffness: 1e4,
         damping: 100.0,
     };
@@ -18,7 +18,7 @@ fn machine() -> PlantModel {
         axis_stop: stop,
         updates: 25,
         tip_radius: 0.008,
-        surface: Surface {
+        surface: SimSurface {
             stiffness: 1e4,
             damping: 1.0,
             shear_stiffness: 1e4,

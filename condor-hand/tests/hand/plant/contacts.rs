@@ -2,7 +2,7 @@
 
 use condor_hand::grasp::Wrench;
 use condor_hand::plant::{
-    Finger, Ground, Hand, HandParameters, JointParameters, Object, ObjectParameters,
+    HandParameters, JointParameters, ObjectParameters, SimFinger, SimGround, SimHand, SimObject,
 };
 use condor_hand::tendon::Pair;
 use nalgebra::{Matrix3, Vector3};
@@ -20,12 +20,12 @@ fn down() -> Vector3<f64> {
     Vector3::new(0.0, 0.0, -9.81)
 }
 
-fn slider(base: Vector3<f64>, joint: JointParameters) -> Finger<Slider, 3> {
+fn slider(base: Vector3<f64>, joint: JointParameters) -> SimFinger<Slider, 3> {
     finger(Slider { mass: 0.05, base }, joint, exact(0.01))
 }
 
-fn ball(center: Vector3<f64>) -> Object {
-    Object::new(ObjectParameters::ball(0.1, RADIUS), center).unwrap()
+fn ball(center: Vector3<f64>) -> SimObject {
+    SimObject::new(ObjectParameters::ball(0.1, RADIUS), center).unwrap()
 }
 
 fn force(x: f64, y: f64, z: f64) -> Wrench {
@@ -36,11 +36,11 @@ fn force(x: f64, y: f64, z: f64) -> Wrench {
 }
 
 /// A hand with no finger.
-fn empty(parameters: HandParameters) -> Hand<Slider, 0, 3> {
-    Hand::new([], parameters).unwrap()
+fn empty(parameters: HandParameters) -> SimHand<Slider, 0, 3> {
+    SimHand::new([], parameters).unwrap()
 }
 
-fn run<const F: usize>(hand: &mut Hand<Slider, F, 3>, steps: usize) {
+fn run<const F: usize>(hand: &mut SimHand<Slider, F, 3>, steps: usize) {
     for _ in 0..steps {
         hand.step(&[NOTHING; F]).unwrap();
     }
@@ -48,7 +48,7 @@ fn run<const F: usize>(hand: &mut Hand<Slider, F, 3>, steps: usize) {
 
 #[test]
 fn a_ball_lies_as_deep_as_its_weight_presses_it() {
-    let ground = Ground::new(Vector3::zeros(), Vector3::new(0.0, 0.0, 3.0)).unwrap();
+    let ground = SimGround::new(Vector3::zeros(), Vector3::new(0.0, 0.0, 3.0)).unwrap();
     let mut hand = empty(hand_parameters(down(), 0.5))
         .with_ground(ground)
         .with_object(ball(Vector3::new(0.0, 0.0, RADIUS + 0.002)));
@@ -65,7 +65,7 @@ fn a_ball_lies_as_deep_as_its_weight_presses_it() {
 
 #[test]
 fn an_object_that_is_put_in_place_of_another_is_touched_anew() {
-    let ground = Ground::new(Vector3::zeros(), Vector3::z()).unwrap();
+    let ground = SimGround::new(Vector3::zeros(), Vector3::z()).unwrap();
     let mut hand = empty(hand_parameters(down(), 0.5))
         .with_ground(ground)
         .with_object(ball(Vector3::new(0.0, 0.0, RADIUS - 1e-5)));
@@ -94,8 +94,8 @@ fn a_body_that_cannot_roll_sticks_below_the_angle_of_friction_and_slides_above()
         };
         let center = Vector3::new(0.0, 0.0, RADIUS - 9e-6);
         let mut hand = empty(hand_parameters(gravity, friction))
-            .with_ground(Ground::new(Vector3::zeros(), Vector3::z()).unwrap())
-            .with_object(Object::new(parameters, center).unwrap());
+            .with_ground(SimGround::new(Vector3::zeros(), Vector3::z()).unwrap())
+            .with_object(SimObject::new(parameters, center).unwrap());
         run(&mut hand, 200);
         let before = hand.object().unwrap().pose().position.x;
         let speed = hand.object().unwrap().velocity().x;
@@ -116,7 +116,7 @@ fn a_body_that_cannot_roll_sticks_below_the_angle_of_friction_and_slides_above()
 fn a_ball_rolls_down_a_slope_as_a_ball_does() {
     let gravity = Vector3::new(1.0, 0.0, -9.0);
     let mut hand = empty(hand_parameters(gravity, 0.5))
-        .with_ground(Ground::new(Vector3::zeros(), Vector3::z()).unwrap())
+        .with_ground(SimGround::new(Vector3::zeros(), Vector3::z()).unwrap())
         .with_object(ball(Vector3::new(0.0, 0.0, RADIUS - 9e-6)));
     run(&mut hand, 400);
     let object = hand.object().unwrap();
@@ -129,11 +129,11 @@ fn a_ball_rolls_down_a_slope_as_a_ball_does() {
 
 #[test]
 fn a_tip_on_the_ground_stays_within_the_cone_of_friction() {
-    let ground = Ground::new(Vector3::zeros(), Vector3::z()).unwrap();
+    let ground = SimGround::new(Vector3::zeros(), Vector3::z()).unwrap();
     let mut parameters = hand_parameters(Vector3::zeros(), 0.5);
     parameters.tip_radius = 0.005;
     let tip = slider(Vector3::new(0.0, 0.0, 0.005), free_joint());
-    let mut hand = Hand::new([tip], parameters).unwrap().with_ground(ground);
+    let mut hand = SimHand::new([tip], parameters).unwrap().with_ground(ground);
     for (push, slides) in [(0.9, false), (1.1, true)] {
         hand.push_tip(0, force(push, 0.0, -2.0)).unwrap();
         run(&mut hand, 400);
@@ -165,7 +165,7 @@ fn a_blow_passes_momentum_on_and_makes_none() {
     let mut parameters = hand_parameters(Vector3::zeros(), 0.5);
     parameters.tip_radius = 0.01;
     let tip = slider(Vector3::new(-0.06, offset, 0.0), free_joint());
-    let mut hand = Hand::new([tip], parameters)
+    let mut hand = SimHand::new([tip], parameters)
         .unwrap()
         .with_object(ball(Vector3::zeros()));
     hand.push_tip(0, force(1.0, 0.0, 0.0)).unwrap();
@@ -193,12 +193,13 @@ fn a_free_body_keeps_its_angular_momentum_and_turns_about_all_axes() {
         inertia: Matrix3::new(2e-5, 1e-6, 0.0, 1e-6, 3e-5, 0.0, 0.0, 0.0, 4e-5),
         radius: RADIUS,
     };
-    let object = Object::new(parameters, Vector3::zeros()).unwrap();
+    let object = SimObject::new(parameters, Vector3::zeros()).unwrap();
     let spin = Vector3::new(0.1, 10.0, 0.2);
     let mut hand = empty(hand_parameters(Vector3::zeros(), 0.5))
         .with_object(object.moving(Vector3::new(1.0, 2.0, 3.0), spin).unwrap());
     let before = *hand.object().unwrap();
-    let energy = |object: &Object| 0.5 * object.angular_momentum().dot(&object.angular_velocity());
+    let energy =
+        |object: &SimObject| 0.5 * object.angular_momentum().dot(&object.angular_velocity());
     let mut flipped = false;
     for _ in 0..1000 {
         run(&mut hand, 1);
@@ -221,7 +222,7 @@ fn count(n: usize) -> f64 {
 }
 
 /// Tips around a ball, each on springs along x, y, z that press it to the ball with `squeeze`.
-fn held<const F: usize>(stiffness: f64, squeeze: f64) -> Hand<Slider, F, 3> {
+fn held<const F: usize>(stiffness: f64, squeeze: f64) -> SimHand<Slider, F, 3> {
     let fingers = std::array::from_fn(|number| {
         let angle = std::f64::consts::TAU * count(number) / count(F);
         let out = Vector3::new(libm::cos(angle), libm::sin(angle), 0.0);
@@ -237,7 +238,7 @@ fn held<const F: usize>(stiffness: f64, squeeze: f64) -> Hand<Slider, F, 3> {
     });
     let mut parameters = hand_parameters(Vector3::zeros(), 0.8);
     parameters.tip_object = surface(0.8);
-    Hand::new(fingers, parameters)
+    SimHand::new(fingers, parameters)
         .unwrap()
         .with_object(ball(Vector3::zeros()))
 }

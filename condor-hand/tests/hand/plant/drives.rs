@@ -1,7 +1,7 @@
 //! How tension follows its command.
 
-use condor_hand::plant::{Drive, DriveKind, Elastic, Finger, Pneumatic};
-use condor_hand::tendon::{Pair, Pairs};
+use condor_hand::plant::{DriveKind, Elastic, Pneumatic, SimDrive, SimFinger};
+use condor_hand::tendon::{Pair, TendonPairs};
 use nalgebra::{Vector1, Vector3};
 use proptest::prelude::*;
 
@@ -13,14 +13,14 @@ const ROD: Pendulum = Pendulum {
 };
 
 /// A joint too heavy to move.
-fn held(drive: Drive) -> Finger<Pendulum, 1> {
+fn held(drive: SimDrive) -> SimFinger<Pendulum, 1> {
     let mut joint = free_joint();
     joint.armature = 1e6;
     finger(ROD, joint, drive)
 }
 
-fn pneumatic(elastic: Option<Elastic>) -> Drive {
-    Drive {
+fn pneumatic(elastic: Option<Elastic>) -> SimDrive {
+    SimDrive {
         max_n: 130.0,
         kind: DriveKind::Pneumatic(Pneumatic {
             area_m2: 2.355e-4,
@@ -44,14 +44,14 @@ const ELASTIC: Option<Elastic> = Some(Elastic {
     piston_kg: 0.05,
 });
 
-fn flexor(command: f64) -> Pairs<f64, 1> {
+fn flexor(command: f64) -> TendonPairs<f64, 1> {
     [Pair {
         flexor: command,
         extensor: 0.0,
     }]
 }
 
-fn step(finger: &mut Finger<Pendulum, 1>, dt: f64, updates: u32, command: f64) -> f64 {
+fn step(finger: &mut SimFinger<Pendulum, 1>, dt: f64, updates: u32, command: f64) -> f64 {
     finger
         .step(dt, updates, &flexor(command), &Vector3::zeros())
         .unwrap();
@@ -178,13 +178,13 @@ fn impossible_drives_are_refused_with_the_value() {
         joints: [joint],
         drives: [Pair::both(drive)],
     };
-    let refused = Finger::new(ROD, parameters(exact(0.0), joint), Vector1::zeros()).unwrap_err();
+    let refused = SimFinger::new(ROD, parameters(exact(0.0), joint), Vector1::zeros()).unwrap_err();
     assert_eq!(
         refused.to_string(),
         "the time constant of a drive, s is 0; it must be above 0"
     );
     joint.range = (0.5, 0.5);
-    let refused = Finger::new(ROD, parameters(exact(0.1), joint), Vector1::zeros()).unwrap_err();
+    let refused = SimFinger::new(ROD, parameters(exact(0.1), joint), Vector1::zeros()).unwrap_err();
     assert_eq!(
         refused.to_string(),
         "the end of a joint's range, rad is 0.5; it must be above 0.5"

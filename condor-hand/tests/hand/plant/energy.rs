@@ -3,7 +3,7 @@
 use condor_hand::dynamics::Dynamics;
 use condor_hand::kinematics::PlanarFinger;
 use condor_hand::math::max;
-use condor_hand::plant::{Finger, FingerParameters, JointParameters, PlantError};
+use condor_hand::plant::{FingerParameters, JointParameters, PlantError, SimFinger};
 use condor_hand::tendon::Pair;
 use nalgebra::{Matrix4, Vector1, Vector3, Vector4};
 
@@ -19,7 +19,7 @@ fn down() -> Vector3<f64> {
     Vector3::new(0.0, 0.0, -9.81)
 }
 
-fn pendulum(joint: JointParameters, q: f64) -> Finger<Pendulum, 1> {
+fn pendulum(joint: JointParameters, q: f64) -> SimFinger<Pendulum, 1> {
     let rod = Pendulum {
         mass: 0.1,
         length: 0.1,
@@ -30,7 +30,7 @@ fn pendulum(joint: JointParameters, q: f64) -> Finger<Pendulum, 1> {
 }
 
 /// Of the pendulum, which hangs at a right angle.
-fn energy(finger: &Finger<Pendulum, 1>) -> f64 {
+fn energy(finger: &SimFinger<Pendulum, 1>) -> f64 {
     let rod = finger.mechanism();
     let (q, qd) = (finger.q().x, finger.qd().x);
     0.5 * rod.inertia() * qd * qd + rod.mass * 9.81 * rod.length * (1.0 - libm::sin(q))
@@ -131,8 +131,8 @@ fn a_finger_on_springs_loses_energy_to_friction_alone() {
         };
         let mechanism: PlanarFinger = geometry.finger(1);
         let start = Vector4::new(0.2, 0.5, -0.4, 0.3);
-        let mut finger = Finger::new(mechanism, parameters, start).unwrap();
-        let energy = |finger: &Finger<PlanarFinger, 4>| {
+        let mut finger = SimFinger::new(mechanism, parameters, start).unwrap();
+        let energy = |finger: &SimFinger<PlanarFinger, 4>| {
             let (q, qd) = (finger.q(), finger.qd());
             let mass = mechanism.mass_matrix(q) + Matrix4::from_diagonal_element(1.6e-5);
             0.5 * (qd.dot(&(mass * qd)) + 0.4 * q.norm_squared())
@@ -165,6 +165,6 @@ fn a_finger_of_no_mass_is_refused() {
         joints: [free_joint()],
         drives: [Pair::both(exact(0.01))],
     };
-    let refused = Finger::new(rod, parameters, Vector1::new(0.3)).unwrap_err();
+    let refused = SimFinger::new(rod, parameters, Vector1::new(0.3)).unwrap_err();
     assert_eq!(refused, PlantError::Massless { first: 0.3 });
 }

@@ -4,9 +4,9 @@ use condor_hand::dynamics::Dynamics;
 use condor_hand::grasp::Wrench;
 use condor_hand::kinematics::{Kinematics, PlanarFinger};
 use condor_hand::plant::{
-    Finger, FingerParameters, Hand, JointParameters, Object, ObjectParameters,
+    FingerParameters, JointParameters, ObjectParameters, SimFinger, SimHand, SimObject,
 };
-use condor_hand::tendon::{Pair, Pairs};
+use condor_hand::tendon::{Pair, TendonPairs};
 use nalgebra::{SVector, Vector3, Vector4};
 
 use super::mechanisms::{exact, free_joint, hand_parameters};
@@ -27,7 +27,7 @@ fn start() -> Vector4<f64> {
     Vector4::new(0.0, 0.6, 0.9, 0.6)
 }
 
-fn plant(geometry: &Geometry, number: usize) -> Finger<PlanarFinger, 4> {
+fn plant(geometry: &Geometry, number: usize) -> SimFinger<PlanarFinger, 4> {
     let joint = JointParameters {
         armature: 1.6e-5,
         damping: 2e-3,
@@ -38,7 +38,7 @@ fn plant(geometry: &Geometry, number: usize) -> Finger<PlanarFinger, 4> {
         joints: [joint; 4],
         drives: [Pair::both(exact(0.008)); 4],
     };
-    Finger::new(geometry.finger(number), parameters, start()).unwrap()
+    SimFinger::new(geometry.finger(number), parameters, start()).unwrap()
 }
 
 /// The centre of the circle through three points.
@@ -50,7 +50,7 @@ fn circumcentre([a, b, c]: [Vector3<f64>; 3]) -> Vector3<f64> {
 }
 
 /// Tensions about 15 N that give the torques, from the tip to the palm.
-fn tensions(finger: &Finger<PlanarFinger, 4>, torque: &Vector4<f64>) -> Pairs<f64, 4> {
+fn tensions(finger: &SimFinger<PlanarFinger, 4>, torque: &Vector4<f64>) -> TendonPairs<f64, 4> {
     let mut tensions = [Pair::both(15.0); 4];
     for (joint, row) in finger.parameters().arms.rows().iter().enumerate().rev() {
         let across = finger.parameters().arms.torque(&tensions)[joint];
@@ -63,10 +63,10 @@ fn tensions(finger: &Finger<PlanarFinger, 4>, torque: &Vector4<f64>) -> Pairs<f6
 
 /// A spring and a damper at the tip, gravity made up for, the posture held along the self-motion.
 fn command(
-    finger: &Finger<PlanarFinger, 4>,
+    finger: &SimFinger<PlanarFinger, 4>,
     wanted: &Vector3<f64>,
     gravity: &Vector3<f64>,
-) -> Pairs<f64, 4> {
+) -> TendonPairs<f64, 4> {
     let (q, qd) = (finger.q(), finger.qd());
     let mechanism = finger.mechanism();
     let (pose, jacobian) = mechanism.kinematics(q);
@@ -90,13 +90,13 @@ fn a_ball_in_three_fingers_feels_their_stiffness_and_stays() {
     });
     let center = circumcentre(tips);
     let radius = (tips[0] - center).norm();
-    let ball = Object::new(ObjectParameters::ball(0.05, radius + 1e-5), center).unwrap();
-    let mut hand = Hand::new(fingers, hand_parameters(gravity, 0.8))
+    let ball = SimObject::new(ObjectParameters::ball(0.05, radius + 1e-5), center).unwrap();
+    let mut hand = SimHand::new(fingers, hand_parameters(gravity, 0.8))
         .unwrap()
         .with_object(ball);
     let middle = tips.iter().sum::<Vector3<f64>>() / 3.0;
     let wanted = tips.map(|tip| tip + (middle - tip) * SQUEEZE);
-    let commands: [Pairs<f64, 4>; TIPS] =
+    let commands: [TendonPairs<f64, 4>; TIPS] =
         std::array::from_fn(|tip| command(&hand.fingers()[tip], &wanted[tip], &gravity));
     for (finger, commands) in hand.fingers_mut().iter_mut().zip(commands) {
         finger.reset(start(), commands).unwrap();

@@ -4,7 +4,8 @@ use condor_hand::Pose;
 use condor_hand::dynamics::Dynamics;
 use condor_hand::kinematics::{Jacobian, Kinematics};
 use condor_hand::plant::{
-    Drive, DriveKind, Finger, FingerParameters, HandParameters, JointParameters, Stop, Surface,
+    DriveKind, FingerParameters, HandParameters, JointParameters, SimDrive, SimFinger, SimStop,
+    SimSurface,
 };
 use condor_hand::tendon::{MomentArms, Pair};
 use nalgebra::{Matrix1, Matrix3, SVector, Vector1, Vector3};
@@ -131,15 +132,15 @@ pub(crate) fn free_joint() -> JointParameters {
         stiffness: 0.0,
         rest: 0.0,
         range: (-1e6, 1e6),
-        stop: Stop {
+        stop: SimStop {
             stiffness: 0.0,
             damping: 0.0,
         },
     }
 }
 
-pub(crate) fn exact(time_constant_s: f64) -> Drive {
-    Drive {
+pub(crate) fn exact(time_constant_s: f64) -> SimDrive {
+    SimDrive {
         max_n: 130.0,
         kind: DriveKind::Exact { time_constant_s },
     }
@@ -162,8 +163,8 @@ pub(crate) fn own_arms<const N: usize>(arm: f64) -> MomentArms<f64, N> {
 pub(crate) fn finger<M, const N: usize>(
     mechanism: M,
     joint: JointParameters,
-    drive: Drive,
-) -> Finger<M, N>
+    drive: SimDrive,
+) -> SimFinger<M, N>
 where
     M: condor_hand::dynamics::Dynamics<f64, N>,
 {
@@ -172,11 +173,11 @@ where
         joints: [joint; N],
         drives: [Pair::both(drive); N],
     };
-    Finger::new(mechanism, parameters, SVector::zeros()).unwrap()
+    SimFinger::new(mechanism, parameters, SVector::zeros()).unwrap()
 }
 
-pub(crate) fn surface(friction: f64) -> Surface {
-    Surface {
+pub(crate) fn surface(friction: f64) -> SimSurface {
+    SimSurface {
         stiffness: 1e5,
         damping: 50.0,
         shear_stiffness: 1e5,

@@ -2,8 +2,10 @@
 
 use condor_hand::kinematics::PlanarFinger;
 use condor_hand::math::max;
-use condor_hand::plant::{Drive, DriveKind, Finger, FingerParameters, JointParameters, Stop};
-use condor_hand::tendon::{Pair, Pairs};
+use condor_hand::plant::{
+    DriveKind, FingerParameters, JointParameters, SimDrive, SimFinger, SimStop,
+};
+use condor_hand::tendon::{Pair, TendonPairs};
 use nalgebra::{SVector, Vector3};
 use serde::Deserialize;
 
@@ -44,7 +46,7 @@ fn finger(
     meta: &Meta,
     number: usize,
     kind: DriveKind,
-) -> Finger<PlanarFinger, 4> {
+) -> SimFinger<PlanarFinger, 4> {
     let max_n = geometry.fmax;
     let parameters = FingerParameters {
         arms: geometry.symmetric_arms(),
@@ -57,14 +59,14 @@ fn finger(
             stiffness: meta.joint_stiffness,
             rest: meta.springref[joint],
             range: (geometry.qmin[joint], geometry.qmax[joint]),
-            stop: Stop {
+            stop: SimStop {
                 stiffness: 5.0,
                 damping: 0.01,
             },
         }),
-        drives: [Pair::both(Drive { max_n, kind }); 4],
+        drives: [Pair::both(SimDrive { max_n, kind }); 4],
     };
-    Finger::new(
+    SimFinger::new(
         geometry.finger(number),
         parameters,
         joints(&meta.q0, number),
@@ -72,7 +74,7 @@ fn finger(
     .unwrap()
 }
 
-fn command(all: &[f64], finger: usize) -> Pairs<f64, 4> {
+fn command(all: &[f64], finger: usize) -> TendonPairs<f64, 4> {
     std::array::from_fn(|joint| Pair {
         flexor: all[8 * finger + 2 * joint],
         extensor: all[8 * finger + 2 * joint + 1],

@@ -1,11 +1,11 @@
 //! What converters make of what is.
 
-use condor_hand::config::Input;
+use condor_hand::config::InputChannel;
 use condor_hand::plant::{PlantError, Sensor, SensorBank, SensorFault, SensorFaultKind};
 use proptest::prelude::*;
 
 /// -0.5 to 2, in 12 bits.
-const ADC: Input = Input {
+const ADC: InputChannel = InputChannel {
     board: 0,
     channel: 0,
     bits: 12,
@@ -21,10 +21,10 @@ const ANGLE: Sensor = Sensor {
 proptest! {
     #[test]
     fn a_reading_is_within_half_a_count(share in 0.0_f64..=1.0, bits in 1_u8..=32, turned: bool) {
-        let full = f64::from(Input { bits, ..ADC }.full_scale());
+        let full = f64::from(InputChannel { bits, ..ADC }.full_scale());
         let gain = if turned { -2.5 / full } else { 2.5 / full };
         let offset = if turned { 2.0 } else { -0.5 };
-        let adc = Input { bits, gain, offset, ..ADC };
+        let adc = InputChannel { bits, gain, offset, ..ADC };
         let value = -0.5 + 2.5 * share;
         let mut bank = SensorBank::new([Sensor { adc, noise: 0.0 }], &[], 1).unwrap();
         let [reading] = bank.read(0.0, &[value]);
@@ -40,7 +40,7 @@ fn counts_end_where_the_range_ends() {
     assert_eq!(ADC.counts(9.0), 4095);
     assert_eq!(ADC.counts(f64::NEG_INFINITY), 0);
     assert_eq!(ADC.counts(f64::NAN), 0);
-    assert_eq!(Input { bits: 32, ..ADC }.counts(1e9), u32::MAX);
+    assert_eq!(InputChannel { bits: 32, ..ADC }.counts(1e9), u32::MAX);
 }
 
 #[test]
@@ -123,7 +123,7 @@ fn a_fault_of_one_channel_leaves_the_noise_of_the_others() {
 #[test]
 fn impossible_sensors_are_refused() {
     let bits = Sensor {
-        adc: Input { bits: 33, ..ADC },
+        adc: InputChannel { bits: 33, ..ADC },
         noise: 0.0,
     };
     let refused = SensorBank::new([bits], &[], 1).unwrap_err();
@@ -132,7 +132,7 @@ fn impossible_sensors_are_refused() {
         "the width of a converter, bits, is 33; it must be at most 32"
     );
     let flat = Sensor {
-        adc: Input { gain: 0.0, ..ADC },
+        adc: InputChannel { gain: 0.0, ..ADC },
         noise: 0.0,
     };
     let refused = SensorBank::new([flat], &[], 1).unwrap_err();

@@ -1,6 +1,6 @@
 //! The table under the palm, and what the fingers feel of it.
 
-use condor_hand::plant::{AxisParameters, Hand, Stop, Table};
+use condor_hand::plant::{AxisParameters, SimHand, SimStop, SimTable};
 use condor_hand::tendon::Pair;
 use nalgebra::Vector3;
 
@@ -11,7 +11,7 @@ const AXIS: AxisParameters = AxisParameters {
     viscous: 20.0,
     max_n: 50.0,
     range: (-0.1, 0.3),
-    stop: Stop {
+    stop: SimStop {
         stiffness: 1e5,
         damping: 500.0,
     },
@@ -19,7 +19,7 @@ const AXIS: AxisParameters = AxisParameters {
 
 #[test]
 fn an_axis_nears_the_speed_at_which_friction_takes_all_force() {
-    let mut table = Table::new(
+    let mut table = SimTable::new(
         [AxisParameters {
             range: (-100.0, 100.0),
             ..AXIS
@@ -39,7 +39,7 @@ fn an_axis_nears_the_speed_at_which_friction_takes_all_force() {
 
 #[test]
 fn an_axis_rests_on_its_stop() {
-    let mut table = Table::new([AXIS; 3]).unwrap();
+    let mut table = SimTable::new([AXIS; 3]).unwrap();
     for _ in 0..5000 {
         table
             .advance(1e-3, &Vector3::new(50.0, -50.0, 0.0))
@@ -60,9 +60,9 @@ fn a_palm_that_speeds_up_leaves_a_free_finger_behind() {
         range: (-100.0, 100.0),
         ..AXIS
     };
-    let mut hand = Hand::new([finger], hand_parameters(Vector3::zeros(), 0.5))
+    let mut hand = SimHand::new([finger], hand_parameters(Vector3::zeros(), 0.5))
         .unwrap()
-        .with_table(Table::new([axis; 3]).unwrap());
+        .with_table(SimTable::new([axis; 3]).unwrap());
     hand.drive_table(Vector3::new(30.0, -20.0, 10.0)).unwrap();
     for _ in 0..200 {
         hand.step(&[[Pair::both(0.0); 3]]).unwrap();

@@ -4,7 +4,7 @@
 
 use std::path::Path;
 
-use condor_hand::kinematics::{Body, Chain, Joint, Motion, PlanarFinger, Rod};
+use condor_hand::kinematics::{Chain, ChainBody, ChainJoint, ChainMotion, PlanarFinger, Rod};
 use condor_hand::tendon::{MomentArms, Pair};
 use condor_hand::{Pose, Real};
 use nalgebra::{Matrix3, SVector, Vector3};
@@ -103,14 +103,14 @@ impl Geometry {
     pub(crate) fn chain<T: Real>(&self, finger: usize) -> Chain<T, 4> {
         Chain::new(
             self.base(finger),
-            std::array::from_fn(|joint| Joint {
+            std::array::from_fn(|joint| ChainJoint {
                 placement: Pose {
                     rotation: Matrix3::identity(),
                     position: vector(self.offsets[joint]),
                 },
-                motion: Motion::Revolute(vector(self.axes[joint])),
+                motion: ChainMotion::Revolute(vector(self.axes[joint])),
             }),
-            std::array::from_fn(|link| Body {
+            std::array::from_fn(|link| ChainBody {
                 mass: T::of(self.mass[link]),
                 center: vector(self.com[link]),
                 inertia: matrix(self.inertia_about_com[link]),

@@ -2,8 +2,8 @@
 //! wrong.
 
 use condor_hand::trajectory::{
-    Begin, Guards, Happening, Limits, Observations, OnEnd, Pace, Profile, Progress, SetPoint,
-    Target, Ticket, Via,
+    Begin, Guards, Happening, JointLimits, MotionProgress, MotionTicket, Observations, OnEnd, Pace,
+    Profile, SetPoint, Target, Via,
 };
 use proptest::prelude::*;
 
@@ -100,7 +100,7 @@ proptest! {
     fn limits_hold_and_nothing_jumps_whatever_is_asked(
         steps in prop::collection::vec(step(), 1..40), jerk in prop_oneof![Just(60.0), Just(800.0)],
     ) {
-        let limits = Limits { jerk, ..LIMITS };
+        let limits = JointLimits { jerk, ..LIMITS };
         let mut hand = Hand::new([limits; J], [0.0; J], TICK).unwrap();
         // To a place within the range there is always a way.
         let mut never_refused = Vec::new();
@@ -212,7 +212,7 @@ proptest! {
                 match hand.enqueue(motion) {
                     Ok(ticket) => {
                         prop_assert!(!full);
-                        prop_assert_eq!(ticket, Ticket(next));
+                        prop_assert_eq!(ticket, MotionTicket(next));
                         queue.push((next, mask, begin));
                         next += 1;
                     }
@@ -244,9 +244,9 @@ proptest! {
                 for ticket in 0..next {
                     let expected = queue.iter().position(|q| q.0 == ticket);
                     let runs = running.iter().any(|r| r.0 == ticket);
-                    match hand.progress(Ticket(ticket)) {
-                        Some(Progress::Queued { before }) => prop_assert_eq!(Some(before), expected),
-                        Some(Progress::Running { .. }) => prop_assert!(runs),
+                    match hand.progress(MotionTicket(ticket)) {
+                        Some(MotionProgress::Queued { before }) => prop_assert_eq!(Some(before), expected),
+                        Some(MotionProgress::Running { .. }) => prop_assert!(runs),
                         None => prop_assert!(!runs && expected.is_none()),
                     }
                 }

@@ -1,6 +1,6 @@
 //! Sequences that are longer than the queue.
 
-use condor_hand::trajectory::{Observations, Pace, Primitive, Profile, Target, Ticket};
+use condor_hand::trajectory::{MotionTicket, Observations, Pace, Primitive, Profile, Target};
 use heapless::Vec;
 
 use super::generator::{Hand, Motion, hand};
@@ -17,7 +17,7 @@ fn tick(hand: &mut Hand) -> f64 {
 #[test]
 fn a_sequence_goes_in_as_far_as_there_is_room_and_goes_on_from_there() {
     let sequence = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0].map(|number| to(0.05 * number));
-    let (mut hand, mut tickets, mut fed) = (hand(), Vec::<Ticket, 16>::new(), 0);
+    let (mut hand, mut tickets, mut fed) = (hand(), Vec::<MotionTicket, 16>::new(), 0);
     let mut ends = Vec::<f64, 64>::new();
     while fed < sequence.len() || !hand.is_idle() {
         let (taken, result) = hand.feed(sequence[fed..].iter().cloned(), &mut tickets);
@@ -29,7 +29,7 @@ fn a_sequence_goes_in_as_far_as_there_is_room_and_goes_on_from_there() {
     }
     assert_eq!(
         tickets,
-        core::array::from_fn::<_, 7, _>(|number| Ticket(number as u32))
+        core::array::from_fn::<_, 7, _>(|number| MotionTicket(number as u32))
     );
     // Five ticks each, without one between them.
     assert_eq!(ends.len(), 7 * 5);
@@ -39,7 +39,7 @@ fn a_sequence_goes_in_as_far_as_there_is_room_and_goes_on_from_there() {
 
 #[test]
 fn it_ends_at_one_that_is_refused_and_at_the_last_ticket() {
-    let (mut hand, mut tickets) = (hand(), Vec::<Ticket, 3>::new());
+    let (mut hand, mut tickets) = (hand(), Vec::<MotionTicket, 3>::new());
     let (fed, result) = hand.feed([to(0.05), to(99.0), to(0.1)], &mut tickets);
     assert_eq!(fed, 1);
     assert!(result.unwrap_err().to_string().contains("99"), "joint 1");

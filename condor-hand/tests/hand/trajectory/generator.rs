@@ -1,15 +1,16 @@
 //! What the generator promises: limits, continuity, order.
 
 use condor_hand::trajectory::{
-    Begin, Ended, Event, Generator, Guard, Guards, Happening, Limits, Observations, OnEnd, Pace,
-    Primitive, PrimitiveError, Profile, Progress, SetPoint, Target, Ticket, Via,
+    Begin, Generator, Guards, Happening, JointLimits, MotionEnd, MotionEvent, MotionGuard,
+    MotionProgress, MotionTicket, Observations, OnEnd, Pace, Primitive, PrimitiveError, Profile,
+    SetPoint, Target, Via,
 };
 use condor_hand::{NumberError, Requirement};
 use proptest::{prelude::TestCaseError, prop_assert};
 
 pub(super) const J: usize = 4;
 pub(super) const TICK: f64 = 0.02;
-pub(super) const LIMITS: Limits<f64> = Limits {
+pub(super) const LIMITS: JointLimits<f64> = JointLimits {
     low: -0.5,
     high: 1.5,
     velocity: 3.0,
@@ -40,7 +41,7 @@ fn slow(joints: &[usize], position: f64) -> Motion {
     to(joints, position, Pace::Duration(1.0), Profile::MinimumJerk)
 }
 
-fn events(hand: &mut Hand) -> Vec<Event> {
+fn events(hand: &mut Hand) -> Vec<MotionEvent> {
     core::iter::from_fn(|| hand.take_event()).collect()
 }
 
@@ -101,7 +102,10 @@ fn joints_reach_their_targets_together_and_others_hold() {
             let motion = to(&[0, 2], 1.2, pace, profile);
             let motion = motion.with(3, Target::Relative(-0.25)).unwrap();
             let ticket = hand.enqueue(motion).unwrap();
-            assert_eq!(hand.progress(ticket), Some(Progress::Queued { before: 0 }));
+            assert_eq!(
+                hand.progress(ticket),
+                Some(MotionProgress::Queued { before: 0 })
+            );
             let states = run(&mut hand, 60);
             assert_eq!(
                 states[59].map(|point| point.position),
@@ -117,7 +121,7 @@ fn joints_reach_their_targets_together_and_others_hold() {
                 happened,
                 [
                     Happening::Started { adjusted: false },
-                    Happening::Ended(Ended::Reached)
+                    Happening::Ended(MotionEnd::Reached)
                 ]
             );
             // Together: the way of each is the same part of its whole at every time, but for
@@ -191,7 +195,7 @@ fn limits_are_checked_when_enqueued_and_the_joint_is_named() {
         Err(PrimitiveError::Goal { joint: 3, .. })
     ));
     hand.abort();
-    let aborted = Happening::Ended(Ended::Aborted);
+    let aborted = Happening::Ended(MotionEnd::Aborted);
     let events: Vec<_> = events(&mut hand).into_iter().collect();
     assert_eq!(events.len(), 1);
     assert_eq!((events[0].ticket, events[0].happening), (only, aborted));
@@ -265,14 +269,17 @@ fn disjoint_motions_run_beside_each_other() {
     for ticket in [first, beside] {
         assert!(matches!(
             hand.progress(ticket),
-            Some(Progress::Running { .. })
+            Some(MotionProgress::Running { .. })
         ));
     }
-    assert_eq!(hand.progress(blocked), Some(Progress::Queued { before: 0 }));
+    assert_eq!(
+        hand.progress(blocked),
+        Some(MotionProgress::Queued { before: 0 })
+    );
     run(&mut hand, 40);
     assert!(matches!(
         hand.progress(blocked),
-        Some(Progress::Running { .. })
+        Some(MotionProgress::Running { .. })
     ));
 }
 
@@ -290,7 +297,7 @@ fn a_newer_one_takes_its_joints_from_where_they_are() {
     check(&before, &after).unwrap();
     assert!(matches!(
         hand.progress(first),
-        Some(Progress::Running { .. })
+        Some(MotionProgress::Running { .. })
     ));
     run(&mut hand, 60);
     assert_eq!(hand.set_points()[0].position, -0.4);
@@ -303,16 +310,16 @@ fn a_newer_one_takes_its_joints_from_where_they_are() {
     all.begin = Begin::Now;
     let by = hand.enqueue(all).unwrap();
     run(&mut hand, 1);
-    let superseded = Happening::Ended(Ended::Superseded { by });
+    let superseded = Happening::Ended(MotionEnd::Superseded { by });
     let seen = events(&mut hand);
-    assert!(seen.contains(&Event {
+    assert!(seen.contains(&MotionEvent {
         ticket: old,
         happening: superseded
     }));
     let ends: Vec<_> = [first, newer]
         .map(|ticket| {
             seen.iter()
-                .any(|e| e.ticket == ticket && e.happening == Happening::Ended(Ended::Reached))
+                .any(|e| e.ticket == ticket && e.happening == Happening::Ended(MotionEnd::Reached))
         })
         .into();
     assert_eq!(ends, [true, true]);
@@ -352,7 +359,7 @@ fn guards_start_and_stop() {
     hand.tick(&seen);
     assert!(matches!(
         hand.progress(ticket),
-        Some(Progress::Queued { .. })
+        Some(MotionProgress::Queued { .. })
     ));
     seen.contacts = 0b0010;
     for _ in 0..20 {
@@ -368,7 +375,7 @@ fn guards_start_and_stop() {
         ticks += 1;
     }
     assert!(ticks <= 10, "{ticks}");
-    let stop = Happening::Ended(Ended::Stopped(Guard::Torque { joint: 1 }));
+    let stop = Happening::Ended(MotionEnd::Stopped(MotionGuard::Torque { joint: 1 }));
     assert_eq!(events(&mut hand).last().unwrap().happening, stop);
     assert_eq!(hand.tick(&seen)[1].velocity, 0.0);
     assert!(hand.set_points()[1].position < 0.9);
@@ -383,7 +390,7 @@ fn sensors_without_a_number_stop_and_do_not_start() {
     motion.start.tension = Some(10.0);
     let waiting = hand.enqueue(motion.clone()).unwrap();
     hand.tick(&seen);
-    let queued = Progress::Queued { before: 0 };
+    let queued = MotionProgress::Queued { before: 0 };
     assert_eq!(hand.progress(waiting), Some(queued));
     hand.abort();
     motion.start = Guards::none();
@@ -393,7 +400,7 @@ fn sensors_without_a_number_stop_and_do_not_start() {
         hand.tick(&seen);
     }
     assert!(hand.is_idle());
-    let stop = Happening::Ended(Ended::Stopped(Guard::Tension { joint: 0 }));
+    let stop = Happening::Ended(MotionEnd::Stopped(MotionGuard::Tension { joint: 0 }));
     assert_eq!(events(&mut hand).last().unwrap().happening, stop);
 }
 
@@ -423,7 +430,7 @@ fn a_pause_stops_on_the_path_and_resuming_ends_where_it_was_to() {
     assert_eq!(run(&mut hand, 5)[4][0], SetPoint::rest(stopped[0].position));
     assert!(matches!(
         hand.progress(ticket),
-        Some(Progress::Running { rate: 0.0, .. })
+        Some(MotionProgress::Running { rate: 0.0, .. })
     ));
     hand.resume();
     let states = run(&mut hand, 60);
@@ -448,9 +455,9 @@ fn an_abort_forgets_everything() {
     }
     // 2.6 rad/s and 40 rad/s² would need 4 ticks.
     assert!(ticks <= 8, "{ticks}");
-    let aborted = |ticket: Ticket| Event {
+    let aborted = |ticket: MotionTicket| MotionEvent {
         ticket,
-        happening: Happening::Ended(Ended::Aborted),
+        happening: Happening::Ended(MotionEnd::Aborted),
     };
     let seen = events(&mut hand);
     assert!(
@@ -499,7 +506,7 @@ fn what_cannot_run_from_where_joints_are_is_adjusted_or_refused() {
     let seen = events(&mut hand);
     let adjusted = Happening::Started { adjusted: true };
     assert!(
-        seen.contains(&Event {
+        seen.contains(&MotionEvent {
             ticket: near,
             happening: adjusted
         }),
@@ -510,7 +517,7 @@ fn what_cannot_run_from_where_joints_are_is_adjusted_or_refused() {
 
 #[test]
 fn near_the_end_of_its_range_a_joint_brakes_without_regard_of_jerk() {
-    let limits = Limits {
+    let limits = JointLimits {
         jerk: 60.0,
         ..LIMITS
     };
@@ -532,12 +539,12 @@ fn near_the_end_of_its_range_a_joint_brakes_without_regard_of_jerk() {
     assert_eq!(hand.set_points()[0], SetPoint::rest(0.0));
     let happening = Happening::Started { adjusted: true };
     let ticket = back;
-    assert!(events(&mut hand).contains(&Event { ticket, happening }));
+    assert!(events(&mut hand).contains(&MotionEvent { ticket, happening }));
 }
 
 #[test]
 fn single_precision_keeps_the_limits_too() {
-    let limits = Limits {
+    let limits = JointLimits {
         low: -0.5_f32,
         high: 1.5,
         velocity: 3.0,
@@ -606,6 +613,6 @@ fn joints_that_are_held_leave_the_others_in_motion() {
             })
             .collect::<Vec<_>>()
     };
-    assert_eq!(ended(one), [Ended::Aborted]);
-    assert_eq!(ended(both), [Ended::Reached]);
+    assert_eq!(ended(one), [MotionEnd::Aborted]);
+    assert_eq!(ended(both), [MotionEnd::Reached]);
 }

@@ -2,7 +2,7 @@
 
 use condor_hand::HeaderError;
 use condor_hand::trajectory::image::{
-    HEADER_BYTES, ImageError, Motions, append, encode, encode_for,
+    HEADER_BYTES, MotionImageError, MotionSequence, append, encode, encode_for,
 };
 use condor_hand::trajectory::{Begin, Guards, OnEnd, Pace, Primitive, Profile, Target, Via};
 use crc::{CRC_32_ISO_HDLC, Crc};
@@ -105,7 +105,7 @@ proptest! {
     #[test]
     fn motions_come_back_from_their_bytes(motions in prop::collection::vec(motion(), 0..6)) {
         let bytes = image(&motions);
-        let read = Motions::<J>::new(&bytes).unwrap();
+        let read = MotionSequence::<J>::new(&bytes).unwrap();
         prop_assert_eq!(read.len() as usize, motions.len());
         prop_assert_eq!(read.iter().collect::<Vec<_>>(), motions.clone());
         // One after another they are the same bytes.
@@ -119,7 +119,7 @@ proptest! {
         }
         // Whatever is missing or turned is noticed.
         for cut in 0..bytes.len() {
-            prop_assert!(Motions::<J>::new(&bytes[..cut]).is_err());
+            prop_assert!(MotionSequence::<J>::new(&bytes[..cut]).is_err());
             let mut short = vec![0; cut];
             let refused = encode(&motions, &mut short);
             prop_assert_eq!(refused, Err(HeaderError::BufferTooShort { len: cut }.into()));
@@ -133,7 +133,7 @@ proptest! {
         let mut bytes = image(&motions);
         let at = at.index(bytes.len());
         bytes[at] ^= 1 << bit;
-        prop_assert!(Motions::<J>::new(&bytes).is_err());
+        prop_assert!(MotionSequence::<J>::new(&bytes).is_err());
     }
 
     #[test]
@@ -148,14 +148,14 @@ proptest! {
             body[..len].copy_from_slice(&head[..len]);
         }
         let bytes = sealed(count, &body);
-        if let Ok(read) = Motions::<J>::new(&bytes) {
+        if let Ok(read) = MotionSequence::<J>::new(&bytes) {
             prop_assert_eq!(read.iter().count(), count as usize);
             let motions: Vec<_> = read.iter().collect();
             let again = image(&motions);
-            let again = Motions::<J>::new(&again).unwrap();
+            let again = MotionSequence::<J>::new(&again).unwrap();
             prop_assert_eq!(again.iter().collect::<Vec<_>>(), motions);
         }
-        let _ = Motions::<J>::new(&body);
+        let _ = MotionSequence::<J>::new(&body);
         let mut buffer = body.clone();
         let _ = append(&one(), &mut buffer, body.len());
     }
@@ -171,7 +171,7 @@ fn one() -> Motion {
 fn what_is_wrong_is_said() {
     let bytes = image(&[one()]);
     let len = bytes.len();
-    let error = |bytes: &[u8]| Motions::<J>::new(bytes).unwrap_err().to_string();
+    let error = |bytes: &[u8]| MotionSequence::<J>::new(bytes).unwrap_err().to_string();
     assert_eq!(
         error(b"CNDHxxxxxxxxxxxxxxxx"),
         "the image begins with [43, 4e, 44, 48] instead of [43, 4e, 44, 4d]"
@@ -187,8 +187,8 @@ fn what_is_wrong_is_said() {
         "the image has version 9 of the format, this program has 2"
     );
     assert_eq!(
-        Motions::<7>::new(&bytes).unwrap_err(),
-        ImageError::Joints {
+        MotionSequence::<7>::new(&bytes).unwrap_err(),
+        MotionImageError::Joints {
             found: 6,
             joints: 7
         }
@@ -196,23 +196,26 @@ fn what_is_wrong_is_said() {
     // The duration is the eight bytes after the mask and the kind of pace, a byte each.
     let mut body = bytes[HEADER_BYTES..].to_vec();
     body[2..10].copy_from_slice(&(-0.5_f64).to_le_bytes());
-    let error = Motions::<J>::new(&sealed(1, &body)).unwrap_err();
+    let error = MotionSequence::<J>::new(&sealed(1, &body)).unwrap_err();
     assert_eq!(
         error.to_string(),
         "motion 0: the duration, s, is -0.5; it must be above 0"
     );
     // The first mistake counts.
-    assert_eq!(Motions::<J>::new(&sealed(2, &body)).unwrap_err(), error);
+    assert_eq!(
+        MotionSequence::<J>::new(&sealed(2, &body)).unwrap_err(),
+        error
+    );
     body[2..10].copy_from_slice(&0.5_f64.to_le_bytes());
     assert_eq!(
-        Motions::<J>::new(&sealed(2, &body)).unwrap_err(),
-        ImageError::Malformed { index: 1 }
+        MotionSequence::<J>::new(&sealed(2, &body)).unwrap_err(),
+        MotionImageError::Malformed { index: 1 }
     );
     let mut nothing = one();
     nothing.mask = 0;
     let refused = append(&nothing, &mut bytes.clone(), bytes.len()).unwrap_err();
     assert!(
-        matches!(refused, ImageError::Primitive { index: 1, .. }),
+        matches!(refused, MotionImageError::Primitive { index: 1, .. }),
         "{refused}"
     );
 }
@@ -231,7 +234,7 @@ fn a_tool_writes_for_a_number_of_joints_that_it_learns_later() {
     assert_eq!(encode(&[same], &mut own), Ok(len));
     assert_eq!(bytes[..len], own[..len]);
     let error = encode_for(4, &[last(3), last(4)], &mut bytes).unwrap_err();
-    assert_eq!(error, ImageError::Malformed { index: 1 });
+    assert_eq!(error, MotionImageError::Malformed { index: 1 });
     let error = encode_for(J + 1, &[last(3)], &mut bytes).unwrap_err();
     assert_eq!(
         error.to_string(),

@@ -39,7 +39,7 @@ const SAMPLES: u32 = 400;
 fn check_peaks(
     duration: f64,
     at: impl Fn(f64) -> SetPoint<f64>,
-    peaks: condor_hand::trajectory::Peaks<f64>,
+    peaks: condor_hand::trajectory::ProfilePeaks<f64>,
     close: bool,
 ) -> Result<(), TestCaseError> {
     let mut seen = [f64::INFINITY, f64::NEG_INFINITY, 0.0, 0.0];

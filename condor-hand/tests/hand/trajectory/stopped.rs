@@ -1,13 +1,13 @@
 //! What the generator does when servos have stopped joints by a guard.
 
 use condor_hand::trajectory::{
-    Begin, Ended, Generator, Guard, Guards, Happening, Observations, OnEnd, Pace, Primitive,
-    Profile, SetPoint, StopGuard, Target, Ticket,
+    Begin, Generator, Guards, Happening, MotionEnd, MotionGuard, MotionTicket, Observations, OnEnd,
+    Pace, Primitive, Profile, SetPoint, StopGuard, Target,
 };
 
 use super::generator::{Hand, J, LIMITS, Motion, TICK, check};
 
-const CONTACT: Guard = Guard::Contact { joint: 1 };
+const CONTACT: MotionGuard = MotionGuard::Contact { joint: 1 };
 
 fn hand() -> Hand {
     let hand = Generator::new([LIMITS; J], [0.0; J], TICK).unwrap();
@@ -37,7 +37,7 @@ fn run(hand: &mut Hand, ticks: usize) -> [SetPoint<f64>; J] {
     hand.set_points()
 }
 
-fn ends(hand: &mut Hand) -> Vec<(Ticket, Ended)> {
+fn ends(hand: &mut Hand) -> Vec<(MotionTicket, MotionEnd)> {
     let events = core::iter::from_fn(|| hand.take_event());
     let ends = events.filter_map(|event| match event.happening {
         Happening::Ended(ended) => Some((event.ticket, ended)),
@@ -66,7 +66,7 @@ fn stopped_joints_come_to_rest_exactly_where_the_servo_stopped_them() {
         ticks += 1;
         assert!(ticks < 20);
     }
-    assert_eq!(ends(&mut hand), [(first, Ended::Stopped(CONTACT))]);
+    assert_eq!(ends(&mut hand), [(first, MotionEnd::Stopped(CONTACT))]);
     let points = hand.set_points();
     assert_eq!(points[0], SetPoint::rest(served[0]));
     // Joint 2 slowed down on its path.
@@ -74,7 +74,7 @@ fn stopped_joints_come_to_rest_exactly_where_the_servo_stopped_them() {
     assert_eq!(points[2].velocity.to_bits(), 0);
     let points = run(&mut hand, 50);
     assert_eq!(points[1], SetPoint::rest(0.2));
-    assert_eq!(ends(&mut hand), [(second, Ended::Reached)]);
+    assert_eq!(ends(&mut hand), [(second, MotionEnd::Reached)]);
     assert!(hand.is_idle());
 }
 
@@ -102,10 +102,10 @@ fn a_second_finger_that_stops_later_returns_too_and_the_motion_ends_once() {
     let number = ticket.number();
     hand.stopped(number, CONTACT, 0b0011, &served).unwrap();
     run(&mut hand, 1);
-    let torque = Guard::Torque { joint: 3 };
+    let torque = MotionGuard::Torque { joint: 3 };
     assert_eq!(hand.stopped(number, torque, 0b1000, &served), Ok(0b1000));
     let points = run(&mut hand, 40);
-    assert_eq!(ends(&mut hand), [(ticket, Ended::Stopped(CONTACT))]);
+    assert_eq!(ends(&mut hand), [(ticket, MotionEnd::Stopped(CONTACT))]);
     assert!(hand.is_held() && hand.is_idle());
     for joint in [0, 1, 3] {
         assert_eq!(points[joint], SetPoint::rest(served[joint]));
@@ -121,7 +121,7 @@ fn a_joint_whose_motion_has_ended_returns_and_one_with_another_motion_does_not()
     second.begin = Begin::Beside;
     let second = hand.enqueue(second).unwrap();
     run(&mut hand, 5);
-    assert_eq!(ends(&mut hand), [(first, Ended::Reached)]);
+    assert_eq!(ends(&mut hand), [(first, MotionEnd::Reached)]);
     let served = [0.48, 0.49, 0.0, 0.0];
     assert_eq!(
         hand.stopped(first.number(), CONTACT, 0b11, &served),
@@ -130,7 +130,7 @@ fn a_joint_whose_motion_has_ended_returns_and_one_with_another_motion_does_not()
     let points = run(&mut hand, 60);
     assert_eq!(points[0], SetPoint::rest(0.0));
     assert_eq!(points[1], SetPoint::rest(0.49));
-    assert_eq!(ends(&mut hand), [(second, Ended::Reached)]);
+    assert_eq!(ends(&mut hand), [(second, MotionEnd::Reached)]);
 }
 
 #[test]
@@ -144,7 +144,7 @@ fn an_abort_lets_stopped_joints_return() {
     hand.abort();
     let points = run(&mut hand, 40);
     assert_eq!(points[0], SetPoint::rest(served[0]));
-    assert_eq!(ends(&mut hand), [(ticket, Ended::Aborted)]);
+    assert_eq!(ends(&mut hand), [(ticket, MotionEnd::Aborted)]);
 }
 
 #[test]
@@ -188,7 +188,7 @@ fn the_servos_get_the_guards_of_what_moves_their_joints() {
     for _ in 0..60 {
         hand.tick(&seen);
     }
-    assert_eq!(ends(&mut hand), [(first, Ended::Reached)]);
+    assert_eq!(ends(&mut hand), [(first, MotionEnd::Reached)]);
     // The motion that was the last one remains known, without conditions.
     let after = hand.guards()[0];
     assert_eq!(after.motion, first.number());
@@ -205,5 +205,8 @@ fn a_guard_of_time_stays_with_the_generator() {
     motion.stop.time = Some(0.3);
     let ticket = hand.enqueue(motion).unwrap();
     run(&mut hand, 40);
-    assert_eq!(ends(&mut hand), [(ticket, Ended::Stopped(Guard::Time))]);
+    assert_eq!(
+        ends(&mut hand),
+        [(ticket, MotionEnd::Stopped(MotionGuard::Time))]
+    );
 }

@@ -1,12 +1,12 @@
 //! Streams of points: whatever comes and whenever, the set-points stay within the limits.
 
 use condor_hand::trajectory::{
-    Bounds, JointStream, Limits, Segments, SetPoint, StreamEnd, StreamError, StreamPoint,
+    Bounds, JointLimits, JointStream, JointStreamError, Segments, SetPoint, StreamEnd, StreamPoint,
 };
 use proptest::prelude::*;
 
 const TICK: f64 = 0.02;
-const LIMITS: Limits<f64> = Limits {
+const LIMITS: JointLimits<f64> = JointLimits {
     low: -1.0,
     high: 0.5,
     velocity: 3.0,
@@ -153,7 +153,7 @@ fn a_stream_goes_through_its_points_and_ends_at_the_last() {
             let at = if is_last { point(end, START, 0.0) } else { at };
             match stream.push(sent as u32, &[at], is_last) {
                 Ok(()) => sent += 1,
-                Err(StreamError::Full { until }) => {
+                Err(JointStreamError::Full { until }) => {
                     assert_eq!(until, times[sent - 1]);
                     break;
                 }
@@ -183,7 +183,7 @@ fn without_points_it_brakes_as_fast_as_it_can() {
     assert!((stream.set_points()[0].position - 0.2125).abs() < 1e-12);
     assert_eq!(
         stream.push(1, &[point(0.4, 0.2, 0.0)], true),
-        Err(StreamError::Ended)
+        Err(JointStreamError::Ended)
     );
     // Nobody has ever sent anything.
     let mut stream = Stream::new(1, [LIMITS; 2], [START, 0.3], TICK, 3).unwrap();
@@ -236,8 +236,12 @@ fn what_no_joint_can_do_is_refused_with_its_name() {
 }
 
 /// The points of a stream of one joint, which may be at `acceleration`, in rad/s².
-fn pushed(acceleration: f64, points: &[(f64, f64, f64)], is_last: bool) -> Result<(), StreamError> {
-    let limits = Limits {
+fn pushed(
+    acceleration: f64,
+    points: &[(f64, f64, f64)],
+    is_last: bool,
+) -> Result<(), JointStreamError> {
+    let limits = JointLimits {
         low: -2.0,
         high: 2.0,
         velocity: 1.0,

@@ -1,34 +1,36 @@
 //! What must be true of a [`World`] whenever its processors have done something.
 
-use condor_mbox::Error;
+use condor_mbox::MailboxError;
 use condor_mbox::layout::SLOTS;
 
 use super::world::{Counts, HEARD, Heard, World, number, row};
 use super::{LISTENER, MISSING, N, Step, VECTORS};
 
 impl World {
-    pub(super) fn check_refusal(&self, from: usize, to: usize, is_call: bool, error: Error) {
+    pub(super) fn check_refusal(&self, from: usize, to: usize, is_call: bool, error: MailboxError) {
         match error {
-            Error::NotConnected { .. } => assert!(!self.seats[from].connected[to] && from != to),
-            Error::NoSlot { .. } => {
+            MailboxError::NotConnected { .. } => {
+                assert!(!self.seats[from].connected[to] && from != to)
+            }
+            MailboxError::NoSlot { .. } => {
                 let full = self.rings[from][to].len() >= SLOTS as usize;
                 let unanswered = self.unanswered(from, to) >= SLOTS as usize;
                 // Its requests to be admitted take slots, too.
                 assert!(full || is_call && unanswered || from == LISTENER);
             }
-            Error::Stalled { .. } => assert!(self.seats[to].stalled),
-            Error::PeerDied { .. } => assert!(self.seats[to].dead),
+            MailboxError::Stalled { .. } => assert!(self.seats[to].stalled),
+            MailboxError::PeerDied { .. } => assert!(self.seats[to].dead),
             _ => panic!("{error}"),
         }
     }
 
     /// Calls of `from` to `to` that may occupy reply cells.
     fn unanswered(&self, from: usize, to: usize) -> usize {
-        let lives = (self.seats[from].life, self.seats[to].life);
+        let lives = (self.seats[from].incarnation, self.seats[to].incarnation);
         let calls = self.offers.iter().filter(|offer| offer.is_call);
         calls
             .filter(|offer| (offer.from, offer.to) == (from, to))
-            .filter(|offer| (offer.from_life, offer.to_life) == lives)
+            .filter(|offer| (offer.from_incarnation, offer.to_incarnation) == lives)
             .filter(|offer| offer.is_open || !offer.handled)
             .count()
     }
@@ -53,7 +55,7 @@ impl World {
                 assert_eq!((hearing.to, LISTENER), (to, me));
                 &mut hearing.expected[from]
             };
-            // Not in it: from another life, or a second time, or after a later one.
+            // Not in it: from another incarnation, or a second time, or after a later one.
             let before = expected.iter().position(|next| *next == data);
             let before = before.unwrap_or_else(|| panic!("{me} got {data} of {from} to {to}"));
             let skipped: Vec<_> = expected.drain(..=before).take(before).collect();

@@ -5,8 +5,8 @@ use std::collections::VecDeque;
 use std::sync::{Arc, RwLock};
 use std::time::Duration;
 
-use condor_mbox::sim::{Mailbox, System};
-use condor_mbox::{Call, Error, Handler, Messenger, Pending, Processor, Vector};
+use condor_mbox::sim::{SimMailbox, SimSystem};
+use condor_mbox::{Call, Handler, MailboxError, Messenger, PendingReply, Processor, Vector};
 
 use super::{LISTENER, MISSING, N, Step, VECTORS};
 
@@ -48,8 +48,8 @@ pub(super) struct Offer {
     pub(super) from: usize,
     pub(super) to: usize,
     pub(super) vector: Vector,
-    pub(super) from_life: u32,
-    pub(super) to_life: u32,
+    pub(super) from_incarnation: u32,
+    pub(super) to_incarnation: u32,
     pub(super) handled: bool,
     /// A call whose ticket is not spent.
     pub(super) is_open: bool,
@@ -62,7 +62,7 @@ pub(super) struct Hearing {
     pub(super) expected: [VecDeque<u32>; N],
     /// Messages of each sender that must have been counted as missed.
     pub(super) missed: [u32; N],
-    /// Those that may have been: without a handler, or of a life that is over.
+    /// Those that may have been: without a handler, or of an incarnation that is over.
     pub(super) perhaps: [u32; N],
 }
 
@@ -84,22 +84,22 @@ pub(super) struct Counts {
     pub(super) failed: u32,
 }
 
-pub(super) type Shared = Arc<RwLock<Mailbox<'static, N>>>;
+pub(super) type Shared = Arc<RwLock<SimMailbox<'static, N>>>;
 
-/// One number: its program, and what is true of its present life.
+/// One number: its program, and what is true of its present incarnation.
 pub(super) struct Seat {
     pub(super) mailbox: Shared,
-    pub(super) life: u32,
+    pub(super) incarnation: u32,
     pub(super) dead: bool,
     pub(super) stalled: bool,
-    pub(super) tickets: Vec<(u32, Pending)>,
+    pub(super) tickets: Vec<(u32, PendingReply)>,
     pub(super) counts: [Counts; VECTORS.len()],
-    /// To whom a message of this life has entered the ring in that one's present life.
+    /// To whom a message of this incarnation has entered the ring in that one's present incarnation.
     pub(super) connected: [bool; N],
 }
 
 pub(super) struct World {
-    pub(super) system: System<N>,
+    pub(super) system: SimSystem<N>,
     pub(super) seats: Vec<Seat>,
     /// Programs that were killed: their mailboxes must not be dropped before the end.
     pub(super) graves: Vec<Shared>,
@@ -117,7 +117,7 @@ pub(super) fn row(vector: Vector) -> usize {
     VECTORS.iter().position(|known| *known == vector).unwrap()
 }
 
-pub(super) fn program(system: &System<N>, who: usize) -> Shared {
+pub(super) fn program(system: &SimSystem<N>, who: usize) -> Shared {
     let mut mailbox = system.mailbox(number(who)).unwrap();
     for vector in [VECTORS[0], VECTORS[1]] {
         let handler: Handler<'static> = match who {
@@ -147,10 +147,10 @@ pub(super) struct Message {
 impl World {
     pub(super) fn new() -> Self {
         HEARD.take();
-        let system = System::in_virtual_time(0);
+        let system = SimSystem::in_virtual_time(0);
         let seats = (0..N).map(|who| Seat {
             mailbox: program(&system, who),
-            life: 1,
+            incarnation: 1,
             dead: false,
             stalled: false,
             tickets: Vec::new(),
@@ -186,7 +186,7 @@ impl World {
                     self.service(other);
                 }
                 self.seats[who].mailbox.write().unwrap().join().unwrap();
-                self.new_life(who);
+                self.new_incarnation(who);
             }
             Step::Kill(who) => {
                 self.seats[who].dead = true;
@@ -206,7 +206,7 @@ impl World {
         self.check_heard();
     }
 
-    pub(super) fn new_life(&mut self, who: usize) {
+    pub(super) fn new_incarnation(&mut self, who: usize) {
         self.check_heard();
         for other in 0..N {
             self.rings[who][other].clear();
@@ -215,7 +215,7 @@ impl World {
             self.seats[other].connected[who] = false;
         }
         let seat = &mut self.seats[who];
-        seat.life += 1;
+        seat.incarnation += 1;
         seat.tickets.clear();
         if who == LISTENER {
             self.hearing = None;
@@ -233,7 +233,7 @@ impl World {
 
     fn revive(&mut self, who: usize) {
         let mailbox = program(&self.system, who);
-        self.new_life(who);
+        self.new_incarnation(who);
         let seat = &mut self.seats[who];
         self.graves
             .push(std::mem::replace(&mut seat.mailbox, mailbox));
@@ -247,8 +247,8 @@ impl World {
             from,
             to,
             vector,
-            from_life: self.seats[from].life,
-            to_life: self.seats[to].life,
+            from_incarnation: self.seats[from].incarnation,
+            to_incarnation: self.seats[to].incarnation,
             handled: false,
             is_open: is_call,
             is_call,
@@ -258,7 +258,7 @@ impl World {
     }
 
     /// Notes how sending ended; what handlers saw until then came before this message.
-    fn sent(&mut self, from: usize, message: Message, outcome: Result<(), Error>) {
+    fn sent(&mut self, from: usize, message: Message, outcome: Result<(), MailboxError>) {
         self.check_heard();
         let to = message.to.index();
         let is_call = self.offers[message.data as usize].is_open;
@@ -328,20 +328,20 @@ impl World {
             let Offer {
                 to,
                 vector,
-                to_life,
+                to_incarnation,
                 handled,
                 ..
             } = self.offers[data as usize];
             let outcome = mailbox.poll_pending(&pending);
             match outcome {
-                _ if self.seats[to].life != to_life => {
+                _ if self.seats[to].incarnation != to_incarnation => {
                     let to = number(to);
                     assert!(
-                        matches!(outcome, Err(Error::PeerRestarted { to: of, .. }) if of == to)
+                        matches!(outcome, Err(MailboxError::PeerRestarted { to: of, .. }) if of == to)
                     );
                 }
                 Ok(Some(reply)) => assert!(handled && reply == reply_to(data)),
-                Err(Error::NoHandler { .. }) => assert_eq!(vector, MISSING),
+                Err(MailboxError::NoHandler { .. }) => assert_eq!(vector, MISSING),
                 Ok(None) => {
                     assert!(!handled);
                     self.seats[who].tickets.push((data, pending));

@@ -2,10 +2,10 @@
 //!
 //! It knows the layout and reads everybody's memory, so that it can break any rule by as little
 //! as it likes: valid requests and replies, sequences and counts that are one off, words of its
-//! former lives, and plain noise.
+//! former incarnations, and plain noise.
 
 use condor_mbox::Vector;
-use condor_mbox::error::Object;
+use condor_mbox::error::MemoryObject;
 use condor_mbox::layout::{self, JOINING, SLOTS, entry, header};
 
 use super::script::Script;
@@ -105,8 +105,8 @@ impl Hand<'_> {
         match choice % 24 {
             0 => self.any_word(),
             1 => self.any_data_word(),
-            2 => self.life(),
-            3 => self.last_life(),
+            2 => self.incarnation(),
+            3 => self.last_incarnation(),
             4 => self.acknowledge(),
             5 => self.count_taken(),
             6..=9 => self.request(),
@@ -132,7 +132,7 @@ impl Hand<'_> {
         self.world.mail_word(owner as usize, offset)
     }
 
-    fn life_of(&self, owner: u32) -> u32 {
+    fn incarnation_of(&self, owner: u32) -> u32 {
         self.mail(owner, header::INCARNATION)
     }
 
@@ -149,7 +149,9 @@ impl Hand<'_> {
             3 => old.wrapping_add(self.script.difference()),
             4 => old.wrapping_sub(1),
             5 => 1 << (self.script.byte() % 32),
-            6 => self.life_of(ME).wrapping_add(self.script.difference()),
+            6 => self
+                .incarnation_of(ME)
+                .wrapping_add(self.script.difference()),
             _ => self.script.word(),
         }
     }
@@ -170,30 +172,30 @@ impl Hand<'_> {
         self.world.set_data_word(owner, offset, value);
     }
 
-    fn life(&mut self) {
-        let old = self.life_of(ME);
+    fn incarnation(&mut self) {
+        let old = self.incarnation_of(ME);
         self.set(header::INCARNATION, |hand| match hand.script.byte() % 6 {
             0 => 0,
             1 => JOINING,
             2 => old.wrapping_add(1),
             3 => old.wrapping_sub(1),
-            // Few lives, so that it comes back to some of them.
+            // Few incarnations, so that it comes back to some of them.
             4 => 1 + u32::from(hand.script.byte() % 4),
             _ => hand.script.word(),
         });
     }
 
-    fn last_life(&mut self) {
-        let life = self.life_of(ME);
+    fn last_incarnation(&mut self) {
+        let incarnation = self.incarnation_of(ME);
         self.set(header::LAST_INCARNATION, |hand| {
-            life.wrapping_add(hand.script.difference())
+            incarnation.wrapping_add(hand.script.difference())
         });
     }
 
     fn acknowledge(&mut self) {
         let peer = self.somebody();
-        let life = self.life_of(peer);
-        let value = life.wrapping_add(self.script.difference());
+        let incarnation = self.incarnation_of(peer);
+        let value = incarnation.wrapping_add(self.script.difference());
         self.set(layout::acknowledged(COUNT, peer), |_| value);
     }
 
@@ -232,7 +234,7 @@ impl Hand<'_> {
         let sequence = taken.wrapping_add(1).wrapping_add(self.script.difference());
         let epoch = layout::epoch(
             self.mail(peer, layout::acknowledged(COUNT, ME)),
-            self.life_of(peer),
+            self.incarnation_of(peer),
         );
         let value = self.script.word();
         self.put(
@@ -286,7 +288,7 @@ impl Hand<'_> {
     /// What a listener says that it took: of the right epoch, in time or late.
     fn listen_words(&mut self) {
         let (sender, holder) = (self.somebody(), self.somebody());
-        let epoch = layout::epoch(self.life_of(sender), self.life_of(holder));
+        let epoch = layout::epoch(self.incarnation_of(sender), self.incarnation_of(holder));
         let sequences = (0..SLOTS)
             .map(|index| self.mail(sender, layout::slot(COUNT, holder, index) + entry::SEQUENCE));
         let head = sequences.max().unwrap_or(0);
@@ -306,9 +308,9 @@ impl Hand<'_> {
     fn truncate(&mut self) {
         let choice = self.script.byte();
         let object = if choice & 2 == 0 {
-            Object::Mail
+            MemoryObject::Mail
         } else {
-            Object::Data
+            MemoryObject::Data
         };
         self.world.lose(object, choice & 1 == 0);
     }
@@ -316,7 +318,7 @@ impl Hand<'_> {
     /// Looks like somebody honest, so that others go on talking to it.
     fn behave(&mut self) {
         let data_bytes = layout::BELL_BYTES + USER_BYTES;
-        self.world.lose(Object::Mail, false);
+        self.world.lose(MemoryObject::Mail, false);
         for (offset, value) in [
             (header::MAGIC, layout::MAGIC),
             (header::VERSION, layout::VERSION),
@@ -328,12 +330,12 @@ impl Hand<'_> {
         ] {
             self.set(offset, |_| value);
         }
-        if matches!(self.life_of(ME), 0 | JOINING) {
+        if matches!(self.incarnation_of(ME), 0 | JOINING) {
             self.set(header::INCARNATION, |_| 1);
         }
         for peer in [0, 2] {
-            let life = self.life_of(peer);
-            self.set(layout::acknowledged(COUNT, peer), |_| life);
+            let incarnation = self.incarnation_of(peer);
+            self.set(layout::acknowledged(COUNT, peer), |_| incarnation);
             let head = self.head_of(peer);
             self.set(layout::taken(COUNT, peer), |_| head);
         }

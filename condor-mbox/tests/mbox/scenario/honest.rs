@@ -5,8 +5,8 @@ use std::rc::Rc;
 use std::time::Duration;
 
 use condor_mbox::{
-    Call, Error, Handler, Instant, Messenger, Pending, Processor, Progress, SingleContext, Vector,
-    Waiting, layout,
+    Call, Handler, Instant, MailboxError, Messenger, PendingReply, Processor, SendProgress,
+    SingleContext, Vector, Waiting, layout,
 };
 
 use super::Tally;
@@ -176,7 +176,7 @@ fn nested_call<const ME: usize>(world: &World, call: &Call<'_>, to: usize) {
 }
 
 /// What the outcome of a call must agree with, whoever it went to.
-fn check_call(world: &World, data: u32, outcome: Result<u32, Error>) {
+fn check_call(world: &World, data: u32, outcome: Result<u32, MailboxError>) {
     let model = world.model.borrow();
     match outcome {
         Ok(value) => {
@@ -186,15 +186,18 @@ fn check_call(world: &World, data: u32, outcome: Result<u32, Error>) {
         Err(error) => {
             if let Some(progress) = progress(error) {
                 // What never runs may have been published to one that left or died.
-                let ended = matches!(error, Error::PeerDied { .. } | Error::PeerLeft { .. });
+                let ended = matches!(
+                    error,
+                    MailboxError::PeerDied { .. } | MailboxError::PeerLeft { .. }
+                );
                 let published = model.is_published(data);
                 assert!(
-                    ended || (progress != Progress::Never) == published,
+                    ended || (progress != SendProgress::Never) == published,
                     "{error}"
                 );
                 let to = model.offered(data).to();
                 if published && model.is_honest(to) {
-                    let taken = progress == Progress::Taken;
+                    let taken = progress == SendProgress::Taken;
                     assert_eq!(taken, model.offered(data).is_taken(), "{error}");
                 }
             }
@@ -202,16 +205,16 @@ fn check_call(world: &World, data: u32, outcome: Result<u32, Error>) {
     }
 }
 
-fn progress(error: Error) -> Option<Progress> {
+fn progress(error: MailboxError) -> Option<SendProgress> {
     match error {
-        Error::TimedOut { progress, .. }
-        | Error::Stalled { progress, .. }
-        | Error::PeerDied { progress, .. }
-        | Error::PeerLeft { progress, .. }
-        | Error::PeerRestarted { progress, .. } => Some(progress),
-        Error::NoSlot { .. } | Error::NotConnected { .. } | Error::TooDeep { .. } => {
-            Some(Progress::Never)
-        }
+        MailboxError::TimedOut { progress, .. }
+        | MailboxError::Stalled { progress, .. }
+        | MailboxError::PeerDied { progress, .. }
+        | MailboxError::PeerLeft { progress, .. }
+        | MailboxError::PeerRestarted { progress, .. } => Some(progress),
+        MailboxError::NoSlot { .. }
+        | MailboxError::NotConnected { .. }
+        | MailboxError::TooDeep { .. } => Some(SendProgress::Never),
         _ => None,
     }
 }
@@ -220,7 +223,7 @@ fn progress(error: Error) -> Option<Progress> {
 struct Program {
     world: Rc<World>,
     number: usize,
-    pending: Vec<(u32, Pending)>,
+    pending: Vec<(u32, PendingReply)>,
 }
 
 impl Program {
@@ -311,12 +314,15 @@ impl Program {
     /// on.
     ///
     /// A sender may have that much done for it; but when it pauses, there are slots again.
-    fn is_starved<T>(&self, outcome: &Result<T, Error>, to: usize, before: usize) -> bool {
+    fn is_starved<T>(&self, outcome: &Result<T, MailboxError>, to: usize, before: usize) -> bool {
         let competed = || {
             let model = self.world.model.borrow();
             model.has_sent(before, self.number, to)
         };
-        let late = matches!(outcome, Err(Error::NoSlot { .. } | Error::TimedOut { .. }));
+        let late = matches!(
+            outcome,
+            Err(MailboxError::NoSlot { .. } | MailboxError::TimedOut { .. })
+        );
         if !late || !competed() {
             return false;
         }
@@ -361,7 +367,7 @@ impl Program {
         if self.is_honest(to) && !self.is_starved(&outcome, to, data as usize + 1) {
             let expected = if vector == MISSING {
                 let to = Processor(to as u8);
-                Err(Error::NoHandler { to, vector })
+                Err(MailboxError::NoHandler { to, vector })
             } else {
                 Ok(reply_to(vector, data))
             };

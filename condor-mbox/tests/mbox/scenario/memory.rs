@@ -2,7 +2,7 @@
 
 use std::rc::Rc;
 
-use condor_mbox::error::Object;
+use condor_mbox::error::MemoryObject;
 use condor_mbox::sim::{SimWindow, SimWindowError};
 use condor_mbox::window::{CompareExchange, WindowError, WindowErrorKind};
 use condor_mbox::{
@@ -17,7 +17,7 @@ pub(super) struct Watched {
     pub(super) world: Rc<World>,
     pub(super) user: usize,
     pub(super) owner: usize,
-    pub(super) object: Object,
+    pub(super) object: MemoryObject,
     pub(super) inner: SimWindow,
 }
 
@@ -56,7 +56,7 @@ impl MemoryWindow for Watched {
     fn load(&self, offset: u32, order: LoadOrder) -> Result<u32, Refused> {
         self.reach()?;
         let value = self.inner.load(offset, order).map_err(refused)?;
-        if self.object == Object::Mail {
+        if self.object == MemoryObject::Mail {
             let mut model = self.world.model.borrow_mut();
             model.loaded(self.user, self.owner, offset, value);
         }
@@ -66,7 +66,7 @@ impl MemoryWindow for Watched {
     fn store(&self, offset: u32, value: u32, order: StoreOrder) -> Result<(), Refused> {
         self.reach()?;
         self.inner.store(offset, value, order).map_err(refused)?;
-        if self.object == Object::Mail {
+        if self.object == MemoryObject::Mail {
             self.world.stored(self.owner, offset, value, order);
         }
         Ok(())

@@ -210,7 +210,7 @@ impl Model {
             (sender, call.addressee().index(), call.vector())
         );
         let order = offer.published.expect("heard what was published");
-        // A holder that lies about its life can have its listeners hear a message again.
+        // A holder that lies about its incarnation can have its listeners hear a message again.
         if self.is_honest(offer.to) {
             let last = &mut self.known[me].heard[sender];
             assert!(order > *last, "heard twice or out of order");
@@ -282,7 +282,7 @@ impl Model {
                 }
                 continue;
             }
-            // Words that are cleared at the beginning of a life are no messages.
+            // Words that are cleared at the beginning of an incarnation are no messages.
             if order != StoreOrder::Release {
                 continue;
             }
@@ -348,9 +348,9 @@ impl Model {
         let word = |offset| known.seen[(slot + offset) as usize / 4];
         assert_eq!(sequence, known.hostile_tail.wrapping_add(1));
         assert_eq!(sequence, word(entry::SEQUENCE));
-        let life = mail(layout::acknowledged(COUNT, HOSTILE as u32));
-        assert!(!matches!(life, 0 | JOINING));
-        let epoch = layout::epoch(life, mail(header::INCARNATION));
+        let incarnation = mail(layout::acknowledged(COUNT, HOSTILE as u32));
+        assert!(!matches!(incarnation, 0 | JOINING));
+        let epoch = layout::epoch(incarnation, mail(header::INCARNATION));
         assert_eq!(epoch, word(entry::EPOCH), "a request of another epoch");
         let request = Request {
             sequence,

@@ -4,12 +4,14 @@ use std::cell::{Cell, RefCell};
 use std::rc::Rc;
 use std::time::Duration;
 
-use condor_mbox::published::ReadError;
+use condor_mbox::published::PublishedReadError;
 use condor_mbox::sim::{SimWindow, SimWindowError};
-use condor_mbox::spin_lock::{Bakery, Incarnations, LockError, NativeSwap, Owner, TestAndSet};
+use condor_mbox::spin_lock::{
+    Bakery, Incarnations, LockOwner, NativeSwap, SpinLockError, TestAndSet,
+};
 use condor_mbox::window::{CompareExchange, WindowError, WindowErrorKind};
 use condor_mbox::{
-    Clock, Instant, LoadOrder, MemoryWindow, Place, Processor, Published, Region, SingleContext,
+    Clock, Instant, LoadOrder, MemoryWindow, Offset, Processor, Published, Region, SingleContext,
     SpinLock, StoreOrder,
 };
 
@@ -18,8 +20,8 @@ use super::script::Script;
 
 const BYTES: u32 = 1024;
 const PROCESSORS: u8 = 3;
-/// The first life is over, the second is current, for everybody.
-const LIFE: u32 = 2;
+/// The first incarnation is over, the second is current, for everybody.
+const INCARNATION: u32 = 2;
 const TICK_NS: u64 = 100;
 /// No call may take more accesses than this between two readings of the clock.
 const MOST_ACCESSES_PER_TICK: u64 = 500;
@@ -56,14 +58,14 @@ impl Noise {
             .memory
             .load(offset, LoadOrder::Relaxed)
             .expect("inside");
-        let owner = |number, life| word_of(Processor(number), life);
+        let owner = |number, incarnation| word_of(Processor(number), incarnation);
         let value = match choice % 16 {
             0 => Some(0),
             1 => Some(u32::MAX),
             2 | 3 => Some(old.wrapping_add(script.difference())),
             4 => Some(script.word()),
             5 => Some(old ^ 1),
-            6 => Some(owner(script.byte() % 4, LIFE)),
+            6 => Some(owner(script.byte() % 4, INCARNATION)),
             7 => Some(owner(script.byte() % 4, 1)),
             8 => Some(u32::MAX << 1),
             9 => {
@@ -85,8 +87,8 @@ impl Noise {
 }
 
 /// The word by which a lock names an owner.
-fn word_of(processor: Processor, life: u32) -> u32 {
-    (u32::from(processor.0) + 1) << 26 | life
+fn word_of(processor: Processor, incarnation: u32) -> u32 {
+    (u32::from(processor.0) + 1) << 26 | incarnation
 }
 
 #[derive(Clone)]
@@ -162,8 +164,8 @@ impl Clock for Noisy {
 struct Known;
 
 impl Incarnations for Known {
-    fn is_current(&self, owner: Owner) -> bool {
-        owner.is_incarnation(LIFE)
+    fn is_current(&self, owner: LockOwner) -> bool {
+        owner.is_incarnation(INCARNATION)
     }
 }
 
@@ -224,9 +226,9 @@ fn operate(window: &Noisy, region: &Region<Noisy>, script: &mut Script<'_>) {
         0 => {
             let end = u64::from(place) + size_of::<Value>() as u64;
             let inside = place.is_multiple_of(4) && end <= u64::from(region.size());
-            let found = region.get(Place::<Value>::at(place));
+            let found = region.get(Offset::<Value>::at(place));
             assert!(found.is_err() || inside);
-            assert!(region.set(Place::at(place), &[1_u32; 5]).is_err() || inside);
+            assert!(region.set(Offset::at(place), &[1_u32; 5]).is_err() || inside);
         }
         1 => {
             let part = region.part(place, offset(script));
@@ -241,7 +243,10 @@ fn operate(window: &Noisy, region: &Region<Noisy>, script: &mut Script<'_>) {
                 let attempts = script.byte();
                 let found = subscriber.with_attempts(u32::from(attempts % 8)).read();
                 if attempts.is_multiple_of(8) {
-                    assert_eq!(found.err(), Some(ReadError::Contended { attempts: 0 }));
+                    assert_eq!(
+                        found.err(),
+                        Some(PublishedReadError::Contended { attempts: 0 })
+                    );
                 }
             }
         }
@@ -267,8 +272,8 @@ fn operate(window: &Noisy, region: &Region<Noisy>, script: &mut Script<'_>) {
     }
 }
 
-fn owner(number: u8) -> Owner {
-    Owner::new(Processor(number), LIFE).expect("a small number")
+fn owner(number: u8) -> LockOwner {
+    LockOwner::new(Processor(number), INCARNATION).expect("a small number")
 }
 
 fn contend<L: TestAndSet>(window: &Noisy, lock: &SpinLock<L>, script: &mut Script<'_>) {
@@ -284,7 +289,7 @@ fn contend<L: TestAndSet>(window: &Noisy, lock: &SpinLock<L>, script: &mut Scrip
             outcome
         }
         _ => {
-            let dead = Owner::new(Processor(script.byte() % PROCESSORS), 1).expect("small");
+            let dead = LockOwner::new(Processor(script.byte() % PROCESSORS), 1).expect("small");
             lock.recover(dead, me, &Known)
         }
     };
@@ -293,7 +298,7 @@ fn contend<L: TestAndSet>(window: &Noisy, lock: &SpinLock<L>, script: &mut Scrip
         // What was lost is reported, or was there again.
         Ok(guard) => drop(guard.release()),
         // Whoever is said to be dead is not alive.
-        Err(LockError::OwnerDead { owner }) => {
+        Err(SpinLockError::OwnerDead { owner }) => {
             assert!(owner.processor().is_none() || !Known.is_current(owner));
             drop(lock.recover(owner, me, &Known));
         }

@@ -4,8 +4,8 @@ use std::cell::{Cell, RefCell};
 use std::rc::Rc;
 use std::time::Duration;
 
-use condor_mbox::error::Object;
-use condor_mbox::sim::{SimWindow, System};
+use condor_mbox::error::MemoryObject;
+use condor_mbox::sim::{SimSystem, SimWindow};
 use condor_mbox::{
     Instant, LoadOrder, Mailbox, MemoryWindow, Messenger, Processor, SingleContext, StoreOrder,
     Windows, layout,
@@ -38,7 +38,7 @@ pub(super) type HonestMailbox = Mailbox<'static, (Watched, Bell, SingleContext),
 
 pub(super) struct World {
     /// As the honest processors have it, behind caches in some runs.
-    system: System<N>,
+    system: SimSystem<N>,
     /// As the hostile one has it.
     mails: [SimWindow; N],
     datas: [SimWindow; N],
@@ -61,7 +61,7 @@ pub(super) struct World {
 
 impl World {
     pub(super) fn new(attack: Attack, caches: Option<u64>) -> Rc<Self> {
-        let system = System::in_virtual_time(USER_BYTES);
+        let system = SimSystem::in_virtual_time(USER_BYTES);
         let windows = system.windows(Processor(HOSTILE as u8));
         let system = match caches {
             Some(seed) => system.with_caches(seed),
@@ -110,8 +110,8 @@ impl World {
                 inner,
             };
             Windows {
-                mail: watched(Object::Mail, windows.mail),
-                data: watched(Object::Data, windows.data),
+                mail: watched(MemoryObject::Mail, windows.mail),
+                data: watched(MemoryObject::Data, windows.data),
             }
         })
     }
@@ -171,18 +171,18 @@ impl World {
         stored.expect("inside");
     }
 
-    pub(super) fn lose(&self, object: Object, lost: bool) {
+    pub(super) fn lose(&self, object: MemoryObject, lost: bool) {
         match object {
-            Object::Mail => self.lost_mail.set(lost),
-            Object::Data => self.lost_data.set(lost),
+            MemoryObject::Mail => self.lost_mail.set(lost),
+            MemoryObject::Data => self.lost_data.set(lost),
         }
     }
 
-    pub(super) fn is_lost(&self, owner: usize, object: Object) -> bool {
+    pub(super) fn is_lost(&self, owner: usize, object: MemoryObject) -> bool {
         owner == HOSTILE
             && match object {
-                Object::Mail => self.lost_mail.get(),
-                Object::Data => self.lost_data.get(),
+                MemoryObject::Mail => self.lost_mail.get(),
+                MemoryObject::Data => self.lost_data.get(),
             }
     }
 
@@ -193,8 +193,8 @@ impl World {
 
     pub(super) fn stop_attack(&self) {
         self.pause_attack(true);
-        self.lose(Object::Mail, false);
-        self.lose(Object::Data, false);
+        self.lose(MemoryObject::Mail, false);
+        self.lose(MemoryObject::Data, false);
     }
 
     /// The hostile processor begins as if it were honest.
@@ -203,10 +203,10 @@ impl World {
     }
 
     /// Before somebody honest takes the hostile number: clears its `mail`, but not the number of
-    /// its latest life if `keep_life`.
-    pub(super) fn wipe_hostile_mail(&self, keep_life: bool) {
+    /// its latest incarnation if `keep_incarnation`.
+    pub(super) fn wipe_hostile_mail(&self, keep_incarnation: bool) {
         for offset in (0..layout::mail_bytes(N as u32)).step_by(4) {
-            if !(keep_life && offset == layout::header::LAST_INCARNATION) {
+            if !(keep_incarnation && offset == layout::header::LAST_INCARNATION) {
                 self.set_mail_word(offset, 0);
             }
         }

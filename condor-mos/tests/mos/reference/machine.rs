@@ -4,17 +4,17 @@ use std::marker::PhantomData;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering::Relaxed};
 
-use condor_mos::sim::Processor;
+use condor_mos::sim::SimPlatform;
 use condor_mos::{
-    Armed, EventTable, Instant, LockError, LoopId, LoopLock, Loops, Platform, Rate, Scheduler,
-    StartError, Timer, Wrapping,
+    Armed, CounterReading, EventTable, LoopId, LoopLock, LoopLockError, Loops, Platform, Rate,
+    Scheduler, StartError, Timer, Wrapping,
 };
 
 use super::log::{Counts, Entry, What};
 use super::program::{Action, BUSY_RUNS, LOOPS, Piece, Program};
 
 /// What a counter reads.
-pub(crate) trait Reading: Instant {
+pub(crate) trait Reading: CounterReading {
     fn at(ticks: u64) -> Self;
 }
 
@@ -32,7 +32,7 @@ impl<const BITS: u32> Reading for Wrapping<BITS> {
 
 /// A processor whose counter is narrower than virtual time.
 pub(crate) struct Narrow<I> {
-    processor: Processor,
+    processor: SimPlatform,
     reading: PhantomData<I>,
 }
 
@@ -70,7 +70,7 @@ impl<I: Reading> Platform for Narrow<I> {
 
 pub(crate) struct Machine<'p, I: Reading, const E: usize> {
     program: &'p Program,
-    processor: Processor,
+    processor: SimPlatform,
     scheduler: Scheduler<Narrow<I>, LOOPS, E>,
     held_until: AtomicU64,
     runs: AtomicU32,
@@ -80,7 +80,7 @@ pub(crate) struct Machine<'p, I: Reading, const E: usize> {
 impl<'p, I: Reading, const E: usize> Machine<'p, I, E> {
     pub(crate) fn run(
         program: &'p Program,
-        processor: Processor,
+        processor: SimPlatform,
         schedule: EventTable<LOOPS, E>,
     ) -> Vec<Entry> {
         let platform = Narrow {
@@ -167,8 +167,8 @@ impl<'p, I: Reading, const E: usize> Machine<'p, I, E> {
         let lock = LoopLock::new(&users.map(id).collect::<Vec<_>>(), ());
         match lock.lock(&self.scheduler, |()| self.processor.work(ticks)) {
             Ok(()) => {}
-            Err(LockError::Undeclared) => self.note(What::Refused),
-            Err(LockError::Taken) => panic!("taken by nobody"),
+            Err(LoopLockError::Undeclared) => self.note(What::Refused),
+            Err(LoopLockError::Taken) => panic!("taken by nobody"),
         }
     }
 

@@ -8,8 +8,8 @@ use std::time::Duration;
 use condor_mbox::sim::{SimWindow, SimWindowError};
 use condor_mbox::window::{WindowError, WindowErrorKind};
 use condor_mbox::{
-    AccessError, Error, Instant, LoadOrder, MemoryWindow, Messenger, Pending, Processor,
-    StoreOrder, Ticket, Vector,
+    AccessError, Instant, LoadOrder, MailboxError, MemoryWindow, MessageTicket, Messenger,
+    PendingReply, Processor, StoreOrder, Vector,
 };
 
 pub(crate) const HOST: Processor = Processor(0);
@@ -117,7 +117,7 @@ impl<'h> Board<'h> {
     }
 }
 
-const NOT_SENT: Error = Error::NotConnected { to: HOST };
+const NOT_SENT: MailboxError = MailboxError::NotConnected { to: HOST };
 
 impl Messenger for Board<'_> {
     fn number(&self) -> Processor {
@@ -128,7 +128,13 @@ impl Messenger for Board<'_> {
         Instant::from_ns(self.now.get())
     }
 
-    fn send(&self, _: Processor, vector: Vector, _: u32, timeout: Duration) -> Result<(), Error> {
+    fn send(
+        &self,
+        _: Processor,
+        vector: Vector,
+        _: u32,
+        timeout: Duration,
+    ) -> Result<(), MailboxError> {
         // To whomever the host's words name.
         assert_eq!((vector, timeout), (Vector(56), Duration::ZERO));
         self.rings.set(self.rings.get() + 1);
@@ -136,15 +142,27 @@ impl Messenger for Board<'_> {
         Err(NOT_SENT)
     }
 
-    fn send_with_reply(&self, _: Processor, _: Vector, _: u32, _: Duration) -> Result<u32, Error> {
+    fn send_with_reply(
+        &self,
+        _: Processor,
+        _: Vector,
+        _: u32,
+        _: Duration,
+    ) -> Result<u32, MailboxError> {
         Err(NOT_SENT)
     }
 
-    fn begin(&self, _: Processor, _: Vector, _: u32, _: Duration) -> Result<Ticket<'_>, Error> {
+    fn begin(
+        &self,
+        _: Processor,
+        _: Vector,
+        _: u32,
+        _: Duration,
+    ) -> Result<MessageTicket<'_>, MailboxError> {
         Err(NOT_SENT)
     }
 
-    fn serve(&self, timeout: Duration) -> Result<usize, Error> {
+    fn serve(&self, timeout: Duration) -> Result<usize, MailboxError> {
         self.pauses.set(self.pauses.get() + 1);
         self.now
             .set(self.now.get() + u64::try_from(timeout.as_nanos()).unwrap());
@@ -152,13 +170,13 @@ impl Messenger for Board<'_> {
         Ok(0)
     }
 
-    fn poll_pending(&self, _: &Pending) -> Result<Option<u32>, Error> {
+    fn poll_pending(&self, _: &PendingReply) -> Result<Option<u32>, MailboxError> {
         Err(NOT_SENT)
     }
 
-    fn wait_pending(&self, _: &Pending, _: Duration) -> Result<u32, Error> {
+    fn wait_pending(&self, _: &PendingReply, _: Duration) -> Result<u32, MailboxError> {
         Err(NOT_SENT)
     }
 
-    fn abandon(&self, _: &Pending) {}
+    fn abandon(&self, _: &PendingReply) {}
 }

@@ -1,4 +1,4 @@
-//! A [`Host`], whose processor writes anything anywhere at any moment, and replies with any words.
+//! A [`TerminalHost`], whose processor writes anything anywhere at any moment, and replies with any words.
 
 use std::cell::Cell;
 use std::io;
@@ -6,10 +6,10 @@ use std::rc::Rc;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Duration;
 
-use condor_mbox::sim::System;
-use condor_mbox::{MemoryWindow, Messenger, Places, Processor, Region, SingleContext};
-use condor_tty::linux::{Host, HostError, Piece, Sink};
-use condor_tty::{Policy, ReaderError, Terminal, Vectors};
+use condor_mbox::sim::SimSystem;
+use condor_mbox::{Allocator, MemoryWindow, Messenger, Processor, Region, SingleContext};
+use condor_tty::linux::{HostError, Piece, Sink, TerminalHost};
+use condor_tty::{Policy, Terminal, TerminalReaderError, TerminalVectors};
 
 use super::terminals::haunted::Haunted;
 use super::terminals::script::Script;
@@ -56,12 +56,12 @@ impl Sink for Person<'_> {
 /// not, made up a character, or failed as only its own mailbox could make it fail.
 pub(crate) fn run(bytes: &[u8]) {
     let script = Rc::new(Script::new(bytes));
-    let system = System::<2>::in_virtual_time(BASE + 1024);
+    let system = SimSystem::<2>::in_virtual_time(BASE + 1024);
     let [_, windows] = system.windows(HAND);
     let own = Region::users(windows.data.clone()).unwrap();
     let hand = Terminal::<_, _, 16>::new(
         own.clone(),
-        &mut Places::new(own.size()),
+        &mut Allocator::new(own.size()),
         CAPACITY,
         SingleContext::new(),
     )
@@ -70,15 +70,15 @@ pub(crate) fn run(bytes: &[u8]) {
     let replies = |_: &condor_mbox::Call<'_>| reply.load(Ordering::Relaxed);
     let mut processor = system.mailbox(HAND).unwrap();
     processor
-        .set_vector(Vectors::DEFAULT.input, &replies, "input")
+        .set_vector(TerminalVectors::DEFAULT.input, &replies, "input")
         .unwrap();
     processor
-        .set_vector(Vectors::DEFAULT.room, &replies, "room")
+        .set_vector(TerminalVectors::DEFAULT.room, &replies, "room")
         .unwrap();
     processor.join().unwrap();
     let mut mailbox = system.mailbox(HOST).unwrap();
     mailbox
-        .set_vector(Vectors::DEFAULT.output, &|_| 0, "output")
+        .set_vector(TerminalVectors::DEFAULT.output, &|_| 0, "output")
         .unwrap();
     mailbox.join().unwrap();
 
@@ -91,7 +91,7 @@ pub(crate) fn run(bytes: &[u8]) {
         // What waited at a former host is gone with it.
         typed.set(0);
         accepted.set(0);
-        Host::attach(region, 0, HAND, HOST).ok()
+        TerminalHost::attach(region, 0, HAND, HOST).ok()
     };
     let mut person = Person {
         script: Rc::clone(&script),
@@ -129,11 +129,11 @@ pub(crate) fn run(bytes: &[u8]) {
                     }
                     Err(HostError::Sink(_)) => {}
                     Err(HostError::Reader(
-                        ReaderError::Displaced { .. }
-                        | ReaderError::Broken { .. }
-                        | ReaderError::Restarted { .. }
-                        | ReaderError::NoTerminal { .. }
-                        | ReaderError::Access(_),
+                        TerminalReaderError::Displaced { .. }
+                        | TerminalReaderError::Broken { .. }
+                        | TerminalReaderError::Restarted { .. }
+                        | TerminalReaderError::NoTerminal { .. }
+                        | TerminalReaderError::Access(_),
                     )) => tty = None,
                     Err(error) => panic!("{error}"),
                 }

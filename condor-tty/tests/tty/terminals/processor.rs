@@ -5,8 +5,8 @@ use std::rc::Rc;
 use std::time::Duration;
 
 use condor_mbox::sim::SimWindow;
-use condor_mbox::{MemoryWindow, Places, Region, SingleContext};
-use condor_tty::{Accepted, ConsoleError, Mode, Policy, Settings, Terminal};
+use condor_mbox::{Allocator, MemoryWindow, Region, SingleContext};
+use condor_tty::{ConsoleError, InputMode, InputResult, Policy, Terminal, TerminalSettings};
 use embedded_io::{Read, Write};
 
 use super::haunted::Haunted;
@@ -33,7 +33,7 @@ pub(crate) fn run(bytes: &[u8]) {
     let memory = SimWindow::new(END + 64);
     let window = Haunted::new(&memory, &script, OFFSET..END);
     let region = Region::whole(window.clone());
-    let mut places = Places::new(region.size());
+    let mut places = Allocator::new(region.size());
     places.bytes(OFFSET as usize).unwrap();
     let hand = Hand::new(region, &mut places, CAPACITY, SingleContext::new()).unwrap();
     // From now on the host's line is the host's.
@@ -119,17 +119,17 @@ impl Run<'_, '_> {
             _ => b'a',
         };
         let accepted = self.hand.accept(character).unwrap();
-        if self.hand.settings().mode == Mode::Cooked {
+        if self.hand.settings().mode == InputMode::Cooked {
             let interrupts = character == INTERRUPT;
-            assert_eq!(accepted == Accepted::Interrupts, interrupts);
+            assert_eq!(accepted == InputResult::Interrupts, interrupts);
             assert_eq!(self.hand.take_interrupt(), interrupts);
             return;
         }
         if self.typed.len() < QUEUE {
-            assert_eq!(accepted, Accepted::Taken);
+            assert_eq!(accepted, InputResult::Taken);
             self.typed.push_back(character);
         } else {
-            assert_eq!(accepted, Accepted::Full);
+            assert_eq!(accepted, InputResult::Full);
         }
     }
 
@@ -137,7 +137,7 @@ impl Run<'_, '_> {
         let mut into = vec![0; 1 + self.script.below(20)];
         let console = self.hand.console(self.board);
         let outcome = console.with_read_timeout(TIMEOUT).read(&mut into);
-        if self.hand.settings().mode == Mode::Cooked {
+        if self.hand.settings().mode == InputMode::Cooked {
             return;
         }
         let expected: Vec<u8> = {
@@ -167,8 +167,12 @@ impl Run<'_, '_> {
     fn configure(&mut self) {
         let raw = self.script.below(2) == 0;
         let echo = self.script.below(2) == 0;
-        let settings = if raw { Settings::RAW } else { Settings::COOKED };
-        self.hand.configure(&Settings::RAW).unwrap();
+        let settings = if raw {
+            TerminalSettings::RAW
+        } else {
+            TerminalSettings::COOKED
+        };
+        self.hand.configure(&TerminalSettings::RAW).unwrap();
         self.hand.take_interrupt();
         let console = self.hand.console(self.board);
         let mut console = console.with_read_timeout(Duration::ZERO);
@@ -179,6 +183,8 @@ impl Run<'_, '_> {
             }
         }
         self.typed.clear();
-        self.hand.configure(&Settings { echo, ..settings }).unwrap();
+        self.hand
+            .configure(&TerminalSettings { echo, ..settings })
+            .unwrap();
     }
 }

@@ -3,8 +3,8 @@
 use std::rc::Rc;
 
 use condor_mbox::sim::SimWindow;
-use condor_mbox::{MemoryWindow, Places, Region, SingleContext};
-use condor_tty::{Policy, Reader, ReaderError, Terminal};
+use condor_mbox::{Allocator, MemoryWindow, Region, SingleContext};
+use condor_tty::{Policy, Terminal, TerminalReader, TerminalReaderError};
 
 use super::haunted::Haunted;
 use super::script::Script;
@@ -25,7 +25,7 @@ pub(crate) fn run(bytes: &[u8]) {
     let window = Haunted::new(&memory, &script, OFFSET..END);
     // A processor that is a true one between what it should not do.
     let region = Region::whole(memory);
-    let mut places = Places::new(region.size());
+    let mut places = Allocator::new(region.size());
     places.bytes(OFFSET as usize).unwrap();
     let hand =
         Terminal::<_, _, 16>::new(region, &mut places, CAPACITY, SingleContext::new()).unwrap();
@@ -47,7 +47,7 @@ pub(crate) fn run(bytes: &[u8]) {
             3 => reader = attach(&window),
             4 => {
                 if let Some(reader) = reader.take() {
-                    look(Reader::detach(reader));
+                    look(TerminalReader::detach(reader));
                 }
             }
             _ => {
@@ -59,13 +59,13 @@ pub(crate) fn run(bytes: &[u8]) {
     }
 }
 
-fn attach<'b>(window: &Haunted<'b>) -> Option<Reader<Haunted<'b>>> {
-    match Reader::attach(Region::whole(window.clone()), OFFSET, HOST) {
+fn attach<'b>(window: &Haunted<'b>) -> Option<TerminalReader<Haunted<'b>>> {
+    match TerminalReader::attach(Region::whole(window.clone()), OFFSET, HOST) {
         Ok(reader) => {
             assert!(reader.capacity() >= 8 && reader.capacity() <= CAPACITY + 64);
             Some(reader)
         }
-        Err(ReaderError::Displaced { .. } | ReaderError::Restarted { .. }) => {
+        Err(TerminalReaderError::Displaced { .. } | TerminalReaderError::Restarted { .. }) => {
             panic!("nobody was attached")
         }
         // The capacity may be beyond the window.
@@ -73,7 +73,7 @@ fn attach<'b>(window: &Haunted<'b>) -> Option<Reader<Haunted<'b>>> {
     }
 }
 
-fn read(reader: &mut Reader<Haunted<'_>>, script: &Script<'_>) {
+fn read(reader: &mut TerminalReader<Haunted<'_>>, script: &Script<'_>) {
     let most = script.below(100);
     let mut bytes = vec![0; most];
     if let Some(fetched) = look(reader.fetch(&mut bytes)) {
@@ -85,13 +85,13 @@ fn read(reader: &mut Reader<Haunted<'_>>, script: &Script<'_>) {
 }
 
 /// Its value, if the processor was such as to allow one.
-fn look<T>(outcome: Result<T, ReaderError>) -> Option<T> {
+fn look<T>(outcome: Result<T, TerminalReaderError>) -> Option<T> {
     match outcome {
         Ok(value) => Some(value),
         Err(
-            ReaderError::Restarted { .. }
-            | ReaderError::Displaced { .. }
-            | ReaderError::Broken { .. },
+            TerminalReaderError::Restarted { .. }
+            | TerminalReaderError::Displaced { .. }
+            | TerminalReaderError::Broken { .. },
         ) => None,
         Err(error) => panic!("{error}"),
     }

@@ -23,7 +23,7 @@ const SIZE: Winsize = Winsize {
 /// The user interface, in a pseudo-terminal.
 pub(crate) struct Screen {
     child: Child,
-    /// Bytes that it has drawn in all its lives.
+    /// Bytes that it has drawn in all its incarnations.
     drawn: Arc<AtomicU64>,
 }
 

@@ -17,8 +17,8 @@ use std::path::Path;
 use std::process::ExitCode;
 use std::time::{Duration, SystemTime};
 
-use condor_cli::{AnyError, Application, Run};
-use condor_host::description::Description;
+use condor_cli::{AnyError, Application, ProgramFunction};
+use condor_host::description::SystemDescription;
 use condor_rt::linux;
 use utah_mit_hand::compile::{compile_all, read_hand};
 use utah_mit_hand::master::Master;
@@ -36,7 +36,7 @@ const USAGE: &str = "usage: kills [--for SECONDSs] [--seed N]";
 struct Hand;
 
 impl Application for Hand {
-    fn programs(&self) -> &[(&'static str, Run)] {
+    fn programs(&self) -> &[(&'static str, ProgramFunction)] {
         &[
             ("master", |arguments| linux::run(&Master, arguments)),
             ("plant", |arguments| linux::run(&Plant, arguments)),
@@ -51,7 +51,7 @@ impl Application for Hand {
         Ok(())
     }
 
-    fn prepare(&self, description: &Description) -> Result<(), AnyError> {
+    fn prepare(&self, description: &SystemDescription) -> Result<(), AnyError> {
         let (Some(hand), Some(files)) = (&description.robot, &description.files) else {
             return Err("the hand needs `robot` and `[files]`".into());
         };
@@ -61,8 +61,8 @@ impl Application for Hand {
 
 fn main() -> ExitCode {
     // What the supervisor starts is this program, too.
-    let verb = std::env::args().nth(1);
-    if verb.is_some_and(|verb| !verb.starts_with('-')) {
+    let word = std::env::args().nth(1);
+    if word.is_some_and(|word| !word.starts_with('-')) {
         return condor_cli::main(&Hand);
     }
     if std::env::args().any(|it| it == "--help" || it == "-h") {

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use condor_host::control::{Client, MemberState, Status};
+use condor_host::control::{ControlClient, MemberState, SystemStatus};
 use condor_host::services::terminals::type_in;
 use condor_host::system::SystemDirectory;
 use condor_host::view::View;
@@ -94,14 +94,14 @@ impl Up {
     }
 
     /// A command for this system.
-    pub(crate) fn command(&self, verb: &str) -> Outcome<Command> {
+    pub(crate) fn command(&self, word: &str) -> Outcome<Command> {
         let mut command = Command::new(std::env::current_exe()?);
-        command.arg(verb).env("XDG_RUNTIME_DIR", self.place.path());
+        command.arg(word).env("XDG_RUNTIME_DIR", self.place.path());
         Ok(command)
     }
 
-    pub(crate) fn status(&self) -> Outcome<Status> {
-        let mut client = Client::connect(&self.directory())?;
+    pub(crate) fn status(&self) -> Outcome<SystemStatus> {
+        let mut client = ControlClient::connect(&self.directory())?;
         client.set_timeout(Some(DEADLINE))?;
         Ok(client.status()?)
     }
@@ -187,7 +187,7 @@ impl Up {
 
     /// Takes it down.
     pub(crate) fn end(mut self) -> Outcome<()> {
-        Client::connect(&self.directory())?.down()?;
+        ControlClient::connect(&self.directory())?.down()?;
         let status = self.supervisor.wait()?;
         if status.success() {
             Ok(())
@@ -210,7 +210,7 @@ pub(crate) fn kill(process: u32) -> Outcome<()> {
     Ok(kill_process(process, Signal::KILL)?)
 }
 
-fn all(status: &Status, is: impl Fn(MemberState) -> bool) -> bool {
+fn all(status: &SystemStatus, is: impl Fn(MemberState) -> bool) -> bool {
     let members = status.services.iter().chain(&status.processors);
     members.map(|member| member.state).all(is)
 }

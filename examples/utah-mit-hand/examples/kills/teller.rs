@@ -9,8 +9,8 @@ use std::time::Duration;
 
 use condor_fs::OpenOptions;
 use condor_mbox::{Messenger, Processor, Vector};
-use condor_rt::{Background, Call, Error, Machine, Program, Setup};
-use condor_tty::{ConsoleError, Policy, Settings};
+use condor_rt::{Background, HandlerCall, Machine, Program, ProgramError, Setup};
+use condor_tty::{ConsoleError, Policy, TerminalSettings};
 use embedded_io::{Read, Write};
 
 /// Messages with and without reply.
@@ -32,7 +32,7 @@ type Failed = Box<dyn std::error::Error>;
 pub(crate) struct Teller;
 
 impl Program for Teller {
-    fn run<M: Machine>(&self, machine: &M) -> Result<(), Error> {
+    fn run<M: Machine>(&self, machine: &M) -> Result<(), ProgramError> {
         tell(machine)
     }
 }
@@ -46,7 +46,7 @@ struct Heard {
 }
 
 impl Heard {
-    fn hear(&self, call: &Call<'_>) -> u32 {
+    fn hear(&self, call: &HandlerCall<'_>) -> u32 {
         let expected = self.count.fetch_add(1, Relaxed);
         if call.data() != expected {
             self.wrong.fetch_add(1, Relaxed);
@@ -64,7 +64,7 @@ struct Total {
     replaced: u32,
 }
 
-fn tell<M: Machine>(machine: &M) -> Result<(), Error> {
+fn tell<M: Machine>(machine: &M) -> Result<(), ProgramError> {
     let (asked, told) = (Heard::default(), Heard::default());
     Setup::new(machine)?
         .console()?
@@ -72,7 +72,7 @@ fn tell<M: Machine>(machine: &M) -> Result<(), Error> {
         .on(ASKED, "asked", &|call| asked.hear(call))
         .on(TOLD, "told", &|call| told.hear(call))
         .background(|background| {
-            tell_on(background, &asked, &told).map_err(|error| Error::program(&error))
+            tell_on(background, &asked, &told).map_err(|error| ProgramError::program(&error))
         })
 }
 
@@ -87,9 +87,9 @@ fn tell_on<M: Machine>(
     let partner = Processor(partner.parse()?);
     let terminal = background.console()?;
     // What is typed would come between the words of a line.
-    terminal.configure(&Settings {
+    terminal.configure(&TerminalSettings {
         echo: false,
-        ..Settings::COOKED
+        ..TerminalSettings::COOKED
     })?;
     terminal.set_policy(Policy::Block { timeout: PATIENCE })?;
     let files = background.files()?;

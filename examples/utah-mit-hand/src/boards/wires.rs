@@ -1,6 +1,6 @@
 //! [`Wires`]: the channels of one processor, transferred board by board.
 
-use condor_dev::{Bus, Device, Mode, NoInterrupts, OpenError, Switch};
+use condor_dev::{Bus, Device, NoInterrupts, OpenError, OpenMode, Switch};
 use condor_hand::config::{Channel, Hand};
 use thiserror::Error;
 use utah_mit_boards::{Adc16, Dac16, Encoder8};
@@ -118,7 +118,7 @@ impl<'s, B: Bus> Wires<'s, B> {
                 Board::Adc(number) => {
                     if let Some(adc) = wires.adc.get_mut(usize::from(number)) {
                         if adc.device.is_none() {
-                            let open = panel.open_typed(HandBoards::adc, number, Mode::READ)?;
+                            let open = panel.open_typed(HandBoards::adc, number, OpenMode::READ)?;
                             adc.device = Some(open);
                         }
                         adc.used = adc.used.max(line + 1);
@@ -128,7 +128,8 @@ impl<'s, B: Bus> Wires<'s, B> {
                     let zero = hand.output(wire).map_or(0, zero_of);
                     if let Some(dac) = wires.dac.get_mut(usize::from(number)) {
                         if dac.device.is_none() {
-                            let open = panel.open_typed(HandBoards::dac, number, Mode::WRITE)?;
+                            let open =
+                                panel.open_typed(HandBoards::dac, number, OpenMode::WRITE)?;
                             dac.device = Some(open);
                         }
                         if let Some(place) = dac.lines.get_mut(line) {
@@ -138,7 +139,7 @@ impl<'s, B: Bus> Wires<'s, B> {
                 }
                 Board::Encoder => {
                     if wires.encoder.is_none() {
-                        let open = panel.open_typed(HandBoards::encoder, 0, Mode::READ)?;
+                        let open = panel.open_typed(HandBoards::encoder, 0, OpenMode::READ)?;
                         wires.encoder = Some(open);
                     }
                 }

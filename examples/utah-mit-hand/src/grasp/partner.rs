@@ -3,7 +3,7 @@
 use core::sync::atomic::{AtomicU32, Ordering};
 
 use condor_mbox::{AccessError, MemoryWindow, Published, Region};
-use condor_rt::objects::{self, Kind};
+use condor_rt::objects::{self, ObjectKind};
 use zerocopy::{FromBytes, IntoBytes};
 
 /// Where nothing lies: the object table does.
@@ -21,14 +21,14 @@ pub(crate) struct Partner<W> {
 }
 
 /// What says when the tick was due in which it was published.
-pub(crate) trait Due {
+pub(crate) trait TickTime {
     /// In ns of the processor's clock.
     fn due_ns(&self) -> u64;
 }
 
 /// What a servo loop has read of a partner, and for how long it has been the same.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Heard<T> {
+pub(crate) struct PartnerState<T> {
     /// The last value; none before the first.
     pub(crate) value: Option<T>,
     /// The value before the last.
@@ -52,7 +52,7 @@ impl<W: MemoryWindow + Clone> Partner<W> {
     /// # Errors
     /// The memory's.
     pub(crate) fn look(&self) -> Result<(), AccessError> {
-        let object = objects::find(&self.region, self.name, Kind::Other)?;
+        let object = objects::find(&self.region, self.name, ObjectKind::Other)?;
         let offset = object.map_or(NOWHERE, |object| object.offset);
         // Relaxed: it says where to look, and the cell there says by itself what is published.
         self.offset.store(offset, Ordering::Relaxed);
@@ -62,7 +62,7 @@ impl<W: MemoryWindow + Clone> Partner<W> {
     /// The latest value, for the loop that calls this in every tick, so long after the last one.
     pub(crate) fn read<T: FromBytes + IntoBytes + Copy>(
         &self,
-        heard: &mut Heard<T>,
+        heard: &mut PartnerState<T>,
         elapsed_s: f64,
     ) {
         heard.age_s += elapsed_s;
@@ -77,7 +77,7 @@ impl<W: MemoryWindow + Clone> Partner<W> {
         if let Ok(latest) = cell.read()
             && (heard.value.is_none() || latest.sequence != heard.sequence)
         {
-            *heard = Heard {
+            *heard = PartnerState {
                 value: Some(latest.value),
                 former: heard.value,
                 sequence: latest.sequence,
@@ -87,7 +87,7 @@ impl<W: MemoryWindow + Clone> Partner<W> {
     }
 }
 
-impl<T> Heard<T> {
+impl<T> PartnerState<T> {
     pub(crate) const NOTHING: Self = Self {
         value: None,
         former: None,
@@ -96,7 +96,7 @@ impl<T> Heard<T> {
     };
 }
 
-impl<T: Due + Copy> Heard<T> {
+impl<T: TickTime + Copy> PartnerState<T> {
     /// The last value of a tick before this one, which was due at an instant, ns.
     ///
     /// Processors whose loops are due together read what the other has just published, or what it

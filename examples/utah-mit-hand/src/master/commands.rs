@@ -3,15 +3,15 @@
 use core::fmt::{Arguments, Write as _};
 
 use condor_hand::grasp::distributed::{GraspOrder, GraspSettings};
-use condor_hand::message::motions::{BODY_BYTES, News};
-use condor_hand::queue::{Identity, Reason, State};
-use condor_hand::servo::Mode;
+use condor_hand::message::motions::{BODY_BYTES, MotionsEvent};
+use condor_hand::queue::{RefusalReason, RequestIdentity, RequestState};
+use condor_hand::servo::ServoMode;
 use condor_hand::trajectory::image::append;
 use condor_hand::trajectory::{Begin, Pace, Profile, Target};
-use condor_mbox::{Instant, Places};
-use condor_rt::{Background, Error, Machine};
+use condor_mbox::{Allocator, Instant};
+use condor_rt::{Background, Machine, ProgramError};
 
-use super::drive::{Motion, Shared, with};
+use super::drive::{Motion, SharedDrive, with};
 use super::follow::Follow;
 use super::others::{Ball, Others};
 use super::play::{Player, Title};
@@ -20,7 +20,7 @@ use super::sequence::Store;
 use super::servos::Servos;
 use super::words::{Problem, Words};
 use crate::grasp;
-use crate::plant::{self, Range, Which};
+use crate::plant::{self, NumberRange, PlantTarget};
 use crate::table::{self, TableStatus};
 use crate::{FINGERS, JOINTS, UtahMit};
 
@@ -35,7 +35,7 @@ mod watch;
 
 use list::{Command, Line, commands, find, nearest};
 pub(super) use processors::Processors;
-use shown::{Boards, Mixed, Place, Row, Titles};
+use shown::{Boards, MeasuredObject, MixedModes, Row, Titles};
 pub(super) use watch::Watching;
 
 commands! {
@@ -77,7 +77,7 @@ const SECONDS: &str = "a time above 0, s";
 pub(super) struct Commands<'r, 'p, M: Machine> {
     pub(super) hand: &'r UtahMit,
     pub(super) background: &'r Background<'r, M>,
-    pub(super) shared: &'r Shared<'p, M::Window>,
+    pub(super) shared: &'r SharedDrive<'p, M::Window>,
     pub(super) servos: Servos<'r, 'p, M>,
     pub(super) player: Player,
     pub(super) follow: Follow<M>,
@@ -88,7 +88,7 @@ pub(super) struct Commands<'r, 'p, M: Machine> {
     pub(super) processors: Processors<'r, M>,
     pub(super) watching: Watching<M::Window>,
     /// Where a client of parameters finds its room.
-    pub(super) tuning: Places,
+    pub(super) tuning: Allocator,
 }
 
 /// A grasp whose fingers close: it is ordered again when they have closed, about where the ball is then.
@@ -108,25 +108,25 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
     /// Obeys a line, or says why not.
     pub(super) fn obey(&mut self, line: &str) {
         let mut words = Words::of(line);
-        let Some(verb) = words.next() else {
+        let Some(word) = words.next() else {
             return;
         };
-        if let Err(problem) = self.execute(verb, &mut words) {
-            self.explain(line, verb, &problem);
+        if let Err(problem) = self.execute(word, &mut words) {
+            self.explain(line, word, &problem);
         }
         self.stop_if_lost();
     }
 
     /// Says why a line is not done: in which word the mistake is, and what was expected.
-    fn explain(&self, line: &str, verb: &str, problem: &Problem<'_>) {
+    fn explain(&self, line: &str, word: &str, problem: &Problem<'_>) {
         let Some(number) = problem.place(line) else {
             return self.say(format_args!("{problem}"));
         };
         self.say(format_args!("word {number}: {problem}"));
-        if let Some(command) = find(COMMANDS, verb) {
+        if let Some(command) = find(COMMANDS, word) {
             let example = command.example;
             self.say(format_args!("expected: {command}, such as: {example}"));
-        } else if let Some(name) = nearest(COMMANDS, verb) {
+        } else if let Some(name) = nearest(COMMANDS, word) {
             self.say(format_args!("did you mean `{name}`?"));
         }
     }
@@ -140,7 +140,7 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
     }
 
     /// Looks at the servos. All motion stops when a finger does not follow any more.
-    pub(super) fn watch(&mut self) -> Result<(), Error> {
+    pub(super) fn watch(&mut self) -> Result<(), ProgramError> {
         self.servos.watch(said(self.background))?;
         self.stop_if_lost();
         Ok(())
@@ -148,7 +148,7 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
 
     /// Stops all motion if a finger has been lost since it was looked for.
     fn stop_if_lost(&mut self) {
-        if self.servos.take_lost() && self.stop(Reason::Failure) {
+        if self.servos.take_lost() && self.stop(RefusalReason::Failure) {
             self.say(format_args!("all motion stops"));
         }
     }
@@ -157,11 +157,13 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
     pub(super) fn play(&mut self) {
         let say = said(self.background);
         match self.requests.attend() {
-            Ok(Some(News::Aborted)) if self.stop(Reason::Command) => {
+            Ok(Some(MotionsEvent::Aborted)) if self.stop(RefusalReason::Command) => {
                 say(format_args!("all motion stops"));
             }
-            Ok(Some(News::Taken(session))) => say(format_args!("session {session} is in control")),
-            Ok(Some(News::Gone(session))) => say(format_args!(
+            Ok(Some(MotionsEvent::Taken(session))) => {
+                say(format_args!("session {session} is in control"))
+            }
+            Ok(Some(MotionsEvent::Gone(session))) => say(format_args!(
                 "the client of session {session} is gone: nobody is in control"
             )),
             Ok(_) => {}
@@ -174,9 +176,9 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
             // A finger that was lost on the way, and that nobody has looked at since, was not there.
             let is_watched = self.servos.watch(&say).is_ok();
             if !is_watched || self.servos.has_lost() {
-                (state, reason) = (State::Aborted, Reason::Failure);
+                (state, reason) = (RequestState::Aborted, RefusalReason::Failure);
             }
-            if state == State::Aborted {
+            if state == RequestState::Aborted {
                 self.follow.cancel(self.shared);
                 say(format_args!("{title} is not done: {reason}"));
             } else {
@@ -238,12 +240,15 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
                     self.player.begin_stream(title, fingers);
                     Ok(())
                 }
-                _ => Ok(self.requests.server.end(State::Aborted, Reason::FromHere)?),
+                _ => Ok(self
+                    .requests
+                    .server
+                    .end(RequestState::Aborted, RefusalReason::FromHere)?),
             };
         }
         if let Err(error) = self.player.begin(&title, fingers) {
             self.player.stop();
-            (self.requests.server).end(State::Aborted, Reason::NoMotion)?;
+            (self.requests.server).end(RequestState::Aborted, RefusalReason::NoMotion)?;
             return Err(Problem::Recording(error));
         }
         // One joint that is sent somewhere is no motion whose figures anybody compares.
@@ -257,7 +262,7 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
     /// Refuses the request whose turn has come, and says why.
     fn refuse_next(
         &mut self,
-        identity: Identity,
+        identity: RequestIdentity,
         title: &Title,
         problem: &Problem<'_>,
     ) -> Result<(), Problem<'static>> {
@@ -343,7 +348,7 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
 
     fn abort<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
         words.end()?;
-        if !self.stop(Reason::Command) {
+        if !self.stop(RefusalReason::Command) {
             self.say(format_args!("nothing moves"));
         }
         Ok(())
@@ -383,28 +388,31 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
     }
 
     fn letgo<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
-        let seconds = words.maybe_within("a time, s", Range::LET_GO)?;
+        let seconds = words.maybe_within("a time, s", NumberRange::LET_GO)?;
         let seconds = seconds.unwrap_or(1.0);
         words.end()?;
-        self.plant(plant::Verb::LetGo, [seconds, 0.0, 0.0, 0.0, 0.0, 0.0])
+        self.plant(
+            plant::PlantOperation::LetGo,
+            [seconds, 0.0, 0.0, 0.0, 0.0, 0.0],
+        )
     }
 
     fn push<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
-        let force = words.three_within("a force, N", Range::FORCE)?;
+        let force = words.three_within("a force, N", NumberRange::FORCE)?;
         let moment = match words.peek().next() {
             None => [0.0; 3],
-            Some(_) => words.three_within("a moment, N m", Range::MOMENT)?,
+            Some(_) => words.three_within("a moment, N m", NumberRange::MOMENT)?,
         };
         words.end()?;
         let wrench = [force, moment];
         let numbers = wrench.as_flattened().try_into();
         // There are six.
-        self.plant(plant::Verb::Push, numbers.unwrap_or([0.0; 6]))
+        self.plant(plant::PlantOperation::Push, numbers.unwrap_or([0.0; 6]))
     }
 
     fn clear<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
         words.end()?;
-        self.plant(plant::Verb::Mend, [0.0; 6])
+        self.plant(plant::PlantOperation::Mend, [0.0; 6])
     }
 
     fn say(&self, line: Arguments<'_>) {
@@ -431,7 +439,7 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
         }
         for (finger, entry) in self.hand.fingers.iter().enumerate() {
             if let Some(status) = self.servos.status(finger)
-                && let Some(mixed) = Mixed::of(entry, status)
+                && let Some(mixed) = MixedModes::of(entry, status)
             {
                 self.say(format_args!("{mixed}"));
             }
@@ -494,10 +502,10 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
             ));
         }
         match self.others.see(self.background) {
-            Ok(object) => self.say(format_args!("object: {}", Place(&object))),
+            Ok(object) => self.say(format_args!("object: {}", MeasuredObject(&object))),
             Err(problem) => self.say(format_args!("object: {problem}")),
         }
-        match self.ask_table(table::Verb::Status, 1.0, [0.0; 3]) {
+        match self.ask_table(table::TableOperation::Status, 1.0, [0.0; 3]) {
             Ok(state) => self.say(format_args!("table: {state:?}")),
             Err(problem) => self.say(format_args!("table: {problem}")),
         }
@@ -505,7 +513,7 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
     }
 
     /// Stops all motion on its path; whether there was any.
-    fn stop(&mut self, reason: Reason) -> bool {
+    fn stop(&mut self, reason: RefusalReason) -> bool {
         self.player.stop();
         self.follow.cancel(self.shared);
         // First the hand, then what is written about it.
@@ -526,7 +534,7 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
     fn disable<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
         let outcome = self.each_finger(words, Servos::disable);
         let is_moved = |finger| self.player.moves(finger) && !self.servos.follows(finger);
-        if (0..FINGERS).any(is_moved) && self.stop(Reason::Command) {
+        if (0..FINGERS).any(is_moved) && self.stop(RefusalReason::Command) {
             self.say(format_args!("all motion stops"));
         }
         outcome
@@ -565,14 +573,16 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
             let modes = status.modes.iter().zip(&entry.joints);
             let other = modes
                 .filter(|_| status.fault.is_none() && !status.is_resting)
-                .find(|(mode, _)| **mode != Mode::Position);
+                .find(|(mode, _)| **mode != ServoMode::Position);
             return Err(match other {
-                _ if status.modes.contains(&Mode::Grasp) => Problem::InGrasp(name),
-                Some((mode, joint)) if status.modes != [Mode::Off; JOINTS] => Problem::OtherMode {
-                    finger: name,
-                    joint: joint.name.clone(),
-                    mode: mode.name(),
-                },
+                _ if status.modes.contains(&ServoMode::Grasp) => Problem::InGrasp(name),
+                Some((mode, joint)) if status.modes != [ServoMode::Off; JOINTS] => {
+                    Problem::OtherMode {
+                        finger: name,
+                        joint: joint.name.clone(),
+                        mode: mode.name(),
+                    }
+                }
                 _ => Problem::NotEnabled(name),
             });
         }
@@ -647,23 +657,23 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
 
     fn table<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
         let mut rest = words.peek();
-        let verb = match rest.next() {
-            None => Some(table::Verb::Status),
-            Some("home") => Some(table::Verb::Home),
-            Some("stop") => Some(table::Verb::Stop),
-            Some("off") => Some(table::Verb::Disable),
-            Some("clear") => Some(table::Verb::Clear),
+        let operation = match rest.next() {
+            None => Some(table::TableOperation::Status),
+            Some("home") => Some(table::TableOperation::Home),
+            Some("stop") => Some(table::TableOperation::Stop),
+            Some("off") => Some(table::TableOperation::Disable),
+            Some("clear") => Some(table::TableOperation::Clear),
             Some(_) => None,
         };
-        let state = if let Some(verb) = verb {
+        let state = if let Some(operation) = operation {
             words.next();
             words.end()?;
-            self.ask_table(verb, 0.2, [0.0; 3])?
+            self.ask_table(operation, 0.2, [0.0; 3])?
         } else {
             let to = words.three("a position, m")?;
             let speed = words.positive("a speed above 0, at most 1")?;
             words.end()?;
-            self.ask_table(table::Verb::Move, speed.unwrap_or(0.2), to)?
+            self.ask_table(table::TableOperation::Move, speed.unwrap_or(0.2), to)?
         };
         self.say(format_args!("table: {state:?}"));
         Ok(())
@@ -671,12 +681,12 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
 
     fn ask_table(
         &mut self,
-        verb: table::Verb,
+        operation: table::TableOperation,
         speed: f64,
         to: [f64; 3],
     ) -> Result<TableStatus, Problem<'static>> {
-        self.others.table(&table::Request {
-            verb: verb as u32,
+        self.others.table(&table::TableRequest {
+            operation: operation as u32,
             zero: 0,
             speed,
             to,
@@ -687,14 +697,14 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
         if words.peek().next() == Some("none") {
             words.next();
             words.end()?;
-            return self.plant(plant::Verb::RemoveBall, [0.0; 6]);
+            return self.plant(plant::PlantOperation::RemoveBall, [0.0; 6]);
         }
         let former = self.others.ball;
-        let radius = words.maybe_within("a radius, m", Range::RADIUS)?;
-        let mass = words.maybe_within("a mass, kg", Range::MASS)?;
+        let radius = words.maybe_within("a radius, m", NumberRange::RADIUS)?;
+        let mass = words.maybe_within("a mass, kg", NumberRange::MASS)?;
         let center = match words.peek().next() {
             None => former.center,
-            Some(_) => words.three_within("a position, m", Range::PLACE)?,
+            Some(_) => words.three_within("a position, m", NumberRange::PLACE)?,
         };
         words.end()?;
         let ball = Ball {
@@ -704,7 +714,7 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
         };
         let [x, y, z] = ball.center;
         self.plant(
-            plant::Verb::PlaceBall,
+            plant::PlantOperation::PlaceBall,
             [x, y, z, ball.radius, ball.mass, 0.0],
         )?;
         self.others.ball = ball;
@@ -716,14 +726,14 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
         let what = "position, flexor or extensor";
         let word = words.word(what)?;
         words.end()?;
-        let (verb, which) = match word {
-            "position" => (plant::Verb::StickSensor, Which::Position),
-            "flexor" => (plant::Verb::CutTendon, Which::Flexor),
-            "extensor" => (plant::Verb::CutTendon, Which::Extensor),
+        let (operation, which) = match word {
+            "position" => (plant::PlantOperation::StickSensor, PlantTarget::Position),
+            "flexor" => (plant::PlantOperation::CutTendon, PlantTarget::Flexor),
+            "extensor" => (plant::PlantOperation::CutTendon, PlantTarget::Extensor),
             _ => return Err(Problem::Not { word, what }),
         };
-        self.others.plant(&plant::Request {
-            verb: verb as u32,
+        self.others.plant(&plant::PlantRequest {
+            operation: operation as u32,
             finger: finger as u32,
             joint: joint as u32,
             which: which as u32,
@@ -731,11 +741,15 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
         })
     }
 
-    fn plant(&mut self, verb: plant::Verb, numbers: [f64; 6]) -> Result<(), Problem<'static>> {
-        self.others.plant(&plant::Request {
-            verb: verb as u32,
+    fn plant(
+        &mut self,
+        operation: plant::PlantOperation,
+        numbers: [f64; 6],
+    ) -> Result<(), Problem<'static>> {
+        self.others.plant(&plant::PlantRequest {
+            operation: operation as u32,
             numbers,
-            ..plant::Request::default()
+            ..plant::PlantRequest::default()
         })
     }
 }

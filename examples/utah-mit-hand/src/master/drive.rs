@@ -2,10 +2,10 @@
 
 use core::cell::RefCell;
 
-use condor_hand::controller::Stop;
-use condor_hand::message::{ServoPlaces, SetPoints};
+use condor_hand::controller::GuardStop;
+use condor_hand::message::{ServoLayout, SetPoints};
 use condor_hand::trajectory::{
-    Generator, Guard, Observations, Primitive, SetPoint, StopGuard, StreamEnd,
+    Generator, MotionGuard, Observations, Primitive, SetPoint, StopGuard, StreamEnd,
 };
 use condor_mbox::layout::header;
 use condor_mbox::published::Publisher;
@@ -14,9 +14,9 @@ use condor_rt::objects;
 use critical_section::Mutex;
 
 pub(super) use crate::ALL;
-use crate::grasp::{Heard, JOINTS_NAME, Joints, Partner};
+use crate::grasp::{JOINTS_NAME, Joints, Partner, PartnerState};
 use crate::guards::{FELT_NAME, Felt, STOPS_NAME, Stops};
-use crate::wanted::Wanted;
+use crate::wanted::DesiredPositions;
 use crate::{FINGERS, JOINTS};
 
 mod stream;
@@ -31,22 +31,22 @@ const SILENT_S: f64 = 0.065;
 /// A motion of the hand.
 pub(super) type Motion = Primitive<ALL>;
 
-/// A life of a servo processor, by which its objects are known.
-pub(super) struct Life<W> {
+/// An incarnation of a servo processor, by which its objects are known.
+pub(super) struct ServoIncarnation<W> {
     mail: W,
     data: Region<W>,
     number: u32,
     objects: usize,
 }
 
-impl<W: MemoryWindow> Life<W> {
-    /// The present one, which is known as `life`.
-    pub(super) fn new(mail: W, data: Region<W>, life: u32) -> Result<Self, AccessError> {
+impl<W: MemoryWindow> ServoIncarnation<W> {
+    /// The present one, which is known as `incarnation`.
+    pub(super) fn new(mail: W, data: Region<W>, incarnation: u32) -> Result<Self, AccessError> {
         let count = objects::all(&data)?.count();
         Ok(Self {
             mail,
             data,
-            number: life,
+            number: incarnation,
             objects: count,
         })
     }
@@ -54,28 +54,31 @@ impl<W: MemoryWindow> Life<W> {
     /// Whether another has begun: its program makes a new object table before anything else, and has a
     /// new number by the time that the table is as full again.
     fn is_over(&self) -> bool {
-        // Acquire: what is in the table is no older than the life.
-        let life = self.mail.load(header::INCARNATION, LoadOrder::Acquire);
+        // Acquire: what is in the table is no older than the incarnation.
+        let incarnation = self.mail.load(header::INCARNATION, LoadOrder::Acquire);
         let count = objects::all(&self.data).map(Iterator::count);
-        life.ok() != Some(self.number) || count.ok() != Some(self.objects)
+        incarnation.ok() != Some(self.number) || count.ok() != Some(self.objects)
     }
 }
 
 /// Where the set-points of a servo processor go, of the fingers that it serves.
 pub(super) struct Link<W> {
-    life: Life<W>,
+    incarnation: ServoIncarnation<W>,
     points: [SetPoints<W, JOINTS>; FINGERS],
 }
 
 impl<W: MemoryWindow + Clone> Link<W> {
     pub(super) fn new(
-        life: Life<W>,
-        places: &ServoPlaces<FINGERS, JOINTS>,
+        incarnation: ServoIncarnation<W>,
+        places: &ServoLayout<FINGERS, JOINTS>,
     ) -> Result<Self, AccessError> {
-        let region = &life.data;
+        let region = &incarnation.data;
         let points = |finger| places.set_points(finger, region);
         let points = [points(0)?, points(1)?, points(2)?, points(3)?];
-        Ok(Self { life, points })
+        Ok(Self {
+            incarnation,
+            points,
+        })
     }
 }
 
@@ -83,16 +86,16 @@ impl<W: MemoryWindow + Clone> Link<W> {
 pub(super) type OfServos<T> = heapless::Vec<T, FINGERS>;
 
 /// Which of the servo processors serves each finger.
-pub(super) type Seats = [usize; FINGERS];
+pub(super) type FingerServos = [usize; FINGERS];
 
 /// What is heard of a servo processor.
-pub(super) struct Ears<W> {
+pub(super) struct ServoListener<W> {
     joints: Partner<W>,
     felt: Partner<W>,
     stops: Partner<W>,
 }
 
-impl<W: MemoryWindow + Clone> Ears<W> {
+impl<W: MemoryWindow + Clone> ServoListener<W> {
     /// Of the processor with this region.
     pub(super) fn new(region: &Region<W>) -> Self {
         let partner = |name| Partner::new(region.clone(), name);
@@ -115,22 +118,22 @@ impl<W: MemoryWindow + Clone> Ears<W> {
 }
 
 /// What was heard of a servo processor.
-struct Sounds {
-    joints: Heard<Joints>,
-    felt: Heard<Felt>,
-    stops: Heard<Stops>,
+struct ServoReport {
+    joints: PartnerState<Joints>,
+    felt: PartnerState<Felt>,
+    stops: PartnerState<Stops>,
 }
 
-impl Sounds {
+impl ServoReport {
     const NOTHING: Self = Self {
-        joints: Heard::NOTHING,
-        felt: Heard::NOTHING,
-        stops: Heard::NOTHING,
+        joints: PartnerState::NOTHING,
+        felt: PartnerState::NOTHING,
+        stops: PartnerState::NOTHING,
     };
 }
 
 /// The stop of a finger by a guard, which is to be told.
-type Stopped = (usize, Stop);
+type FingerStop = (usize, GuardStop);
 
 /// What the loop of the trajectories works on.
 pub(super) struct Drive<'p, W> {
@@ -141,7 +144,7 @@ pub(super) struct Drive<'p, W> {
     /// A bit for each joint that does not follow: all of a finger that does not work, and of another one
     /// those that are not in the mode of positions.
     pub(super) adrift: u32,
-    /// A bit for each finger that may still follow a former life of the master: it gets no set-points.
+    /// A bit for each finger that may still follow a former incarnation of the master: it gets no set-points.
     pub(super) inherited: u32,
     /// The number of the motion that runs, 0 for none.
     pub(super) motion: u64,
@@ -151,26 +154,26 @@ pub(super) struct Drive<'p, W> {
     pub(super) stream: Option<Streaming>,
     /// How the last stream has ended, until that is taken.
     pub(super) stream_end: Option<StreamEnd>,
-    seats: Seats,
-    ears: &'p [Ears<W>],
-    heard: [Sounds; FINGERS],
+    seats: FingerServos,
+    ears: &'p [ServoListener<W>],
+    heard: [ServoReport; FINGERS],
     /// Stops that the background has not told yet.
-    pub(super) stops: heapless::Deque<Stopped, { 2 * FINGERS }>,
-    publisher: Publisher<Wanted, Region<W>>,
+    pub(super) stops: heapless::Deque<FingerStop, { 2 * FINGERS }>,
+    publisher: Publisher<DesiredPositions, Region<W>>,
     pub(super) period_s: f64,
     ticks: u64,
 }
 
 /// A drive between handlers and the loop.
-pub(super) type Shared<'p, W> = Mutex<RefCell<Drive<'p, W>>>;
+pub(super) type SharedDrive<'p, W> = Mutex<RefCell<Drive<'p, W>>>;
 
 impl<'p, W: MemoryWindow + Clone> Drive<'p, W> {
     /// With all fingers loose, and no links.
     pub(super) fn new(
         generator: Generator<ALL, QUEUE>,
-        seats: Seats,
-        ears: &'p [Ears<W>],
-        publisher: Publisher<Wanted, Region<W>>,
+        seats: FingerServos,
+        ears: &'p [ServoListener<W>],
+        publisher: Publisher<DesiredPositions, Region<W>>,
         period_s: f64,
     ) -> Self {
         Self {
@@ -185,7 +188,7 @@ impl<'p, W: MemoryWindow + Clone> Drive<'p, W> {
             stream_end: None,
             seats,
             ears,
-            heard: [Sounds::NOTHING; FINGERS],
+            heard: [ServoReport::NOTHING; FINGERS],
             stops: heapless::Deque::new(),
             publisher,
             period_s,
@@ -220,7 +223,7 @@ impl<'p, W: MemoryWindow + Clone> Drive<'p, W> {
             let Some(Some(link)) = self.links.get_mut(servo) else {
                 continue;
             };
-            if link.life.is_over() || self.inherited >> finger & 1 == 1 {
+            if link.incarnation.is_over() || self.inherited >> finger & 1 == 1 {
                 continue;
             }
             if let Some(cell) = link.points.get_mut(finger) {
@@ -230,7 +233,7 @@ impl<'p, W: MemoryWindow + Clone> Drive<'p, W> {
         }
         self.ticks = self.ticks.wrapping_add(1);
         // Who reads finds the former one.
-        let _ = self.publisher.publish(&Wanted {
+        let _ = self.publisher.publish(&DesiredPositions {
             ticks: self.ticks,
             loose: u64::from(self.loose & ((1 << FINGERS) - 1)),
             motion: self.motion,
@@ -339,24 +342,24 @@ impl<'p, W: MemoryWindow + Clone> Drive<'p, W> {
 }
 
 /// A guard of a finger's joint as one of the hand's.
-const fn of_hand(guard: Guard, first: usize) -> Guard {
+const fn of_hand(guard: MotionGuard, first: usize) -> MotionGuard {
     match guard {
-        Guard::Torque { joint } => Guard::Torque {
+        MotionGuard::Torque { joint } => MotionGuard::Torque {
             joint: first + joint % JOINTS,
         },
-        Guard::Tension { joint } => Guard::Tension {
+        MotionGuard::Tension { joint } => MotionGuard::Tension {
             joint: first + joint % JOINTS,
         },
-        Guard::Contact { joint } => Guard::Contact {
+        MotionGuard::Contact { joint } => MotionGuard::Contact {
             joint: first + joint % JOINTS,
         },
-        Guard::Time => Guard::Time,
+        MotionGuard::Time => MotionGuard::Time,
     }
 }
 
 /// Does something with the drive; `None` if that is in progress already.
 pub(super) fn with<'p, W, R>(
-    shared: &Shared<'p, W>,
+    shared: &SharedDrive<'p, W>,
     work: impl FnOnce(&mut Drive<'p, W>) -> R,
 ) -> Option<R> {
     critical_section::with(|section| {

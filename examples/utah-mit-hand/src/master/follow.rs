@@ -3,16 +3,16 @@
 use core::fmt::Arguments;
 
 use condor_hand::decimal::Decimal;
-use condor_hand::queue::Identity;
+use condor_hand::queue::RequestIdentity;
 use condor_mbox::Region;
 use condor_mbox::published::Publisher;
 use condor_rt::Machine;
 use zerocopy::FromZeros as _;
 
-use super::drive::{Shared, with};
+use super::drive::{SharedDrive, with};
 use super::play::Title;
 use super::servos::Servos;
-use crate::followed::Followed;
+use crate::followed::TrackingReport;
 use crate::servo::Figures;
 use crate::{FINGERS, UtahMit, objects};
 
@@ -31,17 +31,17 @@ pub(super) struct Follow<M: Machine> {
     running: Option<Run>,
     ended: Option<Run>,
     looks: u32,
-    followed: Followed,
-    publisher: Publisher<Followed, Region<M::Window>>,
+    followed: TrackingReport,
+    publisher: Publisher<TrackingReport, Region<M::Window>>,
 }
 
 impl<M: Machine> Follow<M> {
-    pub(super) fn new(publisher: Publisher<Followed, Region<M::Window>>) -> Self {
+    pub(super) fn new(publisher: Publisher<TrackingReport, Region<M::Window>>) -> Self {
         Self {
             running: None,
             ended: None,
             looks: 0,
-            followed: Followed::new_zeroed(),
+            followed: TrackingReport::new_zeroed(),
             publisher,
         }
     }
@@ -49,8 +49,8 @@ impl<M: Machine> Follow<M> {
     /// Starts tracking the motion of `request`. Servo processors are told so with the next set-points.
     pub(super) fn begin(
         &mut self,
-        shared: &Shared<'_, M::Window>,
-        request: Identity,
+        shared: &SharedDrive<'_, M::Window>,
+        request: RequestIdentity,
         title: &Title,
         is_named: bool,
     ) {
@@ -64,13 +64,13 @@ impl<M: Machine> Follow<M> {
     }
 
     /// The motion that runs is broken off: its figures do not count.
-    pub(super) fn cancel(&mut self, shared: &Shared<'_, M::Window>) {
+    pub(super) fn cancel(&mut self, shared: &SharedDrive<'_, M::Window>) {
         with(shared, |drive| drive.motion = 0);
         self.running = None;
     }
 
     /// The motion that runs has ended.
-    pub(super) fn end(&mut self, shared: &Shared<'_, M::Window>) {
+    pub(super) fn end(&mut self, shared: &SharedDrive<'_, M::Window>) {
         with(shared, |drive| drive.motion = 0);
         if let Some(run) = self.running.take() {
             self.ended = Some(run);

@@ -5,17 +5,17 @@ use core::time::Duration;
 use condor_hand::config::ProcessorKind;
 use condor_mbox::exchange::Blocks;
 use condor_mbox::{AccessError, Clock as _, Exchange, PeerState, Processor, Region, Vector};
-use condor_rt::{Background, Error, Machine, MailboxOf, numbers, users};
+use condor_rt::{Background, Machine, MailboxOf, ProgramError, numbers, users};
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 use super::words::Problem;
-use crate::plant::Object;
+use crate::plant::CameraObject;
 use crate::{UtahMit, objects, plant, table};
 
 /// How long one of them may take to answer.
 const ANSWER: Duration = Duration::from_millis(500);
 
-type Found<M, Q, R> =
+type FoundServers<M, Q, R> =
     fn(&Region<<M as Machine>::Window>) -> Result<Option<Blocks<Q, R>>, AccessError>;
 
 /// The exchange of a processor that asks.
@@ -27,9 +27,9 @@ struct Remote<'r, M: Machine, Q, R> {
     number: u8,
     region: Region<M::Window>,
     vector: Vector,
-    find: Found<M, Q, R>,
-    /// The life of the processor that the exchange asks.
-    life: u32,
+    find: FoundServers<M, Q, R>,
+    /// The incarnation of the processor that the exchange asks.
+    incarnation: u32,
     exchange: Option<End<'r, M, Q, R>>,
 }
 
@@ -41,13 +41,10 @@ where
     fn ask(&mut self, request: &Q) -> Result<R, Problem<'static>> {
         let to = Processor(self.number);
         let absent = Problem::Absent(self.number);
-        let PeerState::Up {
-            incarnation: life, ..
-        } = self.mailbox.peer_state(to)?
-        else {
+        let PeerState::Up { incarnation, .. } = self.mailbox.peer_state(to)? else {
             return Err(absent);
         };
-        if self.life != life {
+        if self.incarnation != incarnation {
             self.exchange = None;
         }
         if self.exchange.is_none() {
@@ -56,7 +53,7 @@ where
                 return Err(absent);
             };
             self.exchange = Some(blocks.client(self.mailbox, &self.region)?);
-            self.life = life;
+            self.incarnation = incarnation;
         }
         match &mut self.exchange {
             Some(exchange) => Ok(exchange.call(to, self.vector, request, ANSWER)?),
@@ -67,8 +64,8 @@ where
 
 /// What is around the fingers.
 pub(super) struct Others<'r, M: Machine> {
-    table: Option<Remote<'r, M, table::Request, table::Response>>,
-    plants: heapless::Vec<Remote<'r, M, plant::Request, plant::Response>, 8>,
+    table: Option<Remote<'r, M, table::TableRequest, table::TableResponse>>,
+    plants: heapless::Vec<Remote<'r, M, plant::PlantRequest, plant::PlantResponse>, 8>,
     /// The ball that was put there last, or would be.
     pub(super) ball: Ball,
 }
@@ -98,7 +95,7 @@ impl<'r, M: Machine> Others<'r, M> {
         machine: &M,
         hand: &UtahMit,
         mailbox: &'r MailboxOf<'r, M>,
-    ) -> Result<Self, Error> {
+    ) -> Result<Self, ProgramError> {
         let mut processors = hand.processors.iter();
         let table = processors.find(|it| it.kind == ProcessorKind::Table);
         let table = match table {
@@ -107,8 +104,8 @@ impl<'r, M: Machine> Others<'r, M> {
                 number: processor.number,
                 region: users(machine, Processor(processor.number))?,
                 vector: table::TABLE,
-                find: objects::table::<M::Window> as Found<M, _, _>,
-                life: 0,
+                find: objects::table::<M::Window> as FoundServers<M, _, _>,
+                incarnation: 0,
                 exchange: None,
             }),
             None => None,
@@ -121,8 +118,8 @@ impl<'r, M: Machine> Others<'r, M> {
                 number,
                 region: users(machine, Processor(number))?,
                 vector: plant::PLANT,
-                find: objects::plant::<M::Window> as Found<M, _, _>,
-                life: 0,
+                find: objects::plant::<M::Window> as FoundServers<M, _, _>,
+                incarnation: 0,
                 exchange: None,
             });
         }
@@ -136,11 +133,11 @@ impl<'r, M: Machine> Others<'r, M> {
     /// Asks the table, which tells its state.
     pub(super) fn table(
         &mut self,
-        request: &table::Request,
+        request: &table::TableRequest,
     ) -> Result<table::TableStatus, Problem<'static>> {
         let table = self.table.as_mut().ok_or(Problem::NoTable)?;
         let response = table.ask(request)?;
-        match table::Refusal::from_number(response.refusal) {
+        match table::TableRefusal::from_number(response.refusal) {
             Some(refusal) => Err(Problem::Table(refusal)),
             None if response.refusal != 0 => Err(Problem::Answer(response.refusal)),
             None => table::TableStatus::from_number(response.state)
@@ -158,7 +155,7 @@ impl<'r, M: Machine> Others<'r, M> {
         self.truth().map(|truth| truth.failed)
     }
 
-    fn truth(&self) -> Option<plant::Truth> {
+    fn truth(&self) -> Option<plant::TrueState> {
         let mut truths = self.plants.iter().filter_map(|plant| {
             let state = plant.mailbox.peer_state(Processor(plant.number));
             if !matches!(state, Ok(PeerState::Up { .. })) {
@@ -172,7 +169,10 @@ impl<'r, M: Machine> Others<'r, M> {
     }
 
     /// The object in front of the palm, as it is measured next: so it is known that it is seen.
-    pub(super) fn see(&self, background: &Background<'_, M>) -> Result<Object, Problem<'static>> {
+    pub(super) fn see(
+        &self,
+        background: &Background<'_, M>,
+    ) -> Result<CameraObject, Problem<'static>> {
         let mut missing = Problem::NoCamera;
         for plant in &self.plants {
             let state = plant.mailbox.peer_state(Processor(plant.number));
@@ -199,13 +199,13 @@ impl<'r, M: Machine> Others<'r, M> {
     }
 
     /// Asks the simulated robot.
-    pub(super) fn plant(&mut self, request: &plant::Request) -> Result<(), Problem<'static>> {
+    pub(super) fn plant(&mut self, request: &plant::PlantRequest) -> Result<(), Problem<'static>> {
         for plant in &mut self.plants {
             match plant.ask(request) {
                 Err(Problem::Absent(_)) => {}
                 Err(error) => return Err(error),
                 Ok(response) => {
-                    return match plant::Refusal::from_number(response.refusal) {
+                    return match plant::PlantRefusal::from_number(response.refusal) {
                         Some(refusal) => Err(Problem::Plant(refusal)),
                         None if response.refusal != 0 => Err(Problem::Answer(response.refusal)),
                         None => Ok(()),

@@ -2,15 +2,15 @@
 
 use core::fmt::Arguments;
 
-use condor_hand::queue::{Reason, State};
-use condor_hand::trajectory::image::ImageError;
+use condor_hand::queue::{RefusalReason, RequestState};
+use condor_hand::trajectory::image::MotionImageError;
 use condor_hand::trajectory::{
-    Ended, Guard, Happening, Limits, Progress, StreamEnd, Target, Ticket,
+    Happening, JointLimits, MotionEnd, MotionGuard, MotionProgress, MotionTicket, StreamEnd, Target,
 };
 
-use super::drive::{ALL, Drive, Shared, with};
+use super::drive::{ALL, Drive, SharedDrive, with};
 use super::sequence::Sequence;
-use super::words::{Problem, Tripped};
+use super::words::{GuardText, Problem};
 use crate::{FINGERS, JOINTS, UtahMit};
 
 /// What a motion is called.
@@ -20,7 +20,7 @@ const GIVEN: usize = 64;
 
 /// The motion that runs, and the one that is recorded or loaded.
 pub(super) struct Player {
-    limits: [Limits<f64>; ALL],
+    limits: [JointLimits<f64>; ALL],
     running: Sequence,
     /// Its name, while it runs.
     title: Option<Title>,
@@ -28,7 +28,7 @@ pub(super) struct Player {
     next: u32,
     count: u32,
     /// Motions that the generator has and has not ended.
-    tickets: heapless::Vec<Ticket, GIVEN>,
+    tickets: heapless::Vec<MotionTicket, GIVEN>,
     /// Whether what runs is a stream.
     is_stream: bool,
     /// A bit for each finger that what runs moves.
@@ -40,14 +40,14 @@ pub(super) struct Player {
     pub(super) is_recording: bool,
     is_held: bool,
     /// How the motion that runs will have ended.
-    end: (State, Reason),
+    end: (RequestState, RefusalReason),
 }
 
 /// How a motion ends of which nothing else is known.
-const DONE: (State, Reason) = (State::Done, Reason::None);
+const DONE: (RequestState, RefusalReason) = (RequestState::Done, RefusalReason::None);
 
 impl Player {
-    pub(super) const fn new(limits: &[Limits<f64>; ALL]) -> Self {
+    pub(super) const fn new(limits: &[JointLimits<f64>; ALL]) -> Self {
         Self {
             limits: *limits,
             running: Sequence::new(),
@@ -81,7 +81,7 @@ impl Player {
     }
 
     /// How much of it is done, in 0..=1; `None` for a stream, whose points are still to come.
-    pub(super) fn done<W>(&self, shared: &Shared<'_, W>) -> Option<f64> {
+    pub(super) fn done<W>(&self, shared: &SharedDrive<'_, W>) -> Option<f64> {
         if self.count == 0 {
             return None;
         }
@@ -89,7 +89,7 @@ impl Player {
         let first =
             first.and_then(|&ticket| with(shared, |drive| drive.generator.progress(ticket)));
         let part = match first.flatten() {
-            Some(Progress::Running { fraction, .. }) => fraction,
+            Some(MotionProgress::Running { fraction, .. }) => fraction,
             _ => 0.0,
         };
         let ended = self.next.saturating_sub(self.tickets.len() as u32);
@@ -173,7 +173,7 @@ impl Player {
     }
 
     /// Runs the sequence that is there, which moves these fingers.
-    pub(super) fn begin(&mut self, title: &str, fingers: u32) -> Result<(), ImageError> {
+    pub(super) fn begin(&mut self, title: &str, fingers: u32) -> Result<(), MotionImageError> {
         let motions = self.running.motions()?;
         self.count = motions.len();
         if self.is_recording {
@@ -206,7 +206,7 @@ impl Player {
     }
 
     /// The limits of all joints.
-    pub(super) const fn limits(&self) -> &[Limits<f64>; ALL] {
+    pub(super) const fn limits(&self) -> &[JointLimits<f64>; ALL] {
         &self.limits
     }
 
@@ -215,15 +215,15 @@ impl Player {
     pub(super) fn play<W>(
         &mut self,
         hand: &UtahMit,
-        shared: &Shared<'_, W>,
+        shared: &SharedDrive<'_, W>,
         mut say: impl FnMut(Arguments<'_>),
-    ) -> Option<(Title, State, Reason)> {
+    ) -> Option<(Title, RequestState, RefusalReason)> {
         if self.is_stream {
             let end = with(shared, Drive::take_stream_end).flatten()?;
             let (state, reason) = match end {
                 StreamEnd::Done => DONE,
-                StreamEnd::Starved => (State::Aborted, Reason::Starved),
-                StreamEnd::Aborted => (State::Aborted, Reason::Command),
+                StreamEnd::Starved => (RequestState::Aborted, RefusalReason::Starved),
+                StreamEnd::Aborted => (RequestState::Aborted, RefusalReason::Command),
             };
             let title = self.title.take().unwrap_or_default();
             self.stop();
@@ -239,13 +239,13 @@ impl Player {
                 if let Err(error) = result {
                     let number = self.next + 1;
                     say(format_args!("motion {number} cannot be: {error}; stopped"));
-                    return Some(self.break_off(shared, Reason::FromHere));
+                    return Some(self.break_off(shared, RefusalReason::FromHere));
                 }
             }
         }
         while let Some(Some((finger, stop))) = with(shared, |drive| drive.stops.pop_front()) {
             if let Some(entry) = hand.fingers.get(finger) {
-                say(format_args!("{}", Tripped { entry, stop }));
+                say(format_args!("{}", GuardText { entry, stop }));
             }
         }
         // Whoever is idle before has told by now how everything has ended.
@@ -262,21 +262,23 @@ impl Player {
             let reason = match event.happening {
                 Happening::Refused(error) => {
                     say(format_args!("a motion cannot be from here: {error}"));
-                    Reason::FromHere
+                    RefusalReason::FromHere
                 }
-                Happening::Ended(Ended::Stopped(guard)) => {
-                    if guard == Guard::Time {
+                Happening::Ended(MotionEnd::Stopped(guard)) => {
+                    if guard == MotionGuard::Time {
                         say(format_args!("its time has stopped a motion"));
                     }
-                    self.end.0 = State::Stopped;
+                    self.end.0 = RequestState::Stopped;
                     continue;
                 }
-                Happening::Ended(Ended::Superseded { by }) if self.tickets.contains(&by) => {
+                Happening::Ended(MotionEnd::Superseded { by }) if self.tickets.contains(&by) => {
                     continue;
                 }
-                Happening::Ended(Ended::Reached) | Happening::Started { .. } => continue,
+                Happening::Ended(MotionEnd::Reached) | Happening::Started { .. } => continue,
                 // Joints were taken from it.
-                Happening::Ended(Ended::Aborted | Ended::Superseded { .. }) => Reason::Failure,
+                Happening::Ended(MotionEnd::Aborted | MotionEnd::Superseded { .. }) => {
+                    RefusalReason::Failure
+                }
             };
             return Some(self.break_off(shared, reason));
         }
@@ -286,7 +288,7 @@ impl Player {
         self.is_held = is_held;
         if is_idle && self.next >= self.count && !self.tickets.is_empty() {
             // The generator has lost events: nobody knows how these motions have ended.
-            return Some(self.break_off(shared, Reason::Failure));
+            return Some(self.break_off(shared, RefusalReason::Failure));
         }
         if is_idle
             && self.next >= self.count
@@ -299,10 +301,14 @@ impl Player {
     }
 
     /// Stops what runs, for a reason.
-    fn break_off<W>(&mut self, shared: &Shared<'_, W>, reason: Reason) -> (Title, State, Reason) {
+    fn break_off<W>(
+        &mut self,
+        shared: &SharedDrive<'_, W>,
+        reason: RefusalReason,
+    ) -> (Title, RequestState, RefusalReason) {
         with(shared, |drive| drive.generator.abort());
         let title = self.title.take().unwrap_or_default();
         self.stop();
-        (title, State::Aborted, reason)
+        (title, RequestState::Aborted, reason)
     }
 }

@@ -1,7 +1,10 @@
 //! [`Requests`]: the master's queue of motions, with its ledger in a file.
 
-use condor_hand::message::motions::{BODY_BYTES, MotionsPost, MotionsServer, News, Offer};
-use condor_hand::queue::{Answer, Identity, MotionQueue, Owner, Reason, RestoreError, State};
+use condor_hand::message::motions::{BODY_BYTES, MotionsEvent, MotionsPost, MotionsServer, Offer};
+use condor_hand::queue::{
+    MotionQueue, QueueAnswer, RefusalReason, RequestIdentity, RequestState, RestoreError,
+    SessionOwner,
+};
 use condor_mbox::{Clock, PeerState, Processor};
 use condor_rt::{Background, FilesOf, Machine, MailboxOf, PROCESSORS};
 
@@ -63,14 +66,14 @@ impl Work {
     }
 
     /// What a client offers.
-    fn of(offer: Offer<'_>) -> Result<Self, Reason> {
+    fn of(offer: Offer<'_>) -> Result<Self, RefusalReason> {
         let (body, stream) = match offer {
             Offer::Motions(body) => (body, None),
             Offer::Stream(mask) if (1..1 << ALL).contains(&mask) => (&[][..], Some(mask)),
-            Offer::Stream(_) => return Err(Reason::NoMotion),
+            Offer::Stream(_) => return Err(RefusalReason::NoMotion),
         };
         Ok(Self {
-            body: heapless::Vec::from_slice(body).map_err(|_| Reason::NoMotion)?,
+            body: heapless::Vec::from_slice(body).map_err(|_| RefusalReason::NoMotion)?,
             is_kept: false,
             stream,
             title: None,
@@ -92,9 +95,9 @@ pub(super) struct Requests<'r, M: Machine> {
     pub(super) server: Server<'r, M>,
     mailbox: &'r MailboxOf<'r, M>,
     /// The owner of the terminal's sessions, in all lives of this program.
-    own: Owner,
+    own: SessionOwner,
     /// The session of the terminal, 0 at first, and the number of its last request.
-    terminal: Identity,
+    terminal: RequestIdentity,
     /// Whether somebody has typed that the terminal is in control: then it stays so.
     keeps_control: bool,
 }
@@ -109,11 +112,11 @@ impl<'r, M: Machine> Requests<'r, M> {
         Self {
             server: Server::new(post, LedgerFile(files)),
             mailbox: background.mailbox(),
-            own: Owner {
+            own: SessionOwner {
                 processor: background.machine().number().0.into(),
-                life: 0,
+                incarnation: 0,
             },
-            terminal: Identity {
+            terminal: RequestIdentity {
                 session: 0,
                 number: 0,
             },
@@ -122,11 +125,11 @@ impl<'r, M: Machine> Requests<'r, M> {
     }
 
     /// Deals with what has come by message.
-    pub(super) fn attend(&mut self) -> Result<Option<News>, Problem<'static>> {
+    pub(super) fn attend(&mut self) -> Result<Option<MotionsEvent>, Problem<'static>> {
         let (own, mailbox) = (self.own, self.mailbox);
-        let life = |processor: u32| {
+        let incarnation = |processor: u32| {
             if processor == own.processor {
-                return Some(own.life);
+                return Some(own.incarnation);
             }
             let processor = Processor(u8::try_from(processor).ok()?);
             match mailbox.peer_state(processor) {
@@ -134,13 +137,15 @@ impl<'r, M: Machine> Requests<'r, M> {
                 _ => None,
             }
         };
-        let news = self.server.attend(mailbox.doorbell().now(), life, Work::of);
+        let news = self
+            .server
+            .attend(mailbox.doorbell().now(), incarnation, Work::of);
         let news = news.map_err(|error| match error {
             RestoreError::Ledger(error) => Problem::Ledger(error),
             RestoreError::Write(error) => error.into(),
             _ => Problem::NoSession,
         })?;
-        self.keeps_control &= !matches!(news, Some(News::Taken(_)));
+        self.keeps_control &= !matches!(news, Some(MotionsEvent::Taken(_)));
         let session = self.terminal.session;
         let is_over = self.server.look(|queue| {
             let is_idle = queue.waiting() == 0 && queue.running().is_none();
@@ -162,8 +167,10 @@ impl<'r, M: Machine> Requests<'r, M> {
         let identity = self.terminal;
         let make = || Ok(work);
         match (self.server).change(|queue, write| queue.offer(identity, write, make))? {
-            Some(Answer::Known(State::Refused, reason)) => Err(Problem::Refused(reason)),
-            Some(Answer::Known(..)) => Ok(()),
+            Some(QueueAnswer::Known(RequestState::Refused, reason)) => {
+                Err(Problem::Refused(reason))
+            }
+            Some(QueueAnswer::Known(..)) => Ok(()),
             _ => Err(Problem::NoSession),
         }
     }
@@ -211,7 +218,7 @@ impl<'r, M: Machine> Requests<'r, M> {
         let opened = self
             .server
             .change(|queue, write| match queue.answer(terminal) {
-                Answer::NoSession => Ok((queue.open(own, write)?, queue.is_exhausted())),
+                QueueAnswer::NoSession => Ok((queue.open(own, write)?, queue.is_exhausted())),
                 _ => Ok((Some(terminal.session), false)),
             })?;
         let session = match opened {
@@ -220,13 +227,13 @@ impl<'r, M: Machine> Requests<'r, M> {
             _ => return Err(Problem::NoSession),
         };
         if session != terminal.session {
-            self.terminal = Identity { session, number: 0 };
+            self.terminal = RequestIdentity { session, number: 0 };
         }
         Ok(())
     }
 
     /// Who opened a session.
-    pub(super) fn owner(&self, session: u32) -> Option<Owner> {
+    pub(super) fn owner(&self, session: u32) -> Option<SessionOwner> {
         self.server.look(|queue| queue.owner(session)).flatten()
     }
 

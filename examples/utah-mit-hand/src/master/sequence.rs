@@ -1,8 +1,8 @@
 //! [`Sequence`]: a sequence of motions in memory, and [`Store`]: in files.
 
-use condor_fs::{Errno, Error as FileError, OpenOptions};
-use condor_hand::trajectory::image::{ImageError, Motions, append};
-use condor_hand::trajectory::{Generator, PrimitiveError, Ticket};
+use condor_fs::{Errno, FileError, OpenOptions};
+use condor_hand::trajectory::image::{MotionImageError, MotionSequence, append};
+use condor_hand::trajectory::{Generator, MotionTicket, PrimitiveError};
 use condor_rt::{FilesOf, Machine};
 
 use super::drive::{ALL, Motion};
@@ -43,8 +43,8 @@ impl Sequence {
     }
 
     /// Takes the bytes of an image, which is checked.
-    pub(super) fn set(&mut self, image: &[u8]) -> Result<(), ImageError> {
-        Motions::<ALL>::new(image)?;
+    pub(super) fn set(&mut self, image: &[u8]) -> Result<(), MotionImageError> {
+        MotionSequence::<ALL>::new(image)?;
         self.clear();
         if let Some(place) = self.bytes.get_mut(..image.len()) {
             place.copy_from_slice(image);
@@ -61,11 +61,11 @@ impl Sequence {
     }
 
     /// The motions, if there are any.
-    pub(super) fn motions(&self) -> Result<Motions<'_, ALL>, ImageError> {
-        Motions::new(self.bytes())
+    pub(super) fn motions(&self) -> Result<MotionSequence<'_, ALL>, MotionImageError> {
+        MotionSequence::new(self.bytes())
     }
 
-    pub(super) fn push(&mut self, motion: &Motion) -> Result<(), ImageError> {
+    pub(super) fn push(&mut self, motion: &Motion) -> Result<(), MotionImageError> {
         self.len = append(motion, &mut self.bytes, self.len)?;
         Ok(())
     }
@@ -77,7 +77,7 @@ impl Sequence {
         next: u32,
         hand: &UtahMit,
         generator: &mut Generator<ALL, Q>,
-        tickets: &mut heapless::Vec<Ticket, N>,
+        tickets: &mut heapless::Vec<MotionTicket, N>,
     ) -> (u32, Result<(), PrimitiveError>) {
         let Ok(motions) = self.motions() else {
             return (0, Ok(()));

@@ -3,15 +3,15 @@
 use core::fmt::Arguments;
 use core::time::Duration;
 
-use condor_hand::message::{ClientError, Refusal, ServoClient, Status};
-use condor_hand::servo::{JointTarget, Mode};
+use condor_hand::message::{ServoClient, ServoClientError, ServoRefusal, ServoStatus};
+use condor_hand::servo::{JointTarget, ServoMode};
 use condor_hand::trajectory::{Begin, Pace, PrimitiveError, Profile, Target};
 use condor_mbox::{Clock as _, PeerState, Processor, Region};
-use condor_rt::objects::{self as names, Kind};
-use condor_rt::{Background, Error, Machine, users};
-use condor_vars::Table;
+use condor_rt::objects::{self as names, ObjectKind};
+use condor_rt::{Background, Machine, ProgramError, users};
+use condor_vars::VariableTable;
 
-use super::drive::{Life, Link, Motion, OfServos, Seats, Shared, with};
+use super::drive::{FingerServos, Link, Motion, OfServos, ServoIncarnation, SharedDrive, with};
 use super::words::Problem;
 use crate::failure::Failure;
 use crate::servo::{self, Names};
@@ -37,8 +37,8 @@ struct Servo<'r, M: Machine> {
     number: u8,
     region: Region<M::Window>,
     mail: M::Window,
-    /// The life whose objects these are; the client asks that one only.
-    life: Option<u32>,
+    /// The incarnation whose objects these are; the client asks that one only.
+    incarnation: Option<u32>,
     /// Whether it has ever been there.
     is_known: bool,
     client: Option<Client<'r, M>>,
@@ -48,20 +48,20 @@ struct Servo<'r, M: Machine> {
 pub(super) struct Servos<'r, 'p, M: Machine> {
     hand: &'r UtahMit,
     background: &'r Background<'r, M>,
-    shared: &'r Shared<'p, M::Window>,
-    seats: Seats,
+    shared: &'r SharedDrive<'p, M::Window>,
+    seats: FingerServos,
     processors: OfServos<Servo<'r, M>>,
     /// How each finger was when it was asked last.
-    status: [Option<Status<JOINTS>>; FINGERS],
+    status: [Option<ServoStatus<JOINTS>>; FINGERS],
     /// Whether a finger that followed does not any more, since somebody asked.
     has_lost: bool,
-    /// A bit for each finger that may still follow a former life of the master. Nobody knows its set-points: it gets
+    /// A bit for each finger that may still follow a former incarnation of the master. Nobody knows its set-points: it gets
     /// none, and so gives up.
     inherited: u32,
 }
 
 /// The numbers of the servo processors, and which of them serves each finger.
-pub(super) fn seats(hand: &UtahMit) -> Result<(OfServos<u8>, Seats), Failure> {
+pub(super) fn seats(hand: &UtahMit) -> Result<(OfServos<u8>, FingerServos), Failure> {
     let mut numbers = OfServos::<u8>::new();
     let mut seats = [0; FINGERS];
     let fingers = hand.fingers.len();
@@ -86,10 +86,10 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
     pub(super) fn new(
         background: &'r Background<'r, M>,
         hand: &'r UtahMit,
-        shared: &'r Shared<'p, M::Window>,
+        shared: &'r SharedDrive<'p, M::Window>,
         numbers: &[u8],
-        seats: Seats,
-    ) -> Result<Self, Error> {
+        seats: FingerServos,
+    ) -> Result<Self, ProgramError> {
         let mut processors = OfServos::new();
         for &number in numbers {
             let machine = background.machine();
@@ -99,7 +99,7 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
                 number,
                 region: users(machine, Processor(number))?,
                 mail: windows.mail,
-                life: None,
+                incarnation: None,
                 is_known: false,
                 client: None,
             };
@@ -126,7 +126,7 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
     }
 
     /// How a finger was when it was asked last.
-    pub(super) fn status(&self, finger: usize) -> Option<&Status<JOINTS>> {
+    pub(super) fn status(&self, finger: usize) -> Option<&ServoStatus<JOINTS>> {
         self.status.get(finger)?.as_ref()
     }
 
@@ -152,7 +152,7 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
     }
 
     /// Looks how all are.
-    pub(super) fn watch(&mut self, mut say: impl FnMut(Arguments<'_>)) -> Result<(), Error> {
+    pub(super) fn watch(&mut self, mut say: impl FnMut(Arguments<'_>)) -> Result<(), ProgramError> {
         for index in 0..self.processors.len() {
             self.watch_one(index, &mut say)?;
         }
@@ -173,7 +173,7 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
         &mut self,
         index: usize,
         say: &mut impl FnMut(Arguments<'_>),
-    ) -> Result<(), Error> {
+    ) -> Result<(), ProgramError> {
         let Some(servo) = self.processors.get_mut(index) else {
             return Ok(());
         };
@@ -181,7 +181,7 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
             .background
             .mailbox()
             .peer_state(Processor(servo.number))?;
-        let life = match state {
+        let incarnation = match state {
             PeerState::Up {
                 incarnation,
                 connected: true,
@@ -190,8 +190,8 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
         };
         let served = self.seats.map(|seat| seat == index);
         let names = Names(self.hand, served);
-        if servo.life.is_some() && servo.life != life {
-            (servo.life, servo.client) = (None, None);
+        if servo.incarnation.is_some() && servo.incarnation != incarnation {
+            (servo.incarnation, servo.client) = (None, None);
             for (status, _) in self.status.iter_mut().zip(served).filter(|(_, it)| *it) {
                 let former = status.take();
                 self.has_lost |= former.is_some_and(|it| follows(&it));
@@ -206,12 +206,13 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
                 "processor {number} is gone: nothing controls {names}"
             ));
         }
-        if let (None, Some(life)) = (servo.life, life)
+        if let (None, Some(incarnation)) = (servo.incarnation, incarnation)
             && let Some(places) = objects::servos(&servo.region)?
             && objects::joints(&servo.region)?.is_some()
             && objects::grasp(&servo.region)?.is_some()
         {
-            let seen = Life::new(servo.mail.clone(), servo.region.clone(), life)?;
+            let seen =
+                ServoIncarnation::new(servo.mail.clone(), servo.region.clone(), incarnation)?;
             let link = Link::new(seen, &places)?;
             with(self.shared, |drive| {
                 if let Some(place) = drive.links.get_mut(index) {
@@ -224,7 +225,7 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
                 &servo.region,
                 places,
             )?);
-            servo.life = Some(life);
+            servo.incarnation = Some(incarnation);
             let number = servo.number;
             if servo.is_known {
                 say(format_args!(
@@ -235,7 +236,7 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
             }
             servo.is_known = true;
         }
-        if servo.life.is_some() {
+        if servo.incarnation.is_some() {
             for finger in (0..FINGERS).filter(|&finger| served.get(finger) == Some(&true)) {
                 self.look(finger, index, say);
             }
@@ -288,7 +289,7 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
                 continue;
             };
             for (joint, mode) in status.modes.iter().enumerate() {
-                if *mode == Mode::Position {
+                if *mode == ServoMode::Position {
                     adrift &= !(1 << (finger * JOINTS + joint));
                 }
             }
@@ -311,7 +312,7 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
         let Some(servo) = servo.and_then(|servo| self.processors.get_mut(servo)) else {
             return Err(absent);
         };
-        match (state, servo.life, &mut servo.client) {
+        match (state, servo.incarnation, &mut servo.client) {
             (PeerState::Up { incarnation, .. }, Some(seen), Some(client))
                 if incarnation == seen =>
             {
@@ -325,7 +326,7 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
     pub(super) fn table(
         &mut self,
         finger: usize,
-    ) -> Result<(Processor, Table<M::Window>), Problem<'static>> {
+    ) -> Result<(Processor, VariableTable<M::Window>), Problem<'static>> {
         // The program is there that was seen.
         self.ask(finger, |_, _, _| ())?;
         let number = self.processor(finger);
@@ -334,14 +335,14 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
         let known = servo.and_then(|servo| self.processors.get(servo));
         let known = known.ok_or_else(absent)?;
         let object =
-            names::find(&known.region, servo::LOOP, Kind::Variables)?.ok_or_else(absent)?;
+            names::find(&known.region, servo::LOOP, ObjectKind::Variables)?.ok_or_else(absent)?;
         Ok((
             Processor(number),
-            Table::open(&known.region, object.offset)?,
+            VariableTable::open(&known.region, object.offset)?,
         ))
     }
 
-    fn refresh(&mut self, finger: usize) -> Result<Status<JOINTS>, Problem<'static>> {
+    fn refresh(&mut self, finger: usize) -> Result<ServoStatus<JOINTS>, Problem<'static>> {
         let status = self.ask(finger, |client, finger, timeout| {
             client.status(finger, timeout)
         })??;
@@ -357,7 +358,7 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
         let named = || self.hand.fingers.get(finger).map(|it| it.name.clone());
         let name = named().unwrap_or_default();
         let mut status = self.refresh(finger)?;
-        if status.modes.contains(&Mode::Grasp) {
+        if status.modes.contains(&ServoMode::Grasp) {
             return Err(Problem::InGrasp(name));
         }
         self.tell_loop();
@@ -403,7 +404,7 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
             return Err(Problem::NotMeasured(name));
         }
         let outcome = self.ask(finger, |client, finger, timeout| {
-            client.enable(finger, None, Mode::Position, timeout)
+            client.enable(finger, None, ServoMode::Position, timeout)
         });
         let refreshed = self.refresh(finger);
         self.tell_loop();
@@ -449,7 +450,7 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
         &mut self,
         finger: usize,
         joint: Option<usize>,
-        mode: Mode,
+        mode: ServoMode,
     ) -> Result<(), Problem<'static>> {
         let outcome = self.ask(finger, |client, finger, timeout| {
             client.enable(finger, joint.map(|joint| joint as u32), mode, timeout)
@@ -472,7 +473,7 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
         self.refresh(finger)?;
         self.tell_loop();
         match outcome? {
-            Err(ClientError::Refused(Refusal::Target(error))) => {
+            Err(ServoClientError::Refused(ServoRefusal::Target(error))) => {
                 let entry = self.hand.fingers.get(finger);
                 let name = entry.map(|it| it.name.clone());
                 let joint = self.hand.joint(finger, joint).map(|it| it.name.clone());
@@ -500,17 +501,17 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
     }
 }
 
-fn works(status: &Status<JOINTS>) -> bool {
+fn works(status: &ServoStatus<JOINTS>) -> bool {
     status.fault.is_none() && !status.is_resting
 }
 
-fn follows(status: &Status<JOINTS>) -> bool {
-    works(status) && status.modes.iter().all(|&mode| mode == Mode::Position)
+fn follows(status: &ServoStatus<JOINTS>) -> bool {
+    works(status) && status.modes.iter().all(|&mode| mode == ServoMode::Position)
 }
 
 /// Whether a finger gives up without set-points.
-fn needs_set_points(status: &Status<JOINTS>) -> bool {
-    works(status) && status.modes.contains(&Mode::Position)
+fn needs_set_points(status: &ServoStatus<JOINTS>) -> bool {
+    works(status) && status.modes.contains(&ServoMode::Position)
 }
 
 fn name(hand: &UtahMit, finger: usize) -> &str {

@@ -2,21 +2,21 @@
 
 use core::fmt;
 
-use condor_fs::Error as FileError;
-use condor_hand::config::{Finger, Name};
-use condor_hand::controller::Stop;
+use condor_fs::FileError;
+use condor_hand::config::{Finger, ShortName};
+use condor_hand::controller::GuardStop;
 use condor_hand::decimal::Decimal;
 use condor_hand::grasp::distributed::{GraspImageError, GraspReason};
-use condor_hand::message::ClientError;
-use condor_hand::queue::{LedgerError, Reason};
+use condor_hand::message::ServoClientError;
+use condor_hand::queue::{LedgerError, RefusalReason};
 use condor_hand::servo::TargetError;
-use condor_hand::tendon::fault::Fault;
-use condor_hand::trajectory::image::ImageError;
-use condor_hand::trajectory::{Guard, PrimitiveError, TrajectoryError};
+use condor_hand::tendon::fault::FingerFault;
+use condor_hand::trajectory::image::MotionImageError;
+use condor_hand::trajectory::{MotionGuard, PrimitiveError, TrajectoryError};
 use condor_mbox::AccessError;
 use condor_mbox::exchange::ExchangeError;
 use condor_rt::supervisor::SupervisorError;
-use condor_vars::{RequestError, TableError};
+use condor_vars::{RequestError, VariableTableError};
 use thiserror::Error;
 
 use crate::UtahMit;
@@ -34,9 +34,9 @@ pub(super) enum Problem<'l> {
     #[error("\"{0}\" is one word too many")]
     TooMany(&'l str),
     #[error("no finger is called \"{word}\"; there are {known}")]
-    Finger { word: &'l str, known: Known },
+    Finger { word: &'l str, known: NameList },
     #[error("no joint is called \"{word}\"; there are {known}")]
-    Joint { word: &'l str, known: Known },
+    Joint { word: &'l str, known: NameList },
     #[error("\"{0}\" is no name of a motion: letters, digits, - and _, at most {max}", max = NAME_BYTES)]
     Name(&'l str),
     #[error("there is no gain \"{0}\"; `gains FINGER.JOINT` shows all")]
@@ -65,14 +65,14 @@ pub(super) enum Problem<'l> {
     Range {
         word: &'l str,
         value: f64,
-        range: plant::Range,
+        range: plant::NumberRange,
     },
     #[error("{0} is not enabled: `enable` takes it up where it is")]
-    NotEnabled(Name),
+    NotEnabled(ShortName),
     #[error("{finger}.{joint} is in the mode {mode}: `enable {finger}` takes it up where it is")]
     OtherMode {
-        finger: Name,
-        joint: Name,
+        finger: ShortName,
+        joint: ShortName,
         mode: &'static str,
     },
     #[error(
@@ -84,24 +84,27 @@ pub(super) enum Problem<'l> {
         high = Decimal(.error.high),
     )]
     Target {
-        finger: Name,
-        joint: Name,
+        finger: ShortName,
+        joint: ShortName,
         error: TargetError,
     },
     #[error("{0} is held by a grasp: `release` first")]
-    InGrasp(Name),
+    InGrasp(ShortName),
     #[error("nobody measures {0}")]
-    NotMeasured(Name),
+    NotMeasured(ShortName),
     #[error("{finger} has a fault: {fault}")]
-    Fault { finger: Name, fault: Fault },
+    Fault {
+        finger: ShortName,
+        fault: FingerFault,
+    },
     #[error("{0} still rests after its fault; try again")]
-    Resting(Name),
+    Resting(ShortName),
     #[error("a motion runs or waits: `abort` it first")]
     Running,
     #[error("session {0} is in control: `control` takes it")]
     InControl(u32),
     #[error("refused: {0}")]
-    Refused(Reason),
+    Refused(RefusalReason),
     #[error("the queue of motions has no session for the terminal, or no ledger; try again")]
     NoSession,
     #[error(
@@ -116,7 +119,7 @@ pub(super) enum Problem<'l> {
     #[error("nothing is recorded or loaded")]
     Nothing,
     #[error("motion {number} has a guard of contact, and {finger} has no tactile sensor")]
-    Guard { number: u32, finger: Name },
+    Guard { number: u32, finger: ShortName },
     #[error(
         "motion {number}: joint {joint} would go to {value} rad; it may be in {low}..={high} rad",
         value = Decimal(*.value),
@@ -145,9 +148,9 @@ pub(super) enum Problem<'l> {
     #[error("the configuration has no table")]
     NoTable,
     #[error("the robot refused: {0:?}")]
-    Plant(plant::Refusal),
+    Plant(plant::PlantRefusal),
     #[error("the table refused: {0:?}")]
-    Table(table::Refusal),
+    Table(table::TableRefusal),
     #[error("an answer with the number {0}, which is none")]
     Answer(u32),
     #[error("processor {processor} does not hold: {reason}", reason = .reason.as_str())]
@@ -155,29 +158,29 @@ pub(super) enum Problem<'l> {
     #[error("{name}: {error}")]
     File { name: Path, error: FileError },
     #[error("{name}: {error}")]
-    Image { name: Path, error: ImageError },
+    Image { name: Path, error: MotionImageError },
     #[error("the file of that grasp: {0}")]
     GraspImage(#[from] GraspImageError),
     #[error("the recording: {0}")]
-    Recording(ImageError),
+    Recording(MotionImageError),
     #[error(transparent)]
     Primitive(#[from] PrimitiveError),
     #[error(transparent)]
     Trajectory(#[from] TrajectoryError),
     #[error(transparent)]
-    Client(#[from] ClientError),
+    Client(#[from] ServoClientError),
     #[error(transparent)]
     Request(#[from] RequestError),
     #[error(transparent)]
-    Variables(#[from] TableError),
+    Variables(#[from] VariableTableError),
     #[error(transparent)]
     Exchange(#[from] ExchangeError),
     #[error(transparent)]
     Access(#[from] AccessError),
     #[error(transparent)]
-    Mailbox(#[from] condor_mbox::Error),
+    Mailbox(#[from] condor_mbox::MailboxError),
     #[error(transparent)]
-    Program(#[from] condor_rt::Error),
+    Program(#[from] condor_rt::ProgramError),
 }
 
 impl Problem<'_> {
@@ -210,32 +213,34 @@ impl Problem<'_> {
     }
 
     /// Why a motion that cannot run is refused.
-    pub(super) const fn reason(&self) -> Reason {
+    pub(super) const fn reason(&self) -> RefusalReason {
         match self {
             Self::File { .. } | Self::Image { .. } | Self::Nothing | Self::Recording(_) => {
-                Reason::NoMotion
+                RefusalReason::NoMotion
             }
-            Self::NotEnabled(_) | Self::InGrasp(_) | Self::OtherMode { .. } => Reason::NotReady,
-            _ => Reason::Limits,
+            Self::NotEnabled(_) | Self::InGrasp(_) | Self::OtherMode { .. } => {
+                RefusalReason::NotReady
+            }
+            _ => RefusalReason::Limits,
         }
     }
 }
 
 /// Which guard has stopped a finger, and at which value.
-pub(super) struct Tripped<'h> {
+pub(super) struct GuardText<'h> {
     pub(super) entry: &'h Finger<JOINTS>,
-    pub(super) stop: Stop,
+    pub(super) stop: GuardStop,
 }
 
-impl fmt::Display for Tripped<'_> {
+impl fmt::Display for GuardText<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { entry, stop } = self;
         let finger = &entry.name;
         let (what, joint, unit) = match stop.guard {
-            Guard::Torque { joint } => ("a torque", Some(joint), "N m"),
-            Guard::Tension { joint } => ("a tension", Some(joint), "N"),
-            Guard::Contact { .. } => ("a contact", None, "N"),
-            Guard::Time => ("a time", None, "s"),
+            MotionGuard::Torque { joint } => ("a torque", Some(joint), "N m"),
+            MotionGuard::Tension { joint } => ("a tension", Some(joint), "N"),
+            MotionGuard::Contact { .. } => ("a contact", None, "N"),
+            MotionGuard::Time => ("a time", None, "s"),
         };
         write!(f, "{what} of ")?;
         if stop.value.is_finite() {
@@ -276,11 +281,11 @@ pub(super) const NAME_BYTES: usize = 24;
 pub(super) type Path = heapless::String<48>;
 
 /// Names that are there, as a sentence has them.
-pub(super) type Known = heapless::String<56>;
+pub(super) type NameList = heapless::String<56>;
 
 /// Lists names; what does not fit is left out.
-fn known<'n>(names: impl Iterator<Item = &'n Name>) -> Known {
-    let mut known = Known::new();
+fn known<'n>(names: impl Iterator<Item = &'n ShortName>) -> NameList {
+    let mut known = NameList::new();
     for name in names {
         let comma = if known.is_empty() { "" } else { ", " };
         if known.len() + comma.len() + name.len() <= known.capacity() {
@@ -328,7 +333,7 @@ impl<'l> Words<'l> {
     pub(super) fn within(
         &mut self,
         what: &'static str,
-        range: plant::Range,
+        range: plant::NumberRange,
     ) -> Result<f64, Problem<'l>> {
         let word = self.word(what)?;
         match number(word, what)? {
@@ -341,7 +346,7 @@ impl<'l> Words<'l> {
     pub(super) fn maybe_within(
         &mut self,
         what: &'static str,
-        range: plant::Range,
+        range: plant::NumberRange,
     ) -> Result<Option<f64>, Problem<'l>> {
         if self.peek().next().is_none() {
             return Ok(None);
@@ -353,7 +358,7 @@ impl<'l> Words<'l> {
     pub(super) fn three_within(
         &mut self,
         what: &'static str,
-        range: plant::Range,
+        range: plant::NumberRange,
     ) -> Result<[f64; 3], Problem<'l>> {
         let mut next = || self.within(what, range);
         Ok([next()?, next()?, next()?])

@@ -1,6 +1,6 @@
 //! [`Arguments`]: what the system description tells the robot.
 
-use condor_rt::{Machine, Text};
+use condor_rt::{Machine, ShortText};
 
 use crate::failure::Failure;
 
@@ -35,7 +35,7 @@ impl Arguments {
         let mut index = 0;
         while let Some(argument) = machine.argument(index) {
             arguments.take(argument).ok_or_else(|| Failure::Argument {
-                argument: Text::of(&argument),
+                argument: ShortText::of(&argument),
                 known: "rate=HZ, watchdog_ms=MS, ramp_ms=MS, camera_hz=HZ, camera_um=UM, seed=N above 0",
             })?;
             index += 1;

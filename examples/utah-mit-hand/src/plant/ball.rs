@@ -2,7 +2,7 @@
 
 use condor_hand::grasp::Wrench;
 use condor_hand::math::{max, min};
-use condor_hand::plant::Object;
+use condor_hand::plant::SimObject;
 use nalgebra::Vector3;
 
 /// The stiffness and damping of the support of the ball: N/m, N s/m, N m s/rad.
@@ -41,7 +41,7 @@ impl Support {
     /// What it exerts on the ball about its centre in the next `period_s`.
     pub(super) fn update(
         &mut self,
-        ball: &Object,
+        ball: &SimObject,
         gravity: &Vector3<f64>,
         period_s: f64,
     ) -> Wrench {

@@ -2,8 +2,8 @@
 
 use core::mem::offset_of;
 
-use condor_hand::plant::{Noise, Object as Body};
-use condor_vars::{Described, Field, Kind};
+use condor_hand::plant::{Noise, SimObject as Body};
+use condor_vars::{CellField, CellStruct, ValueKind};
 use nalgebra::{Quaternion, Vector3};
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
@@ -13,7 +13,7 @@ use super::arguments::Arguments;
 /// seen, and not otherwise.
 #[derive(Clone, Copy, Debug, PartialEq, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
-pub struct Object {
+pub struct CameraObject {
     /// When the picture was taken, s since the robot began.
     pub time_s: f64,
     /// The middle of the object, m.
@@ -24,22 +24,37 @@ pub struct Object {
     pub radius_m: f64,
 }
 
-impl Described for Object {
-    const FIELDS: &'static [Field] = &[
-        Field::new("time_s", "s", Kind::F64, offset_of!(Object, time_s))
-            .about("When the picture was taken."),
-        Field::new("position", "m", Kind::F64, offset_of!(Object, position))
-            .repeated(3)
-            .about("Its middle."),
-        Field::new(
+impl CellStruct for CameraObject {
+    const FIELDS: &'static [CellField] = &[
+        CellField::new(
+            "time_s",
+            "s",
+            ValueKind::F64,
+            offset_of!(CameraObject, time_s),
+        )
+        .about("When the picture was taken."),
+        CellField::new(
+            "position",
+            "m",
+            ValueKind::F64,
+            offset_of!(CameraObject, position),
+        )
+        .repeated(3)
+        .about("Its middle."),
+        CellField::new(
             "orientation",
             "",
-            Kind::F64,
-            offset_of!(Object, orientation),
+            ValueKind::F64,
+            offset_of!(CameraObject, orientation),
         )
         .repeated(4)
         .about("A unit quaternion, the real part first."),
-        Field::new("radius_m", "m", Kind::F64, offset_of!(Object, radius_m)),
+        CellField::new(
+            "radius_m",
+            "m",
+            ValueKind::F64,
+            offset_of!(CameraObject, radius_m),
+        ),
     ];
 }
 
@@ -64,7 +79,7 @@ impl Camera {
     }
 
     /// One tick of the robot; returns what is seen, if a picture is taken and the ball is there.
-    pub(super) fn look(&mut self, ball: Option<&Body>, time_s: f64) -> Option<Object> {
+    pub(super) fn look(&mut self, ball: Option<&Body>, time_s: f64) -> Option<CameraObject> {
         if self.left > 0 {
             self.left -= 1;
             return None;
@@ -78,7 +93,7 @@ impl Camera {
         let turned = Quaternion::new(1.0, half.x, half.y, half.z) * ball.orientation();
         let length = condor_hand::math::sqrt(turned.norm_squared());
         let q = turned / length;
-        Some(Object {
+        Some(CameraObject {
             time_s,
             position: (ball.pose().position + moved).into(),
             orientation: [q.w, q.i, q.j, q.k],

@@ -6,7 +6,7 @@ use zerocopy::{FromBytes, Immutable, IntoBytes};
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 #[non_exhaustive]
-pub enum Verb {
+pub enum PlantOperation {
     /// Nothing but an answer.
     Status = 0,
     /// Pushes the ball until the next push: numbers 0 to 2 are the force (N), 3 to 5 the moment about
@@ -33,7 +33,7 @@ pub enum Verb {
 /// Which sensor or tendon of a joint.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
-pub enum Which {
+pub enum PlantTarget {
     /// The sensor of the position.
     Position = 0,
     /// The flexor.
@@ -44,7 +44,7 @@ pub enum Which {
 
 /// The values that a number of a request may have.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Range {
+pub struct NumberRange {
     /// What the number is.
     pub name: &'static str,
     /// Its unit.
@@ -55,7 +55,7 @@ pub struct Range {
     pub high: f64,
 }
 
-impl Range {
+impl NumberRange {
     /// The radius of a ball.
     pub const RADIUS: Self = Self::new("the radius of the ball", "m", 0.005, 0.04);
     /// The mass of a ball.
@@ -90,24 +90,24 @@ impl Range {
 /// A request to the robot.
 #[derive(Clone, Copy, Debug, Default, PartialEq, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
-pub struct Request {
-    /// The number of a [`Verb`].
-    pub verb: u32,
+pub struct PlantRequest {
+    /// The number of a [`PlantOperation`].
+    pub operation: u32,
     /// The finger, from 0.
     pub finger: u32,
     /// The joint, from 0.
     pub joint: u32,
-    /// The number of a [`Which`].
+    /// The number of a [`PlantTarget`].
     pub which: u32,
-    /// The numbers that the verb needs.
+    /// The numbers that the operation needs.
     pub numbers: [f64; 6],
 }
 
 /// What the robot answers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
-pub struct Response {
-    /// The number of a [`Refusal`]; 0 if it is done.
+pub struct PlantResponse {
+    /// The number of a [`PlantRefusal`]; 0 if it is done.
     pub refusal: u32,
     /// A bit for each D/A board that rests.
     pub resting: u32,
@@ -117,25 +117,25 @@ pub struct Response {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 #[non_exhaustive]
-pub enum Refusal {
-    /// There is no such verb.
-    Verb = 1,
+pub enum PlantRefusal {
+    /// There is no such operation.
+    Operation = 1,
     /// The robot is busy with another request: ask again.
     Busy = 2,
     /// There is no such finger, joint, sensor or tendon.
     NoSuchPart = 3,
-    /// A number is not in its [`Range`].
+    /// A number is not in its [`NumberRange`].
     Number = 4,
     /// There is no ball.
     NoBall = 5,
 }
 
-impl Refusal {
+impl PlantRefusal {
     /// Returns the refusal with this number; `None` for 0, and for an unknown number.
     #[must_use]
     pub const fn from_number(number: u32) -> Option<Self> {
         match number {
-            1 => Some(Self::Verb),
+            1 => Some(Self::Operation),
             2 => Some(Self::Busy),
             3 => Some(Self::NoSuchPart),
             4 => Some(Self::Number),
@@ -145,7 +145,7 @@ impl Refusal {
     }
 }
 
-impl Which {
+impl PlantTarget {
     /// The part of a number.
     #[must_use]
     pub const fn from_number(number: u32) -> Option<Self> {
@@ -158,8 +158,8 @@ impl Which {
     }
 }
 
-impl Verb {
-    /// The verb of a number.
+impl PlantOperation {
+    /// The operation of a number.
     #[must_use]
     pub const fn from_number(number: u32) -> Option<Self> {
         match number {

@@ -3,23 +3,23 @@
 use core::array;
 
 use condor_dev::Bus;
-use condor_hand::config::{Finger, Input, Output as Dac, Wire};
+use condor_hand::config::{Finger, InputChannel, OutputChannel as Dac, Wire};
 use condor_hand::grasp::Wrench;
 use condor_hand::kinematics::PlanarFinger;
 use condor_hand::math::abs;
 use condor_hand::plant::{
-    self, DriveKind, Hand, Object, ObjectParameters, PlantModel, Stop, Surface,
+    self, DriveKind, ObjectParameters, PlantModel, SimHand, SimObject, SimStop, SimSurface,
 };
-use condor_hand::tendon::{Pair, Pairs};
+use condor_hand::tendon::{Pair, TendonPairs};
 use nalgebra::{SVector, Vector3};
 use utah_mit_boards::Dac16;
 
-use super::Truth;
+use super::TrueState;
 use super::arguments::Arguments;
 use super::ball::Support;
 use super::registers::{Output, Registers};
-use super::requests::{Range, Refusal, Which};
-use super::watchdog::{Told, Watchdog};
+use super::requests::{NumberRange, PlantRefusal, PlantTarget};
+use super::watchdog::{BoardInput, Watchdog};
 use crate::boards::{Board, Socket, address, input_register, output_counts, socket, zero_of};
 use crate::recording::Fnv;
 use crate::{FINGERS, Failure, JOINTS, UtahMit, start};
@@ -39,17 +39,17 @@ const AXES: usize = 3;
 /// What the configuration does not say of the robot, with one update for each tick.
 pub const MACHINE: PlantModel = PlantModel {
     actuator: DriveKind::exact,
-    joint_stop: Stop {
+    joint_stop: SimStop {
         stiffness: 50.0,
         damping: 0.1,
     },
-    axis_stop: Stop {
+    axis_stop: SimStop {
         stiffness: 1e5,
         damping: 1e3,
     },
     updates: 1,
     tip_radius: 0.0,
-    surface: Surface {
+    surface: SimSurface {
         stiffness: 5e4,
         damping: 20.0,
         shear_stiffness: 5e4,
@@ -60,7 +60,7 @@ pub const MACHINE: PlantModel = PlantModel {
 
 /// The robot.
 pub(super) struct Robot {
-    hand: Hand<PlanarFinger, FINGERS, JOINTS>,
+    hand: SimHand<PlanarFinger, FINGERS, JOINTS>,
     gravity: Vector3<f64>,
     period_s: f64,
     ticks: u64,
@@ -70,7 +70,7 @@ pub(super) struct Robot {
     inputs: heapless::Vec<Sensor, INPUTS>,
     /// In the axes of the palm.
     directions: [Vector3<f64>; AXES],
-    cut: [Pairs<bool, JOINTS>; FINGERS],
+    cut: [TendonPairs<bool, JOINTS>; FINGERS],
     push: Wrench,
     support: Option<Support>,
     /// Failed ticks since the robot was mended, and why the last one failed.
@@ -101,7 +101,7 @@ struct Line {
 #[derive(Clone, Copy)]
 struct Sensor {
     wire: Wire,
-    adc: Input,
+    adc: InputChannel,
     socket: Socket,
     /// The counts at which the sensor is stuck.
     stuck: Option<u32>,
@@ -133,7 +133,7 @@ impl Robot {
         let mut parameters = MACHINE.hand_parameters(hand);
         parameters.period_s = period_s;
         parameters.updates = UPDATE_HZ.div_ceil(arguments.rate_hz).max(1);
-        let mut simulated = Hand::new(fingers, parameters)?;
+        let mut simulated = SimHand::new(fingers, parameters)?;
         let mut directions = [Vector3::zeros(); AXES];
         if let Some(table) = &hand.table {
             simulated = simulated.with_table(MACHINE.table(table)?);
@@ -162,12 +162,12 @@ impl Robot {
     }
 
     /// One period: actuators do what the boards say, time passes, and sensors are read.
-    pub(super) fn tick<B: Bus>(&mut self, registers: &Registers<B>) -> Truth {
+    pub(super) fn tick<B: Bus>(&mut self, registers: &Registers<B>) -> TrueState {
         if let Err(cause) = self.advance(registers) {
             self.failures = self.failures.saturating_add(1);
             self.cause = Some(cause);
         }
-        let is_far = |ball: &Object| {
+        let is_far = |ball: &SimObject| {
             let position = ball.pose().position;
             position.iter().any(|&along| abs(along) > WORKSPACE_M)
         };
@@ -285,11 +285,11 @@ impl Robot {
         value.unwrap_or(0.0)
     }
 
-    fn truth(&self) -> Truth {
+    fn truth(&self) -> TrueState {
         let fingers = self.hand.fingers();
         let ball = self.hand.object();
         let contacts = self.hand.object_contacts();
-        let bits = |is: fn(&plant::Contact) -> bool| {
+        let bits = |is: fn(&plant::SimContact) -> bool| {
             let contacts = contacts.iter().zip(0_u32..);
             contacts.fold(0, |bits, (contact, finger)| {
                 bits | u64::from(is(contact)) << finger
@@ -297,7 +297,7 @@ impl Robot {
         };
         #[allow(clippy::cast_precision_loss, reason = "2^53 ticks are a lifetime")]
         let ticks = self.ticks as f64;
-        Truth {
+        TrueState {
             time_s: ticks * self.period_s,
             position: fingers.each_ref().map(|finger| (*finger.q()).into()),
             velocity: fingers.each_ref().map(|finger| (*finger.qd()).into()),
@@ -322,7 +322,7 @@ impl Robot {
     }
 
     /// The ball, if there is one.
-    pub(super) fn ball(&self) -> Option<&Object> {
+    pub(super) fn ball(&self) -> Option<&SimObject> {
         self.hand.object()
     }
 
@@ -358,23 +358,23 @@ impl Robot {
         self.lost_balls
     }
 
-    pub(super) fn push_ball(&mut self, wrench: Wrench) -> Result<(), Refusal> {
+    pub(super) fn push_ball(&mut self, wrench: Wrench) -> Result<(), PlantRefusal> {
         if self.hand.object().is_none() {
-            return Err(Refusal::NoBall);
+            return Err(PlantRefusal::NoBall);
         }
         if !is_possible(&wrench) {
-            return Err(Refusal::Number);
+            return Err(PlantRefusal::Number);
         }
         self.push = wrench;
         Ok(())
     }
 
-    pub(super) fn push_tip(&mut self, finger: usize, wrench: Wrench) -> Result<(), Refusal> {
+    pub(super) fn push_tip(&mut self, finger: usize, wrench: Wrench) -> Result<(), PlantRefusal> {
         if !is_possible(&wrench) {
-            return Err(Refusal::Number);
+            return Err(PlantRefusal::Number);
         }
         let pushed = self.hand.push_tip(finger, wrench);
-        pushed.map_err(|_| Refusal::NoSuchPart)
+        pushed.map_err(|_| PlantRefusal::NoSuchPart)
     }
 
     pub(super) fn place_ball(
@@ -382,26 +382,28 @@ impl Robot {
         center: Vector3<f64>,
         radius: f64,
         mass: f64,
-    ) -> Result<(), Refusal> {
-        let is_possible = center.iter().all(|&along| Range::PLACE.contains(along))
-            && Range::RADIUS.contains(radius)
-            && Range::MASS.contains(mass);
+    ) -> Result<(), PlantRefusal> {
+        let is_possible = center
+            .iter()
+            .all(|&along| NumberRange::PLACE.contains(along))
+            && NumberRange::RADIUS.contains(radius)
+            && NumberRange::MASS.contains(mass);
         if !is_possible {
-            return Err(Refusal::Number);
+            return Err(PlantRefusal::Number);
         }
-        let ball = Object::new(ObjectParameters::ball(mass, radius), center);
-        let ball = ball.map_err(|_| Refusal::Number)?;
+        let ball = SimObject::new(ObjectParameters::ball(mass, radius), center);
+        let ball = ball.map_err(|_| PlantRefusal::Number)?;
         self.hand.put_object(Some(ball));
         self.push = Wrench::zero();
         self.support = Some(Support::new(center));
         Ok(())
     }
 
-    pub(super) fn let_go(&mut self, within_s: f64) -> Result<(), Refusal> {
-        if !Range::LET_GO.contains(within_s) {
-            return Err(Refusal::Number);
+    pub(super) fn let_go(&mut self, within_s: f64) -> Result<(), PlantRefusal> {
+        if !NumberRange::LET_GO.contains(within_s) {
+            return Err(PlantRefusal::Number);
         }
-        let support = self.support.as_mut().ok_or(Refusal::NoBall)?;
+        let support = self.support.as_mut().ok_or(PlantRefusal::NoBall)?;
         support.let_go(within_s);
         Ok(())
     }
@@ -416,31 +418,36 @@ impl Robot {
         &mut self,
         finger: usize,
         joint: usize,
-        which: Which,
-    ) -> Result<(), Refusal> {
+        which: PlantTarget,
+    ) -> Result<(), PlantRefusal> {
         let wire = match which {
-            Which::Position => Wire::Position { finger, joint },
-            Which::Flexor => Wire::Flexor { finger, joint },
-            Which::Extensor => Wire::Extensor { finger, joint },
+            PlantTarget::Position => Wire::Position { finger, joint },
+            PlantTarget::Flexor => Wire::Flexor { finger, joint },
+            PlantTarget::Extensor => Wire::Extensor { finger, joint },
         };
         let counts = self
             .inputs
             .iter()
             .find(|sensor| sensor.wire == wire)
             .map(|sensor| self.counts(sensor))
-            .ok_or(Refusal::NoSuchPart)?;
+            .ok_or(PlantRefusal::NoSuchPart)?;
         for sensor in self.inputs.iter_mut().filter(|sensor| sensor.wire == wire) {
             sensor.stuck = Some(counts);
         }
         Ok(())
     }
 
-    pub(super) fn cut(&mut self, finger: usize, joint: usize, which: Which) -> Result<(), Refusal> {
-        let pair = part(&mut self.cut, finger, joint).ok_or(Refusal::NoSuchPart)?;
+    pub(super) fn cut(
+        &mut self,
+        finger: usize,
+        joint: usize,
+        which: PlantTarget,
+    ) -> Result<(), PlantRefusal> {
+        let pair = part(&mut self.cut, finger, joint).ok_or(PlantRefusal::NoSuchPart)?;
         match which {
-            Which::Position => return Err(Refusal::NoSuchPart),
-            Which::Flexor => pair.flexor = true,
-            Which::Extensor => pair.extensor = true,
+            PlantTarget::Position => return Err(PlantRefusal::NoSuchPart),
+            PlantTarget::Flexor => pair.flexor = true,
+            PlantTarget::Extensor => pair.extensor = true,
         }
         Ok(())
     }
@@ -484,8 +491,8 @@ impl OutputBoard {
     /// What its lines put out in this tick, N.
     fn update(&mut self, output: Output) -> [f64; Dac16::CHANNELS] {
         let told = match output {
-            Output::Disconnected => Told::Closed,
-            Output::Same => Told::Nothing,
+            Output::Disconnected => BoardInput::Closed,
+            Output::Same => BoardInput::Nothing,
             Output::Strobed(registers) => {
                 let mut values = [0.0; Dac16::CHANNELS];
                 for ((value, line), register) in values.iter_mut().zip(&self.lines).zip(registers) {
@@ -498,7 +505,7 @@ impl OutputBoard {
                         }
                     });
                 }
-                Told::Values(values)
+                BoardInput::Values(values)
             }
         };
         self.watchdog.update(told)
@@ -571,7 +578,7 @@ fn sensors(hand: &UtahMit) -> heapless::Vec<Sensor, INPUTS> {
 
 /// A joint's part of what all joints have.
 fn part<T>(
-    all: &mut [Pairs<T, JOINTS>; FINGERS],
+    all: &mut [TendonPairs<T, JOINTS>; FINGERS],
     finger: usize,
     joint: usize,
 ) -> Option<&mut Pair<T>>
@@ -582,12 +589,15 @@ where
 }
 
 fn is_possible(wrench: &Wrench) -> bool {
-    let forces = wrench.force.iter().all(|&part| Range::FORCE.contains(part));
+    let forces = wrench
+        .force
+        .iter()
+        .all(|&part| NumberRange::FORCE.contains(part));
     forces
         && wrench
             .moment
             .iter()
-            .all(|&part| Range::MOMENT.contains(part))
+            .all(|&part| NumberRange::MOMENT.contains(part))
 }
 
 #[cfg(test)]

@@ -28,7 +28,7 @@ enum WatchState {
 
 /// The input of a board in a tick.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Told<const L: usize> {
+pub(super) enum BoardInput<const L: usize> {
     /// Outputs are requested.
     Values([f64; L]),
     /// The board is not strobed.
@@ -52,19 +52,21 @@ impl<const L: usize> Watchdog<L> {
     }
 
     /// What the outputs are in this tick.
-    pub(super) fn update(&mut self, told: Told<L>) -> [f64; L] {
+    pub(super) fn update(&mut self, told: BoardInput<L>) -> [f64; L] {
         self.ticks = self.ticks.saturating_add(1);
         match told {
-            Told::Values(values) => {
+            BoardInput::Values(values) => {
                 self.asked = values;
                 self.ticks = 0;
                 self.state = WatchState::Refreshed;
             }
-            Told::Closed if self.state == WatchState::Refreshed => self.rest(),
-            Told::Nothing if self.state == WatchState::Refreshed && self.ticks >= self.patience => {
+            BoardInput::Closed if self.state == WatchState::Refreshed => self.rest(),
+            BoardInput::Nothing
+                if self.state == WatchState::Refreshed && self.ticks >= self.patience =>
+            {
                 self.rest();
             }
-            Told::Closed | Told::Nothing => {}
+            BoardInput::Closed | BoardInput::Nothing => {}
         }
         match self.state {
             WatchState::New => self.least,
@@ -107,14 +109,14 @@ mod tests {
     #[test]
     fn a_board_that_is_not_refreshed_goes_to_its_least_outputs_and_on_again() {
         let mut board = Watchdog::new([4.0, 0.0], 3, 4);
-        assert_eq!(board.update(Told::Nothing), [4.0, 0.0]);
+        assert_eq!(board.update(BoardInput::Nothing), [4.0, 0.0]);
         assert!(!board.is_tripped() && board.is_resting());
-        assert_eq!(board.update(Told::Values([12.0, -8.0])), [12.0, -8.0]);
+        assert_eq!(board.update(BoardInput::Values([12.0, -8.0])), [12.0, -8.0]);
         assert!(!board.is_resting());
         for expected in [12.0, 12.0] {
-            assert_eq!(board.update(Told::Nothing)[0], expected);
+            assert_eq!(board.update(BoardInput::Nothing)[0], expected);
         }
-        let down: [[f64; 2]; 6] = core::array::from_fn(|_| board.update(Told::Nothing));
+        let down: [[f64; 2]; 6] = core::array::from_fn(|_| board.update(BoardInput::Nothing));
         assert_eq!(
             down.map(|outputs| outputs[0]),
             [12.0, 10.0, 8.0, 6.0, 4.0, 4.0]
@@ -124,11 +126,11 @@ mod tests {
             [-8.0, -6.0, -4.0, -2.0, 0.0, 0.0]
         );
         assert!(board.is_tripped());
-        assert_eq!(board.update(Told::Values([7.0, 1.0])), [7.0, 1.0]);
+        assert_eq!(board.update(BoardInput::Values([7.0, 1.0])), [7.0, 1.0]);
         assert!(!board.is_tripped());
         // Closed, it does not wait.
-        assert_eq!(board.update(Told::Closed), [7.0, 1.0]);
+        assert_eq!(board.update(BoardInput::Closed), [7.0, 1.0]);
         assert!(board.is_tripped());
-        assert_eq!(board.update(Told::Closed), [6.25, 0.75]);
+        assert_eq!(board.update(BoardInput::Closed), [6.25, 0.75]);
     }
 }

@@ -2,10 +2,10 @@
 
 use core::fmt::Write as _;
 
-use condor_mcap::{Pairs, Writer};
+use condor_mcap::{McapWriter, NamePairs};
 use embedded_io::Write;
 
-use super::{RecordingError, channel};
+use super::{ServoRecordingError, channel};
 use crate::{FINGERS, JOINTS};
 
 /// The name of the metadata.
@@ -29,8 +29,8 @@ impl Head {
     }
 
     /// Begins a file.
-    pub(super) fn write<W: Write>(self, to: W) -> Result<Writer<W>, W::Error> {
-        let mut writer = Writer::new(to, "", concat!("condor ", env!("CARGO_PKG_VERSION")))?;
+    pub(super) fn write<W: Write>(self, to: W) -> Result<McapWriter<W>, W::Error> {
+        let mut writer = McapWriter::new(to, "", concat!("condor ", env!("CARGO_PKG_VERSION")))?;
         let texts = self.numbers().map(|number| {
             let mut text = heapless::String::<10>::new();
             // There is room for any number.
@@ -52,8 +52,8 @@ impl Head {
     /// Reads the metadata of a file.
     ///
     /// # Errors
-    /// [`RecordingError::Head`] with the first number that is not that of this version.
-    pub(super) fn read(pairs: Option<Pairs<'_>>) -> Result<Self, RecordingError> {
+    /// [`ServoRecordingError::Head`] with the first number that is not that of this version.
+    pub(super) fn read(pairs: Option<NamePairs<'_>>) -> Result<Self, ServoRecordingError> {
         let number = |name| pairs.and_then(|pairs| pairs.get(name)?.parse().ok());
         let [version, processor, rate_hz, fingers, joints] = NAMES.map(number);
         let head = Self {
@@ -64,7 +64,7 @@ impl Head {
         let all = NAMES.into_iter().zip(found).zip(head.numbers());
         let mut wrong = all.filter(|((_, found), wanted)| *found != Some(*wanted));
         match wrong.next() {
-            Some(((name, found), wanted)) => Err(RecordingError::Head {
+            Some(((name, found), wanted)) => Err(ServoRecordingError::Head {
                 name,
                 found,
                 wanted,

@@ -3,15 +3,15 @@
 use core::sync::atomic::{AtomicU32, Ordering};
 
 use condor_hand::grasp::distributed::GraspOrder;
-use condor_hand::message::Asked;
+use condor_hand::message::FingerRequest;
 use condor_mbox::{MemoryWindow, Region};
 use zerocopy::IntoBytes;
 
-use super::{Done, Fnv, Given, Inputs, Output, channel};
+use super::{Fnv, Inputs, ServoOutputs, TickEnd, TickInputs, channel};
 use crate::grasp::Joints;
 use crate::{FINGERS, JOINTS};
 
-/// Words of the longest [`Asked`] of a finger.
+/// Words of the longest [`FingerRequest`] of a finger.
 const ASKED_WORDS: usize = 1 + 12 * JOINTS;
 
 /// The state of a ring of [`BYTES`](Self::BYTES), between the loop, which fills it, and the
@@ -112,7 +112,7 @@ impl<'r, W: MemoryWindow> Recorder<'r, W> {
     }
 
     /// Records what the controllers are given in a tick, except requests that came by message.
-    pub(crate) fn begin(&mut self, inputs: &Inputs, given: &Given, needs_others: bool) {
+    pub(crate) fn begin(&mut self, inputs: &Inputs, given: &TickInputs, needs_others: bool) {
         if !self.is_running() {
             return;
         }
@@ -134,7 +134,7 @@ impl<'r, W: MemoryWindow> Recorder<'r, W> {
     }
 
     /// What a finger of the hand is asked for.
-    pub(crate) fn asked(&mut self, finger: usize, asked: &Asked<JOINTS>) {
+    pub(crate) fn asked(&mut self, finger: usize, asked: &FingerRequest<JOINTS>) {
         if !self.is_running() {
             return;
         }
@@ -146,12 +146,12 @@ impl<'r, W: MemoryWindow> Recorder<'r, W> {
     }
 
     /// What has been put out ends the tick.
-    pub(crate) fn end(&mut self, output: &Output) {
+    pub(crate) fn end(&mut self, output: &ServoOutputs) {
         if !self.is_running() {
             return;
         }
         self.hash.add(output.as_bytes());
-        let done = Done {
+        let done = TickEnd {
             counts: output.counts,
             hash: self.hash.value(),
         };

@@ -1,14 +1,14 @@
 //! [`Rows`]: the ticks of a recording, one after another.
 
-use condor_fs::Error as FileError;
+use condor_fs::FileError;
 use condor_hand::grasp::distributed::{GraspInputs, GraspOrder};
-use condor_hand::message::Asked;
-use condor_mcap::{ReadError, Reader, Record};
+use condor_hand::message::FingerRequest;
+use condor_mcap::{McapError, McapReader, McapRecord};
 use embedded_io::Read;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 use super::head::METADATA;
-use super::{Done, Given, Head, Inputs, RecordingError, channel};
+use super::{Head, Inputs, ServoRecordingError, TickEnd, TickInputs, channel};
 use crate::grasp::Joints;
 use crate::{FINGERS, JOINTS};
 
@@ -24,15 +24,15 @@ const ASKED: usize = FINGERS * (2 * JOINTS + 2);
 #[derive(Clone, Debug)]
 pub(crate) struct Row {
     pub(crate) inputs: Inputs,
-    pub(crate) given: Given,
+    pub(crate) given: TickInputs,
     /// With the finger.
-    pub(crate) asked: heapless::Vec<(usize, Asked<JOINTS>), ASKED>,
-    pub(crate) done: Done,
+    pub(crate) asked: heapless::Vec<(usize, FingerRequest<JOINTS>), ASKED>,
+    pub(crate) done: TickEnd,
 }
 
 /// A recording that is read.
 pub(crate) struct Rows<R> {
-    file: Reader<R>,
+    file: McapReader<R>,
     ticks: u32,
     acceleration: [f64; 3],
 }
@@ -55,14 +55,14 @@ struct Tick {
 impl<R: Read<Error = FileError>> Rows<R> {
     /// # Errors
     /// The file's; a file that is no recording.
-    pub(crate) fn new(file: R) -> Result<(Head, Self), RecordingError> {
-        let wrong = |error| RecordingError::of(0, error);
-        let mut file = Reader::new(file).map_err(wrong)?;
+    pub(crate) fn new(file: R) -> Result<(Head, Self), ServoRecordingError> {
+        let wrong = |error| ServoRecordingError::of(0, error);
+        let mut file = McapReader::new(file).map_err(wrong)?;
         let mut buffer = [0; RECORD];
         let head = loop {
             match file.next(&mut buffer).map_err(wrong)? {
-                Some(Record::Header { .. }) => {}
-                Some(Record::Metadata { name, pairs }) if name == METADATA => {
+                Some(McapRecord::Header { .. }) => {}
+                Some(McapRecord::Metadata { name, pairs }) if name == METADATA => {
                     break Head::read(Some(pairs))?;
                 }
                 _ => break Head::read(None)?,
@@ -85,7 +85,7 @@ impl<R: Read<Error = FileError>> Rows<R> {
     ///
     /// # Errors
     /// The file's; what is no recording, or a part of one.
-    pub(crate) fn next(&mut self) -> Result<Option<Row>, RecordingError> {
+    pub(crate) fn next(&mut self) -> Result<Option<Row>, ServoRecordingError> {
         let first = self.message()?;
         if first.channel == channel::END {
             let ticks: u32 = self.whole(&first)?;
@@ -119,7 +119,7 @@ impl<R: Read<Error = FileError>> Rows<R> {
                 channel::DONE => {
                     let done = self.whole(&message)?;
                     self.ticks = self.ticks.saturating_add(1);
-                    let given = Given {
+                    let given = TickInputs {
                         period_s,
                         acceleration: self.acceleration,
                         grasp,
@@ -136,21 +136,21 @@ impl<R: Read<Error = FileError>> Rows<R> {
         }
     }
 
-    fn message(&mut self) -> Result<Message, RecordingError> {
+    fn message(&mut self) -> Result<Message, ServoRecordingError> {
         let ticks = self.ticks;
         let mut buffer = [0; RECORD];
         loop {
             let record = self.file.next(&mut buffer);
-            let record = record.map_err(|error| RecordingError::of(ticks, error))?;
+            let record = record.map_err(|error| ServoRecordingError::of(ticks, error))?;
             let (message, data) = match record {
-                Some(Record::Message(message, data)) => (message, data),
+                Some(McapRecord::Message(message, data)) => (message, data),
                 Some(_) => continue,
-                None => return Err(RecordingError::BrokenOff { ticks }),
+                None => return Err(ServoRecordingError::BrokenOff { ticks }),
             };
             let channel = message.channel;
             let message = Message::new(channel, data);
             let bytes = data.len();
-            return message.ok_or(RecordingError::Message {
+            return message.ok_or(ServoRecordingError::Message {
                 ticks,
                 channel,
                 bytes,
@@ -159,13 +159,13 @@ impl<R: Read<Error = FileError>> Rows<R> {
     }
 
     /// A message as a `T`, which it must be as long as.
-    fn whole<T: FromBytes>(&self, message: &Message) -> Result<T, RecordingError> {
+    fn whole<T: FromBytes>(&self, message: &Message) -> Result<T, ServoRecordingError> {
         let bytes = message.words.as_bytes().get(..message.len);
         T::read_from_bytes(bytes.unwrap_or(&[])).map_err(|_| self.wrong(message))
     }
 
-    const fn wrong(&self, message: &Message) -> RecordingError {
-        RecordingError::Message {
+    const fn wrong(&self, message: &Message) -> ServoRecordingError {
+        ServoRecordingError::Message {
             ticks: self.ticks,
             channel: message.channel,
             bytes: message.len,
@@ -194,20 +194,20 @@ impl Message {
         (self.len == 4 * WORDS).then(|| (number, GraspOrder::take(order)))
     }
 
-    fn asked(&self) -> Option<(usize, Asked<JOINTS>)> {
+    fn asked(&self) -> Option<(usize, FingerRequest<JOINTS>)> {
         let [finger, count, words @ ..] = &self.words;
         let words = words.get(..usize::try_from(*count).ok()?)?;
         let finger = usize::try_from(*finger).ok().filter(|&it| it < FINGERS)?;
         let is_whole = self.len == size_of_val(words) + 8;
-        is_whole.then_some((finger, Asked::take(words)?))
+        is_whole.then_some((finger, FingerRequest::take(words)?))
     }
 }
 
-impl RecordingError {
-    const fn of(ticks: u32, error: ReadError<FileError>) -> Self {
+impl ServoRecordingError {
+    const fn of(ticks: u32, error: McapError<FileError>) -> Self {
         match error {
-            ReadError::Io(error) => Self::File(error),
-            ReadError::BrokenOff => Self::BrokenOff { ticks },
+            McapError::Io(error) => Self::File(error),
+            McapError::BrokenOff => Self::BrokenOff { ticks },
             error => Self::Mcap { ticks, error },
         }
     }

@@ -2,17 +2,17 @@
 
 use condor_fs::FileWriter;
 use condor_mbox::{AccessError, MemoryWindow, Messenger, Region};
-use condor_mcap::{Message, Writer};
+use condor_mcap::{McapWriter, MessageHead};
 
 use super::record::{Ring, TapeState};
-use super::{Head, RecordingError, channel};
+use super::{Head, ServoRecordingError, channel};
 
 /// Bytes that are taken out of the ring at once.
 const PIECE: usize = 512;
 
 /// The file of a recording, in the background of a servo processor.
 pub(crate) struct Tape<'f, 'm, 'r, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> {
-    file: Writer<FileWriter<'f, 'm, S, W, FILES>>,
+    file: McapWriter<FileWriter<'f, 'm, S, W, FILES>>,
     rate_hz: u32,
     /// The number of the tick whose messages come next.
     tick: u32,
@@ -31,7 +31,7 @@ impl<'f, 'm, 'r, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize>
         region: Region<W>,
         offset: u32,
         ring: &'r Ring,
-    ) -> Result<Self, RecordingError> {
+    ) -> Result<Self, ServoRecordingError> {
         Ok(Self {
             file: head.write(file)?,
             rate_hz: head.rate_hz,
@@ -46,7 +46,7 @@ impl<'f, 'm, 'r, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize>
     ///
     /// # Errors
     /// The recording cannot go on.
-    pub(crate) fn wind(&mut self) -> Result<TapeState, RecordingError> {
+    pub(crate) fn wind(&mut self) -> Result<TapeState, ServoRecordingError> {
         // Before the bytes: once it is complete there come no more.
         let state = self.ring.state();
         let outcome = self.empty();
@@ -60,8 +60,8 @@ impl<'f, 'm, 'r, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize>
     /// more.
     ///
     /// # Errors
-    /// The recording is not whole: [`RecordingError::Behind`] if the loop was faster.
-    pub(crate) fn finish(mut self) -> Result<u32, RecordingError> {
+    /// The recording is not whole: [`ServoRecordingError::Behind`] if the loop was faster.
+    pub(crate) fn finish(mut self) -> Result<u32, ServoRecordingError> {
         self.empty()?;
         let (ticks, is_lost) = (self.ring.ticks(), self.ring.state() == TapeState::Lost);
         if !is_lost {
@@ -71,13 +71,13 @@ impl<'f, 'm, 'r, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize>
         let file = self.file.end()?;
         file.close().map_err(|unwritten| unwritten.error)?;
         if is_lost {
-            return Err(RecordingError::Behind { ticks });
+            return Err(ServoRecordingError::Behind { ticks });
         }
         Ok(ticks)
     }
 
     /// Writes the messages that are in the ring now.
-    fn empty(&mut self) -> Result<(), RecordingError> {
+    fn empty(&mut self) -> Result<(), ServoRecordingError> {
         let (mut at, mut filled) = self.ring.filled();
         while filled > 0 {
             let mut head = [0; 4];
@@ -86,11 +86,13 @@ impl<'f, 'm, 'r, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize>
             let (channel, words) = (u16::from_le_bytes([low, high]), u16::from_le_bytes(words));
             let bytes = 4 + 4 * u32::from(words);
             // Others can write into the ring, too.
-            filled = filled.checked_sub(bytes).ok_or(RecordingError::Message {
-                ticks: self.tick,
-                channel,
-                bytes: bytes as usize,
-            })?;
+            filled = filled
+                .checked_sub(bytes)
+                .ok_or(ServoRecordingError::Message {
+                    ticks: self.tick,
+                    channel,
+                    bytes: bytes as usize,
+                })?;
             let mut left = 4 * usize::from(words);
             self.begin(channel, left)?;
             at = at.wrapping_add(4);
@@ -112,8 +114,8 @@ impl<'f, 'm, 'r, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize>
     }
 
     /// Writes what comes before the fields of a message, which have `bytes` bytes.
-    fn begin(&mut self, channel: u16, bytes: usize) -> Result<(), RecordingError> {
-        let message = Message {
+    fn begin(&mut self, channel: u16, bytes: usize) -> Result<(), ServoRecordingError> {
+        let message = MessageHead {
             channel,
             sequence: self.tick,
             log_time_ns: u64::from(self.tick) * 1_000_000_000 / u64::from(self.rate_hz.max(1)),

@@ -1,19 +1,19 @@
 //! [`Control`]: what the servos of a processor compute, of what is measured now or was once.
 
 use condor_hand::config::{Channel, Finger};
-use condor_hand::controller::{FingerController, Tick, read_finger, write_finger};
+use condor_hand::controller::{FingerController, FingerTick, read_finger, write_finger};
 use condor_hand::grasp::distributed::{DistributedGrasp, FingerControllers, HandJoints};
 use condor_hand::kinematics::PlanarFinger;
-use condor_hand::servo::Sensed;
+use condor_hand::servo::FingerReadings;
 use nalgebra::Vector3;
 use zerocopy::FromZeros as _;
 
-use crate::recording::{Given, INPUTS_OF_FINGER, Inputs, Output};
+use crate::recording::{INPUTS_OF_FINGER, Inputs, ServoOutputs, TickInputs};
 use crate::{FINGERS, Failure, JOINTS, UtahMit, start};
 
 /// What the converters of the sensors say of the fingers of a hand; nothing of those of other processors.
-pub(crate) struct Measured {
-    pub(crate) sensed: OfFingers<Sensed<f64, JOINTS>>,
+pub(crate) struct HandReadings {
+    pub(crate) sensed: OfFingers<FingerReadings<f64, JOINTS>>,
     pub(crate) joints: HandJoints<FINGERS, JOINTS>,
     pub(crate) inputs: Inputs,
 }
@@ -27,10 +27,10 @@ pub(crate) trait Servos: FingerControllers<PlanarFinger, JOINTS> {
     fn tick(
         &mut self,
         finger: usize,
-        sensed: &Sensed<f64, JOINTS>,
+        sensed: &FingerReadings<f64, JOINTS>,
         gravity: &Vector3<f64>,
         period_s: f64,
-    ) -> Option<Tick<JOINTS>>;
+    ) -> Option<FingerTick<JOINTS>>;
 }
 
 /// The servos of a processor, but for their controllers: from counts to counts.
@@ -74,7 +74,7 @@ impl<'r> Control<'r> {
         period_s: f64,
         controllers: &mut impl FingerControllers<PlanarFinger, JOINTS>,
         mut read: impl FnMut(usize, Channel) -> Option<u32>,
-    ) -> Measured {
+    ) -> HandReadings {
         let mut inputs = Inputs::new_zeroed();
         let mut first = 0;
         let sensed = self.entries().map(|entry| {
@@ -91,7 +91,7 @@ impl<'r> Control<'r> {
         let position =
             sensed.map(|sensed| sensed.map_or([f64::NAN; JOINTS], |it| it.position.into()));
         let grasp = &self.grasp;
-        Measured {
+        HandReadings {
             sensed,
             joints: grasp.joints(position, self.velocity, period_s, controllers),
             inputs,
@@ -101,10 +101,10 @@ impl<'r> Control<'r> {
     /// Computes one tick.
     pub(crate) fn step(
         &mut self,
-        measured: &Measured,
-        given: &Given,
+        measured: &HandReadings,
+        given: &TickInputs,
         servos: &mut impl Servos,
-    ) -> OfFingers<Tick<JOINTS>> {
+    ) -> OfFingers<FingerTick<JOINTS>> {
         let gravity = self.gravity(given.acceleration);
         let (joints, period_s) = (&measured.joints, given.period_s);
         self.grasp
@@ -126,10 +126,10 @@ impl<'r> Control<'r> {
     /// What the actuators get; `write` is given the counts of each channel.
     pub(crate) fn output(
         &self,
-        ticks: &OfFingers<Tick<JOINTS>>,
+        ticks: &OfFingers<FingerTick<JOINTS>>,
         mut write: impl FnMut(Channel, u32),
-    ) -> Output {
-        let mut output = Output::default();
+    ) -> ServoOutputs {
+        let mut output = ServoOutputs::default();
         let (counts, _) = output.counts.as_chunks_mut::<{ 2 * JOINTS }>();
         let (command, _) = output.command.as_chunks_mut::<{ 2 * JOINTS }>();
         let fingers = self.entries().into_iter().zip(ticks);

@@ -1,7 +1,7 @@
 //! [`Feeling`]: what the fingers feel, at most, for guards that begin motions.
 
 use condor_hand::math::abs;
-use condor_hand::servo::Sensed;
+use condor_hand::servo::FingerReadings;
 use condor_hand::tendon::MomentArms;
 use zerocopy::FromZeros as _;
 
@@ -55,7 +55,7 @@ impl Feeling {
     pub(super) fn add(
         &mut self,
         finger: usize,
-        sensed: &Sensed<f64, JOINTS>,
+        sensed: &FingerReadings<f64, JOINTS>,
         arms: &MomentArms<f64, JOINTS>,
     ) {
         let torques = arms.torque(&sensed.tension);
@@ -114,7 +114,7 @@ mod tests {
         let hand = UtahMit::from_toml(text, "utah-mit.toml").unwrap();
         let arms = hand.fingers[1].moment_arms().unwrap();
         let mut feeling = Feeling::new(&hand, hand.servo_hz);
-        let calm = Sensed {
+        let calm = FingerReadings {
             position: Vector4::zeros(),
             tension: [Pair::both(4.0); JOINTS],
             touch: 0.0,

@@ -1,13 +1,13 @@
 //! [`Fingers`]: the servo loop.
 
-use condor_hand::controller::{FingerController, Tick};
+use condor_hand::controller::{FingerController, FingerTick};
 use condor_hand::grasp::distributed::{FingerControllers, GraspInputs, HandJoints};
 use condor_hand::kinematics::PlanarFinger;
-use condor_hand::message::{Asked, GraspEnd, ServoLoop};
-use condor_hand::servo::Sensed;
+use condor_hand::message::{FingerRequest, GraspEnd, HandLoop};
+use condor_hand::servo::FingerReadings;
 use condor_mbox::published::Publisher;
 use condor_mbox::{Clock, Instant, MemoryWindow, Region};
-use condor_mos::Writer;
+use condor_mos::LatestWriter;
 use condor_rt::Machine;
 use nalgebra::Vector3;
 use zerocopy::IntoBytes;
@@ -15,14 +15,14 @@ use zerocopy::IntoBytes;
 use super::control::{Control, OfFingers, Servos};
 use super::feeling::Feeling;
 use super::gains::Gains;
-use super::news::News;
+use super::news::LoopNews;
 use super::{Tracker, Tracking, Variables};
 use crate::boards::Wires;
-use crate::grasp::{Heard, Joints, Partner};
+use crate::grasp::{Joints, Partner, PartnerState};
 use crate::guards::{Felt, Stops};
-use crate::recording::{Given, Recorder};
+use crate::recording::{Recorder, TickInputs};
 use crate::table::Palm;
-use crate::wanted::Wanted;
+use crate::wanted::DesiredPositions;
 use crate::{FINGERS, JOINTS, UtahMit};
 
 /// After such a time without one, s, an acceleration of the table counts as over.
@@ -38,7 +38,7 @@ const TRACKING_TICKS: u64 = 16;
 pub(super) struct Fingers<'r, M: Machine> {
     pub(super) hand: &'r UtahMit,
     pub(super) control: Control<'r>,
-    pub(super) servos: ServoLoop<'r, PlanarFinger, M::Window, FINGERS, JOINTS>,
+    pub(super) servos: HandLoop<'r, PlanarFinger, M::Window, FINGERS, JOINTS>,
     pub(super) variables: &'r Variables<'r>,
     pub(super) gains: &'r Gains<'r>,
     /// The version of the gains that the controllers have.
@@ -46,11 +46,11 @@ pub(super) struct Fingers<'r, M: Machine> {
     pub(super) wires: Wires<'r, M::Bus>,
     pub(super) grasp: GraspEnd<M::Window, FINGERS>,
     pub(super) partners: &'r [Partner<M::Window>],
-    pub(super) heard: [Heard<Joints>; FINGERS],
+    pub(super) heard: [PartnerState<Joints>; FINGERS],
     pub(super) palm: &'r Partner<M::Window>,
-    pub(super) accelerated: Heard<Palm>,
+    pub(super) accelerated: PartnerState<Palm>,
     pub(super) wanted: &'r Partner<M::Window>,
-    pub(super) motion: Heard<Wanted>,
+    pub(super) motion: PartnerState<DesiredPositions>,
     pub(super) joints: Publisher<Joints, Region<M::Window>>,
     pub(super) tracker: Tracker,
     pub(super) tracked: Publisher<Tracking, Region<M::Window>>,
@@ -62,8 +62,8 @@ pub(super) struct Fingers<'r, M: Machine> {
     pub(super) ticks: u64,
     pub(super) period_s: f64,
     pub(super) recorder: Option<Recorder<'r, M::Window>>,
-    pub(super) writer: Writer<'r, News>,
-    pub(super) news: News,
+    pub(super) writer: LatestWriter<'r, LoopNews>,
+    pub(super) news: LoopNews,
 }
 
 impl<M: Machine> Fingers<'_, M> {
@@ -79,7 +79,7 @@ impl<M: Machine> Fingers<'_, M> {
         self.ticks += 1;
         // Whoever reads finds the former ones, and notices that they are.
         let _ = (self.joints).publish(&Joints::new(&measured.joints, due_ns, self.ticks));
-        let given = Given {
+        let given = TickInputs {
             period_s,
             acceleration,
             grasp: GraspInputs {
@@ -91,7 +91,7 @@ impl<M: Machine> Fingers<'_, M> {
             let needs_others = measured.joints.order != [0; FINGERS];
             recorder.begin(&measured.inputs, &given, needs_others);
         }
-        let mut servos = Told {
+        let mut servos = FingerCommands {
             servos: &mut self.servos,
             recorder: self.recorder.as_mut(),
         };
@@ -118,7 +118,7 @@ impl<M: Machine> Fingers<'_, M> {
         }
         self.feel(&measured.sensed);
         self.variables.show(&measured.sensed, &ticks);
-        let news = News {
+        let news = LoopNews {
             faults: ticks.map(|tick| tick.and_then(|tick| tick.fault)),
             grasp: self.control.grasp().report().event(),
             failures: self.wires.failures(),
@@ -129,7 +129,11 @@ impl<M: Machine> Fingers<'_, M> {
         }
     }
 
-    fn track(&mut self, sensed: &OfFingers<Sensed<f64, JOINTS>>, ticks: &OfFingers<Tick<JOINTS>>) {
+    fn track(
+        &mut self,
+        sensed: &OfFingers<FingerReadings<f64, JOINTS>>,
+        ticks: &OfFingers<FingerTick<JOINTS>>,
+    ) {
         for (finger, (sensed, tick)) in sensed.iter().zip(ticks).enumerate() {
             if let (Some(sensed), Some(tick)) = (sensed, tick) {
                 self.tracker
@@ -139,7 +143,7 @@ impl<M: Machine> Fingers<'_, M> {
     }
 
     /// Tells the master what guards are about.
-    fn feel(&mut self, sensed: &OfFingers<Sensed<f64, JOINTS>>) {
+    fn feel(&mut self, sensed: &OfFingers<FingerReadings<f64, JOINTS>>) {
         let mut stops = Stops::none();
         self.feeling.tick();
         for (finger, sensed) in sensed.iter().enumerate() {
@@ -195,12 +199,12 @@ impl<M: Machine> Fingers<'_, M> {
 }
 
 /// The controllers, which messages tell what to do.
-struct Told<'t, 'r, W> {
-    servos: &'t mut ServoLoop<'r, PlanarFinger, W, FINGERS, JOINTS>,
+struct FingerCommands<'t, 'r, W> {
+    servos: &'t mut HandLoop<'r, PlanarFinger, W, FINGERS, JOINTS>,
     recorder: Option<&'t mut Recorder<'r, W>>,
 }
 
-impl<W: MemoryWindow> Told<'_, '_, W> {
+impl<W: MemoryWindow> FingerCommands<'_, '_, W> {
     /// Gives the joints the gains that have changed.
     #[cold]
     fn tune(&mut self, tuned: &Gains<'_>) {
@@ -218,7 +222,7 @@ impl<W: MemoryWindow> Told<'_, '_, W> {
                     && controller.set_gains(joint, &gains).is_ok()
                     && let Some(recorder) = &mut self.recorder
                 {
-                    recorder.asked(finger, &Asked::Gains { joint, gains });
+                    recorder.asked(finger, &FingerRequest::Gains { joint, gains });
                 }
             }
             place += 1;
@@ -226,20 +230,20 @@ impl<W: MemoryWindow> Told<'_, '_, W> {
     }
 }
 
-impl<W: MemoryWindow> FingerControllers<PlanarFinger, JOINTS> for Told<'_, '_, W> {
+impl<W: MemoryWindow> FingerControllers<PlanarFinger, JOINTS> for FingerCommands<'_, '_, W> {
     fn of_finger(&mut self, finger: usize) -> Option<&mut FingerController<PlanarFinger, JOINTS>> {
         self.servos.controller_mut(finger)
     }
 }
 
-impl<W: MemoryWindow> Servos for Told<'_, '_, W> {
+impl<W: MemoryWindow> Servos for FingerCommands<'_, '_, W> {
     fn tick(
         &mut self,
         finger: usize,
-        sensed: &Sensed<f64, JOINTS>,
+        sensed: &FingerReadings<f64, JOINTS>,
         gravity: &Vector3<f64>,
         period_s: f64,
-    ) -> Option<Tick<JOINTS>> {
+    ) -> Option<FingerTick<JOINTS>> {
         let Some(recorder) = &mut self.recorder else {
             return self.servos.tick(finger, sensed, gravity, period_s);
         };

@@ -6,9 +6,9 @@ use core::sync::atomic::AtomicU32;
 use condor_hand::math::max;
 use condor_hand::servo::{JointGains, PositionLaw};
 use condor_hand::tendon::{Pair, TensionGains};
-use condor_vars::{Description, Params, Refusal, Scalar, Tune, Watch, choice};
+use condor_vars::{ParamRefusal, Params, Scalar, Tune, VarDescription, Watch, choice};
 
-use super::Served;
+use super::ServedFingers;
 use crate::{FINGERS, JOINTS};
 
 /// Of each joint: name, unit, and what it is. All are numbers.
@@ -81,7 +81,7 @@ pub(super) struct Gains<'h> {
 
 /// Parameters of joints, `N` of each.
 pub(super) struct OfJoints<'h, P, const N: usize> {
-    fingers: Served<'h>,
+    fingers: ServedFingers<'h>,
     names: &'static [Names; N],
     /// The greatest values of numbers.
     most: Option<[f64; N]>,
@@ -92,7 +92,7 @@ impl<'h> Gains<'h> {
     /// Begins with what the servos of these fingers have; `of` returns it, given the place of a finger
     /// among them and a joint.
     pub(super) fn new(
-        fingers: &Served<'h>,
+        fingers: &ServedFingers<'h>,
         of: impl Fn(usize, usize) -> Option<JointGains<f64>>,
     ) -> Self {
         let mut laws = [Law::Pd; ALL];
@@ -207,14 +207,14 @@ impl<P: Tune, const N: usize> Watch for OfJoints<'_, P, N> {
         words.get(..len).unwrap_or(words)
     }
 
-    fn describe(&self, index: usize) -> Option<Description<'_>> {
+    fn describe(&self, index: usize) -> Option<VarDescription<'_>> {
         let (_, unit, about) = *self.names.get(index % N)?;
         self.fingers.get(index / N / JOINTS)?;
         let mut description = self.params.describe(index)?;
         if let Some(most) = self.most(index) {
             description.bounds = [0.0, most].map(Scalar::to_words);
         }
-        Some(Description {
+        Some(VarDescription {
             unit,
             about,
             ..description
@@ -236,10 +236,10 @@ impl<P: Tune, const N: usize> Tune for OfJoints<'_, P, N> {
         index: usize,
         expected: [u32; 2],
         new: [u32; 2],
-    ) -> Result<(), Refusal> {
+    ) -> Result<(), ParamRefusal> {
         if let Some(most) = self.most(index) {
             let value = f64::from_words(new).filter(|value| (0.0..=most).contains(value));
-            value.ok_or(Refusal::OutOfBounds)?;
+            value.ok_or(ParamRefusal::OutOfBounds)?;
         }
         self.params.compare_and_set_words(index, expected, new)
     }
@@ -291,7 +291,10 @@ mod tests {
             set(index, value, 0.5).unwrap();
             set(index, 0.5, value).unwrap();
             let most = value.max(most);
-            assert_eq!(set(index, value, 1.01 * most), Err(Refusal::OutOfBounds));
+            assert_eq!(
+                set(index, value, 1.01 * most),
+                Err(ParamRefusal::OutOfBounds)
+            );
             let bounds = gains.describe(index).unwrap().bounds;
             assert_eq!(bounds, [0.0, most].map(Scalar::to_words));
         }
@@ -335,8 +338,8 @@ mod tests {
             let now = 10.0_f64.to_words();
             (gains.numbers).compare_and_set_words(bandwidth, now, hz.to_words())
         };
-        assert_eq!(set(9999.0), Err(Refusal::OutOfBounds));
-        assert_eq!(set(f64::NAN), Err(Refusal::OutOfBounds));
+        assert_eq!(set(9999.0), Err(ParamRefusal::OutOfBounds));
+        assert_eq!(set(f64::NAN), Err(ParamRefusal::OutOfBounds));
         let described = gains.numbers.describe(bandwidth).unwrap();
         assert_eq!(described.bounds, [0.0_f64, 50.0].map(Scalar::to_words));
         params.compare_and_set_at(kp, 0.0, 7.0).unwrap();
@@ -344,7 +347,7 @@ mod tests {
         params.compare_and_set_at(kt, 2.0, 0.5).unwrap();
         assert_eq!(
             params.compare_and_set_at(kt, 0.5, -1.0),
-            Err(Refusal::OutOfBounds)
+            Err(ParamRefusal::OutOfBounds)
         );
         let before = gains.version();
         assert_eq!(gains.of(1, 1), Some(first(1, 1)));

@@ -1,23 +1,23 @@
-//! [`News`]: the state of the servo loop whose changes are reported to people.
+//! [`LoopNews`]: the state of the servo loop whose changes are reported to people.
 
 use core::fmt::Arguments;
 
 use condor_hand::grasp::distributed::{GraspReason, GraspState};
-use condor_hand::tendon::fault::Fault;
+use condor_hand::tendon::fault::FingerFault;
 
 use crate::{FINGERS, UtahMit};
 
 /// The state that the loop passes to the background, which reports changes of it to people.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct News {
+pub(super) struct LoopNews {
     /// Of each finger of the hand.
-    pub(super) faults: [Option<Fault>; FINGERS],
+    pub(super) faults: [Option<FingerFault>; FINGERS],
     pub(super) grasp: (u64, GraspState, GraspReason),
     /// Transfers of boards that failed; wraps.
     pub(super) failures: u32,
 }
 
-impl News {
+impl LoopNews {
     pub(super) const NOTHING: Self = Self {
         faults: [None; FINGERS],
         grasp: (0, GraspState::Idle, GraspReason::None),

@@ -2,7 +2,7 @@
 
 use condor_hand::config::Finger;
 use condor_hand::math::{abs, max, sqrt};
-use condor_vars::{Described, Field, Kind};
+use condor_vars::{CellField, CellStruct, ValueKind};
 use core::mem::offset_of;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
@@ -43,36 +43,43 @@ pub struct Figures {
     ticks: [[u64; JOINTS]; FINGERS],
 }
 
-impl Described for Tracking {
-    const FIELDS: &'static [Field] = &[
+impl CellStruct for Tracking {
+    const FIELDS: &'static [CellField] = &[
         squares("squares", offset_of!(Tracking, whole))
             .about("Sums of the squares of the distances, since the loop began."),
         peak("peak", offset_of!(Tracking, whole)).about("The largest distance."),
         ticks("ticks", offset_of!(Tracking, whole)).about("How many ticks count."),
-        Field::new("motion", "", Kind::U64, offset_of!(Tracking, motion))
+        CellField::new("motion", "", ValueKind::U64, offset_of!(Tracking, motion))
             .about("The number of the motion that runs; 0 for none."),
         squares("motion.squares", offset_of!(Tracking, present)).about("The same since then."),
         peak("motion.peak", offset_of!(Tracking, present)),
         ticks("motion.ticks", offset_of!(Tracking, present)),
-        Field::new("last", "", Kind::U64, offset_of!(Tracking, last_motion))
-            .about("The number of the motion before; 0 for none."),
+        CellField::new(
+            "last",
+            "",
+            ValueKind::U64,
+            offset_of!(Tracking, last_motion),
+        )
+        .about("The number of the motion before; 0 for none."),
         squares("last.squares", offset_of!(Tracking, last)).about("The same of that."),
         peak("last.peak", offset_of!(Tracking, last)),
         ticks("last.ticks", offset_of!(Tracking, last)),
     ];
 }
 
-const fn squares(name: &'static str, at: usize) -> Field {
+const fn squares(name: &'static str, at: usize) -> CellField {
     let at = at + offset_of!(Figures, squares);
-    Field::new(name, "rad^2", Kind::F64, at).repeated(FINGERS * JOINTS)
+    CellField::new(name, "rad^2", ValueKind::F64, at).repeated(FINGERS * JOINTS)
 }
 
-const fn peak(name: &'static str, at: usize) -> Field {
-    Field::new(name, "rad", Kind::F64, at + offset_of!(Figures, peak)).repeated(FINGERS * JOINTS)
+const fn peak(name: &'static str, at: usize) -> CellField {
+    CellField::new(name, "rad", ValueKind::F64, at + offset_of!(Figures, peak))
+        .repeated(FINGERS * JOINTS)
 }
 
-const fn ticks(name: &'static str, at: usize) -> Field {
-    Field::new(name, "", Kind::U64, at + offset_of!(Figures, ticks)).repeated(FINGERS * JOINTS)
+const fn ticks(name: &'static str, at: usize) -> CellField {
+    CellField::new(name, "", ValueKind::U64, at + offset_of!(Figures, ticks))
+        .repeated(FINGERS * JOINTS)
 }
 
 /// The joint that was farthest from where it was to be.

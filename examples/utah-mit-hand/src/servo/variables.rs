@@ -3,11 +3,11 @@
 use core::fmt::{self, Write};
 use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
-use condor_hand::controller::Tick;
-use condor_hand::servo::Sensed;
-use condor_vars::{Description, Kind, Watch};
+use condor_hand::controller::FingerTick;
+use condor_hand::servo::FingerReadings;
+use condor_vars::{ValueKind, VarDescription, Watch};
 
-use super::Served;
+use super::ServedFingers;
 use super::control::OfFingers;
 use crate::{FINGERS, JOINTS};
 
@@ -47,12 +47,12 @@ const OF_FINGER: usize = JOINTS * JOINT.len() + FINGER.len();
 
 /// What the servo loop shows of its fingers, under names such as `index.proximal.flexor.tension`.
 pub(super) struct Variables<'h> {
-    fingers: Served<'h>,
+    fingers: ServedFingers<'h>,
     words: [AtomicU32; FINGERS * OF_FINGER],
 }
 
 impl<'h> Variables<'h> {
-    pub(super) const fn new(fingers: Served<'h>) -> Self {
+    pub(super) const fn new(fingers: ServedFingers<'h>) -> Self {
         Self {
             fingers,
             words: [const { AtomicU32::new(0) }; FINGERS * OF_FINGER],
@@ -62,8 +62,8 @@ impl<'h> Variables<'h> {
     /// Shows what the fingers felt and did in a tick.
     pub(super) fn show(
         &self,
-        sensed: &OfFingers<Sensed<f64, JOINTS>>,
-        ticks: &OfFingers<Tick<JOINTS>>,
+        sensed: &OfFingers<FingerReadings<f64, JOINTS>>,
+        ticks: &OfFingers<FingerTick<JOINTS>>,
     ) {
         let served = sensed.iter().zip(ticks);
         let served = served.filter_map(|(sensed, tick)| sensed.as_ref().zip(tick.as_ref()));
@@ -89,8 +89,8 @@ impl<'h> Variables<'h> {
 /// In the order of [`JOINT`]; `None` for a joint that there is not.
 fn of_joint(
     joint: usize,
-    sensed: &Sensed<f64, JOINTS>,
-    tick: &Tick<JOINTS>,
+    sensed: &FingerReadings<f64, JOINTS>,
+    tick: &FingerTick<JOINTS>,
 ) -> Option<[f64; JOINT.len()]> {
     let output = &tick.output;
     let position = *output.position.get(joint)?;
@@ -118,14 +118,14 @@ impl Watch for Variables<'_> {
         self.words.get(..len).unwrap_or(&self.words)
     }
 
-    fn describe(&self, index: usize) -> Option<Description<'_>> {
+    fn describe(&self, index: usize) -> Option<VarDescription<'_>> {
         let (kind, unit, about) = match part(index) {
-            Part::Finger(&(_, "", about)) => (Kind::U32, "", about),
+            Part::Finger(&(_, "", about)) => (ValueKind::U32, "", about),
             Part::Joint(_, &(_, unit, about)) | Part::Finger(&(_, unit, about)) => {
-                (Kind::F32, unit, about)
+                (ValueKind::F32, unit, about)
             }
         };
-        (index < self.words().len()).then_some(Description {
+        (index < self.words().len()).then_some(VarDescription {
             kind,
             unit,
             about,
@@ -177,7 +177,7 @@ mod tests {
                 variables.name(index, &mut name).unwrap();
                 let kind = variables.describe(index).unwrap().kind;
                 let is_count = name.ends_with("fault") || name.ends_with("saturated");
-                assert_eq!(kind == Kind::U32, is_count, "{name}");
+                assert_eq!(kind == ValueKind::U32, is_count, "{name}");
                 name
             })
             .collect();

@@ -3,8 +3,8 @@
 use std::collections::HashMap;
 use std::time::Duration;
 
-use condor_hand::message::motions::{Batch, MotionsClient, MotionsError, Sent};
-use condor_hand::queue::{Answer, Identity, Reason, State};
+use condor_hand::message::motions::{Batch, MotionsClient, MotionsError, SentPoints};
+use condor_hand::queue::{QueueAnswer, RefusalReason, RequestIdentity, RequestState};
 use condor_hand::trajectory::image::append;
 use condor_hand::trajectory::{Pace, Primitive, Profile, StreamPoint, Target};
 
@@ -41,21 +41,21 @@ fn control(typist: &mut Typist<'_>, session: u32, from_other: bool) -> u32 {
     ask!(typist, client, client.control(session, from_other, SOON)).unwrap()
 }
 
-fn offer(typist: &mut Typist<'_>, identity: Identity, motions: &[u8]) -> Answer {
+fn offer(typist: &mut Typist<'_>, identity: RequestIdentity, motions: &[u8]) -> QueueAnswer {
     ask!(typist, client, client.offer(identity, motions, SOON)).unwrap()
 }
 
-fn look(typist: &mut Typist<'_>, identity: Identity) -> Answer {
+fn look(typist: &mut Typist<'_>, identity: RequestIdentity) -> QueueAnswer {
     ask!(typist, client, client.look(identity, SOON))
         .unwrap()
         .answer
 }
 
 /// Waits until nothing changes any more.
-fn end(typist: &mut Typist<'_>, identity: Identity) -> (State, Reason) {
+fn end(typist: &mut Typist<'_>, identity: RequestIdentity) -> (RequestState, RefusalReason) {
     for _ in 0..1000 {
         match look(typist, identity) {
-            Answer::Known(state, reason) if state.is_final() => return (state, reason),
+            QueueAnswer::Known(state, reason) if state.is_final() => return (state, reason),
             _ => typist.wait(0.02),
         }
     }
@@ -83,22 +83,22 @@ fn a_client_in_control_moves_the_hand_and_others_look() {
         typist.begin();
         let (first, second) = (open(typist), open(typist));
         assert_ne!(first, second);
-        let of = |session, number| Identity { session, number };
-        let refused = |reason| Answer::Known(State::Refused, reason);
+        let of = |session, number| RequestIdentity { session, number };
+        let refused = |reason| QueueAnswer::Known(RequestState::Refused, reason);
         let wave = offer(typist, of(first, 1), b"wave");
-        assert_eq!(wave, refused(Reason::NotInControl));
+        assert_eq!(wave, refused(RefusalReason::NotInControl));
         assert_eq!(control(typist, first, false), first);
         assert_eq!(control(typist, second, false), first);
         // The same identity has the same outcome.
         let wave = offer(typist, of(first, 1), b"wave");
-        assert_eq!(wave, refused(Reason::NotInControl));
+        assert_eq!(wave, refused(RefusalReason::NotInControl));
         for (number, motions, why) in [
-            (2, &b"wave"[..], Reason::NotReady),
-            (3, b"dance", Reason::NoMotion),
-            (4, b"CNDM", Reason::NoMotion),
+            (2, &b"wave"[..], RefusalReason::NotReady),
+            (3, b"dance", RefusalReason::NoMotion),
+            (4, b"CNDM", RefusalReason::NoMotion),
         ] {
             offer(typist, of(first, number), motions);
-            assert_eq!(end(typist, of(first, number)), (State::Refused, why));
+            assert_eq!(end(typist, of(first, number)), (RequestState::Refused, why));
         }
         enable(typist);
         typist.shown.clear();
@@ -108,10 +108,16 @@ fn a_client_in_control_moves_the_hand_and_others_look() {
         offer(typist, of(first, 6), &small(0.9));
         assert!(matches!(
             look(typist, of(second, 1)),
-            Answer::New | Answer::Known(..)
+            QueueAnswer::New | QueueAnswer::Known(..)
         ));
-        assert_eq!(end(typist, of(first, 6)), (State::Done, Reason::None));
-        assert_eq!(end(typist, of(first, 5)), (State::Done, Reason::None));
+        assert_eq!(
+            end(typist, of(first, 6)),
+            (RequestState::Done, RefusalReason::None)
+        );
+        assert_eq!(
+            end(typist, of(first, 5)),
+            (RequestState::Done, RefusalReason::None)
+        );
         typist.wait(0.1);
         assert_eq!(typist.shown.matches("open is done").count(), 1);
         let middle = typist.truth().position[3][2];
@@ -122,7 +128,7 @@ fn a_client_in_control_moves_the_hand_and_others_look() {
         assert_eq!(control(typist, second, true), second);
         typist.expect(&format!("session {second} is in control"), 1.0);
         let late = offer(typist, of(first, 7), b"open");
-        assert_eq!(late, refused(Reason::NotInControl));
+        assert_eq!(late, refused(RefusalReason::NotInControl));
         assert_eq!(
             typist.says("run open"),
             format!("session {second} is in control: `control` takes it\n")
@@ -138,7 +144,7 @@ fn a_client_in_control_moves_the_hand_and_others_look() {
         typist.expect("all motion stops", 1.0);
         assert_eq!(
             end(typist, of(second, 1)),
-            (State::Aborted, Reason::Command)
+            (RequestState::Aborted, RefusalReason::Command)
         );
         assert_eq!(typist.says("control"), "");
         typist.runs("open");
@@ -147,7 +153,7 @@ fn a_client_in_control_moves_the_hand_and_others_look() {
             open(typist);
         }
         typist.runs("open");
-        assert_eq!(look(typist, of(second, 1)), Answer::NoSession);
+        assert_eq!(look(typist, of(second, 1)), QueueAnswer::NoSession);
         let (first, second) = (open(typist), open(typist));
         assert!(first < second);
 
@@ -156,8 +162,8 @@ fn a_client_in_control_moves_the_hand_and_others_look() {
             long.unwrap_err().to_string(),
             "481 bytes of motions; at most 480 fit in a request"
         );
-        assert_eq!(look(typist, of(99, 1)), Answer::NoSession);
-        assert_eq!(look(typist, of(second, 2)), Answer::New);
+        assert_eq!(look(typist, of(99, 1)), QueueAnswer::NoSession);
+        assert_eq!(look(typist, of(second, 2)), QueueAnswer::New);
     });
 }
 
@@ -182,7 +188,7 @@ fn what_was_accepted_runs_once_or_is_lost_whatever_ends() {
             let session = sessions[client];
             control(typist, session, true);
             numbers[client] += 1;
-            let identity = Identity {
+            let identity = RequestIdentity {
                 session,
                 number: numbers[client],
             };
@@ -208,13 +214,13 @@ fn what_was_accepted_runs_once_or_is_lost_whatever_ends() {
             for (identity, outcome) in &mut outcomes {
                 let now = look(typist, *identity);
                 match (*outcome, now) {
-                    (Some((state, reason)), Answer::Known(now, why)) => {
+                    (Some((state, reason)), QueueAnswer::Known(now, why)) => {
                         assert_eq!((state, reason), (now, why), "{identity}");
                     }
-                    (None, Answer::Known(state, reason)) if state.is_final() => {
+                    (None, QueueAnswer::Known(state, reason)) if state.is_final() => {
                         *outcome = Some((state, reason));
                     }
-                    (None, Answer::Known(..)) | (Some(_), Answer::Forgotten) => {}
+                    (None, QueueAnswer::Known(..)) | (Some(_), QueueAnswer::Forgotten) => {}
                     (before, now) => panic!("{identity}: {before:?}, {now:?}"),
                 }
             }
@@ -224,22 +230,22 @@ fn what_was_accepted_runs_once_or_is_lost_whatever_ends() {
         }
         typist.wait(3.0);
         said += &typist.shown;
-        let mut counts = HashMap::<State, u32>::new();
+        let mut counts = HashMap::<RequestState, u32>::new();
         for (identity, outcome) in outcomes {
             let (state, _) = outcome.unwrap_or_else(|| end(typist, identity));
             *counts.entry(state).or_default() += 1;
-            let Identity { session, number } = identity;
+            let RequestIdentity { session, number } = identity;
             let done = format!("motion {session}.{number} is done\n");
             let runs = said.matches(&done).count();
-            let expected = usize::from(state == State::Done);
+            let expected = usize::from(state == RequestState::Done);
             assert_eq!(runs, expected, "{identity} is {state:?}:\n{said}");
         }
         println!("{counts:?}");
-        assert!(counts[&State::Done] > 10, "{counts:?}");
+        assert!(counts[&RequestState::Done] > 10, "{counts:?}");
         assert!(
             counts
                 .keys()
-                .any(|it| [State::Lost, State::BrokenOff].contains(it)),
+                .any(|it| [RequestState::Lost, RequestState::BrokenOff].contains(it)),
             "{counts:?}"
         );
     });
@@ -252,17 +258,17 @@ fn a_motion_whose_finger_is_lost_is_never_done() {
         let mut number = 0;
         let mut begin = |typist: &mut Typist<'_>| {
             number += 1;
-            let identity = Identity { session, number };
+            let identity = RequestIdentity { session, number };
             offer(typist, identity, b"wave");
             typist.wait(0.5);
-            let running = Answer::Known(State::Started, Reason::None);
+            let running = QueueAnswer::Known(RequestState::Started, RefusalReason::None);
             assert_eq!(look(typist, identity), running);
             identity
         };
         // All fingers wave; of one, only its own motions are aborted by the generator.
         let request = begin(typist);
         typist.says("disable index");
-        let ended = (State::Aborted, Reason::Command);
+        let ended = (RequestState::Aborted, RefusalReason::Command);
         assert_eq!(end(typist, request), ended, "{}", typist.shown);
         typist.says("enable");
         typist.wait(1.5);
@@ -274,7 +280,7 @@ fn a_motion_whose_finger_is_lost_is_never_done() {
         typist.wait(1.5);
         let request = begin(typist);
         typist.says("fault thumb.middle flexor");
-        let failed = (State::Aborted, Reason::Failure);
+        let failed = (RequestState::Aborted, RefusalReason::Failure);
         assert_eq!(end(typist, request), failed, "{}", typist.shown);
         assert!(!typist.shown.contains("wave is done"), "{}", typist.shown);
     });
@@ -333,19 +339,19 @@ fn a_request_tells_how_far_it_is() {
     run(|typist| {
         let session = in_control(typist);
         let (first, second) = (
-            Identity { session, number: 1 },
-            Identity { session, number: 2 },
+            RequestIdentity { session, number: 1 },
+            RequestIdentity { session, number: 2 },
         );
         offer(typist, first, b"wave");
         offer(typist, second, b"open");
         let mut told = Vec::new();
         loop {
             let seen = ask!(typist, client, client.look(first, SOON)).unwrap();
-            if seen.answer != Answer::Known(State::Started, Reason::None) {
+            if seen.answer != QueueAnswer::Known(RequestState::Started, RefusalReason::None) {
                 break;
             }
             let next = ask!(typist, client, client.look(second, SOON)).unwrap();
-            if next.answer == Answer::Known(State::Accepted, Reason::None) {
+            if next.answer == QueueAnswer::Known(RequestState::Accepted, RefusalReason::None) {
                 assert_eq!((next.before, next.progress), (1, None));
             }
             told.push(seen.progress.unwrap());
@@ -362,8 +368,8 @@ fn a_request_tells_how_far_it_is() {
 fn a_request_whose_file_does_not_come_in_time_waits_and_runs() {
     run(|typist| {
         let session = in_control(typist);
-        let of = |number| Identity { session, number };
-        let waits = Answer::Known(State::Accepted, Reason::None);
+        let of = |number| RequestIdentity { session, number };
+        let waits = QueueAnswer::Known(RequestState::Accepted, RefusalReason::None);
         // Longer than the master waits for a file.
         typist.stall("motions/open.motion", 11.0);
         typist.shown.clear();
@@ -379,9 +385,15 @@ fn a_request_whose_file_does_not_come_in_time_waits_and_runs() {
             typist.wait(1.0);
         }
         typist.expect("motions/open.motion: ", 2.0);
-        assert_eq!(end(typist, of(1)), (State::Done, Reason::None));
+        assert_eq!(
+            end(typist, of(1)),
+            (RequestState::Done, RefusalReason::None)
+        );
         offer(typist, of(2), &small(0.9));
-        assert_eq!(end(typist, of(2)), (State::Done, Reason::None));
+        assert_eq!(
+            end(typist, of(2)),
+            (RequestState::Done, RefusalReason::None)
+        );
         typist.wait(0.1);
         assert_eq!(typist.shown.matches("open is done").count(), 1);
     });
@@ -427,9 +439,9 @@ fn pass(seconds: u32) {
 fn a_ledger_that_is_deleted_or_cut_is_made_anew_and_nothing_runs_again() {
     run(|typist| {
         let session = in_control(typist);
-        let of = |number| Identity { session, number };
+        let of = |number| RequestIdentity { session, number };
         offer(typist, of(1), &small(0.9));
-        let done = (State::Done, Reason::None);
+        let done = (RequestState::Done, RefusalReason::None);
         assert_eq!(end(typist, of(1)), done);
         // While it runs.
         for (number, len) in [(2, None), (3, Some(100)), (4, Some(0))] {
@@ -442,7 +454,7 @@ fn a_ledger_that_is_deleted_or_cut_is_made_anew_and_nothing_runs_again() {
             assert_eq!(end(typist, of(number)), done);
         }
         let whole = typist.file("motions.ledger");
-        // Between two lives. New sessions are numbered by the seconds of the host.
+        // Between two incarnations. New sessions are numbered by the seconds of the host.
         pass(session);
         let (restarted, len) = (
             |typist: &mut Typist<'_>| typist.restart(MASTER),
@@ -451,7 +463,7 @@ fn a_ledger_that_is_deleted_or_cut_is_made_anew_and_nothing_runs_again() {
         typist.cut_file("motions.ledger", None);
         restarted(typist);
         typist.begin();
-        assert_eq!(look(typist, of(1)), Answer::NoSession);
+        assert_eq!(look(typist, of(1)), QueueAnswer::NoSession);
         let newer = open(typist);
         assert!(newer > session, "{newer} after {session}");
         typist.cut_file("motions.ledger", Some(len - 32));
@@ -533,9 +545,9 @@ fn batch(sequence: u32, points: &[(f64, f64, f64)], is_last: bool) -> Batch<16> 
 
 fn send(
     typist: &mut Typist<'_>,
-    identity: Identity,
+    identity: RequestIdentity,
     batch: &Batch<16>,
-) -> Result<Sent, MotionsError> {
+) -> Result<SentPoints, MotionsError> {
     ask!(typist, client, client.points(identity, MASK, batch, SOON))
 }
 
@@ -543,10 +555,10 @@ fn send(
 fn a_stream_moves_the_hand_and_brakes_when_its_points_stay_away() {
     run(|typist| {
         let session = in_control(typist);
-        let of = |number| Identity { session, number };
+        let of = |number| RequestIdentity { session, number };
         offer(typist, of(1), &small(0.9));
         // It waits for its turn like any other; its first batch waits for that.
-        let accepted = Answer::Known(State::Accepted, Reason::None);
+        let accepted = QueueAnswer::Known(RequestState::Accepted, RefusalReason::None);
         let stream = |typist: &mut Typist<'_>, number| {
             ask!(typist, client, client.stream(of(number), MASK, SOON)).unwrap()
         };
@@ -555,7 +567,7 @@ fn a_stream_moves_the_hand_and_brakes_when_its_points_stay_away() {
         // Nobody but its client knows how many points are still to come.
         for _ in 0..1000 {
             let seen = ask!(typist, client, client.look(of(2), SOON)).unwrap();
-            if seen.answer == Answer::Known(State::Started, Reason::None) {
+            if seen.answer == QueueAnswer::Known(RequestState::Started, RefusalReason::None) {
                 assert_eq!(seen.progress, None);
                 break;
             }
@@ -581,10 +593,13 @@ fn a_stream_moves_the_hand_and_brakes_when_its_points_stay_away() {
             for _ in 0..2 {
                 let sent = send(typist, of(2), &points).unwrap();
                 let until = Duration::from_millis(100 * (u64::from(sequence) + 1));
-                assert_eq!(sent, Sent::Until(until), "batch {sequence}");
+                assert_eq!(sent, SentPoints::Until(until), "batch {sequence}");
             }
         }
-        assert_eq!(end(typist, of(2)), (State::Done, Reason::None));
+        assert_eq!(
+            end(typist, of(2)),
+            (RequestState::Done, RefusalReason::None)
+        );
         let farthest = typist.wanted[begin..].iter().map(|it| it[3][2]);
         let farthest = farthest.fold(0.0, f64::max);
         assert!((farthest - 1.1).abs() < 1e-6, "{farthest}");
@@ -602,29 +617,47 @@ fn a_stream_moves_the_hand_and_brakes_when_its_points_stay_away() {
             "batch 1 comes before batch 0"
         );
         send(typist, of(3), &batch(0, &[(0.3, 1.0, 1.0)], false)).unwrap();
-        assert_eq!(end(typist, of(3)), (State::Aborted, Reason::Starved));
-        let answer = Answer::Known(State::Aborted, Reason::Starved);
+        assert_eq!(
+            end(typist, of(3)),
+            (RequestState::Aborted, RefusalReason::Starved)
+        );
+        let answer = QueueAnswer::Known(RequestState::Aborted, RefusalReason::Starved);
         let after = send(typist, of(3), &batch(1, &[(0.5, 1.0, 0.0)], true)).unwrap();
-        assert_eq!(after, Sent::Ended(answer));
+        assert_eq!(after, SentPoints::Ended(answer));
         // Nobody sends anything, and somebody ends it.
         stream(typist, 4);
-        assert_eq!(end(typist, of(4)), (State::Aborted, Reason::Starved));
+        assert_eq!(
+            end(typist, of(4)),
+            (RequestState::Aborted, RefusalReason::Starved)
+        );
         stream(typist, 5);
         send(typist, of(5), &batch(0, &[(2.0, 0.9, 0.0)], false)).unwrap();
         typist.wait(0.3);
         typist.types("abort");
-        assert_eq!(end(typist, of(5)), (State::Aborted, Reason::Command));
+        assert_eq!(
+            end(typist, of(5)),
+            (RequestState::Aborted, RefusalReason::Command)
+        );
         // The next one begins where it stopped.
         offer(typist, of(6), &small(0.8));
-        assert_eq!(end(typist, of(6)), (State::Done, Reason::None));
+        assert_eq!(
+            end(typist, of(6)),
+            (RequestState::Done, RefusalReason::None)
+        );
         for pair in typist.wanted[begin..].windows(2) {
             let step = (pair[1][3][2] - pair[0][3][2]).abs();
             assert!(step < 0.1, "{step} rad in a tick");
         }
         let none = ask!(typist, client, client.stream(of(7), 0, SOON)).unwrap();
-        assert_eq!(none, Answer::Known(State::Refused, Reason::NoMotion));
+        assert_eq!(
+            none,
+            QueueAnswer::Known(RequestState::Refused, RefusalReason::NoMotion)
+        );
         typist.says("disable thumb");
         stream(typist, 8);
-        assert_eq!(end(typist, of(8)), (State::Refused, Reason::NotReady));
+        assert_eq!(
+            end(typist, of(8)),
+            (RequestState::Refused, RefusalReason::NotReady)
+        );
     });
 }

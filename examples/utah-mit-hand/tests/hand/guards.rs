@@ -13,10 +13,10 @@ use std::time::Duration;
 
 use condor_hand::config::Hand;
 use condor_mbox::linux::LinuxWindow;
-use condor_mbox::{MemoryWindow, Places, Processor};
+use condor_mbox::{Allocator, MemoryWindow, Processor};
 use condor_rt::numbers;
-use condor_rt::objects::{self, Kind};
-use condor_vars::{Client, Table, VARS, Watcher};
+use condor_rt::objects::{self, ObjectKind};
+use condor_vars::{VARS, VariableClient, VariableTable, Watcher};
 use utah_mit_hand::{FINGERS, JOINTS, servo};
 
 use crate::rig::Posture;
@@ -53,8 +53,8 @@ impl Targets {
         let hand = hand();
         let watcher = |number: Processor, served: [usize; 2]| {
             let region = typist.region(number);
-            let object = objects::find(&region, servo::LOOP, Kind::Variables);
-            let table = Table::open(&region, object.unwrap().unwrap().offset).unwrap();
+            let object = objects::find(&region, servo::LOOP, ObjectKind::Variables);
+            let table = VariableTable::open(&region, object.unwrap().unwrap().offset).unwrap();
             let joints = served.map(|finger| &hand.fingers[finger]);
             let names = joints.into_iter().flat_map(|finger| {
                 let joints = finger.joints.iter();
@@ -65,8 +65,9 @@ impl Targets {
                 .collect();
             assert!(entries.is_sorted());
             let own = typist.region(numbers::TERMINALS);
-            let mut places = Places::new(own.size());
-            let mut client = Client::new(typist.mailbox(), own, &mut places, number, VARS).unwrap();
+            let mut places = Allocator::new(own.size());
+            let mut client =
+                VariableClient::new(typist.mailbox(), own, &mut places, number, VARS).unwrap();
             let mut watcher = client.claim(&table, SOON).unwrap();
             client.select(&mut watcher, &entries, 1, SOON).unwrap();
             watcher
@@ -351,7 +352,7 @@ fn a_guard_of_contact_needs_a_sensor() {
 }
 
 #[test]
-fn a_new_life_of_the_master_is_not_held_by_the_stops_of_the_last() {
+fn a_new_incarnation_of_the_master_is_not_held_by_the_stops_of_the_last() {
     run(|typist| {
         around_the_ball(typist);
         let guard = "stop = { contact = true }";
@@ -364,7 +365,7 @@ fn a_new_life_of_the_master_is_not_held_by_the_stops_of_the_last() {
         typist.types("enable");
         typist.wait(4.0);
         typist.shown.clear();
-        // The first motions of this life have the numbers of those of the last.
+        // The first motions of this incarnation have the numbers of those of the last.
         for _ in 0..3 {
             typist.runs("open");
             assert!(!typist.shown.contains("stopped"), "{}", typist.shown);

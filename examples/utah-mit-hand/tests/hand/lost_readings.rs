@@ -7,9 +7,9 @@ use condor_hand::controller::FingerController;
 use condor_hand::kinematics::PlanarFinger;
 use condor_hand::math::{max, min};
 use condor_hand::plant::{self, PlantModel};
-use condor_hand::servo::{Mode, Sensed};
+use condor_hand::servo::{FingerReadings, ServoMode};
 use condor_hand::tendon::Pair;
-use condor_hand::tendon::fault::{Fault, FaultCode, FaultSite};
+use condor_hand::tendon::fault::{FaultCode, FaultSite, FingerFault};
 use condor_hand::trajectory::{Generator, Observations, SetPoint, StopGuard, motion};
 use nalgebra::{SVector, Vector3};
 use utah_mit_hand::compile::joint_names;
@@ -48,11 +48,11 @@ type Spoil = fn(reading: f64, before: f64) -> f64;
 #[derive(Clone)]
 struct Finger<'h> {
     entry: &'h condor_hand::config::Finger<JOINTS>,
-    plant: plant::Hand<PlanarFinger, 1, JOINTS>,
+    plant: plant::SimHand<PlanarFinger, 1, JOINTS>,
     controller: FingerController<PlanarFinger, JOINTS>,
     said: SVector<f64, JOINTS>,
     gravity: Vector3<f64>,
-    fault: Option<Fault>,
+    fault: Option<FingerFault>,
 }
 
 impl<'h> Finger<'h> {
@@ -62,7 +62,7 @@ impl<'h> Finger<'h> {
         let plant = MACHINE.finger(entry, mechanism, q).unwrap();
         let mut finger = Self {
             entry,
-            plant: plant::Hand::new([plant], MACHINE.hand_parameters(hand)).unwrap(),
+            plant: plant::SimHand::new([plant], MACHINE.hand_parameters(hand)).unwrap(),
             controller: FingerController::new(hand, entry, mechanism).unwrap(),
             said: q,
             gravity: Vector3::from(hand.gravity),
@@ -70,7 +70,10 @@ impl<'h> Finger<'h> {
         };
         finger.tick(None);
         for joint in 0..JOINTS {
-            finger.controller.set_mode(joint, Mode::Position).unwrap();
+            finger
+                .controller
+                .set_mode(joint, ServoMode::Position)
+                .unwrap();
         }
         finger.tick(None);
         finger
@@ -82,10 +85,11 @@ impl<'h> Finger<'h> {
 
     /// One tick, in which the sensor of a joint may be spoilt.
     fn tick(&mut self, spoilt: Option<(usize, Spoil)>) {
-        let counted = |input: &condor_hand::config::Input, value| input.value(input.counts(value));
+        let counted =
+            |input: &condor_hand::config::InputChannel, value| input.value(input.counts(value));
         let is = self.position();
         let tensions = *self.plant.fingers()[0].tensions();
-        let mut sensed = Sensed {
+        let mut sensed = FingerReadings {
             position: SVector::zeros(),
             tension: [Pair::both(0.0); JOINTS],
             touch: 0.0,
@@ -149,7 +153,7 @@ fn set_points(hand: &UtahMit, text: &str) -> [Vec<[SetPoint<f64>; JOINTS]>; FING
 /// What became of a finger after a sensor of it was spoilt.
 struct Seen {
     joint: usize,
-    fault: Option<Fault>,
+    fault: Option<FingerFault>,
     /// In which tick the fault was seen, from 1.
     named: usize,
     /// The largest distance of any joint from where it would have been, in [`WATCHED`] ticks, degrees.

@@ -24,7 +24,7 @@ fn a_it_loads_and_saves_entire_sequences_of_motions_in_files_of_the_host() {
         assert!(!typist.file("motions/mine.motion").is_empty());
         let names = typist.says("motions");
         assert!(names.lines().any(|name| name == "mine"), "{names}");
-        // The next life of the program has nothing but the file.
+        // The next incarnation of the program has nothing but the file.
         typist.restart(MASTER);
         typist.begin();
         let loaded = typist.says("load mine");

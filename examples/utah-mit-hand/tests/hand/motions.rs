@@ -112,12 +112,12 @@ struct Left {
 fn worked(typist: &mut Typist<'_>, kills: bool) -> Left {
     let names = ["open", "wave", "counting"];
     enabled(typist);
-    let life = typist.life_of_files();
-    assert!(life.is_some());
+    let incarnation = typist.incarnation_of_files();
+    assert!(incarnation.is_some());
     let mut shown = String::new();
     for name in names {
         if kills {
-            // The motion is loaded by the next life.
+            // The motion is loaded by the next incarnation.
             typist.kill_files();
             typist.wait(0.05);
         }
@@ -147,7 +147,7 @@ fn worked(typist: &mut Typist<'_>, kills: bool) -> Left {
     ends.push("kept: 1 motions saved".into());
     // So that the last counts are published.
     typist.wait(0.2);
-    let killed = typist.life_of_files() != life;
+    let killed = typist.incarnation_of_files() != incarnation;
     assert_eq!(killed, kills);
     let counts = typist.counts();
     for (number, runs, _) in &counts {
@@ -186,7 +186,7 @@ fn replayed(typist: &mut Typist<'_>) -> Vec<[[f64; 4]; 4]> {
 }
 
 #[test]
-fn a_motion_is_saved_and_replayed_by_the_next_life_of_the_master() {
+fn a_motion_is_saved_and_replayed_by_the_next_incarnation_of_the_master() {
     run(|typist| {
         enabled(typist);
         assert_eq!(typist.says("record mine"), "");

@@ -1,6 +1,6 @@
 //! Numbers that can only be a mistake are refused, and what is simulated stays in its workspace.
 
-use utah_mit_hand::plant::{self, Refusal, Verb};
+use utah_mit_hand::plant::{self, PlantOperation, PlantRefusal};
 
 use crate::rig;
 use crate::typist::run;
@@ -62,7 +62,7 @@ fn the_robot_trusts_nobody_who_asks() {
         let with = |place: usize, value: f64| {
             let mut numbers = ball;
             numbers[place] = value;
-            (Verb::PlaceBall, numbers)
+            (PlantOperation::PlaceBall, numbers)
         };
         let mut push = [0.0; 6];
         push[1] = 1e4;
@@ -72,17 +72,17 @@ fn the_robot_trusts_nobody_who_asks() {
             with(3, -0.02),
             with(4, 99.0),
             with(4, f64::NAN),
-            (Verb::PushTip, push),
-            (Verb::LetGo, [-1.0, 0.0, 0.0, 0.0, 0.0, 0.0]),
+            (PlantOperation::PushTip, push),
+            (PlantOperation::LetGo, [-1.0, 0.0, 0.0, 0.0, 0.0, 0.0]),
         ];
-        for (verb, numbers) in wrong {
-            let request = plant::Request {
-                verb: verb as u32,
+        for (operation, numbers) in wrong {
+            let request = plant::PlantRequest {
+                operation: operation as u32,
                 numbers,
-                ..plant::Request::default()
+                ..plant::PlantRequest::default()
             };
             let response = master.ask_plant(&request);
-            assert_eq!(response.refusal, Refusal::Number as u32, "{request:?}");
+            assert_eq!(response.refusal, PlantRefusal::Number as u32, "{request:?}");
         }
         assert!(master.truth().unwrap().ball[0].is_nan());
     });

@@ -5,19 +5,19 @@ use std::path::Path;
 use std::sync::Mutex;
 
 use condor_dev::Bus;
-use condor_fs::server::{Options, Server};
+use condor_fs::server::{FileServer, ServerOptions};
 use condor_hand::grasp::distributed::{GraspOrder, GraspState};
-use condor_hand::servo::{JointTarget, Mode};
+use condor_hand::servo::{JointTarget, ServoMode};
 use condor_hand::tendon::Pair;
 use condor_hand::trajectory::StopGuard;
 use condor_mbox::{MemoryWindow, Processor, Region, StoreOrder};
-use condor_mcap::Message;
-use condor_rt::objects::Kind;
-use condor_rt::sim::System;
+use condor_mcap::MessageHead;
+use condor_rt::objects::ObjectKind;
+use condor_rt::sim::VirtualSystem;
 use condor_rt::{Machine, Program, numbers};
-use condor_vars::Value;
+use condor_vars::AnyValue;
 use utah_mit_hand::boards::{Board, address, output_counts, socket, zero_of};
-use utah_mit_hand::recording::{OUTPUTS, Output};
+use utah_mit_hand::recording::{OUTPUTS, ServoOutputs};
 use utah_mit_hand::replay::Replay;
 use utah_mit_hand::{objects, plant, table};
 
@@ -66,21 +66,23 @@ fn registers(master: &Master<'_>) -> Seen {
 fn script(master: &mut Master<'_>, seen: &mut Vec<Seen>) {
     master.wait_for_all();
     // The table begins to move, and the palm with it.
-    let ask = |verb, to| table::Request {
-        verb: verb as u32,
+    let ask = |operation, to| table::TableRequest {
+        operation: operation as u32,
         zero: 0,
         speed: 0.6,
         to,
     };
     assert_eq!(
-        master.ask_table(&ask(table::Verb::Home, [0.0; 3])).refusal,
+        master
+            .ask_table(&ask(table::TableOperation::Home, [0.0; 3]))
+            .refusal,
         0
     );
     master.enable();
     master.hold(0.1);
     master.go(0.5, READY);
     seen.push(registers(master));
-    let to = ask(table::Verb::Move, [0.05, -0.05, 0.04]);
+    let to = ask(table::TableOperation::Move, [0.05, -0.05, 0.04]);
     assert_eq!(master.ask_table(&to).refusal, 0);
     // A guard stops a finger on its way, which catches up then.
     master.guards[1] = [StopGuard {
@@ -108,14 +110,22 @@ fn script(master: &mut Master<'_>, seen: &mut Vec<Seen>) {
             .unwrap();
     });
     for (gain, value) in [("kp", 2.0), ("kv", 0.03), ("ki", 1.0), ("integral_nm", 0.1)] {
-        master.set(FIRST, &format!("middle.middle.{gain}"), Value::F64(value));
+        master.set(
+            FIRST,
+            &format!("middle.middle.{gain}"),
+            AnyValue::F64(value),
+        );
     }
-    master.set(FIRST, "middle.middle.law", Value::Choice(0));
+    master.set(FIRST, "middle.middle.law", AnyValue::Choice(0));
     master.stay(0.06);
     seen.push(registers(master));
     master.client(FIRST, |client| {
-        client.enable(0, Some(0), Mode::Position, SOON).unwrap();
-        client.enable(1, Some(3), Mode::Position, SOON).unwrap();
+        client
+            .enable(0, Some(0), ServoMode::Position, SOON)
+            .unwrap();
+        client
+            .enable(1, Some(3), ServoMode::Position, SOON)
+            .unwrap();
     });
     // A grasp of air, and another that the law refuses.
     let stiffness = [200.0, 250.0, 150.0, 0.1, 0.1, 0.1];
@@ -135,12 +145,12 @@ fn script(master: &mut Master<'_>, seen: &mut Vec<Seen>) {
     master.hold(0.06);
     assert_eq!(master.report(FIRST).state, GraspState::Idle);
     // A finger fails, and is whole again.
-    let broken = plant::Request {
-        verb: plant::Verb::CutTendon as u32,
+    let broken = plant::PlantRequest {
+        operation: plant::PlantOperation::CutTendon as u32,
         finger: 1,
         joint: 1,
-        which: plant::Which::Flexor as u32,
-        ..plant::Request::default()
+        which: plant::PlantTarget::Flexor as u32,
+        ..plant::PlantRequest::default()
     };
     assert_eq!(master.ask_plant(&broken).refusal, 0);
     master.hold(0.16);
@@ -148,9 +158,9 @@ fn script(master: &mut Master<'_>, seen: &mut Vec<Seen>) {
         |master: &Master<'_>| master.client(FIRST, |client| client.status(1, SOON).unwrap());
     assert!(status(master).fault.is_some());
     seen.push(registers(master));
-    let mend = plant::Request {
-        verb: plant::Verb::Mend as u32,
-        ..plant::Request::default()
+    let mend = plant::PlantRequest {
+        operation: plant::PlantOperation::Mend as u32,
+        ..plant::PlantRequest::default()
     };
     assert_eq!(master.ask_plant(&mend).refusal, 0);
     master.hold(0.5);
@@ -176,9 +186,9 @@ fn record(files: &Path, ticks: u32) -> (Vec<Seen>, String) {
 
 /// Replays `servo.mcap` of `files` on a processor; gives what it said, or why it failed.
 fn replay(files: &Path, number: u8) -> Result<String, String> {
-    let server = Server::new(files, Options::default()).unwrap();
+    let server = FileServer::new(files, ServerOptions::default()).unwrap();
     let said = Mutex::new(String::new());
-    let mut system = System::new(WINDOW_BYTES).unwrap();
+    let mut system = VirtualSystem::new(WINDOW_BYTES).unwrap();
     let number = Processor(number);
     system
         .arguments(number, ["from=servo.mcap", "to=servo.out"])
@@ -208,9 +218,9 @@ fn hash(bytes: &[u8]) -> u64 {
 }
 
 /// The outputs of a replay.
-fn outputs(files: &Path) -> Vec<Output> {
+fn outputs(files: &Path) -> Vec<ServoOutputs> {
     let bytes = fs::read(files.join("servo.out")).unwrap();
-    let (outputs, rest) = bytes.as_chunks::<{ size_of::<Output>() }>();
+    let (outputs, rest) = bytes.as_chunks::<{ size_of::<ServoOutputs>() }>();
     assert!(rest.is_empty());
     outputs
         .iter()
@@ -264,7 +274,7 @@ fn the_shipped_recording_has_the_same_outputs_everywhere() {
 }
 
 /// Bytes of a record before the data of a message.
-const HEAD: usize = Message::HEAD_BYTES;
+const HEAD: usize = MessageHead::HEAD_BYTES;
 
 /// Where the data of the messages of a channel begin in a recording.
 fn all(recording: &[u8], channel: u8) -> impl Iterator<Item = usize> {
@@ -413,7 +423,7 @@ fn a_ring_in_which_somebody_else_writes_ends_the_recording_alone() {
             master.enable();
             master.hold(0.1);
             let region = master.region(FIRST);
-            let ring = condor_rt::objects::find(&region, "recording", Kind::Other);
+            let ring = condor_rt::objects::find(&region, "recording", ObjectKind::Other);
             let ring = ring.unwrap().unwrap();
             for at in (ring.offset..ring.offset + ring.len).step_by(4) {
                 region.store(at, u32::MAX, StoreOrder::Relaxed).unwrap();

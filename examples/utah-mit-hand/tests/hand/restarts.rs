@@ -3,12 +3,12 @@
 
 use std::process::Command;
 
-use condor_host::control::Status;
+use condor_host::control::SystemStatus;
 use rustix::process::{Pid, Signal, kill_process};
 
 use crate::up::Up;
 
-fn process(status: &Status, name: &str) -> Option<u32> {
+fn process(status: &SystemStatus, name: &str) -> Option<u32> {
     let mut members = status.members();
     members.find(|it| it.name == name).and_then(|it| it.pid)
 }
@@ -76,10 +76,10 @@ fn a_master_that_may_not_restart_programs_is_told_which_key_is_missing() {
 }
 
 /// "The master ends. No set-points come any more, and after 60 ms each finger that follows has a fault": in
-/// simulated time, too, in which the start of its next life takes no time of the machine's.
+/// simulated time, too, in which the start of its next incarnation takes no time of the machine's.
 #[test]
 fn fingers_are_off_after_the_master_was_killed_until_a_person_enables_them() {
-    // Nothing is typed at its next life.
+    // Nothing is typed at its next incarnation.
     let mut up = Up::start("killed-master", "max", |text| {
         text.replace("run wave", "run open")
     });

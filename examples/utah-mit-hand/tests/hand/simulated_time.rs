@@ -9,7 +9,7 @@ use std::process::{Child, Command, Stdio};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering::Relaxed};
 use std::time::Duration;
 
-use condor_host::control::{Client, Status};
+use condor_host::control::{ControlClient, SystemStatus};
 use condor_host::system::SystemDirectory;
 use rustix::process::{Pid, Signal, kill_process};
 use tempfile::TempDir;
@@ -72,15 +72,15 @@ impl Run {
         Self { place, supervisor }
     }
 
-    fn status(&self) -> Option<Status> {
+    fn status(&self) -> Option<SystemStatus> {
         let directory = self.place.path().join("condor").join(NAME);
-        let client = Client::connect(&SystemDirectory::at(directory));
+        let client = ControlClient::connect(&SystemDirectory::at(directory));
         client.ok()?.status().ok()
     }
 
     fn members(&self) -> Vec<(String, Pid)> {
         let status = self.status();
-        let members = status.iter().flat_map(Status::members);
+        let members = status.iter().flat_map(SystemStatus::members);
         let of = |pid: u32| Pid::from_raw(i32::try_from(pid).ok()?);
         let members = members.filter_map(|it| Some((it.name.clone(), it.pid.and_then(of)?)));
         members.collect()

@@ -6,11 +6,11 @@ use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use condor_hand::message::motions::MotionsClient;
-use condor_hand::queue::{Answer, Identity, Reason, State};
-use condor_host::control::{Client, Request};
+use condor_hand::queue::{QueueAnswer, RefusalReason, RequestIdentity, RequestState};
+use condor_host::control::{ControlClient, ControlRequest};
 use condor_host::view::View;
 use condor_mbox::Processor;
-use utah_mit_hand::master::Wanted;
+use utah_mit_hand::master::DesiredPositions;
 use utah_mit_hand::objects;
 
 use crate::up::{DEADLINE, Up};
@@ -38,7 +38,7 @@ fn open(name: &'static str) -> (Up, View) {
 fn seen(view: &View) -> (f64, f64, f64) {
     let master = view.region(MASTER).unwrap();
     let wanted = objects::wanted(&master).unwrap().unwrap();
-    let wanted: Wanted = wanted.subscriber(&master).unwrap().read().unwrap().value;
+    let wanted: DesiredPositions = wanted.subscriber(&master).unwrap().read().unwrap().value;
     let plant = view.region(PLANT).unwrap();
     let truth = objects::truth(&plant).unwrap().unwrap();
     let truth = truth.subscriber(&plant).unwrap().read().unwrap().value;
@@ -157,9 +157,12 @@ fn a_hand_whose_points_stay_away_brakes_and_says_why() {
     let region = view.region(MASTER).unwrap();
     let blocks = objects::motions(&region).unwrap().unwrap();
     let mut client = MotionsClient::new(view.post(), MASTER, &blocks, &region).unwrap();
-    let stream = Identity { session, number: 1 };
+    let stream = RequestIdentity { session, number: 1 };
     let answer = client.look(stream, DEADLINE).unwrap().answer;
-    assert_eq!(answer, Answer::Known(State::Aborted, Reason::Starved));
+    assert_eq!(
+        answer,
+        QueueAnswer::Known(RequestState::Aborted, RefusalReason::Starved)
+    );
     // Control is free, and the next motion begins where the joint is.
     let next = outcome(motion(&up, &["open"]));
     assert_eq!(next, (true, "open: done\n".to_owned()));
@@ -172,17 +175,17 @@ fn a_motion_in_paused_time_says_why_it_waits() {
     });
     up.expect("open is done\n");
     let ask = |request| {
-        let mut client = Client::connect(&up.directory()).unwrap();
+        let mut client = ControlClient::connect(&up.directory()).unwrap();
         client.ask(&request).unwrap();
     };
-    ask(Request::Pause {});
+    ask(ControlRequest::Pause {});
     let mut child = motion(&up, &["--control", "pinch"]);
     let mut said = String::new();
     let mut stderr = BufReader::new(child.stderr.take().unwrap());
     stderr.read_line(&mut said).unwrap();
     assert!(said.contains("time is paused"), "{said}");
     assert!(said.contains("clock resume`"), "{said}");
-    ask(Request::Resume {});
+    ask(ControlRequest::Resume {});
     let (is_done, text) = outcome(child);
     assert!(is_done, "{text}");
     assert_eq!(text, "pinch: done\n");

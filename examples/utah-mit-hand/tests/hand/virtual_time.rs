@@ -72,17 +72,17 @@ fn one_two_three_and_four_processors_move_the_hand_and_hold_a_ball_alike_to_the_
     let hold = |partition| {
         run_with(partition, 8.0, None, |master| {
             take_ball(master);
-            let table = |verb, to| table::Request {
-                verb: verb as u32,
+            let table = |operation, to| table::TableRequest {
+                operation: operation as u32,
                 zero: 0,
                 speed: 0.6,
                 to,
             };
             // The palm is accelerated while it holds the ball.
-            let home = table(table::Verb::Home, [0.0; 3]);
+            let home = table(table::TableOperation::Home, [0.0; 3]);
             assert_eq!(master.ask_table(&home).refusal, 0);
             master.wait(0.5);
-            let to = table(table::Verb::Move, [0.02, -0.01, 0.01]);
+            let to = table(table::TableOperation::Move, [0.02, -0.01, 0.01]);
             assert_eq!(master.ask_table(&to).refusal, 0);
             master.wait(1.0);
             assert_eq!(master.truth().unwrap().touching, 0b1111);
@@ -137,32 +137,37 @@ fn a_servo_that_ends_leaves_its_fingers_to_the_watchdog_and_no_others() {
 fn the_table_goes_home_and_where_it_is_sent_and_the_fingers_stay() {
     run(6.0, None, |master| {
         begin(master, READY);
-        let ask = |verb, to| table::Request {
-            verb: verb as u32,
+        let ask = |operation, to| table::TableRequest {
+            operation: operation as u32,
             zero: 0,
             speed: 0.6,
             to,
         };
         let to = [0.1, -0.05, 0.08];
-        let refused = master.ask_table(&ask(table::Verb::Move, to));
+        let refused = master.ask_table(&ask(table::TableOperation::Move, to));
         assert_eq!(
-            table::Refusal::from_number(refused.refusal),
-            Some(table::Refusal::NotReady)
+            table::TableRefusal::from_number(refused.refusal),
+            Some(table::TableRefusal::NotReady)
         );
-        let answer = master.ask_table(&ask(table::Verb::Home, [0.0; 3]));
+        let answer = master.ask_table(&ask(table::TableOperation::Home, [0.0; 3]));
         assert_eq!(answer.refusal, 0);
         master.stay(0.5);
-        let answer = master.ask_table(&ask(table::Verb::Status, [0.0; 3]));
+        let answer = master.ask_table(&ask(table::TableOperation::Status, [0.0; 3]));
         assert_eq!(
             table::TableStatus::from_number(answer.state),
             Some(table::TableStatus::Ready)
         );
-        let far = master.ask_table(&ask(table::Verb::Move, [0.3, 0.0, 0.0]));
+        let far = master.ask_table(&ask(table::TableOperation::Move, [0.3, 0.0, 0.0]));
         assert_eq!(
-            table::Refusal::from_number(far.refusal),
-            Some(table::Refusal::Motion)
+            table::TableRefusal::from_number(far.refusal),
+            Some(table::TableRefusal::Motion)
         );
-        assert_eq!(master.ask_table(&ask(table::Verb::Move, to)).refusal, 0);
+        assert_eq!(
+            master
+                .ask_table(&ask(table::TableOperation::Move, to))
+                .refusal,
+            0
+        );
         master.reset_peak();
         master.stay(1.5);
         let truth = master.truth().unwrap();
@@ -209,11 +214,11 @@ pub(crate) fn apart(far_m: [f64; 4]) -> Posture {
     })
 }
 
-fn robot(verb: plant::Verb, numbers: [f64; 6]) -> plant::Request {
-    plant::Request {
-        verb: verb as u32,
+fn robot(operation: plant::PlantOperation, numbers: [f64; 6]) -> plant::PlantRequest {
+    plant::PlantRequest {
+        operation: operation as u32,
         numbers,
-        ..plant::Request::default()
+        ..plant::PlantRequest::default()
     }
 }
 
@@ -221,7 +226,10 @@ fn robot(verb: plant::Verb, numbers: [f64; 6]) -> plant::Request {
 fn take_ball(master: &mut Master<'_>) {
     begin(master, around(RADIUS_M + 2e-3));
     let [x, y, z] = BALL;
-    let place = robot(plant::Verb::PlaceBall, [x, y, z, RADIUS_M, MASS_KG, 0.0]);
+    let place = robot(
+        plant::PlantOperation::PlaceBall,
+        [x, y, z, RADIUS_M, MASS_KG, 0.0],
+    );
     assert_eq!(master.ask_plant(&place).refusal, 0);
     let mut tips = master.tips();
     for tip in &mut tips {
@@ -237,7 +245,7 @@ fn take_ball(master: &mut Master<'_>) {
     // It bears its weight from here on.
     order.force = [0.0, 0.0, 9.81 * MASS_KG];
     master.grasp(&order);
-    let let_go = robot(plant::Verb::LetGo, [1.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+    let let_go = robot(plant::PlantOperation::LetGo, [1.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
     assert_eq!(master.ask_plant(&let_go).refusal, 0);
     master.wait(2.5);
     for &number in &master.servos {
@@ -252,7 +260,7 @@ fn a_ball_that_both_processors_hold_gives_way_as_ordered() {
         take_ball(master);
         let before = master.truth().unwrap().ball;
         let push_n = [0.2, 0.1, -0.1];
-        let push = robot(plant::Verb::Push, [0.2, 0.1, -0.1, 0.0, 0.0, 0.0]);
+        let push = robot(plant::PlantOperation::Push, [0.2, 0.1, -0.1, 0.0, 0.0, 0.0]);
         assert_eq!(master.ask_plant(&push).refusal, 0);
         master.wait(2.0);
         let truth = master.truth().unwrap();
@@ -265,7 +273,7 @@ fn a_ball_that_both_processors_hold_gives_way_as_ordered() {
             );
         }
         assert_eq!((truth.touching, truth.sliding), (0b1111, 0));
-        master.ask_plant(&robot(plant::Verb::Push, [0.0; 6]));
+        master.ask_plant(&robot(plant::PlantOperation::Push, [0.0; 6]));
         master.wait(1.0);
 
         // Letting go leaves the joints where they are.

@@ -1,7 +1,7 @@
 //! [`Client`]: a program that enqueues motions, and writes down what it is told.
 //!
 //! It writes each request into its log before it sends it, and its outcome once it knows it. So its next
-//! life knows which outcomes are still to be asked for.
+//! incarnation knows which outcomes are still to be asked for.
 
 use std::fs::File;
 use std::io::Write;
@@ -9,11 +9,11 @@ use std::path::Path;
 use std::time::Duration;
 
 use condor_hand::message::motions::{MotionsClient, MotionsError};
-use condor_hand::queue::{Answer, Identity, Reason, State};
+use condor_hand::queue::{QueueAnswer, RefusalReason, RequestIdentity, RequestState};
 use condor_hand::trajectory::image::append;
 use condor_hand::trajectory::{Pace, Primitive, Profile, Target};
 use condor_mbox::Processor;
-use condor_rt::{Background, Error, Machine, MailboxOf, Program, Setup, users};
+use condor_rt::{Background, Machine, MailboxOf, Program, ProgramError, Setup, users};
 use utah_mit_hand::objects;
 
 use crate::system::PLACE;
@@ -45,7 +45,7 @@ pub(crate) fn target(index: u32) -> f64 {
 #[derive(Clone, Debug)]
 pub(crate) enum Line {
     /// The request of this index is about to be sent.
-    Offers(u32, Identity),
+    Offers(u32, RequestIdentity),
     /// Its outcome, as the words of the log.
     Told(u32, String),
 }
@@ -55,14 +55,14 @@ pub(crate) fn read(log: &Path) -> Vec<Line> {
     let text = std::fs::read_to_string(log).unwrap_or_default();
     let line = |line: &str| {
         let mut words = line.splitn(3, ' ');
-        let (verb, index) = (words.next()?, words.next()?.parse().ok()?);
+        let (word, index) = (words.next()?, words.next()?.parse().ok()?);
         let rest = words.next()?;
-        if verb == "told" {
+        if word == "told" {
             return Some(Line::Told(index, rest.into()));
         }
         let (session, number) = rest.split_once(' ')?;
         let (session, number) = (session.parse().ok()?, number.parse().ok()?);
-        Some(Line::Offers(index, Identity { session, number }))
+        Some(Line::Offers(index, RequestIdentity { session, number }))
     };
     text.lines().filter_map(line).collect()
 }
@@ -71,9 +71,10 @@ pub(crate) fn read(log: &Path) -> Vec<Line> {
 pub(crate) struct Client;
 
 impl Program for Client {
-    fn run<M: Machine>(&self, machine: &M) -> Result<(), Error> {
-        Setup::new(machine)?
-            .background(|background| work(background).map_err(|error| Error::program(&error)))
+    fn run<M: Machine>(&self, machine: &M) -> Result<(), ProgramError> {
+        Setup::new(machine)?.background(|background| {
+            work(background).map_err(|error| ProgramError::program(&error))
+        })
     }
 }
 
@@ -101,7 +102,7 @@ fn work<M: Machine>(background: &Background<'_, M>) -> Result<(), Failed> {
         session: None,
         number: 0,
     };
-    // What a former life has not been told.
+    // What a former incarnation has not been told.
     let mut open = Vec::new();
     let mut next = 0;
     for line in lines {
@@ -176,7 +177,7 @@ impl<M: Machine> Worker<'_, M> {
         let end = all.min(first + TURN);
         for index in first..end {
             self.number += 1;
-            let identity = Identity {
+            let identity = RequestIdentity {
                 session,
                 number: self.number,
             };
@@ -194,39 +195,39 @@ impl<M: Machine> Worker<'_, M> {
         Ok(end)
     }
 
-    fn offer(&self, index: u32, identity: Identity) -> Result<Option<Answer>, Failed> {
+    fn offer(&self, index: u32, identity: RequestIdentity) -> Result<Option<QueueAnswer>, Failed> {
         let motion = Primitive::<16>::new(Pace::Duration(0.12), Profile::MinimumJerk);
         let motion = motion.with(self.joint, Target::Absolute(target(index)))?;
         let mut image = [0; 480];
         let len = append(&motion, &mut image, 0)?;
         self.ask(|asks| match asks.offer(identity, &image[..len], ANSWER) {
-            // A former life's that the master has not got, and does not take any more.
-            Err(MotionsError::NotYours) => Ok(Answer::New),
+            // A former incarnation's that the master has not got, and does not take any more.
+            Err(MotionsError::NotYours) => Ok(QueueAnswer::New),
             answer => answer,
         })
     }
 
     /// Waits for the end of a request, which it sends again if the master has not got it.
-    fn settle(&mut self, index: u32, identity: Identity) -> Result<(), Failed> {
+    fn settle(&mut self, index: u32, identity: RequestIdentity) -> Result<(), Failed> {
         while !self.background.is_stopping() {
             let Some(seen) = self.ask(|asks| asks.look(identity, ANSWER))? else {
                 return Ok(());
             };
             let answer = match seen.answer {
-                Answer::New => self.offer(index, identity)?.unwrap_or(Answer::New),
+                QueueAnswer::New => self.offer(index, identity)?.unwrap_or(QueueAnswer::New),
                 answer => answer,
             };
             match answer {
-                Answer::Known(state, reason) if state.is_final() => {
+                QueueAnswer::Known(state, reason) if state.is_final() => {
                     writeln!(self.log, "told {index} {state:?} {reason:?}")?;
-                    if (state, reason) == (State::Refused, Reason::NotReady) {
+                    if (state, reason) == (RequestState::Refused, RefusalReason::NotReady) {
                         // Until somebody has enabled the hand.
                         self.background.serve(Duration::from_millis(500))?;
                     }
                     return Ok(());
                 }
-                Answer::Known(..) | Answer::New => self.background.serve(PAUSE)?,
-                Answer::Never | Answer::Forgotten | Answer::NoSession => {
+                QueueAnswer::Known(..) | QueueAnswer::New => self.background.serve(PAUSE)?,
+                QueueAnswer::Never | QueueAnswer::Forgotten | QueueAnswer::NoSession => {
                     writeln!(self.log, "told {index} {answer:?}")?;
                     if self.session == Some(identity.session) {
                         self.session = None;

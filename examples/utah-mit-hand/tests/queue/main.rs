@@ -23,8 +23,8 @@ use std::path::Path;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
-use condor_cli::{AnyError, Application, Run};
-use condor_host::description::Description;
+use condor_cli::{AnyError, Application, ProgramFunction};
+use condor_host::description::SystemDescription;
 use condor_rt::linux;
 use utah_mit_hand::compile::{compile_all, read_hand};
 use utah_mit_hand::master::Master;
@@ -44,7 +44,7 @@ const PATIENCE_EACH: Duration = Duration::from_secs(5);
 struct Hand;
 
 impl Application for Hand {
-    fn programs(&self) -> &[(&'static str, Run)] {
+    fn programs(&self) -> &[(&'static str, ProgramFunction)] {
         &[
             ("master", |arguments| linux::run(&Master, arguments)),
             ("plant", |arguments| linux::run(&Plant, arguments)),
@@ -60,7 +60,7 @@ impl Application for Hand {
         Ok(())
     }
 
-    fn prepare(&self, description: &Description) -> Result<(), AnyError> {
+    fn prepare(&self, description: &SystemDescription) -> Result<(), AnyError> {
         let (Some(hand), Some(files)) = (&description.robot, &description.files) else {
             return Err("the hand needs `robot` and `[files]`".into());
         };

@@ -5,8 +5,8 @@ use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::Path;
 use std::time::Duration;
 
-use condor_rt::{Background, Error, Machine, Program, Setup, users};
-use utah_mit_hand::master::Wanted;
+use condor_rt::{Background, Machine, Program, ProgramError, Setup, users};
+use utah_mit_hand::master::DesiredPositions;
 use utah_mit_hand::objects;
 
 use crate::client::{JOINTS, MASTER};
@@ -16,13 +16,13 @@ const LOG: &str = "observed";
 /// The time between two looks, a fraction of a tick.
 const LOOK: Duration = Duration::from_millis(2);
 
-/// The line with which each life of the program begins.
+/// The line with which each incarnation of the program begins.
 const BEGIN: &str = "begin";
 
 /// The set-points of the clients' joints in a tick.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Sample {
-    /// Whether it is the first one in a life of the program.
+    /// Whether it is the first one in an incarnation of the program.
     pub(crate) is_first: bool,
     /// Ticks since the start of the master's program.
     pub(crate) ticks: u64,
@@ -33,7 +33,7 @@ pub(crate) struct Sample {
 }
 
 impl Sample {
-    fn of(wanted: &Wanted) -> Self {
+    fn of(wanted: &DesiredPositions) -> Self {
         let of = |all: &[[f64; 4]; 4]| JOINTS.map(|joint| all.as_flattened()[joint]);
         Self {
             is_first: false,
@@ -93,9 +93,10 @@ pub(crate) fn is_loose(place: &Path) -> bool {
 pub(crate) struct Observer;
 
 impl Program for Observer {
-    fn run<M: Machine>(&self, machine: &M) -> Result<(), Error> {
-        Setup::new(machine)?
-            .background(|background| watch(background).map_err(|error| Error::program(&error)))
+    fn run<M: Machine>(&self, machine: &M) -> Result<(), ProgramError> {
+        Setup::new(machine)?.background(|background| {
+            watch(background).map_err(|error| ProgramError::program(&error))
+        })
     }
 }
 

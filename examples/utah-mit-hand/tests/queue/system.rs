@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use condor_host::control::{Client, Status};
+use condor_host::control::{ControlClient, SystemStatus};
 use condor_host::services::terminals::type_in;
 use condor_host::system::SystemDirectory;
 use rustix::process::{Pid, Signal, kill_process};
@@ -112,8 +112,8 @@ impl Up {
     }
 
     /// Returns the state of the system; `None` if nobody answers.
-    pub(crate) fn status(&self) -> Option<Status> {
-        let mut client = Client::connect(&self.directory()).ok()?;
+    pub(crate) fn status(&self) -> Option<SystemStatus> {
+        let mut client = ControlClient::connect(&self.directory()).ok()?;
         client.set_timeout(Some(Duration::from_secs(5))).ok()?;
         client.status().ok()
     }
@@ -182,7 +182,7 @@ impl Up {
             if Instant::now() > deadline {
                 return Err(format!("it does not go down:\n{}", self.told()).into());
             }
-            if let Ok(client) = Client::connect(&self.directory()) {
+            if let Ok(client) = ControlClient::connect(&self.directory()) {
                 // One that is about to end does not answer.
                 let _ = client.down();
             }

@@ -6,9 +6,9 @@ use std::error::Error;
 use std::process::ExitCode;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use condor_dev::AccessError;
-use condor_dev::sim::{Bus, Controller};
-use condor_dev::{Fd, IoError, Location, Mode, Switch, Vector, device_switch};
+use condor_dev::BusAccessError;
+use condor_dev::sim::{Controller, SimBus};
+use condor_dev::{Fd, InterruptVector, IoError, Location, OpenMode, Switch, device_switch};
 use utah_mit_boards::Mpp;
 use utah_mit_boards::sim::MppModel;
 
@@ -22,11 +22,11 @@ device_switch! {
     }
 }
 
-type Devices = Switch<Bus, Controller, Boards, 4>;
+type Devices = Switch<SimBus, Controller, Boards, 4>;
 
 fn parallel_port_startup(devices: &Devices, board_number: u8) -> Result<Fd, Box<dyn Error>> {
     let fd = devices
-        .open(":mpp", board_number, Mode::READ | Mode::WRITE)
+        .open(":mpp", board_number, OpenMode::READ | OpenMode::WRITE)
         .map_err(|error| format!("couldn't open device: {error}"))?;
     let mpp = devices.device(Boards::mpp, fd)?;
     // Reset the board.
@@ -55,14 +55,14 @@ fn parallel_port_receive(
     devices: &Devices,
     fd: Fd,
     buffer: &mut [u8],
-) -> Result<usize, IoError<AccessError>> {
+) -> Result<usize, IoError<BusAccessError>> {
     match devices.read(fd, buffer) {
         Err(IoError::WouldBlock) => Ok(0),
         result => result,
     }
 }
 
-fn parallel_port_exit(devices: &Devices, fd: Fd) -> Result<(), IoError<AccessError>> {
+fn parallel_port_exit(devices: &Devices, fd: Fd) -> Result<(), IoError<BusAccessError>> {
     devices.close(fd)
 }
 
@@ -77,9 +77,9 @@ fn main() -> ExitCode {
 }
 
 fn run() -> Result<(), Box<dyn Error>> {
-    let (bus, controller) = (Bus::new(), Controller::new());
+    let (bus, controller) = (SimBus::new(), Controller::new());
     let board = bus.insert(0xee00_0000, MppModel::default());
-    controller.connect(Vector(65), board.clone());
+    controller.connect(InterruptVector(65), board.clone());
     let devices = Devices::new(bus, controller.clone(), Boards::new());
     devices.start();
     print!("{}", devices.inventory());

@@ -26,7 +26,7 @@ pub struct Adc16 {
 /// What starts a conversion.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
-pub enum Trigger {
+pub enum ConversionTrigger {
     /// The end of the one before.
     Continuous = 0,
     /// [`start`](Adc16::start).
@@ -60,7 +60,7 @@ impl Adc16 {
 
 impl Driver for Adc16 {
     const NEW: Self = Self {
-        trigger: AtomicU8::new(Trigger::Continuous as u8),
+        trigger: AtomicU8::new(ConversionTrigger::Continuous as u8),
     };
     const WRITES: bool = false;
 
@@ -69,11 +69,11 @@ impl Driver for Adc16 {
     }
 
     fn init<B: Bus>(&self, registers: Registers<'_, B>) -> Result<(), B::Error> {
-        self.set_trigger(registers, Trigger::Continuous)
+        self.set_trigger(registers, ConversionTrigger::Continuous)
     }
 
     fn open<B: Bus>(&self, registers: Registers<'_, B>) -> Result<(), B::Error> {
-        self.set_trigger(registers, Trigger::Continuous)
+        self.set_trigger(registers, ConversionTrigger::Continuous)
     }
 
     fn read<B: Bus>(
@@ -100,7 +100,7 @@ impl Driver for Adc16 {
     }
 
     fn read_ready<B: Bus>(&self, registers: Registers<'_, B>) -> Result<bool, B::Error> {
-        if self.trigger.load(Relaxed) == Trigger::Continuous as u8 {
+        if self.trigger.load(Relaxed) == ConversionTrigger::Continuous as u8 {
             return Ok(true);
         }
         Self::completed(registers)
@@ -133,7 +133,7 @@ impl Adc16 {
     pub fn set_trigger<B: Bus>(
         &self,
         registers: Registers<'_, B>,
-        trigger: Trigger,
+        trigger: ConversionTrigger,
     ) -> Result<(), B::Error> {
         critical_section::with(|_| {
             registers.write16(offset::CONTROL, trigger as u16)?;
@@ -142,7 +142,7 @@ impl Adc16 {
         })
     }
 
-    /// Starts a conversion of all channels; [`Trigger::Command`] has been chosen.
+    /// Starts a conversion of all channels; [`ConversionTrigger::Command`] has been chosen.
     ///
     /// # Errors
     /// The bus's.

@@ -10,7 +10,7 @@ mod mpp;
 #[cfg(feature = "sim")]
 pub mod sim;
 
-pub use adc::{Adc16, Trigger};
+pub use adc::{Adc16, ConversionTrigger};
 pub use dac::Dac16;
 pub use encoder::Encoder8;
 pub use mpp::Mpp;

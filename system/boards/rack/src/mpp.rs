@@ -3,7 +3,7 @@
 use core::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
 use crate::identifies_as;
-use condor_dev::{Attention, Bus, Count, DeviceError, Driver, Kept, Registers, Ring};
+use condor_dev::{Attention, Bus, Count, DeviceError, Driver, Registers, Ring, ShadowRegister};
 
 /// A board with sixteen input and sixteen output lines, used as handshaken bytes or as they are.
 ///
@@ -28,7 +28,7 @@ use condor_dev::{Attention, Bus, Count, DeviceError, Driver, Kept, Registers, Ri
 #[derive(Debug)]
 pub struct Mpp {
     input: Ring<256>,
-    control: Kept,
+    control: ShadowRegister,
     open: AtomicBool,
     raw: AtomicBool,
     overruns: Count,
@@ -172,7 +172,7 @@ fn each<T, E>(
 impl Driver for Mpp {
     const NEW: Self = Self {
         input: Ring::new(),
-        control: Kept::new(),
+        control: ShadowRegister::new(),
         open: AtomicBool::new(false),
         raw: AtomicBool::new(false),
         overruns: Count::new(),

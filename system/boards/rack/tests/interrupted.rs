@@ -5,23 +5,23 @@ use std::rc::Rc;
 use std::sync::{Arc, Mutex};
 
 use condor_dev::sim::{self, Model};
-use condor_dev::{AccessError, Bus, Driver, Registers, Width};
+use condor_dev::{Bus, BusAccessError, Driver, Registers, Width};
 use interrupt_injector::{Access, Interrupts, explore};
 use utah_mit_boards::sim::{EncoderModel, MppModel};
 use utah_mit_boards::{Encoder8, Mpp};
 
 /// A bus before and behind each of whose accesses the interrupt may come.
-struct Interrupted(sim::Bus);
+struct Interrupted(sim::SimBus);
 
 impl Bus for Interrupted {
-    type Error = AccessError;
+    type Error = BusAccessError;
 
-    fn read(&self, address: usize, width: Width) -> Result<u32, AccessError> {
+    fn read(&self, address: usize, width: Width) -> Result<u32, BusAccessError> {
         let _access = Access::begin();
         self.0.read(address, width)
     }
 
-    fn write(&self, address: usize, width: Width, value: u32) -> Result<(), AccessError> {
+    fn write(&self, address: usize, width: Width, value: u32) -> Result<(), BusAccessError> {
         let _access = Access::begin();
         self.0.write(address, width, value)
     }
@@ -36,7 +36,7 @@ struct World<D, M> {
 
 impl<D: Driver, M: Model + Default + 'static> World<D, M> {
     fn new() -> Self {
-        let bus = Interrupted(sim::Bus::new());
+        let bus = Interrupted(sim::SimBus::new());
         let world = Self {
             board: bus.0.insert(0, M::default()),
             bus,

@@ -13,17 +13,17 @@ use std::sync::mpsc::Receiver;
 use std::time::Duration;
 
 use clap::Args;
-use condor_debug::gateway::{Debuggee, Host, Session, SessionError, Stream};
+use condor_debug::gateway::{Debuggee, PacketStream, ProgramHost, Session, SessionError};
 use condor_mbox::linux::LinuxWindow;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::io::Errno;
 
 use super::running::Running;
-use super::{Which, print};
+use super::{SystemChoice, print};
 use crate::counts;
 use crate::peek;
 use condor_host::application::Application;
-use condor_host::control::{Client, Member, MemberState, Request};
+use condor_host::control::{ControlClient, ControlRequest, Member, MemberState};
 use condor_host::description::beside;
 use condor_host::error::{AnyError, me};
 use condor_host::system::SystemDirectory;
@@ -49,7 +49,7 @@ pub(crate) struct Debug {
     #[arg(long, value_name = "PORT")]
     tcp: Option<u16>,
     #[command(flatten)]
-    which: Which,
+    which: SystemChoice,
 }
 
 #[derive(Debug, Args)]
@@ -58,7 +58,7 @@ pub(crate) struct Gdb {
     #[arg(required = true)]
     processors: Vec<String>,
     #[command(flatten)]
-    which: Which,
+    which: SystemChoice,
     /// Stops the program, and starts it again with the debugger, before its first statement
     #[arg(long)]
     start: bool,
@@ -187,7 +187,7 @@ fn all<'r>(
         if let Some(mut debuggee) = peek::debuggee(extensions, &running.directory, member, &view)? {
             // The name of the thread.
             debuggee.name = format!("{}, {}", member.name, debuggee.name);
-            debuggee.host = Some(Box::new(Supervised {
+            debuggee.host = Some(Box::new(SupervisedPrograms {
                 directory: running.directory.clone(),
                 processor: member.name.clone(),
             }));
@@ -230,38 +230,38 @@ fn programs(
 }
 
 /// Starts programs of a processor by its supervisor.
-struct Supervised {
+struct SupervisedPrograms {
     directory: SystemDirectory,
     processor: String,
 }
 
-impl Supervised {
+impl SupervisedPrograms {
     /// Stops what the processor runs.
     fn stop(&self) -> Result<(), AnyError> {
-        let status = Client::connect(&self.directory)?.status()?;
+        let status = ControlClient::connect(&self.directory)?.status()?;
         if is_alive(status.processor(&self.processor)?) {
             let processor = self.processor.clone();
-            Client::connect(&self.directory)?.ask(&Request::Stop { processor })?;
+            ControlClient::connect(&self.directory)?.ask(&ControlRequest::Stop { processor })?;
         }
         Ok(())
     }
 }
 
-impl Host for Supervised {
+impl ProgramHost for SupervisedPrograms {
     fn start(&self, file: Option<(&str, Vec<&str>)>) -> Result<Receiver<String>, String> {
         let processor = self.processor.clone();
         let request = if let Some((file, arguments)) = file {
             // Whose file cannot be read stops nothing.
-            Request::Load {
+            ControlRequest::Load {
                 processor,
                 program: file.into(),
                 arguments: arguments.into_iter().map(Into::into).collect(),
             }
         } else {
             self.stop().map_err(|error| error.to_string())?;
-            Request::Start { processor }
+            ControlRequest::Start { processor }
         };
-        let client = Client::connect(&self.directory);
+        let client = ControlClient::connect(&self.directory);
         let mut client = client.map_err(|error| error.to_string())?;
         let (sender, receiver) = std::sync::mpsc::channel();
         // The answer comes when the program has joined, which a debugger may not let it do.
@@ -276,7 +276,7 @@ impl Host for Supervised {
 
     fn vectors(&self) -> Result<String, String> {
         let vectors = || -> Result<String, AnyError> {
-            let status = Client::connect(&self.directory)?.status()?;
+            let status = ControlClient::connect(&self.directory)?.status()?;
             let view = View::open(&self.directory, status.window_bytes)?;
             let member = status.processor(&self.processor)?;
             let rows = counts::vectors(&view, [member])?;
@@ -330,13 +330,14 @@ fn serve_while(
         let Some(socket) = listener.accept()? else {
             continue;
         };
-        let served = Stream::new(socket).map(|stream| session.serve(stream, HELLO))?;
+        let served = PacketStream::new(socket).map(|stream| session.serve(stream, HELLO))?;
         match served {
             Ok(false) => {}
             Ok(true) => {
                 for member in members {
                     let processor = member.name.clone();
-                    Client::connect(&running.directory)?.ask(&Request::Stop { processor })?;
+                    ControlClient::connect(&running.directory)?
+                        .ask(&ControlRequest::Stop { processor })?;
                 }
                 return Ok(());
             }

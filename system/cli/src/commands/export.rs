@@ -15,8 +15,8 @@ use clap::Args;
 use condor_platform::linux::WholeFile;
 
 use super::number::duration;
-use crate::recording::{Column, Reader};
-use condor_host::error::{AnyError, FileError};
+use crate::recording::{Column, RecordingReader};
+use condor_host::error::{AnyError, NamedFileError};
 use condor_host::watching::{Type, float};
 use curve::Curve;
 
@@ -46,7 +46,7 @@ impl Export {
         for target in self.csv.iter().chain(&self.svg) {
             check_target(&self.file, target)?;
         }
-        let reader = Reader::open(&self.file)?;
+        let reader = RecordingReader::open(&self.file)?;
         let columns = reader.columns(&self.names)?;
         let labels = reader.labels(&columns);
         let columns = Columns::of(&reader, &columns, labels);
@@ -86,12 +86,12 @@ pub(super) fn written(
     write: impl FnOnce(&mut dyn Write) -> Result<(), AnyError>,
 ) -> Result<(), AnyError> {
     if path.metadata().is_ok_and(|it| !it.is_file()) {
-        let file = File::create(path).map_err(FileError::at("open", path))?;
+        let file = File::create(path).map_err(NamedFileError::at("open", path))?;
         return flushed(path, file, write);
     }
-    let mut file = WholeFile::create(path).map_err(FileError::at("make", path))?;
+    let mut file = WholeFile::create(path).map_err(NamedFileError::at("make", path))?;
     flushed(path, &mut file, write)?;
-    Ok(file.finish().map_err(FileError::at("write", path))?)
+    Ok(file.finish().map_err(NamedFileError::at("write", path))?)
 }
 
 fn flushed(
@@ -101,7 +101,7 @@ fn flushed(
 ) -> Result<(), AnyError> {
     let mut out = BufWriter::new(file);
     write(&mut out)?;
-    Ok(out.flush().map_err(FileError::at("write", path))?)
+    Ok(out.flush().map_err(NamedFileError::at("write", path))?)
 }
 
 /// Refuses to replace the recording by what is made of it.
@@ -126,7 +126,7 @@ struct Columns<'r> {
 }
 
 impl<'r> Columns<'r> {
-    fn of(reader: &'r Reader, columns: &[&'r Column], labels: Vec<String>) -> Self {
+    fn of(reader: &'r RecordingReader, columns: &[&'r Column], labels: Vec<String>) -> Self {
         let mut of_sources = BTreeMap::<_, Vec<_>>::new();
         let mut all = Vec::new();
         for (place, (column, label)) in columns.iter().zip(labels).enumerate() {
@@ -156,7 +156,7 @@ impl<'r> Columns<'r> {
 
 /// Writes a line for each row, in the order of time.
 fn table(
-    reader: &Reader,
+    reader: &RecordingReader,
     columns: &Columns<'_>,
     span: Range<u64>,
     out: &mut dyn Write,
@@ -204,7 +204,7 @@ pub(super) fn quoted(text: &str) -> String {
 
 /// Reads the curves of the chosen variables; times are seconds after the first message.
 fn curves(
-    reader: &Reader,
+    reader: &RecordingReader,
     columns: &Columns<'_>,
     span: Range<u64>,
 ) -> Result<Vec<Curve>, AnyError> {

@@ -3,7 +3,7 @@
 use std::time::{Duration, Instant};
 
 use clap::Args;
-use condor_debug::names::{Names, Value};
+use condor_debug::names::{NamedValue, Names};
 use serde::Serialize;
 
 use super::number::duration;
@@ -29,20 +29,20 @@ pub(crate) struct Print {
 }
 
 #[derive(Serialize)]
-struct Shown<'s> {
+struct PrintedValue<'s> {
     expression: &'s str,
     value: String,
 }
 
 /// What an argument asks for.
-struct Asked<'a, 'n, 'f> {
+struct ParsedArgument<'a, 'n, 'f> {
     expression: &'a str,
-    value: Value<'n, 'f>,
+    value: NamedValue<'n, 'f>,
     /// The bytes to be written.
     new: Option<Vec<u8>>,
 }
 
-impl<'a, 'n, 'f> Asked<'a, 'n, 'f> {
+impl<'a, 'n, 'f> ParsedArgument<'a, 'n, 'f> {
     fn parse(names: &'n Names<'f>, argument: &'a str) -> Result<Self, AnyError> {
         let parts = argument.split_once('=');
         let expression = parts.map_or(argument, |(expression, _)| expression.trim());
@@ -85,9 +85,9 @@ impl Print {
         let asked = self
             .expressions
             .iter()
-            .map(|text| Asked::parse(&names, text));
-        let asked: Vec<Asked<'_, '_, '_>> = asked.collect::<Result<_, _>>()?;
-        for Asked {
+            .map(|text| ParsedArgument::parse(&names, text));
+        let asked: Vec<ParsedArgument<'_, '_, '_>> = asked.collect::<Result<_, _>>()?;
+        for ParsedArgument {
             expression,
             value,
             new,
@@ -100,7 +100,7 @@ impl Print {
         }
         let mut next = Instant::now();
         loop {
-            for Asked {
+            for ParsedArgument {
                 expression, value, ..
             } in &asked
             {
@@ -108,7 +108,7 @@ impl Print {
                 let bytes = bytes.ok_or_else(|| format!("{expression} is in no memory of it"))?;
                 let value = value.text(&bytes);
                 if self.how.json {
-                    print_json(&Shown { expression, value })?;
+                    print_json(&PrintedValue { expression, value })?;
                 } else {
                     print(format_args!("{expression} = {value}\n"))?;
                 }

@@ -13,11 +13,11 @@ use ratatui::layout::{Constraint, Layout};
 use ratatui::style::Stylize;
 use ratatui::text::Line;
 
-use super::Which;
+use super::SystemChoice;
 use super::number::duration;
 use super::running::Running;
-use crate::plot::{self, Asked, Condition, Feed, Figure, News, Prompt, press};
-use crate::recording::Reader;
+use crate::plot::{self, Condition, FeedEvent, Figure, PlotFeed, PlotRequest, Prompt, press};
+use crate::recording::RecordingReader;
 use crate::screen::{Screen, has_colors, keyboard};
 use condor_host::application::Application;
 use condor_host::error::AnyError;
@@ -56,15 +56,15 @@ pub(crate) struct Plot {
     #[arg(long)]
     robot: bool,
     #[command(flatten)]
-    which: Which,
+    which: SystemChoice,
 }
 
 /// An event for the plot.
-enum Heard {
+enum PlotEvent {
     Input(Event),
     /// The keyboard is gone.
     NoInput(io::Error),
-    Plot(News),
+    Plot(FeedEvent),
 }
 
 impl Plot {
@@ -76,35 +76,35 @@ impl Plot {
         let end = signals::flag()?;
         let (sender, heard) = channel();
         let news = sender.clone();
-        let tell = move |it| news.send(Heard::Plot(it)).is_ok();
+        let tell = move |it| news.send(PlotEvent::Plot(it)).is_ok();
         let (mut plot, feed);
         if let Some(path) = recording {
-            let reader = Reader::open(path)?;
+            let reader = RecordingReader::open(path)?;
             let time = reader.span();
             let span = Duration::from_nanos(time.end.saturating_sub(time.start));
             plot = self.plot(names, span, application.description(), application)?;
             if self.panes.is_empty() && names.is_empty() && !self.robot {
                 plot.prompt = Some(Prompt::Names);
             }
-            feed = Feed::of_file(reader, tell);
+            feed = PlotFeed::of_file(reader, tell);
         } else {
             let running = Running::find(&self.which)?;
             let file = Some(running.status.file.into());
             plot = self.plot(names, SPAN, file, application)?;
-            feed = Feed::start(&running.directory, application.extensions(), tell);
+            feed = PlotFeed::start(&running.directory, application.extensions(), tell);
         }
         feed.wish(plot.wish());
         // What cannot be plotted at all is told without a picture.
         match heard.recv() {
-            Ok(Heard::Plot(News::Trouble(text))) => return Err(text.into()),
-            Ok(Heard::Plot(news)) => plot.hear(news),
+            Ok(PlotEvent::Plot(FeedEvent::Trouble(text))) => return Err(text.into()),
+            Ok(PlotEvent::Plot(news)) => plot.hear(news),
             _ => {}
         }
         let screen = Screen::open()?;
         thread::spawn(move || {
             keyboard(|read| {
                 sender
-                    .send(read.map_or_else(Heard::NoInput, Heard::Input))
+                    .send(read.map_or_else(PlotEvent::NoInput, PlotEvent::Input))
                     .is_ok()
             });
         });
@@ -157,8 +157,8 @@ impl Plot {
 fn show(
     mut screen: Screen,
     plot: &mut plot::Plot,
-    heard: &Receiver<Heard>,
-    feed: &Feed,
+    heard: &Receiver<PlotEvent>,
+    feed: &PlotFeed,
     end: &AtomicBool,
 ) -> io::Result<()> {
     let mut drawn = None::<Instant>;
@@ -193,16 +193,16 @@ fn show(
         while let Some(one) = next {
             changed = true;
             match one {
-                Heard::Plot(news) => plot.hear(news),
-                Heard::NoInput(error) => return Err(error),
-                Heard::Input(Event::Key(key)) if key.kind != KeyEventKind::Release => {
+                PlotEvent::Plot(news) => plot.hear(news),
+                PlotEvent::NoInput(error) => return Err(error),
+                PlotEvent::Input(Event::Key(key)) if key.kind != KeyEventKind::Release => {
                     match press(plot, &key) {
-                        Some(Asked::Fetch) => feed.wish(plot.wish()),
-                        Some(Asked::Leave) => return Ok(()),
+                        Some(PlotRequest::Fetch) => feed.wish(plot.wish()),
+                        Some(PlotRequest::Leave) => return Ok(()),
                         None => {}
                     }
                 }
-                Heard::Input(_) => {}
+                PlotEvent::Input(_) => {}
             }
             next = heard.try_recv().ok();
         }

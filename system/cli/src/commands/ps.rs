@@ -4,8 +4,8 @@ use clap::Args;
 
 use super::running::Running;
 use super::{How, print, print_json};
-use crate::table::{Left, Right, Table, or_dash};
-use condor_host::answers::{Row, processors};
+use crate::table::{Left, Right, TextTable, or_dash};
+use condor_host::answers::{ProcessorRow, processors};
 use condor_host::error::AnyError;
 
 #[derive(Debug, Args)]
@@ -33,14 +33,14 @@ impl Ps {
     }
 }
 
-fn table(rows: &[Row<'_>]) -> impl core::fmt::Display {
-    let mut table = Table::new([
+fn table(rows: &[ProcessorRow<'_>]) -> impl core::fmt::Display {
+    let mut table = TextTable::new([
         ("number", Right),
         ("name", Left),
         ("kind", Left),
         ("state", Left),
         ("mailbox", Left),
-        ("life", Right),
+        ("incarnation", Right),
         ("pid", Right),
         ("restarts", Right),
         ("loops", Right),
@@ -55,7 +55,7 @@ fn table(rows: &[Row<'_>]) -> impl core::fmt::Display {
             row.member.kind.clone(),
             row.member.state.to_string(),
             row.heart.presence.to_string(),
-            row.heart.life.to_string(),
+            row.heart.incarnation.to_string(),
             or_dash(row.member.pid),
             row.member.restarts.to_string(),
             row.loops.to_string(),

@@ -6,25 +6,27 @@ use std::time::Duration;
 
 use clap::Args;
 use condor_platform::linux::read_regular;
-use condor_ros2::{JointState, Level, TFMessage, Text};
+use condor_ros2::{JointState, Level, StringMessage, TFMessage};
 use serde_json::json;
 
 use super::number::duration;
 use super::running::Running;
 use super::{How, print, print_json};
 use crate::recording::{
-    self, Attached, Damage, Former, Origin, RecordingError, Topic, Writer, Written,
+    self, AttachedFile, Damage, Former, Origin, RecordedTopic, RecordingError, TopicCounts, Writer,
 };
 use condor_host::application::Application;
-use condor_host::description::Description;
+use condor_host::description::SystemDescription;
 use condor_host::error::AnyError;
-use condor_host::events::Events;
-use condor_host::messages::{DESCRIPTION, FRAMES, JOINTS, Pose, STATIC_FRAMES, field, wall_ns};
+use condor_host::events::EventCollector;
+use condor_host::messages::{
+    DESCRIPTION, FRAMES, JOINTS, PoseMessages, STATIC_FRAMES, field, wall_ns,
+};
 use condor_host::plain::plain;
 use condor_host::robot::Robot;
 use condor_host::signals;
 use condor_host::view::View;
-use condor_host::watching::{Known, Newcomers, One, Rows, Source};
+use condor_host::watching::{CatalogEntry, NewPrograms, RowSource, Rows, VariableCatalog};
 
 /// The arguments of `condor record`.
 #[derive(Debug, Args)]
@@ -80,11 +82,11 @@ impl Record {
         running: &'v Running,
         view: &'v View,
         robot: Option<&'v dyn Robot>,
-        attached: &[Attached],
+        attached: &[AttachedFile],
     ) -> Result<Recorder<'v>, AnyError> {
-        let known = Known::all(view, &running.status.processors)?;
+        let known = VariableCatalog::all(view, &running.status.processors)?;
         known.tell_troubles();
-        let newcomers = Newcomers::after(&known, &running.status.processors, &self.names);
+        let newcomers = NewPrograms::after(&known, &running.status.processors, &self.names);
         let columns = match self.names.as_slice() {
             [] => known.all.iter().collect(),
             names => known.matching(names)?,
@@ -108,8 +110,8 @@ impl Record {
             every: self.every,
             attached,
         };
-        let events = Events::of(&running.directory, &running.status, view)?;
-        let pose = robot.and_then(|robot| Pose::of(robot, &known, &columns, &rows.sources));
+        let events = EventCollector::of(&running.directory, &running.status, view)?;
+        let pose = robot.and_then(|robot| PoseMessages::of(robot, &known, &columns, &rows.sources));
         let mut writer = Writer::create(&self.file, &origin)?;
         let made = describe(&mut writer, robot, pose.as_ref(), view.now().as_ns());
         match made.and_then(|()| Self::channels(&mut writer, &columns, &rows, pose)) {
@@ -132,9 +134,9 @@ impl Record {
     /// Adds the channels of rows and of the robot.
     fn channels<'v>(
         writer: &mut Writer,
-        columns: &[&One],
+        columns: &[&CatalogEntry],
         rows: &Rows<'_>,
-        pose: Option<Pose<'v>>,
+        pose: Option<PoseMessages<'v>>,
     ) -> Result<(Vec<u16>, Option<Moving<'v>>), RecordingError> {
         let mut channels = Vec::new();
         for source in &rows.sources {
@@ -191,7 +193,7 @@ impl Record {
     /// Tells how much was recorded.
     fn summary(
         &self,
-        written: &[Written],
+        written: &[TopicCounts],
         channels: &[u16],
         rows: &Rows<'_>,
     ) -> Result<(), AnyError> {
@@ -203,7 +205,8 @@ impl Record {
             let topics: Vec<_> = (written.iter())
                 .map(|it| {
                     let source = source(it.channel);
-                    let (lost, skipped) = (source.map(Source::lost), source.map(Source::skipped));
+                    let (lost, skipped) =
+                        (source.map(RowSource::lost), source.map(RowSource::skipped));
                     json!({
                         "topic": it.topic, "messages": it.messages, "bytes": it.bytes,
                         "lost": lost, "skipped": skipped, "dropped": it.dropped
@@ -231,8 +234,8 @@ impl Record {
     }
 }
 
-fn told(topic: &Topic) -> String {
-    let Topic {
+fn told(topic: &RecordedTopic) -> String {
+    let RecordedTopic {
         name,
         messages,
         dropped,
@@ -248,10 +251,10 @@ fn told(topic: &Topic) -> String {
 fn configuration(
     file: &Path,
     application: &dyn Application,
-) -> (Option<Box<dyn Robot>>, Vec<Attached>) {
+) -> (Option<Box<dyn Robot>>, Vec<AttachedFile>) {
     let mut attached = Vec::new();
     let mut attach = |path: &Path| match read_regular(path) {
-        Ok(content) => attached.push(Attached {
+        Ok(content) => attached.push(AttachedFile {
             name: path
                 .file_name()
                 .unwrap_or_default()
@@ -262,7 +265,7 @@ fn configuration(
         Err(error) => eprintln!("condor: {} is not attached: {error}", path.display()),
     };
     attach(file);
-    let robot = match Description::read(file, application) {
+    let robot = match SystemDescription::read(file, application) {
         Ok(description) => description.robot,
         Err(error) => {
             eprintln!(
@@ -286,12 +289,12 @@ fn configuration(
 fn describe(
     writer: &mut Writer,
     robot: Option<&dyn Robot>,
-    pose: Option<&Pose<'_>>,
+    pose: Option<&PoseMessages<'_>>,
     now_ns: u64,
 ) -> Result<(), RecordingError> {
     if let Some(urdf) = robot.and_then(Robot::urdf) {
-        let channel = writer.channel_of::<Text<'_>>(DESCRIPTION)?;
-        writer.message(channel, now_ns, &Text(&urdf));
+        let channel = writer.channel_of::<StringMessage<'_>>(DESCRIPTION)?;
+        writer.message(channel, now_ns, &StringMessage(&urdf));
     }
     if let Some(pose) = pose {
         let channel = writer.channel_of::<TFMessage<'_>>(STATIC_FRAMES)?;
@@ -303,7 +306,11 @@ fn describe(
 }
 
 /// Adds the channel of the rows of a source.
-fn channel(writer: &mut Writer, source: &Source, columns: &[&One]) -> Result<u16, RecordingError> {
+fn channel(
+    writer: &mut Writer,
+    source: &RowSource,
+    columns: &[&CatalogEntry],
+) -> Result<u16, RecordingError> {
     let chosen = source.fields().iter();
     let chosen = chosen.filter_map(|field| columns.get(*field.columns.first()?));
     let (processor, owner) = source.place();
@@ -314,17 +321,17 @@ fn channel(writer: &mut Writer, source: &Source, columns: &[&One]) -> Result<u16
 struct Recorder<'v> {
     view: &'v View,
     rows: Rows<'v>,
-    newcomers: Newcomers,
+    newcomers: NewPrograms,
     /// The channels of the sources of rows.
     channels: Vec<u16>,
-    events: Events<'v>,
+    events: EventCollector<'v>,
     pose: Option<Moving<'v>>,
     writer: Writer,
 }
 
 /// A robot that moves, and its channels.
 struct Moving<'v> {
-    pose: Pose<'v>,
+    pose: PoseMessages<'v>,
     joints: u16,
     frames: u16,
 }
@@ -412,17 +419,17 @@ impl Recorder<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use condor_host::robot::{Frame, Joint, Line};
+    use condor_host::robot::{Frame, RobotJoint, RobotLine};
 
     /// A base that nothing moves.
     struct Base;
 
     impl Robot for Base {
-        fn joints(&self) -> &[Joint] {
+        fn joints(&self) -> &[RobotJoint] {
             &[]
         }
 
-        fn lines(&self, _: &[f64]) -> Vec<Line> {
+        fn lines(&self, _: &[f64]) -> Vec<RobotLine> {
             Vec::new()
         }
 
@@ -452,18 +459,27 @@ mod tests {
             attached: &[],
         };
         let mut writer = Writer::create(&path, &origin).unwrap();
-        describe(&mut writer, Some(&Base), Some(&Pose::still(&Base)), 7).unwrap();
+        describe(
+            &mut writer,
+            Some(&Base),
+            Some(&PoseMessages::still(&Base)),
+            7,
+        )
+        .unwrap();
         writer.commit().unwrap();
         writer.end().unwrap();
         let file = std::fs::read(&path).unwrap();
         let messages = mcap::MessageStream::new(&file).unwrap().map(Result::unwrap);
         let messages = messages.map(|it| (it.channel.topic.clone(), it.data.into_owned()));
         let stamp = condor_ros2::Time::from_ns(7);
-        let transforms = &Pose::still(&Base).fixed()[..];
+        let transforms = &PoseMessages::still(&Base).fixed()[..];
         assert_eq!(transforms.len(), 1);
         let urdf = Base.urdf().unwrap();
         let expected = [
-            ("/robot_description", condor_ros2::encode(&Text(&urdf))),
+            (
+                "/robot_description",
+                condor_ros2::encode(&StringMessage(&urdf)),
+            ),
             (
                 "/tf_static",
                 condor_ros2::encode(&TFMessage { stamp, transforms }),

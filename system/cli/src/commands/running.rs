@@ -1,20 +1,22 @@
 //! [`Running`]: the system that a command is about.
 
-use super::Which;
-use condor_host::control::{Client, ClientError, ClockStatus, Member, Status, UnknownMember};
+use super::SystemChoice;
+use condor_host::control::{
+    ClockStatus, ControlClient, ControlClientError, Member, SystemStatus, UnknownMember,
+};
 use condor_host::error::AnyError;
 use condor_host::system::{self, SystemDirectory};
 use condor_host::view::View;
 
 pub(super) struct Running {
     pub(super) directory: SystemDirectory,
-    pub(super) status: Status,
+    pub(super) status: SystemStatus,
 }
 
 impl Running {
-    pub(super) fn find(which: &Which) -> Result<Self, AnyError> {
+    pub(super) fn find(which: &SystemChoice) -> Result<Self, AnyError> {
         let directory = system::find(which.system.as_deref())?;
-        let status = Client::connect(&directory)?.status()?;
+        let status = ControlClient::connect(&directory)?.status()?;
         Ok(Self { directory, status })
     }
 
@@ -31,11 +33,11 @@ impl Running {
     }
 
     /// The state that the simulated clock has now, if the system has one.
-    pub(super) fn clock(&self) -> Result<Option<ClockStatus>, ClientError> {
+    pub(super) fn clock(&self) -> Result<Option<ClockStatus>, ControlClientError> {
         if self.status.clock.is_none() {
             return Ok(None);
         }
-        Ok(Client::connect(&self.directory)?.status()?.clock)
+        Ok(ControlClient::connect(&self.directory)?.status()?.clock)
     }
 
     /// The processor or service of a name or number.

@@ -80,7 +80,7 @@ impl Send {
     }
 }
 
-/// Waits until the first message of this life has been taken: it would not outlive its sender.
+/// Waits until the first message of this incarnation has been taken: it would not outlive its sender.
 fn wait_until_taken(post: &Post, to: Processor, deadline: Instant) -> Result<(), AnyError> {
     let mail = &post.windows(to)?.mail;
     let taken = layout::taken(PROCESSORS as u32, post.number().0.into());

@@ -12,9 +12,9 @@ use super::export::{quoted, written};
 use super::view::At;
 use super::{print, print_json};
 use crate::live::{self, Workshop};
-use crate::table::{Left, Right, Table, or_dash};
+use crate::table::{Left, Right, TextTable, or_dash};
 use condor_host::application::Application;
-use condor_host::error::{AnyError, FileError, me};
+use condor_host::error::{AnyError, NamedFileError, me};
 use condor_host::plain::plain;
 use condor_host::robot::{Plan, Robot, Simulator, What, largest};
 use condor_host::signals;
@@ -98,7 +98,7 @@ impl Sim {
             let place = place.and_then(|place| from.get_mut(place));
             *place.ok_or_else(|| no_joint(name, robot))? = *position;
         }
-        let text = read_text(motion).map_err(FileError::at("read", motion))?;
+        let text = read_text(motion).map_err(NamedFileError::at("read", motion))?;
         let plan = simulator.plan(&from, &text, &motion.to_string_lossy())?;
         if let Some(path) = &self.csv {
             written(path, |out| table(&plan, out))?;
@@ -127,7 +127,7 @@ fn is_possible(plan: &Plan) -> bool {
 
 /// Returns what a plan takes, for people.
 fn said(plan: &Plan) -> String {
-    let mut joints = Table::new([
+    let mut joints = TextTable::new([
         ("joint", Left),
         ("least", Right),
         ("most", Right),
@@ -155,7 +155,7 @@ fn said(plan: &Plan) -> String {
             or_dash(peaks.tension.map(percent)),
         ]);
     }
-    let mut steps = Table::new([("s", Right), ("step", Right), ("", Left)]);
+    let mut steps = TextTable::new([("s", Right), ("step", Right), ("", Left)]);
     for event in &plan.events {
         steps.row([
             format!("{:.2}", event.at_s),

@@ -3,16 +3,16 @@
 mod watch;
 
 use clap::{Args, Subcommand};
-use condor_vars::Value;
+use condor_vars::AnyValue;
 use serde::Serialize;
 use serde_json::Value as Json;
 
 use super::running::Running;
 use super::{How, print, print_json};
-use crate::table::{Left, Right, Table, or_dash};
+use crate::table::{Left, Right, TextTable, or_dash};
 use condor_host::answers::{Variable, all_values, values, variable};
 use condor_host::error::AnyError;
-use condor_host::watching::{Clients, Known, One};
+use condor_host::watching::{CatalogEntry, Clients, VariableCatalog};
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Vars {
@@ -64,7 +64,7 @@ struct Answer<'s> {
 }
 
 #[derive(Serialize)]
-struct Changed<'s> {
+struct ParamChange<'s> {
     name: &'s str,
     before: Json,
     value: Json,
@@ -90,7 +90,7 @@ impl List {
         };
         let mut view = running.view()?;
         view.join()?;
-        let mut known = Known::all(&view, members)?;
+        let mut known = VariableCatalog::all(&view, members)?;
         let values = all_values(&mut known, &mut Clients::new(&view));
         show(known.all.iter().zip(values), &running, &self.how)?;
         known.tell_troubles();
@@ -103,7 +103,7 @@ impl Get {
         let running = Running::find(&self.how.which)?;
         let mut view = running.view()?;
         view.join()?;
-        let known = Known::all(&view, &running.status.processors)?;
+        let known = VariableCatalog::all(&view, &running.status.processors)?;
         let chosen: Result<Vec<_>, _> = self.names.iter().map(|name| known.find(name)).collect();
         let chosen = chosen?;
         let values = values(&mut Clients::new(&view), &chosen)?;
@@ -117,14 +117,14 @@ impl Set {
         let running = Running::find(&self.how.which)?;
         let mut view = running.view()?;
         view.join()?;
-        let known = Known::all(&view, &running.status.processors)?;
+        let known = VariableCatalog::all(&view, &running.status.processors)?;
         let one = known.parameter(name)?;
         let new = one.of.parse(&self.value)?;
         let from = self.from.as_deref().map(|text| one.of.parse(text));
         let mut clients = Clients::new(&view);
         let before = clients.set(name, one, from.transpose()?, new)?;
         if self.how.json {
-            return print_json(&Changed {
+            return print_json(&ParamChange {
                 name,
                 before: one.of.json(before),
                 value: one.of.json(new),
@@ -140,7 +140,7 @@ impl Set {
 }
 
 fn show<'s>(
-    rows: impl Iterator<Item = (&'s One, Option<Value>)>,
+    rows: impl Iterator<Item = (&'s CatalogEntry, Option<AnyValue>)>,
     running: &Running,
     how: &How,
 ) -> Result<(), AnyError> {
@@ -150,7 +150,7 @@ fn show<'s>(
             variables: rows.map(|(one, value)| variable(one, value)).collect(),
         });
     }
-    let mut table = Table::new([
+    let mut table = TextTable::new([
         ("processor", Left),
         ("in", Left),
         ("name", Left),
@@ -176,13 +176,13 @@ fn show<'s>(
 }
 
 /// Says what a parameter can be set to.
-fn choices(one: &One) -> String {
+fn choices(one: &CatalogEntry) -> String {
     match one.entry.bounds {
         None => String::new(),
-        Some([Value::Choice(least), Value::Choice(greatest)]) => {
+        Some([AnyValue::Choice(least), AnyValue::Choice(greatest)]) => {
             let choices: Vec<_> = (least..=greatest)
                 .take(one.of.labels.len())
-                .map(|number| one.of.text(Value::Choice(number)))
+                .map(|number| one.of.text(AnyValue::Choice(number)))
                 .collect();
             choices.join(", ")
         }

@@ -6,12 +6,12 @@ use std::sync::atomic::Ordering;
 
 use clap::Args;
 
-use super::Which;
+use super::SystemChoice;
 use super::running::Running;
 use crate::listening::{Rules, Token};
 use crate::live::{self, Door, Stage, Workshop};
 use condor_host::application::Application;
-use condor_host::description::Description;
+use condor_host::description::SystemDescription;
 use condor_host::error::AnyError;
 use condor_host::signals;
 
@@ -22,7 +22,7 @@ pub(crate) struct View {
     #[command(flatten)]
     at: At,
     #[command(flatten)]
-    which: Which,
+    which: SystemChoice,
 }
 
 /// Where clients connect, and which ones may.
@@ -59,7 +59,7 @@ impl View {
     pub(crate) fn run(&self, application: &dyn Application) -> Result<(), AnyError> {
         let running = Running::find(&self.which)?;
         let file = Path::new(&running.status.file);
-        let configuration = Description::read(file, application)?.robot;
+        let configuration = SystemDescription::read(file, application)?.robot;
         let robot = configuration.as_deref().map(|it| application.robot(it));
         let robot = robot.transpose()?.flatten();
         let workshop = || {

@@ -6,10 +6,10 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use super::AnyError;
-use crate::commands::Which;
+use crate::commands::SystemChoice;
 use crate::commands::number::duration;
-use condor_host::control::{Client, Request};
-use condor_host::description::{ClockKind, Description, Speed};
+use condor_host::control::{ControlClient, ControlRequest};
+use condor_host::description::{ClockKind, ClockSpeed, SystemDescription};
 use condor_host::services::terminals::Script;
 use condor_host::system;
 
@@ -21,7 +21,7 @@ pub(super) struct ClockOptions {
     clock: Option<Kind>,
     /// Runs a simulated clock at this speed: a multiple of the real time, or `max`
     #[arg(long, value_name = "SPEED")]
-    speed: Option<Speed>,
+    speed: Option<ClockSpeed>,
     /// Types what was typed in a former run in simulated time, at the same instants: its record is
     /// the file `typing` in the directory of that system
     #[arg(long, value_name = "FILE")]
@@ -45,7 +45,7 @@ impl ClockOptions {
         *clock = match (self.clock, *clock) {
             (None, clock) => clock,
             (Some(Kind::Real), _) => ClockKind::Real,
-            (Some(Kind::Simulated), ClockKind::Real) => ClockKind::Simulated(Speed::ONE),
+            (Some(Kind::Simulated), ClockKind::Real) => ClockKind::Simulated(ClockSpeed::ONE),
             (Some(Kind::Simulated), simulated @ ClockKind::Simulated(_)) => simulated,
         };
         if let Some(new) = self.speed {
@@ -61,7 +61,10 @@ impl ClockOptions {
     ///
     /// # Errors
     /// The record cannot be read or has mistakes, or the system has a real clock.
-    pub(super) fn script(&self, description: &Description) -> Result<Option<Script>, AnyError> {
+    pub(super) fn script(
+        &self,
+        description: &SystemDescription,
+    ) -> Result<Option<Script>, AnyError> {
         let Some(file) = &self.typing else {
             return Ok(None);
         };
@@ -92,7 +95,7 @@ pub(super) struct Clock {
     #[command(subcommand)]
     change: Option<Change>,
     #[command(flatten)]
-    which: Which,
+    which: SystemChoice,
 }
 
 #[derive(Debug, Subcommand)]
@@ -107,25 +110,25 @@ enum Change {
     /// Lets the time go on
     Resume,
     /// Sets the speed: a multiple of the real time, or `max`
-    Speed { speed: Speed },
+    Speed { speed: ClockSpeed },
 }
 
 impl Clock {
     pub(super) fn run(&self) -> Result<(), AnyError> {
-        let mut client = Client::connect(&system::find(self.which.system.as_deref())?)?;
+        let mut client = ControlClient::connect(&system::find(self.which.system.as_deref())?)?;
         let request = self.change.as_ref().map(|change| match change {
-            Change::Pause => Ok(Request::Pause {}),
+            Change::Pause => Ok(ControlRequest::Pause {}),
             Change::Step { time } => {
                 let ns = u64::try_from(time.as_nanos()).map_err(|_| "the step is too long")?;
-                Ok(Request::Step { ns })
+                Ok(ControlRequest::Step { ns })
             }
-            Change::Resume => Ok(Request::Resume {}),
-            Change::Speed { speed } => Ok(Request::Speed {
+            Change::Resume => Ok(ControlRequest::Resume {}),
+            Change::Speed { speed } => Ok(ControlRequest::Speed {
                 thousandths: speed.0,
             }),
         });
         if let Some(request) = request {
-            let request: Result<Request, AnyError> = request;
+            let request: Result<ControlRequest, AnyError> = request;
             client.ask(&request?)?;
         }
         match client.status()?.clock {

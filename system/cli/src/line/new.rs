@@ -27,7 +27,7 @@ lto = \"fat\"
 ";
 
 #[derive(Debug, Args)]
-pub(super) struct New {
+pub(super) struct NewArguments {
     /// The directory to make; its last part becomes the name of the package
     directory: PathBuf,
     /// The directory with Condor's source tree; the project depends on the crates there
@@ -35,7 +35,7 @@ pub(super) struct New {
     path: PathBuf,
 }
 
-impl New {
+impl NewArguments {
     pub(super) fn run(&self) -> Result<(), AnyError> {
         let (directory, condor) = (self.directory.display(), self.path.display());
         let name = self.directory.file_name().unwrap_or_default();

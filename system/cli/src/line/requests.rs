@@ -3,18 +3,20 @@
 use clap::Args;
 
 use super::AnyError;
-use crate::commands::Which;
-use condor_host::control::{Client, ClientError, Request, follow, from_here, told_of};
+use crate::commands::SystemChoice;
+use condor_host::control::{
+    ControlClient, ControlClientError, ControlRequest, follow, from_here, told_of,
+};
 use condor_host::plain::{plain, plain_json};
 use condor_host::supervisor;
 use condor_host::system;
 
 #[derive(Debug, Args)]
-pub(super) struct One {
+pub(super) struct OneProcessor {
     /// The name or the number of the processor, or the name of a service
     processor: String,
     #[command(flatten)]
-    which: Which,
+    which: SystemChoice,
 }
 
 #[derive(Debug, Args)]
@@ -27,7 +29,7 @@ pub(super) struct Load {
     #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
     arguments: Vec<String>,
     #[command(flatten)]
-    which: Which,
+    which: SystemChoice,
 }
 
 #[derive(Debug, Args)]
@@ -42,34 +44,36 @@ pub(super) struct Log {
     #[arg(long)]
     json: bool,
     #[command(flatten)]
-    which: Which,
+    which: SystemChoice,
 }
 
-fn connect(which: &Which) -> Result<Client, AnyError> {
-    Ok(Client::connect(&system::find(which.system.as_deref())?)?)
+fn connect(which: &SystemChoice) -> Result<ControlClient, AnyError> {
+    Ok(ControlClient::connect(&system::find(
+        which.system.as_deref(),
+    )?)?)
 }
 
-pub(super) fn stop(one: One) -> Result<(), AnyError> {
+pub(super) fn stop(one: OneProcessor) -> Result<(), AnyError> {
     let processor = one.processor;
-    connect(&one.which)?.ask(&Request::Stop { processor })?;
+    connect(&one.which)?.ask(&ControlRequest::Stop { processor })?;
     Ok(())
 }
 
-pub(super) fn start(one: One) -> Result<(), AnyError> {
+pub(super) fn start(one: OneProcessor) -> Result<(), AnyError> {
     let processor = one.processor;
-    connect(&one.which)?.ask(&Request::Start { processor })?;
+    connect(&one.which)?.ask(&ControlRequest::Start { processor })?;
     Ok(())
 }
 
-pub(super) fn restart(one: One) -> Result<(), AnyError> {
+pub(super) fn restart(one: OneProcessor) -> Result<(), AnyError> {
     let processor = one.processor;
-    connect(&one.which)?.ask(&Request::Restart { processor })?;
+    connect(&one.which)?.ask(&ControlRequest::Restart { processor })?;
     Ok(())
 }
 
 pub(super) fn load(load: Load) -> Result<(), AnyError> {
     let program = from_here(load.program)?;
-    connect(&load.which)?.ask(&Request::Load {
+    connect(&load.which)?.ask(&ControlRequest::Load {
         processor: load.processor,
         program,
         arguments: load.arguments,
@@ -77,10 +81,10 @@ pub(super) fn load(load: Load) -> Result<(), AnyError> {
     Ok(())
 }
 
-pub(super) fn down(which: &Which) -> Result<(), AnyError> {
+pub(super) fn down(which: &SystemChoice) -> Result<(), AnyError> {
     let directory = system::find(which.system.as_deref())?;
-    let killed = match Client::connect(&directory)?.down() {
-        Err(error @ ClientError::TimedOut { .. }) => {
+    let killed = match ControlClient::connect(&directory)?.down() {
+        Err(error @ ControlClientError::TimedOut { .. }) => {
             return Err(match supervisor::process_of(&directory) {
                 Some(process) => format!(
                     "{error}; `kill -9 {process}` ends the supervisor, and with it all programs"

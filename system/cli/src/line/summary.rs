@@ -4,8 +4,8 @@ use serde::Serialize;
 
 use super::AnyError;
 use crate::counts::{self, Row, note_of_loops, table_of_loops, table_of_vectors};
-use crate::table::{Left, Right, Table, or_dash};
-use condor_host::control::Status;
+use crate::table::{Left, Right, TextTable, or_dash};
+use condor_host::control::SystemStatus;
 use condor_host::plain::plain_json;
 use condor_host::system::SystemDirectory;
 use condor_host::view::{LoopRates, VectorCounts, View};
@@ -20,7 +20,7 @@ pub(super) struct Summary {
 #[derive(Serialize)]
 struct Answer<'s> {
     #[serde(flatten)]
-    status: &'s Status,
+    status: &'s SystemStatus,
     loops: &'s [Row<LoopRates>],
     vectors: &'s [Row<VectorCounts>],
 }
@@ -30,7 +30,10 @@ impl Summary {
     ///
     /// # Errors
     /// The windows'.
-    pub(super) fn look(directory: &SystemDirectory, status: &Status) -> Result<Self, AnyError> {
+    pub(super) fn look(
+        directory: &SystemDirectory,
+        status: &SystemStatus,
+    ) -> Result<Self, AnyError> {
         let view = View::open(directory, status.window_bytes)?;
         let mut loops = Vec::new();
         for member in status.members() {
@@ -45,7 +48,7 @@ impl Summary {
     ///
     /// # Errors
     /// Standard output's.
-    pub(super) fn print(&self, status: &Status, json: bool) -> Result<(), AnyError> {
+    pub(super) fn print(&self, status: &SystemStatus, json: bool) -> Result<(), AnyError> {
         if json {
             let (loops, vectors) = (&self.loops, &self.vectors);
             let answer = Answer {
@@ -72,8 +75,8 @@ impl Summary {
     }
 }
 
-fn members(status: &Status) -> impl core::fmt::Display {
-    let mut table = Table::new([
+fn members(status: &SystemStatus) -> impl core::fmt::Display {
+    let mut table = TextTable::new([
         ("number", Right),
         ("name", Left),
         ("state", Left),

@@ -10,9 +10,9 @@ use std::time::Duration;
 use clap::Args;
 
 use super::{AnyError, Application, code};
-use crate::commands::Which;
+use crate::commands::SystemChoice;
 use crate::ui::{self, Tool};
-use condor_host::control::Client;
+use condor_host::control::ControlClient;
 use condor_host::error::me;
 use condor_host::extension::Extension;
 use condor_host::plain::plain_lines;
@@ -31,7 +31,7 @@ pub(super) struct Ui {
     #[command(flatten)]
     tools: Tools,
     #[command(flatten)]
-    which: Which,
+    which: SystemChoice,
 }
 
 #[derive(Debug, Args)]
@@ -57,7 +57,7 @@ impl Ui {
                 "the user interface needs a terminal; without one, use `ps` and `top`".into(),
             );
         }
-        let status = Client::connect(&directory)?.status()?;
+        let status = ControlClient::connect(&directory)?.status()?;
         let robot = robot_of(Path::new(&status.file), application)?;
         Ok(ui::run(
             &directory,
@@ -142,7 +142,7 @@ fn spawn(
 
 /// Whether that process keeps the supervisor of the running system.
 fn is_supervisor(directory: &SystemDirectory, keeper: u32) -> bool {
-    let client = Client::connect(directory);
+    let client = ControlClient::connect(directory);
     let status = client.and_then(|mut client| client.status());
     status.is_ok_and(|status| stat::parent(status.pid) == Some(keeper))
 }

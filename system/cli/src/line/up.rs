@@ -13,12 +13,12 @@ use super::summary::Summary;
 use super::{AnyError, Application, code, description};
 use crate::commands::number::duration;
 use condor_host::application::names;
-use condor_host::description::{Description, ProcessorEntry};
+use condor_host::description::{ProcessorEntry, SystemDescription};
 use condor_host::error::me;
 use condor_host::plain::plain_lines;
 use condor_host::reading::robot_of;
 use condor_host::services::terminals;
-use condor_host::supervisor::{self, Options, keeper};
+use condor_host::supervisor::{self, SupervisorOptions, keeper};
 use condor_host::system::SystemDirectory;
 
 #[derive(Debug, Args)]
@@ -84,7 +84,7 @@ pub(super) fn run(
     application: &dyn Application,
 ) -> Result<ExitCode, AnyError> {
     let file = description(file, application);
-    let mut description = match Description::read(&file, application) {
+    let mut description = match SystemDescription::read(&file, application) {
         Ok(description) => description,
         Err(mistakes) => {
             eprintln!("{mistakes}");
@@ -111,7 +111,7 @@ pub(super) fn run(
         return keep();
     }
     let is_typed = typing.is_some();
-    let options = Options {
+    let options = SupervisorOptions {
         own: names(application),
         // Nobody reads it at once, and the log has it.
         echo: !how.attended,
@@ -160,13 +160,13 @@ pub(super) fn run(
 }
 
 /// The processors at whose terminals lines are typed.
-fn typed_at(description: &Description) -> impl Iterator<Item = &ProcessorEntry> {
+fn typed_at(description: &SystemDescription) -> impl Iterator<Item = &ProcessorEntry> {
     let processors = description.processors.iter();
     processors.filter(|processor| !processor.headless.is_empty())
 }
 
 /// Prints what was said at the terminals at which lines were typed.
-fn print_answers(description: &Description, directory: &SystemDirectory) {
+fn print_answers(description: &SystemDescription, directory: &SystemDirectory) {
     for ProcessorEntry { name, .. } in typed_at(description) {
         match std::fs::read(terminals::log(&directory.terminals(), name)) {
             Ok(said) => {
@@ -184,7 +184,7 @@ fn print_answers(description: &Description, directory: &SystemDirectory) {
 }
 
 /// Types what the description says.
-fn type_lines(description: &Description, directory: &SystemDirectory) {
+fn type_lines(description: &SystemDescription, directory: &SystemDirectory) {
     for ProcessorEntry { name, headless, .. } in typed_at(description) {
         let text = headless.join("\n") + "\n";
         if let Err(error) = terminals::type_in(directory, name, text.as_bytes()) {

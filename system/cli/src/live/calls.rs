@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use super::protocol::{AdvertisedService, Called, JSON, service_response};
+use super::protocol::{AdvertisedService, JSON, ServiceCall, service_response};
 use crate::listening::Trust;
 
 /// The greatest number of calls of a client that wait for their answers.
@@ -48,7 +48,7 @@ impl Calls {
     /// Keeps a call. Returns the reason if it is refused.
     pub(crate) fn hear(
         &mut self,
-        called: &Called<'_>,
+        called: &ServiceCall<'_>,
         trust: Trust,
         services: &[Service],
     ) -> Result<(), String> {
@@ -137,8 +137,8 @@ mod tests {
         },
     ];
 
-    fn called(service: u32, number: u32) -> Called<'static> {
-        Called {
+    fn called(service: u32, number: u32) -> ServiceCall<'static> {
+        ServiceCall {
             service,
             number,
             encoding: b"json",
@@ -146,18 +146,18 @@ mod tests {
         }
     }
 
-    fn hear(calls: &mut Calls, called: &Called<'_>) -> Result<(), String> {
+    fn hear(calls: &mut Calls, called: &ServiceCall<'_>) -> Result<(), String> {
         calls.hear(called, Trust::MayLook, &SERVICES)
     }
 
     #[test]
     fn calls_are_refused_with_a_reason() {
         let mut calls = Calls::default();
-        let told = |called: &Called<'_>| hear(&mut Calls::default(), called).unwrap_err();
+        let told = |called: &ServiceCall<'_>| hear(&mut Calls::default(), called).unwrap_err();
         assert_eq!(told(&called(2, 0)), "there is no service 2");
         assert!(told(&called(1, 0)).contains("/move is not called without the token"));
         let encoding = b"cdr";
-        let other = Called {
+        let other = ServiceCall {
             encoding,
             ..called(0, 0)
         };

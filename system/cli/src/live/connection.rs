@@ -18,7 +18,7 @@ use tungstenite::protocol::frame::coding::CloseCode;
 use tungstenite::protocol::{CloseFrame, WebSocketConfig};
 use tungstenite::{Error, HandshakeError, Message, WebSocket};
 
-use super::page::{self, Asked};
+use super::page::{self, PageRequest};
 use super::protocol::SUBPROTOCOLS;
 use super::session::{Ask, Catalog, Frame, Session};
 use crate::listening::{Rules, Trust, Visit};
@@ -48,7 +48,7 @@ pub(crate) enum End {
 
 /// A client that connects or is connected.
 pub(crate) struct Connection<S: Read + Write> {
-    stage: Stage<Metered<S>>,
+    stage: Stage<MeteredStream<S>>,
     gate: Gate,
     /// How many bytes may still be read in this turn.
     left: Rc<Cell<usize>>,
@@ -61,26 +61,26 @@ enum Stage<S: Read + Write> {
     /// The rest of the answer to a plain request goes; with the reason, if it is a refusal.
     Answering(S, Cursor<Vec<u8>>, Option<String>),
     Greeting(Box<MidHandshake<ServerHandshake<S, Gate>>>),
-    Open(Box<Open<S>>),
+    Open(Box<OpenConnection<S>>),
     /// Between two stages.
     Over,
 }
 
 /// A stream that has nothing to read after the bytes of a turn.
-struct Metered<S> {
+struct MeteredStream<S> {
     stream: S,
     /// What was read before, and is read again.
     head: Cursor<Vec<u8>>,
     left: Rc<Cell<usize>>,
 }
 
-struct Open<S> {
+struct OpenConnection<S> {
     socket: WebSocket<S>,
     session: Session,
 }
 
 /// The settings that all connections share.
-pub(crate) struct House {
+pub(crate) struct ServerSettings {
     pub(crate) rules: Rules,
     /// The greatest number of clients.
     pub(crate) most: usize,
@@ -91,14 +91,14 @@ pub(crate) struct House {
 /// Admits or refuses one client by its request.
 #[derive(Clone)]
 struct Gate {
-    house: Rc<House>,
+    house: Rc<ServerSettings>,
     local: IpAddr,
-    admitted: Rc<Cell<Option<Admitted>>>,
+    admitted: Rc<Cell<Option<AdmittedRequest>>>,
 }
 
 /// What a client may do, and wants.
 #[derive(Clone, Copy)]
-struct Admitted {
+struct AdmittedRequest {
     trust: Trust,
     /// The least time between two samples of a channel.
     pace: Option<Duration>,
@@ -106,9 +106,9 @@ struct Admitted {
 
 impl<S: Read + Write> Connection<S> {
     /// Begins the handshake with a client that has connected to the address `local`.
-    pub(crate) fn new(stream: S, local: IpAddr, house: &Rc<House>, now: Instant) -> Self {
+    pub(crate) fn new(stream: S, local: IpAddr, house: &Rc<ServerSettings>, now: Instant) -> Self {
         let left = Rc::new(Cell::new(BYTES));
-        let stream = Metered {
+        let stream = MeteredStream {
             stream,
             head: Cursor::default(),
             left: left.clone(),
@@ -164,7 +164,11 @@ impl<S: Read + Write> Connection<S> {
     }
 
     /// Reads the head of the request.
-    fn arrive(&self, mut stream: Metered<S>, mut head: Vec<u8>) -> Result<Stage<Metered<S>>, End> {
+    fn arrive(
+        &self,
+        mut stream: MeteredStream<S>,
+        mut head: Vec<u8>,
+    ) -> Result<Stage<MeteredStream<S>>, End> {
         let mut piece = [0; 1 << 10];
         loop {
             match stream.read(&mut piece) {
@@ -178,11 +182,11 @@ impl<S: Read + Write> Connection<S> {
             }
             let Gate { house, local, .. } = &self.gate;
             match page::read(&head, &house.rules, *local).map_err(End::Refused)? {
-                Asked::More => {}
-                Asked::File(bytes, refusal) => {
+                PageRequest::More => {}
+                PageRequest::File(bytes, refusal) => {
                     return Ok(Stage::Answering(stream, Cursor::new(bytes), refusal));
                 }
-                Asked::Websocket => {
+                PageRequest::Websocket => {
                     stream.head = Cursor::new(head);
                     let config = WebSocketConfig::default()
                         .max_message_size(Some(MESSAGE))
@@ -197,17 +201,17 @@ impl<S: Read + Write> Connection<S> {
 
     fn greet(
         &self,
-        handshake: MidHandshake<ServerHandshake<Metered<S>, Gate>>,
+        handshake: MidHandshake<ServerHandshake<MeteredStream<S>, Gate>>,
         catalog: &Catalog,
-    ) -> Result<Stage<Metered<S>>, End> {
+    ) -> Result<Stage<MeteredStream<S>>, End> {
         match handshake.handshake() {
             Ok(socket) => {
-                let admitted = self.gate.admitted.get().unwrap_or(Admitted {
+                let admitted = self.gate.admitted.get().unwrap_or(AdmittedRequest {
                     trust: Trust::MayLook,
                     pace: None,
                 });
                 let session = Session::new(admitted.trust, admitted.pace, catalog);
-                Ok(Stage::Open(Box::new(Open { socket, session })))
+                Ok(Stage::Open(Box::new(OpenConnection { socket, session })))
             }
             Err(HandshakeError::Interrupted(handshake)) => Ok(Stage::Greeting(Box::new(handshake))),
             Err(HandshakeError::Failure(Error::Http(response))) => {
@@ -241,7 +245,7 @@ fn answer<S: Read + Write>(
     }
 }
 
-impl<S: Read> Read for Metered<S> {
+impl<S: Read> Read for MeteredStream<S> {
     fn read(&mut self, to: &mut [u8]) -> io::Result<usize> {
         let again = self.head.read(to)?;
         if again > 0 {
@@ -258,7 +262,7 @@ impl<S: Read> Read for Metered<S> {
     }
 }
 
-impl<S: Write> Write for Metered<S> {
+impl<S: Write> Write for MeteredStream<S> {
     fn write(&mut self, from: &[u8]) -> io::Result<usize> {
         self.stream.write(from)
     }
@@ -268,7 +272,7 @@ impl<S: Write> Write for Metered<S> {
     }
 }
 
-impl<S: Read + Write> Open<S> {
+impl<S: Read + Write> OpenConnection<S> {
     fn turn(
         &mut self,
         now: Instant,
@@ -391,7 +395,7 @@ impl Callback for Gate {
         response
             .headers_mut()
             .insert(SEC_WEBSOCKET_PROTOCOL, chosen);
-        self.admitted.set(Some(Admitted { trust, pace }));
+        self.admitted.set(Some(AdmittedRequest { trust, pace }));
         Ok(response)
     }
 }

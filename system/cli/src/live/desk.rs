@@ -1,4 +1,4 @@
-//! [`Desk`]: a thread that asks the programs for parameters, so that rows never wait for an answer.
+//! [`ParameterWorker`]: a thread that asks the programs for parameters, so that rows never wait for an answer.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -8,7 +8,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use condor_mbox::exchange::ExchangeError;
-use condor_vars::{Kind, RequestError, Value};
+use condor_vars::{AnyValue, RequestError, ValueKind};
 use serde_json::Value as Json;
 
 use super::protocol::Parameter;
@@ -17,7 +17,7 @@ use condor_host::control::Member;
 use condor_host::error::AnyError;
 use condor_host::system::SystemDirectory;
 use condor_host::view::View;
-use condor_host::watching::{Clients, Known, One, Type};
+use condor_host::watching::{CatalogEntry, Clients, Type, VariableCatalog};
 
 /// The time between two looks whether others have set parameters.
 const LOOK: Duration = Duration::from_millis(250);
@@ -33,7 +33,7 @@ enum Order {
 }
 
 /// A message from the thread.
-pub(super) enum Told {
+pub(super) enum WorkerMessage {
     Answer {
         client: u64,
         parameters: Vec<Parameter>,
@@ -47,9 +47,9 @@ pub(super) enum Told {
 }
 
 /// The way to the thread, which ends when this is dropped.
-pub(super) struct Desk {
+pub(super) struct ParameterWorker {
     orders: Option<Sender<Order>>,
-    told: Receiver<Told>,
+    told: Receiver<WorkerMessage>,
     /// Whether it has a question that is not answered yet.
     is_asked: bool,
     /// Ends the thread before its next parameter.
@@ -57,7 +57,7 @@ pub(super) struct Desk {
     thread: Option<JoinHandle<()>>,
 }
 
-impl Desk {
+impl ParameterWorker {
     /// Starts the thread. `names` are the parameters of the processors `members`; `directory` is that
     /// of the system, in which the thread is a visitor of its own.
     pub(super) fn open(
@@ -130,14 +130,14 @@ impl Desk {
     }
 
     /// Returns what the thread has told since the last call.
-    pub(super) fn told(&mut self) -> impl Iterator<Item = Told> {
+    pub(super) fn told(&mut self) -> impl Iterator<Item = WorkerMessage> {
         let is_asked = &mut self.is_asked;
         let told = self.told.try_iter();
-        told.inspect(|told| *is_asked &= !matches!(told, Told::Answer { .. }))
+        told.inspect(|told| *is_asked &= !matches!(told, WorkerMessage::Answer { .. }))
     }
 }
 
-impl Drop for Desk {
+impl Drop for ParameterWorker {
     fn drop(&mut self) {
         self.is_over.store(true, Ordering::Relaxed);
         self.orders = None;
@@ -157,11 +157,11 @@ struct Clerk<'v> {
     names: Vec<String>,
     watched: BTreeSet<usize>,
     /// The values that were seen last.
-    last: BTreeMap<usize, Value>,
+    last: BTreeMap<usize, AnyValue>,
     /// Processors that did not answer, and when.
     silent: BTreeMap<u8, Instant>,
     ends: Arc<AtomicBool>,
-    teller: Sender<Told>,
+    teller: Sender<WorkerMessage>,
 }
 
 impl Clerk<'_> {
@@ -183,8 +183,8 @@ impl Clerk<'_> {
     }
 
     /// Reads all tables: programs may have been restarted since the last time.
-    fn known(&self) -> Result<Known, String> {
-        Known::all(self.view, &self.members).map_err(|error| error.to_string())
+    fn known(&self) -> Result<VariableCatalog, String> {
+        VariableCatalog::all(self.view, &self.members).map_err(|error| error.to_string())
     }
 
     fn answer(&mut self, client: u64, ask: Ask) {
@@ -202,7 +202,7 @@ impl Clerk<'_> {
                 (parameters, id, troubles)
             }
         };
-        self.tell(Told::Answer {
+        self.tell(WorkerMessage::Answer {
             client,
             parameters,
             id,
@@ -210,7 +210,7 @@ impl Clerk<'_> {
         });
     }
 
-    fn tell(&self, told: Told) {
+    fn tell(&self, told: WorkerMessage) {
         // Nobody listens any more at the end.
         let _ = self.teller.send(told);
     }
@@ -238,7 +238,7 @@ impl Clerk<'_> {
     }
 
     /// Returns the present value of a parameter, and tells whether it has changed.
-    fn value(&mut self, known: &Known, place: usize) -> Result<Parameter, String> {
+    fn value(&mut self, known: &VariableCatalog, place: usize) -> Result<Parameter, String> {
         let one = self.find(known, place)?;
         let number = one.member.number;
         self.check(one)?;
@@ -246,7 +246,7 @@ impl Clerk<'_> {
         let value = value.map_err(|error| self.failed(number, &error))?;
         self.silent.remove(&number);
         let value = value.ok_or_else(|| "it is no parameter any more".to_owned())?;
-        let is_float = matches!(one.of.kind, Kind::F32 | Kind::F64);
+        let is_float = matches!(one.of.kind, ValueKind::F32 | ValueKind::F64);
         let parameter = Parameter {
             name: String::new(),
             // JSON has no infinity.
@@ -256,13 +256,13 @@ impl Clerk<'_> {
         let before = self.last.insert(place, value);
         if before.is_some_and(|before| before != value) {
             let parameter = parameter.clone();
-            self.tell(Told::Changed { place, parameter });
+            self.tell(WorkerMessage::Changed { place, parameter });
         }
         Ok(parameter)
     }
 
     /// Refuses to ask a processor that has not answered a short time ago.
-    fn check(&self, one: &One) -> Result<(), String> {
+    fn check(&self, one: &CatalogEntry) -> Result<(), String> {
         let since = self.silent.get(&one.member.number);
         if since.is_some_and(|since| since.elapsed() < SILENCE) {
             return Err(format!("{} has not answered", one.member.name));
@@ -282,7 +282,11 @@ impl Clerk<'_> {
         self.ends.load(Ordering::Relaxed)
     }
 
-    fn find<'k>(&self, known: &'k Known, place: usize) -> Result<&'k One, String> {
+    fn find<'k>(
+        &self,
+        known: &'k VariableCatalog,
+        place: usize,
+    ) -> Result<&'k CatalogEntry, String> {
         let name = self.names.get(place).map(String::as_str);
         known.find(name.unwrap_or_default())
     }
@@ -330,7 +334,7 @@ impl Clerk<'_> {
 
 /// Returns whether a processor did not answer in time.
 fn is_silence(error: &AnyError) -> bool {
-    use condor_mbox::Error::{Stalled, TimedOut};
+    use condor_mbox::MailboxError::{Stalled, TimedOut};
     let Some(error) = error.downcast_ref() else {
         return false;
     };
@@ -344,9 +348,9 @@ fn is_silence(error: &AnyError) -> bool {
 }
 
 /// Reads a value of JSON. A text is the label of a choice.
-fn parse(of: &Type, value: &Json) -> Result<Value, String> {
+fn parse(of: &Type, value: &Json) -> Result<AnyValue, String> {
     match value {
-        Json::String(label) if of.kind == Kind::Choice => of.parse(label),
+        Json::String(label) if of.kind == ValueKind::Choice => of.parse(label),
         value => of.parse(&value.to_string()),
     }
 }

@@ -5,17 +5,18 @@ use std::rc::Rc;
 use std::time::Instant;
 
 use condor_ros2::{
-    Head, JointState, Layout, Level, Log, Message, TFMessage, Text, Time, encode, schema,
+    Head, JointState, Layout, Level, Log, RosMessage, StringMessage, TFMessage, Time, encode,
+    schema,
 };
 use serde_json::json;
 
 use super::scene::Scene;
 use super::session::Channel;
 use condor_host::messages::{
-    self, DESCRIPTION, EVENTS, FRAMES, JOINTS, Pose, STATIC_FRAMES, Topics,
+    self, DESCRIPTION, EVENTS, FRAMES, JOINTS, PoseMessages, STATIC_FRAMES, Topics,
 };
-use condor_host::robot::{Joint, Robot};
-use condor_host::watching::{Known, One, Row, Source};
+use condor_host::robot::{Robot, RobotJoint};
+use condor_host::watching::{CatalogEntry, RowSource, SourceRow, VariableCatalog};
 
 /// The least time between two messages of the frames that a loop moves, in ns.
 const FRAMES_NS: u64 = 16_000_000;
@@ -36,7 +37,7 @@ pub(super) struct Feeds<'r> {
     /// By the number of the source: the number of its channel, and the layout of its rows.
     layouts: Vec<(usize, Layout)>,
     topics: Topics,
-    pose: Option<Pose<'r>>,
+    pose: Option<PoseMessages<'r>>,
     scene: Option<Scene<'r>>,
     events: usize,
     scenes: usize,
@@ -53,16 +54,16 @@ impl<'r> Feeds<'r> {
     /// in the columns of the rows; `parameters` are the names of all parameters; `ahead_ns` is added to the time of
     /// rows.
     pub(super) fn new(
-        known: &Known,
-        sources: &[Source],
-        columns: &[&One],
+        known: &VariableCatalog,
+        sources: &[RowSource],
+        columns: &[&CatalogEntry],
         parameters: &[String],
         robot: Option<&'r dyn Robot>,
         [ahead_ns, now_ns]: [u64; 2],
     ) -> (Self, Vec<Channel>) {
         let (mut topics, mut layouts) = (Topics::default(), Vec::new());
         let mut channels = of_rows(&mut topics, &mut layouts, 0, sources, columns);
-        let latched = |topic, text: &str| Channel::latched(topic, now_ns, &Text(text));
+        let latched = |topic, text: &str| Channel::latched(topic, now_ns, &StringMessage(text));
         channels.extend((robot.and_then(Robot::urdf)).map(|urdf| latched(DESCRIPTION, &urdf)));
         channels.push(latched(PARAMETERS, &described(known, parameters)));
         let events = channels.len();
@@ -73,10 +74,10 @@ impl<'r> Feeds<'r> {
         let scenes = channels.len();
         let scene = robot.map(|robot| Scene::of(robot, known, columns, sources));
         if scene.is_some() {
-            channels.push(Channel::of::<Text<'_>>(SCENE));
+            channels.push(Channel::of::<StringMessage<'_>>(SCENE));
         }
         let joints = channels.len();
-        let pose = robot.and_then(|robot| Pose::of(robot, known, columns, sources));
+        let pose = robot.and_then(|robot| PoseMessages::of(robot, known, columns, sources));
         if let Some(pose) = &pose {
             channels.push(Channel::of::<JointState<'_>>(JOINTS));
             channels.push(Channel::of::<TFMessage<'_>>(FRAMES));
@@ -104,7 +105,7 @@ impl<'r> Feeds<'r> {
     pub(super) fn row(
         &mut self,
         source: usize,
-        row: &Row<'_>,
+        row: &SourceRow<'_>,
         wanted: &BTreeSet<usize>,
         mut send: impl FnMut(Sample),
     ) {
@@ -133,7 +134,7 @@ impl<'r> Feeds<'r> {
         let scene = self.scene.as_mut();
         let picture = scene.and_then(|it| it.row(source, row, is_wanted, Instant::now()));
         if let Some(text) = picture {
-            send(self.scenes, encode(&Text(&text)));
+            send(self.scenes, encode(&StringMessage(&text)));
         }
         let pose = self.pose.as_mut();
         let Some(posed) = pose.and_then(|pose| pose.row(source, row)) else {
@@ -159,8 +160,8 @@ impl Feeds<'_> {
     pub(super) fn add(
         &mut self,
         first: usize,
-        sources: &[Source],
-        columns: &[&One],
+        sources: &[RowSource],
+        columns: &[&CatalogEntry],
     ) -> Vec<Channel> {
         let (topics, layouts) = (&mut self.topics, &mut self.layouts);
         of_rows(topics, layouts, first, sources, columns)
@@ -188,8 +189,8 @@ fn of_rows(
     topics: &mut Topics,
     layouts: &mut Vec<(usize, Layout)>,
     first: usize,
-    sources: &[Source],
-    columns: &[&One],
+    sources: &[RowSource],
+    columns: &[&CatalogEntry],
 ) -> Vec<Channel> {
     let all = messages::layouts(topics, sources, columns).into_iter();
     let channel = |(number, ([topic, schema_name], layout)): (usize, ([String; 2], Layout))| {
@@ -207,7 +208,7 @@ fn of_rows(
 }
 
 /// Describes parameters, as JSON: an object for each, in their order.
-fn described(known: &Known, parameters: &[String]) -> String {
+fn described(known: &VariableCatalog, parameters: &[String]) -> String {
     let ones = parameters
         .iter()
         .filter_map(|name| Some((name, known.find(name).ok()?)));
@@ -230,14 +231,14 @@ fn described(known: &Known, parameters: &[String]) -> String {
 
 impl Channel {
     /// Makes a channel whose only message everybody gets who subscribes.
-    fn latched<M: Message>(topic: &str, at_ns: u64, message: &M) -> Self {
+    fn latched<M: RosMessage>(topic: &str, at_ns: u64, message: &M) -> Self {
         Self {
             latched: Some((at_ns, encode(message).into())),
             ..Self::of::<M>(topic)
         }
     }
 
-    fn of<M: Message>(topic: &str) -> Self {
+    fn of<M: RosMessage>(topic: &str) -> Self {
         Self {
             topic: topic.into(),
             schema_name: M::NAME.into(),
@@ -249,7 +250,7 @@ impl Channel {
 }
 
 /// Returns the variables that a joint has.
-pub(super) fn variables(joint: &Joint) -> impl Iterator<Item = &String> {
+pub(super) fn variables(joint: &RobotJoint) -> impl Iterator<Item = &String> {
     let more = [&joint.velocity, &joint.effort].into_iter().flatten();
     core::iter::once(&joint.position).chain(more)
 }

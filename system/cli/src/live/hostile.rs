@@ -8,8 +8,8 @@ use std::rc::Rc;
 use std::time::{Duration, Instant};
 
 use super::calls::{CALLS, Call, RESPONSE, Service};
-use super::connection::{Connection, HANDSHAKE, House};
-use super::protocol::{Called, Parameter};
+use super::connection::{Connection, HANDSHAKE, ServerSettings};
+use super::protocol::{Parameter, ServiceCall};
 use super::session::{Ask, Catalog, Channel, Frame, QUEUE, REPLIES, Session};
 use crate::listening::{Rules, Token, Trust};
 
@@ -179,7 +179,7 @@ impl Trial {
         }
         if kind.is_multiple_of(2) {
             // Whatever it is, it is answered once.
-            let is_call = !matches!(Called::read(frame), Err((_, None)));
+            let is_call = !matches!(ServiceCall::read(frame), Err((_, None)));
             self.called += usize::from(is_call);
             self.session.hear_binary(frame, &self.catalog);
         } else {
@@ -349,7 +349,7 @@ pub(super) fn fragments() {
     let begin: &[u8] = &[0x01, 0x80, 0, 0, 0, 0];
     let more: &[u8] = &[0x00, 0x80, 0, 0, 0, 0];
     let bytes = [begin, &more.repeat(1 << 16)].concat();
-    let stream = Whole(GREETING.chain(bytes.into()));
+    let stream = WholeInput(GREETING.chain(bytes.into()));
     let (catalog, begin) = (catalog(), Instant::now());
     let local = IpAddr::V4(Ipv4Addr::LOCALHOST);
     let mut connection = Connection::new(stream, local, &house(), begin);
@@ -363,17 +363,17 @@ pub(super) fn fragments() {
 
 /// A stream that has all that the client sends at once, and then ends.
 #[cfg(test)]
-struct Whole(io::Chain<&'static [u8], VecDeque<u8>>);
+struct WholeInput(io::Chain<&'static [u8], VecDeque<u8>>);
 
 #[cfg(test)]
-impl Read for Whole {
+impl Read for WholeInput {
     fn read(&mut self, to: &mut [u8]) -> io::Result<usize> {
         self.0.read(to)
     }
 }
 
 #[cfg(test)]
-impl Write for Whole {
+impl Write for WholeInput {
     fn write(&mut self, from: &[u8]) -> io::Result<usize> {
         Ok(from.len())
     }
@@ -383,8 +383,8 @@ impl Write for Whole {
     }
 }
 
-fn house() -> Rc<House> {
-    Rc::new(House {
+fn house() -> Rc<ServerSettings> {
+    Rc::new(ServerSettings {
         rules: Rules {
             origins: Vec::new(),
             token: Token::of([0; 16]),

@@ -59,7 +59,7 @@ const TEXT: &str = "text/plain; charset=utf-8";
 
 /// What the head of a request asks for.
 #[derive(Debug, PartialEq, Eq)]
-pub(crate) enum Asked {
+pub(crate) enum PageRequest {
     /// The head is not complete.
     More,
     /// A websocket.
@@ -70,12 +70,12 @@ pub(crate) enum Asked {
 
 /// Reads the head of a request of a client that has connected to the address `local`. Returns an error if it is
 /// none.
-pub(crate) fn read(head: &[u8], rules: &Rules, local: IpAddr) -> Result<Asked, String> {
+pub(crate) fn read(head: &[u8], rules: &Rules, local: IpAddr) -> Result<PageRequest, String> {
     let mut headers = [httparse::EMPTY_HEADER; HEADERS];
     let mut request = httparse::Request::new(&mut headers);
     match request.parse(head) {
         Ok(httparse::Status::Complete(_)) => {}
-        Ok(httparse::Status::Partial) if head.len() < HEAD => return Ok(Asked::More),
+        Ok(httparse::Status::Partial) if head.len() < HEAD => return Ok(PageRequest::More),
         Ok(httparse::Status::Partial) => {
             return Err(format!(
                 "the head of the request is longer than {HEAD} bytes"
@@ -88,7 +88,7 @@ pub(crate) fn read(head: &[u8], rules: &Rules, local: IpAddr) -> Result<Asked, S
         headers.filter(move |header| header.name.eq_ignore_ascii_case(name))
     };
     if all("upgrade").next().is_some() {
-        return Ok(Asked::Websocket);
+        return Ok(PageRequest::Websocket);
     }
     let only = |name| {
         let mut all = all(name);
@@ -114,7 +114,9 @@ pub(crate) fn read(head: &[u8], rules: &Rules, local: IpAddr) -> Result<Asked, S
             refused("405 Method Not Allowed", "only GET is understood".into())
         }
         Ok(_) => match file(path) {
-            Some((_, of_type, content)) => Asked::File(answer("200 OK", of_type, content), None),
+            Some((_, of_type, content)) => {
+                PageRequest::File(answer("200 OK", of_type, content), None)
+            }
             None => refused("404 Not Found", "there is no such file".into()),
         },
     })
@@ -126,9 +128,9 @@ fn file(path: &str) -> Option<&'static (&'static str, &'static str, &'static [u8
     FILES.iter().find(|(name, ..)| *name == path)
 }
 
-fn refused(status: &str, reason: String) -> Asked {
+fn refused(status: &str, reason: String) -> PageRequest {
     let text = format!("{reason}\n");
-    Asked::File(answer(status, TEXT, text.as_bytes()), Some(reason))
+    PageRequest::File(answer(status, TEXT, text.as_bytes()), Some(reason))
 }
 
 fn answer(status: &str, of_type: &str, content: &[u8]) -> Vec<u8> {

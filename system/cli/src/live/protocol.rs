@@ -95,7 +95,7 @@ pub(crate) enum Answer<'a> {
         session_id: &'a str,
     },
     Advertise {
-        channels: Vec<Advertised<'a>>,
+        channels: Vec<ChannelDescription<'a>>,
     },
     AdvertiseServices {
         services: Vec<AdvertisedService<'a>>,
@@ -130,7 +130,7 @@ impl Answer<'_> {
 /// The description of a channel for clients.
 #[derive(Serialize)]
 #[serde(rename_all = "camelCase")]
-pub(crate) struct Advertised<'a> {
+pub(crate) struct ChannelDescription<'a> {
     pub(crate) id: u32,
     pub(crate) topic: &'a str,
     pub(crate) encoding: &'a str,
@@ -202,7 +202,7 @@ impl Serialize for Level {
 
 /// A call of a service, in a binary frame of a client.
 #[derive(Debug, PartialEq, Eq)]
-pub(crate) struct Called<'f> {
+pub(crate) struct ServiceCall<'f> {
     pub(crate) service: u32,
     /// The number that the client has chosen.
     pub(crate) number: u32,
@@ -210,7 +210,7 @@ pub(crate) struct Called<'f> {
     pub(crate) payload: &'f [u8],
 }
 
-impl<'f> Called<'f> {
+impl<'f> ServiceCall<'f> {
     /// Reads a binary frame. Returns an error that says why it is no call, and the service and the number of the
     /// call as far as there are some.
     pub(crate) fn read(frame: &'f [u8]) -> Result<Self, (String, Option<[u32; 2]>)> {
@@ -346,7 +346,7 @@ mod tests {
         let wanted = json!({"op": "status", "level": 1, "message": "slow"});
         assert_eq!(status.text().parse::<Json>().unwrap(), wanted);
         let advertise = Answer::Advertise {
-            channels: vec![Advertised {
+            channels: vec![ChannelDescription {
                 id: 1,
                 topic: "/t",
                 encoding: "cdr",
@@ -388,20 +388,20 @@ mod tests {
         let frame = service_response(7, 9, b"{}");
         assert_eq!(frame[0], 3);
         let frame = [&[CALL], &frame[1..]].concat();
-        let called = Called {
+        let called = ServiceCall {
             service: 7,
             number: 9,
             encoding: b"json",
             payload: b"{}",
         };
-        assert_eq!(Called::read(&frame), Ok(called));
+        assert_eq!(ServiceCall::read(&frame), Ok(called));
         for length in 1..17 {
-            let (told, numbers) = Called::read(&frame[..length]).unwrap_err();
+            let (told, numbers) = ServiceCall::read(&frame[..length]).unwrap_err();
             assert!(told.contains(&format!("cut: {length} bytes")), "{told}");
             assert_eq!(numbers, (length >= 9).then_some([7, 9]));
         }
         for other in [&[][..], &[1, 0], &[3; 20]] {
-            let (told, _) = Called::read(other).unwrap_err();
+            let (told, _) = ServiceCall::read(other).unwrap_err();
             assert!(told.contains("not understood"), "{told}");
         }
     }

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use serde_json::{Value as Json, json};
 
 use condor_host::robot::Robot;
-use condor_host::watching::{Known, One, Row, Source, float};
+use condor_host::watching::{CatalogEntry, RowSource, SourceRow, VariableCatalog, float};
 
 /// The least time between two pictures.
 const PICTURE: Duration = Duration::from_millis(33);
@@ -35,9 +35,9 @@ impl<'r> Scene<'r> {
     /// Finds the variables among `columns`.
     pub(super) fn of(
         robot: &'r dyn Robot,
-        known: &Known,
-        columns: &[&One],
-        sources: &[Source],
+        known: &VariableCatalog,
+        columns: &[&CatalogEntry],
+        sources: &[RowSource],
     ) -> Self {
         let variables = variables(robot);
         let mut places: Vec<_> = sources.iter().map(|_| Vec::new()).collect();
@@ -61,7 +61,7 @@ impl<'r> Scene<'r> {
     pub(super) fn row(
         &mut self,
         source: usize,
-        row: &Row<'_>,
+        row: &SourceRow<'_>,
         is_wanted: bool,
         now: Instant,
     ) -> Option<String> {

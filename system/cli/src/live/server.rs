@@ -11,8 +11,8 @@ use rustix::io::Errno;
 use rustix::net::sockopt;
 
 use super::calls::Call;
-use super::connection::{Connection, End, House};
-use super::desk::Told;
+use super::connection::{Connection, End, ServerSettings};
+use super::desk::WorkerMessage;
 use super::feeds::Sample;
 use super::protocol::Level;
 use super::session::{Ask, Catalog, Channel, Session};
@@ -42,7 +42,7 @@ const REPORT: Duration = Duration::from_secs(1);
 /// The socket and the clients. Nothing here waits.
 pub(super) struct Server {
     listener: TcpListener,
-    house: Rc<House>,
+    house: Rc<ServerSettings>,
     catalog: Catalog,
     clients: Vec<Client>,
     /// The number of the next client.
@@ -79,7 +79,7 @@ impl Server {
         listener.set_nonblocking(true)?;
         Ok(Self {
             listener,
-            house: Rc::new(House {
+            house: Rc::new(ServerSettings {
                 rules,
                 most: CLIENTS,
                 present: Cell::new(0),
@@ -266,9 +266,9 @@ impl Server {
     }
 
     /// Gives what was asked to its client, and changes to all who want to know.
-    pub(super) fn take(&mut self, told: Told) {
+    pub(super) fn take(&mut self, told: WorkerMessage) {
         match told {
-            Told::Answer {
+            WorkerMessage::Answer {
                 client,
                 parameters,
                 id,
@@ -278,7 +278,7 @@ impl Server {
                     session.answer(&parameters, id.as_deref(), &troubles);
                 }
             }
-            Told::Changed { place, parameter } => {
+            WorkerMessage::Changed { place, parameter } => {
                 let (value, kind) = (parameter.value.as_ref(), parameter.kind.as_deref());
                 for session in self.sessions() {
                     session.change(place, value, kind);

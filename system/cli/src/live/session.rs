@@ -11,7 +11,9 @@ use condor_ros2::{ENCODING, SCHEMA_ENCODING};
 use serde_json::Value as Json;
 
 use super::calls::{Call, Calls, Service};
-use super::protocol::{self, Advertised, Answer, Called, JSON, Level, Parameter, Request, Wish};
+use super::protocol::{
+    self, Answer, ChannelDescription, JSON, Level, Parameter, Request, ServiceCall, Wish,
+};
 use crate::listening::Trust;
 
 /// The greatest number of samples of a channel that wait for a client.
@@ -61,8 +63,8 @@ pub(crate) struct Channel {
 }
 
 impl Channel {
-    fn advertised(&self, id: u32) -> Advertised<'_> {
-        Advertised {
+    fn advertised(&self, id: u32) -> ChannelDescription<'_> {
+        ChannelDescription {
             id,
             topic: &self.topic,
             encoding: ENCODING,
@@ -232,7 +234,7 @@ impl Session {
 
     /// Takes a binary frame, which is a call of a service.
     pub(crate) fn hear_binary(&mut self, frame: &[u8], catalog: &Catalog) {
-        let called = match Called::read(frame) {
+        let called = match ServiceCall::read(frame) {
             Ok(called) => called,
             Err((trouble, None)) => return self.tell(Level::Error, &trouble),
             Err((trouble, Some([service, number]))) => {

@@ -12,9 +12,9 @@ use serde_json::{Value as Json, json};
 use super::calls::{Call, Service};
 use super::scene::{picture, variables};
 use condor_host::application::Application;
-use condor_host::description::Description;
+use condor_host::description::SystemDescription;
 use condor_host::error::AnyError;
-use condor_host::robot::{Frame, MotionQueue, Motions, Robot, Simulator};
+use condor_host::robot::{Frame, MotionFiles, MotionSender, Robot, Simulator};
 use condor_host::system::SystemDirectory;
 
 /// The greatest number of clearances that are told.
@@ -49,8 +49,8 @@ pub(crate) struct Workshop<'s> {
 pub(super) struct Simulation<'s> {
     robot: &'s dyn Robot,
     simulator: &'s dyn Simulator,
-    motions: Option<Box<dyn Motions>>,
-    queue: Option<Box<dyn MotionQueue>>,
+    motions: Option<Box<dyn MotionFiles>>,
+    queue: Option<Box<dyn MotionSender>>,
     services: Vec<Service>,
 }
 
@@ -65,7 +65,7 @@ impl<'s> Simulation<'s> {
         } = workshop;
         let (mut description, mut queue) = (None, None);
         if let Some((directory, file)) = system {
-            let read = Description::read(file, application)?;
+            let read = SystemDescription::read(file, application)?;
             queue = application.motion_queue(&read, directory)?;
             description = Some(read);
         }

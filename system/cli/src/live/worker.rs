@@ -12,13 +12,13 @@ use condor_host::error::AnyError;
 /// The way to the thread, which ends when this is dropped.
 pub(super) struct Worker {
     calls: Sender<(u64, Call)>,
-    done: Receiver<Done>,
+    done: Receiver<CallAnswer>,
     /// Whether it has a call that is not answered yet.
     is_asked: bool,
 }
 
 /// An answer to a call of a client.
-struct Done {
+struct CallAnswer {
     client: u64,
     call: Call,
     result: Result<Vec<u8>, String>,
@@ -45,7 +45,7 @@ impl Worker {
             let _ = opener.send(Ok(simulation.services().to_vec()));
             while let Ok((client, call)) = received.recv() {
                 let result = simulation.answer(&call).map_err(|error| error.to_string());
-                let done = Done {
+                let done = CallAnswer {
                     client,
                     call,
                     result,

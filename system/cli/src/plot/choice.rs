@@ -2,14 +2,14 @@
 
 use std::collections::BTreeSet;
 
-use super::curve::{Chosen, Variable, Wish};
-use super::news::News;
-use condor_host::names::{self, Named};
+use super::curve::{ChosenCurves, Variable, Wish};
+use super::news::FeedEvent;
+use condor_host::names::{self, VariableName};
 
 /// The variables that a wish names, each once.
 pub(super) struct Choice<'k, T> {
     pub(super) columns: Vec<&'k T>,
-    pub(super) chosen: Chosen,
+    pub(super) chosen: ChosenCurves,
     unknown: Vec<Unknown>,
 }
 
@@ -21,7 +21,7 @@ struct Unknown {
     why: String,
 }
 
-impl<'k, T: Named> Choice<'k, T> {
+impl<'k, T: VariableName> Choice<'k, T> {
     /// Finds them among `all`; errors end with `hint`. `about` returns the unit of one, and the labels
     /// of its values.
     pub(super) fn of(
@@ -72,7 +72,7 @@ impl<'k, T: Named> Choice<'k, T> {
         };
         let every: Vec<&T> = all.iter().collect();
         Self {
-            chosen: Chosen {
+            chosen: ChosenCurves {
                 variables: columns.iter().map(variable).collect(),
                 panes,
                 known: names::labels(all, &every),
@@ -106,8 +106,8 @@ impl<'k, T: Named> Choice<'k, T> {
     }
 
     /// Returns why some names stand for nothing; `None` if there are no such names.
-    pub(super) fn trouble(&self) -> Option<News> {
+    pub(super) fn trouble(&self) -> Option<FeedEvent> {
         let whys: Vec<&str> = self.unknown.iter().map(|it| &*it.why).collect();
-        (!whys.is_empty()).then(|| News::Trouble(whys.join("; ")))
+        (!whys.is_empty()).then(|| FeedEvent::Trouble(whys.join("; ")))
     }
 }

@@ -1,7 +1,7 @@
 //! Curves and panes: what is drawn, and where.
 
 use super::history::History;
-use condor_host::names::Named;
+use condor_host::names::VariableName;
 
 /// A value of a curve at an instant of the host's clock. A value that is not finite is a gap.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -23,7 +23,7 @@ pub(crate) struct Variable {
     pub(crate) labels: Vec<String>,
 }
 
-impl Named for Variable {
+impl VariableName for Variable {
     fn parts(&self) -> [&str; 3] {
         [&self.processor, &self.owner, &self.name]
     }
@@ -75,7 +75,7 @@ pub(crate) struct Wish {
 
 /// The curves that a [`Wish`] names.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(crate) struct Chosen {
+pub(crate) struct ChosenCurves {
     /// All curves; samples have places in this list.
     pub(crate) variables: Vec<Variable>,
     /// The curves of each pane.

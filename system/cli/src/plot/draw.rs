@@ -9,7 +9,7 @@ pub(crate) use pane::seen;
 use ratatui::buffer::Buffer;
 use ratatui::layout::{Constraint, Layout, Rect};
 
-use super::model::{Place, Plot};
+use super::model::{Plot, RobotPane};
 
 /// Columns of the axis of values.
 const AXIS: u16 = 10;
@@ -43,13 +43,13 @@ pub(crate) fn draw(plot: &Plot, area: Rect, buffer: &mut Buffer) {
 /// Returns the areas of the plots and of the robot.
 fn split(plot: &Plot, area: Rect) -> (Option<Rect>, Option<Rect>) {
     match plot.place {
-        Place::Hidden => (Some(area), None),
-        Place::Beside if area.width >= BESIDE => {
+        RobotPane::Hidden => (Some(area), None),
+        RobotPane::Beside if area.width >= BESIDE => {
             let columns = [Constraint::Fill(3), Constraint::Fill(2)];
             let [plots, robot] = Layout::horizontal(columns).spacing(2).areas(area);
             (Some(plots), Some(robot))
         }
-        Place::Beside | Place::Alone => (None, Some(area)),
+        RobotPane::Beside | RobotPane::Alone => (None, Some(area)),
     }
 }
 

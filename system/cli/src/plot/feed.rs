@@ -1,4 +1,4 @@
-//! [`Feed`]: fetches what a plot wishes from a running system, or from a recording.
+//! [`PlotFeed`]: fetches what a plot wishes from a running system, or from a recording.
 
 use std::collections::BTreeMap;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, TryRecvError, channel};
@@ -8,15 +8,15 @@ use std::time::{Duration, Instant};
 use super::choice::Choice;
 use super::curve::{Sample, Wish};
 use super::file;
-use super::news::{News, gaps};
+use super::news::{FeedEvent, gaps};
 use super::numbers::Numbers;
-use crate::recording::Reader;
-use condor_host::control::Client;
+use crate::recording::RecordingReader;
+use condor_host::control::ControlClient;
 use condor_host::error::AnyError;
 use condor_host::extension::Extension;
 use condor_host::system::SystemDirectory;
 use condor_host::view::View;
-use condor_host::watching::{Known, Newcomers, One, Rows, float};
+use condor_host::watching::{CatalogEntry, NewPrograms, Rows, VariableCatalog, float};
 
 /// The time between two pieces of news with values.
 const PIECE: Duration = Duration::from_millis(100);
@@ -26,17 +26,17 @@ const AGAIN: Duration = Duration::from_secs(1);
 /// A thread that fetches values. It claims nothing of a system before the first wish, and ends when
 /// this is dropped, or when nobody hears its news.
 #[derive(Debug)]
-pub(crate) struct Feed {
+pub(crate) struct PlotFeed {
     wishes: Sender<Wish>,
 }
 
-impl Feed {
+impl PlotFeed {
     /// Fetches from a running system: variables, and numbers of programs of `extensions` by expressions. `tell`
     /// returns false if nobody hears it.
     pub(crate) fn start(
         directory: &SystemDirectory,
         extensions: &[&'static dyn Extension],
-        tell: impl FnMut(News) -> bool + Send + 'static,
+        tell: impl FnMut(FeedEvent) -> bool + Send + 'static,
     ) -> Self {
         let (wishes, asked) = channel();
         let (directory, extensions) = (directory.clone(), extensions.to_vec());
@@ -45,7 +45,10 @@ impl Feed {
     }
 
     /// Fetches from a recording. `tell` returns false if nobody hears it.
-    pub(crate) fn of_file(reader: Reader, tell: impl FnMut(News) -> bool + Send + 'static) -> Self {
+    pub(crate) fn of_file(
+        reader: RecordingReader,
+        tell: impl FnMut(FeedEvent) -> bool + Send + 'static,
+    ) -> Self {
         let (wishes, asked) = channel();
         thread::spawn(move || file::feed(&reader, &asked, tell));
         Self { wishes }
@@ -70,7 +73,7 @@ fn feed(
     directory: &SystemDirectory,
     extensions: &[&'static dyn Extension],
     asked: &Receiver<Wish>,
-    mut tell: impl FnMut(News) -> bool,
+    mut tell: impl FnMut(FeedEvent) -> bool,
 ) {
     let Ok(mut wish) = asked.recv() else { return };
     let mut told = String::new();
@@ -80,7 +83,7 @@ fn feed(
             Ok(End::Wished(next)) => Ok(next),
             Err(error) => {
                 let text = error.to_string();
-                if text != told && !tell(News::Trouble(text.clone())) {
+                if text != told && !tell(FeedEvent::Trouble(text.clone())) {
                     return;
                 }
                 told = text;
@@ -104,13 +107,13 @@ fn fetch(
     extensions: &[&'static dyn Extension],
     wish: &Wish,
     asked: &Receiver<Wish>,
-    tell: &mut impl FnMut(News) -> bool,
+    tell: &mut impl FnMut(FeedEvent) -> bool,
 ) -> Result<End, AnyError> {
-    let status = Client::connect(directory)?.status()?;
+    let status = ControlClient::connect(directory)?.status()?;
     let mut view = View::open(directory, status.window_bytes)?;
     view.join()?;
-    let known = Known::all(&view, &status.processors)?;
-    let mut choice = Choice::of(&known.all, wish, &known.hint(), |one: &One| {
+    let known = VariableCatalog::all(&view, &status.processors)?;
+    let mut choice = Choice::of(&known.all, wish, &known.hint(), |one: &CatalogEntry| {
         (one.entry.unit.to_string(), one.of.labels.clone())
     });
     let mut numbers = Numbers::new(extensions, directory, &status, &view);
@@ -119,9 +122,9 @@ fn fetch(
     if !choice.trouble().is_none_or(&mut *tell) {
         return Ok(End::Over);
     }
-    let mut newcomers = Newcomers::after(&known, &status.processors, &[]);
+    let mut newcomers = NewPrograms::after(&known, &status.processors, &[]);
     let mut rows = Rows::of(&view, &choice.columns, 1)?;
-    if !tell(News::Chosen(choice.chosen)) {
+    if !tell(FeedEvent::Chosen(choice.chosen)) {
         return Ok(End::Over);
     }
     let mut samples = Vec::new();
@@ -150,7 +153,7 @@ fn fetch(
         })?;
         // The wish may name them.
         if !newcomers.look(&view).is_empty() {
-            return Ok(if samples.is_empty() || tell(News::Samples(samples)) {
+            return Ok(if samples.is_empty() || tell(FeedEvent::Samples(samples)) {
                 End::Wished(wish.clone())
             } else {
                 End::Over
@@ -167,12 +170,12 @@ fn fetch(
         if told.elapsed() >= PIECE {
             told = Instant::now();
             let piece = core::mem::take(&mut samples);
-            let is_heard = piece.is_empty() || tell(News::Samples(piece));
+            let is_heard = piece.is_empty() || tell(FeedEvent::Samples(piece));
             if !is_heard || !directory.is_running() {
                 break;
             }
         }
-        if !trouble.is_none_or(|text| tell(News::Trouble(text))) {
+        if !trouble.is_none_or(|text| tell(FeedEvent::Trouble(text))) {
             return Ok(End::Over);
         }
         match asked.try_recv() {

@@ -10,9 +10,9 @@ use ratatui::widgets::canvas::{Canvas, Line as Stroke, Painter, Shape};
 
 use super::curve::{Curve, Sample};
 use super::scale::brief;
-use condor_host::names::Named as _;
+use condor_host::names::VariableName as _;
 use condor_host::plain::plain;
-use condor_host::robot::{Line, Robot};
+use condor_host::robot::{Robot, RobotLine};
 
 /// The angle by which a key turns the robot, rad.
 const TURN: f64 = core::f64::consts::PI / 24.0;
@@ -144,9 +144,9 @@ impl Figure {
             let newton = is_tendon.then(|| tensions.next()).flatten().and_then(of);
             let part = newton.map(|newton| ((newton - least) / (greatest - least)).clamp(0.0, 1.0));
             let points = line.points.iter().map(|point| self.seen(*point)).collect();
-            Drawn { line, points, part }
+            DrawnLine { line, points, part }
         });
-        let strokes: Vec<Drawn<'_>> = strokes.collect();
+        let strokes: Vec<DrawnLine<'_>> = strokes.collect();
         let bounds = fitted(self.frame(), picture);
         Canvas::default()
             .marker(Marker::Braille)
@@ -155,7 +155,7 @@ impl Figure {
             .paint(|context| {
                 // Tendons are in front of bones, and strong ones in front of weak ones.
                 for is_tendon in [false, true] {
-                    let of_kind = |it: &&Drawn<'_>| it.line.tension.is_some() == is_tendon;
+                    let of_kind = |it: &&DrawnLine<'_>| it.line.tension.is_some() == is_tendon;
                     let mut of_kind: Vec<_> = strokes.iter().filter(of_kind).collect();
                     of_kind.sort_by(|a, b| a.part.unwrap_or(0.0).total_cmp(&b.part.unwrap_or(0.0)));
                     for drawn in of_kind {
@@ -196,14 +196,14 @@ impl Figure {
 }
 
 /// A line as it is seen.
-struct Drawn<'l> {
-    line: &'l Line,
+struct DrawnLine<'l> {
+    line: &'l RobotLine,
     points: Vec<(f64, f64)>,
     /// The place of the tension of a tendon in the range of all.
     part: Option<f64>,
 }
 
-impl Drawn<'_> {
+impl DrawnLine<'_> {
     fn color(&self) -> Color {
         match (self.part, &self.line.tension) {
             (None, None) => Color::Reset,
@@ -256,7 +256,7 @@ impl Drawn<'_> {
     }
 }
 
-impl Shape for Drawn<'_> {
+impl Shape for DrawnLine<'_> {
     fn draw(&self, painter: &mut Painter<'_, '_>) {
         for ((x1, y1), (x2, y2)) in self.points.iter().zip(self.points.iter().skip(1)) {
             Stroke::new(*x1, *y1, *x2, *y2, self.color()).draw(painter);

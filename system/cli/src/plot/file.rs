@@ -5,9 +5,9 @@ use std::sync::mpsc::Receiver;
 
 use super::choice::Choice;
 use super::curve::{Sample, Variable, Wish};
-use super::news::{News, gaps};
-use crate::recording::{Column, Reader, RecordingError};
-use condor_host::names::Named;
+use super::news::{FeedEvent, gaps};
+use crate::recording::{Column, RecordingError, RecordingReader};
+use condor_host::names::VariableName;
 use condor_host::watching::float;
 
 /// The number of values after which a plot hears of them.
@@ -27,7 +27,11 @@ impl From<RecordingError> for Stop {
 }
 
 /// Reads what is wished until nobody wishes or hears anything.
-pub(super) fn feed(reader: &Reader, asked: &Receiver<Wish>, mut tell: impl FnMut(News) -> bool) {
+pub(super) fn feed(
+    reader: &RecordingReader,
+    asked: &Receiver<Wish>,
+    mut tell: impl FnMut(FeedEvent) -> bool,
+) {
     let mut former = Vec::new();
     while let Ok(mut wish) = asked.recv() {
         // Only the latest counts.
@@ -36,7 +40,7 @@ pub(super) fn feed(reader: &Reader, asked: &Receiver<Wish>, mut tell: impl FnMut
         }
         match read(reader, &wish, &mut former, &mut tell) {
             Ok(()) => {}
-            Err(Stop::Failed(error)) if tell(News::Trouble(error.to_string())) => {}
+            Err(Stop::Failed(error)) if tell(FeedEvent::Trouble(error.to_string())) => {}
             Err(_) => return,
         }
     }
@@ -44,10 +48,10 @@ pub(super) fn feed(reader: &Reader, asked: &Receiver<Wish>, mut tell: impl FnMut
 
 /// Reads all values of the variables that a wish names. A plot keeps those of the `former` ones.
 fn read(
-    reader: &Reader,
+    reader: &RecordingReader,
     wish: &Wish,
     former: &mut Vec<Variable>,
-    tell: &mut impl FnMut(News) -> bool,
+    tell: &mut impl FnMut(FeedEvent) -> bool,
 ) -> Result<(), Stop> {
     let choice = Choice::of(reader.all(), wish, "", |column: &Column| {
         let variable = &column.variable;
@@ -56,7 +60,7 @@ fn read(
     if !choice.trouble().is_none_or(&mut *tell) {
         return Err(Stop::Unheard);
     }
-    let known: BTreeSet<_> = former.iter().map(Named::parts).collect();
+    let known: BTreeSet<_> = former.iter().map(VariableName::parts).collect();
     let mut curves = BTreeMap::<usize, Vec<(usize, usize)>>::new();
     let columns = choice.columns.iter().zip(&choice.chosen.variables);
     for (curve, (column, variable)) in columns.enumerate() {
@@ -66,7 +70,7 @@ fn read(
         }
     }
     former.clone_from(&choice.chosen.variables);
-    if !tell(News::Chosen(choice.chosen)) {
+    if !tell(FeedEvent::Chosen(choice.chosen)) {
         return Err(Stop::Unheard);
     }
     let sources: Vec<usize> = curves.keys().copied().collect();
@@ -93,10 +97,11 @@ fn read(
                 });
             }
         }
-        let is_heard = samples.len() < PIECE || tell(News::Samples(core::mem::take(&mut samples)));
+        let is_heard =
+            samples.len() < PIECE || tell(FeedEvent::Samples(core::mem::take(&mut samples)));
         if is_heard { Ok(()) } else { Err(Stop::Unheard) }
     })?;
-    if tell(News::Samples(samples)) {
+    if tell(FeedEvent::Samples(samples)) {
         Ok(())
     } else {
         Err(Stop::Unheard)

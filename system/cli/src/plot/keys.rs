@@ -4,7 +4,7 @@ use crossterm::event::{KeyCode, KeyEvent, KeyModifiers};
 
 use super::curve::Pane;
 use super::draw::seen;
-use super::model::{Place, Plot, Prompt};
+use super::model::{Plot, Prompt, RobotPane};
 
 /// Steps of a cursor over the time that is seen.
 const CURSOR_STEPS: u16 = 200;
@@ -13,7 +13,7 @@ const STRETCH: f64 = 1.25;
 
 /// A request of a person that the program around the plot carries out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Asked {
+pub(crate) enum PlotRequest {
     /// The plot's wish has changed.
     Fetch,
     /// The person wants to leave.
@@ -21,7 +21,7 @@ pub(crate) enum Asked {
 }
 
 /// Does what a key says.
-pub(crate) fn press(plot: &mut Plot, key: &KeyEvent) -> Option<Asked> {
+pub(crate) fn press(plot: &mut Plot, key: &KeyEvent) -> Option<PlotRequest> {
     plot.notice = None;
     match plot.prompt {
         Some(Prompt::Help) => {
@@ -33,14 +33,14 @@ pub(crate) fn press(plot: &mut Plot, key: &KeyEvent) -> Option<Asked> {
     }
 }
 
-fn in_plot(plot: &mut Plot, key: &KeyEvent) -> Option<Asked> {
+fn in_plot(plot: &mut Plot, key: &KeyEvent) -> Option<PlotRequest> {
     let many = if key.modifiers.contains(KeyModifiers::SHIFT) {
         10
     } else {
         1
     };
     match key.code {
-        KeyCode::Char('q') => return Some(Asked::Leave),
+        KeyCode::Char('q') => return Some(PlotRequest::Leave),
         KeyCode::Char('?') | KeyCode::F(1) => plot.prompt = Some(Prompt::Help),
         KeyCode::Left => sideways(plot, -many),
         KeyCode::Right => sideways(plot, many),
@@ -61,7 +61,7 @@ fn in_plot(plot: &mut Plot, key: &KeyEvent) -> Option<Asked> {
         }
         KeyCode::Char('x') => {
             plot.remove_pane();
-            return Some(Asked::Fetch);
+            return Some(PlotRequest::Fetch);
         }
         KeyCode::Char('n') => return open(plot, Prompt::Names),
         KeyCode::Char('p') => return open(plot, Prompt::NewPane),
@@ -101,20 +101,20 @@ fn turn(plot: &mut Plot, left: i32, up: i32) {
     }
 }
 
-fn next_place(plot: &mut Plot) -> Option<Asked> {
+fn next_place(plot: &mut Plot) -> Option<PlotRequest> {
     if plot.figure.is_none() {
         plot.notice = Some("this program has no lines for the robot".into());
         return None;
     }
     plot.place = match plot.place {
-        Place::Hidden => Place::Beside,
-        Place::Beside => Place::Alone,
-        Place::Alone => Place::Hidden,
+        RobotPane::Hidden => RobotPane::Beside,
+        RobotPane::Beside => RobotPane::Alone,
+        RobotPane::Alone => RobotPane::Hidden,
     };
-    (plot.place != Place::Alone).then_some(Asked::Fetch)
+    (plot.place != RobotPane::Alone).then_some(PlotRequest::Fetch)
 }
 
-fn open(plot: &mut Plot, prompt: Prompt) -> Option<Asked> {
+fn open(plot: &mut Plot, prompt: Prompt) -> Option<PlotRequest> {
     plot.typed = match prompt {
         Prompt::Names => plot
             .panes
@@ -129,10 +129,10 @@ fn open(plot: &mut Plot, prompt: Prompt) -> Option<Asked> {
     };
     plot.prompt = Some(prompt);
     // It tells which names there are.
-    plot.known.is_empty().then_some(Asked::Fetch)
+    plot.known.is_empty().then_some(PlotRequest::Fetch)
 }
 
-fn in_prompt(plot: &mut Plot, prompt: Prompt, key: KeyCode) -> Option<Asked> {
+fn in_prompt(plot: &mut Plot, prompt: Prompt, key: KeyCode) -> Option<PlotRequest> {
     match key {
         KeyCode::Char(letter) => plot.typed.push(letter),
         KeyCode::Backspace => {
@@ -147,7 +147,7 @@ fn in_prompt(plot: &mut Plot, prompt: Prompt, key: KeyCode) -> Option<Asked> {
                 return None;
             }
             plot.prompt = None;
-            return Some(Asked::Fetch);
+            return Some(PlotRequest::Fetch);
         }
         _ => {}
     }

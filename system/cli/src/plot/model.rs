@@ -3,12 +3,12 @@
 use core::fmt::Write as _;
 use core::time::Duration;
 
-use super::curve::{Chosen, Curve, Pane, Range, Sample, Wish};
+use super::curve::{ChosenCurves, Curve, Pane, Range, Sample, Wish};
 use super::figure::Figure;
 use super::history::History;
-use super::news::News;
+use super::news::FeedEvent;
 use super::trigger::{Condition, Trigger};
-use condor_host::names::Named as _;
+use condor_host::names::VariableName as _;
 
 /// The shortest and the longest time that is seen at once.
 const SPANS_NS: [u64; 2] = [1_000_000, 1_800_000_000_000];
@@ -32,7 +32,7 @@ pub(crate) enum Prompt {
 
 /// The part of the screen that the robot has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Place {
+pub(crate) enum RobotPane {
     Hidden,
     Beside,
     Alone,
@@ -48,9 +48,9 @@ pub(crate) struct Plot {
     /// The end of the time that is seen, and 0 on the axis of time, if time does not go on.
     held: Option<(u64, u64)>,
     pub(crate) cursor_ns: Option<u64>,
-    trigger: Option<Armed>,
+    trigger: Option<ArmedTrigger>,
     pub(crate) figure: Option<Figure>,
-    pub(crate) place: Place,
+    pub(crate) place: RobotPane,
     pub(crate) prompt: Option<Prompt>,
     pub(crate) typed: String,
     /// The names that may be typed.
@@ -64,7 +64,7 @@ pub(crate) struct Plot {
 
 /// A trigger with the instants at which it fired.
 #[derive(Debug)]
-struct Armed {
+struct ArmedTrigger {
     trigger: Trigger,
     curve: Option<usize>,
     /// The instant that is shown, once it is all there.
@@ -86,7 +86,7 @@ impl Plot {
             cursor_ns: None,
             trigger: None,
             figure,
-            place: Place::Hidden,
+            place: RobotPane::Hidden,
             prompt: None,
             typed: String::new(),
             known: Vec::new(),
@@ -101,7 +101,7 @@ impl Plot {
         if let Some(armed) = &self.trigger {
             besides.push(armed.trigger.condition.name.clone());
         }
-        if self.place != Place::Hidden
+        if self.place != RobotPane::Hidden
             && let Some(figure) = &self.figure
         {
             besides.extend(figure.variables().map(String::from));
@@ -113,7 +113,7 @@ impl Plot {
     }
 
     /// Takes over the curves that were chosen. Those that were there before keep their values.
-    pub(crate) fn choose(&mut self, chosen: Chosen) {
+    pub(crate) fn choose(&mut self, chosen: ChosenCurves) {
         let mut former = core::mem::take(&mut self.curves);
         self.curves = chosen
             .variables
@@ -141,11 +141,11 @@ impl Plot {
     }
 
     /// Takes what came.
-    pub(crate) fn hear(&mut self, news: News) {
+    pub(crate) fn hear(&mut self, news: FeedEvent) {
         match news {
-            News::Chosen(chosen) => self.choose(chosen),
-            News::Samples(samples) => self.take(&samples),
-            News::Trouble(text) => self.notice = Some(text),
+            FeedEvent::Chosen(chosen) => self.choose(chosen),
+            FeedEvent::Samples(samples) => self.take(&samples),
+            FeedEvent::Trouble(text) => self.notice = Some(text),
         }
     }
 
@@ -340,15 +340,15 @@ impl Plot {
     /// Shows the robot beside the plots, or alone.
     pub(crate) const fn show_robot(&mut self, is_alone: bool) {
         self.place = if is_alone {
-            Place::Alone
+            RobotPane::Alone
         } else {
-            Place::Beside
+            RobotPane::Beside
         };
     }
 
     /// Waits for a condition; `None` for none.
     pub(crate) fn arm(&mut self, condition: Option<Condition>) {
-        self.trigger = condition.map(|condition| Armed {
+        self.trigger = condition.map(|condition| ArmedTrigger {
             trigger: Trigger::new(condition),
             curve: None,
             shown_ns: None,
@@ -389,7 +389,7 @@ impl Plot {
     }
 }
 
-impl Armed {
+impl ArmedTrigger {
     fn take(&mut self, sample: &Sample, span_ns: u64) {
         let fires = self.trigger.fires(sample.value);
         // Time may have gone back, with the run.

@@ -1,12 +1,12 @@
-//! [`News`]: what a plot hears of the variables that it wishes.
+//! [`FeedEvent`]: what a plot hears of the variables that it wishes.
 
-use super::curve::{Chosen, Sample};
+use super::curve::{ChosenCurves, Sample};
 
 /// A message from a feed to its plot.
 #[derive(Debug)]
-pub(crate) enum News {
+pub(crate) enum FeedEvent {
     /// The curves that the latest wish names.
-    Chosen(Chosen),
+    Chosen(ChosenCurves),
     Samples(Vec<Sample>),
     /// Why there are no values, or not all.
     Trouble(String),

@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use super::curve::{Sample, Variable};
 use crate::peek::{NumberAt, Peek};
-use condor_host::control::Status;
+use condor_host::control::SystemStatus;
 use condor_host::extension::Extension;
 use condor_host::system::SystemDirectory;
 use condor_host::view::View;
@@ -16,7 +16,7 @@ const PERIOD: Duration = Duration::from_millis(10);
 pub(super) struct Numbers<'v> {
     extensions: &'v [&'static dyn Extension],
     directory: &'v SystemDirectory,
-    status: &'v Status,
+    status: &'v SystemStatus,
     view: &'v View,
     /// The programs that were asked for, by the numbers of their processors.
     programs: Vec<(u8, Peek)>,
@@ -29,7 +29,7 @@ impl<'v> Numbers<'v> {
     pub(super) fn new(
         extensions: &'v [&'static dyn Extension],
         directory: &'v SystemDirectory,
-        status: &'v Status,
+        status: &'v SystemStatus,
         view: &'v View,
     ) -> Self {
         Self {

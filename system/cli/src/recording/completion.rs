@@ -13,20 +13,21 @@ use rustix::fs::{CWD, RenameFlags, renameat_with};
 use rustix::io::Errno;
 
 use super::records::{self, Step, Walk};
-use super::taken::Taken;
+use super::taken::MessageCounts;
 use super::writer::lock;
 use super::{
-    ABOUT, CHUNK_BYTES, DROPPED, FileError, Mcap, RecordingError, Topic, beside, number, reader,
+    ABOUT, CHUNK_BYTES, DROPPED, Mcap, NamedFileError, RecordedTopic, RecordingError, beside,
+    number, reader,
 };
 
 /// The result of completing a recording.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Completed {
+pub struct RecordingCompletion {
     /// Whether it was complete, and without damage, before.
     pub was_complete: bool,
     /// The topics, in the order of their channels; none if the file of another program is complete
     /// without a summary.
-    pub topics: Vec<Topic>,
+    pub topics: Vec<RecordedTopic>,
     /// What was damaged and is left out.
     pub damage: Damage,
     /// Where the damaged file is kept as it was; `None` if nothing was damaged.
@@ -59,7 +60,7 @@ impl Damage {
 /// [`RecordingError::NotMcap`] if it is no recording, [`RecordingError::InUse`] if it is being
 /// recorded, [`RecordingError::Compression`] if a chunk cannot be unpacked, [`RecordingError::File`] if it
 /// cannot be read or written. The file then stays as it is.
-pub fn complete(path: &Path) -> Result<Completed, RecordingError> {
+pub fn complete(path: &Path) -> Result<RecordingCompletion, RecordingError> {
     completed(path, locked(path)?, true).map(|(_, completed)| completed)
 }
 
@@ -69,14 +70,14 @@ fn completed(
     path: &Path,
     mut file: File,
     is_checked: bool,
-) -> Result<(File, Completed), RecordingError> {
+) -> Result<(File, RecordingCompletion), RecordingError> {
     let whole = reader::whole(path, &mut file)?;
-    let has_index = whole.as_ref().is_some_and(reader::Whole::has_index);
+    let has_index = whole.as_ref().is_some_and(reader::FileSummary::has_index);
     let is_complete = has_index || reader::is_ended(path, &file)?;
     if is_complete && (!is_checked || is_sound(path, &file)?) {
         // The recorder may have been killed just before it removed them.
-        Taken::end(path, whole.as_ref().and_then(reader::Whole::number))?;
-        let completed = Completed {
+        MessageCounts::end(path, whole.as_ref().and_then(reader::FileSummary::number))?;
+        let completed = RecordingCompletion {
             was_complete: true,
             topics: whole.map(|it| it.topics()).unwrap_or_default(),
             damage: Damage::default(),
@@ -90,9 +91,9 @@ fn completed(
     let copied = copied(path, &file, whole.as_ref(), &new, out);
     let renamed = copied.and_then(|(number, out, topics, damage)| {
         let kept = (damage.places > 0).then(|| aside(path)).transpose()?;
-        out.sync_all().map_err(FileError::at("write", &new))?;
-        std::fs::rename(&new, path).map_err(FileError::at("rename", &new))?;
-        sync_name(path).map_err(FileError::at("rename", &new))?;
+        out.sync_all().map_err(NamedFileError::at("write", &new))?;
+        std::fs::rename(&new, path).map_err(NamedFileError::at("rename", &new))?;
+        sync_name(path).map_err(NamedFileError::at("rename", &new))?;
         Ok((number, out, topics, damage, kept))
     });
     let (number, out, topics, damage, kept) = match renamed {
@@ -103,8 +104,8 @@ fn completed(
             return Err(error);
         }
     };
-    Taken::end(path, number)?;
-    let completed = Completed {
+    MessageCounts::end(path, number)?;
+    let completed = RecordingCompletion {
         was_complete: false,
         topics,
         damage,
@@ -114,14 +115,14 @@ fn completed(
 }
 
 /// Gives a file a second name that is free, and returns it.
-fn aside(path: &Path) -> Result<PathBuf, FileError> {
+fn aside(path: &Path) -> Result<PathBuf, NamedFileError> {
     let mut number = 1;
     loop {
         let kept = numbered(path, number);
         match std::fs::hard_link(path, &kept) {
             Ok(()) => return Ok(kept),
             Err(error) if error.kind() == ErrorKind::AlreadyExists => number += 1,
-            Err(error) => return Err(FileError::at("keep the damaged file as", &kept)(error)),
+            Err(error) => return Err(NamedFileError::at("keep the damaged file as", &kept)(error)),
         }
     }
 }
@@ -142,10 +143,10 @@ fn numbered(path: &Path, number: u64) -> PathBuf {
 fn copied(
     path: &Path,
     file: &File,
-    summary: Option<&reader::Whole>,
+    summary: Option<&reader::FileSummary>,
     new: &Path,
     out: File,
-) -> Result<(Option<u64>, File, Vec<Topic>, Damage), RecordingError> {
+) -> Result<(Option<u64>, File, Vec<RecordedTopic>, Damage), RecordingError> {
     let mut copy = Copy {
         mcap: super::begin(out).map_err(RecordingError::mcap(new))?,
         number: None,
@@ -160,7 +161,10 @@ fn copied(
     // What a complete file has was taken, too.
     let taken = match summary {
         Some(whole) => Some(whole.taken()),
-        None => (copy.number.and_then(|number| Taken::read(path, number))).map(|all| {
+        None => (copy
+            .number
+            .and_then(|number| MessageCounts::read(path, number)))
+        .map(|all| {
             all.into_iter()
                 .map(|(id, count)| (id, Some(count)))
                 .collect()
@@ -173,7 +177,7 @@ fn copied(
             let of_channel =
                 |taken: &BTreeMap<_, Option<u64>>| taken.get(number).copied().unwrap_or(Some(0));
             let taken = taken.as_ref().and_then(of_channel);
-            Topic {
+            RecordedTopic {
                 name: topic.clone(),
                 messages: *messages,
                 dropped: taken.map(|taken| taken.saturating_sub(*messages)),
@@ -198,9 +202,9 @@ fn fresh(new: &Path) -> Result<File, RecordingError> {
             Err(error) if error.kind() == ErrorKind::AlreadyExists => {
                 let mut former = locked(new)?;
                 check_magic(new, &mut former)?;
-                std::fs::remove_file(new).map_err(FileError::at("remove", new))?;
+                std::fs::remove_file(new).map_err(NamedFileError::at("remove", new))?;
             }
-            Err(error) => return Err(FileError::at("make", new)(error).into()),
+            Err(error) => return Err(NamedFileError::at("make", new)(error).into()),
         }
     }
 }
@@ -225,7 +229,7 @@ impl Former {
         }
         let mut file = locked(path)?;
         check_magic(path, &mut file)?;
-        let own = file.try_clone().map_err(FileError::at("open", path))?;
+        let own = file.try_clone().map_err(NamedFileError::at("open", path))?;
         let (file, trouble) = match completed(path, own, false) {
             Ok((file, _)) => (file, None),
             // It is in nobody's way under another name.
@@ -248,11 +252,11 @@ impl Former {
             match renameat_with(CWD, path, CWD, &kept, RenameFlags::NOREPLACE) {
                 Ok(()) => {
                     // What could not be completed may be so later.
-                    Taken::keep(path, &kept)?;
+                    MessageCounts::keep(path, &kept)?;
                     return Ok(kept);
                 }
                 Err(Errno::EXIST) => number += 1,
-                Err(error) => return Err(FileError::at("rename", path)(error.into()).into()),
+                Err(error) => return Err(NamedFileError::at("rename", path)(error.into()).into()),
             }
         }
     }
@@ -261,12 +265,14 @@ impl Former {
 /// Opens a recording and locks it.
 fn locked(path: &Path) -> Result<File, RecordingError> {
     loop {
-        let file = open_regular(path).map_err(FileError::at("open", path))?;
+        let file = open_regular(path).map_err(NamedFileError::at("open", path))?;
         lock(&file, path)?;
         // Somebody may have completed it before it was locked.
         let inode = |metadata: std::fs::Metadata| (metadata.dev(), metadata.ino());
-        let own = file.metadata().map_err(FileError::at("look at", path))?;
-        let present = std::fs::metadata(path).map_err(FileError::at("look at", path))?;
+        let own = file
+            .metadata()
+            .map_err(NamedFileError::at("look at", path))?;
+        let present = std::fs::metadata(path).map_err(NamedFileError::at("look at", path))?;
         if inode(own) == inode(present) {
             return Ok(file);
         }
@@ -278,7 +284,7 @@ fn check_magic(path: &Path, file: &mut File) -> Result<(), RecordingError> {
     let mut start = Vec::new();
     rewind(path, file)?;
     let read = file.take(MAGIC.len() as u64).read_to_end(&mut start);
-    read.map_err(FileError::at("read", path))?;
+    read.map_err(NamedFileError::at("read", path))?;
     // After a power loss, what was not on the disk yet is 0.
     if MAGIC.starts_with(&start) || start == [0; MAGIC.len()] {
         return Ok(());
@@ -288,9 +294,9 @@ fn check_magic(path: &Path, file: &mut File) -> Result<(), RecordingError> {
     })
 }
 
-fn rewind(path: &Path, file: &mut File) -> Result<(), FileError> {
+fn rewind(path: &Path, file: &mut File) -> Result<(), NamedFileError> {
     let at = file.seek(SeekFrom::Start(0));
-    at.map(|_| ()).map_err(FileError::at("read", path))
+    at.map(|_| ()).map_err(NamedFileError::at("read", path))
 }
 
 /// A file to which all is copied that is whole.
@@ -307,7 +313,7 @@ struct Copy {
 
 impl Copy {
     /// Adds the types and channels of a summary: the chunk with them may be damaged.
-    fn describe(&mut self, whole: &reader::Whole) -> Result<(), McapError> {
+    fn describe(&mut self, whole: &reader::FileSummary) -> Result<(), McapError> {
         let schemas: BTreeMap<_, _> = whole.summary.schemas.iter().collect();
         for (id, it) in schemas {
             self.mcap
@@ -326,7 +332,7 @@ impl Copy {
 
     fn all(&mut self, path: &Path, file: &File, new: &Path) -> Result<(), RecordingError> {
         let mut walk = walk(path, file)?;
-        while let Some(step) = walk.next().map_err(FileError::at("read", path))? {
+        while let Some(step) = walk.next().map_err(NamedFileError::at("read", path))? {
             let copied = match step {
                 Step::Record { opcode, .. } if opcode == op::DATA_END => return Ok(()),
                 Step::Record { opcode, body } => self.records([(opcode, body.as_slice())]),
@@ -340,7 +346,7 @@ impl Copy {
                     return Err(RecordingError::Compression { path, compression });
                 }
             };
-            copied.map_err(|error| FileError::at("write", new)(error))?;
+            copied.map_err(|error| NamedFileError::at("write", new)(error))?;
         }
         Ok(())
     }
@@ -419,15 +425,17 @@ impl Copy {
 }
 
 /// Returns a walk through all records of a file.
-fn walk<'f>(path: &Path, file: &'f File) -> Result<Walk<'f>, FileError> {
-    let metadata = file.metadata().map_err(FileError::at("look at", path))?;
+fn walk<'f>(path: &Path, file: &'f File) -> Result<Walk<'f>, NamedFileError> {
+    let metadata = file
+        .metadata()
+        .map_err(NamedFileError::at("look at", path))?;
     Ok(Walk::new(file, MAGIC.len() as u64, metadata.len()))
 }
 
 /// Returns whether all data of a complete file is as it was written, as far as there are checksums.
-fn is_sound(path: &Path, file: &File) -> Result<bool, FileError> {
+fn is_sound(path: &Path, file: &File) -> Result<bool, NamedFileError> {
     let mut walk = walk(path, file)?;
-    while let Some(step) = walk.next().map_err(FileError::at("read", path))? {
+    while let Some(step) = walk.next().map_err(NamedFileError::at("read", path))? {
         match step {
             Step::Record { opcode, .. } if opcode == op::DATA_END => return Ok(true),
             Step::Damaged { .. } => return Ok(false),

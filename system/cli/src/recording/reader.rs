@@ -1,4 +1,4 @@
-//! [`Reader`]: the variables and events of a complete recording.
+//! [`RecordingReader`]: the variables and events of a complete recording.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -7,7 +7,7 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use condor_platform::linux::open_regular;
-use condor_ros2::{Field, Layout, Log, Message, Row, SCHEMA_ENCODING};
+use condor_ros2::{Layout, Log, RosField, RosMessage, RowMessage, SCHEMA_ENCODING};
 use mcap::records::{Metadata, Record, op};
 use mcap::sans_io::indexed_reader::ReadOrder;
 use mcap::sans_io::{
@@ -17,23 +17,23 @@ use mcap::sans_io::{
 use mcap::{Channel, MAGIC, Summary};
 
 use super::records::{self, Step, Walk, part};
-use super::{ABOUT, DROPPED, FORMAT, FileError, RecordingError, Topic, number};
-use condor_host::names::{self, Named};
+use super::{ABOUT, DROPPED, FORMAT, NamedFileError, RecordedTopic, RecordingError, number};
+use condor_host::names::{self, VariableName};
 
 /// A complete recording.
 #[derive(Debug)]
-pub struct Reader {
+pub struct RecordingReader {
     path: PathBuf,
     file: File,
     summary: Summary,
     about: BTreeMap<String, String>,
-    sources: Vec<Source>,
+    sources: Vec<RecordedSource>,
     columns: Vec<Column>,
 }
 
 /// A loop or a published cell in a recording.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Source {
+pub struct RecordedSource {
     /// The name of its processor.
     pub processor: String,
     /// Its own name.
@@ -53,23 +53,23 @@ pub struct Source {
 /// A variable in a recording.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Column {
-    /// The index of its source in [`Reader::sources`].
+    /// The index of its source in [`RecordingReader::sources`].
     pub source: usize,
     /// The index of its field in a row.
     pub field: usize,
     /// The variable.
-    pub variable: Field,
+    pub variable: RosField,
     processor: String,
     owner: String,
 }
 
-impl Named for Column {
+impl VariableName for Column {
     fn parts(&self) -> [&str; 3] {
         [&self.processor, &self.owner, &self.variable.name]
     }
 }
 
-impl Reader {
+impl RecordingReader {
     /// Opens a recording.
     ///
     /// # Errors
@@ -77,7 +77,7 @@ impl Reader {
     /// [`RecordingError::NotMcap`], [`RecordingError::NoIndex`] and [`RecordingError::Format`] if it is none
     /// that can be read, [`RecordingError::File`] and [`RecordingError::Schema`] if it cannot be read.
     pub fn open(path: &Path) -> Result<Self, RecordingError> {
-        let mut file = open_regular(path).map_err(FileError::at("open", path))?;
+        let mut file = open_regular(path).map_err(NamedFileError::at("open", path))?;
         let Some(whole) = whole(path, &mut file)? else {
             let path = path.to_owned();
             // A file of another program may be complete without a summary.
@@ -91,7 +91,7 @@ impl Reader {
             let path = path.to_owned();
             return Err(RecordingError::NoIndex { path });
         }
-        let Whole {
+        let FileSummary {
             mut summary,
             mut metadata,
         } = whole;
@@ -131,7 +131,7 @@ impl Reader {
         &self,
         channel: &Channel<'_>,
         dropped: &BTreeMap<String, String>,
-    ) -> Result<Option<Source>, RecordingError> {
+    ) -> Result<Option<RecordedSource>, RecordingError> {
         let of_channel = |key| channel.metadata.get(key).cloned();
         let (Some(processor), Some(owner)) = (of_channel("processor"), of_channel("loop")) else {
             return Ok(None);
@@ -140,7 +140,7 @@ impl Reader {
         let schema = schema.filter(|schema| schema.encoding == SCHEMA_ENCODING);
         let text = schema.map(|schema| String::from_utf8_lossy(&schema.data).into_owned());
         let layout = Layout::of_schema(&text.unwrap_or_default());
-        Ok(Some(Source {
+        Ok(Some(RecordedSource {
             processor,
             owner,
             topic: channel.topic.clone(),
@@ -155,7 +155,7 @@ impl Reader {
         }))
     }
 
-    fn add(&mut self, source: Source) {
+    fn add(&mut self, source: RecordedSource) {
         for (field, (variable, _)) in source.layout.fields().enumerate() {
             self.columns.push(Column {
                 source: self.sources.len(),
@@ -176,7 +176,7 @@ impl Reader {
 
     /// Returns the loops and cells.
     #[must_use]
-    pub fn sources(&self) -> &[Source] {
+    pub fn sources(&self) -> &[RecordedSource] {
         &self.sources
     }
 
@@ -229,7 +229,7 @@ impl Reader {
         &self,
         sources: &[usize],
         span: Range<u64>,
-        mut take: impl FnMut(usize, u64, &Row<'_>) -> Result<(), E>,
+        mut take: impl FnMut(usize, u64, &RowMessage<'_>) -> Result<(), E>,
     ) -> Result<(), E> {
         let chosen = sources.iter().filter_map(|number| {
             let source = self.sources.get(*number)?;
@@ -310,9 +310,11 @@ impl Reader {
             at,
         };
         let length = self.file.metadata();
-        let length = length.map_err(FileError::at("look at", &self.path))?.len();
+        let length = length
+            .map_err(NamedFileError::at("look at", &self.path))?
+            .len();
         let step = Walk::new(&self.file, at, length).next();
-        match step.map_err(FileError::at("read", &self.path))? {
+        match step.map_err(NamedFileError::at("read", &self.path))? {
             Some(Step::Chunk { content }) => Ok(content),
             Some(Step::Unknown { compression }) => Err(RecordingError::Compression {
                 path: self.path.clone(),
@@ -333,21 +335,21 @@ impl Reader {
 }
 
 /// What a complete file says about itself at its end.
-pub(super) struct Whole {
+pub(super) struct FileSummary {
     pub(super) summary: Summary,
     metadata: BTreeMap<String, BTreeMap<String, String>>,
 }
 
-impl Whole {
+impl FileSummary {
     /// Returns the number of the recording, if it has one.
     pub(super) fn number(&self) -> Option<u64> {
         self.metadata.get(ABOUT).and_then(number)
     }
 
     /// Returns what it has of each topic.
-    pub(super) fn topics(&self) -> Vec<Topic> {
+    pub(super) fn topics(&self) -> Vec<RecordedTopic> {
         let channels: BTreeMap<_, _> = self.summary.channels.iter().collect();
-        let topics = channels.into_iter().map(|(id, channel)| Topic {
+        let topics = channels.into_iter().map(|(id, channel)| RecordedTopic {
             name: channel.topic.clone(),
             messages: messages(&self.summary, *id),
             dropped: self.dropped(&channel.topic),
@@ -385,12 +387,12 @@ fn messages(summary: &Summary, channel: u16) -> u64 {
 }
 
 /// Reads the summary and the metadata; `None` if the file has no whole ones.
-pub(super) fn whole(path: &Path, file: &mut File) -> Result<Option<Whole>, RecordingError> {
+pub(super) fn whole(path: &Path, file: &mut File) -> Result<Option<FileSummary>, RecordingError> {
     let length = file
         .metadata()
-        .map_err(FileError::at("look at", path))?
+        .map_err(NamedFileError::at("look at", path))?
         .len();
-    if !is_sound(file, length).map_err(FileError::at("read", path))? {
+    if !is_sound(file, length).map_err(NamedFileError::at("read", path))? {
         return Ok(None);
     }
     let limit = usize::try_from(length).unwrap_or(usize::MAX);
@@ -402,11 +404,11 @@ pub(super) fn whole(path: &Path, file: &mut File) -> Result<Option<Whole>, Recor
         match event {
             Ok(SummaryReadEvent::ReadRequest(bytes)) => {
                 let read = file.read(reader.insert(bytes));
-                reader.notify_read(read.map_err(FileError::at("read", path))?);
+                reader.notify_read(read.map_err(NamedFileError::at("read", path))?);
             }
             Ok(SummaryReadEvent::SeekRequest(to)) => {
                 let at = file.seek(to);
-                reader.notify_seeked(at.map_err(FileError::at("read", path))?);
+                reader.notify_seeked(at.map_err(NamedFileError::at("read", path))?);
             }
             // It does not end as a complete file does.
             Err(_) => return Ok(None),
@@ -419,9 +421,9 @@ pub(super) fn whole(path: &Path, file: &mut File) -> Result<Option<Whole>, Recor
     // Chunks that are told of many times would be held in memory many times.
     let chunks = summary.chunk_indexes.iter();
     let bytes = chunks.fold(0_u64, |sum, it| sum.saturating_add(it.chunk_length));
-    let metadata = metadata(&summary, file, length).map_err(FileError::at("read", path))?;
+    let metadata = metadata(&summary, file, length).map_err(NamedFileError::at("read", path))?;
     let metadata = metadata.filter(|_| bytes <= length);
-    Ok(metadata.map(|metadata| Whole { summary, metadata }))
+    Ok(metadata.map(|metadata| FileSummary { summary, metadata }))
 }
 
 /// Returns whether all records of the summary are as long as they say, if there is one.
@@ -448,12 +450,12 @@ fn is_sound(file: &File, length: u64) -> io::Result<bool> {
 
 /// Returns whether the file ends as a complete one without a summary does: with the end of the data, the footer
 /// and the magic.
-pub(super) fn is_ended(path: &Path, mut file: &File) -> Result<bool, FileError> {
+pub(super) fn is_ended(path: &Path, mut file: &File) -> Result<bool, NamedFileError> {
     const CRC: usize = 4;
     const HEAD: usize = 9;
     const FOOTER: usize = 20;
     const BYTES: usize = 2 * HEAD + CRC + FOOTER + MAGIC.len();
-    let failed = FileError::at("read", path);
+    let failed = NamedFileError::at("read", path);
     let mut read = || {
         let length = file.seek(SeekFrom::End(0))?;
         part(

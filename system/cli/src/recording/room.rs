@@ -1,4 +1,4 @@
-//! [`Room`]: room on the disk for all that a recording needs to be completed.
+//! [`ReservedSpace`]: room on the disk for all that a recording needs to be completed.
 
 use std::fs::File;
 use std::io;
@@ -12,14 +12,14 @@ const STEP: u64 = 8 << 20;
 /// Room that is allocated to a file before it is written, so that a full disk is noticed while there is
 /// enough room to complete it.
 #[derive(Debug)]
-pub(super) struct Room {
+pub(super) struct ReservedSpace {
     file: File,
     bytes: u64,
     /// Whether the file system can do it.
     is_possible: bool,
 }
 
-impl Room {
+impl ReservedSpace {
     pub(super) const fn new(file: File) -> Self {
         Self {
             file,

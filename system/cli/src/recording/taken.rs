@@ -1,11 +1,11 @@
-//! [`Taken`]: how many messages of each channel a recorder has taken, in a file beside the recording.
+//! [`MessageCounts`]: how many messages of each channel a recorder has taken, in a file beside the recording.
 
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
-use condor_host::error::FileError;
+use condor_host::error::NamedFileError;
 
 use super::beside;
 
@@ -19,7 +19,7 @@ const HEAD_BYTES: usize = 16;
 ///
 /// The number tells to which recording the file belongs, since recordings can be moved.
 #[derive(Debug)]
-pub(super) struct Taken {
+pub(super) struct MessageCounts {
     file: File,
     path: PathBuf,
     counts: Vec<u64>,
@@ -29,17 +29,17 @@ fn path_of(recording: &Path) -> PathBuf {
     beside(recording, ".taken")
 }
 
-impl Taken {
+impl MessageCounts {
     /// Begins to count for the recording of this number.
-    pub(super) fn begin(recording: &Path, number: u64) -> Result<Self, FileError> {
+    pub(super) fn begin(recording: &Path, number: u64) -> Result<Self, NamedFileError> {
         let path = path_of(recording);
         // A recorder whose recording was moved may still write to it: it is not overwritten.
         if std::fs::read(&path).is_ok_and(|bytes| is_ours(&bytes)) {
             remove(&path)?;
         }
-        let file = File::create_new(&path).map_err(FileError::at("make", &path))?;
+        let file = File::create_new(&path).map_err(NamedFileError::at("make", &path))?;
         let written = file.write_all_at(&head(number), 0);
-        written.map_err(FileError::at("write", &path))?;
+        written.map_err(NamedFileError::at("write", &path))?;
         Ok(Self {
             file,
             path,
@@ -59,11 +59,11 @@ impl Taken {
     }
 
     /// Writes all counts. They are noted even if this process is killed at once.
-    pub(super) fn note(&self) -> Result<(), FileError> {
+    pub(super) fn note(&self) -> Result<(), NamedFileError> {
         // A write that is interrupted ends between counts: each lies in one page.
         let bytes: Vec<u8> = self.counts.iter().flat_map(|it| it.to_le_bytes()).collect();
         let written = self.file.write_all_at(&bytes, HEAD_BYTES as u64);
-        written.map_err(FileError::at("write", &self.path))
+        written.map_err(NamedFileError::at("write", &self.path))
     }
 
     /// Returns the counts.
@@ -79,16 +79,16 @@ impl Taken {
     }
 
     /// Moves the counts of a recording, if there are some, to its new name.
-    pub(super) fn keep(recording: &Path, kept: &Path) -> Result<(), FileError> {
+    pub(super) fn keep(recording: &Path, kept: &Path) -> Result<(), NamedFileError> {
         let path = path_of(recording);
         if std::fs::read(&path).is_ok_and(|bytes| bytes.starts_with(MAGIC)) {
-            std::fs::rename(&path, path_of(kept)).map_err(FileError::at("rename", &path))?;
+            std::fs::rename(&path, path_of(kept)).map_err(NamedFileError::at("rename", &path))?;
         }
         Ok(())
     }
 
     /// Removes the counts of the recording of this number, which is complete.
-    pub(super) fn end(recording: &Path, number: Option<u64>) -> Result<(), FileError> {
+    pub(super) fn end(recording: &Path, number: Option<u64>) -> Result<(), NamedFileError> {
         match number.and_then(|number| Self::read(recording, number)) {
             Some(_) => remove(&path_of(recording)),
             None => Ok(()),
@@ -108,10 +108,10 @@ fn head(number: u64) -> [u8; HEAD_BYTES] {
     head
 }
 
-fn remove(path: &Path) -> Result<(), FileError> {
+fn remove(path: &Path) -> Result<(), NamedFileError> {
     match std::fs::remove_file(path) {
         Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
-            Err(FileError::at("remove", path)(error))
+            Err(NamedFileError::at("remove", path)(error))
         }
         _ => Ok(()),
     }

@@ -4,15 +4,15 @@ use std::path::{Path, PathBuf};
 use std::sync::mpsc;
 use std::time::Duration;
 
-use condor_ros2::{Field, Level};
-use condor_vars::{Kind, Value};
+use condor_ros2::{Level, RosField};
+use condor_vars::{AnyValue, ValueKind};
 use mcap::records::op;
 use proptest::prelude::*;
 
 use super::*;
 
-fn variable(name: &str, kind: Kind) -> Field {
-    Field {
+fn variable(name: &str, kind: ValueKind) -> RosField {
+    RosField {
         name: name.into(),
         kind,
         unit: "rad".into(),
@@ -30,7 +30,7 @@ struct Made {
 }
 
 fn begin(path: &Path) -> Made {
-    let attached = [Attached {
+    let attached = [AttachedFile {
         name: "hand.toml".into(),
         content: b"name = \"hand\"\n".to_vec(),
     }];
@@ -42,7 +42,10 @@ fn begin(path: &Path) -> Made {
         attached: &attached,
     };
     let mut writer = Writer::create(path, &origin).unwrap();
-    let fields = [variable("position", Kind::F64), variable("beat", Kind::U8)];
+    let fields = [
+        variable("position", ValueKind::F64),
+        variable("beat", ValueKind::U8),
+    ];
     let a = writer.rows_of("servo-a", "servo", fields.clone()).unwrap();
     let b = writer.rows_of("servo_a", "servo", fields).unwrap();
     Made {
@@ -79,7 +82,7 @@ impl Made {
 
 /// Reads all rows, which must be the first ones of each loop; returns how many.
 fn check(path: &Path) -> [u64; 2] {
-    let reader = Reader::open(path).unwrap();
+    let reader = RecordingReader::open(path).unwrap();
     let mut counts = [0; 2];
     let numbers: Vec<_> = (0..reader.sources().len()).collect();
     reader
@@ -88,8 +91,8 @@ fn check(path: &Path) -> [u64; 2] {
             assert_eq!(row.head().tick, tick);
             assert_eq!(at_ns, 1_000_000 + 1000 * tick);
             assert_eq!(row.head().stamp.as_ns(), at_ns);
-            assert_eq!(row.value(0), Some(Value::F64(position(source, tick))));
-            assert_eq!(row.value(1), Some(Value::Uint(tick % 256)));
+            assert_eq!(row.value(0), Some(AnyValue::F64(position(source, tick))));
+            assert_eq!(row.value(1), Some(AnyValue::Uint(tick % 256)));
             counts[source] += 1;
             Ok::<_, RecordingError>(())
         })
@@ -127,7 +130,7 @@ fn a_recording_has_what_was_written() {
     ];
     assert_eq!(topics, expected);
     assert_eq!(check(&path), [300, 5]);
-    let reader = Reader::open(&path).unwrap();
+    let reader = RecordingReader::open(&path).unwrap();
     assert_eq!(reader.about()["system"], "tested");
     assert_eq!(reader.sources()[0].dropped, Some(0));
     let events = reader.events(reader.span()).unwrap();
@@ -151,7 +154,7 @@ fn a_span_has_its_rows_only() {
     let mut made = begin(&path);
     made.rows(0, 100);
     made.writer.end().unwrap();
-    let reader = Reader::open(&path).unwrap();
+    let reader = RecordingReader::open(&path).unwrap();
     let mut ticks = Vec::new();
     let span = 1_010_000..1_013_000;
     let read = reader.rows(&[0], span, |_, _, row| {
@@ -182,10 +185,10 @@ fn a_file_that_ends_at_any_byte_has_its_whole_chunks() {
     for cut in (0..whole.len()).step_by(31).chain(around) {
         std::fs::write(&path, &whole[..cut]).unwrap();
         std::fs::write(directory.path().join("run.mcap.taken"), &taken).unwrap();
-        assert!(Reader::open(&path).is_err(), "cut at {cut}");
+        assert!(RecordingReader::open(&path).is_err(), "cut at {cut}");
         let completed = complete(&path).unwrap();
         assert!(!completed.was_complete, "cut at {cut}");
-        let reader = Reader::open(&path);
+        let reader = RecordingReader::open(&path);
         let before = lengths.iter().filter(|(length, _)| *length <= cut as u64);
         let expected = before.map(|(_, rows)| *rows).max().unwrap_or(0);
         match reader {
@@ -253,7 +256,10 @@ fn without_counts_nobody_knows_what_was_dropped() {
     std::fs::remove_file(directory.path().join("run.mcap.taken")).unwrap();
     let completed = complete(&path).unwrap();
     assert_eq!(completed.topics[1].dropped, None);
-    assert_eq!(Reader::open(&path).unwrap().sources()[0].dropped, None);
+    assert_eq!(
+        RecordingReader::open(&path).unwrap().sources()[0].dropped,
+        None
+    );
 }
 
 /// The records of a part of a file: opcodes and bodies.
@@ -358,14 +364,14 @@ fn what_other_programs_have_copied_is_read() {
 
 /// Reads all rows, which cannot be read.
 fn check_error(path: &Path) -> RecordingError {
-    let reader = Reader::open(path).unwrap();
+    let reader = RecordingReader::open(path).unwrap();
     let read = reader.rows(&[0], reader.span(), |_, _, _| Ok(()));
     read.unwrap_err()
 }
 
 /// The ticks of the first source.
 fn ticks(path: &Path) -> Vec<u64> {
-    let reader = Reader::open(path).unwrap();
+    let reader = RecordingReader::open(path).unwrap();
     let mut ticks = Vec::new();
     let read = reader.rows(&[0], reader.span(), |_, _, row| {
         ticks.push(row.head().tick);
@@ -478,13 +484,13 @@ fn whatever_bit_is_turned_each_chunk_is_read_or_counted() {
 
 /// Reads all rows, of which any may be missing.
 fn check_each(path: &Path) {
-    let reader = Reader::open(path).unwrap();
+    let reader = RecordingReader::open(path).unwrap();
     for (number, source) in reader.sources().iter().enumerate() {
         let made = usize::from(source.topic.ends_with("_2"));
         let read = reader.rows(&[number], reader.span(), |_, at_ns, row| {
             let tick = row.head().tick;
             assert_eq!(at_ns, 1_000_000 + 1000 * tick);
-            assert_eq!(row.value(0), Some(Value::F64(position(made, tick))));
+            assert_eq!(row.value(0), Some(AnyValue::F64(position(made, tick))));
             Ok::<_, RecordingError>(())
         });
         read.unwrap();
@@ -658,13 +664,13 @@ fn a_complete_file_without_a_summary_is_left_alone() {
     drop(file);
     let bytes = std::fs::read(&path).unwrap();
     assert!(complete(&path).unwrap().was_complete);
-    let error = Reader::open(&path).unwrap_err();
+    let error = RecordingReader::open(&path).unwrap_err();
     assert!(matches!(error, RecordingError::NoIndex { .. }), "{error}");
     let kept = former(&path).unwrap().unwrap();
     assert_eq!(std::fs::read(&kept).unwrap(), bytes);
     // Without its last byte it is not complete.
     std::fs::write(&path, &bytes[..bytes.len() - 1]).unwrap();
-    let error = Reader::open(&path).unwrap_err();
+    let error = RecordingReader::open(&path).unwrap_err();
     assert!(
         matches!(error, RecordingError::Incomplete { .. }),
         "{error}"
@@ -708,7 +714,7 @@ fn a_recording_that_is_moved_leaves_the_counts_of_the_next_alone() {
     next.kill();
     complete(&path).unwrap();
     let [rows, _] = check(&path);
-    let reader = Reader::open(&path).unwrap();
+    let reader = RecordingReader::open(&path).unwrap();
     assert_eq!(reader.sources()[0].dropped, Some(7 - rows));
 }
 
@@ -759,7 +765,7 @@ proptest! {
         let taken = made.kill();
         complete(&path).unwrap();
         let rows = check(&path);
-        let reader = Reader::open(&path).unwrap();
+        let reader = RecordingReader::open(&path).unwrap();
         for (source, place) in reader.sources().iter().zip(0..) {
             // A slow machine flushes by itself.
             prop_assert!(rows[place] >= flushed[place]);
@@ -793,7 +799,7 @@ proptest! {
         }
         std::fs::write(&path, &bytes).unwrap();
         // Whatever it says, nothing panics, and no memory is taken that the file has no bytes for.
-        if let Ok(reader) = Reader::open(&path) {
+        if let Ok(reader) = RecordingReader::open(&path) {
             let numbers: Vec<_> = (0..reader.sources().len()).collect();
             let _ = reader.rows(&numbers, reader.span(), |_, _, _| Ok::<_, RecordingError>(()));
             let _ = reader.events(reader.span());
@@ -824,7 +830,7 @@ fn a_fifo_is_refused_at_once() {
     let made = std::process::Command::new("mkfifo").arg(&fifo).status();
     assert!(made.unwrap().success());
     let reads: [fn(&Path) -> String; 2] = [
-        |fifo| Reader::open(fifo).unwrap_err().to_string(),
+        |fifo| RecordingReader::open(fifo).unwrap_err().to_string(),
         |fifo| complete(fifo).unwrap_err().to_string(),
     ];
     let (sender, receiver) = mpsc::channel();

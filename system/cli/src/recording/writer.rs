@@ -7,15 +7,15 @@ use std::time::{Duration, Instant};
 
 use condor_platform::linux::{LOCK_PATIENCE, lock_file};
 use condor_ros2::{
-    ENCODING, Field, Head, Layout, Level, Log, Message, SCHEMA_ENCODING, Time, encode, schema,
+    ENCODING, Head, Layout, Level, Log, RosField, RosMessage, SCHEMA_ENCODING, Time, encode, schema,
 };
 use mcap::Attachment;
 use mcap::records::{MessageHeader, Metadata};
 use rustix::io::Errno;
 
-use super::room::Room;
-use super::taken::Taken;
-use super::{ABOUT, CHUNK_BYTES, FORMAT, FileError, Mcap, NUMBER, RecordingError, VARIABLE};
+use super::room::ReservedSpace;
+use super::taken::MessageCounts;
+use super::{ABOUT, CHUNK_BYTES, FORMAT, Mcap, NUMBER, NamedFileError, RecordingError, VARIABLE};
 use condor_host::messages::{Topics, wall_ns};
 
 /// The time after which a chunk is written.
@@ -37,11 +37,11 @@ pub(crate) struct Origin<'o> {
     pub(crate) ahead_ns: u64,
     /// The number of ticks from one row to the next.
     pub(crate) every: u32,
-    pub(crate) attached: &'o [Attached],
+    pub(crate) attached: &'o [AttachedFile],
 }
 
 /// A file whose content belongs to the recording.
-pub(crate) struct Attached {
+pub(crate) struct AttachedFile {
     pub(crate) name: String,
     pub(crate) content: Vec<u8>,
 }
@@ -52,8 +52,8 @@ pub(crate) struct Writer {
     path: PathBuf,
     /// The number of the recording.
     number: u64,
-    taken: Taken,
-    room: Room,
+    taken: MessageCounts,
+    room: ReservedSpace,
     ahead_ns: u64,
     channels: BTreeMap<u16, Channel>,
     topics: Topics,
@@ -75,7 +75,7 @@ struct Channel {
 }
 
 /// The counts of what was written of a topic.
-pub(crate) struct Written {
+pub(crate) struct TopicCounts {
     pub(crate) channel: u16,
     pub(crate) topic: String,
     pub(crate) messages: u64,
@@ -90,19 +90,19 @@ impl Writer {
     pub(crate) fn create(path: &Path, origin: &Origin<'_>) -> Result<Self, RecordingError> {
         let mut options = File::options();
         let file = options.read(true).write(true).create_new(true).open(path);
-        let file = file.map_err(FileError::at("make", path))?;
+        let file = file.map_err(NamedFileError::at("make", path))?;
         lock(&file, path)?;
         let mut random = [0; 8];
         rustix::rand::getrandom(&mut random, rustix::rand::GetRandomFlags::empty())
-            .map_err(|error| FileError::at("number", path)(error.into()))?;
+            .map_err(|error| NamedFileError::at("number", path)(error.into()))?;
         let number = u64::from_le_bytes(random);
-        let taken = Taken::begin(path, number)?;
-        let own = file.try_clone().map_err(FileError::at("open", path))?;
-        let mut room = Room::new(own);
+        let taken = MessageCounts::begin(path, number)?;
+        let own = file.try_clone().map_err(NamedFileError::at("open", path))?;
+        let mut room = ReservedSpace::new(own);
         let attached = origin.attached.iter().map(|it| it.content.len() as u64);
         let bytes = attached.map(|bytes| bytes + OF_RECORD).sum::<u64>() + OF_FILE;
         let has_room = room.ensure(bytes);
-        has_room.map_err(|error| FileError::at("write", path)(error.into()))?;
+        has_room.map_err(|error| NamedFileError::at("write", path)(error.into()))?;
         let mcap = super::begin(file).map_err(RecordingError::mcap(path))?;
         let mut writer = Self {
             mcap,
@@ -167,7 +167,7 @@ impl Writer {
         &mut self,
         processor: &str,
         owner: &str,
-        fields: impl IntoIterator<Item = Field>,
+        fields: impl IntoIterator<Item = RosField>,
     ) -> Result<u16, RecordingError> {
         let layout = Layout::new(fields);
         let [topic, of_type] = self.topics.of(processor, owner);
@@ -183,7 +183,7 @@ impl Writer {
     }
 
     /// Adds a channel for messages of one type, and returns its number.
-    pub(crate) fn channel_of<M: Message>(&mut self, topic: &str) -> Result<u16, RecordingError> {
+    pub(crate) fn channel_of<M: RosMessage>(&mut self, topic: &str) -> Result<u16, RecordingError> {
         let text = schema::<M>();
         self.channel(topic.to_owned(), M::NAME, &text, &BTreeMap::new(), None)
     }
@@ -264,7 +264,7 @@ impl Writer {
     }
 
     /// Collects a message of a channel.
-    pub(crate) fn message(&mut self, channel: u16, instant_ns: u64, message: &impl Message) {
+    pub(crate) fn message(&mut self, channel: u16, instant_ns: u64, message: &impl RosMessage) {
         self.collect(channel, self.wall(instant_ns), encode(message));
     }
 
@@ -346,18 +346,18 @@ impl Writer {
             Err(Errno::NOSPC | Errno::DQUOT | Errno::FBIG) => Err(RecordingError::Full {
                 path: self.path.clone(),
             }),
-            Err(error) => Err(FileError::at("write", &self.path)(error.into()).into()),
+            Err(error) => Err(NamedFileError::at("write", &self.path)(error.into()).into()),
         }
     }
 
     /// Completes the file, and returns what is in it.
-    pub(crate) fn end(self) -> Result<Vec<Written>, RecordingError> {
+    pub(crate) fn end(self) -> Result<Vec<TopicCounts>, RecordingError> {
         let path = &self.path;
         let taken = self.taken.counts();
         let written: Vec<_> = (self.channels.iter())
             .map(|(number, channel)| {
                 let taken = taken.get(number).copied().unwrap_or(0);
-                Written {
+                TopicCounts {
                     channel: *number,
                     topic: channel.topic.clone(),
                     messages: channel.written,
@@ -369,8 +369,8 @@ impl Writer {
         let dropped = written.iter();
         let dropped = dropped.map(|it| (it.topic.clone(), it.dropped.to_string()));
         let file = super::end(self.mcap, dropped.collect()).map_err(RecordingError::mcap(path))?;
-        Room::give_back(&file).map_err(FileError::at("write", path))?;
-        Taken::end(path, Some(self.number))?;
+        ReservedSpace::give_back(&file).map_err(NamedFileError::at("write", path))?;
+        MessageCounts::end(path, Some(self.number))?;
         Ok(written)
     }
 }
@@ -387,7 +387,7 @@ impl Writer {
 /// Locks the file of a recording for as long as it is open. Waits a little while somebody else has locked it.
 pub(super) fn lock(file: &File, path: &Path) -> Result<(), RecordingError> {
     let locked = lock_file(file, LOCK_PATIENCE);
-    if locked.map_err(|error| FileError::at("lock", path)(error.into()))? {
+    if locked.map_err(|error| NamedFileError::at("lock", path)(error.into()))? {
         return Ok(());
     }
     Err(RecordingError::InUse {

@@ -11,7 +11,7 @@ use crossterm::event::Event;
 use super::window::{Input, Window, WindowId};
 use crate::plot;
 use crate::screen;
-use condor_host::control::{self, Client, ClientError, Status};
+use condor_host::control::{self, ControlClient, ControlClientError, SystemStatus};
 use condor_host::services::terminals;
 use condor_host::system::SystemDirectory;
 
@@ -24,11 +24,11 @@ const LOG_LINES: usize = 500;
 
 /// An event for the plot.
 #[derive(Debug)]
-pub(super) enum News {
+pub(super) enum UiEvent {
     Input(Event),
     /// The keyboard is gone.
     NoInput(io::Error),
-    Status(Box<Status>),
+    Status(Box<SystemStatus>),
     /// The supervisor does not answer.
     Gone(String),
     LogBegins(Vec<String>),
@@ -39,25 +39,25 @@ pub(super) enum News {
     Closed(WindowId),
     /// What became of something that was asked for.
     Notice(String),
-    Plot(plot::News),
+    Plot(plot::FeedEvent),
 }
 
 /// The threads end with the process, or when the receiver of their news is gone.
 #[derive(Debug)]
-pub(super) struct Feed {
+pub(super) struct UiFeeds {
     directory: SystemDirectory,
 }
 
-impl Feed {
+impl UiFeeds {
     pub(super) fn start(
         directory: &SystemDirectory,
         windows: &[Window],
-        news: &Sender<News>,
+        news: &Sender<UiEvent>,
     ) -> Self {
         let keys = news.clone();
         thread::spawn(move || {
             screen::keyboard(|read| {
-                keys.send(read.map_or_else(News::NoInput, News::Input))
+                keys.send(read.map_or_else(UiEvent::NoInput, UiEvent::Input))
                     .is_ok()
             });
         });
@@ -80,28 +80,29 @@ impl Feed {
     }
 }
 
-fn supervisor(directory: &SystemDirectory, news: &Sender<News>) {
+fn supervisor(directory: &SystemDirectory, news: &Sender<UiEvent>) {
     loop {
-        let ended: Result<(), ClientError> = Client::connect(directory).and_then(|mut client| {
-            loop {
-                let status = Box::new(client.status()?);
-                if news.send(News::Status(status)).is_err() {
-                    return Ok(());
+        let ended: Result<(), ControlClientError> =
+            ControlClient::connect(directory).and_then(|mut client| {
+                loop {
+                    let status = Box::new(client.status()?);
+                    if news.send(UiEvent::Status(status)).is_err() {
+                        return Ok(());
+                    }
+                    thread::sleep(STATUS);
                 }
-                thread::sleep(STATUS);
-            }
-        });
+            });
         let Err(error) = ended else {
             return;
         };
-        if news.send(News::Gone(error.to_string())).is_err() {
+        if news.send(UiEvent::Gone(error.to_string())).is_err() {
             return;
         }
         thread::sleep(AGAIN);
     }
 }
 
-fn log(directory: &SystemDirectory, news: &Sender<News>) {
+fn log(directory: &SystemDirectory, news: &Sender<UiEvent>) {
     loop {
         // Why it cannot be followed, the thread of the states tells.
         if let Ok(false) = follow(directory, news) {
@@ -112,25 +113,25 @@ fn log(directory: &SystemDirectory, news: &Sender<News>) {
 }
 
 /// False if nobody hears.
-fn follow(directory: &SystemDirectory, news: &Sender<News>) -> Result<bool, ClientError> {
+fn follow(directory: &SystemDirectory, news: &Sender<UiEvent>) -> Result<bool, ControlClientError> {
     let (lines, events) = control::follow(directory, LOG_LINES)?;
-    if news.send(News::LogBegins(lines)).is_err() {
+    if news.send(UiEvent::LogBegins(lines)).is_err() {
         return Ok(false);
     }
     for event in events {
-        if news.send(News::Log(event?.to_string())).is_err() {
+        if news.send(UiEvent::Log(event?.to_string())).is_err() {
             return Ok(false);
         }
     }
     Ok(true)
 }
 
-fn terminal(directory: &SystemDirectory, name: &str, id: WindowId, news: &Sender<News>) {
+fn terminal(directory: &SystemDirectory, name: &str, id: WindowId, news: &Sender<UiEvent>) {
     loop {
         if let Ok(stream) = UnixStream::connect(directory.terminal(name))
             && let Ok(input) = terminals::keyboard(directory, name)
         {
-            let opened = News::Opened(id, Input::Terminal(input));
+            let opened = UiEvent::Opened(id, Input::Terminal(input));
             if news.send(opened).is_err() || !pass_on(stream, id, news) {
                 return;
             }
@@ -140,16 +141,16 @@ fn terminal(directory: &SystemDirectory, name: &str, id: WindowId, news: &Sender
 }
 
 /// Passes on what comes until it ends; false if nobody hears.
-pub(super) fn pass_on(mut from: impl Read, id: WindowId, news: &Sender<News>) -> bool {
+pub(super) fn pass_on(mut from: impl Read, id: WindowId, news: &Sender<UiEvent>) -> bool {
     let mut piece = [0; 16 * 1024];
     loop {
         match from.read(&mut piece) {
             Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
             // A pseudo-terminal whose last user has gone is an error.
-            Ok(0) | Err(_) => return news.send(News::Closed(id)).is_ok(),
+            Ok(0) | Err(_) => return news.send(UiEvent::Closed(id)).is_ok(),
             Ok(count) => {
                 let bytes = piece.get(..count).unwrap_or_default().to_vec();
-                if news.send(News::Output(id, bytes)).is_err() {
+                if news.send(UiEvent::Output(id, bytes)).is_err() {
                     return false;
                 }
             }

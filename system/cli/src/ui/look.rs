@@ -4,9 +4,9 @@ use std::time::Instant;
 
 use condor_fs::wire::FILES as FILES_VECTOR;
 
-use super::model::{Model, Served};
+use super::model::{FileServiceState, Model};
 use crate::counts::{self, LastLook};
-use condor_host::control::Client;
+use condor_host::control::ControlClient;
 use condor_host::error::AnyError;
 use condor_host::plain::plain;
 use condor_host::system::SystemDirectory;
@@ -56,7 +56,7 @@ impl Look {
         let messages = view.post().vector_statistics(FILES, FILES_VECTOR);
         let messages = messages.map_or(0, |counts| counts.handled);
         let now = Instant::now();
-        model.served = Served {
+        model.served = FileServiceState {
             messages,
             per_second: self.served.and_then(|(then, before)| {
                 let seconds = now.duration_since(then).as_secs_f64();
@@ -71,6 +71,6 @@ impl Look {
 }
 
 fn open(directory: &SystemDirectory) -> Result<View, AnyError> {
-    let status = Client::connect(directory)?.status()?;
+    let status = ControlClient::connect(directory)?.status()?;
     Ok(View::open(directory, status.window_bytes)?)
 }

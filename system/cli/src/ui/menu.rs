@@ -3,7 +3,7 @@
 use std::sync::mpsc::Sender;
 use std::thread;
 
-use super::feed::News;
+use super::feed::UiEvent;
 use super::input::Action;
 use super::layout::layout;
 use super::log;
@@ -11,8 +11,8 @@ use super::model::{Leaving, Model, Page, Popup};
 use super::tool::{self, Tool};
 use crate::commands::number::duration;
 use crate::counts::note_of_loops;
-use crate::plot::{self, Asked};
-use condor_host::control::{Client, ClientError, Request, from_here};
+use crate::plot::{self, PlotRequest};
+use condor_host::control::{ControlClient, ControlClientError, ControlRequest, from_here};
 use condor_host::error::me;
 use condor_host::extension::Extension;
 use condor_host::system::SystemDirectory;
@@ -55,27 +55,27 @@ const CLOCK: &str = "clock";
 #[derive(Debug)]
 pub(super) struct Doer {
     directory: SystemDirectory,
-    news: Sender<News>,
-    plots: plot::Feed,
+    news: Sender<UiEvent>,
+    plots: plot::PlotFeed,
 }
 
 impl Doer {
     pub(super) fn new(
         directory: &SystemDirectory,
         extensions: &[&'static dyn Extension],
-        news: Sender<News>,
+        news: Sender<UiEvent>,
     ) -> Self {
         let plots = news.clone();
-        let tell = move |it| plots.send(News::Plot(it)).is_ok();
+        let tell = move |it| plots.send(UiEvent::Plot(it)).is_ok();
         Self {
             directory: directory.clone(),
             news,
-            plots: plot::Feed::start(directory, extensions, tell),
+            plots: plot::PlotFeed::start(directory, extensions, tell),
         }
     }
 
     /// Sends a request about `processor`, which is called `order`.
-    fn order(&self, order: &'static str, processor: &str, request: Request) {
+    fn order(&self, order: &'static str, processor: &str, request: ControlRequest) {
         let (directory, news) = (self.directory.clone(), self.news.clone());
         let processor = processor.to_owned();
         thread::spawn(move || {
@@ -84,23 +84,23 @@ impl Doer {
                 Err(error) => format!("{processor}: {order} failed: {error}"),
             };
             // Nobody may be there any more to read it.
-            let _ = news.send(News::Notice(text));
+            let _ = news.send(UiEvent::Notice(text));
         });
     }
 }
 
-fn ask(directory: &SystemDirectory, request: &Request) -> Result<(), ClientError> {
-    Client::connect(directory)?.ask(request)?;
+fn ask(directory: &SystemDirectory, request: &ControlRequest) -> Result<(), ControlClientError> {
+    ControlClient::connect(directory)?.ask(request)?;
     Ok(())
 }
 
 /// Returns the request to the supervisor that carries out an order.
-fn request(order: &str, processor: &str) -> Request {
+fn request(order: &str, processor: &str) -> ControlRequest {
     let processor = processor.into();
     match order {
-        "stop" => Request::Stop { processor },
-        "start" => Request::Start { processor },
-        _ => Request::Restart { processor },
+        "stop" => ControlRequest::Stop { processor },
+        "start" => ControlRequest::Start { processor },
+        _ => ControlRequest::Restart { processor },
     }
 }
 
@@ -141,8 +141,8 @@ pub(super) fn act(model: &mut Model, action: Action, doer: &Doer) -> Option<Leav
             }
         }
         Action::Plot(key) => match plot::press(&mut model.plot, &key) {
-            Some(Asked::Fetch) => doer.plots.wish(model.plot.wish()),
-            Some(Asked::Leave) => model.popup = Some(Popup::Leave),
+            Some(PlotRequest::Fetch) => doer.plots.wish(model.plot.wish()),
+            Some(PlotRequest::Leave) => model.popup = Some(Popup::Leave),
             None => {}
         },
         Action::Leave(leaving) => return Some(leaving),
@@ -237,8 +237,8 @@ fn carry_out(model: &mut Model, doer: &Doer) {
             model.notice = Some(format!("{}: {order} …", member.name));
             return doer.order(order, &member.name, request(order, &member.name));
         }
-        Some(Entry::Pause) => return doer.order("pause", CLOCK, Request::Pause {}),
-        Some(Entry::Resume) => return doer.order("resume", CLOCK, Request::Resume {}),
+        Some(Entry::Pause) => return doer.order("pause", CLOCK, ControlRequest::Pause {}),
+        Some(Entry::Resume) => return doer.order("resume", CLOCK, ControlRequest::Resume {}),
         Some(Entry::Step) => {
             model.typed.clear();
             model.popup = Some(Popup::Step);
@@ -284,7 +284,7 @@ fn load(model: &mut Model, doer: &Doer) {
             return;
         }
     };
-    let request = Request::Load {
+    let request = ControlRequest::Load {
         processor: member.name.clone(),
         program,
         arguments: words.collect(),
@@ -299,7 +299,7 @@ fn step_clock(model: &mut Model, doer: &Doer) {
     let time = duration(model.typed.trim());
     let ns = time.and_then(|time| u64::try_from(time.as_nanos()).map_err(|_| "too long".into()));
     match ns {
-        Ok(ns) => doer.order("step", CLOCK, Request::Step { ns }),
+        Ok(ns) => doer.order("step", CLOCK, ControlRequest::Step { ns }),
         Err(error) => model.notice = Some(format!("{CLOCK}: step failed: {error}")),
     }
 }

@@ -5,12 +5,12 @@ use std::time::Duration;
 
 use ratatui::layout::Rect;
 
-use super::feed::News;
+use super::feed::UiEvent;
 use super::tool::Tool;
 use super::window::{Window, WindowId};
 use crate::counts::Row;
 use crate::plot::Plot;
-use condor_host::control::{ClockStatus, Member, Status};
+use condor_host::control::{ClockStatus, Member, SystemStatus};
 use condor_host::plain::plain;
 use condor_host::view::{LoopRates, VectorCounts};
 use condor_rt::numbers::FILES;
@@ -64,7 +64,7 @@ pub(super) enum Leaving {
 
 /// What is known of the file service beside its vectors.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Served {
+pub(super) struct FileServiceState {
     pub(super) messages: u32,
     pub(super) per_second: Option<f64>,
 }
@@ -84,7 +84,7 @@ pub(super) struct Model {
     pub(super) windows: Vec<Window>,
     pub(super) loops: Vec<Row<LoopRates>>,
     pub(super) vectors: Vec<Row<VectorCounts>>,
-    pub(super) served: Served,
+    pub(super) served: FileServiceState,
     /// Why there are no counts.
     pub(super) blind: Option<String>,
     pub(super) log: VecDeque<String>,
@@ -104,7 +104,7 @@ pub(super) struct Model {
 }
 
 impl Model {
-    pub(super) fn new(status: &Status, tools: Vec<Tool>) -> Self {
+    pub(super) fn new(status: &SystemStatus, tools: Vec<Tool>) -> Self {
         let mut model = Self {
             system: status.system.clone(),
             uptime: 0.0,
@@ -116,7 +116,7 @@ impl Model {
             windows: Vec::new(),
             loops: Vec::new(),
             vectors: Vec::new(),
-            served: Served::default(),
+            served: FileServiceState::default(),
             blind: None,
             log: VecDeque::new(),
             focus: Page::Loops,
@@ -151,7 +151,7 @@ impl Model {
         id
     }
 
-    fn take_status(&mut self, status: &Status) {
+    fn take_status(&mut self, status: &SystemStatus) {
         self.gone = None;
         self.uptime = status.uptime;
         self.clock.clone_from(&status.clock);
@@ -161,20 +161,20 @@ impl Model {
     }
 
     /// Takes what came from outside.
-    pub(super) fn hear(&mut self, news: News) {
+    pub(super) fn hear(&mut self, news: UiEvent) {
         match news {
-            News::Status(status) => self.take_status(&status),
-            News::Gone(why) => self.gone = Some(plain(&why).into_owned()),
-            News::LogBegins(lines) => {
+            UiEvent::Status(status) => self.take_status(&status),
+            UiEvent::Gone(why) => self.gone = Some(plain(&why).into_owned()),
+            UiEvent::LogBegins(lines) => {
                 self.log = lines.iter().map(|line| plain(line).into_owned()).collect();
             }
-            News::Log(line) => self.log.push_back(plain(&line).into_owned()),
-            News::Opened(id, input) => self.with(id, |window| window.open(input)),
-            News::Output(id, bytes) => self.with(id, |window| window.write(&bytes)),
-            News::Closed(id) => self.closed(id),
-            News::Notice(text) => self.notice = Some(plain(&text).into_owned()),
-            News::Plot(news) => self.plot.hear(news),
-            News::Input(_) | News::NoInput(_) => {}
+            UiEvent::Log(line) => self.log.push_back(plain(&line).into_owned()),
+            UiEvent::Opened(id, input) => self.with(id, |window| window.open(input)),
+            UiEvent::Output(id, bytes) => self.with(id, |window| window.write(&bytes)),
+            UiEvent::Closed(id) => self.closed(id),
+            UiEvent::Notice(text) => self.notice = Some(plain(&text).into_owned()),
+            UiEvent::Plot(news) => self.plot.hear(news),
+            UiEvent::Input(_) | UiEvent::NoInput(_) => {}
         }
         while self.log.len() > LOG_LINES {
             self.log.pop_front();
@@ -182,8 +182,8 @@ impl Model {
     }
 
     /// Whether what came changes what is on the screen.
-    pub(super) fn is_seen(&self, news: &News) -> bool {
-        self.focus == Page::Plots || !matches!(news, News::Plot(_))
+    pub(super) fn is_seen(&self, news: &UiEvent) -> bool {
+        self.focus == Page::Plots || !matches!(news, UiEvent::Plot(_))
     }
 
     pub(super) fn with(&mut self, id: WindowId, act: impl FnOnce(&mut Window)) {

@@ -9,7 +9,7 @@ use std::thread;
 use rustix::fs::{Mode, OFlags};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 
-use super::feed::{News, pass_on};
+use super::feed::{UiEvent, pass_on};
 use super::window::WindowId;
 use condor_host::control::Member;
 
@@ -77,7 +77,7 @@ pub(super) fn condor() -> io::Result<String> {
 }
 
 /// Starts a command of the shell for the window `id`.
-pub(super) fn start(command: &str, id: WindowId, news: &Sender<News>) -> io::Result<()> {
+pub(super) fn start(command: &str, id: WindowId, news: &Sender<UiEvent>) -> io::Result<()> {
     let flags = OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC;
     let host = openpt(flags)?;
     grantpt(&host)?;
@@ -95,7 +95,7 @@ pub(super) fn start(command: &str, id: WindowId, news: &Sender<News>) -> io::Res
         .stderr(Stdio::from(user))
         .spawn()?;
     let reader = File::from(host.try_clone()?);
-    let (heard, news) = (news.send(News::Opened(id, host.into())), news.clone());
+    let (heard, news) = (news.send(UiEvent::Opened(id, host.into())), news.clone());
     thread::spawn(move || {
         if heard.is_ok() {
             pass_on(reader, id, &news);

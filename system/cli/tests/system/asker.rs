@@ -3,8 +3,8 @@
 use core::time::Duration;
 
 use condor_rt::numbers::{REQUESTS, SUPERVISOR};
-use condor_rt::supervisor::{Order, Supervisor, SupervisorError};
-use condor_rt::{Background, Error, Machine, Messenger as _, Processor, Program, Setup};
+use condor_rt::supervisor::{Supervisor, SupervisorError, SupervisorTicket};
+use condor_rt::{Background, Machine, Messenger as _, Processor, Program, ProgramError, Setup};
 
 const SOON: Duration = Duration::from_secs(60);
 
@@ -12,7 +12,7 @@ const SOON: Duration = Duration::from_secs(60);
 pub(crate) struct Asker;
 
 impl Program for Asker {
-    fn run<M: Machine>(&self, machine: &M) -> Result<(), Error> {
+    fn run<M: Machine>(&self, machine: &M) -> Result<(), ProgramError> {
         let mut setup = Setup::new(machine)?;
         setup.console()?.supervisor()?.background(|background| {
             background.print(format_args!("ready\n"));
@@ -58,9 +58,9 @@ fn obey<M: Machine>(
     line: &str,
 ) -> Result<(), SupervisorError> {
     let mut words = line.split(' ');
-    let verb = words.next().unwrap_or_default();
+    let word = words.next().unwrap_or_default();
     let processor = words.next().unwrap_or_default();
-    let order: Order = if verb == "restart" {
+    let order: SupervisorTicket = if word == "restart" {
         supervisor.restart(processor)?
     } else {
         supervisor.load(processor, words.next().unwrap_or_default(), words)?

@@ -264,18 +264,21 @@ fn a_restart_takes_simulated_time_in_which_others_go_on() {
         },
     ];
     // It writes its first line a while after it has joined.
-    let until_life = |life| {
+    let until_incarnation = |incarnation| {
         let end = Instant::now() + DEADLINE;
-        while lives(&instants(&up, 0), RESTART) < life {
-            assert!(Instant::now() < end, "life {life} is not to be seen");
+        while lives(&instants(&up, 0), RESTART) < incarnation {
+            assert!(
+                Instant::now() < end,
+                "incarnation {incarnation} is not to be seen"
+            );
         }
     };
-    until_life(1);
-    for (life, restart) in (2..).zip(restarts) {
+    until_incarnation(1);
+    for (incarnation, restart) in (2..).zip(restarts) {
         let events = up.events();
         restart(up.status().processors[0].pid.unwrap());
         running::wait(events, "a", MemberState::Running);
-        until_life(life);
+        until_incarnation(incarnation);
     }
     up.run(&["down"]);
     up.wait_for_end();
@@ -303,7 +306,7 @@ fn instants(up: &Up, number: u8) -> Vec<u64> {
     instants.collect()
 }
 
-/// How many lives of a program these lines are of, if a restart takes so long.
+/// How many incarnations of a program these lines are of, if a restart takes so long.
 fn lives(instants: &[u64], restart: u64) -> usize {
     let restarts = instants.windows(2);
     let restarts = restarts.filter(|pair| pair[1] - pair[0] >= restart);

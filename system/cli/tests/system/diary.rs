@@ -3,8 +3,8 @@
 use std::time::Duration;
 
 use condor_mbox::{Messenger, Processor, Vector};
-use condor_rt::{Background, Error, Machine, OpenOptions, Program, Setup};
-use condor_tty::{Policy, Settings};
+use condor_rt::{Background, Machine, OpenOptions, Program, ProgramError, Setup};
+use condor_tty::{Policy, TerminalSettings};
 use embedded_io::{Read, Write};
 
 const ADD: Vector = Vector(5);
@@ -20,12 +20,14 @@ const PAUSE: Duration = Duration::from_millis(20);
 pub(crate) struct Diary;
 
 impl Program for Diary {
-    fn run<M: Machine>(&self, machine: &M) -> Result<(), Error> {
+    fn run<M: Machine>(&self, machine: &M) -> Result<(), ProgramError> {
         Setup::new(machine)?
             .console()?
             .files()?
             .on(ADD, "add", &|call| call.data().wrapping_add(1))
-            .background(|background| Self::keep(background).map_err(|error| Error::program(&error)))
+            .background(|background| {
+                Self::keep(background).map_err(|error| ProgramError::program(&error))
+            })
     }
 }
 
@@ -34,9 +36,9 @@ impl Diary {
         let (machine, mailbox) = (background.machine(), background.mailbox());
         let peer = machine.argument(0).unwrap_or_default().parse()?;
         let terminal = background.console()?;
-        terminal.configure(&Settings {
+        terminal.configure(&TerminalSettings {
             echo: false,
-            ..Settings::COOKED
+            ..TerminalSettings::COOKED
         })?;
         terminal.set_policy(Policy::Block {
             timeout: Duration::from_secs(30),

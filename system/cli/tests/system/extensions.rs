@@ -1,10 +1,10 @@
 //! The kind of processors and the service of the example `extension`.
 
 use condor_host::application::Programs;
-use condor_host::control::{MemberState, Request};
-use condor_host::description::Description;
+use condor_host::control::{ControlRequest, MemberState};
+use condor_host::description::SystemDescription;
 use condor_host::error::AnyError;
-use condor_host::extension::{Extension, Found, Furnished, Group};
+use condor_host::extension::{Extension, ExtensionPart, Group, StartingExtension};
 use condor_host::system::SystemDirectory;
 use condor_mbox::MemoryWindow as _;
 
@@ -76,7 +76,7 @@ fn a_kind_of_processors_and_a_service_run_like_those_of_condor() {
     assert!(sum(&up, "1").starts_with("8 "));
     crate::running::kill(polite.pid.unwrap());
     wait(events, "polite", MemberState::Running);
-    let load = Request::Load {
+    let load = ControlRequest::Load {
         processor: "polite".into(),
         program: polite.program.clone(),
         arguments: vec!["joint".into()],
@@ -99,7 +99,7 @@ impl Extension for First {
         Some("hart")
     }
 
-    fn read(&self, _: &mut Found<'_, '_>) -> Option<Box<dyn Group>> {
+    fn read(&self, _: &mut ExtensionPart<'_, '_>) -> Option<Box<dyn Group>> {
         Some(Box::new(Windows))
     }
 }
@@ -113,18 +113,18 @@ impl Extension for Second {
         Some("machine")
     }
 
-    fn read(&self, _: &mut Found<'_, '_>) -> Option<Box<dyn Group>> {
+    fn read(&self, _: &mut ExtensionPart<'_, '_>) -> Option<Box<dyn Group>> {
         Some(Box::new(Windows))
     }
 }
 
 impl Group for Windows {
-    fn furnish(&self, _: &SystemDirectory) -> Result<Box<dyn Furnished>, AnyError> {
+    fn furnish(&self, _: &SystemDirectory) -> Result<Box<dyn StartingExtension>, AnyError> {
         Ok(Box::new(Self))
     }
 }
 
-impl Furnished for Windows {}
+impl StartingExtension for Windows {}
 
 #[test]
 fn two_that_provide_the_windows_of_one_kind_are_refused_by_name() {
@@ -140,7 +140,7 @@ program = "/bin/sh"
 "#;
     let read = |extensions| {
         let application = Programs::new(&[]).with(extensions);
-        Description::from_toml(text, "two.toml".as_ref(), &application)
+        SystemDescription::from_toml(text, "two.toml".as_ref(), &application)
     };
     read(&[&Second]).unwrap();
     let mistakes = read(&[&First, &Second]).unwrap_err().to_string();

@@ -4,8 +4,8 @@ use std::time::Duration;
 
 use condor_mbox::Vector;
 use condor_mos::Rate;
-use condor_rt::{Error, Machine, Program, Setup};
-use condor_vars::{Described, Field, Kind, Param, Var, choice};
+use condor_rt::{Machine, Program, ProgramError, Setup};
+use condor_vars::{CellField, CellStruct, Param, ValueKind, Var, choice};
 use core::mem::offset_of;
 use embedded_io::Read;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
@@ -70,10 +70,11 @@ struct Contact {
     fingers: u32,
 }
 
-impl Described for Contact {
-    const FIELDS: &'static [Field] = &[
-        Field::new("force", "N", Kind::F32, offset_of!(Contact, force)).about("At the tip."),
-        Field::new("fingers", "", Kind::U32, offset_of!(Contact, fingers)),
+impl CellStruct for Contact {
+    const FIELDS: &'static [CellField] = &[
+        CellField::new("force", "N", ValueKind::F32, offset_of!(Contact, force))
+            .about("At the tip."),
+        CellField::new("fingers", "", ValueKind::U32, offset_of!(Contact, fingers)),
     ];
 }
 
@@ -81,7 +82,7 @@ impl Described for Contact {
 pub(crate) struct Joint;
 
 impl Program for Joint {
-    fn run<M: Machine>(&self, machine: &M) -> Result<(), Error> {
+    fn run<M: Machine>(&self, machine: &M) -> Result<(), ProgramError> {
         let position = Var::new("joint.position", "rad").about("Filtered.");
         let ticks = Var::<u64>::new("ticks", "");
         let beats = Var::<u32>::new("beats", "");

@@ -1,23 +1,23 @@
-//! A program of two lives.
+//! A program of two incarnations.
 
 use std::time::Duration;
 
-use condor_rt::objects::Kind;
-use condor_rt::{Error, Machine, OpenOptions, Program, Setup};
-use condor_tty::Settings;
+use condor_rt::objects::ObjectKind;
+use condor_rt::{Machine, OpenOptions, Program, ProgramError, Setup};
+use condor_tty::TerminalSettings;
 use embedded_io::Read;
 
-/// The file for which the first life waits.
+/// The file for which the first incarnation waits.
 pub(crate) const GO: &str = "go";
 const NAP: Duration = Duration::from_millis(1);
 
-/// Reads a file in its first life, and what is typed in its second.
+/// Reads a file in its first incarnation, and what is typed in its second.
 pub(crate) struct Late;
 
 impl Program for Late {
-    fn run<M: Machine>(&self, machine: &M) -> Result<(), Error> {
+    fn run<M: Machine>(&self, machine: &M) -> Result<(), ProgramError> {
         Setup::new(machine)?
-            .console_with(&Settings::OUTPUT)?
+            .console_with(&TerminalSettings::OUTPUT)?
             .files()?
             .background(|background| {
                 background.print(format_args!("first\n"));
@@ -32,7 +32,7 @@ impl Program for Late {
             })?;
         let mut setup = Setup::new(machine)?;
         // So the terminal is at another place than before.
-        setup.place("room", Kind::Other, |places| places.bytes(256))?;
+        setup.place("room", ObjectKind::Other, |places| places.bytes(256))?;
         setup.console()?.background(|background| {
             background.print(format_args!("second\n"));
             let mut console = background.console()?.console(background.mailbox());

@@ -8,7 +8,7 @@ use std::sync::mpsc;
 use std::thread;
 use std::time::Duration;
 
-use condor_vars::Value as Scalar;
+use condor_vars::AnyValue as Scalar;
 use rustix::net::sockopt::set_socket_recv_buffer_size;
 use serde_json::{Value, json};
 use tungstenite::Message;

@@ -5,9 +5,9 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use condor_cli::recording::{Reader, RecordingError};
+use condor_cli::recording::{RecordingError, RecordingReader};
 use condor_host::control::MemberState;
-use condor_vars::Value;
+use condor_vars::AnyValue;
 use rustix::process::Signal;
 
 use crate::disk;
@@ -87,10 +87,10 @@ fn taken(file: &Path) -> Vec<u64> {
 }
 
 /// A row: its time, tick, number of lost rows before, and values.
-type Row = (u64, u64, u64, Vec<Value>);
+type Row = (u64, u64, u64, Vec<AnyValue>);
 
 /// The rows of a loop of a recording.
-fn rows(reader: &Reader, processor: &str, owner: &str) -> Vec<Row> {
+fn rows(reader: &RecordingReader, processor: &str, owner: &str) -> Vec<Row> {
     let mut sources = reader.sources().iter();
     let source = sources.position(|it| (&*it.processor, &*it.owner) == (processor, owner));
     let source = source.unwrap_or_else(|| panic!("no {processor}:{owner}"));
@@ -110,7 +110,7 @@ fn rows(reader: &Reader, processor: &str, owner: &str) -> Vec<Row> {
 fn check(rows: &[Row]) {
     for (_, tick, _, values) in rows {
         #[expect(clippy::cast_precision_loss, reason = "there are few ticks")]
-        let expected = [Value::F64(0.5 * *tick as f64), Value::Uint(*tick)];
+        let expected = [AnyValue::F64(0.5 * *tick as f64), AnyValue::Uint(*tick)];
         assert_eq!(values[..], expected);
     }
     for pair in rows.windows(2) {
@@ -122,7 +122,7 @@ fn check(rows: &[Row]) {
 
 const NAMES: [&str; 2] = ["*:joint.position", "*:ticks"];
 
-fn event(reader: &Reader, name: &str, text: &str) {
+fn event(reader: &RecordingReader, name: &str, text: &str) {
     let events = reader.events(reader.span()).unwrap();
     let is_it = |log: &condor_ros2::Log| log.name == name && log.text.contains(text);
     let found = events.iter().any(|(_, log)| is_it(log));
@@ -146,7 +146,7 @@ fn rows_and_events_are_recorded() {
     recorder.wait_until_taken(so_far + 300);
     let told = recorder.end();
     assert!(told.contains("/a/servo: "), "{told}");
-    let reader = Reader::open(&up.path("run.mcap")).unwrap();
+    let reader = RecordingReader::open(&up.path("run.mcap")).unwrap();
     assert_eq!(reader.sources().len(), 2);
     check(&rows(&reader, "a", "servo"));
     let of_b = rows(&reader, "b", "servo");
@@ -180,7 +180,7 @@ fn a_stopped_program_is_recorded_when_it_starts() {
     let told = recorder.end();
     let text = "b:servo: processor 1 is not connected; its rows begin when its program answers";
     assert!(told.contains(text), "{told}");
-    let reader = Reader::open(&up.path("run.mcap")).unwrap();
+    let reader = RecordingReader::open(&up.path("run.mcap")).unwrap();
     check(&rows(&reader, "a", "servo"));
     check(&rows(&reader, "b", "servo"));
     event(&reader, "record", "b:servo: its rows begin");
@@ -195,7 +195,7 @@ fn a_program_that_is_loaded_later_is_recorded() {
     recorder.wait_until_taken_of_b(50);
     let told = recorder.end();
     assert!(told.contains("/b/servo: "), "{told}");
-    let reader = Reader::open(&up.path("run.mcap")).unwrap();
+    let reader = RecordingReader::open(&up.path("run.mcap")).unwrap();
     check(&rows(&reader, "a", "servo"));
     check(&rows(&reader, "b", "servo"));
     event(&reader, "record", "b:servo: its rows begin");
@@ -214,7 +214,7 @@ fn what_is_sampled_is_not_lost() {
     let contact = contact.unwrap();
     assert_eq!(contact["lost"], 0, "{told}");
     assert!(contact["skipped"].as_u64().unwrap() > 0, "{told}");
-    let reader = Reader::open(&path).unwrap();
+    let reader = RecordingReader::open(&path).unwrap();
     let rows = rows(&reader, "a", "contact");
     assert!(rows.iter().all(|(.., lost, _)| *lost == 0), "{rows:?}");
 }
@@ -225,13 +225,13 @@ fn all_variables_and_cells_are_recorded_by_default() {
     let mut recorder = Recorder::start(&up, "run.mcap", &[]);
     recorder.wait_until_taken(100);
     recorder.end();
-    let reader = Reader::open(&up.path("run.mcap")).unwrap();
+    let reader = RecordingReader::open(&up.path("run.mcap")).unwrap();
     let names = reader.columns(&[]).unwrap();
     assert_eq!(names.len(), 16);
     let mode = reader.columns(&["a:mode".into()]).unwrap();
     assert_eq!(mode[0].variable.labels, ["idle", "hold", "fault"]);
     let contact = rows(&reader, "b", "contact");
-    assert_eq!(contact[0].3, [Value::F32(1.5), Value::Uint(3)]);
+    assert_eq!(contact[0].3, [AnyValue::F32(1.5), AnyValue::Uint(3)]);
 }
 
 #[test]
@@ -243,13 +243,13 @@ fn a_recording_is_exported() {
     let path = |name: &str| up.path(name).to_str().unwrap().to_owned();
     let (file, csv, svg) = (path("run.mcap"), path("run.csv"), path("run.svg"));
     up.run(&["export", &file, "a:mode", "ticks", "beats", "--csv", &csv]);
-    let reader = Reader::open(&up.path("run.mcap")).unwrap();
+    let reader = RecordingReader::open(&up.path("run.mcap")).unwrap();
     let mut expected = vec!["time_ns,loop,tick,lost,mode,ticks,beats".to_owned()];
     let mut all = Vec::new();
     let mode = reader.columns(&["mode".into()]).unwrap()[0].field;
     let ticks = reader.columns(&["ticks".into()]).unwrap()[0].field;
     for (at_ns, tick, lost, values) in rows(&reader, "a", "servo") {
-        assert_eq!(values[mode], Value::Choice(0));
+        assert_eq!(values[mode], AnyValue::Choice(0));
         let ticks = values[ticks];
         all.push((
             at_ns,
@@ -287,7 +287,7 @@ fn simulated_time_is_exact() {
     recorder.end();
     // While a recorder does not get its turn, simulated time goes on: it may be far from that of the last row.
     let during = before_ns..=now_ns();
-    let reader = Reader::open(&up.path("run.mcap")).unwrap();
+    let reader = RecordingReader::open(&up.path("run.mcap")).unwrap();
     assert_eq!(reader.about()["clock"], "simulated");
     let ahead_ns: u64 = reader.about()["ahead_ns"].parse().unwrap();
     let instants = |owner| {
@@ -337,7 +337,7 @@ fn a_recorder_that_is_killed_loses_what_is_counted() {
         } else {
             format!("run.{number}.mcap")
         };
-        let reader = Reader::open(&up.path(&name)).unwrap();
+        let reader = RecordingReader::open(&up.path(&name)).unwrap();
         // The first channel is that of events.
         for (place, source) in reader.sources().iter().enumerate() {
             let taken = counts.get(2 + place).copied().unwrap_or(0);
@@ -388,7 +388,7 @@ fn lengths_that_the_file_does_not_have_take_no_memory() {
         let output = limited(&["record", "--finish", name]);
         let told = String::from_utf8_lossy(&output.stderr);
         assert!(output.status.success(), "{place}: {told}");
-        let reader = Reader::open(&file).unwrap();
+        let reader = RecordingReader::open(&file).unwrap();
         assert!(rows(&reader, "b", "servo").len() > 10, "{place}");
     }
 }
@@ -405,8 +405,8 @@ fn a_full_disk_ends_a_recording_that_is_complete() {
     assert!(told.contains("there is no room for more"), "{told}");
     assert!(told.contains(" dropped, "), "{told}");
     assert_eq!(String::from_utf8_lossy(&output.stdout), "run.mcap\n");
-    let reader = Reader::open(&up.path("run.mcap")).unwrap();
-    let servo = |it: &&condor_cli::recording::Source| it.owner == "servo";
+    let reader = RecordingReader::open(&up.path("run.mcap")).unwrap();
+    let servo = |it: &&condor_cli::recording::RecordedSource| it.owner == "servo";
     let dropped = reader.sources().iter().filter(servo);
     let dropped: u64 = dropped.map(|it| it.dropped.unwrap()).sum();
     assert!(dropped > 0, "{told}");
@@ -446,5 +446,5 @@ fn what_cannot_be_recorded_is_told() {
     wait_for_end(recorder.child.id());
     let output = recorder.child.wait_with_output().unwrap();
     assert!(output.status.success());
-    check(&rows(&Reader::open(&other).unwrap(), "a", "servo"));
+    check(&rows(&RecordingReader::open(&other).unwrap(), "a", "servo"));
 }

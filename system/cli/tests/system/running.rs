@@ -9,7 +9,9 @@ use std::sync::Mutex;
 use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 
-use condor_host::control::{Client, ClientError, Events, MemberState, Request, Status};
+use condor_host::control::{
+    ControlClient, ControlClientError, ControlEvents, ControlRequest, MemberState, SystemStatus,
+};
 use condor_host::system::SystemDirectory;
 use rustix::event::{PollFd, PollFlags, Timespec};
 use rustix::process::{Pid, PidfdFlags, Signal};
@@ -123,23 +125,23 @@ impl Up {
         std::fs::read_to_string(self.path(path)).unwrap()
     }
 
-    pub(crate) fn client(&self) -> Client {
-        let mut client = Client::connect(&self.directory()).unwrap();
+    pub(crate) fn client(&self) -> ControlClient {
+        let mut client = ControlClient::connect(&self.directory()).unwrap();
         client.set_timeout(Some(DEADLINE)).unwrap();
         client
     }
 
-    pub(crate) fn status(&self) -> Status {
+    pub(crate) fn status(&self) -> SystemStatus {
         self.client().status().unwrap()
     }
 
-    pub(crate) fn events(&self) -> Events {
+    pub(crate) fn events(&self) -> ControlEvents {
         self.client().events().unwrap()
     }
 
-    pub(crate) fn refused(&self, request: &Request) -> String {
+    pub(crate) fn refused(&self, request: &ControlRequest) -> String {
         match self.client().ask(request) {
-            Err(ClientError::Refused(error)) => error,
+            Err(ControlClientError::Refused(error)) => error,
             other => panic!("{request:?} is answered with {other:?}"),
         }
     }
@@ -284,7 +286,7 @@ fn spawn(
 }
 
 /// Waits until a processor has come into a state.
-pub(crate) fn wait(mut events: Events, name: &str, state: MemberState) -> Events {
+pub(crate) fn wait(mut events: ControlEvents, name: &str, state: MemberState) -> ControlEvents {
     let mut told = String::new();
     for event in events.by_ref() {
         let event = event.unwrap_or_else(|error| panic!("{error}; before:\n{told}"));

@@ -12,7 +12,7 @@ use rustix::process::{Pid, Signal};
 use crate::clock::{DIARIES, log};
 use crate::late;
 use crate::running::{self, DEADLINE, Up, kill, wait_for_end};
-use condor_host::control::{MemberState, Request};
+use condor_host::control::{ControlRequest, MemberState};
 use condor_host::services::terminals::type_in;
 
 /// Two processors, which write lines and echo what is typed.
@@ -196,7 +196,7 @@ fn a_processor_is_stopped_and_loaded_and_started_while_the_other_runs() {
     let service = up.status().services[1].clone();
     up.run(&["restart", &service.name]);
     assert_ne!(up.status().services[1].pid, service.pid);
-    let error = up.refused(&Request::Load {
+    let error = up.refused(&ControlRequest::Load {
         processor: "a".into(),
         program: "no-such-program".into(),
         arguments: Vec::new(),
@@ -205,14 +205,14 @@ fn a_processor_is_stopped_and_loaded_and_started_while_the_other_runs() {
         error.contains("there is no program `no-such-program`"),
         "{error}"
     );
-    let error = up.refused(&Request::Stop {
+    let error = up.refused(&ControlRequest::Stop {
         processor: "c".into(),
     });
     assert_eq!(
         error,
         "there is no processor or service `c`; there are files, terminals, a, b"
     );
-    let error = up.refused(&Request::Start {
+    let error = up.refused(&ControlRequest::Start {
         processor: "a".into(),
     });
     assert_eq!(error, "`a` is running already; `restart` ends it first");
@@ -377,7 +377,7 @@ fn what_is_typed_reaches_the_program_once_whatever_is_killed() {
 }
 
 #[test]
-fn what_is_typed_in_a_first_life_is_for_the_second() {
+fn what_is_typed_in_a_first_incarnation_is_for_the_second() {
     let late = TWO.replacen("writer", "late", 1);
     let up = Up::start(&late, &[]);
     up.read_terminal("a", "first\r\n");

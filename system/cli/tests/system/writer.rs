@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use condor_rt::{Background, Machine, Program, Setup};
-use condor_tty::{ConsoleError, Policy, Settings};
+use condor_tty::{ConsoleError, Policy, TerminalSettings};
 use embedded_io::{Read, Write};
 
 type Failed = Box<dyn std::error::Error>;
@@ -17,10 +17,10 @@ const PAUSE: Duration = Duration::from_millis(2);
 pub(crate) struct Writer;
 
 impl Program for Writer {
-    fn run<M: Machine>(&self, machine: &M) -> Result<(), condor_rt::Error> {
+    fn run<M: Machine>(&self, machine: &M) -> Result<(), condor_rt::ProgramError> {
         let mut setup = Setup::new(machine)?;
         setup.console()?.background(|background| {
-            Self::write(background).map_err(|error| condor_rt::Error::program(&error))
+            Self::write(background).map_err(|error| condor_rt::ProgramError::program(&error))
         })
     }
 }
@@ -33,9 +33,9 @@ impl Writer {
             name = format!("{name} {word}");
         }
         // What is typed would come between the words of a line.
-        terminal.configure(&Settings {
+        terminal.configure(&TerminalSettings {
             echo: false,
-            ..Settings::COOKED
+            ..TerminalSettings::COOKED
         })?;
         terminal.set_policy(Policy::Block { timeout: PATIENCE })?;
         let mut console = terminal

@@ -7,7 +7,7 @@ use crate::sync;
 #[derive(Default)]
 struct Alone {
     is_elsewhere: AtomicBool,
-    faults: Mutex<Vec<Fault>>,
+    faults: Mutex<Vec<ClockFault>>,
     slept: AtomicU32,
 }
 
@@ -26,13 +26,13 @@ impl Handover for Alone {
         true
     }
 
-    fn fault(&self, fault: Fault) {
+    fn fault(&self, fault: ClockFault) {
         self.faults.lock().unwrap().push(fault);
     }
 }
 
 impl Alone {
-    fn take_faults(&self) -> Vec<Fault> {
+    fn take_faults(&self) -> Vec<ClockFault> {
         std::mem::take(&mut self.faults.lock().unwrap())
     }
 }
@@ -175,7 +175,7 @@ fn a_loop_that_polls_is_told_so() {
             clock.read();
         }
     });
-    assert_eq!(clock.handover().take_faults(), [Fault::Polls]);
+    assert_eq!(clock.handover().take_faults(), [ClockFault::Polls]);
 }
 
 #[test]
@@ -233,10 +233,10 @@ fn a_program_is_told_that_it_waits_for_ever_or_does_not_stop() {
     clock.wait(0, NEVER, None);
     assert_eq!(clock.handover().take_faults(), []);
     clock.turn(NEVER, Until::Ring { seen: 1 });
-    assert_eq!(clock.handover().take_faults(), [Fault::WaitsForever]);
+    assert_eq!(clock.handover().take_faults(), [ClockFault::WaitsForever]);
     page.set_stop_at(5);
     clock.pass(5 + PATIENCE_NS);
     assert_eq!(clock.handover().take_faults(), []);
     clock.pass(1);
-    assert_eq!(clock.handover().take_faults(), [Fault::NotStopping]);
+    assert_eq!(clock.handover().take_faults(), [ClockFault::NotStopping]);
 }

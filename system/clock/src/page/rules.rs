@@ -2,7 +2,7 @@
 
 use super::{LAG_NS, LOOK_NS, Line, NEVER, PASSING, Page, ends, holder_of, role};
 use crate::handover::Handover;
-use crate::standing::Standing;
+use crate::standing::Obstacle;
 use crate::sync::{Ordering, fence};
 
 impl<const N: usize> Page<N> {
@@ -65,7 +65,7 @@ impl<const N: usize> Page<N> {
                 return;
             }
             let first = match self.first(by) {
-                Err(Standing::Idle) if by.is_closed() => self.anybody(),
+                Err(Obstacle::Idle) if by.is_closed() => self.anybody(),
                 first => first.ok(),
             };
             if let Some((due, number)) = first {
@@ -83,7 +83,7 @@ impl<const N: usize> Page<N> {
                 }
                 // Pairs with the fence in `take_from`.
                 fence(Ordering::SeqCst);
-                // Only this turn: `number` may have had it, and a later life of it another one.
+                // Only this turn: `number` may have had it, and a later incarnation of it another one.
                 if !self.is_void(number) || self.pass(granted, Some(me)).is_none() {
                     return;
                 }
@@ -134,15 +134,15 @@ impl<const N: usize> Page<N> {
 
     /// Returns the instant and the number of the participant that goes on first, or the reason for
     /// which time stands.
-    pub(super) fn first(&self, by: &impl Handover) -> Result<(u64, u8), Standing> {
+    pub(super) fn first(&self, by: &impl Handover) -> Result<(u64, u8), Obstacle> {
         let holds = self.holds.load(Ordering::SeqCst);
         if holds != 0 {
             let of = holds.trailing_zeros() as u8;
-            return Err(Standing::Entry { of });
+            return Err(Obstacle::Entry { of });
         }
         // Before the processors, whom they may have rung.
         if let Some(number) = self.owing() {
-            return Err(Standing::Service { number });
+            return Err(Obstacle::Service { number });
         }
         let (now, stop_at) = (self.now(), self.stop_at());
         let mut first: Option<(u64, bool, u8)> = None;
@@ -174,12 +174,12 @@ impl<const N: usize> Page<N> {
                 first = Some(first.map_or(one, |first| first.min(one)));
             }
         }
-        let (due, _, number) = first.ok_or(Standing::Idle)?;
+        let (due, _, number) = first.ok_or(Obstacle::Idle)?;
         if due > self.limit() {
-            return Err(Standing::Limit);
+            return Err(Obstacle::Limit);
         }
         if due > now && self.until_pace(due, by) > 0 {
-            return Err(Standing::Pace);
+            return Err(Obstacle::Pace);
         }
         Ok((due, number))
     }

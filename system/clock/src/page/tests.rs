@@ -77,20 +77,20 @@ fn a_page_lies_in_words_that_are_aligned_and_enough() {
 fn it_is_said_what_time_waits_for() {
     let by = Mortal::default();
     let page = Page::<4>::new();
-    assert_eq!(page.standing(&by), Standing::Idle);
+    assert_eq!(page.standing(&by), Obstacle::Idle);
     page.hold(2);
-    assert_eq!(page.standing(&by), Standing::Entry { of: 2 });
+    assert_eq!(page.standing(&by), Obstacle::Entry { of: 2 });
     page.announce(2, 10);
     page.serve(3);
     page.finish(3, &by);
     page.count_ring(3);
-    assert_eq!(page.standing(&by), Standing::Service { number: 3 });
+    assert_eq!(page.standing(&by), Obstacle::Service { number: 3 });
     page.set_limit(5);
     page.consumed(3, 1, &by);
-    assert_eq!(page.standing(&by), Standing::Limit);
+    assert_eq!(page.standing(&by), Obstacle::Limit);
     page.set_limit(NEVER);
     page.kick(0, &by);
-    let turn = |asks| Standing::Turn { holder: 2, asks };
+    let turn = |asks| Obstacle::Turn { holder: 2, asks };
     assert_eq!(page.standing(&by), turn(None));
     // It asks the service, which has an answer at last.
     page.first_turn(2, &by);
@@ -124,7 +124,7 @@ fn time_keeps_pace_and_catches_up_a_little() {
     page.set_speed(500, &by);
     page.announce(0, 100);
     page.kick(0, &by);
-    assert_eq!(page.standing(&by), Standing::Pace);
+    assert_eq!(page.standing(&by), Obstacle::Pace);
     by.wall_ns.set(199);
     page.kick(0, &by);
     assert_eq!(page.holder(), None);
@@ -224,10 +224,10 @@ fn one_that_has_gone_requests_nothing() {
     }
 }
 
-/// A service that dies between its request and the end of it has the turn in its next life, so that
+/// A service that dies between its request and the end of it has the turn in its next incarnation, so that
 /// no time passes between the two; so has one that died while it gave the turn on.
 #[test]
-fn the_next_life_of_a_service_has_its_turn() {
+fn the_next_incarnation_of_a_service_has_its_turn() {
     let by = Mortal::default();
     let page = Page::<4>::new();
     page.serve(1);

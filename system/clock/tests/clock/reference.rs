@@ -5,7 +5,7 @@ use crate::system::{Event, FIRST, HOST, Program, Step, System, What};
 pub(crate) fn run(system: &System) -> Vec<Event> {
     let machine = |program| Machine {
         program,
-        life: Life::Unborn,
+        incarnation: Incarnation::Unborn,
         contexts: Vec::new(),
         step: 0,
         seen: 0,
@@ -41,7 +41,7 @@ pub(crate) fn run(system: &System) -> Vec<Event> {
             }
         } else if machines[index].go_on(index, &mut world) {
             for (number, machine) in machines.iter().enumerate() {
-                if matches!(machine.life, Life::Alive) {
+                if matches!(machine.incarnation, Incarnation::Alive) {
                     world.ring(FIRST + number as u8);
                 }
             }
@@ -68,7 +68,7 @@ impl World {
     }
 }
 
-enum Life {
+enum Incarnation {
     Unborn,
     Alive,
     Over,
@@ -76,7 +76,7 @@ enum Life {
 
 struct Machine<'s> {
     program: &'s Program,
-    life: Life,
+    incarnation: Incarnation,
     /// What was interrupted, and at last what runs.
     contexts: Vec<Context>,
     /// The next step of the background.
@@ -108,17 +108,19 @@ enum Context {
 impl Machine<'_> {
     /// When it goes on next.
     fn due(&self, number: usize, world: &World) -> Option<u64> {
-        match (&self.life, self.contexts.last()) {
-            (Life::Unborn, _) => Some(self.program.begins_at),
-            (Life::Over, _) => None,
-            (Life::Alive, Some(Context::Work { left, since })) => {
+        match (&self.incarnation, self.contexts.last()) {
+            (Incarnation::Unborn, _) => Some(self.program.begins_at),
+            (Incarnation::Over, _) => None,
+            (Incarnation::Alive, Some(Context::Work { left, since })) => {
                 Some(self.release().min(since + left))
             }
-            (Life::Alive, Some(&Context::Wait { .. })) if world.rings[number] != self.seen => {
+            (Incarnation::Alive, Some(&Context::Wait { .. }))
+                if world.rings[number] != self.seen =>
+            {
                 Some(world.now)
             }
             (
-                Life::Alive,
+                Incarnation::Alive,
                 Some(Context::Wait {
                     until,
                     was_stopping,
@@ -131,7 +133,7 @@ impl Machine<'_> {
                 };
                 Some(self.release().min(*until).min(stop_at))
             }
-            (Life::Alive, _) => unreachable!("it goes on until time is to pass"),
+            (Incarnation::Alive, _) => unreachable!("it goes on until time is to pass"),
         }
     }
 
@@ -143,8 +145,8 @@ impl Machine<'_> {
     /// Goes on until time is to pass, or others may go on before it; returns whether it has ended.
     fn go_on(&mut self, number: usize, world: &mut World) -> bool {
         let me = FIRST + number as u8;
-        if matches!(self.life, Life::Unborn) {
-            self.life = Life::Alive;
+        if matches!(self.incarnation, Incarnation::Unborn) {
+            self.incarnation = Incarnation::Alive;
             self.seen = world.rings[number];
             self.releases = vec![world.now; self.program.loops.len()];
             world.note(me, What::Began);
@@ -153,7 +155,7 @@ impl Machine<'_> {
             let Some(context) = self.contexts.last().copied() else {
                 if self.program.steps.len() == self.step {
                     world.note(me, What::Ended);
-                    self.life = Life::Over;
+                    self.incarnation = Incarnation::Over;
                     return true;
                 }
                 if self.begin_step(me, world) {

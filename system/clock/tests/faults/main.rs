@@ -20,7 +20,7 @@ use std::process::ExitCode;
 use std::sync::atomic::Ordering::SeqCst;
 use std::time::{Duration, Instant};
 
-use condor_clock::Standing;
+use condor_clock::Obstacle;
 use condor_clock::linux::Futex;
 use interrupt_injector::{argument, seed};
 use rustix::process::Signal;
@@ -162,7 +162,7 @@ impl<'m> Scene<'m> {
     fn bury(&mut self, number: u8, is_held: bool) {
         let Shared { page, board } = self.memory.shared();
         if number == SERVICE {
-            // It gets the turn, so that time stands until its next life has looked.
+            // It gets the turn, so that time stands until its next incarnation has looked.
             return page.request(SERVICE, 0, &self.by);
         }
         board.forget(number);
@@ -191,11 +191,11 @@ impl<'m> Scene<'m> {
 
     fn stands_for(&self, number: u8) -> bool {
         match self.memory.shared().page.standing(&self.by) {
-            Standing::Turn {
+            Obstacle::Turn {
                 asks: Some(asked), ..
             } => asked == number,
-            Standing::Turn { holder, asks: None } => holder == number,
-            Standing::Service { number: service } => service == number,
+            Obstacle::Turn { holder, asks: None } => holder == number,
+            Obstacle::Service { number: service } => service == number,
             _ => false,
         }
     }

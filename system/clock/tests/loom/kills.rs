@@ -35,7 +35,7 @@ fn a_processor_is_killed() {
     });
 }
 
-/// It enters again, at the present instant or later, and nothing that was meant for its former life
+/// It enters again, at the present instant or later, and nothing that was meant for its former incarnation
 /// lets it begin before.
 #[test]
 fn a_processor_is_killed_and_restarted() {
@@ -70,10 +70,10 @@ fn a_processor_is_killed_and_restarted() {
 }
 
 /// The giver of a turn is late to see that the receiver has gone: it must not take the turn of a new
-/// life, which has its own from somebody else.
+/// incarnation, which has its own from somebody else.
 #[test]
-fn a_giver_sees_two_lives() {
-    explore("two lives", 3, || {
+fn a_giver_sees_two_incarnations() {
+    explore("two incarnations", 3, || {
         let world = World::<2>::entered(&[0, 1]);
         let giver = Player::new(&world, 0);
         let giving = thread::spawn(move || {
@@ -127,7 +127,7 @@ fn the_giver_of_a_dead_one_is_killed() {
     });
 }
 
-/// Time waits for the next life of the service, which rings at the instant at which its former life
+/// Time waits for the next incarnation of the service, which rings at the instant at which its former incarnation
 /// was told to.
 #[test]
 fn a_service_is_killed_and_restarted() {
@@ -138,7 +138,7 @@ fn a_service_is_killed_and_restarted() {
         let dying = thread::spawn(move || {
             let is_dead = mortal(access, || victim.serve(|| victim.world.ring(1, 0, &victim)));
             if is_dead {
-                // The supervisor has time stand until the next life has looked.
+                // The supervisor has time stand until the next incarnation has looked.
                 victim.world.request(1, 0, &victim);
                 victim.world.time_out();
                 victim.world.serve(1);

@@ -27,16 +27,16 @@
 //! | parts of the host in the order of numbers; a free turn before the instant of the request | `a_guest_has_its_turn_at_its_instant` |
 //! | no look whether the receiver has gone; no fence before it, or in `take_from` | `a_guest_comes_and_goes` |
 //! | a guest gives up and keeps the turn | `a_guest_comes_and_goes` |
-//! | the giver takes back any turn of the receiver | `a_giver_sees_two_lives` |
-//! | nobody is buried | `a_giver_sees_two_lives` |
-//! | a first turn is not given on that was meant for a former life | `a_processor_is_killed_and_restarted` |
+//! | the giver takes back any turn of the receiver | `a_giver_sees_two_incarnations` |
+//! | nobody is buried | `a_giver_sees_two_incarnations` |
+//! | a first turn is not given on that was meant for a former incarnation | `a_processor_is_killed_and_restarted` |
 //! | `free` forgets those that had the turn in vain | `the_giver_of_a_dead_one_is_killed` |
 //! | `free` forgets those that died while they gave the turn on | `a_guest_is_killed` |
 //! | a service does not kick when it is done, or keeps its request when it finishes | `a_service_is_killed_and_restarted` |
-//! | a service does not finish what its former life was to give on | `a_service_is_killed_and_restarted` |
+//! | a service does not finish what its former incarnation was to give on | `a_service_is_killed_and_restarted` |
 //!
 //! Three are found by the unit tests alone: a burial that rings last, a number that is not cleared for its
-//! next life, and `free` that leaves the request. No test finds these, which other rules cover: a turn that
+//! next incarnation, and `free` that leaves the request. No test finds these, which other rules cover: a turn that
 //! is passed without Acquire and a role that is stored without Release (the fences of `kick` and `give` order
 //! what they do), and no kick after a sleep that took too long (the supervisor's burial kicks, too).
 #![cfg(condor_loom)]

@@ -5,10 +5,10 @@ use condor_mbox::MemoryWindow;
 use super::connection::{PACKET_BYTES, hex, hexed, unescaped, unhex};
 use super::conversation::{Answer, Conversation};
 use super::riscv::{self, frame};
-use super::session::{Attached, SessionError};
-use crate::{Access, Breakpoint, State, TracerError, Trigger};
+use super::session::{AttachedProcessor, SessionError};
+use crate::{Breakpoint, ProgramState, TracerError, Trigger, TriggerAccess};
 
-/// As many breakpoints as a slave has room for.
+/// As many breakpoints as a stub has room for.
 const MOST_BREAKPOINTS: usize = crate::area::MOST_PLANTED as usize;
 /// The size of a planted breakpoint.
 const BREAKPOINT_BYTES: u64 = 2;
@@ -66,7 +66,7 @@ fn escaped(text: &str) -> String {
 }
 
 impl<W: MemoryWindow> Conversation<'_, W> {
-    fn chosen(&self) -> Option<&Attached<W>> {
+    fn chosen(&self) -> Option<&AttachedProcessor<W>> {
         self.session.processors.get(self.chosen)
     }
 
@@ -113,7 +113,7 @@ impl<W: MemoryWindow> Conversation<'_, W> {
     }
 
     /// Threads with a program, by their identifiers.
-    fn alive(&self) -> impl Iterator<Item = (usize, &Attached<W>)> {
+    fn alive(&self) -> impl Iterator<Item = (usize, &AttachedProcessor<W>)> {
         let processors = (1..).zip(&self.session.processors);
         processors.filter(|(_, attached)| attached.is_alive())
     }
@@ -142,12 +142,12 @@ impl<W: MemoryWindow> Conversation<'_, W> {
     }
 
     /// The thread whose registers GDB means, if its program stands.
-    fn held(&self) -> Result<Option<&Attached<W>>, SessionError> {
+    fn held(&self) -> Result<Option<&AttachedProcessor<W>>, SessionError> {
         let Some(attached) = self.chosen() else {
             return Ok(None);
         };
         let state = attached.named(attached.tracer().state())?;
-        Ok((state != State::Runs).then_some(attached))
+        Ok((state != ProgramState::Runs).then_some(attached))
     }
 
     pub(super) fn read_registers(&self, what: u8, rest: &[u8]) -> Result<Answer, SessionError> {
@@ -270,17 +270,17 @@ impl<W: MemoryWindow> Conversation<'_, W> {
         };
         let breakpoint = match kind {
             0 => Some(Breakpoint::Instruction(address)),
-            1 => trigger(Access::Execute),
-            2 => trigger(Access::Write),
-            3 => trigger(Access::Read),
-            4 => trigger(Access::ReadWrite),
+            1 => trigger(TriggerAccess::Execute),
+            2 => trigger(TriggerAccess::Write),
+            3 => trigger(TriggerAccess::Read),
+            4 => trigger(TriggerAccess::ReadWrite),
             _ => return Ok(Answer::unknown()),
         };
         let Some(breakpoint) = breakpoint else {
             return Ok(Answer::refused());
         };
         // What lies in the range of no processor is everybody's.
-        let is_in = |attached: &Attached<W>| attached.debuggee.code.contains(&address);
+        let is_in = |attached: &AttachedProcessor<W>| attached.debuggee.code.contains(&address);
         let is_owned = self.session.processors.iter().any(is_in);
         let mut is_done = is_owned || kind > 1;
         for attached in &mut self.session.processors {
@@ -307,13 +307,15 @@ impl<W: MemoryWindow> Conversation<'_, W> {
     /// The text that a command of `monitor` prints.
     fn monitor(&mut self, command: &str) -> Result<String, SessionError> {
         let mut words = command.split_whitespace();
-        let verb = words.next().unwrap_or("help");
+        let word = words.next().unwrap_or("help");
         let rest: Vec<_> = words.collect();
         let all = self.session.processors.iter();
-        Ok(match (verb, &*rest) {
-            ("trap", []) => all.map(Attached::trap).collect::<Result<_, _>>()?,
-            ("statistics", []) => all.map(Attached::statistics).collect::<Result<_, _>>()?,
-            ("vectors", []) => all.map(Attached::vectors).collect(),
+        Ok(match (word, &*rest) {
+            ("trap", []) => all.map(AttachedProcessor::trap).collect::<Result<_, _>>()?,
+            ("statistics", []) => all
+                .map(AttachedProcessor::statistics)
+                .collect::<Result<_, _>>()?,
+            ("vectors", []) => all.map(AttachedProcessor::vectors).collect(),
             ("reset" | "load", []) => self.start(None)?,
             ("load", [file, arguments @ ..]) => self.start(Some((file, arguments.to_vec())))?,
             ("help", []) => HELP.into(),
@@ -336,7 +338,7 @@ impl<W: MemoryWindow> Conversation<'_, W> {
                 )
             }
             Err(SessionError::Start { name, reason }) => {
-                attached.runs = attached.named(attached.tracer().state())? == State::Runs;
+                attached.runs = attached.named(attached.tracer().state())? == ProgramState::Runs;
                 format!("{name}: {reason}\n")
             }
             Err(error) => return Err(error),
@@ -346,7 +348,7 @@ impl<W: MemoryWindow> Conversation<'_, W> {
     }
 }
 
-impl<W: MemoryWindow> Attached<W> {
+impl<W: MemoryWindow> AttachedProcessor<W> {
     fn trap(&self) -> Result<String, SessionError> {
         let register = |place| self.named(self.tracer().register(place));
         Ok(format!(

@@ -1,4 +1,4 @@
-//! [`Stream`]: a connection of GDB, and its packets.
+//! [`PacketStream`]: a connection of GDB, and its packets.
 //!
 //! A packet is `$`, its bytes, `#`, and the sum of its bytes in two hexadecimal digits. Both sides acknowledge
 //! packets by `+`, and ask for them again by `-`, until GDB says that this is not needed. A notification
@@ -24,7 +24,7 @@ const BEGINNINGS: [u8; 4] = [b'$', b'+', b'-', INTERRUPT];
 
 /// A connection, with what was read and is no whole packet yet.
 #[derive(Debug)]
-pub struct Stream {
+pub struct PacketStream {
     file: std::fs::File,
     read: Vec<u8>,
     at: usize,
@@ -35,13 +35,13 @@ pub struct Stream {
 
 /// What GDB says.
 #[derive(Debug)]
-pub(super) enum Heard {
+pub(super) enum GdbInput {
     Packet(Vec<u8>),
     /// It wants the program to be stopped.
     Interrupt,
 }
 
-impl Stream {
+impl PacketStream {
     /// Makes the stream of a connected socket.
     ///
     /// # Errors
@@ -80,7 +80,7 @@ impl Stream {
     }
 
     /// The next packet or interrupt; `None` if none comes until `limit`, or soon after.
-    pub(super) fn hear(&mut self, limit: Duration) -> io::Result<Option<Heard>> {
+    pub(super) fn hear(&mut self, limit: Duration) -> io::Result<Option<GdbInput>> {
         loop {
             if let Some(heard) = self.parse()? {
                 return Ok(Some(heard));
@@ -108,7 +108,7 @@ impl Stream {
         self.acknowledges = false;
     }
 
-    fn parse(&mut self) -> io::Result<Option<Heard>> {
+    fn parse(&mut self) -> io::Result<Option<GdbInput>> {
         while let Some(rest) = self.read.get(self.at..)
             && let Some(first) = rest.first()
         {
@@ -126,7 +126,7 @@ impl Stream {
                         self.file.write_all(if is_right { b"+" } else { b"-" })?;
                     }
                     if is_right {
-                        return Ok(Some(Heard::Packet(packet)));
+                        return Ok(Some(GdbInput::Packet(packet)));
                     }
                 }
                 // Without acknowledgements GDB says it, too, when an answer takes longer than it expects.
@@ -136,7 +136,7 @@ impl Stream {
                 }
                 &INTERRUPT => {
                     self.at += 1;
-                    return Ok(Some(Heard::Interrupt));
+                    return Ok(Some(GdbInput::Interrupt));
                 }
                 // An acknowledgement, or nothing that means anything.
                 _ => self.at += 1,

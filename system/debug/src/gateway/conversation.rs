@@ -10,11 +10,11 @@ use std::time::Duration;
 
 use condor_mbox::MemoryWindow;
 
-use super::connection::{Heard, Stream, hex, hexed};
+use super::connection::{GdbInput, PacketStream, hex, hexed};
 use super::riscv::frame;
-use super::session::{Attached, Ended, Session, SessionError};
+use super::session::{AttachedProcessor, ProgramEnd, Session, SessionError};
 use super::step;
-use crate::{Access, Breakpoint, Reason, State, TracerError, Trigger};
+use crate::{Breakpoint, HoldReason, ProgramState, TracerError, Trigger, TriggerAccess};
 
 /// How often programs are looked at before the wait between looks becomes longer.
 const LOOKS: u32 = 2000;
@@ -71,7 +71,7 @@ enum Threads {
 
 pub(super) struct Conversation<'s, W: MemoryWindow> {
     pub(super) session: &'s mut Session<W>,
-    stream: Stream,
+    stream: PacketStream,
     is_non_stop: bool,
     /// The place of the thread whose registers GDB means.
     pub(super) chosen: usize,
@@ -93,7 +93,11 @@ impl<W: MemoryWindow> Session<W> {
     /// [`SessionError::NoProgram`] if all programs have ended; [`SessionError::Tracer`] if a processor does
     /// not answer; [`SessionError::Connection`] if the connection is lost or is not GDB's. The programs go
     /// on then, too.
-    pub fn serve(&mut self, mut stream: Stream, limit: Duration) -> Result<bool, SessionError> {
+    pub fn serve(
+        &mut self,
+        mut stream: PacketStream,
+        limit: Duration,
+    ) -> Result<bool, SessionError> {
         match stream.begins(limit) {
             Ok(true) => {}
             Ok(false) => {
@@ -103,13 +107,13 @@ impl<W: MemoryWindow> Session<W> {
             }
             Err(error) => return Err(SessionError::Connection(error.to_string())),
         }
-        if !self.processors.iter().any(Attached::is_alive) {
+        if !self.processors.iter().any(AttachedProcessor::is_alive) {
             let names = self.processors.iter().map(|it| &*it.debuggee.name);
             let name = names.collect::<Vec<_>>().join(", ");
             return Err(SessionError::NoProgram { name });
         }
         for attached in &mut self.processors {
-            attached.runs = attached.named(attached.tracer().state())? == State::Runs;
+            attached.runs = attached.named(attached.tracer().state())? == ProgramState::Runs;
         }
         let served = Conversation::new(self, stream).serve();
         for attached in &mut self.processors {
@@ -127,7 +131,7 @@ fn lost(error: &io::Error) -> SessionError {
 }
 
 impl<'s, W: MemoryWindow> Conversation<'s, W> {
-    pub(super) const fn new(session: &'s mut Session<W>, stream: Stream) -> Self {
+    pub(super) const fn new(session: &'s mut Session<W>, stream: PacketStream) -> Self {
         Self {
             session,
             stream,
@@ -160,11 +164,11 @@ impl<'s, W: MemoryWindow> Conversation<'s, W> {
             };
             let answer = match self.stream.hear(nap) {
                 Ok(None) => continue,
-                Ok(Some(Heard::Interrupt)) => {
+                Ok(Some(GdbInput::Interrupt)) => {
                     self.interrupt()?;
                     continue;
                 }
-                Ok(Some(Heard::Packet(packet))) => self.answer(&packet)?,
+                Ok(Some(GdbInput::Packet(packet))) => self.answer(&packet)?,
                 Err(_) if self.is_over => return Ok(false),
                 Err(error) => return Err(lost(&error)),
             };
@@ -194,7 +198,7 @@ impl<'s, W: MemoryWindow> Conversation<'s, W> {
             if !attached.runs {
                 continue;
             }
-            let State::Held(reason) = attached.named(attached.tracer().state())? else {
+            let ProgramState::Held(reason) = attached.named(attached.tracer().state())? else {
                 continue;
             };
             attached.runs = false;
@@ -205,7 +209,13 @@ impl<'s, W: MemoryWindow> Conversation<'s, W> {
                 return Ok(());
             }
         }
-        if !self.is_over && !self.session.processors.iter().any(Attached::is_alive) {
+        if !self.is_over
+            && !self
+                .session
+                .processors
+                .iter()
+                .any(AttachedProcessor::is_alive)
+        {
             self.is_over = true;
             let report = self.end();
             self.tell(report)?;
@@ -216,9 +226,9 @@ impl<'s, W: MemoryWindow> Conversation<'s, W> {
     /// How the programs have ended, of which GDB knows one inferior.
     fn end(&self) -> String {
         let first = self.session.processors.first();
-        match first.and_then(Attached::ended) {
-            Some(Ended::Exited(status)) => format!("W{status:02x}"),
-            Some(Ended::Killed) | None => "X09".into(),
+        match first.and_then(AttachedProcessor::ended) {
+            Some(ProgramEnd::Exited(status)) => format!("W{status:02x}"),
+            Some(ProgramEnd::Killed) | None => "X09".into(),
         }
     }
 
@@ -332,14 +342,14 @@ impl<'s, W: MemoryWindow> Conversation<'s, W> {
             if !self.is_non_stop {
                 attached.stop()?;
             }
-            let State::Held(reason) = attached.named(attached.tracer().state())? else {
+            let ProgramState::Held(reason) = attached.named(attached.tracer().state())? else {
                 continue;
             };
             attached.runs = false;
             attached.is_asked_to_stop = true;
             let report = attached.named(attached.report(place, reason))?;
             // One that has a reason of its own comes first.
-            if first.is_none_or(|(_, before)| before == Reason::Stopped && before != reason) {
+            if first.is_none_or(|(_, before)| before == HoldReason::Stopped && before != reason) {
                 first = Some((place, reason));
                 all.push_front(report);
             } else {
@@ -439,7 +449,7 @@ impl<'s, W: MemoryWindow> Conversation<'s, W> {
     }
 }
 
-impl<W: MemoryWindow> Attached<W> {
+impl<W: MemoryWindow> AttachedProcessor<W> {
     /// Resumes the program, with the breakpoints that GDB wants, for one instruction if it `steps`. Returns
     /// false if no step can end where the instruction leads.
     fn go_on(&mut self, steps: bool) -> Result<bool, SessionError> {
@@ -512,19 +522,19 @@ impl<W: MemoryWindow> Attached<W> {
     }
 
     /// The report of a stop, of the thread at `place`.
-    fn report(&self, place: usize, reason: Reason) -> Result<String, TracerError> {
+    fn report(&self, place: usize, reason: HoldReason) -> Result<String, TracerError> {
         let why = match reason {
-            Reason::Stopped if self.is_asked_to_stop => "00".into(),
+            HoldReason::Stopped if self.is_asked_to_stop => "00".into(),
             // SIGINT.
-            Reason::Stopped => "02".into(),
-            Reason::Breakpoint => {
+            HoldReason::Stopped => "02".into(),
+            HoldReason::Breakpoint => {
                 let pc = self.tracer().register(frame::PC)?;
                 let is_wanted = self.wanted.contains(&Breakpoint::Instruction(pc));
                 let stepped = self.steps.contains(&pc) && !is_wanted;
                 if stepped { "05" } else { "05swbreak:;" }.into()
             }
-            Reason::Exception => format!("{:02x}", self.signal()?),
-            Reason::Trigger => format!("05{}", self.hit()?),
+            HoldReason::Exception => format!("{:02x}", self.signal()?),
+            HoldReason::Trigger => format!("05{}", self.hit()?),
         };
         Ok(format!("T{why}thread:{:x};", place + 1))
     }
@@ -552,12 +562,12 @@ impl<W: MemoryWindow> Attached<W> {
             Breakpoint::Instruction(_) => None,
         });
         let triggers: Vec<Trigger> = triggers.collect();
-        let is_here = |it: &&Trigger| it.access == Access::Execute && it.address == pc;
+        let is_here = |it: &&Trigger| it.access == TriggerAccess::Execute && it.address == pc;
         let holds = |it: &&Trigger| {
             let end = it.address.saturating_add(it.bytes.into());
-            it.access != Access::Execute && (it.address..end).contains(&value)
+            it.access != TriggerAccess::Execute && (it.address..end).contains(&value)
         };
-        let is_data = |it: &&Trigger| it.access != Access::Execute;
+        let is_data = |it: &&Trigger| it.access != TriggerAccess::Execute;
         let mut all = triggers.iter();
         let exact = all
             .clone()
@@ -566,10 +576,10 @@ impl<W: MemoryWindow> Attached<W> {
         // A processor need not say which address it was.
         let hit = exact.or_else(|| all.find(is_data));
         Ok(match hit.map(|it| (it.access, it.address)) {
-            Some((Access::Execute, _)) => "hwbreak:;".into(),
-            Some((Access::Write, address)) => format!("watch:{address:x};"),
-            Some((Access::Read, address)) => format!("rwatch:{address:x};"),
-            Some((Access::ReadWrite, address)) => format!("awatch:{address:x};"),
+            Some((TriggerAccess::Execute, _)) => "hwbreak:;".into(),
+            Some((TriggerAccess::Write, address)) => format!("watch:{address:x};"),
+            Some((TriggerAccess::Read, address)) => format!("rwatch:{address:x};"),
+            Some((TriggerAccess::ReadWrite, address)) => format!("awatch:{address:x};"),
             None => String::new(),
         })
     }

@@ -1,4 +1,4 @@
-//! [`DebuggerLock`]: who may give commands to a processor's slave.
+//! [`DebuggerLock`]: who may give commands to a processor's stub.
 
 use std::fs::File;
 use std::io;
@@ -55,7 +55,7 @@ impl Cleaner {
     /// Returns whether a debugger was found dead in this call.
     ///
     /// # Errors
-    /// [`TracerError::Access`] if the area cannot be accessed.
+    /// [`TracerError::TriggerAccess`] if the area cannot be accessed.
     pub fn look<W: MemoryWindow>(
         &mut self,
         tracer: &Tracer<W>,

@@ -15,6 +15,6 @@ pub mod riscv;
 mod session;
 mod step;
 
-pub use connection::Stream;
+pub use connection::PacketStream;
 pub use lock::{Cleaner, DebuggerLock};
-pub use session::{Debuggee, Ended, Host, Program, Session, SessionError};
+pub use session::{DebuggedProgram, Debuggee, ProgramEnd, ProgramHost, Session, SessionError};

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use condor_mbox::{MemoryWindow, Region};
 
 use super::lock::DebuggerLock;
-use crate::{Breakpoint, Mode, State, Tracer, TracerError};
+use crate::{Breakpoint, DebugRequest, ProgramState, Tracer, TracerError};
 
 /// How often it is looked whether a program has come to its beginning.
 const NAP: Duration = Duration::from_micros(100);
@@ -23,7 +23,7 @@ const SUCCESSION: Duration = Duration::from_secs(3);
 
 /// The end of a program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Ended {
+pub enum ProgramEnd {
     /// It returned this status.
     Exited(u8),
     /// It was taken off its processor, or has made a trap.
@@ -32,15 +32,15 @@ pub enum Ended {
 
 /// What a processor runs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Program {
+pub enum DebuggedProgram {
     /// The program that was started as this number.
     Runs(u32),
     /// None any more.
-    Ended(Ended),
+    Ended(ProgramEnd),
 }
 
 /// Whoever starts programs of a processor, and knows what they serve: for `monitor reset`, `load` and `vectors`.
-pub trait Host: Send {
+pub trait ProgramHost: Send {
     /// Ends the program of the processor, and then has one start: the same again, or that of a file with
     /// arguments. Returns before it has come to its first statement, where it will be held. An error that comes
     /// later is received.
@@ -60,7 +60,7 @@ pub trait Host: Send {
 pub struct Debuggee<W> {
     /// The name of the processor.
     pub name: String,
-    /// Gives commands to its slave.
+    /// Gives commands to its stub.
     pub tracer: Tracer<W>,
     /// The memory that its program can access.
     pub memory: Region<W>,
@@ -73,9 +73,9 @@ pub struct Debuggee<W> {
     /// The file of its debugger lock.
     pub lock: std::path::PathBuf,
     /// Says what it runs.
-    pub program: Box<dyn Fn() -> Program + Send>,
+    pub program: Box<dyn Fn() -> DebuggedProgram + Send>,
     /// Whoever starts its programs; without it they are started elsewhere.
-    pub host: Option<Box<dyn Host>>,
+    pub host: Option<Box<dyn ProgramHost>>,
 }
 
 impl<W: MemoryWindow> Debuggee<W> {
@@ -181,12 +181,12 @@ pub enum SessionError {
 #[derive(Debug)]
 pub struct Session<W: MemoryWindow> {
     /// GDB's threads, from 1 on.
-    pub(super) processors: Vec<Attached<W>>,
+    pub(super) processors: Vec<AttachedProcessor<W>>,
 }
 
 /// One of its processors.
 #[derive(Debug)]
-pub(super) struct Attached<W: MemoryWindow> {
+pub(super) struct AttachedProcessor<W: MemoryWindow> {
     pub(super) debuggee: Debuggee<W>,
     /// The breakpoints that GDB wants. They are planted while the program runs.
     pub(super) wanted: Vec<Breakpoint>,
@@ -212,7 +212,7 @@ impl<W: MemoryWindow> Session<W> {
     pub fn attach(debuggees: Vec<Debuggee<W>>) -> Result<Self, SessionError> {
         let mut processors = Vec::new();
         for debuggee in debuggees {
-            let attached = Attached::locked(debuggee)?;
+            let attached = AttachedProcessor::locked(debuggee)?;
             if !attached.is_alive() {
                 let name = attached.debuggee.name.clone();
                 return Err(SessionError::NoProgram { name });
@@ -222,7 +222,7 @@ impl<W: MemoryWindow> Session<W> {
             attached.named(tracer.plant(&[], false))?;
             let mode = attached.named(tracer.mode())?;
             let is_attached = true;
-            attached.named(tracer.set_mode(Mode {
+            attached.named(tracer.set_mode(DebugRequest {
                 attached: is_attached,
                 ..mode
             }))?;
@@ -231,13 +231,13 @@ impl<W: MemoryWindow> Session<W> {
         Ok(Self { processors })
     }
 
-    /// Has the [`Host`] of a processor start its program again, and holds it before its first statement.
+    /// Has the [`ProgramHost`] of a processor start its program again, and holds it before its first statement.
     ///
     /// # Errors
     /// [`SessionError::Locked`], [`SessionError::Lock`], [`SessionError::Tracer`]; [`SessionError::Start`] if
     /// it does not come to that statement within 15 s.
     pub fn start(debuggee: Debuggee<W>) -> Result<Self, SessionError> {
-        let attached = Attached::locked(debuggee)?;
+        let attached = AttachedProcessor::locked(debuggee)?;
         attached.start(None)?;
         Ok(Self {
             processors: vec![attached],
@@ -245,7 +245,7 @@ impl<W: MemoryWindow> Session<W> {
     }
 }
 
-impl<W: MemoryWindow> Attached<W> {
+impl<W: MemoryWindow> AttachedProcessor<W> {
     fn locked(debuggee: Debuggee<W>) -> Result<Self, SessionError> {
         let (name, lock) = (&debuggee.name, &debuggee.lock);
         let lock = match DebuggerLock::take(lock, SUCCESSION) {
@@ -277,7 +277,7 @@ impl<W: MemoryWindow> Attached<W> {
         let former = (self.debuggee.program)();
         let holds = self.named(tracer.holds())?;
         let mode = self.named(tracer.mode())?;
-        let with = |hold_start| Mode {
+        let with = |hold_start| DebugRequest {
             attached: true,
             hold_start,
             ..mode
@@ -290,8 +290,8 @@ impl<W: MemoryWindow> Attached<W> {
         // The former one may come to a breakpoint meanwhile.
         let is_held = || {
             let now = (self.debuggee.program)();
-            let is_new = matches!(now, Program::Runs(_)) && now != former;
-            let is_held = matches!(tracer.state(), Ok(State::Held(_)));
+            let is_new = matches!(now, DebuggedProgram::Runs(_)) && now != former;
+            let is_held = matches!(tracer.state(), Ok(ProgramState::Held(_)));
             is_new && is_held && tracer.holds() != Ok(holds)
         };
         let begun = Instant::now();
@@ -316,14 +316,14 @@ impl<W: MemoryWindow> Attached<W> {
     }
 
     /// How the program has ended that is meant; `None` while it runs.
-    pub(super) fn ended(&self) -> Option<Ended> {
+    pub(super) fn ended(&self) -> Option<ProgramEnd> {
         match (self.debuggee.program)() {
-            Program::Runs(number) => {
+            DebuggedProgram::Runs(number) => {
                 let meant = self.meant.get().unwrap_or(number);
                 self.meant.set(Some(meant));
-                (meant != number).then_some(Ended::Killed)
+                (meant != number).then_some(ProgramEnd::Killed)
             }
-            Program::Ended(ended) => Some(ended),
+            DebuggedProgram::Ended(ended) => Some(ended),
         }
     }
 
@@ -344,10 +344,10 @@ impl<W: MemoryWindow> Attached<W> {
     }
 }
 
-impl<W: MemoryWindow> Drop for Attached<W> {
+impl<W: MemoryWindow> Drop for AttachedProcessor<W> {
     fn drop(&mut self) {
         // Whoever watches the processor does it if this fails.
-        let left = self.tracer().mode().map(Mode::left);
+        let left = self.tracer().mode().map(DebugRequest::left);
         let _ = left.and_then(|mode| self.tracer().set_mode(mode));
         if self.is_alive() {
             let _ = self.tracer().release();

@@ -26,7 +26,7 @@ pub(super) struct TypeAt {
 
 /// The place of a static variable.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Place {
+pub(super) enum VariableLocation {
     /// All of its bytes are there, in order.
     Address(u64),
     /// It has no such address, since the compiler does this.
@@ -152,8 +152,11 @@ impl<'f> Debug<'f> {
 
     /// The static variables whose path ends with these segments: path, type and place. The paths of several that are
     /// alike have the names of their units behind them.
-    pub(super) fn variables(&self, name: &str) -> Result<Vec<(String, TypeAt, Place)>, String> {
-        let mut found: Vec<(String, TypeAt, Place)> = Vec::new();
+    pub(super) fn variables(
+        &self,
+        name: &str,
+    ) -> Result<Vec<(String, TypeAt, VariableLocation)>, String> {
+        let mut found: Vec<(String, TypeAt, VariableLocation)> = Vec::new();
         let mut units = Vec::new();
         for (number, unit) in self.units.iter().enumerate() {
             let mut path: Vec<(isize, String)> = Vec::new();
@@ -208,9 +211,9 @@ impl<'f> Debug<'f> {
                 let whole = segments.chain([&*own]).collect::<Vec<_>>().join("::");
                 let ends = whole.strip_suffix(name);
                 let is_it = ends.is_some_and(|rest| rest.is_empty() || rest.ends_with("::"));
-                let known = |(path, _, known): &(String, TypeAt, Place)| match place {
-                    Place::Address(_) => *known == place,
-                    Place::None(_) => *path == whole,
+                let known = |(path, _, known): &(String, TypeAt, VariableLocation)| match place {
+                    VariableLocation::Address(_) => *known == place,
+                    VariableLocation::None(_) => *path == whole,
                 };
                 if is_it && !found.iter().any(known) {
                     found.push((whole, at, place));
@@ -263,9 +266,9 @@ impl<'f> Debug<'f> {
         entry: &Entry<'f>,
         size: u64,
         in_function: bool,
-    ) -> Option<Place> {
+    ) -> Option<VariableLocation> {
         // Most variables of functions are on the stack or in registers; the others begin with an address.
-        let nowhere = |reason| (!in_function).then_some(Place::None(reason));
+        let nowhere = |reason| (!in_function).then_some(VariableLocation::None(reason));
         let expression = match entry.attr_value(DW_AT_location) {
             Some(AttributeValue::Exprloc(expression)) => expression,
             Some(_) => return nowhere("moves it while the program runs"),
@@ -289,7 +292,7 @@ impl<'f> Debug<'f> {
         // variables share a place, splits them, and keeps values in another form.
         loop {
             let reason = match operations.next() {
-                Ok(None) => return Some(Place::Address(address)),
+                Ok(None) => return Some(VariableLocation::Address(address)),
                 Ok(Some(Operation::PlusConstant { value })) => {
                     address = address.wrapping_add(value);
                     continue;
@@ -301,12 +304,12 @@ impl<'f> Debug<'f> {
                 Ok(Some(Operation::Piece { .. })) => "keeps only parts of it, or keeps them apart",
                 Ok(Some(_)) => "keeps it in another form, from which its value is computed",
                 Err(_) => {
-                    return Some(Place::None(
+                    return Some(VariableLocation::None(
                         "describes its place in a way that cannot be read",
                     ));
                 }
             };
-            return Some(Place::None(reason));
+            return Some(VariableLocation::None(reason));
         }
     }
 

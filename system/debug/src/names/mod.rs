@@ -10,7 +10,7 @@ mod value;
 
 pub use number::Number;
 
-use dwarf::{Bits, Debug, Place, Shape, TypeAt};
+use dwarf::{Bits, Debug, Shape, TypeAt, VariableLocation};
 use expression::{Expression, Step};
 
 /// The greatest number of bytes of a value.
@@ -54,7 +54,7 @@ pub enum NamesError {
         there: Vec<String>,
     },
     /// The value before the step has no such part.
-    #[error("`{before}` has no part `{step}`{}", Parts(there))]
+    #[error("`{before}` has no part `{step}`{}", NameParts(there))]
     NoPart {
         /// The expression before the step.
         before: String,
@@ -73,9 +73,9 @@ pub enum NamesError {
     },
 }
 
-struct Parts<'p>(&'p [String]);
+struct NameParts<'p>(&'p [String]);
 
-impl core::fmt::Display for Parts<'_> {
+impl core::fmt::Display for NameParts<'_> {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         if self.0.is_empty() {
             return Ok(());
@@ -92,7 +92,7 @@ pub struct Names<'f> {
 
 /// A value in the memory of a program.
 #[derive(Debug)]
-pub struct Value<'n, 'f> {
+pub struct NamedValue<'n, 'f> {
     names: &'n Names<'f>,
     at: TypeAt,
     /// For a bit field, its bits in the bytes at `address`; `None` for other values.
@@ -117,7 +117,7 @@ impl<'f> Names<'f> {
     ///
     /// # Errors
     /// Each of [`NamesError`].
-    pub fn find(&self, text: &str) -> Result<Value<'_, 'f>, NamesError> {
+    pub fn find(&self, text: &str) -> Result<NamedValue<'_, 'f>, NamesError> {
         let expression = Expression::parse(text).ok_or_else(|| NamesError::Expression {
             expression: text.into(),
         })?;
@@ -133,7 +133,7 @@ impl<'f> Names<'f> {
             let expression = text.into();
             return Err(NamesError::TooLarge { expression, bytes });
         }
-        Ok(Value {
+        Ok(NamedValue {
             names: self,
             at,
             bits,
@@ -149,8 +149,8 @@ impl<'f> Names<'f> {
             .map_err(NamesError::NoInformation)?;
         match &*found {
             [] => Err(NamesError::NoVariable { name: name.into() }),
-            [(_, at, Place::Address(address))] => Ok((*at, *address)),
-            [(.., Place::None(reason))] => Err(NamesError::NoAddress {
+            [(_, at, VariableLocation::Address(address))] => Ok((*at, *address)),
+            [(.., VariableLocation::None(reason))] => Err(NamesError::NoAddress {
                 name: name.into(),
                 reason,
             }),
@@ -207,7 +207,7 @@ impl<'f> Names<'f> {
     }
 }
 
-impl Value<'_, '_> {
+impl NamedValue<'_, '_> {
     /// Returns the text of the value, whose bytes in the memory of the program are these.
     #[must_use]
     pub fn text(&self, bytes: &[u8]) -> String {

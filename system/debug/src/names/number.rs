@@ -1,6 +1,6 @@
 //! [`Number`]: values that are one number, to be drawn and written.
 
-use super::Value;
+use super::NamedValue;
 use super::dwarf::Shape;
 
 /// The type of a value that is one number, a truth value included.
@@ -11,7 +11,7 @@ pub struct Number {
     bytes: usize,
 }
 
-impl Value<'_, '_> {
+impl NamedValue<'_, '_> {
     /// Returns the type of the value if it is one number, or wraps one, as an atomic does; `None` otherwise,
     /// and for bit fields.
     #[must_use]

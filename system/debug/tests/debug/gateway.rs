@@ -6,13 +6,13 @@ use std::path::Path;
 use std::time::Duration;
 
 use condor_debug::gateway::{
-    Cleaner, Debuggee, DebuggerLock, Program, Session, SessionError, Stream,
+    Cleaner, DebuggedProgram, Debuggee, DebuggerLock, PacketStream, Session, SessionError,
 };
-use condor_debug::{Breakpoint, Reason, State, sim};
+use condor_debug::{Breakpoint, HoldReason, ProgramState, sim};
 use condor_mbox::sim::SimWindow;
 use proptest::prelude::*;
 
-use crate::slave::{ATTACHED, Running, STORING, until};
+use crate::stub::{ATTACHED, Running, STORING, until};
 
 const PROGRAM: [u32; 4] = [sim::COUNT, sim::COUNT, sim::COUNT, sim::JUMP];
 const LIMIT: Duration = Duration::from_secs(20);
@@ -26,7 +26,7 @@ fn debuggee(running: &Running, lock: &Path) -> Debuggee<SimWindow> {
         code: 0..16,
         bias: 0,
         lock: lock.into(),
-        program: Box::new(|| Program::Runs(1)),
+        program: Box::new(|| DebuggedProgram::Runs(1)),
         host: None,
     }
 }
@@ -75,7 +75,7 @@ fn breakpoints_are_hidden_and_gone_when_the_debugger_is() {
     let (mut gdb, ours) = UnixStream::pair().unwrap();
     gdb.set_read_timeout(Some(LIMIT)).unwrap();
     let served = std::thread::spawn(move || {
-        let served = session.serve(Stream::new(ours).unwrap(), LIMIT);
+        let served = session.serve(PacketStream::new(ours).unwrap(), LIMIT);
         drop(session);
         served
     });
@@ -84,7 +84,10 @@ fn breakpoints_are_hidden_and_gone_when_the_debugger_is() {
     assert_eq!(ask(&mut gdb, "Z0,4,4"), "OK");
     assert!(ask(&mut gdb, "Z0,100,4").starts_with('E'));
     assert!(ask(&mut gdb, "vCont;c").starts_with("T05"));
-    assert_eq!(tracer.state(), Ok(State::Held(Reason::Breakpoint)));
+    assert_eq!(
+        tracer.state(),
+        Ok(ProgramState::Held(HoldReason::Breakpoint))
+    );
     assert_eq!(running.words()[1], sim::BREAKPOINT);
     assert_eq!(ask(&mut gdb, "m4,4"), "01000000");
     // It goes without a word.
@@ -93,7 +96,7 @@ fn breakpoints_are_hidden_and_gone_when_the_debugger_is() {
         served.join().unwrap(),
         Err(SessionError::Connection(_))
     ));
-    assert_eq!(tracer.state(), Ok(State::Runs));
+    assert_eq!(tracer.state(), Ok(ProgramState::Runs));
     assert_eq!(running.words(), PROGRAM);
     running.end();
 }
@@ -121,7 +124,7 @@ impl Two {
         let (gdb, ours) = UnixStream::pair().unwrap();
         gdb.set_read_timeout(Some(LIMIT)).unwrap();
         let served = std::thread::spawn(move || {
-            let served = session.serve(Stream::new(ours).unwrap(), LIMIT);
+            let served = session.serve(PacketStream::new(ours).unwrap(), LIMIT);
             drop(session);
             served
         });
@@ -133,7 +136,7 @@ impl Two {
         }
     }
 
-    fn states(&self) -> [State; 2] {
+    fn states(&self) -> [ProgramState; 2] {
         [0, 1].map(|number| self.running[number].tracer().state().unwrap())
     }
 
@@ -153,7 +156,7 @@ fn a_stop_of_one_thread_stops_all() {
     let threads = ask(&mut two.gdb, "qXfer:threads:read::0,1000");
     assert!(threads.contains("<thread id=\"2\" name=\"number &lt;1&gt;\"/>"));
     assert!(ask(&mut two.gdb, "?").starts_with('T'));
-    assert_eq!(two.states(), [State::Held(Reason::Stopped); 2]);
+    assert_eq!(two.states(), [ProgramState::Held(HoldReason::Stopped); 2]);
     assert_eq!(ask(&mut two.gdb, "Z0,0,2"), "OK");
     assert_eq!(ask(&mut two.gdb, "Z0,500,2"), "E01", "nobody's");
     // One alone.
@@ -162,8 +165,8 @@ fn a_stop_of_one_thread_stops_all() {
     assert_eq!(ask(&mut two.gdb, "Z2,c,4"), "OK");
     let stop = ask(&mut two.gdb, "vCont;c");
     assert_eq!(stop, "T05watch:c;thread:1;");
-    assert_eq!(two.states()[0], State::Held(Reason::Trigger));
-    assert_ne!(two.states()[1], State::Runs);
+    assert_eq!(two.states()[0], ProgramState::Held(HoldReason::Trigger));
+    assert_ne!(two.states()[1], ProgramState::Runs);
     assert_eq!(ask(&mut two.gdb, "Hg2"), "OK");
     assert_eq!(ask(&mut two.gdb, "Hg3"), "E01");
     assert_eq!(ask(&mut two.gdb, "z2,c,4"), "OK");
@@ -178,19 +181,19 @@ fn in_non_stop_mode_others_run_and_memory_is_read_meanwhile() {
     let before = ask(&mut two.gdb, "mc,4");
     until(|| ask(&mut two.gdb, "mc,4") != before);
     assert_eq!(ask(&mut two.gdb, "g"), "E01", "it runs");
-    assert_eq!(two.states(), [State::Runs; 2]);
+    assert_eq!(two.states(), [ProgramState::Runs; 2]);
     // A stop that GDB asks for has no signal.
     assert_eq!(ask(&mut two.gdb, "vCont;t:2"), "OK");
     assert_eq!(notified(&mut two.gdb), "Stop:T00thread:2;");
     assert_eq!(ask(&mut two.gdb, "vStopped"), "OK");
-    assert_eq!(two.states()[0], State::Runs);
+    assert_eq!(two.states()[0], ProgramState::Runs);
     // A breakpoint is planted into a running program.
     assert_eq!(ask(&mut two.gdb, "Z0,4,2"), "OK");
     assert_eq!(notified(&mut two.gdb), "Stop:T05swbreak:;thread:1;");
     assert_eq!(ask(&mut two.gdb, "vStopped"), "OK");
     assert_eq!(ask(&mut two.gdb, "vCont;c:2"), "OK");
-    until(|| two.states()[1] == State::Runs);
-    assert_eq!(two.states()[0], State::Held(Reason::Breakpoint));
+    until(|| two.states()[1] == ProgramState::Runs);
+    assert_eq!(two.states()[0], ProgramState::Held(HoldReason::Breakpoint));
     two.end();
 }
 
@@ -203,7 +206,7 @@ fn a_browser_is_sent_away_and_the_program_is_not_stopped() {
     let mut session = Session::attach(vec![debuggee(&running, &path)]).unwrap();
     let (mut browser, ours) = UnixStream::pair().unwrap();
     browser.write_all(b"GET / HTTP/1.1\r\n\r\n").unwrap();
-    let served = session.serve(Stream::new(ours).unwrap(), LIMIT);
+    let served = session.serve(PacketStream::new(ours).unwrap(), LIMIT);
     assert!(matches!(served, Err(SessionError::Connection(_))));
     assert_eq!(tracer.holds(), Ok(0));
     drop(session);
@@ -220,15 +223,18 @@ fn a_killed_debugger_is_cleaned_up_after() {
     let lock = DebuggerLock::take(&path, LIMIT).unwrap();
     tracer.set_mode(ATTACHED).unwrap();
     tracer.plant(&[Breakpoint::Instruction(4)], false).unwrap();
-    until(|| tracer.state() != Ok(State::Runs));
+    until(|| tracer.state() != Ok(ProgramState::Runs));
     assert_eq!(cleaner.look(&tracer, &path), Ok(false), "it lives");
-    assert_eq!(tracer.state(), Ok(State::Held(Reason::Breakpoint)));
+    assert_eq!(
+        tracer.state(),
+        Ok(ProgramState::Held(HoldReason::Breakpoint))
+    );
     // The kernel does the same when it ends.
     drop(lock);
     assert_eq!(cleaner.look(&tracer, &path), Ok(true));
     until(|| {
         cleaner.look(&tracer, &path).unwrap();
-        tracer.state() == Ok(State::Runs)
+        tracer.state() == Ok(ProgramState::Runs)
     });
     assert_eq!(running.words(), PROGRAM);
     until(|| {

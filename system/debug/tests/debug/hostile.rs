@@ -1,9 +1,9 @@
-//! A slave whose debug area has any words, which also change while it works. The fuzz target
-//! `debug_slave` runs the same.
+//! A stub whose debug area has any words, which also change while it works. The fuzz target
+//! `debug_stub` runs the same.
 
 use std::cell::{Cell, RefCell};
 
-use condor_debug::{AREA_BYTES, Arch, Slave, Trigger};
+use condor_debug::{AREA_BYTES, Arch, Stub, Trigger};
 use condor_mbox::Region;
 use condor_mbox::sim::SimWindow;
 
@@ -89,10 +89,10 @@ impl Arch for Haunted<'_> {
     }
 }
 
-/// Has a slave obey, trap and hold over an area that is these bytes.
+/// Has a stub obey, trap and hold over an area that is these bytes.
 ///
 /// # Panics
-/// If the slave does.
+/// If the stub does.
 #[allow(unreachable_pub)]
 pub fn run(bytes: &[u8]) {
     let haunted = Haunted {
@@ -100,24 +100,24 @@ pub fn run(bytes: &[u8]) {
         memory: RefCell::new([0; MEMORY]),
         bytes: Cell::new(bytes),
     };
-    let slave = Slave::new(haunted.area.clone());
+    let stub = Stub::new(haunted.area.clone());
     while !haunted.bytes.get().is_empty() {
         let kind = haunted.bytes.get()[0];
         haunted.scribble();
         match kind % 4 {
-            0 => slave.obey(&haunted).expect("the area is there"),
+            0 => stub.obey(&haunted).expect("the area is there"),
             1 => {
                 let breakpoint = Some(u64::from(kind) / 4);
-                let _ = slave
+                let _ = stub
                     .exception(&haunted, breakpoint)
                     .expect("the area is there");
             }
             2 => {
-                let _ = slave.exception(&haunted, None).expect("the area is there");
+                let _ = stub.exception(&haunted, None).expect("the area is there");
             }
             _ => {
-                slave.begin(&haunted).expect("the area is there");
-                let _ = slave.start(&haunted).expect("the area is there");
+                stub.begin(&haunted).expect("the area is there");
+                let _ = stub.start(&haunted).expect("the area is there");
             }
         }
     }

@@ -4,5 +4,5 @@ mod gateway;
 mod hostile;
 mod names;
 mod packets;
-mod slave;
+mod stub;
 mod words;

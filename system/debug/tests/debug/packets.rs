@@ -5,9 +5,9 @@ use std::os::unix::net::UnixStream;
 use std::sync::Arc;
 use std::time::Duration;
 
-use condor_debug::gateway::{Debuggee, Program, Session, Stream};
+use condor_debug::gateway::{DebuggedProgram, Debuggee, PacketStream, Session};
 use condor_debug::sim::{self, SimProcessor};
-use condor_debug::{State, Tracer};
+use condor_debug::{ProgramState, Tracer};
 
 const PROGRAM: [u32; 3] = [sim::COUNT, sim::COUNT, sim::JUMP];
 
@@ -33,7 +33,7 @@ pub fn run(bytes: &[u8]) {
         code: 0..4 * PROGRAM.len() as u64,
         bias: 0,
         lock: place.path().join("lock"),
-        program: Box::new(|| Program::Runs(1)),
+        program: Box::new(|| DebuggedProgram::Runs(1)),
         host: None,
     };
     let mut session = Session::attach(vec![debuggee]).expect("it runs");
@@ -43,10 +43,10 @@ pub fn run(bytes: &[u8]) {
     framed.truncate(2000);
     gdb.write_all(&framed).expect("it fits");
     gdb.shutdown(std::net::Shutdown::Write).expect("it is open");
-    let _ = session.serve(Stream::new(ours).expect("a socket"), Duration::ZERO);
+    let _ = session.serve(PacketStream::new(ours).expect("a socket"), Duration::ZERO);
     drop(session);
     let tracer = tracer();
-    assert_eq!(tracer.state(), Ok(State::Runs));
+    assert_eq!(tracer.state(), Ok(ProgramState::Runs));
     assert_eq!(tracer.planted().map(|planted| planted.len()), Ok(0));
     // A debugger may write memory, and make the program one that faults.
     processor.end();

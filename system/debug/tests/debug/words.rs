@@ -4,7 +4,7 @@ use proptest::prelude::*;
 
 proptest! {
     #[test]
-    fn a_slave_bears_any_words(bytes in prop::collection::vec(any::<u8>(), 0..2000)) {
+    fn a_stub_bears_any_words(bytes in prop::collection::vec(any::<u8>(), 0..2000)) {
         super::hostile::run(&bytes);
     }
 }

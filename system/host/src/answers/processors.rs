@@ -2,12 +2,12 @@
 
 use serde::Serialize;
 
-use crate::control::{ClockStatus, Member, Status};
+use crate::control::{ClockStatus, Member, SystemStatus};
 use crate::view::{Heart, TerminalCounts, View, ViewError};
 
 /// The processors and services of a running system, as `ps --json` prints them.
 #[derive(Serialize)]
-pub struct Processors<'s> {
+pub struct ProcessorReport<'s> {
     /// The name of the system.
     pub system: &'s str,
     /// How long it has run, in seconds.
@@ -17,12 +17,12 @@ pub struct Processors<'s> {
     /// Its simulated clock, if it has one.
     pub clock: Option<&'s ClockStatus>,
     /// The processors, and after them the services.
-    pub processors: Vec<Row<'s>>,
+    pub processors: Vec<ProcessorRow<'s>>,
 }
 
 /// A processor or a service.
 #[derive(Serialize)]
-pub struct Row<'s> {
+pub struct ProcessorRow<'s> {
     /// What the supervisor knows of it.
     #[serde(flatten)]
     pub member: &'s Member,
@@ -40,12 +40,15 @@ pub struct Row<'s> {
 ///
 /// # Errors
 /// [`ViewError`] if the memory of a processor cannot be accessed.
-pub fn processors<'s>(status: &'s Status, view: &View) -> Result<Processors<'s>, ViewError> {
+pub fn processors<'s>(
+    status: &'s SystemStatus,
+    view: &View,
+) -> Result<ProcessorReport<'s>, ViewError> {
     let count = status.processors.len();
     let mut processors = Vec::new();
     for (place, member) in status.members().enumerate() {
         let number = member.processor();
-        processors.push(Row {
+        processors.push(ProcessorRow {
             member,
             is_service: place >= count,
             heart: view.heart(number)?,
@@ -53,7 +56,7 @@ pub fn processors<'s>(status: &'s Status, view: &View) -> Result<Processors<'s>,
             terminals: view.terminals(number)?,
         });
     }
-    Ok(Processors {
+    Ok(ProcessorReport {
         system: &status.system,
         uptime: status.uptime,
         pid: status.pid,

@@ -2,14 +2,14 @@
 
 use std::collections::BTreeSet;
 
-use condor_vars::Value;
+use condor_vars::AnyValue;
 use serde::Serialize;
 use serde_json::Value as Json;
 
-use crate::control::Status;
+use crate::control::SystemStatus;
 use crate::error::AnyError;
 use crate::view::View;
-use crate::watching::{Clients, Known, One, present};
+use crate::watching::{CatalogEntry, Clients, VariableCatalog, present};
 
 /// A variable, a parameter or a field of a published cell, as `vars list --json` prints it.
 #[derive(Serialize)]
@@ -38,12 +38,12 @@ pub struct Variable<'s> {
 /// # Errors
 /// An error that says which name is unknown, or which value cannot be had.
 pub fn variables(
-    status: &Status,
+    status: &SystemStatus,
     view: &View,
     clients: &mut Clients<'_>,
     names: &[String],
 ) -> Result<Json, AnyError> {
-    let mut known = Known::all(view, &status.processors)?;
+    let mut known = VariableCatalog::all(view, &status.processors)?;
     let (chosen, values): (Vec<_>, _) = if names.is_empty() {
         let values = all_values(&mut known, clients);
         (known.all.iter().collect(), values)
@@ -59,8 +59,8 @@ pub fn variables(
 }
 
 /// Returns the values of all parameters and fields that can be had, and `None` for others. What is wrong with the
-/// others is added to [`Known::troubles`].
-pub fn all_values(known: &mut Known, clients: &mut Clients<'_>) -> Vec<Option<Value>> {
+/// others is added to [`VariableCatalog::troubles`].
+pub fn all_values(known: &mut VariableCatalog, clients: &mut Clients<'_>) -> Vec<Option<AnyValue>> {
     let (mut values, mut silent) = (Vec::new(), BTreeSet::new());
     for one in &known.all {
         let is_silent = one.can_be_set() && silent.contains(&one.member.number);
@@ -81,7 +81,10 @@ pub fn all_values(known: &mut Known, clients: &mut Clients<'_>) -> Vec<Option<Va
 ///
 /// # Errors
 /// An error that says which value cannot be had.
-pub fn values(clients: &mut Clients<'_>, chosen: &[&One]) -> Result<Vec<Option<Value>>, AnyError> {
+pub fn values(
+    clients: &mut Clients<'_>,
+    chosen: &[&CatalogEntry],
+) -> Result<Vec<Option<AnyValue>>, AnyError> {
     let mut values = present(clients, chosen)?;
     for (one, value) in chosen.iter().zip(&mut values) {
         let asked = clients.value(one);
@@ -93,7 +96,7 @@ pub fn values(clients: &mut Clients<'_>, chosen: &[&One]) -> Result<Vec<Option<V
 
 /// Returns what is known of a variable, with its value if there is one.
 #[must_use]
-pub fn variable(one: &One, value: Option<Value>) -> Variable<'_> {
+pub fn variable(one: &CatalogEntry, value: Option<AnyValue>) -> Variable<'_> {
     let owner = Some(&*one.owner);
     let (of_loop, cell) = if one.is_field() {
         (None, owner)

@@ -1,13 +1,13 @@
-//! [`Client`]: asks a supervisor.
+//! [`ControlClient`]: asks a supervisor.
 
 use std::io::{BufRead, BufReader, ErrorKind, Write};
 use std::net::Shutdown;
 use std::os::unix::net::UnixStream;
 use std::time::Duration;
 
-use super::{Answer, DOWN, Event, Request, Status};
+use super::{ControlAnswer, ControlRequest, DOWN, SystemEvent, SystemStatus};
 use crate::error::AnyError;
-use crate::system::{ANSWER, FileError, SystemDirectory};
+use crate::system::{ANSWER, NamedFileError, SystemDirectory};
 
 /// How long it may take to do something; programs may have to end, and others to join.
 const DONE: Duration = Duration::from_secs(120);
@@ -15,13 +15,13 @@ const DONE: Duration = Duration::from_secs(120);
 /// The reason for which a request was not carried out, or not answered.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
-pub enum ClientError {
+pub enum ControlClientError {
     /// The supervisor refuses the request, for this reason.
     #[error("{0}")]
     Refused(String),
     /// No supervisor accepts connections.
     #[error(transparent)]
-    Connect(FileError),
+    Connect(NamedFileError),
     /// The connection to the supervisor broke.
     #[error("the connection to the supervisor broke: {0}")]
     Broken(#[from] std::io::Error),
@@ -53,20 +53,20 @@ pub enum ClientError {
 /// It waits for an answer for 15 s, or for 120 s if the request takes effect before the answer.
 /// [`set_timeout`](Self::set_timeout) changes both.
 #[derive(Debug)]
-pub struct Client {
+pub struct ControlClient {
     stream: BufReader<UnixStream>,
     /// Somebody has said how long to wait.
     has_timeout: bool,
 }
 
-impl Client {
+impl ControlClient {
     /// Connects to the supervisor of a system.
     ///
     /// # Errors
-    /// [`ClientError::Connect`] if no supervisor accepts the connection.
-    pub fn connect(directory: &SystemDirectory) -> Result<Self, ClientError> {
+    /// [`ControlClientError::Connect`] if no supervisor accepts the connection.
+    pub fn connect(directory: &SystemDirectory) -> Result<Self, ControlClientError> {
         Ok(Self {
-            stream: BufReader::new(directory.connect().map_err(ClientError::Connect)?),
+            stream: BufReader::new(directory.connect().map_err(ControlClientError::Connect)?),
             has_timeout: false,
         })
     }
@@ -74,8 +74,8 @@ impl Client {
     /// Sets the time-out for all answers; `None` means to wait for ever.
     ///
     /// # Errors
-    /// [`ClientError::Broken`] if `timeout` is zero, which the operating system refuses.
-    pub fn set_timeout(&mut self, timeout: Option<Duration>) -> Result<(), ClientError> {
+    /// [`ControlClientError::Broken`] if `timeout` is zero, which the operating system refuses.
+    pub fn set_timeout(&mut self, timeout: Option<Duration>) -> Result<(), ControlClientError> {
         self.stream.get_ref().set_read_timeout(timeout)?;
         self.has_timeout = true;
         Ok(())
@@ -84,24 +84,24 @@ impl Client {
     /// Sends a request, and waits for the answer.
     ///
     /// # Errors
-    /// [`ClientError::Refused`] if the supervisor refuses the request; the connection can still be
-    /// used then. [`ClientError::TimedOut`], [`ClientError::Ended`], [`ClientError::Broken`] or
-    /// [`ClientError::NoAnswer`] if there is no answer.
-    pub fn ask(&mut self, request: &Request) -> Result<Answer, ClientError> {
+    /// [`ControlClientError::Refused`] if the supervisor refuses the request; the connection can still be
+    /// used then. [`ControlClientError::TimedOut`], [`ControlClientError::Ended`], [`ControlClientError::Broken`] or
+    /// [`ControlClientError::NoAnswer`] if there is no answer.
+    pub fn ask(&mut self, request: &ControlRequest) -> Result<ControlAnswer, ControlClientError> {
         let mut line = serde_json::to_string(request).map_err(std::io::Error::from)?;
         line.push('\n');
         self.wait_for(match request {
-            Request::Stop { .. }
-            | Request::Start { .. }
-            | Request::Restart { .. }
-            | Request::Load { .. } => DONE,
-            Request::Down {} => 2 * DOWN,
+            ControlRequest::Stop { .. }
+            | ControlRequest::Start { .. }
+            | ControlRequest::Restart { .. }
+            | ControlRequest::Load { .. } => DONE,
+            ControlRequest::Down {} => 2 * DOWN,
             _ => ANSWER,
         })?;
         self.stream.get_mut().write_all(line.as_bytes())?;
-        let answer: Answer = self.read()?.ok_or(ClientError::Ended)?;
+        let answer: ControlAnswer = self.read()?.ok_or(ControlClientError::Ended)?;
         match answer.error {
-            Some(error) if !answer.ok => Err(ClientError::Refused(error)),
+            Some(error) if !answer.ok => Err(ControlClientError::Refused(error)),
             _ => Ok(answer),
         }
     }
@@ -109,12 +109,12 @@ impl Client {
     /// Returns the state of the system.
     ///
     /// # Errors
-    /// [`ClientError::Refused`] if the supervisor refuses; another [`ClientError`] if there is no
+    /// [`ControlClientError::Refused`] if the supervisor refuses; another [`ControlClientError`] if there is no
     /// answer.
-    pub fn status(&mut self) -> Result<Status, ClientError> {
-        self.ask(&Request::Status {})?
+    pub fn status(&mut self) -> Result<SystemStatus, ControlClientError> {
+        self.ask(&ControlRequest::Status {})?
             .status
-            .ok_or(ClientError::Ended)
+            .ok_or(ControlClientError::Ended)
     }
 
     /// Ends the system, waits until it has ended, and returns the names of the processors and services
@@ -122,11 +122,11 @@ impl Client {
     /// [`DOWN`], unless the supervisor itself hangs.
     ///
     /// # Errors
-    /// [`ClientError::TimedOut`] if the system has not ended after twice that time,
-    /// [`ClientError::Ended`] if the supervisor was killed meanwhile, and so all programs;
-    /// [`ClientError::Broken`] or [`ClientError::NoAnswer`] if the answer cannot be read.
-    pub fn down(mut self) -> Result<Vec<String>, ClientError> {
-        let killed = self.ask(&Request::Down {})?.killed;
+    /// [`ControlClientError::TimedOut`] if the system has not ended after twice that time,
+    /// [`ControlClientError::Ended`] if the supervisor was killed meanwhile, and so all programs;
+    /// [`ControlClientError::Broken`] or [`ControlClientError::NoAnswer`] if the answer cannot be read.
+    pub fn down(mut self) -> Result<Vec<String>, ControlClientError> {
+        let killed = self.ask(&ControlRequest::Down {})?.killed;
         while self.read::<serde_json::Value>()?.is_some() {}
         Ok(killed)
     }
@@ -134,26 +134,26 @@ impl Client {
     /// Returns an iterator over all events from now on.
     ///
     /// # Errors
-    /// [`ClientError::Refused`] if the supervisor refuses; another [`ClientError`] if there is no
+    /// [`ControlClientError::Refused`] if the supervisor refuses; another [`ControlClientError`] if there is no
     /// answer.
-    pub fn events(mut self) -> Result<Events, ClientError> {
-        self.ask(&Request::Events {})?;
+    pub fn events(mut self) -> Result<ControlEvents, ControlClientError> {
+        self.ask(&ControlRequest::Events {})?;
         // Nothing may happen for a long time.
         if !self.has_timeout {
             self.set_timeout(None)?;
         }
-        Ok(Events(self))
+        Ok(ControlEvents(self))
     }
 
     /// Sets the time-out of the next read to `patience`, unless the caller has chosen a time-out.
-    fn wait_for(&self, patience: Duration) -> Result<(), ClientError> {
+    fn wait_for(&self, patience: Duration) -> Result<(), ControlClientError> {
         if !self.has_timeout {
             self.stream.get_ref().set_read_timeout(Some(patience))?;
         }
         Ok(())
     }
 
-    fn read<T: serde::de::DeserializeOwned>(&mut self) -> Result<Option<T>, ClientError> {
+    fn read<T: serde::de::DeserializeOwned>(&mut self) -> Result<Option<T>, ControlClientError> {
         let mut line = String::new();
         match self.stream.read_line(&mut line) {
             Ok(0) => return Ok(None),
@@ -163,13 +163,13 @@ impl Client {
                 let after = stream.read_timeout()?.unwrap_or_default();
                 // An answer that comes now would be taken for that to the next request.
                 let _ = stream.shutdown(Shutdown::Both);
-                return Err(ClientError::TimedOut { after });
+                return Err(ControlClientError::TimedOut { after });
             }
             Err(error) => return Err(error.into()),
         }
         match serde_json::from_str(&line) {
             Ok(answer) => Ok(Some(answer)),
-            Err(source) => Err(ClientError::NoAnswer { line, source }),
+            Err(source) => Err(ControlClientError::NoAnswer { line, source }),
         }
     }
 }
@@ -184,20 +184,20 @@ pub fn told_of(killed: &[String]) -> Option<String> {
 /// Returns the last `lines` lines of the log of a system, and an iterator over the events after them.
 ///
 /// # Errors
-/// [`ClientError`] if nobody answers, or the answer cannot be understood.
+/// [`ControlClientError`] if nobody answers, or the answer cannot be understood.
 pub fn follow(
     directory: &SystemDirectory,
     lines: usize,
 ) -> Result<
     (
         Vec<String>,
-        impl Iterator<Item = Result<Event, ClientError>> + use<>,
+        impl Iterator<Item = Result<SystemEvent, ControlClientError>> + use<>,
     ),
-    ClientError,
+    ControlClientError,
 > {
     // Asked for first, so that no event is missed; what happens in between comes twice.
-    let events = Client::connect(directory)?.events()?;
-    let answer = Client::connect(directory)?.ask(&Request::Log { lines })?;
+    let events = ControlClient::connect(directory)?.events()?;
+    let answer = ControlClient::connect(directory)?.ask(&ControlRequest::Log { lines })?;
     let lines = answer.lines.unwrap_or_default();
     let mut known = lines.clone();
     let news = events.filter(move |event| {
@@ -214,17 +214,17 @@ pub fn follow(
 
 /// An iterator over the events of a system, which ends with the system.
 #[derive(Debug)]
-pub struct Events(Client);
+pub struct ControlEvents(ControlClient);
 
-impl Iterator for Events {
-    type Item = Result<Event, ClientError>;
+impl Iterator for ControlEvents {
+    type Item = Result<SystemEvent, ControlClientError>;
 
     fn next(&mut self) -> Option<Self::Item> {
         self.0.read().transpose()
     }
 }
 
-/// Makes the path of a program for [`Request::Load`] absolute, since the supervisor has another working directory than
+/// Makes the path of a program for [`ControlRequest::Load`] absolute, since the supervisor has another working directory than
 /// this program. A name without a slash stays as it is: the supervisor searches for it.
 ///
 /// # Errors
@@ -255,17 +255,20 @@ mod tests {
     fn a_supervisor_that_says_nothing_is_not_waited_for() {
         let (_place, directory, _listener) = listener();
         // Nobody even takes the connection, as if the supervisor were stopped.
-        let mut client = Client::connect(&directory).expect("there is room");
+        let mut client = ControlClient::connect(&directory).expect("there is room");
         let short = Duration::from_millis(1);
         client.set_timeout(Some(short)).expect("it is not zero");
         let error = client.status().expect_err("there is no answer");
         assert!(
-            matches!(error, ClientError::TimedOut { .. }),
+            matches!(error, ControlClientError::TimedOut { .. }),
             "{error:?}: {error}"
         );
         // An answer that comes late is that of no other request.
         let error = client.status().expect_err("there is no answer");
-        assert!(!matches!(error, ClientError::TimedOut { .. }), "{error:?}");
+        assert!(
+            !matches!(error, ControlClientError::TimedOut { .. }),
+            "{error:?}"
+        );
     }
 
     #[test]
@@ -282,11 +285,11 @@ mod tests {
                     .expect("it reads");
             }
         });
-        let mut client = Client::connect(&directory).expect("there is room");
-        let stop = Request::Stop {
+        let mut client = ControlClient::connect(&directory).expect("there is room");
+        let stop = ControlRequest::Stop {
             processor: "a".into(),
         };
-        for (request, limit) in [(Request::Log { lines: 1 }, ANSWER), (stop, DONE)] {
+        for (request, limit) in [(ControlRequest::Log { lines: 1 }, ANSWER), (stop, DONE)] {
             client.ask(&request).expect("an answer");
             let stream = client.stream.get_ref();
             assert_eq!(stream.read_timeout().expect("a socket"), Some(limit));

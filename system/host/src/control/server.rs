@@ -8,7 +8,7 @@ use std::os::unix::net::{UnixListener, UnixStream};
 
 use rustix::event::PollFlags;
 
-use super::{Answer, Event, Request};
+use super::{ControlAnswer, ControlRequest, SystemEvent};
 
 /// The greatest size, in bytes, of a request together with the requests that wait behind it.
 const LONGEST: usize = 64 * 1024;
@@ -128,7 +128,7 @@ impl Server {
     }
 
     /// The next request, of each client in its turn. One that has been given must be answered.
-    pub(crate) fn next(&mut self) -> Option<(From, Request)> {
+    pub(crate) fn next(&mut self) -> Option<(From, ControlRequest)> {
         let count = self.connections.len();
         for _ in 0..count {
             self.turn = (self.turn + 1) % count;
@@ -146,7 +146,7 @@ impl Server {
     }
 
     /// Sends the answer to a request; does nothing if its client has disconnected.
-    pub(crate) fn answer(&mut self, to: From, answer: &Answer) {
+    pub(crate) fn answer(&mut self, to: From, answer: &ControlAnswer) {
         for connection in &mut self.connections {
             if connection.from == to {
                 connection.busy = false;
@@ -161,7 +161,7 @@ impl Server {
         }
     }
 
-    pub(crate) fn tell(&mut self, event: &Event) {
+    pub(crate) fn tell(&mut self, event: &SystemEvent) {
         for connection in &mut self.connections {
             if connection.follows {
                 connection.send(event);
@@ -248,7 +248,7 @@ impl Connection {
     }
 
     /// The next request, if it can be understood; the others are answered here.
-    fn next(&mut self) -> Option<Request> {
+    fn next(&mut self) -> Option<ControlRequest> {
         while self.takes_request() {
             let end = self.input.iter().position(|&byte| byte == b'\n')?;
             let line: Vec<u8> = self.input.drain(..=end).collect();
@@ -257,9 +257,9 @@ impl Connection {
                     self.busy = true;
                     return Some(request);
                 }
-                Err(error) => self.send(&Answer {
+                Err(error) => self.send(&ControlAnswer {
                     error: Some(format!("cannot understand the request: {error}")),
-                    ..Answer::default()
+                    ..ControlAnswer::default()
                 }),
             }
         }

@@ -1,4 +1,4 @@
-//! [`Process`]: a processor that is a process of this machine.
+//! [`ChildProcess`]: a processor that is a process of this machine.
 
 use std::io::{ErrorKind, PipeReader, Read};
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
@@ -8,8 +8,8 @@ use std::process::{Child, Command, Stdio};
 use rustix::fs::OFlags;
 use rustix::process::{Pid, PidfdFlags, Signal, WaitId, WaitIdOptions};
 
-use super::{Exit, Image, Launch, LaunchError, RunState, Stop};
-use crate::error::FileError;
+use super::{Exit, Launch, LaunchError, ProgramImage, RunState, StopMethod};
+use crate::error::NamedFileError;
 
 /// A process that is killed when the thread that started it ends, and is asked to end by SIGTERM.
 ///
@@ -17,8 +17,8 @@ use crate::error::FileError;
 /// killed. A descendant that has made a group of its own is not found here; the program `condor`
 /// has a keeper for those.
 #[derive(Debug, Default)]
-pub struct Process {
-    image: Option<Image>,
+pub struct ChildProcess {
+    image: Option<ProgramImage>,
     running: Option<Running>,
     ended: Option<Exit>,
     output: Option<Output>,
@@ -45,14 +45,14 @@ const AT_ONCE: usize = 16 * 1024;
 /// Bytes of a pipe: what a process that has ended can have left.
 const PIPE: usize = 64 * 1024;
 
-impl Process {
+impl ChildProcess {
     /// Makes a processor without a program.
     #[must_use]
     pub fn new() -> Self {
         Self::default()
     }
 
-    fn spawn(&mut self, image: &Image) -> std::io::Result<()> {
+    fn spawn(&mut self, image: &ProgramImage) -> std::io::Result<()> {
         let (pipe, writer) = std::io::pipe()?;
         rustix::fs::fcntl_setfl(&pipe, rustix::fs::fcntl_getfl(&pipe)? | OFlags::NONBLOCK)?;
         let mut command = Command::new(&image.file);
@@ -76,8 +76,8 @@ impl Process {
     }
 }
 
-impl Launch for Process {
-    fn load(&mut self, image: &Image) -> Result<(), LaunchError> {
+impl Launch for ChildProcess {
+    fn load(&mut self, image: &ProgramImage) -> Result<(), LaunchError> {
         if self.running.is_some() {
             return Err(LaunchError::Runs);
         }
@@ -92,23 +92,23 @@ impl Launch for Process {
         let image = self.image.clone().ok_or(LaunchError::NotLoaded)?;
         self.ended = None;
         let started = self.spawn(&image);
-        Ok(started.map_err(FileError::at("start", image.file))?)
+        Ok(started.map_err(NamedFileError::at("start", image.file))?)
     }
 
-    fn stop(&mut self, how: Stop) -> Result<(), LaunchError> {
+    fn stop(&mut self, how: StopMethod) -> Result<(), LaunchError> {
         let Some(running) = &self.running else {
             return Ok(());
         };
         let signal = match how {
-            Stop::Ask => Signal::TERM,
-            Stop::Force => Signal::KILL,
+            StopMethod::Ask => Signal::TERM,
+            StopMethod::Force => Signal::KILL,
         };
         match rustix::process::pidfd_send_signal(&running.pidfd, signal) {
             // It has ended, and will be noticed.
             Ok(()) | Err(rustix::io::Errno::SRCH) => Ok(()),
             Err(error) => {
                 let file = self.image.as_ref().map(|image| image.file.clone());
-                Err(FileError::at("stop", file.unwrap_or_default())(error.into()).into())
+                Err(NamedFileError::at("stop", file.unwrap_or_default())(error.into()).into())
             }
         }
     }
@@ -255,7 +255,7 @@ impl Output {
     }
 }
 
-impl Drop for Process {
+impl Drop for ChildProcess {
     fn drop(&mut self) {
         if let Some(running) = &mut self.running {
             // Who drops it without having stopped it has failed.

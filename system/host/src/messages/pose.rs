@@ -1,16 +1,16 @@
-//! [`Pose`]: the joints and frames of a robot, from rows of its variables.
+//! [`PoseMessages`]: the joints and frames of a robot, from rows of its variables.
 
 use condor_ros2::{JointState, Time, Transform};
 
 use crate::robot::{Frame, Robot};
-use crate::watching::{Known, One, Row, Source, float};
+use crate::watching::{CatalogEntry, RowSource, SourceRow, VariableCatalog, float};
 
 /// How far a joint is moved to find the frames that move with it, in radians or metres.
 const STEP: f64 = 0.1;
 
 /// The joints and frames of a robot that moves. A row of a loop makes one message of the joints whose positions it
 /// has, and one of the frames that these joints move.
-pub struct Pose<'r> {
+pub struct PoseMessages<'r> {
     robot: &'r dyn Robot,
     /// The last positions of all joints.
     positions: Vec<f64>,
@@ -30,13 +30,13 @@ struct Part {
     frames: Vec<usize>,
 }
 
-impl<'r> Pose<'r> {
+impl<'r> PoseMessages<'r> {
     /// Finds the joints whose positions are among `columns`; `None` if there are none.
     pub fn of(
         robot: &'r dyn Robot,
-        known: &Known,
-        columns: &[&One],
-        sources: &[Source],
+        known: &VariableCatalog,
+        columns: &[&CatalogEntry],
+        sources: &[RowSource],
     ) -> Option<Self> {
         let column = |name: &String| known.column(name, columns);
         let joints = robot.joints();
@@ -91,7 +91,7 @@ impl<'r> Pose<'r> {
     }
 
     /// Takes a row. Returns the joints and frames of which it tells; `None` if there are none.
-    pub fn row(&mut self, source: usize, row: &Row<'_>) -> Option<Posed<'_>> {
+    pub fn row(&mut self, source: usize, row: &SourceRow<'_>) -> Option<PoseRow<'_>> {
         let part = self.parts.get(source)?;
         if part.names.is_empty() {
             return None;
@@ -109,7 +109,7 @@ impl<'r> Pose<'r> {
                 *place = *position;
             }
         }
-        Some(Posed {
+        Some(PoseRow {
             robot: self.robot,
             positions: &self.positions,
             part,
@@ -119,7 +119,7 @@ impl<'r> Pose<'r> {
 }
 
 /// The joints of which a row tells, and the frames that they move.
-pub struct Posed<'p> {
+pub struct PoseRow<'p> {
     robot: &'p dyn Robot,
     positions: &'p [f64],
     part: &'p Part,
@@ -127,7 +127,7 @@ pub struct Posed<'p> {
     columns: [Vec<f64>; 3],
 }
 
-impl Posed<'_> {
+impl PoseRow<'_> {
     /// Returns the state of the joints.
     pub fn joints(&self, stamp: Time) -> JointState<'_> {
         let [positions, velocities, efforts] = &self.columns;
@@ -178,21 +178,21 @@ fn transform(frame: &Frame) -> Transform {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::robot::{Joint, Line};
-    use crate::watching::Field;
+    use crate::robot::{RobotJoint, RobotLine};
+    use crate::watching::RowField;
     use condor_mbox::Instant;
     use condor_ros2::{TFMessage, encode};
-    use condor_vars::Kind;
+    use condor_vars::ValueKind;
 
     /// Two joints, each of which moves a link, and a link that nothing moves.
-    struct Arm([Joint; 2]);
+    struct Arm([RobotJoint; 2]);
 
     impl Robot for Arm {
-        fn joints(&self) -> &[Joint] {
+        fn joints(&self) -> &[RobotJoint] {
             &self.0
         }
 
-        fn lines(&self, _: &[f64]) -> Vec<Line> {
+        fn lines(&self, _: &[f64]) -> Vec<RobotLine> {
             Vec::new()
         }
 
@@ -210,7 +210,7 @@ mod tests {
     }
 
     fn arm() -> Arm {
-        let joint = |name: &str| Joint {
+        let joint = |name: &str| RobotJoint {
             name: name.into(),
             position: format!("{name}.position"),
             velocity: None,
@@ -238,17 +238,17 @@ mod tests {
             part(0, "one", [Some(2), Some(0)]),
             part(1, "two", [Some(0), None]),
         ];
-        let mut pose = Pose::with(&arm, parts);
+        let mut pose = PoseMessages::with(&arm, parts);
         let stamp = Time { sec: 1, nanosec: 2 };
         let mut taken = |source, columns: &[usize], values: &[f64]| {
-            let fields = columns.iter().map(|column| Field {
+            let fields = columns.iter().map(|column| RowField {
                 name: String::new(),
-                kind: Kind::F64,
+                kind: ValueKind::F64,
                 columns: vec![*column],
             });
             let words = values.iter().map(|value| value.to_bits());
             let words = words.flat_map(|bits| [bits as u32, (bits >> 32) as u32]);
-            let row = Row {
+            let row = SourceRow {
                 tick: 1,
                 released: Instant::from_ns(0),
                 lost: 0,

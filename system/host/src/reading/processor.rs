@@ -4,14 +4,14 @@ use std::collections::{BTreeSet, HashMap};
 
 use condor_platform::linux::open_regular;
 use condor_rt::numbers::PROGRAMS;
-use condor_toml::{Keys, Spanned, Whole, suggest};
+use condor_toml::{Keys, Spanned, WholeNumber, suggest};
 
 use super::{Own, Restarts, name};
 use crate::application::names;
 use crate::description::{MayAsk, OnFailure, ProcessorEntry, ProgramEntry, beside, find_program};
 use crate::extension::{Extension, FoundProcessor};
 
-type Number = Whole<u8, { *PROGRAMS.start() as i64 }, { *PROGRAMS.end() as i64 }>;
+type Number = WholeNumber<u8, { *PROGRAMS.start() as i64 }, { *PROGRAMS.end() as i64 }>;
 
 /// What all processors have; of one that is wrong, some may be missing.
 pub(super) struct Common {
@@ -75,7 +75,7 @@ pub(super) fn read<'a, 't>(
         ],
     );
     let restarts: Option<Restarts> = keys.get("restarts");
-    let stall_seconds: Option<Whole<_, 0, 86400>> = keys.get("stall_seconds");
+    let stall_seconds: Option<WholeNumber<_, 0, 86400>> = keys.get("stall_seconds");
     let headless = keys.get("headless");
     let may_ask = keys.get("may_ask");
     let loop_times_us = loop_times(&mut keys);
@@ -117,7 +117,7 @@ pub(super) fn read<'a, 't>(
 }
 
 fn loop_times(keys: &mut Keys<'_, '_>) -> Vec<u32> {
-    type Time = Whole<u32, 0, 10_000_000>;
+    type Time = WholeNumber<u32, 0, 10_000_000>;
     let times: Option<Spanned<Vec<Time>>> = keys.get("loop_times_us");
     let Some(times) = times else {
         return Vec::new();

@@ -1,4 +1,4 @@
-//! [`Motions`]: motion files of a robot, and [`MotionQueue`]: motions for the robot of a running system.
+//! [`MotionFiles`]: motion files of a robot, and [`MotionSender`]: motions for the robot of a running system.
 
 use serde::Serialize;
 
@@ -10,7 +10,7 @@ use crate::error::AnyError;
 ///
 /// The names of files come from a network. A name is refused unless it is one that
 /// [`list`](Self::list) could return: without any path, and with the ending of motion files.
-pub trait Motions {
+pub trait MotionFiles {
     /// Returns the names of the files, in alphabetical order.
     ///
     /// # Errors
@@ -36,7 +36,7 @@ pub trait Motions {
 /// # For users
 ///
 /// Calls may wait for the system for some seconds.
-pub trait MotionQueue {
+pub trait MotionSender {
     /// Enqueues the text of a motion file, and returns a number for [`outcome`](Self::outcome). If
     /// somebody else is in control of the robot, the motion is enqueued only with `takes_control`.
     ///
@@ -48,13 +48,13 @@ pub trait MotionQueue {
     ///
     /// # Errors
     /// An error that says that there is no such number, or why the system cannot be asked.
-    fn outcome(&mut self, id: u64) -> Result<Outcome, AnyError>;
+    fn outcome(&mut self, id: u64) -> Result<MotionOutcome, AnyError>;
 }
 
 /// What has become of an enqueued motion.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "camelCase")]
-pub struct Outcome {
+pub struct MotionOutcome {
     /// Its state, in a word: `accepted`, `started`, `done`, or others of the robot.
     pub state: String,
     /// The reason for which it is refused or has ended early.

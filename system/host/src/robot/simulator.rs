@@ -25,14 +25,15 @@ use crate::error::AnyError;
 pub trait Simulator: Send + Sync {
     /// Returns positions within the limits of the joints. Missing ones, and those that are not finite,
     /// count as 0.
-    fn moved(&self, positions: &[f64]) -> Moved;
+    fn moved(&self, positions: &[f64]) -> LimitedPosture;
 
     /// Returns the positions that bring the origin of a frame to a point, or as near to it as can be found.
     /// Joints that do not carry the frame stay.
     ///
     /// # Errors
     /// An error that names the frame, if there is none of this name, or the number that is not possible.
-    fn dragged(&self, positions: &[f64], frame: &str, to: [f64; 3]) -> Result<Dragged, AnyError>;
+    fn dragged(&self, positions: &[f64], frame: &str, to: [f64; 3])
+    -> Result<DragResult, AnyError>;
 
     /// Returns how near parts of the robot are to each other that must not meet.
     fn clearances(&self, positions: &[f64]) -> Vec<Clearance>;
@@ -61,16 +62,16 @@ pub trait Simulator: Send + Sync {
 
 /// A posture within the limits of the joints.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Moved {
+pub struct LimitedPosture {
     /// The positions of all joints.
     pub positions: Vec<f64>,
     /// The joints that would be beyond a limit.
-    pub held: Vec<Held>,
+    pub held: Vec<LimitedJoint>,
 }
 
 /// A joint that its limit holds.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Held {
+pub struct LimitedJoint {
     /// The name of the joint.
     pub joint: String,
     /// The limit, rad or m.
@@ -79,7 +80,7 @@ pub struct Held {
 
 /// A posture that brings a frame to a point, or near to it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Dragged {
+pub struct DragResult {
     /// The positions of all joints.
     pub positions: Vec<f64>,
     /// Whether the frame is at the point, within a micrometre.
@@ -87,7 +88,7 @@ pub struct Dragged {
     /// The distance from the frame to the point, m.
     pub distance_m: f64,
     /// The joints that hold the frame off the point by their limits.
-    pub held: Vec<Held>,
+    pub held: Vec<LimitedJoint>,
 }
 
 /// The distance between two parts.
@@ -144,7 +145,7 @@ pub struct JointPlan {
 
 /// The greatest part of each of its limits that a motion takes of a joint: 1 is all of it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Peaks {
+pub struct MotionPeaks {
     /// Of the speed.
     pub velocity: f64,
     /// Of the torque, on its side.
@@ -156,13 +157,13 @@ pub struct Peaks {
 impl JointPlan {
     /// Returns the greatest part of each limit.
     #[must_use]
-    pub fn peaks(&self) -> Peaks {
+    pub fn peaks(&self) -> MotionPeaks {
         let [least, most] = self.torque_limits;
         let torques = self.torque.iter();
         let torques = torques.map(|it| if *it < 0.0 { it / least } else { it / most });
         let tendons = self.tendons.iter();
         let tensions = tendons.map(|tendon| largest(&tendon.tension) / tendon.limits[1]);
-        Peaks {
+        MotionPeaks {
             velocity: largest(&self.velocity) / self.velocity_limit,
             torque: torques.fold(0.0, f64::max),
             tension: tensions.reduce(f64::max),

@@ -1,6 +1,6 @@
 //! The file service: serves the directory of the description to the programs.
 
-use condor_fs::server::{Options, Server};
+use condor_fs::server::{FileServer, ServerOptions};
 
 use super::{ServiceError, claim};
 use crate::description::Files;
@@ -15,13 +15,13 @@ use condor_rt::numbers::FILES;
 /// supervisor.
 pub(super) fn serve(files: &Files) -> Result<(), ServiceError> {
     let stop = signals::flag().map_err(ServiceError::Events)?;
-    let options = Options {
+    let options = ServerOptions {
         read_only: files.read_only,
         quota_bytes: files.quota_bytes,
         max_file_bytes: files.max_file_bytes,
-        ..Options::default()
+        ..ServerOptions::default()
     };
-    let server = Server::new(&files.root, options)?;
+    let server = FileServer::new(&files.root, options)?;
     let (claim, page) = claim(FILES)?;
     let (windows, doorbell) = claim.into_parts();
     let doorbell = HostBell::of_service(doorbell, page);

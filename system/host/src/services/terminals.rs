@@ -46,20 +46,20 @@ use std::time::Duration;
 use condor_clock::NEVER;
 use condor_mbox::{Doorbell as _, Messenger, Processor, Region};
 use condor_platform::linux::WholeFile;
-use condor_tty::Vectors;
+use condor_tty::TerminalVectors;
 use rustix::event::{PollFd, PollFlags, Timespec, epoll};
 use rustix::fs::inotify;
 use rustix::io::Errno;
 
 use super::{ServiceError, claim};
-use crate::description::{Description, Terminals};
-use crate::error::FileError;
-use crate::signals::Signals;
+use crate::description::{SystemDescription, TerminalSizes};
+use crate::error::NamedFileError;
+use crate::signals::EndSignals;
 use crate::system::SystemDirectory;
 use condor_rt::linux::{HostBell, HostClock};
 use condor_rt::numbers::TERMINALS;
-use script::{Pen, Turn};
 pub use script::{Script, ScriptError};
+use script::{ScriptWriter, Turn};
 use serde::{Deserialize, Serialize};
 use station::Station;
 pub use typing::Keyboard;
@@ -85,12 +85,12 @@ pub(crate) struct Settings {
     directory: PathBuf,
     /// The processors that have terminals, each with its name.
     processors: Vec<(u8, String)>,
-    sizes: Terminals,
+    sizes: TerminalSizes,
 }
 
 impl Settings {
     /// Those of a system.
-    pub(crate) fn of(description: &Description, directory: &SystemDirectory) -> Self {
+    pub(crate) fn of(description: &SystemDescription, directory: &SystemDirectory) -> Self {
         let processors = description.processors.iter();
         Self {
             directory: directory.terminals(),
@@ -108,10 +108,13 @@ impl Settings {
 pub(super) fn serve(settings: &Settings) -> Result<(), ServiceError> {
     let directory = settings.directory.as_path();
     let events = |error: Errno| ServiceError::Events(error.into());
-    let mut signals = Signals::new().map_err(ServiceError::Events)?;
+    let mut signals = EndSignals::new().map_err(ServiceError::Events)?;
     let (claim, page) = claim(TERMINALS)?;
     let system = SystemDirectory::at(directory.parent().unwrap_or(directory).into());
-    let pen = page.as_ref().map(|_| Pen::open(&system)).transpose()?;
+    let pen = page
+        .as_ref()
+        .map(|_| ScriptWriter::open(&system))
+        .transpose()?;
     let pen = pen.map(Rc::new);
     // Pseudo-terminals that nobody has open would end every wait for their level.
     let ptys = epoll::create(epoll::CreateFlags::CLOEXEC).map_err(events)?;
@@ -124,12 +127,13 @@ pub(super) fn serve(settings: &Settings) -> Result<(), ServiceError> {
         let Some(window) = claim.windows().get(number.index()) else {
             continue;
         };
-        let region =
-            Region::users(window.data.clone()).map_err(|error| condor_mbox::Error::Window {
+        let region = Region::users(window.data.clone()).map_err(|error| {
+            condor_mbox::MailboxError::Window {
                 processor: number,
-                object: condor_mbox::error::Object::Data,
+                object: condor_mbox::error::MemoryObject::Data,
                 kind: error.kind,
-            })?;
+            }
+        })?;
         let station = Station::open(directory, name, number, region, settings.sizes, pen.clone())?;
         let flags = epoll::EventFlags::IN | epoll::EventFlags::OUT | epoll::EventFlags::ET;
         let data = epoll::EventData::new_u64(0);
@@ -142,7 +146,7 @@ pub(super) fn serve(settings: &Settings) -> Result<(), ServiceError> {
     let bell = doorbell.doorbell().pollable();
     let own = doorbell.clone();
     let mut mailbox = HostBell::mailbox(claim, |_| own)?;
-    mailbox.set_vector(Vectors::DEFAULT.output, &|_| 0, "terminal output")?;
+    mailbox.set_vector(TerminalVectors::DEFAULT.output, &|_| 0, "terminal output")?;
     mailbox.join()?;
     mailbox.ring_always(true)?;
     let mut first_turns = FIRST_TURNS;
@@ -256,10 +260,13 @@ pub fn type_in(directory: &SystemDirectory, name: &str, characters: &[u8]) -> io
 }
 
 /// Begins the record of typing of a system that comes up in simulated time, and types `script`.
-pub(crate) fn begin(directory: &SystemDirectory, script: Option<&Script>) -> Result<(), FileError> {
+pub(crate) fn begin(
+    directory: &SystemDirectory,
+    script: Option<&Script>,
+) -> Result<(), NamedFileError> {
     let write = |path: PathBuf, text: &str| {
         let written = WholeFile::write(&path, text);
-        written.map_err(FileError::at("write", &path))
+        written.map_err(NamedFileError::at("write", &path))
     };
     write(directory.typing(), script::HEAD)?;
     let Some(script) = script else {
@@ -268,7 +275,7 @@ pub(crate) fn begin(directory: &SystemDirectory, script: Option<&Script>) -> Res
     for (name, characters) in script.typed() {
         // All of it was typed before any program began; its length is that of a file.
         let typed = keyboard(directory, &name).and_then(|it| (&it.file).write_all(&characters));
-        typed.map_err(FileError::at("write", directory.terminals()))?;
+        typed.map_err(NamedFileError::at("write", directory.terminals()))?;
     }
     write(directory.replay(), script.text())
 }

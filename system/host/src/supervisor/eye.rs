@@ -5,7 +5,8 @@ use std::time::Duration;
 
 use condor_mbox::linux::{Claim, LinuxDoorbell, PollableBell};
 use condor_mbox::{
-    Doorbell, Error, Handler, LoadOrder, MemoryWindow, Messenger, PeerState, Processor, layout,
+    Doorbell, Handler, LoadOrder, MailboxError, MemoryWindow, Messenger, PeerState, Processor,
+    layout,
 };
 use condor_rt::linux::{HostBell, HostClock, HostMailbox, MappedPage};
 
@@ -13,17 +14,17 @@ use super::UpError;
 use condor_rt::numbers::{PROCESSORS, REQUESTS};
 
 /// The rings that have been heard.
-pub(super) type Seen = <HostBell as Doorbell>::Seen;
+pub(super) type BellState = <HostBell as Doorbell>::Seen;
 
 /// The supervisor's mailbox. It looks at other processors and takes their requests, and sends them
 /// no messages.
-pub(super) struct Eye<'v> {
+pub(super) struct SupervisorMailbox<'v> {
     mailbox: HostMailbox<'v>,
     bell: PollableBell,
     doorbell: HostBell,
 }
 
-impl<'v> Eye<'v> {
+impl<'v> SupervisorMailbox<'v> {
     /// `page` is that of the simulated clock; `receive` gets the requests of processors.
     pub(super) fn open(
         claim: Claim<PROCESSORS>,
@@ -65,7 +66,7 @@ impl<'v> Eye<'v> {
 
     /// Increments the supervisor's heartbeat, acknowledges programs that have joined, and takes the
     /// requests of processors. Once these are carried out, pass the result to [`done`](Self::done).
-    pub(super) fn serve(&self) -> Result<Seen, Error> {
+    pub(super) fn serve(&self) -> Result<BellState, MailboxError> {
         self.bell.drain();
         let seen = self.doorbell.prepare();
         self.mailbox.serve(Duration::ZERO)?;
@@ -73,20 +74,20 @@ impl<'v> Eye<'v> {
     }
 
     /// Lets simulated time go on after what [`serve`](Self::serve) has taken.
-    pub(super) fn done(&self, seen: Seen) {
+    pub(super) fn done(&self, seen: BellState) {
         self.doorbell.done(seen);
     }
 
-    /// The life that the number has, or had last.
-    pub(super) fn life(&self, number: Processor) -> u32 {
+    /// The incarnation that the number has, or had last.
+    pub(super) fn incarnation(&self, number: Processor) -> u32 {
         self.word(number, layout::header::LAST_INCARNATION)
     }
 
-    /// Returns whether a program has joined with another life than `life_before`.
-    pub(super) fn is_up_after(&self, number: Processor, life_before: u32) -> bool {
+    /// Returns whether a program has joined with another incarnation than `incarnation_before`.
+    pub(super) fn is_up_after(&self, number: Processor, incarnation_before: u32) -> bool {
         matches!(
             self.mailbox.peer_state(number),
-            Ok(PeerState::Up { incarnation, .. }) if incarnation != life_before
+            Ok(PeerState::Up { incarnation, .. }) if incarnation != incarnation_before
         )
     }
 
@@ -94,7 +95,7 @@ impl<'v> Eye<'v> {
         self.word(number, layout::header::HEARTBEAT)
     }
 
-    /// 0 if the memory is gone, in which no life is and no heart beats.
+    /// 0 if the memory is gone, in which no incarnation is and no heart beats.
     fn word(&self, number: Processor, at: u32) -> u32 {
         let windows = self.mailbox.windows(number);
         let word = windows.map(|windows| windows.mail.load(at, LoadOrder::Relaxed));

@@ -1,4 +1,4 @@
-//! [`Hearing`]: the limit on the output of a program that goes into the log.
+//! [`LogShare`]: the limit on the output of a program that goes into the log.
 
 use std::time::{Duration, Instant};
 
@@ -12,7 +12,7 @@ const REST: Duration = Duration::from_millis(20);
 
 /// The share of the log, and of the supervisor's time, that a program has had.
 #[derive(Debug, Default)]
-pub(super) struct Hearing {
+pub(super) struct LogShare {
     /// The beginning of the span whose lines are counted.
     since: Option<Instant>,
     told: u32,
@@ -20,7 +20,7 @@ pub(super) struct Hearing {
     rests_until: Option<Instant>,
 }
 
-impl Hearing {
+impl LogShare {
     /// Returns whether the next line is logged.
     pub(super) fn takes_line(&mut self, now: Instant) -> bool {
         self.since.get_or_insert(now);
@@ -68,7 +68,7 @@ mod tests {
 
     #[test]
     fn lines_beyond_the_share_are_counted_and_the_next_second_begins_anew() {
-        let (begun, mut hearing) = (Instant::now(), Hearing::default());
+        let (begun, mut hearing) = (Instant::now(), LogShare::default());
         for number in 0..500 {
             assert_eq!(hearing.takes_line(begun), number < LINES);
         }
@@ -82,7 +82,7 @@ mod tests {
 
     #[test]
     fn who_says_too_much_is_not_read_for_a_while() {
-        let (begun, mut hearing) = (Instant::now(), Hearing::default());
+        let (begun, mut hearing) = (Instant::now(), LogShare::default());
         assert!(hearing.is_open(begun));
         hearing.rest(begun);
         assert!(!hearing.is_open(begun));

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use jiff::Timestamp;
 use rustix::event::{PollFd, PollFlags, Timespec};
 
-use crate::control::{Event, MemberState};
+use crate::control::{MemberState, SystemEvent};
 use crate::plain::plain;
 
 /// The size at which the log is rotated, in bytes, because it lies in memory; one previous log is
@@ -31,7 +31,7 @@ pub(super) struct Journal {
     goes_on: bool,
     echo: bool,
     /// The events that have not been sent to followers yet.
-    news: Vec<Event>,
+    news: Vec<SystemEvent>,
 }
 
 /// How the supervisor calls itself.
@@ -72,7 +72,7 @@ impl Journal {
             text.truncate(end);
             text.push('…');
         }
-        let event = Event {
+        let event = SystemEvent {
             time: format!("{:.6}", Timestamp::now()),
             source: source.into(),
             text,
@@ -107,7 +107,7 @@ impl Journal {
         }
     }
 
-    pub(super) fn news(&mut self) -> Vec<Event> {
+    pub(super) fn news(&mut self) -> Vec<SystemEvent> {
         core::mem::take(&mut self.news)
     }
 

@@ -21,7 +21,7 @@ use signal_hook::consts::SIGCHLD;
 
 use super::stat;
 use crate::launch::process::die_with_parent;
-use crate::signals::Signals;
+use crate::signals::EndSignals;
 
 /// Runs the command of a supervisor until it ends, and then kills all descendants of this process.
 /// Signals that ask this process to end are passed on to the supervisor. Returns the supervisor's
@@ -34,8 +34,8 @@ use crate::signals::Signals;
 /// The error of the operating system if the supervisor cannot be started or waited for.
 pub fn keep(mut supervisor: Command) -> Result<ExitStatus, Error> {
     adopt()?;
-    let mut told = Signals::new()?;
-    let mut children = Signals::of(&[SIGCHLD])?;
+    let mut told = EndSignals::new()?;
+    let mut children = EndSignals::of(&[SIGCHLD])?;
     // ^C is passed on, once; and a session has no terminal that could stop it when it writes there.
     die_with_parent(&mut supervisor, Signal::TERM, true);
     // Nobody but this thread waits for it, so that its number stays its own until then.

@@ -6,12 +6,12 @@ use std::time::{Duration, Instant};
 
 use condor_mbox::Processor;
 
-use super::eye::Eye;
-use super::hearing::{Hearing, LINES};
+use super::eye::SupervisorMailbox;
+use super::hearing::{LINES, LogShare};
 use super::journal::Journal;
 use crate::control::{self, MemberState};
 use crate::description::OnFailure;
-use crate::launch::{Exit, Image, Launch, LaunchError, RunState, Stop};
+use crate::launch::{Exit, Launch, LaunchError, ProgramImage, RunState, StopMethod};
 use condor_rt::linux::Environment;
 use condor_rt::numbers::MISTAKE;
 
@@ -55,17 +55,17 @@ pub(super) struct Member {
     launch: Box<dyn Launch>,
     /// The environment that its programs get.
     pub(super) environment: Environment,
-    hearing: Hearing,
+    hearing: LogShare,
     pub(super) phase: Phase,
     /// Whether its program has joined since it was last wished for.
     pub(super) has_joined: bool,
     /// When a program last did not end when it was asked to, and was killed.
     pub(super) killed: Option<Instant>,
-    /// Whether the present life has joined, or the last one had.
-    life_joined: bool,
+    /// Whether the present incarnation has joined, or the last one had.
+    incarnation_joined: bool,
     started: Option<Instant>,
-    /// The life before that of the program that has been started.
-    life_before: u32,
+    /// The incarnation before that of the program that has been started.
+    incarnation_before: u32,
     heart: Option<(u32, Instant)>,
     /// Since when the program is held for a debugger.
     held_since: Option<Instant>,
@@ -76,7 +76,7 @@ pub(super) struct Member {
     restarts: u32,
     recent: VecDeque<Instant>,
     last_exit: Option<Exit>,
-    next: Option<Image>,
+    next: Option<ProgramImage>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -93,7 +93,7 @@ pub(super) enum Phase {
     Ending {
         since: Instant,
         forced: bool,
-        then: Then,
+        then: NextStep,
     },
     Pausing {
         until: Instant,
@@ -102,7 +102,7 @@ pub(super) enum Phase {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Then {
+pub(super) enum NextStep {
     Stop,
     Start,
     Fail,
@@ -111,7 +111,7 @@ pub(super) enum Then {
 impl Member {
     pub(super) fn new(
         plan: Plan,
-        image: &Image,
+        image: &ProgramImage,
         mut launch: Box<dyn Launch>,
     ) -> Result<Self, LaunchError> {
         launch.load(image)?;
@@ -119,13 +119,13 @@ impl Member {
             plan,
             launch,
             environment: image.environment.clone(),
-            hearing: Hearing::default(),
+            hearing: LogShare::default(),
             phase: Phase::Waiting { in_turn: true },
             has_joined: false,
             killed: None,
-            life_joined: false,
+            incarnation_joined: false,
             started: None,
-            life_before: 0,
+            incarnation_before: 0,
             heart: None,
             held_since: None,
             has_turn_since: None,
@@ -159,7 +159,8 @@ impl Member {
             Phase::Waiting { .. } | Phase::Starting => MemberState::Starting,
             Phase::Up { stalled: true }
             | Phase::Ending {
-                then: Then::Fail, ..
+                then: NextStep::Fail,
+                ..
             } => MemberState::Stalled,
             Phase::Up { .. } | Phase::Ending { .. } => MemberState::Running,
             Phase::Pausing { .. } => MemberState::Restarting,
@@ -193,7 +194,7 @@ impl Member {
         match self.phase {
             Phase::Stopped => false,
             Phase::Failed | Phase::Waiting { .. } | Phase::Starting | Phase::Pausing { .. } => true,
-            Phase::Ending { then, .. } => then == Then::Fail,
+            Phase::Ending { then, .. } => then == NextStep::Fail,
             Phase::Up { .. } => {
                 let lived = self.started.map(|started| started.elapsed());
                 let is_fresh = lived.is_some_and(|lived| lived < SHORT);
@@ -232,7 +233,7 @@ impl Member {
     }
 
     /// Looks how the program is; true if something happened that may concern the others.
-    pub(super) fn look(&mut self, eye: &Eye<'_>, journal: &mut Journal) -> bool {
+    pub(super) fn look(&mut self, eye: &SupervisorMailbox<'_>, journal: &mut Journal) -> bool {
         let now = Instant::now();
         if let Some(count) = self.hearing.turn(now) {
             let text = format!(
@@ -296,16 +297,16 @@ impl Member {
     }
 
     /// Starts its program.
-    pub(super) fn start(&mut self, eye: &Eye<'_>, journal: &mut Journal) {
+    pub(super) fn start(&mut self, eye: &SupervisorMailbox<'_>, journal: &mut Journal) {
         if let Some(image) = self.next.take()
             && let Err(error) = self.launch.load(&image)
         {
             self.phase = Phase::Failed;
             return self.tell(journal, format!("cannot be loaded: {error}"));
         }
-        self.life_before = eye.life(self.plan.number);
+        self.incarnation_before = eye.incarnation(self.plan.number);
         self.started = Some(Instant::now());
-        self.life_joined = false;
+        self.incarnation_joined = false;
         self.heart = None;
         self.has_turn_since = None;
         self.has_entered = false;
@@ -324,7 +325,7 @@ impl Member {
         }
     }
 
-    fn look_for_join(&mut self, eye: &Eye<'_>, now: Instant, journal: &mut Journal) {
+    fn look_for_join(&mut self, eye: &SupervisorMailbox<'_>, now: Instant, journal: &mut Journal) {
         let started = self.started.unwrap_or(now);
         self.has_entered |= eye.has_entered(self.plan.number);
         let since = if !eye.counts(self.plan.number) {
@@ -335,9 +336,9 @@ impl Member {
         } else {
             started
         };
-        if eye.is_up_after(self.plan.number, self.life_before) {
+        if eye.is_up_after(self.plan.number, self.incarnation_before) {
             self.phase = Phase::Up { stalled: false };
-            (self.has_joined, self.life_joined) = (true, true);
+            (self.has_joined, self.incarnation_joined) = (true, true);
             let took = now.duration_since(started).as_secs_f64();
             self.tell(journal, format!("joined after {took:.3} s"));
         } else if now >= since + JOIN && self.plan.stall.is_some() && !self.is_held() {
@@ -347,7 +348,13 @@ impl Member {
     }
 
     /// Feels the pulse.
-    fn feel(&mut self, was_stalled: bool, eye: &Eye<'_>, now: Instant, journal: &mut Journal) {
+    fn feel(
+        &mut self,
+        was_stalled: bool,
+        eye: &SupervisorMailbox<'_>,
+        now: Instant,
+        journal: &mut Journal,
+    ) {
         let beat = eye.heartbeat(self.plan.number);
         if !eye.counts(self.plan.number) || self.held_since.is_some() {
             self.heart = None;
@@ -417,13 +424,13 @@ impl Member {
         self.phase = Phase::Ending {
             since: Instant::now(),
             forced: true,
-            then: Then::Fail,
+            then: NextStep::Fail,
         };
         self.tell(journal, format!("{text}, and is killed"));
-        self.order(Stop::Force, journal);
+        self.order(StopMethod::Force, journal);
     }
 
-    fn order(&mut self, how: Stop, journal: &mut Journal) {
+    fn order(&mut self, how: StopMethod, journal: &mut Journal) {
         if let Err(error) = self.launch.stop(how) {
             self.tell(journal, error.to_string());
         }
@@ -436,12 +443,17 @@ impl Member {
             *forced = true;
             self.killed = Some(Instant::now());
             self.tell(journal, "does not end when asked, and is killed");
-            self.order(Stop::Force, journal);
+            self.order(StopMethod::Force, journal);
         }
     }
 
     /// Makes it end, and then do something else.
-    pub(super) fn end(&mut self, then: Then, eye: &Eye<'_>, journal: &mut Journal) {
+    pub(super) fn end(
+        &mut self,
+        then: NextStep,
+        eye: &SupervisorMailbox<'_>,
+        journal: &mut Journal,
+    ) {
         match &mut self.phase {
             Phase::Starting | Phase::Up { .. } => {
                 let since = Instant::now();
@@ -450,15 +462,15 @@ impl Member {
                     forced: false,
                     then,
                 };
-                self.order(Stop::Ask, journal);
+                self.order(StopMethod::Ask, journal);
                 if !self.plan.is_service() {
                     eye.wake(self.plan.number);
                 }
             }
             Phase::Ending { then: other, .. } => *other = then,
             _ => match then {
-                Then::Start => self.phase = Phase::Waiting { in_turn: false },
-                Then::Stop | Then::Fail => {
+                NextStep::Start => self.phase = Phase::Waiting { in_turn: false },
+                NextStep::Stop | NextStep::Fail => {
                     let news = self.phase != Phase::Stopped;
                     self.phase = Phase::Stopped;
                     if news {
@@ -470,7 +482,7 @@ impl Member {
     }
 
     /// Loads another program at the next start.
-    pub(super) fn replace(&mut self, image: Image, program: String, arguments: Vec<String>) {
+    pub(super) fn replace(&mut self, image: ProgramImage, program: String, arguments: Vec<String>) {
         self.next = Some(image);
         self.plan.program = program;
         self.plan.arguments = arguments;
@@ -486,13 +498,15 @@ impl Member {
     fn ended(&mut self, exit: &Exit, journal: &mut Journal) {
         match self.phase {
             Phase::Ending {
-                then: Then::Stop, ..
+                then: NextStep::Stop,
+                ..
             } => {
                 self.phase = Phase::Stopped;
                 self.tell(journal, format!("stopped: {exit}"));
             }
             Phase::Ending {
-                then: Then::Start, ..
+                then: NextStep::Start,
+                ..
             } => {
                 self.wish();
                 self.tell(journal, format!("ended, and is started again: {exit}"));
@@ -526,7 +540,7 @@ impl Member {
     fn failed(&mut self, text: &str, journal: &mut Journal) {
         let now = Instant::now();
         // Those in a row that never join count however long they take.
-        while self.life_joined
+        while self.incarnation_joined
             && self
                 .recent
                 .front()
@@ -541,7 +555,7 @@ impl Member {
         }
         if count >= self.plan.restarts as usize {
             self.phase = Phase::Failed;
-            let when = if self.life_joined {
+            let when = if self.incarnation_joined {
                 "in a minute"
             } else {
                 "without joining"

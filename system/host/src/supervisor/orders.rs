@@ -8,12 +8,14 @@ use condor_mbox::exchange::answer;
 use condor_mbox::linux::LinuxWindow;
 use condor_mbox::{Call, Processor, Region, Windows};
 use condor_rt::numbers::PROCESSORS;
-use condor_rt::supervisor::{self as wire, Response, state, verb};
+use condor_rt::supervisor::{self as wire, SupervisorResponse, operation, state};
 
 use super::Supervisor;
 use super::requests::Asker;
-use crate::control::Request;
-use crate::description::{Description, MayAsk, ProcessorEntry, ProgramEntry, beside, find_program};
+use crate::control::ControlRequest;
+use crate::description::{
+    MayAsk, ProcessorEntry, ProgramEntry, SystemDescription, beside, find_program,
+};
 
 /// The requests of processors. Each processor has the outcome of its latest request alone, so what
 /// it sends takes no more room.
@@ -40,14 +42,17 @@ enum Stage {
     #[default]
     None,
     /// It waits for the supervisor's turn.
-    Asked(Request),
+    Asked(ControlRequest),
     Begun,
     Done,
     Failed(String),
 }
 
 impl<'d> Orders<'d> {
-    pub(super) fn new(description: &'d Description, windows: &[Windows<LinuxWindow>]) -> Self {
+    pub(super) fn new(
+        description: &'d SystemDescription,
+        windows: &[Windows<LinuxWindow>],
+    ) -> Self {
         let data = windows
             .iter()
             .map(|windows| Region::users(windows.data.clone()).ok());
@@ -70,21 +75,21 @@ impl<'d> Orders<'d> {
         })
     }
 
-    fn respond(&self, sender: Processor, request: &wire::Request) -> Response {
-        if request.verb == verb::NAME {
+    fn respond(&self, sender: Processor, request: &wire::SupervisorRequest) -> SupervisorResponse {
+        if request.operation == operation::NAME {
             let mut processors = self.processors.iter();
             let entry = processors.find(|entry| u32::from(entry.number) == request.number);
             let state = entry.map_or(state::UNKNOWN, |_| state::DONE);
             let name = entry.map_or("", |entry| entry.name.as_str());
-            return Response::new(state, request.number, name);
+            return SupervisorResponse::new(state, request.number, name);
         }
         let mut latest = self.latest.lock().unwrap_or_else(PoisonError::into_inner);
         let Some(latest) = latest.get_mut(sender.index()) else {
-            return Response::new(state::UNKNOWN, 0, "");
+            return SupervisorResponse::new(state::UNKNOWN, 0, "");
         };
-        if request.verb == verb::OUTCOME {
+        if request.operation == operation::OUTCOME {
             if latest.number != request.number {
-                return Response::new(state::UNKNOWN, request.number, "");
+                return SupervisorResponse::new(state::UNKNOWN, request.number, "");
             }
             let (state, text) = match &latest.stage {
                 Stage::None => (state::UNKNOWN, ""),
@@ -92,11 +97,11 @@ impl<'d> Orders<'d> {
                 Stage::Done => (state::DONE, ""),
                 Stage::Failed(error) => (state::REFUSED, error.as_str()),
             };
-            return Response::new(state, request.number, text);
+            return SupervisorResponse::new(state, request.number, text);
         }
         match self.read(sender, request) {
-            Err(error) => Response::new(state::REFUSED, 0, &error),
-            Ok(_) if matches!(latest.stage, Stage::Asked(_)) => Response::new(
+            Err(error) => SupervisorResponse::new(state::REFUSED, 0, &error),
+            Ok(_) if matches!(latest.stage, Stage::Asked(_)) => SupervisorResponse::new(
                 state::REFUSED,
                 0,
                 "the request before this one has not begun",
@@ -104,34 +109,38 @@ impl<'d> Orders<'d> {
             Ok(request) => {
                 latest.number = latest.number.wrapping_add(1);
                 latest.stage = Stage::Asked(request);
-                Response::new(state::PENDING, latest.number, "")
+                SupervisorResponse::new(state::PENDING, latest.number, "")
             }
         }
     }
 
     /// Returns what is asked, if it can be understood and the description allows it.
-    fn read(&self, sender: Processor, request: &wire::Request) -> Result<Request, String> {
-        let verb = match request.verb {
-            verb::RESTART => MayAsk::Restart,
-            verb::LOAD => MayAsk::Load,
+    fn read(
+        &self,
+        sender: Processor,
+        request: &wire::SupervisorRequest,
+    ) -> Result<ControlRequest, String> {
+        let operation = match request.operation {
+            operation::RESTART => MayAsk::Restart,
+            operation::LOAD => MayAsk::Load,
             other => return Err(format!("there is no request with the number {other}")),
         };
         let mut processors = self.processors.iter();
         let entry = processors.find(|entry| entry.number == sender.0);
-        if !entry.is_some_and(|entry| entry.may_ask.contains(&verb)) {
+        if !entry.is_some_and(|entry| entry.may_ask.contains(&operation)) {
             let name = entry.map_or_else(|| sender.to_string(), |it| format!("`{}`", it.name));
             return Err(format!(
-                "the description does not let {name} ask for a {verb}: \
-                 its processor needs `may_ask = [\"{verb}\"]`"
+                "the description does not let {name} ask for a {operation}: \
+                 its processor needs `may_ask = [\"{operation}\"]`"
             ));
         }
         let mut words = request.words().into_iter().flatten().map(String::from);
         let (processor, program) = (words.next(), words.next());
         let arguments: Vec<_> = words.collect();
         let processor = processor.ok_or("the request names no processor")?;
-        match (verb, program) {
-            (MayAsk::Restart, None) => Ok(Request::Restart { processor }),
-            (MayAsk::Load, Some(program)) if self.names(&program) => Ok(Request::Load {
+        match (operation, program) {
+            (MayAsk::Restart, None) => Ok(ControlRequest::Restart { processor }),
+            (MayAsk::Load, Some(program)) if self.names(&program) => Ok(ControlRequest::Load {
                 processor,
                 program,
                 arguments,
@@ -159,7 +168,7 @@ impl<'d> Orders<'d> {
     }
 
     /// Returns a request that has not begun, and notes that it begins.
-    fn next(&self) -> Option<(Asker, Request)> {
+    fn next(&self) -> Option<(Asker, ControlRequest)> {
         let mut latest = self.latest.lock().unwrap_or_else(PoisonError::into_inner);
         for (sender, latest) in (0..).zip(latest.iter_mut()) {
             match core::mem::replace(&mut latest.stage, Stage::Begun) {
@@ -201,10 +210,10 @@ mod tests {
     use super::*;
 
     /// Of the processors, `boss` may restart and load, `nurse` may restart, and `rest` nothing.
-    fn description() -> Description {
+    fn description() -> SystemDescription {
         struct None;
         impl crate::application::Application for None {
-            fn programs(&self) -> &[(&'static str, crate::application::Run)] {
+            fn programs(&self) -> &[(&'static str, crate::application::ProgramFunction)] {
                 &[]
             }
         }
@@ -220,21 +229,21 @@ mod tests {
             processor(1, "nurse", "may_ask = [\"restart\"]"),
             processor(2, "rest", ""),
         ];
-        Description::from_toml(&text.concat(), Path::new("/x/tested.toml"), &None).unwrap()
+        SystemDescription::from_toml(&text.concat(), Path::new("/x/tested.toml"), &None).unwrap()
     }
 
     fn ask<'w>(
         orders: &Orders<'_>,
         from: u8,
-        verb: u32,
+        operation: u32,
         words: impl IntoIterator<Item = &'w str>,
-    ) -> Response {
-        let request = wire::Request::new(verb, 0, words).unwrap();
+    ) -> SupervisorResponse {
+        let request = wire::SupervisorRequest::new(operation, 0, words).unwrap();
         orders.respond(Processor(from), &request)
     }
 
-    fn outcome(orders: &Orders<'_>, from: u8, number: u32) -> Response {
-        let request = wire::Request::new(verb::OUTCOME, number, []).unwrap();
+    fn outcome(orders: &Orders<'_>, from: u8, number: u32) -> SupervisorResponse {
+        let request = wire::SupervisorRequest::new(operation::OUTCOME, number, []).unwrap();
         orders.respond(Processor(from), &request)
     }
 
@@ -244,36 +253,46 @@ mod tests {
         let orders = Orders::new(&description, &[]);
         let this = std::env::current_exe().unwrap();
         let this = this.to_str().unwrap();
-        for (from, verb, words, why) in [
-            (2, verb::RESTART, vec!["boss"], "`rest` ask for a restart"),
-            (1, verb::LOAD, vec!["boss", this], "`nurse` ask for a load"),
-            (20, verb::RESTART, vec!["boss"], "processor 20 ask for"),
-            (0, verb::LOAD, vec!["rest", "/bin/sh"], "not `/bin/sh`"),
-            (0, verb::LOAD, vec!["rest", "sh"], "not `sh`"),
-            (0, verb::LOAD, vec!["rest"], "no program"),
+        for (from, operation, words, why) in [
+            (
+                2,
+                operation::RESTART,
+                vec!["boss"],
+                "`rest` ask for a restart",
+            ),
+            (
+                1,
+                operation::LOAD,
+                vec!["boss", this],
+                "`nurse` ask for a load",
+            ),
+            (20, operation::RESTART, vec!["boss"], "processor 20 ask for"),
+            (0, operation::LOAD, vec!["rest", "/bin/sh"], "not `/bin/sh`"),
+            (0, operation::LOAD, vec!["rest", "sh"], "not `sh`"),
+            (0, operation::LOAD, vec!["rest"], "no program"),
             (
                 0,
-                verb::RESTART,
+                operation::RESTART,
                 vec!["rest", "x"],
                 "`x` is one word too many",
             ),
-            (0, verb::RESTART, vec![], "no processor"),
+            (0, operation::RESTART, vec![], "no processor"),
             (0, 77, vec!["rest"], "the number 77"),
         ] {
-            let response = ask(&orders, from, verb, words);
+            let response = ask(&orders, from, operation, words);
             assert_eq!(response.state, state::REFUSED, "{why}");
             assert!(response.text().contains(why), "{}", response.text());
         }
         assert!(orders.next().is_none());
-        let loaded = ask(&orders, 0, verb::LOAD, ["rest", this, "fast"]);
+        let loaded = ask(&orders, 0, operation::LOAD, ["rest", this, "fast"]);
         assert_eq!((loaded.state, loaded.number), (state::PENDING, 1));
-        let restarted = ask(&orders, 1, verb::RESTART, ["files"]);
+        let restarted = ask(&orders, 1, operation::RESTART, ["files"]);
         assert_eq!((restarted.state, restarted.number), (state::PENDING, 1));
         let begun: Vec<_> = core::iter::from_fn(|| orders.next()).collect();
         assert_eq!(begun.len(), 2);
         assert!(matches!(
             &begun[0].1,
-            Request::Load { processor, program, arguments }
+            ControlRequest::Load { processor, program, arguments }
                 if processor == "rest" && program == this && *arguments == ["fast"]
         ));
     }
@@ -283,13 +302,13 @@ mod tests {
         let description = description();
         let orders = Orders::new(&description, &[]);
         assert_eq!(outcome(&orders, 1, 0).state, state::UNKNOWN);
-        let first = ask(&orders, 1, verb::RESTART, ["rest"]).number;
-        let soon = ask(&orders, 1, verb::RESTART, ["rest"]);
+        let first = ask(&orders, 1, operation::RESTART, ["rest"]).number;
+        let soon = ask(&orders, 1, operation::RESTART, ["rest"]);
         assert_eq!(soon.state, state::REFUSED, "the first has not begun");
         assert!(orders.next().is_some());
         assert_eq!(outcome(&orders, 1, first).state, state::PENDING);
         assert_eq!(outcome(&orders, 0, first).state, state::UNKNOWN);
-        let second = ask(&orders, 1, verb::RESTART, ["rest"]).number;
+        let second = ask(&orders, 1, operation::RESTART, ["rest"]).number;
         assert!(orders.next().is_some());
         orders.finish(Processor(1), first, Ok(()));
         assert_eq!(outcome(&orders, 1, first).state, state::UNKNOWN);
@@ -307,14 +326,14 @@ mod tests {
         let orders = Orders::new(&description, &[]);
         let mut bits = 1_u32;
         for round in 0..100_000_u32 {
-            let mut request = wire::Request::new(verb::LOAD, 0, []).unwrap();
+            let mut request = wire::SupervisorRequest::new(operation::LOAD, 0, []).unwrap();
             let mut random = || {
                 bits ^= bits << 13;
                 bits ^= bits >> 17;
                 bits ^= bits << 5;
                 bits
             };
-            request.verb = random() % 5;
+            request.operation = random() % 5;
             request.number = random() % 3;
             request.len = if round % 3 == 0 {
                 random()

@@ -14,9 +14,9 @@ use rustix::process::{Pid, PidfdFlags, Signal};
 
 use super::UpError;
 use super::stat::{self, started_at};
-use crate::description::{ClockKind, Description};
-use crate::error::FileError;
-use crate::extension::{Furnished, furnish};
+use crate::description::{ClockKind, SystemDescription};
+use crate::error::NamedFileError;
+use crate::extension::{StartingExtension, furnish};
 use crate::system::{SystemDirectory, replace};
 
 /// The directory, locked.
@@ -27,10 +27,10 @@ pub(super) struct RunDirectory {
 }
 
 /// What is made before programs start.
-pub(super) struct Furniture {
+pub(super) struct SystemFiles {
     pub(super) listener: UnixListener,
     /// That of extensions, in the order of the description's groups.
-    pub(super) groups: Vec<Box<dyn Furnished>>,
+    pub(super) groups: Vec<Box<dyn StartingExtension>>,
     pub(super) bus: Option<FileRange>,
     /// The memory that belongs to no processor.
     pub(super) shared: Option<FileRange>,
@@ -51,9 +51,9 @@ impl RunDirectory {
             .create(true)
             .truncate(false)
             .open(&path)
-            .map_err(FileError::at("open", &path))?;
+            .map_err(NamedFileError::at("open", &path))?;
         let locked = lock_file(&lock, LOCK_PATIENCE);
-        if !locked.map_err(|error| FileError::at("lock", &path)(error.into()))? {
+        if !locked.map_err(|error| NamedFileError::at("lock", &path)(error.into()))? {
             return Err(UpError::RunsAlready {
                 name: name.into(),
                 process: supervisor(&directory),
@@ -125,25 +125,25 @@ impl RunDirectory {
     }
 
     /// Removes everything but the lock and the log.
-    fn clear(&self) -> Result<(), FileError> {
+    fn clear(&self) -> Result<(), NamedFileError> {
         let directory = &self.directory;
         for path in [directory.mailbox(), directory.terminals()] {
-            absent(std::fs::remove_dir_all(&path)).map_err(FileError::at("remove", &path))?;
+            absent(std::fs::remove_dir_all(&path)).map_err(NamedFileError::at("remove", &path))?;
         }
         let typing = directory.typing();
-        absent(std::fs::remove_file(&typing)).map_err(FileError::at("remove", &typing))?;
+        absent(std::fs::remove_file(&typing)).map_err(NamedFileError::at("remove", &typing))?;
         self.silence()
     }
 
     /// Removes everything but the lock, the logs, of the terminals too, and the record of typing.
-    pub(super) fn clear_but_logs(&self) -> Result<(), FileError> {
+    pub(super) fn clear_but_logs(&self) -> Result<(), NamedFileError> {
         let path = self.directory.mailbox();
-        absent(std::fs::remove_dir_all(&path)).map_err(FileError::at("remove", &path))?;
+        absent(std::fs::remove_dir_all(&path)).map_err(NamedFileError::at("remove", &path))?;
         let path = self.directory.terminals();
-        for entry in std::fs::read_dir(&path).map_err(FileError::at("read", &path))? {
-            let path = entry.map_err(FileError::at("read", &path))?.path();
+        for entry in std::fs::read_dir(&path).map_err(NamedFileError::at("read", &path))? {
+            let path = entry.map_err(NamedFileError::at("read", &path))?.path();
             if path.extension().is_none_or(|extension| extension != "log") {
-                absent(std::fs::remove_file(&path)).map_err(FileError::at("remove", &path))?;
+                absent(std::fs::remove_file(&path)).map_err(NamedFileError::at("remove", &path))?;
             }
         }
         self.silence()
@@ -151,27 +151,27 @@ impl RunDirectory {
 
     /// Removes what makes others believe that the system runs: all files but the lock, the logs and
     /// the record of typing.
-    fn silence(&self) -> Result<(), FileError> {
+    fn silence(&self) -> Result<(), NamedFileError> {
         let path = self.directory.path();
-        for entry in std::fs::read_dir(path).map_err(FileError::at("read", path))? {
-            let entry = entry.map_err(FileError::at("read", path))?;
+        for entry in std::fs::read_dir(path).map_err(NamedFileError::at("read", path))? {
+            let entry = entry.map_err(NamedFileError::at("read", path))?;
             let name = entry.file_name();
             let stays = ["lock", "log", "log.old", "typing"]
                 .iter()
                 .any(|it| name == *it);
             let path = entry.path();
             if !stays && !path.is_dir() {
-                absent(std::fs::remove_file(&path)).map_err(FileError::at("remove", &path))?;
+                absent(std::fs::remove_file(&path)).map_err(NamedFileError::at("remove", &path))?;
             }
         }
         Ok(())
     }
 
     /// Makes what the programs need before they start.
-    pub(super) fn furnish(&self, description: &Description) -> Result<Furniture, UpError> {
+    pub(super) fn furnish(&self, description: &SystemDescription) -> Result<SystemFiles, UpError> {
         let directory = &self.directory;
         for path in [directory.mailbox(), directory.terminals()] {
-            std::fs::create_dir(&path).map_err(FileError::at("make", &path))?;
+            std::fs::create_dir(&path).map_err(NamedFileError::at("make", &path))?;
         }
         let groups = description.groups.iter();
         let groups = groups.map(|entry| (entry.name, &*entry.group));
@@ -188,11 +188,12 @@ impl RunDirectory {
             },
         };
         if let Some(files) = &description.files {
-            std::fs::create_dir_all(&files.root).map_err(FileError::at("make", &files.root))?;
+            std::fs::create_dir_all(&files.root)
+                .map_err(NamedFileError::at("make", &files.root))?;
         }
         let path = directory.control();
-        let listener = UnixListener::bind(&path).map_err(FileError::at("listen at", &path))?;
-        Ok(Furniture {
+        let listener = UnixListener::bind(&path).map_err(NamedFileError::at("listen at", &path))?;
+        Ok(SystemFiles {
             listener,
             groups,
             bus,
@@ -205,7 +206,7 @@ impl RunDirectory {
     pub(super) fn note_processes(
         &self,
         others: impl Iterator<Item = u32>,
-    ) -> Result<(), FileError> {
+    ) -> Result<(), NamedFileError> {
         let mut text = String::new();
         for pid in core::iter::once(std::process::id()).chain(others) {
             // One that has gone already needs no entry.
@@ -217,7 +218,7 @@ impl RunDirectory {
         let path = self.directory.pids();
         // It is for the next supervisor if this one is killed. A loss of power ends all of these processes, so
         // nobody waits for the disk.
-        replace(&path, &text).map_err(FileError::at("write", &path))
+        replace(&path, &text).map_err(NamedFileError::at("write", &path))
     }
 }
 
@@ -226,7 +227,7 @@ fn memory(
     provided: Option<FileRange>,
     bytes: Option<u32>,
     path: PathBuf,
-) -> Result<Option<FileRange>, FileError> {
+) -> Result<Option<FileRange>, NamedFileError> {
     let (None, Some(bytes)) = (&provided, bytes) else {
         return Ok(provided);
     };
@@ -234,15 +235,15 @@ fn memory(
 }
 
 /// The file of a page that no extension provides.
-fn page_file(directory: &SystemDirectory) -> Result<FileRange, FileError> {
+fn page_file(directory: &SystemDirectory) -> Result<FileRange, NamedFileError> {
     let path = directory.clock().with_extension("page");
     allocated(path, MappedPage::BYTES.next_multiple_of(4096).into())
 }
 
 /// Makes a file of zeros whose memory is there from the beginning.
-fn allocated(path: PathBuf, bytes: u64) -> Result<FileRange, FileError> {
-    let file = File::create_new(&path).map_err(FileError::at("make", &path))?;
-    allocate(&file, bytes).map_err(FileError::at("find room for", &path))?;
+fn allocated(path: PathBuf, bytes: u64) -> Result<FileRange, NamedFileError> {
+    let file = File::create_new(&path).map_err(NamedFileError::at("make", &path))?;
+    allocate(&file, bytes).map_err(NamedFileError::at("find room for", &path))?;
     Ok(FileRange::whole(path))
 }
 

@@ -6,15 +6,15 @@ use std::time::Duration;
 use condor_mbox::Processor as Number;
 
 use super::UpError;
-use super::eye::Eye;
+use super::eye::SupervisorMailbox;
 use super::member::{Member, Plan};
-use super::place::Furniture;
-use crate::description::{Description, OnFailure, ProgramEntry, beside, find_program};
-use crate::error::FileError;
-use crate::launch::{Image, Launch, Process};
+use super::place::SystemFiles;
+use crate::description::{OnFailure, ProgramEntry, SystemDescription, beside, find_program};
+use crate::error::NamedFileError;
+use crate::launch::{ChildProcess, Launch, ProgramImage};
 use crate::services;
 use crate::system::SystemDirectory;
-use condor_rt::linux::{Environment, FileRange, Loops};
+use condor_rt::linux::{Environment, FileRange, LoopContext};
 use condor_rt::numbers::{EXTENSIONS, FILES, TERMINALS};
 
 /// How long the heart of a service may stand still.
@@ -22,13 +22,13 @@ const SERVICE_STALL: Duration = Duration::from_secs(10);
 
 /// The services, then the processors in the order of the description.
 pub(super) fn members(
-    description: &Description,
+    description: &SystemDescription,
     directory: &SystemDirectory,
-    furniture: &Furniture,
-    eye: &Eye<'_>,
+    furniture: &SystemFiles,
+    eye: &SupervisorMailbox<'_>,
 ) -> Result<Vec<Member>, UpError> {
     let system = System {
-        own: std::env::current_exe().map_err(FileError::at("find", "this program"))?,
+        own: std::env::current_exe().map_err(NamedFileError::at("find", "this program"))?,
         description,
         directory,
         clock: furniture.clock.as_ref(),
@@ -86,7 +86,7 @@ pub(super) fn members(
         let launch = group.launch(number, &mut environment, eye.doorbell());
         let launch = launch.map_err(UpError::Prepare)?;
         let (file, arguments) = runs(&system.own, &processor.program, &processor.arguments);
-        let image = Image::new(file, arguments, environment);
+        let image = ProgramImage::new(file, arguments, environment);
         members.push(Member::new(plan, &image, launch)?);
     }
     Ok(members)
@@ -95,7 +95,7 @@ pub(super) fn members(
 /// What all programs of a system are told.
 struct System<'s> {
     own: std::path::PathBuf,
-    description: &'s Description,
+    description: &'s SystemDescription,
     directory: &'s SystemDirectory,
     clock: Option<&'s FileRange>,
 }
@@ -110,7 +110,7 @@ impl System<'_> {
     ) -> Result<Member, UpError> {
         let words = services::words(name, settings);
         let words = words.map_err(|error| UpError::Prepare(error.into()))?;
-        self.service(name, number, words, Box::new(Process::new()))
+        self.service(name, number, words, Box::new(ChildProcess::new()))
     }
 
     fn service(
@@ -120,7 +120,7 @@ impl System<'_> {
         arguments: Vec<String>,
         launch: Box<dyn Launch>,
     ) -> Result<Member, UpError> {
-        let image = Image::new(
+        let image = ProgramImage::new(
             self.own.clone(),
             arguments.clone(),
             self.environment(number),
@@ -148,7 +148,7 @@ impl System<'_> {
             shared_memory: None,
             clock: self.clock.cloned(),
             work_ns: [0; condor_clock::LOOPS],
-            loops: Loops::default(),
+            loops: LoopContext::default(),
             cpu: None,
             priority: None,
         }
@@ -172,12 +172,12 @@ fn runs(
 
 /// Another program for a processor.
 pub(super) fn reload(
-    description: &Description,
+    description: &SystemDescription,
     member: &Member,
     program: &str,
     arguments: &[String],
     own: &[&'static str],
-) -> Result<Image, String> {
+) -> Result<ProgramImage, String> {
     let program = if !member.plan.runs_here {
         ProgramEntry::File(beside(&description.file, program))
     } else if program == "self" {
@@ -195,7 +195,7 @@ pub(super) fn reload(
     };
     let own = std::env::current_exe().map_err(|error| error.to_string())?;
     let (file, arguments) = runs(&own, &program, arguments);
-    let image = Image::new(file, arguments, member.environment.clone());
+    let image = ProgramImage::new(file, arguments, member.environment.clone());
     // Told before the program that runs is stopped.
     let checked = member.launch().check(&image);
     checked.map_err(|error| error.to_string())?;

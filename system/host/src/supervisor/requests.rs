@@ -2,11 +2,11 @@
 
 use condor_mbox::Processor;
 
-use super::member::{Member, Phase, Then};
+use super::member::{Member, NextStep, Phase};
 use super::time::Change;
 use super::{Supervisor, plan};
 use crate::control::server::From;
-use crate::control::{Answer, Request};
+use crate::control::{ControlAnswer, ControlRequest};
 use crate::error::me;
 
 /// A request that is answered when it has been carried out.
@@ -35,43 +35,45 @@ enum Wish {
 }
 
 impl Supervisor<'_> {
-    pub(super) fn request(&mut self, from: Asker, request: Request) {
+    pub(super) fn request(&mut self, from: Asker, request: ControlRequest) {
         let answer = match request {
-            Request::Status {} => Ok(Some(Answer {
+            ControlRequest::Status {} => Ok(Some(ControlAnswer {
                 status: Some(self.status()),
                 ..done()
             })),
-            Request::Log { lines } => {
+            ControlRequest::Log { lines } => {
                 let lines = self.journal.last_lines(lines);
                 lines.map_err(|error| error.to_string()).map(|lines| {
-                    Some(Answer {
+                    Some(ControlAnswer {
                         lines: Some(lines),
                         ..done()
                     })
                 })
             }
-            Request::Events {} => {
+            ControlRequest::Events {} => {
                 if let Asker::Client(client) = from {
                     self.server.follow(client);
                 }
                 Ok(Some(done()))
             }
-            Request::Down {} => {
+            ControlRequest::Down {} => {
                 self.go_down("a request");
                 self.down_asked_by.push(from);
                 Ok(None)
             }
-            Request::Pause {} => self.change_clock(&Change::Pause),
-            Request::Step { ns } => self.change_clock(&Change::Step { ns }),
-            Request::Resume {} => self.change_clock(&Change::Resume),
-            Request::Speed { thousandths } => self.change_clock(&Change::Speed { thousandths }),
+            ControlRequest::Pause {} => self.change_clock(&Change::Pause),
+            ControlRequest::Step { ns } => self.change_clock(&Change::Step { ns }),
+            ControlRequest::Resume {} => self.change_clock(&Change::Resume),
+            ControlRequest::Speed { thousandths } => {
+                self.change_clock(&Change::Speed { thousandths })
+            }
             other if self.down.is_some() => Err(format!(
                 "the system is going down, so this was not done: {other:?}"
             )),
-            Request::Stop { processor } => self.stop(from, &processor),
-            Request::Start { processor } => self.start(from, &processor),
-            Request::Restart { processor } => self.restart(from, &processor),
-            Request::Load {
+            ControlRequest::Stop { processor } => self.stop(from, &processor),
+            ControlRequest::Start { processor } => self.start(from, &processor),
+            ControlRequest::Restart { processor } => self.restart(from, &processor),
+            ControlRequest::Load {
                 processor,
                 program,
                 arguments,
@@ -89,11 +91,11 @@ impl Supervisor<'_> {
     pub(super) fn answer_down(&mut self, killed: &[String]) {
         for asker in core::mem::take(&mut self.down_asked_by) {
             let killed = killed.to_vec();
-            self.answer(asker, Answer { killed, ..done() });
+            self.answer(asker, ControlAnswer { killed, ..done() });
         }
     }
 
-    fn answer(&mut self, to: Asker, answer: Answer) {
+    fn answer(&mut self, to: Asker, answer: ControlAnswer) {
         match to {
             Asker::Client(client) => self.server.answer(client, &answer),
             Asker::Processor { number, order } => {
@@ -103,7 +105,7 @@ impl Supervisor<'_> {
         }
     }
 
-    fn change_clock(&self, change: &Change) -> Result<Option<Answer>, String> {
+    fn change_clock(&self, change: &Change) -> Result<Option<ControlAnswer>, String> {
         if self.down.is_some() {
             return Err("the system is going down".into());
         }
@@ -155,22 +157,22 @@ impl Supervisor<'_> {
         Ok(())
     }
 
-    fn stop(&mut self, from: Asker, processor: &str) -> Result<Option<Answer>, String> {
+    fn stop(&mut self, from: Asker, processor: &str) -> Result<Option<ControlAnswer>, String> {
         let place = self.find(processor)?;
         self.check_can_end(place)?;
         if let Some(member) = self.members.get_mut(place) {
-            member.end(Then::Stop, &self.eye, &mut self.journal);
+            member.end(NextStep::Stop, &self.eye, &mut self.journal);
         }
         self.promise(from, place, Wish::Ended);
         Ok(None)
     }
 
-    fn start(&mut self, from: Asker, processor: &str) -> Result<Option<Answer>, String> {
+    fn start(&mut self, from: Asker, processor: &str) -> Result<Option<ControlAnswer>, String> {
         let place = self.find(processor)?;
         if let Some(member) = self.members.get_mut(place) {
             match member.phase {
                 Phase::Stopped | Phase::Failed => member.wish(),
-                Phase::Ending { .. } => member.end(Then::Start, &self.eye, &mut self.journal),
+                Phase::Ending { .. } => member.end(NextStep::Start, &self.eye, &mut self.journal),
                 Phase::Waiting { .. } | Phase::Starting | Phase::Pausing { .. } => {}
                 Phase::Up { .. } => {
                     let name = &member.plan.name;
@@ -184,7 +186,7 @@ impl Supervisor<'_> {
         Ok(None)
     }
 
-    fn restart(&mut self, from: Asker, processor: &str) -> Result<Option<Answer>, String> {
+    fn restart(&mut self, from: Asker, processor: &str) -> Result<Option<ControlAnswer>, String> {
         let place = self.find(processor)?;
         if let Some(member) = self.members.get(place).map(|it| &it.plan)
             && !member.is_service()
@@ -208,7 +210,7 @@ impl Supervisor<'_> {
         processor: &str,
         program: String,
         arguments: Vec<String>,
-    ) -> Result<Option<Answer>, String> {
+    ) -> Result<Option<ControlAnswer>, String> {
         let place = self.find(processor)?;
         self.check_can_end(place)?;
         let Some(member) = self.members.get_mut(place) else {
@@ -242,7 +244,7 @@ impl Supervisor<'_> {
             if matches!(member.phase, Phase::Stopped | Phase::Failed) {
                 member.wish();
             } else {
-                member.end(Then::Start, &self.eye, &mut self.journal);
+                member.end(NextStep::Start, &self.eye, &mut self.journal);
             }
         }
         self.promise(from, place, Wish::Runs);
@@ -268,16 +270,16 @@ impl Supervisor<'_> {
     }
 }
 
-fn done() -> Answer {
-    Answer {
+fn done() -> ControlAnswer {
+    ControlAnswer {
         ok: true,
-        ..Answer::default()
+        ..ControlAnswer::default()
     }
 }
 
-fn refused(error: String) -> Answer {
-    Answer {
+fn refused(error: String) -> ControlAnswer {
+    ControlAnswer {
         error: Some(error),
-        ..Answer::default()
+        ..ControlAnswer::default()
     }
 }

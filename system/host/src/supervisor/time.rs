@@ -3,17 +3,17 @@
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
-use condor_clock::{NEVER, Standing};
+use condor_clock::{NEVER, Obstacle};
 use condor_mbox::{Doorbell as _, Evidence, Processor};
 use condor_platform::linux::WholeFile;
 use condor_rt::linux::{FileRange, HostClock, MappedPage};
 use condor_rt::numbers::{SUPERVISOR, TERMINALS, VISITORS};
 
 use super::UpError;
-use super::eye::Eye;
+use super::eye::SupervisorMailbox;
 use crate::control::ClockStatus;
-use crate::description::{Description, Speed};
-use crate::error::FileError;
+use crate::description::{ClockSpeed, SystemDescription};
+use crate::error::NamedFileError;
 use crate::system::{MemoryFile, SystemDirectory};
 
 /// How long the turn may be waited for, in looks of 10 ms.
@@ -29,7 +29,7 @@ const SAMPLE: Duration = Duration::from_millis(200);
 /// Begins the simulated time of a system in the page in `range`, which stands until all programs of
 /// the description have entered and [`begin`] is called; `None` if there is no range.
 pub(super) fn furnish(
-    description: &Description,
+    description: &SystemDescription,
     directory: &SystemDirectory,
     range: Option<&FileRange>,
 ) -> Result<Option<MappedPage>, UpError> {
@@ -43,14 +43,14 @@ pub(super) fn furnish(
     let path = directory.clock();
     let text = serde_json::to_string(&MemoryFile::from(range)).map_err(std::io::Error::other);
     let written = text.and_then(|text| WholeFile::write(&path, text));
-    written.map_err(FileError::at("write", &path))?;
+    written.map_err(NamedFileError::at("write", &path))?;
     Ok(Some(page))
 }
 
-impl Eye<'_> {
+impl SupervisorMailbox<'_> {
     /// All programs have entered, and what is typed at the beginning stands in its files: time goes
     /// on, until `end` if there is one.
-    pub(super) fn begin(&self, speed: Speed, end: Option<Duration>) -> Result<(), String> {
+    pub(super) fn begin(&self, speed: ClockSpeed, end: Option<Duration>) -> Result<(), String> {
         let Some(clock) = self.clock() else {
             return Ok(());
         };
@@ -117,7 +117,7 @@ impl Eye<'_> {
         }
     }
 
-    /// A service has died; time stands where its next life is to go on.
+    /// A service has died; time stands where its next incarnation is to go on.
     pub(super) fn await_service(&self, number: Processor) {
         if let Some(clock) = self.clock().filter(|it| it.page().is_service(number.0)) {
             clock.page().request(number.0, 0, clock.handover());
@@ -158,7 +158,7 @@ impl Eye<'_> {
     /// Whether somebody has paused the simulated time, and it stands for that.
     pub(super) fn is_paused(&self) -> bool {
         self.clock()
-            .is_some_and(|clock| clock.page().standing(clock.handover()) == Standing::Limit)
+            .is_some_and(|clock| clock.page().standing(clock.handover()) == Obstacle::Limit)
     }
 
     /// Whether the limits of a processor count: always by the real clock, and in simulated time only
@@ -267,7 +267,7 @@ impl Pace {
     }
 
     /// Looks at the clock.
-    pub(super) fn sample(&mut self, eye: &Eye<'_>) {
+    pub(super) fn sample(&mut self, eye: &SupervisorMailbox<'_>) {
         let Some(clock) = eye.clock() else {
             return;
         };
@@ -286,7 +286,7 @@ impl Pace {
     }
 
     /// The state of the clock, for people.
-    pub(super) fn status(&self, eye: &Eye<'_>) -> Option<ClockStatus> {
+    pub(super) fn status(&self, eye: &SupervisorMailbox<'_>) -> Option<ClockStatus> {
         let clock = eye.clock()?;
         let page = clock.page();
         let now = page.now();

@@ -6,13 +6,13 @@ use serde::Serialize;
 
 use super::{View, ViewError};
 use condor_rt::loops;
-use condor_rt::objects::Kind;
+use condor_rt::objects::ObjectKind;
 
 /// The counts of a processor's servo loops at one moment.
 #[derive(Clone, Debug)]
 pub struct LoopSample {
     at: Instant,
-    life: u32,
+    incarnation: u32,
     /// Whether runs take the time that is declared for them, and are not measured.
     simulated: bool,
     loops: Vec<(String, Statistics)>,
@@ -60,14 +60,14 @@ impl View {
     pub fn loops(&self, processor: Processor) -> Result<LoopSample, ViewError> {
         let region = self.region(processor)?;
         let mut found = Vec::new();
-        for object in self.objects(processor, Kind::Loop)? {
+        for object in self.objects(processor, ObjectKind::Loop)? {
             let counts = loops::read(&region, &object);
             let counts = counts.map_err(|source| ViewError::Memory { processor, source })?;
             found.extend(counts.map(|counts| (object.name.to_string(), counts)));
         }
         Ok(LoopSample {
             at: Instant::now(),
-            life: self.heart(processor)?.life,
+            incarnation: self.heart(processor)?.incarnation,
             simulated: self.is_simulated(),
             loops: found,
         })
@@ -81,7 +81,7 @@ impl LoopSample {
     /// before they are read. For a loop that is not released it follows from the clock.
     #[must_use]
     pub fn since(&self, before: Option<&Self>) -> Vec<LoopRates> {
-        let before = before.filter(|before| before.life == self.life);
+        let before = before.filter(|before| before.incarnation == self.incarnation);
         let rates = |(name, now): &(String, Statistics)| {
             let earlier = before.and_then(|before| {
                 let same = before.loops.iter().find(|(other, _)| other == name)?;
@@ -228,7 +228,7 @@ mod tests {
     fn the_overall_rate_is_less_by_what_was_skipped() {
         let sample = LoopSample {
             at: Instant::now(),
-            life: 1,
+            incarnation: 1,
             simulated: false,
             loops: vec![("servo".into(), counts(300, 15_000_000))],
         };
@@ -246,7 +246,7 @@ mod tests {
             counts.released = released;
             LoopSample {
                 at: Instant::now(),
-                life: 1,
+                incarnation: 1,
                 simulated: false,
                 loops: vec![("servo".into(), counts)],
             }
@@ -264,9 +264,9 @@ mod tests {
 
     #[test]
     fn nothing_is_said_across_a_restart() {
-        let sample = |life, run| LoopSample {
+        let sample = |incarnation, run| LoopSample {
             at: Instant::now(),
-            life,
+            incarnation,
             simulated: false,
             loops: vec![("servo".into(), counts(run, 1000))],
         };

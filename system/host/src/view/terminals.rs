@@ -3,7 +3,7 @@ use condor_tty::layout::{MAGIC, VERSION, host, mode, processor as words};
 use serde::Serialize;
 
 use super::{View, ViewError};
-use condor_rt::objects::{Kind, Object};
+use condor_rt::objects::{ObjectKind, SharedObject};
 
 /// The state of a terminal of a processor; counts wrap at 2³².
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
@@ -37,7 +37,7 @@ impl View {
     pub fn terminals(&self, processor: Processor) -> Result<Vec<TerminalCounts>, ViewError> {
         let region = self.region(processor)?;
         let mut terminals = Vec::new();
-        for object in self.objects(processor, Kind::Terminal)? {
+        for object in self.objects(processor, ObjectKind::Terminal)? {
             let counts = read(&region, &object);
             terminals.extend(counts.map_err(|source| ViewError::Memory { processor, source })?);
         }
@@ -48,15 +48,15 @@ impl View {
 /// None while the program makes it.
 fn read<W: condor_mbox::MemoryWindow>(
     region: &Region<W>,
-    object: &Object,
+    object: &SharedObject,
 ) -> Result<Option<TerminalCounts>, condor_mbox::AccessError> {
     let word = |offset: u32| region.word(object.offset.saturating_add(offset));
-    let life = word(words::LIFE)?;
-    if word(words::MAGIC)? != MAGIC || word(words::VERSION)? != VERSION || life == 0 {
+    let incarnation = word(words::INCARNATION)?;
+    if word(words::MAGIC)? != MAGIC || word(words::VERSION)? != VERSION || incarnation == 0 {
         return Ok(None);
     }
-    // The host's words may still be about the life before.
-    let (reader, tail) = if word(host::LIFE)? == life {
+    // The host's words may still be about the incarnation before.
+    let (reader, tail) = if word(host::INCARNATION)? == incarnation {
         let [reader, ..] = word(host::ATTACHED)?.to_le_bytes();
         (reader.checked_sub(1), word(host::TAIL)?)
     } else {

@@ -2,8 +2,8 @@
 
 use condor_mbox::linux::LinuxWindow;
 use condor_mbox::{Messenger, Processor};
-use condor_rt::objects::Kind;
-use condor_vars::{Client, Table, TableError, VARS};
+use condor_rt::objects::ObjectKind;
+use condor_vars::{VARS, VariableClient, VariableTable, VariableTableError};
 
 use super::{Post, View, ViewError};
 
@@ -13,7 +13,7 @@ pub struct Variables {
     /// The name of the loop or the cell.
     pub name: String,
     /// The table, or the reason for which it cannot be read.
-    pub table: Result<Table<LinuxWindow>, TableError>,
+    pub table: Result<VariableTable<LinuxWindow>, VariableTableError>,
 }
 
 impl View {
@@ -25,11 +25,11 @@ impl View {
     /// cannot be read, [`ViewError::Version`] if the object table has another version.
     pub fn variables(&self, processor: Processor) -> Result<Vec<Variables>, ViewError> {
         let region = self.region(processor)?;
-        let entries = self.objects(processor, Kind::Variables)?.into_iter();
+        let entries = self.objects(processor, ObjectKind::Variables)?.into_iter();
         Ok(entries
             .map(|entry| Variables {
                 name: entry.name.as_str().to_owned(),
-                table: Table::open(&region, entry.offset),
+                table: VariableTable::open(&region, entry.offset),
             })
             .collect())
     }
@@ -43,11 +43,14 @@ impl View {
     /// # Errors
     /// [`ViewError::Mailbox`] if the visitor's own memory cannot be accessed; [`ViewError::Memory`]
     /// if there is no room.
-    pub fn client(&self, processor: Processor) -> Result<Client<'_, Post, LinuxWindow>, ViewError> {
+    pub fn client(
+        &self,
+        processor: Processor,
+    ) -> Result<VariableClient<'_, Post, LinuxWindow>, ViewError> {
         let me = self.post.number();
         let own = self.region(me)?;
         let places = &mut self.places.borrow_mut();
-        let client = Client::new(&self.post, own, places, processor, VARS);
+        let client = VariableClient::new(&self.post, own, places, processor, VARS);
         client.map_err(|source| ViewError::Memory {
             processor: me,
             source,

@@ -1,4 +1,4 @@
-use condor_mbox::{Error, Processor, Vector};
+use condor_mbox::{MailboxError, Processor, Vector};
 use serde::Serialize;
 
 use super::{View, ViewError};
@@ -33,7 +33,7 @@ impl View {
             let counts = match self.post.vector_statistics(processor, Vector(number)) {
                 Ok(counts) => counts,
                 // Nobody has ever joined there.
-                Err(Error::Layout { .. }) => break,
+                Err(MailboxError::Layout { .. }) => break,
                 Err(error) => return Err(error.into()),
             };
             let row = VectorCounts {

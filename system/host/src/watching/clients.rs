@@ -5,9 +5,9 @@ use std::collections::btree_map::Entry;
 use std::time::Duration;
 
 use condor_mbox::linux::LinuxWindow;
-use condor_vars::{Cell, Client, RequestError, Value};
+use condor_vars::{AnyValue, Cell, RequestError, VariableClient};
 
-use super::known::One;
+use super::known::CatalogEntry;
 use crate::control::Member;
 use crate::error::AnyError;
 use crate::view::{Post, View, ViewError};
@@ -18,7 +18,7 @@ const ANSWER: Duration = Duration::from_secs(2);
 /// A client for each processor that was asked. Loops have 2 s to answer.
 pub struct Clients<'v> {
     view: &'v View,
-    all: BTreeMap<u8, Client<'v, Post, LinuxWindow>>,
+    all: BTreeMap<u8, VariableClient<'v, Post, LinuxWindow>>,
     answer: Duration,
 }
 
@@ -66,7 +66,7 @@ impl<'v> Clients<'v> {
     pub(super) fn of(
         &mut self,
         member: &Member,
-    ) -> Result<&mut Client<'v, Post, LinuxWindow>, ViewError> {
+    ) -> Result<&mut VariableClient<'v, Post, LinuxWindow>, ViewError> {
         let client = match self.all.entry(member.number) {
             Entry::Occupied(occupied) => occupied.into_mut(),
             Entry::Vacant(vacant) => vacant.insert(self.view.client(member.processor())?),
@@ -80,7 +80,7 @@ impl<'v> Clients<'v> {
     /// # Errors
     /// [`RequestError`] if a parameter cannot be had, [`CellError`](condor_vars::CellError) if a field
     /// cannot, [`ViewError`] if the memory of the processor cannot be accessed.
-    pub fn value(&mut self, one: &One) -> Result<Option<Value>, AnyError> {
+    pub fn value(&mut self, one: &CatalogEntry) -> Result<Option<AnyValue>, AnyError> {
         if one.is_field() {
             let region = self.view.region(one.member.processor())?;
             let cell = Cell::open(&region, one.table.offset())?;
@@ -108,10 +108,10 @@ impl<'v> Clients<'v> {
     pub fn set(
         &mut self,
         name: &str,
-        one: &One,
-        from: Option<Value>,
-        new: Value,
-    ) -> Result<Value, AnyError> {
+        one: &CatalogEntry,
+        from: Option<AnyValue>,
+        new: AnyValue,
+    ) -> Result<AnyValue, AnyError> {
         let answer = self.answer;
         let client = self.of(&one.member)?;
         let before = match from {
@@ -125,7 +125,7 @@ impl<'v> Clients<'v> {
 }
 
 /// Says why a parameter was not set to `new`.
-fn refusal(name: &str, one: &One, new: Value, source: RequestError) -> SetError {
+fn refusal(name: &str, one: &CatalogEntry, new: AnyValue, source: RequestError) -> SetError {
     let text = |value| one.of.text(value);
     let text = match &source {
         &RequestError::OutOfBounds { least, greatest } => {

@@ -1,14 +1,14 @@
-//! [`Known`]: all names that there are.
+//! [`VariableCatalog`]: all names that there are.
 
 use std::sync::Arc;
 
 use condor_mbox::linux::LinuxWindow;
-use condor_vars::{Entry, Table, TableError};
+use condor_vars::{TableEntry, VariableTable, VariableTableError};
 
 use super::types::Type;
 use crate::control::Member;
 use crate::error::{AnyError, me};
-use crate::names::{self, Named};
+use crate::names::{self, VariableName};
 use crate::plain::plain;
 use crate::view::{View, ViewError};
 
@@ -16,7 +16,7 @@ use crate::view::{View, ViewError};
 const ALL: &str = "`vars list` shows all";
 
 /// A variable, a parameter, or a field of a cell.
-pub struct One {
+pub struct CatalogEntry {
     /// The processor.
     pub member: Arc<Member>,
     /// The name of its loop or cell.
@@ -24,20 +24,20 @@ pub struct One {
     /// Its name; that of a field begins with the name of its cell and a period.
     pub name: String,
     /// The table in which it is.
-    pub table: Table<LinuxWindow>,
+    pub table: VariableTable<LinuxWindow>,
     /// Its entry there.
-    pub entry: Entry,
+    pub entry: TableEntry,
     /// Its type.
     pub of: Type,
 }
 
-impl One {
+impl CatalogEntry {
     fn read(
         member: &Arc<Member>,
         owner: &Arc<str>,
-        table: &Table<LinuxWindow>,
-        entry: Entry,
-    ) -> Result<Self, TableError> {
+        table: &VariableTable<LinuxWindow>,
+        entry: TableEntry,
+    ) -> Result<Self, VariableTableError> {
         let name = match table.cell() {
             Some(_) => format!("{owner}.{}", entry.name),
             None => entry.name.to_string(),
@@ -77,7 +77,7 @@ impl One {
     }
 }
 
-impl Named for One {
+impl VariableName for CatalogEntry {
     fn parts(&self) -> [&str; 3] {
         [&self.member.name, &self.owner, &self.name]
     }
@@ -85,14 +85,14 @@ impl Named for One {
 
 /// The variables, parameters and fields of some processors.
 #[derive(Default)]
-pub struct Known {
+pub struct VariableCatalog {
     /// All of them, in the order of the processors.
-    pub all: Vec<One>,
+    pub all: Vec<CatalogEntry>,
     /// Texts that say what could not be read.
     pub troubles: Vec<String>,
 }
 
-impl Known {
+impl VariableCatalog {
     /// Reads the tables of processors of a system; one that cannot be read hides no other.
     ///
     /// # Errors
@@ -120,7 +120,7 @@ impl Known {
 
     /// Returns the place of the variable of this name among `columns`.
     #[must_use]
-    pub fn column(&self, name: &str, columns: &[&One]) -> Option<usize> {
+    pub fn column(&self, name: &str, columns: &[&CatalogEntry]) -> Option<usize> {
         let one = self.find(name).ok()?;
         columns.iter().position(|it| core::ptr::eq(*it, one))
     }
@@ -139,7 +139,7 @@ impl Known {
             let owner = variables.name.into();
             let read = variables.table.and_then(|table| {
                 let entries = table.entries();
-                let ones = entries.map(|entry| One::read(member, &owner, &table, entry?));
+                let ones = entries.map(|entry| CatalogEntry::read(member, &owner, &table, entry?));
                 ones.collect::<Result<Vec<_>, _>>()
             });
             match read {
@@ -165,7 +165,7 @@ impl Known {
     ///
     /// # Errors
     /// A text that says that there is no such name, with similar ones, or that there are several.
-    pub fn find(&self, name: &str) -> Result<&One, String> {
+    pub fn find(&self, name: &str) -> Result<&CatalogEntry, String> {
         names::find(&self.all, name, &self.hint())
     }
 
@@ -174,13 +174,13 @@ impl Known {
     ///
     /// # Errors
     /// A text that says which name or pattern stands for nothing.
-    pub fn matching(&self, patterns: &[String]) -> Result<Vec<&One>, String> {
+    pub fn matching(&self, patterns: &[String]) -> Result<Vec<&CatalogEntry>, String> {
         names::matching(&self.all, patterns, &self.hint())
     }
 
     /// Returns the shortest name of each that no other variable has.
     #[must_use]
-    pub fn labels(&self, chosen: &[&One]) -> Vec<String> {
+    pub fn labels(&self, chosen: &[&CatalogEntry]) -> Vec<String> {
         names::labels(&self.all, chosen)
     }
 
@@ -198,7 +198,7 @@ impl Known {
     ///
     /// # Errors
     /// A text that says that there is no such name, or that it is not that of a parameter.
-    pub fn parameter(&self, name: &str) -> Result<&One, String> {
+    pub fn parameter(&self, name: &str) -> Result<&CatalogEntry, String> {
         let one = self.find(name)?;
         if one.can_be_set() {
             return Ok(one);

@@ -1,4 +1,4 @@
-//! [`Newcomers`]: loops and cells that were not there at first.
+//! [`NewPrograms`]: loops and cells that were not there at first.
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -6,16 +6,16 @@ use std::time::{Duration, Instant};
 
 use wildmatch::WildMatch;
 
-use super::known::{Known, One};
+use super::known::{CatalogEntry, VariableCatalog};
 use crate::control::Member;
-use crate::names::Named;
-use crate::view::{Presence, View};
+use crate::names::VariableName;
+use crate::view::{MailboxState, View};
 
 /// The time between two looks.
 const LOOK: Duration = Duration::from_millis(500);
 
 /// Finds the loops and cells of programs that are loaded or started while a program looks at the system.
-pub struct Newcomers {
+pub struct NewPrograms {
     members: Vec<Arc<Member>>,
     /// Patterns of the wanted variables; none if all are wanted.
     patterns: Vec<WildMatch>,
@@ -25,11 +25,11 @@ pub struct Newcomers {
     looked: Instant,
 }
 
-impl Newcomers {
+impl NewPrograms {
     /// Finds from now on what is not in `known`. Of the texts in `patterns`, those with `*` or `?` may stand for
     /// variables that come later; without any text, all variables are wanted.
     #[must_use]
-    pub fn after(known: &Known, members: &[Member], patterns: &[String]) -> Self {
+    pub fn after(known: &VariableCatalog, members: &[Member], patterns: &[String]) -> Self {
         let open = patterns.iter().filter(|text| text.contains(['*', '?']));
         Self {
             members: members.iter().cloned().map(Arc::new).collect(),
@@ -42,15 +42,15 @@ impl Newcomers {
 
     /// Returns the wanted variables of loops and cells that have come since the last call; it looks for them every
     /// 500 ms. What cannot be read yet is looked for again.
-    pub fn look(&mut self, view: &View) -> Vec<One> {
+    pub fn look(&mut self, view: &View) -> Vec<CatalogEntry> {
         if self.looked.elapsed() < LOOK {
             return Vec::new();
         }
         self.looked = Instant::now();
-        let mut known = Known::default();
+        let mut known = VariableCatalog::default();
         for member in &self.members {
             let heart = view.heart(member.processor());
-            if heart.is_ok_and(|heart| heart.presence == Presence::Up) {
+            if heart.is_ok_and(|heart| heart.presence == MailboxState::Up) {
                 let is_new = |owner: &str| !self.seen.contains(&(member.number, owner.into()));
                 // A program that begins just now is complete at the next look.
                 let _ = known.add(view, member, is_new);
@@ -66,6 +66,6 @@ impl Newcomers {
 }
 
 /// Iterates over the loops and cells of variables, each with the number of its processor.
-fn places(all: &[One]) -> impl Iterator<Item = (u8, Arc<str>)> {
+fn places(all: &[CatalogEntry]) -> impl Iterator<Item = (u8, Arc<str>)> {
     all.iter().map(|one| (one.member.number, one.owner.clone()))
 }

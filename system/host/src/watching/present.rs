@@ -2,9 +2,9 @@
 
 use std::time::{Duration, Instant};
 
-use condor_vars::Value;
+use condor_vars::AnyValue;
 
-use super::{Clients, One, Rows, Source};
+use super::{CatalogEntry, Clients, RowSource, Rows};
 use crate::error::AnyError;
 
 /// How long no row may come, at least.
@@ -12,7 +12,7 @@ const SILENCE: Duration = Duration::from_secs(2);
 
 /// Returns how long to wait for rows of loops of which every `every`th tick is read.
 #[must_use]
-pub fn patience(sources: &[Source], every: u32) -> Duration {
+pub fn patience(sources: &[RowSource], every: u32) -> Duration {
     let periods = sources.iter().map(|source| source.period_s(every));
     let several = Duration::try_from_secs_f64(4.0 * periods.fold(0.0, f64::max));
     several.unwrap_or(Duration::MAX).max(SILENCE)
@@ -29,7 +29,10 @@ pub fn silence(silent: &[String]) -> String {
 ///
 /// # Errors
 /// An error that says which loop writes no rows, or has ended.
-pub fn present(clients: &mut Clients<'_>, chosen: &[&One]) -> Result<Vec<Option<Value>>, AnyError> {
+pub fn present(
+    clients: &mut Clients<'_>,
+    chosen: &[&CatalogEntry],
+) -> Result<Vec<Option<AnyValue>>, AnyError> {
     let mut values = vec![None; chosen.len()];
     let chosen = values.iter_mut().zip(chosen.iter().copied());
     let (mut places, columns): (Vec<_>, Vec<_>) = chosen

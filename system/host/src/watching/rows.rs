@@ -6,17 +6,18 @@ use std::sync::Arc;
 use std::time::{self, Duration};
 
 use condor_mbox::linux::LinuxWindow;
-use condor_mbox::published::ReadError;
+use condor_mbox::published::PublishedReadError;
 use condor_mbox::{Instant, Messenger};
 use condor_vars::{
-    Cell, CellError, Entry, Kind, RequestError, Table, TableError, Value, WatchError, Watcher,
+    AnyValue, Cell, CellError, RequestError, TableEntry, ValueKind, VariableTable,
+    VariableTableError, WatchError, Watcher,
 };
 
 use super::clients::Clients;
-use super::known::One;
+use super::known::CatalogEntry;
 use crate::control::Member;
 use crate::error::AnyError;
-use crate::view::{Presence, View, ViewError};
+use crate::view::{MailboxState, View, ViewError};
 
 /// The time between two looks for rows.
 const LOOK: Duration = Duration::from_millis(5);
@@ -36,7 +37,7 @@ pub struct Rows<'v> {
     view: &'v View,
     clients: Clients<'v>,
     /// The sources, in the order of processors and of their tables.
-    pub sources: Vec<Source>,
+    pub sources: Vec<RowSource>,
     every: u32,
     /// How far this host's clock is ahead of that of all harts, in real time; `None` before the first row
     /// of one.
@@ -45,10 +46,10 @@ pub struct Rows<'v> {
 }
 
 /// A loop, or a published cell.
-pub struct Source {
+pub struct RowSource {
     member: Arc<Member>,
     owner: Arc<str>,
-    fields: Vec<Field>,
+    fields: Vec<RowField>,
     supply: Supply,
     /// The number of rows that were read.
     pub rows: u64,
@@ -56,9 +57,9 @@ pub struct Source {
     lost_before: u64,
     /// The number of values that were skipped before the present cell.
     skipped_before: u64,
-    /// The life of the table of the present watcher.
-    life: u32,
-    /// The tick of the last row of that life; `None` before the first one.
+    /// The incarnation of the table of the present watcher.
+    incarnation: u32,
+    /// The tick of the last row of that incarnation; `None` before the first one.
     last_tick: Option<u64>,
     /// Whether the next row is the first one since the source was gone.
     is_back: bool,
@@ -69,7 +70,7 @@ pub struct Source {
 enum Supply {
     Loop(LoopSupply),
     Cell(CellSupply),
-    /// What was read belongs to a former life of the program.
+    /// What was read belongs to a former incarnation of the program.
     Gone {
         looked: time::Instant,
         /// The reason for which its variables were not found then; empty before the first look.
@@ -86,7 +87,7 @@ struct LoopSupply {
 struct CellSupply {
     cell: Cell<LinuxWindow>,
     /// The fields, in the order of the source's.
-    entries: Vec<Entry>,
+    entries: Vec<TableEntry>,
     /// The sequence number of the value that was read last.
     last: Option<u32>,
     /// The number of values that were published between two that were read.
@@ -95,18 +96,18 @@ struct CellSupply {
 
 /// A value of a row.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Field {
+pub struct RowField {
     /// The name of the variable in its loop, or of the field in its cell.
     pub name: String,
     /// Its type.
-    pub kind: Kind,
+    pub kind: ValueKind,
     /// The columns that show it.
     pub columns: Vec<usize>,
 }
 
 /// The values of a source at one instant.
 #[derive(Clone, Copy, Debug)]
-pub struct Row<'r> {
+pub struct SourceRow<'r> {
     /// The number of the tick; the sequence number of the value of a cell.
     pub tick: u64,
     /// When the tick was released, on the clock of the system; when the value of a cell was read.
@@ -114,14 +115,14 @@ pub struct Row<'r> {
     /// The number of rows that were lost between the one before and this one; 0 for a cell, which is sampled.
     pub lost: u32,
     /// What the values are, in their order.
-    pub fields: &'r [Field],
+    pub fields: &'r [RowField],
     /// The values of the fields, one after the other.
     pub words: &'r [u32],
 }
 
-impl<'r> Row<'r> {
+impl<'r> SourceRow<'r> {
     /// Iterates over the values, each with its field.
-    pub fn values(&self) -> impl Iterator<Item = (&'r Field, Value)> {
+    pub fn values(&self) -> impl Iterator<Item = (&'r RowField, AnyValue)> {
         let mut words = self.words;
         self.fields.iter().map_while(move |field| {
             let (value, rest) = field.kind.split(words)?;
@@ -147,7 +148,7 @@ impl<'v> Rows<'v> {
     /// # Errors
     /// An error that names the loop or the cell, and says why it cannot have rows for this visitor. One that only
     /// does not answer is no error: [`changes`](Self::changes) names it, and its rows begin when it does.
-    pub fn of(view: &'v View, columns: &[&One], every: u32) -> Result<Self, AnyError> {
+    pub fn of(view: &'v View, columns: &[&CatalogEntry], every: u32) -> Result<Self, AnyError> {
         Self::with(Clients::new(view), columns, every)
     }
 
@@ -155,7 +156,11 @@ impl<'v> Rows<'v> {
     ///
     /// # Errors
     /// As for [`of`](Self::of).
-    pub fn with(clients: Clients<'v>, columns: &[&One], every: u32) -> Result<Self, AnyError> {
+    pub fn with(
+        clients: Clients<'v>,
+        columns: &[&CatalogEntry],
+        every: u32,
+    ) -> Result<Self, AnyError> {
         let mut rows = Self {
             view: clients.view(),
             clients,
@@ -180,7 +185,7 @@ impl<'v> Rows<'v> {
     /// Asks for rows of further variables, whose loops and cells are no sources yet. Each loop and cell becomes a
     /// new source, and the columns of its fields are places in `columns`. [`changes`](Self::changes) tells which
     /// have rows.
-    pub fn extend(&mut self, columns: &[&One]) {
+    pub fn extend(&mut self, columns: &[&CatalogEntry]) {
         for of_source in by_source(columns) {
             let number = self.sources.len();
             // A source that is refused is told by `add`.
@@ -193,7 +198,7 @@ impl<'v> Rows<'v> {
     /// Adds a source of these variables, which are sorted by number. It has no rows yet if it is refused.
     fn add(
         &mut self,
-        chosen: &BTreeMap<u32, (&One, Vec<usize>)>,
+        chosen: &BTreeMap<u32, (&CatalogEntry, Vec<usize>)>,
         answer: Duration,
     ) -> Result<(), SupplyError> {
         let Some((one, _)) = chosen.values().next() else {
@@ -201,7 +206,7 @@ impl<'v> Rows<'v> {
         };
         let (member, owner, table) = (&one.member, &one.owner, &one.table);
         let entries: Vec<_> = chosen.values().map(|(one, _)| one.entry.clone()).collect();
-        let fields = chosen.values().map(|(one, columns)| Field {
+        let fields = chosen.values().map(|(one, columns)| RowField {
             name: one.entry.name.to_string(),
             kind: one.entry.kind,
             columns: columns.clone(),
@@ -210,7 +215,7 @@ impl<'v> Rows<'v> {
             Ok(supply) => (supply, None),
             Err(error) => (Supply::gone(error.to_string()), Some(error)),
         };
-        self.sources.push(Source {
+        self.sources.push(RowSource {
             member: member.clone(),
             owner: owner.clone(),
             fields: fields.collect(),
@@ -218,7 +223,7 @@ impl<'v> Rows<'v> {
             rows: 0,
             lost_before: 0,
             skipped_before: 0,
-            life: table.life(),
+            incarnation: table.incarnation(),
             last_tick: None,
             is_back: false,
             rate: table.rate(),
@@ -238,8 +243,8 @@ impl<'v> Rows<'v> {
     fn supply(
         &mut self,
         member: &Member,
-        table: &Table<LinuxWindow>,
-        entries: Vec<Entry>,
+        table: &VariableTable<LinuxWindow>,
+        entries: Vec<TableEntry>,
         answer: Duration,
     ) -> Result<Supply, SupplyError> {
         if table.cell().is_some() {
@@ -261,7 +266,7 @@ impl<'v> Rows<'v> {
         {
             // With all that lies between them, they are one piece.
             let all = (*first..=*last).map(|it| Ok((it, table.entry(it)?.kind.words())));
-            let all = all.collect::<Result<Vec<_>, TableError>>()?;
+            let all = all.collect::<Result<Vec<_>, VariableTableError>>()?;
             wanted = words_of(&all, &numbers);
             let all: Vec<u32> = all.into_iter().map(|(number, _)| number).collect();
             selected = client.select(&mut watcher, &all, self.every, answer);
@@ -281,7 +286,7 @@ impl<'v> Rows<'v> {
     ///
     /// # Errors
     /// An error that names the source, if its memory cannot be read.
-    pub fn read(&mut self, mut take: impl FnMut(usize, &Row<'_>)) -> Result<(), AnyError> {
+    pub fn read(&mut self, mut take: impl FnMut(usize, &SourceRow<'_>)) -> Result<(), AnyError> {
         for number in 0..self.sources.len() {
             self.read_source(number, &mut take)?;
         }
@@ -291,7 +296,7 @@ impl<'v> Rows<'v> {
     fn read_source(
         &mut self,
         number: usize,
-        take: &mut impl FnMut(usize, &Row<'_>),
+        take: &mut impl FnMut(usize, &SourceRow<'_>),
     ) -> Result<(), AnyError> {
         let Some(source) = self.sources.get_mut(number) else {
             return Ok(());
@@ -300,7 +305,7 @@ impl<'v> Rows<'v> {
         let shares_clock = source.member.runs_here || self.view.is_simulated();
         let (ahead_ns, every) = (&mut self.ahead_ns, u64::from(self.every));
         let (rows, fields) = (&mut source.rows, &source.fields);
-        let mut take = |row: Row<'_>| {
+        let mut take = |row: SourceRow<'_>| {
             *rows += 1;
             take(number, &row);
         };
@@ -324,7 +329,7 @@ impl<'v> Rows<'v> {
                     *lost_before += missed;
                     lost = lost.saturating_add(u32::try_from(missed).unwrap_or(u32::MAX));
                 }
-                take(Row {
+                take(SourceRow {
                     released,
                     lost,
                     ..row
@@ -338,7 +343,7 @@ impl<'v> Rows<'v> {
             }
         };
         match read {
-            Err(error) if error.is_of_former_life() => {
+            Err(error) if error.is_of_former_incarnation() => {
                 if let Some(source) = self.sources.get_mut(number) {
                     source.lost_before = source.lost();
                     source.skipped_before = source.skipped();
@@ -362,18 +367,19 @@ impl<'v> Rows<'v> {
             return;
         };
         let member = source.member.clone();
-        let life = found
+        let incarnation = found
             .as_ref()
-            .map_or(source.life, |(table, _)| table.life());
+            .map_or(source.incarnation, |(table, _)| table.incarnation());
         let supply =
             found.and_then(|(table, entries)| self.supply(&member, &table, entries, QUICK_ANSWER));
         let told = match supply {
             Ok(supply) => {
                 if let Some(source) = self.sources.get_mut(number) {
                     // What the same program did before it answered for the first time was never to be read.
-                    source.is_back = source.last_tick.is_some() || life != source.life;
-                    if life != source.life {
-                        (source.life, source.last_tick) = (life, None);
+                    source.is_back =
+                        source.last_tick.is_some() || incarnation != source.incarnation;
+                    if incarnation != source.incarnation {
+                        (source.incarnation, source.last_tick) = (incarnation, None);
                     }
                     source.supply = supply;
                 }
@@ -402,9 +408,12 @@ impl<'v> Rows<'v> {
     }
 
     /// Finds the table of a source anew, and the entries of its fields.
-    fn find(&self, source: &Source) -> Result<(Table<LinuxWindow>, Vec<Entry>), SupplyError> {
+    fn find(
+        &self,
+        source: &RowSource,
+    ) -> Result<(VariableTable<LinuxWindow>, Vec<TableEntry>), SupplyError> {
         let processor = source.member.processor();
-        if self.view.heart(processor)?.presence != Presence::Up {
+        if self.view.heart(processor)?.presence != MailboxState::Up {
             return Err(SupplyError::Absent);
         }
         let all = self.view.variables(processor)?.into_iter();
@@ -437,7 +446,7 @@ impl<'v> Rows<'v> {
     fn name(&self, source: usize) -> String {
         self.sources
             .get(source)
-            .map(Source::name)
+            .map(RowSource::name)
             .unwrap_or_default()
     }
 
@@ -449,9 +458,9 @@ impl<'v> Rows<'v> {
     /// Returns the sources whose programs have answered, but of which no row has come yet.
     #[must_use]
     pub fn silent(&self) -> Vec<String> {
-        let is_silent = |it: &&Source| it.rows == 0 && !matches!(it.supply, Supply::Gone { .. });
+        let is_silent = |it: &&RowSource| it.rows == 0 && !matches!(it.supply, Supply::Gone { .. });
         let silent = self.sources.iter().filter(is_silent);
-        silent.map(Source::name).collect()
+        silent.map(RowSource::name).collect()
     }
 
     /// Waits until there may be more rows.
@@ -492,7 +501,7 @@ impl Drop for Rows<'_> {
     }
 }
 
-impl Source {
+impl RowSource {
     /// Returns its name: `processor:loop` or `processor:cell`.
     #[must_use]
     pub fn name(&self) -> String {
@@ -507,7 +516,7 @@ impl Source {
 
     /// Returns the values of a row.
     #[must_use]
-    pub fn fields(&self) -> &[Field] {
+    pub fn fields(&self) -> &[RowField] {
         &self.fields
     }
 
@@ -560,9 +569,11 @@ impl Supply {
 }
 
 /// Sorts variables, each with the columns that show it, by their sources, and by their numbers there.
-fn by_source<'o>(columns: &[&'o One]) -> Vec<BTreeMap<u32, (&'o One, Vec<usize>)>> {
+fn by_source<'o>(
+    columns: &[&'o CatalogEntry],
+) -> Vec<BTreeMap<u32, (&'o CatalogEntry, Vec<usize>)>> {
     // In the order of rows: by the number of the entry.
-    let mut chosen = BTreeMap::<_, BTreeMap<u32, (&One, Vec<usize>)>>::new();
+    let mut chosen = BTreeMap::<_, BTreeMap<u32, (&CatalogEntry, Vec<usize>)>>::new();
     for (column, one) in columns.iter().enumerate() {
         let key = (one.member.number, one.table.offset());
         let of_source = chosen.entry(key).or_default();
@@ -619,7 +630,11 @@ fn words_of(all: &[(u32, usize)], wanted: &[u32]) -> Vec<Range<usize>> {
 
 impl LoopSupply {
     /// Hands over the rows that the loop has written, with times on its own clock.
-    fn read(&mut self, fields: &[Field], mut take: impl FnMut(Row<'_>)) -> Result<(), SupplyError> {
+    fn read(
+        &mut self,
+        fields: &[RowField],
+        mut take: impl FnMut(SourceRow<'_>),
+    ) -> Result<(), SupplyError> {
         let mut words = vec![0; self.watcher.words()];
         let mut wanted = Vec::new();
         // More can only come meanwhile.
@@ -633,7 +648,7 @@ impl LoopSupply {
                 .iter()
                 .filter_map(|range| words.get(range.clone()));
             wanted.extend(ranges.flatten());
-            take(Row {
+            take(SourceRow {
                 tick: row.tick,
                 released: row.released,
                 lost: row.lost,
@@ -653,15 +668,17 @@ impl CellSupply {
     /// Hands over the present value, if it is another one than that before.
     fn read(
         &mut self,
-        fields: &[Field],
+        fields: &[RowField],
         now: Instant,
-        mut take: impl FnMut(Row<'_>),
+        mut take: impl FnMut(SourceRow<'_>),
     ) -> Result<(), SupplyError> {
         let mut bytes = vec![0; self.cell.bytes()];
         let sequence = match self.cell.read(&mut bytes) {
             Ok(sequence) if Some(sequence) == self.last => return Ok(()),
             Ok(sequence) => sequence,
-            Err(CellError::Read(ReadError::Unpublished | ReadError::Contended { .. })) => {
+            Err(CellError::Read(
+                PublishedReadError::Unpublished | PublishedReadError::Contended { .. },
+            )) => {
                 return Ok(());
             }
             Err(error) => return Err(error.into()),
@@ -679,7 +696,7 @@ impl CellSupply {
             let of_value = of_value.unwrap_or_default().into_iter();
             words.extend(of_value.take(entry.kind.words()));
         }
-        take(Row {
+        take(SourceRow {
             tick: sequence.into(),
             released: now,
             lost: 0,
@@ -708,7 +725,7 @@ enum SupplyError {
     #[error(transparent)]
     View(#[from] ViewError),
     #[error(transparent)]
-    Table(#[from] TableError),
+    Table(#[from] VariableTableError),
     #[error(transparent)]
     Request(#[from] RequestError),
     #[error(transparent)]
@@ -727,15 +744,17 @@ impl SupplyError {
         }
     }
 
-    /// Returns whether what is read belongs to a former life of the program, or to another watcher now.
-    const fn is_of_former_life(&self) -> bool {
+    /// Returns whether what is read belongs to a former incarnation of the program, or to another watcher now.
+    const fn is_of_former_incarnation(&self) -> bool {
         matches!(
             self,
             Self::Watch(
                 WatchError::Displaced { .. }
-                    | WatchError::Table(TableError::Restarted { .. } | TableError::NoTable { .. })
+                    | WatchError::Table(
+                        VariableTableError::Restarted { .. } | VariableTableError::NoTable { .. }
+                    )
             ) | Self::Cell(CellError::Table(
-                TableError::Restarted { .. } | TableError::NoTable { .. }
+                VariableTableError::Restarted { .. } | VariableTableError::NoTable { .. }
             ))
         )
     }
@@ -759,16 +778,16 @@ impl SupplyError {
 mod tests {
     use super::*;
 
-    fn values(fields: &[(Kind, &[usize])], words: &[u32]) -> Vec<(Vec<usize>, Value)> {
+    fn values(fields: &[(ValueKind, &[usize])], words: &[u32]) -> Vec<(Vec<usize>, AnyValue)> {
         let fields: Vec<_> = fields
             .iter()
-            .map(|(kind, columns)| Field {
+            .map(|(kind, columns)| RowField {
                 name: String::new(),
                 kind: *kind,
                 columns: columns.to_vec(),
             })
             .collect();
-        let row = Row {
+        let row = SourceRow {
             tick: 0,
             released: Instant::from_ns(0),
             lost: 0,
@@ -783,8 +802,8 @@ mod tests {
 
     #[test]
     fn values_go_to_the_columns_that_show_them() {
-        let fields: [(_, &[usize]); 2] = [(Kind::U64, &[3]), (Kind::Bool, &[0, 2])];
-        let (long, flag) = (Value::Uint(0x1_0000_0005), Value::Bool(true));
+        let fields: [(_, &[usize]); 2] = [(ValueKind::U64, &[3]), (ValueKind::Bool, &[0, 2])];
+        let (long, flag) = (AnyValue::Uint(0x1_0000_0005), AnyValue::Bool(true));
         let expected = [(vec![3], long), (vec![0, 2], flag)];
         assert_eq!(values(&fields, &[5, 1, 1]), expected);
     }
@@ -812,7 +831,7 @@ mod tests {
 
     #[test]
     fn a_row_that_is_too_short_has_no_more_values() {
-        let fields: [(_, &[usize]); 2] = [(Kind::U32, &[0]), (Kind::F64, &[1])];
-        assert_eq!(values(&fields, &[7, 0]), [(vec![0], Value::Uint(7))]);
+        let fields: [(_, &[usize]); 2] = [(ValueKind::U32, &[0]), (ValueKind::F64, &[1])];
+        assert_eq!(values(&fields, &[7, 0]), [(vec![0], AnyValue::Uint(7))]);
     }
 }

@@ -6,8 +6,8 @@ use std::process::{Command, ExitCode};
 use std::sync::mpsc;
 use std::time::Duration;
 
-use condor_host::application::{Application, Programs, Run};
-use condor_host::description::{ClockKind, Description, OnFailure, ProgramEntry, Speed};
+use condor_host::application::{Application, ProgramFunction, Programs};
+use condor_host::description::{ClockKind, ClockSpeed, OnFailure, ProgramEntry, SystemDescription};
 use condor_host::error::AnyError;
 use condor_host::services::terminals::Script;
 
@@ -20,7 +20,7 @@ static OWN: Walker = Walker(Programs::new(&[
 ]));
 
 impl Application for Walker {
-    fn programs(&self) -> &[(&'static str, Run)] {
+    fn programs(&self) -> &[(&'static str, ProgramFunction)] {
         self.0.programs()
     }
 
@@ -52,7 +52,7 @@ fn place() -> (tempfile::TempDir, PathBuf) {
 
 /// What is said of a text, without the name of the file.
 fn told(text: &str, file: &Path) -> Vec<String> {
-    let Err(mistakes) = Description::from_toml(text, file, &OWN) else {
+    let Err(mistakes) = SystemDescription::from_toml(text, file, &OWN) else {
         return Vec::new();
     };
     let name = format!("{}:", file.display());
@@ -74,7 +74,7 @@ fn one(text: &str) -> String {
 #[test]
 fn what_is_left_out_has_a_default() {
     let (place, file) = place();
-    let description = Description::from_toml(RIGHT, &file, &OWN).unwrap();
+    let description = SystemDescription::from_toml(RIGHT, &file, &OWN).unwrap();
     assert_eq!(description.files.unwrap().root, place.path().join("files"));
     assert_eq!(description.robot, None);
     assert_eq!(
@@ -200,7 +200,7 @@ fn a_log_has_room_for_what_is_shown_of_it() {
     );
     let (_place, file) = place();
     let read = |text: &str| {
-        let description = Description::from_toml(&terminals(text), &file, &OWN);
+        let description = SystemDescription::from_toml(&terminals(text), &file, &OWN);
         description.unwrap().terminals.log_bytes
     };
     assert_eq!(read("replay_bytes = 100\nlog_bytes = 5000"), 5000);
@@ -219,10 +219,10 @@ fn a_program_is_looked_for_and_must_be_one() {
     );
     assert_eq!(told(&text, &file), [expected]);
     std::fs::set_permissions(&path, PermissionsExt::from_mode(0o755)).unwrap();
-    let description = Description::from_toml(&text, &file, &OWN).unwrap();
+    let description = SystemDescription::from_toml(&text, &file, &OWN).unwrap();
     assert_eq!(description.processors[0].program, ProgramEntry::File(path));
     let text = RIGHT.replace("\"self\"", "\"sh\"");
-    let description = Description::from_toml(&text, &file, &OWN).unwrap();
+    let description = SystemDescription::from_toml(&text, &file, &OWN).unwrap();
     let ProgramEntry::File(path) = &description.processors[0].program else {
         panic!("it is in PATH");
     };
@@ -263,7 +263,7 @@ fn the_application_checks_the_configuration_of_the_robot() {
     std::fs::write(&path, "legs = 2").unwrap();
     assert_eq!(told(&text, &file), [""; 0]);
     let alone = OWN.0;
-    let mistakes = Description::from_toml(&text, &file, &alone).unwrap_err();
+    let mistakes = SystemDescription::from_toml(&text, &file, &alone).unwrap_err();
     let text = mistakes.to_string();
     assert!(
         text.contains("does not use a robot's configuration"),
@@ -275,7 +275,9 @@ fn the_application_checks_the_configuration_of_the_robot() {
 #[test]
 fn a_file_that_is_not_there_is_told() {
     let (_place, file) = place();
-    let text = Description::read(&file, &OWN).unwrap_err().to_string();
+    let text = SystemDescription::read(&file, &OWN)
+        .unwrap_err()
+        .to_string();
     assert!(
         text.starts_with(&format!("{}:1:1: cannot read it: ", file.display())),
         "{text}"
@@ -286,14 +288,14 @@ fn a_file_that_is_not_there_is_told() {
 fn a_clock_is_real_unless_it_is_simulated_at_a_speed() {
     let (_place, file) = place();
     let text = |clock: &str| RIGHT.replace("[files]", &format!("[clock]\n{clock}\n[files]"));
-    let read = |text: &str| Description::from_toml(text, &file, &OWN).unwrap();
+    let read = |text: &str| SystemDescription::from_toml(text, &file, &OWN).unwrap();
     assert_eq!(read(RIGHT).clock, ClockKind::Real);
     assert_eq!(read(&text("kind = \"real\"")).clock, ClockKind::Real);
     for (speed, expected) in [
-        ("", Speed::ONE),
-        ("speed = 0.5", Speed(500)),
-        ("speed = 2", Speed(2000)),
-        ("speed = \"max\"", Speed::MAX),
+        ("", ClockSpeed::ONE),
+        ("speed = 0.5", ClockSpeed(500)),
+        ("speed = 2", ClockSpeed(2000)),
+        ("speed = \"max\"", ClockSpeed::MAX),
     ] {
         let description = read(&text(&format!("kind = \"simulated\"\n{speed}")));
         assert_eq!(description.clock, ClockKind::Simulated(expected), "{speed}");
@@ -334,11 +336,11 @@ fn a_clock_is_real_unless_it_is_simulated_at_a_speed() {
 #[test]
 fn its_file_is_found_from_every_directory() {
     let text = RIGHT.replace("[files]\nroot = \"files\"\n", "");
-    let description = Description::from_toml(&text, Path::new("hand.toml"), &OWN).unwrap();
+    let description = SystemDescription::from_toml(&text, Path::new("hand.toml"), &OWN).unwrap();
     let here = std::env::current_dir().unwrap();
     assert_eq!(description.file, here.join("hand.toml"));
     // Mistakes name it as it was typed.
-    let wrong = Description::from_toml("", Path::new("hand.toml"), &OWN).unwrap_err();
+    let wrong = SystemDescription::from_toml("", Path::new("hand.toml"), &OWN).unwrap_err();
     assert!(wrong.to_string().starts_with("hand.toml:1:1"), "{wrong}");
 }
 
@@ -349,7 +351,7 @@ fn a_fifo_is_refused_at_once_wherever_a_file_is_read() {
     let made = Command::new("mkfifo").arg(&fifo).status().unwrap();
     assert!(made.success());
     let reads: [fn(&Path) -> String; 2] = [
-        |fifo| Description::read(fifo, &OWN).unwrap_err().to_string(),
+        |fifo| SystemDescription::read(fifo, &OWN).unwrap_err().to_string(),
         |fifo| Script::read(fifo, &["a"]).unwrap_err().to_string(),
     ];
     let (sender, receiver) = mpsc::channel();

@@ -1,22 +1,22 @@
 //! What is no file, or a part of one.
 
-use condor_mcap::{Message, ReadError, Reader, Writer};
+use condor_mcap::{McapError, McapReader, McapWriter, MessageHead};
 use proptest::collection::vec;
 use proptest::prelude::*;
 
 use crate::recordings;
 
 /// Reads a file to its end, or to an error.
-fn read(file: &[u8], room: usize) -> Result<(), ReadError<core::convert::Infallible>> {
-    let (mut reader, mut buffer) = (Reader::new(file)?, vec![0; room]);
+fn read(file: &[u8], room: usize) -> Result<(), McapError<core::convert::Infallible>> {
+    let (mut reader, mut buffer) = (McapReader::new(file)?, vec![0; room]);
     while reader.next(&mut buffer)?.is_some() {}
     Ok(())
 }
 
 fn file() -> Vec<u8> {
-    let mut writer = Writer::new(Vec::new(), "", "test").unwrap();
+    let mut writer = McapWriter::new(Vec::new(), "", "test").unwrap();
     writer.channel(1, 0, "/a", "cdr", &[]).unwrap();
-    let message = Message {
+    let message = MessageHead {
         channel: 1,
         sequence: 1,
         log_time_ns: 1,
@@ -30,7 +30,7 @@ fn a_file_that_is_cut_off_anywhere_is_an_error() {
     let file = file();
     assert_eq!(read(&file, 128), Ok(()));
     for len in 0..file.len() {
-        assert_eq!(read(&file[..len], 128), Err(ReadError::BrokenOff), "{len}");
+        assert_eq!(read(&file[..len], 128), Err(McapError::BrokenOff), "{len}");
     }
 }
 
@@ -52,22 +52,22 @@ fn what_is_wrong_is_named() {
     let (opcode, bytes) = (0x04, 21);
     assert_eq!(
         read(&changed(channel + 9 + 4, 200), 128),
-        Err(ReadError::Invalid { opcode, bytes })
+        Err(McapError::Invalid { opcode, bytes })
     );
     assert_eq!(
         read(&good, 16),
-        Err(ReadError::Room {
+        Err(McapError::Room {
             opcode,
             bytes,
             room: 16
         })
     );
-    assert_eq!(read(&changed(channel, 0x06), 128), Err(ReadError::Chunk));
+    assert_eq!(read(&changed(channel, 0x06), 128), Err(McapError::Chunk));
     let end = good.len() - 1;
     let (opcode, bytes) = (0x02, 20);
     assert_eq!(
         read(&changed(end, b'!'), 128),
-        Err(ReadError::Invalid { opcode, bytes })
+        Err(McapError::Invalid { opcode, bytes })
     );
 }
 

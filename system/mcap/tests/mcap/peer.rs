@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::io::Cursor;
 
-use condor_mcap::{Message, Reader, Record, Writer};
+use condor_mcap::{McapReader, McapRecord, McapWriter, MessageHead};
 use mcap::records::MessageHeader;
 use mcap::{MessageStream, WriteOptions};
 use proptest::collection::vec;
@@ -11,7 +11,7 @@ use proptest::prelude::*;
 
 const SCHEMA: &[u8] = b"float64 angle # rad";
 
-fn messages() -> impl Strategy<Value = Vec<(Message, Vec<u8>)>> {
+fn messages() -> impl Strategy<Value = Vec<(MessageHead, Vec<u8>)>> {
     let message = (
         1..4_u16,
         any::<u32>(),
@@ -19,7 +19,7 @@ fn messages() -> impl Strategy<Value = Vec<(Message, Vec<u8>)>> {
         vec(any::<u8>(), 0..80),
     );
     let message = message.prop_map(|(channel, sequence, log_time_ns, data)| {
-        let message = Message {
+        let message = MessageHead {
             channel,
             sequence,
             log_time_ns,
@@ -33,8 +33,8 @@ fn topic(channel: u16) -> String {
     format!("/topic/{channel}")
 }
 
-fn written(messages: &[(Message, Vec<u8>)]) -> Vec<u8> {
-    let mut writer = Writer::new(Vec::new(), "ros2", "test").unwrap();
+fn written(messages: &[(MessageHead, Vec<u8>)]) -> Vec<u8> {
+    let mut writer = McapWriter::new(Vec::new(), "ros2", "test").unwrap();
     writer
         .metadata("versions", &[("format", "1"), ("robot", "hand")])
         .unwrap();
@@ -63,11 +63,11 @@ fn written(messages: &[(Message, Vec<u8>)]) -> Vec<u8> {
 }
 
 /// The messages of a file, as this crate reads them.
-fn read(file: &[u8]) -> Vec<(Message, Vec<u8>)> {
-    let (mut reader, mut buffer) = (Reader::new(file).unwrap(), [0; 512]);
+fn read(file: &[u8]) -> Vec<(MessageHead, Vec<u8>)> {
+    let (mut reader, mut buffer) = (McapReader::new(file).unwrap(), [0; 512]);
     let mut messages = Vec::new();
     while let Some(record) = reader.next(&mut buffer).unwrap() {
-        if let Record::Message(message, data) = record {
+        if let McapRecord::Message(message, data) = record {
             messages.push((message, data.to_vec()));
         }
     }
@@ -117,7 +117,7 @@ proptest! {
                 publish_time: 5,
             };
             writer.write_to_known_channel(&header, &data).unwrap();
-            expected.push((Message { channel: channel_id, ..message }, data));
+            expected.push((MessageHead { channel: channel_id, ..message }, data));
         }
         writer.finish().unwrap();
         drop(writer);
@@ -128,11 +128,11 @@ proptest! {
 #[test]
 fn all_records_are_read_as_they_were_written() {
     let file = written(&[]);
-    let (mut reader, mut buffer) = (Reader::new(&file[..]).unwrap(), [0; 128]);
+    let (mut reader, mut buffer) = (McapReader::new(&file[..]).unwrap(), [0; 128]);
     let header = reader.next(&mut buffer).unwrap().unwrap();
     let (profile, library) = ("ros2", "test");
-    assert_eq!(header, Record::Header { profile, library });
-    let Some(Record::Metadata { name, pairs }) = reader.next(&mut buffer).unwrap() else {
+    assert_eq!(header, McapRecord::Header { profile, library });
+    let Some(McapRecord::Metadata { name, pairs }) = reader.next(&mut buffer).unwrap() else {
         panic!("no metadata");
     };
     assert_eq!(name, "versions");
@@ -141,7 +141,7 @@ fn all_records_are_read_as_they_were_written() {
         [pairs.get("robot"), pairs.get("boat")],
         [Some("hand"), None]
     );
-    let schema = Record::Schema {
+    let schema = McapRecord::Schema {
         number: 7,
         name: "test/msg/Angle",
         encoding: "ros2msg",
@@ -149,7 +149,7 @@ fn all_records_are_read_as_they_were_written() {
     };
     assert_eq!(reader.next(&mut buffer).unwrap(), Some(schema));
     for channel in 1..4 {
-        let Some(Record::Channel {
+        let Some(McapRecord::Channel {
             number,
             schema,
             topic,

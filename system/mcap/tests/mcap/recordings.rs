@@ -1,6 +1,6 @@
 //! Files of any bytes: read, written again, and read again.
 
-use condor_mcap::{Reader, Record, Writer};
+use condor_mcap::{McapReader, McapRecord, McapWriter};
 
 /// Room for any record of a file that is found by chance.
 const ROOM: usize = 4096;
@@ -17,26 +17,26 @@ pub(crate) fn run(bytes: &[u8]) {
 
 fn copy(file: &[u8]) {
     let (mut buffer, mut again) = ([0; ROOM], [0; ROOM]);
-    let Ok(mut reader) = Reader::new(file) else {
+    let Ok(mut reader) = McapReader::new(file) else {
         return;
     };
     let mut written = Vec::new();
-    let mut writer = Writer::new(&mut written, "", "").expect("memory");
+    let mut writer = McapWriter::new(&mut written, "", "").expect("memory");
     let mut count = 0;
     while let Ok(Some(record)) = reader.next(&mut buffer) {
         count += usize::from(write(&mut writer, &record));
     }
     writer.end().expect("memory");
 
-    let mut first = Reader::new(file).expect("it was read before");
-    let mut second = Reader::new(&written[..]).expect("it was written here");
+    let mut first = McapReader::new(file).expect("it was read before");
+    let mut second = McapReader::new(&written[..]).expect("it was written here");
     // The header is that of the copy.
     second.next(&mut again).expect("it was written here");
     for _ in 0..count {
         let record = loop {
             let record = first.next(&mut buffer).expect("it was read before");
             let record = record.expect("it was read before");
-            if !matches!(record, Record::Header { .. }) {
+            if !matches!(record, McapRecord::Header { .. }) {
                 break record;
             }
         };
@@ -46,19 +46,19 @@ fn copy(file: &[u8]) {
 }
 
 /// Writes a record; false for a header, which only begins a file.
-fn write(writer: &mut Writer<&mut Vec<u8>>, record: &Record<'_>) -> bool {
+fn write(writer: &mut McapWriter<&mut Vec<u8>>, record: &McapRecord<'_>) -> bool {
     let written = match *record {
-        Record::Metadata { name, pairs } => {
+        McapRecord::Metadata { name, pairs } => {
             let pairs: Vec<_> = pairs.iter().collect();
             writer.metadata(name, &pairs)
         }
-        Record::Schema {
+        McapRecord::Schema {
             number,
             name,
             encoding,
             data,
         } => writer.schema(number, name, encoding, data),
-        Record::Channel {
+        McapRecord::Channel {
             number,
             schema,
             topic,
@@ -68,7 +68,7 @@ fn write(writer: &mut Writer<&mut Vec<u8>>, record: &Record<'_>) -> bool {
             let metadata: Vec<_> = metadata.iter().collect();
             writer.channel(number, schema, topic, encoding, &metadata)
         }
-        Record::Message(message, data) => writer.message(&message, &[data]),
+        McapRecord::Message(message, data) => writer.message(&message, &[data]),
         _ => return false,
     };
     written.expect("memory");

@@ -19,7 +19,7 @@ const REPAIRS: usize = 8;
 /// repeated, or the program goes on at another instruction.
 ///
 /// It runs in a signal handler, in the middle of anything: it may only do what is async-signal-safe.
-pub type Repair = fn(&mut BusError<'_>) -> bool;
+pub type Repair = fn(&mut MemoryFault<'_>) -> bool;
 
 /// Each is null or a [`Repair`].
 static TABLE: [AtomicPtr<()>; REPAIRS] = [const { AtomicPtr::new(ptr::null_mut()) }; REPAIRS];
@@ -34,7 +34,7 @@ type Handler = extern "C" fn(c_int, *mut libc::siginfo_t, *mut c_void);
 
 /// A bus error that the kernel reports.
 #[derive(Debug)]
-pub struct BusError<'c> {
+pub struct MemoryFault<'c> {
     address: usize,
     #[cfg_attr(
         not(any(
@@ -47,7 +47,7 @@ pub struct BusError<'c> {
     interrupted: &'c mut libc::ucontext_t,
 }
 
-impl BusError<'_> {
+impl MemoryFault<'_> {
     /// Returns the address that could not be reached.
     #[must_use]
     pub fn address(&self) -> usize {
@@ -61,7 +61,7 @@ impl BusError<'_> {
     target_arch = "aarch64",
     target_arch = "riscv64"
 ))]
-impl BusError<'_> {
+impl MemoryFault<'_> {
     /// Returns the address of the instruction whose access failed.
     #[must_use]
     pub fn instruction(&self) -> usize {
@@ -168,7 +168,7 @@ extern "C" fn handle(signal: c_int, info: *mut libc::siginfo_t, context: *mut c_
     // uses it meanwhile.
     let interrupted = unsafe { context.cast::<libc::ucontext_t>().as_mut() };
     if let (false, Some(interrupted)) = (sent, interrupted) {
-        let mut error = BusError {
+        let mut error = MemoryFault {
             // SAFETY: as above; a SIGBUS of the kernel carries an address.
             address: unsafe { (*info).si_addr() } as usize,
             interrupted,

@@ -7,15 +7,15 @@ use core::sync::atomic::{AtomicBool, Ordering};
 
 /// The words of one thread. Its handlers are the only other contexts that see them, so all accesses
 /// are relaxed, kept in order by compiler fences.
-struct Held {
+struct ThreadWords {
     held: AtomicBool,
     hook: Cell<Option<fn()>>,
 }
 
 thread_local! {
     // Constant and without a destructor: reached without a call or an allocation, in handlers, too.
-    static HELD: Held = const {
-        Held {
+    static HELD: ThreadWords = const {
+        ThreadWords {
             held: AtomicBool::new(false),
             hook: Cell::new(None),
         }

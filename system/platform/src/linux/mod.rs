@@ -8,7 +8,7 @@ mod regular;
 mod thread;
 mod whole_file;
 
-pub use bus_error::{BusError, Repair, on_bus_error};
+pub use bus_error::{MemoryFault, Repair, on_bus_error};
 pub use file_lock::{LOCK_PATIENCE, lock_file, while_held};
 #[cfg(all(feature = "critical-section", not(miri)))]
 pub(crate) use held::{hold, let_go};

@@ -185,7 +185,7 @@ class Remote:
         return int(self._ask("move", request, self.timeout))
 
     def next_id(self) -> Identity:
-        """Returns the identity for the next motion. The first call asks the gateway for the incarnation of this life."""
+        """Returns the identity for the next motion. The first call asks the gateway for the incarnation of this incarnation."""
         if self._incarnation is None:
             self._incarnation = int(self._until("move", {"do": "join"}))
         return Identity(self._incarnation, next(self._numbers))
@@ -302,10 +302,10 @@ class Stream:
             time.sleep(0.002)
         # Each message of a stream has its place.
         assert sample.attachment is not None
-        life, number = struct.unpack("<QQ", sample.attachment.to_bytes())
-        if self._last is not None and self._last[0] == life:
+        incarnation, number = struct.unpack("<QQ", sample.attachment.to_bytes())
+        if self._last is not None and self._last[0] == incarnation:
             self.lost += max(0, number - self._last[1] - 1)
-        self._last = (life, number)
+        self._last = (incarnation, number)
         message = sample.payload.to_bytes()
         if self._fields is None:
             return message

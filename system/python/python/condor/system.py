@@ -99,7 +99,7 @@ class Processor:
     """How its program ended last."""
     mailbox: str
     """The state of its mailbox: `absent`, `joining`, `up` or `dead`."""
-    life: int
+    incarnation: int
     """The incarnation of its mailbox, which changes each time a program joins."""
     loops: list[Loop]
     vectors: list[Vector]
@@ -264,7 +264,7 @@ class System:
         loops = [Loop(**{key: loop[key] for key in Loop.__dataclass_fields__}) for loop in more["loops"]]
         vectors = [Vector(**{key: one[key] for key in Vector.__dataclass_fields__}) for one in more["vectors"]]
         heart = more["heart"]
-        return Processor(**of_member, mailbox=heart["presence"], life=heart["life"], loops=loops, vectors=vectors)
+        return Processor(**of_member, mailbox=heart["presence"], incarnation=heart["incarnation"], loops=loops, vectors=vectors)
 
     def stop(self, processor: Union[str, int], *, timeout: float = 120.0) -> None:
         """Stops the program of a processor, or a service, and waits until it has ended."""

@@ -3,10 +3,10 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use condor_hand::queue::Identity;
-use condor_remote::wire::{Id, Outcome, Refusal, State};
+use condor_hand::queue::RequestIdentity;
+use condor_remote::wire::{Id, RemoteOutcome, RemoteRefusal, RemoteState};
 
-use crate::journal::{Journal, JournalError, Record};
+use crate::journal::{Journal, JournalError, JournalRecord};
 
 /// The number of motions of a client whose outcome is remembered.
 pub const REMEMBERED: usize = 256;
@@ -33,9 +33,9 @@ struct Client {
 struct Motion {
     digest: u64,
     /// Its request of the queue; `None` if the queue never had it.
-    request: Option<Identity>,
+    request: Option<RequestIdentity>,
     /// How it has ended.
-    end: Option<(State, String)>,
+    end: Option<(RemoteState, String)>,
 }
 
 impl Book {
@@ -55,12 +55,12 @@ impl Book {
         Ok(book)
     }
 
-    /// Gives an incarnation to a life of a client that begins: a number above all those before. No clock has a part in
+    /// Gives an incarnation to an incarnation of a client that begins: a number above all those before. No clock has a part in
     /// it, since that of a machine may begin long ago.
     ///
     /// # Errors
     /// A refusal if there is no number left, or if the journal cannot be written.
-    pub fn join(&mut self, client: &str) -> Result<u64, Refusal> {
+    pub fn join(&mut self, client: &str) -> Result<u64, RemoteRefusal> {
         let former = self.clients.get(client);
         let former = former.map_or(0, |it| {
             it.last().map_or(0, |id| id.incarnation).max(it.joined)
@@ -68,9 +68,9 @@ impl Book {
         let incarnation = former.checked_add(1).ok_or_else(|| {
             let error =
                 format!("{client} has used the last incarnation, {former}: give it another name");
-            Refusal::new(error, false)
+            RemoteRefusal::new(error, false)
         })?;
-        self.note(&Record::Joined {
+        self.note(&JournalRecord::Joined {
             client: client.into(),
             incarnation,
         })?;
@@ -86,27 +86,27 @@ impl Book {
         client: &str,
         id: Id,
         digest: Option<u64>,
-    ) -> Result<Option<Outcome>, Refusal> {
+    ) -> Result<Option<RemoteOutcome>, RemoteRefusal> {
         let Some(of_client) = self.clients.get(client) else {
-            return Ok(Some(State::New.into()));
+            return Ok(Some(RemoteState::New.into()));
         };
         let Some(motion) = of_client.motions.get(&id) else {
             let last = of_client.last();
             return Ok(Some(if of_client.forgotten >= Some(id) {
-                State::Forgotten.into()
+                RemoteState::Forgotten.into()
             } else if last.is_some_and(|last| last.incarnation > id.incarnation) {
-                State::Superseded.into()
+                RemoteState::Superseded.into()
             } else {
-                State::New.into()
+                RemoteState::New.into()
             }));
         };
         // A motion that was withdrawn before its bytes came may have any.
         if motion.request.is_some() && digest.is_some_and(|it| it != motion.digest) {
             let error = format!("the number {id} was used for another motion before");
-            return Err(Refusal::new(error, false));
+            return Err(RemoteRefusal::new(error, false));
         }
         let end = motion.end.clone();
-        Ok(end.map(|(state, reason)| Outcome {
+        Ok(end.map(|(state, reason)| RemoteOutcome {
             state,
             reason,
             progress: None,
@@ -114,7 +114,7 @@ impl Book {
     }
 
     /// Returns the motions that have not ended, with their clients and their requests of the queue.
-    pub fn open_motions(&self) -> impl Iterator<Item = (&str, Id, Identity)> {
+    pub fn open_motions(&self) -> impl Iterator<Item = (&str, Id, RequestIdentity)> {
         self.clients.iter().flat_map(|(client, of_client)| {
             let motions = of_client.motions.iter();
             motions.filter_map(|(id, motion)| match (&motion.end, motion.request) {
@@ -126,7 +126,7 @@ impl Book {
 
     /// Returns the request of the queue that a motion is.
     #[must_use]
-    pub fn request(&self, client: &str, id: Id) -> Option<Identity> {
+    pub fn request(&self, client: &str, id: Id) -> Option<RequestIdentity> {
         self.clients.get(client)?.motions.get(&id)?.request
     }
 
@@ -139,15 +139,15 @@ impl Book {
         client: &str,
         id: Id,
         digest: u64,
-        request: Identity,
-    ) -> Result<(), Refusal> {
+        request: RequestIdentity,
+    ) -> Result<(), RemoteRefusal> {
         let open = self.open_motions().filter(|(of, ..)| *of == client).count();
         if open >= OPEN {
             let error = format!("{OPEN} motions of {client} have not ended");
-            return Err(Refusal::new(error, true));
+            return Err(RemoteRefusal::new(error, true));
         }
-        let Identity { session, number } = request;
-        self.note(&Record::Offered {
+        let RequestIdentity { session, number } = request;
+        self.note(&JournalRecord::Offered {
             client: client.into(),
             id,
             digest,
@@ -164,13 +164,13 @@ impl Book {
         &mut self,
         client: &str,
         id: Id,
-        state: State,
+        state: RemoteState,
         reason: String,
-    ) -> Result<(), Refusal> {
+    ) -> Result<(), RemoteRefusal> {
         let of_client = self.clients.get(client);
         let motion = of_client.and_then(|it| it.motions.get(&id));
         let digest = motion.map_or(0, |motion| motion.digest);
-        self.note(&Record::Ended {
+        self.note(&JournalRecord::Ended {
             client: client.into(),
             id,
             digest,
@@ -179,26 +179,26 @@ impl Book {
         })
     }
 
-    fn note(&mut self, record: &Record) -> Result<(), Refusal> {
+    fn note(&mut self, record: &JournalRecord) -> Result<(), RemoteRefusal> {
         self.apply(record);
         let clients = &self.clients;
         let added = self.journal.add(record, || all(clients));
         added.map_err(|error| {
             // It is on the disk, or not: here it counts as what harms nobody.
             self.take_back(record);
-            Refusal::new(error.to_string(), true)
+            RemoteRefusal::new(error.to_string(), true)
         })
     }
 
     /// After a failed write: a motion that was not offered has not come, and an end is found out again.
-    fn take_back(&mut self, record: &Record) {
+    fn take_back(&mut self, record: &JournalRecord) {
         match record {
-            Record::Offered { client, id, .. } => {
+            JournalRecord::Offered { client, id, .. } => {
                 if let Some(of_client) = self.clients.get_mut(client) {
                     of_client.motions.remove(id);
                 }
             }
-            Record::Ended { client, id, .. } => {
+            JournalRecord::Ended { client, id, .. } => {
                 if let Some(of_client) = self.clients.get_mut(client)
                     && let Some(motion) = of_client.motions.get_mut(id)
                 {
@@ -209,28 +209,28 @@ impl Book {
                 }
             }
             // A number that nobody has harms nobody.
-            Record::Joined { .. } | Record::Forgotten { .. } => {}
+            JournalRecord::Joined { .. } | JournalRecord::Forgotten { .. } => {}
         }
     }
 
-    fn apply(&mut self, record: &Record) {
-        let (Record::Joined { client, .. }
-        | Record::Offered { client, .. }
-        | Record::Ended { client, .. }
-        | Record::Forgotten { client, .. }) = record;
+    fn apply(&mut self, record: &JournalRecord) {
+        let (JournalRecord::Joined { client, .. }
+        | JournalRecord::Offered { client, .. }
+        | JournalRecord::Ended { client, .. }
+        | JournalRecord::Forgotten { client, .. }) = record;
         let of_client = self.clients.entry(client.clone()).or_default();
         match record {
-            Record::Joined { incarnation, .. } => {
+            JournalRecord::Joined { incarnation, .. } => {
                 of_client.joined = of_client.joined.max(*incarnation);
             }
-            Record::Offered {
+            JournalRecord::Offered {
                 id,
                 digest,
                 session,
                 number,
                 ..
             } => {
-                let request = Identity {
+                let request = RequestIdentity {
                     session: *session,
                     number: *number,
                 };
@@ -241,7 +241,7 @@ impl Book {
                 };
                 of_client.motions.insert(*id, motion);
             }
-            Record::Ended {
+            JournalRecord::Ended {
                 id,
                 digest,
                 state,
@@ -255,7 +255,7 @@ impl Book {
                 });
                 motion.end = Some((*state, reason.clone()));
             }
-            Record::Forgotten { id, .. } => {
+            JournalRecord::Forgotten { id, .. } => {
                 of_client.forgotten = of_client.forgotten.max(Some(*id));
             }
         }
@@ -285,36 +285,41 @@ impl Client {
 }
 
 /// The records that the journal needs.
-fn all(clients: &BTreeMap<String, Client>) -> Vec<Record> {
+fn all(clients: &BTreeMap<String, Client>) -> Vec<JournalRecord> {
     let mut records = Vec::new();
     for (client, of_client) in clients {
         let client = || client.clone();
         if of_client.joined > 0 {
-            records.push(Record::Joined {
+            records.push(JournalRecord::Joined {
                 client: client(),
                 incarnation: of_client.joined,
             });
         }
-        records.extend(of_client.forgotten.map(|id| Record::Forgotten {
+        records.extend(of_client.forgotten.map(|id| JournalRecord::Forgotten {
             client: client(),
             id,
         }));
         for (id, motion) in &of_client.motions {
             let (id, digest) = (*id, motion.digest);
-            records.extend(motion.request.map(|request| Record::Offered {
+            records.extend(motion.request.map(|request| JournalRecord::Offered {
                 client: client(),
                 id,
                 digest,
                 session: request.session,
                 number: request.number,
             }));
-            records.extend(motion.end.clone().map(|(state, reason)| Record::Ended {
-                client: client(),
-                id,
-                digest,
-                state,
-                reason,
-            }));
+            records.extend(
+                motion
+                    .end
+                    .clone()
+                    .map(|(state, reason)| JournalRecord::Ended {
+                        client: client(),
+                        id,
+                        digest,
+                        state,
+                        reason,
+                    }),
+            );
         }
     }
     records
@@ -339,13 +344,13 @@ mod tests {
         }
     }
 
-    fn state(book: &Book, id: Id) -> Option<State> {
+    fn state(book: &Book, id: Id) -> Option<RemoteState> {
         book.look("lab", id, None)
             .expect("no other motion")
             .map(|it| it.state)
     }
 
-    const REQUEST: Identity = Identity {
+    const REQUEST: RequestIdentity = RequestIdentity {
         session: 3,
         number: 9,
     };
@@ -355,22 +360,22 @@ mod tests {
         let place = tempfile::tempdir().expect("a directory");
         let path = place.path().join("journal");
         let mut book = Book::open(&path).expect("room");
-        assert_eq!(state(&book, id(1, 1)), Some(State::New));
+        assert_eq!(state(&book, id(1, 1)), Some(RemoteState::New));
         book.offer("lab", id(1, 1), digest(b"wave"), REQUEST)
             .expect("room");
         book.offer("lab", id(1, 2), digest(b"fist"), REQUEST)
             .expect("room");
-        book.end("lab", id(1, 1), State::Done, String::new())
+        book.end("lab", id(1, 1), RemoteState::Done, String::new())
             .expect("room");
-        book.end("lab", id(2, 1), State::Withdrawn, String::new())
+        book.end("lab", id(2, 1), RemoteState::Withdrawn, String::new())
             .expect("room");
         for _ in 0..2 {
-            assert_eq!(state(&book, id(1, 1)), Some(State::Done));
+            assert_eq!(state(&book, id(1, 1)), Some(RemoteState::Done));
             assert_eq!(state(&book, id(1, 2)), None);
             // Of an incarnation that is over, nothing new comes.
-            assert_eq!(state(&book, id(1, 3)), Some(State::Superseded));
-            assert_eq!(state(&book, id(2, 1)), Some(State::Withdrawn));
-            assert_eq!(state(&book, id(2, 2)), Some(State::New));
+            assert_eq!(state(&book, id(1, 3)), Some(RemoteState::Superseded));
+            assert_eq!(state(&book, id(2, 1)), Some(RemoteState::Withdrawn));
+            assert_eq!(state(&book, id(2, 2)), Some(RemoteState::New));
             let other = book.look("lab", id(1, 1), Some(digest(b"fist")));
             assert!(other.unwrap_err().error.contains("1.1"));
             let open: Vec<_> = book.open_motions().collect();
@@ -381,11 +386,11 @@ mod tests {
     }
 
     #[test]
-    fn each_life_of_a_client_has_a_greater_incarnation_than_all_before() {
+    fn each_incarnation_of_a_client_has_a_greater_incarnation_than_all_before() {
         let place = tempfile::tempdir().expect("a directory");
         let path = place.path().join("journal");
         let mut last = 0;
-        for life in 0..3 {
+        for incarnation in 0..3 {
             let mut book = Book::open(&path).expect("a journal");
             for _ in 0..3 {
                 let incarnation = book.join("lab").expect("room");
@@ -394,12 +399,12 @@ mod tests {
             }
             // An identity may be one that no gateway has given.
             last += 7;
-            book.end("lab", id(last, 1), State::Withdrawn, String::new())
+            book.end("lab", id(last, 1), RemoteState::Withdrawn, String::new())
                 .expect("room");
-            assert_eq!(book.join("other").expect("room"), life + 1);
+            assert_eq!(book.join("other").expect("room"), incarnation + 1);
         }
         let mut book = Book::open(&path).expect("a journal");
-        book.end("lab", id(u64::MAX, 1), State::Done, String::new())
+        book.end("lab", id(u64::MAX, 1), RemoteState::Done, String::new())
             .expect("room");
         let refusal = book.join("lab").expect_err("no number is left");
         assert!(!refusal.again, "{refusal}");
@@ -413,14 +418,14 @@ mod tests {
         let mut book = Book::open(&path).expect("room");
         let all = (REMEMBERED + OPEN + 100) as u64;
         for number in 1..=all {
-            book.end("lab", id(1, number), State::Withdrawn, String::new())
+            book.end("lab", id(1, number), RemoteState::Withdrawn, String::new())
                 .expect("room");
         }
         for number in 1..=all {
             let expected = if number <= 100 {
-                State::Forgotten
+                RemoteState::Forgotten
             } else {
-                State::Withdrawn
+                RemoteState::Withdrawn
             };
             assert_eq!(state(&book, id(1, number)), Some(expected));
         }
@@ -435,7 +440,7 @@ mod tests {
         }
         let refusal = book.offer("lab", id(1, 99), 0, REQUEST).unwrap_err();
         assert!(refusal.again, "{refusal}");
-        assert_eq!(state(&book, id(1, 99)), Some(State::New));
+        assert_eq!(state(&book, id(1, 99)), Some(RemoteState::New));
         book.offer("other", id(1, 1), 0, REQUEST)
             .expect("of another client");
     }

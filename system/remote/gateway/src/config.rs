@@ -35,7 +35,7 @@ pub struct Config {
     pub passwords: Option<PathBuf>,
     /// Certificates.
     #[serde(default)]
-    pub tls: Option<Tls>,
+    pub tls: Option<GatewayTls>,
     /// The variables of the streams, by name or pattern.
     #[serde(default)]
     pub variables: Vec<String>,
@@ -50,7 +50,7 @@ pub struct Config {
     pub lease_ms: u64,
     /// The clients; others may do nothing.
     #[serde(default)]
-    pub clients: Vec<Client>,
+    pub clients: Vec<ClientRights>,
 }
 
 const fn one() -> u32 {
@@ -83,7 +83,7 @@ pub struct Routers {
 /// The files of a gateway's certificates.
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Tls {
+pub struct GatewayTls {
     /// The gateway's certificate.
     pub certificate: PathBuf,
     /// Its private key.
@@ -96,7 +96,7 @@ pub struct Tls {
 /// A client, and what it may do.
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Client {
+pub struct ClientRights {
     /// Its name, which is its user or the common name of its certificate, too.
     pub name: String,
     /// What it may do.

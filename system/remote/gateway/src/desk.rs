@@ -1,4 +1,4 @@
-//! [`Desk`]: answers requests about states, variables, parameters and messages.
+//! [`ParameterWorker`]: answers requests about states, variables, parameters and messages.
 
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -7,14 +7,14 @@ use std::time::Duration;
 use condor_host::answers;
 use condor_host::error::AnyError;
 use condor_host::view::View;
-use condor_host::watching::{Clients, Known, One};
+use condor_host::watching::{CatalogEntry, Clients, VariableCatalog};
 use condor_mbox::Messenger;
-use condor_remote::wire::{Asked, Refusal, Request, Topic};
+use condor_remote::wire::{ClientRequest, RemoteRefusal, RemoteRequest, RemoteTopic};
 use serde_json::{Value as Json, json};
 
 use crate::job::Job;
 use crate::log;
-use crate::system::{Found, Which, status};
+use crate::system::{RunningSystem, SystemChoice, status};
 
 /// The time between two looks for a system that does not run.
 const LOOK: Duration = Duration::from_millis(200);
@@ -22,16 +22,16 @@ const LOOK: Duration = Duration::from_millis(200);
 const REPLY: Duration = Duration::from_secs(2);
 
 /// The thread that answers these requests.
-pub(crate) struct Desk {
+pub(crate) struct ParameterWorker {
     /// The system that is served.
-    pub(crate) which: Which,
+    pub(crate) which: SystemChoice,
     /// The requests.
     pub(crate) jobs: Receiver<Job>,
     /// The topics of the streams, while there are some.
-    pub(crate) topics: Arc<Mutex<Vec<Topic>>>,
+    pub(crate) topics: Arc<Mutex<Vec<RemoteTopic>>>,
 }
 
-impl Desk {
+impl ParameterWorker {
     /// Answers until nobody can ask any more.
     pub(crate) fn work(&self) {
         loop {
@@ -41,7 +41,7 @@ impl Desk {
                 Err(error) => error.to_string(),
             };
             match self.jobs.recv_timeout(LOOK) {
-                Ok(job) => job.refuse(&Refusal::new(why, true)),
+                Ok(job) => job.refuse(&RemoteRefusal::new(why, true)),
                 Err(RecvTimeoutError::Timeout) => {}
                 Err(RecvTimeoutError::Disconnected) => return,
             }
@@ -58,7 +58,9 @@ impl Desk {
             match self.jobs.recv_timeout(LOOK) {
                 Ok(job) => {
                     let answer = self.answer(&job.asked, &found, &view, &mut clients);
-                    job.answer(answer.map_err(|error| Refusal::new(error.to_string(), false)));
+                    job.answer(
+                        answer.map_err(|error| RemoteRefusal::new(error.to_string(), false)),
+                    );
                 }
                 Err(RecvTimeoutError::Timeout) => {
                     // Whoever sends to this visitor is answered that it has no such handler.
@@ -72,29 +74,31 @@ impl Desk {
 
     fn answer(
         &self,
-        asked: &Asked,
-        found: &Found,
+        asked: &ClientRequest,
+        found: &RunningSystem,
         view: &View,
         clients: &mut Clients<'_>,
     ) -> Result<Json, AnyError> {
         match &asked.request {
-            Request::Status {} => {
+            RemoteRequest::Status {} => {
                 let status = status(&found.directory)?;
                 Ok(serde_json::to_value(answers::processors(&status, view)?)?)
             }
-            Request::Topics {} => {
+            RemoteRequest::Topics {} => {
                 let topics = self.topics.lock().unwrap_or_else(PoisonError::into_inner);
                 Ok(serde_json::to_value(&*topics)?)
             }
-            Request::Variables { names } => answers::variables(&found.status, view, clients, names),
-            Request::Get { name } => {
-                let known = Known::all(view, &found.status.processors)?;
+            RemoteRequest::Variables { names } => {
+                answers::variables(&found.status, view, clients, names)
+            }
+            RemoteRequest::Get { name } => {
+                let known = VariableCatalog::all(view, &found.status.processors)?;
                 let one = known.find(name)?;
                 let values = answers::values(clients, &[one])?;
                 let value = values.into_iter().flatten().next();
                 Ok(value.map_or(Json::Null, |value| one.of.json(value)))
             }
-            Request::Set { name, from, value } => {
+            RemoteRequest::Set { name, from, value } => {
                 let set = set(found, view, clients, name, from.as_ref(), value);
                 let how = match &set {
                     Ok(before) => format!("it was {before}"),
@@ -103,7 +107,7 @@ impl Desk {
                 log::tell(&asked.client, &format!("sets {name} to {value}: {how}"));
                 set
             }
-            Request::Send {
+            RemoteRequest::Send {
                 processor,
                 vector,
                 data,
@@ -123,7 +127,7 @@ impl Desk {
 }
 
 fn send(
-    found: &Found,
+    found: &RunningSystem,
     view: &View,
     processor: &str,
     vector: &str,
@@ -140,14 +144,14 @@ fn send(
 /// Sets a parameter from one value to another. Programs may have been restarted since the last request, so it looks for
 /// the name anew.
 fn set(
-    found: &Found,
+    found: &RunningSystem,
     view: &View,
     clients: &mut Clients<'_>,
     name: &str,
     from: Option<&Json>,
     new: &Json,
 ) -> Result<Json, AnyError> {
-    let known = Known::all(view, &found.status.processors)?;
+    let known = VariableCatalog::all(view, &found.status.processors)?;
     let one = known.parameter(name)?;
     let from = from.map(|from| parse(one, from)).transpose()?;
     let new = parse(one, new)?;
@@ -156,7 +160,7 @@ fn set(
 }
 
 /// Reads a value of JSON. A text is the label of a choice.
-fn parse(one: &One, value: &Json) -> Result<condor_vars::Value, String> {
+fn parse(one: &CatalogEntry, value: &Json) -> Result<condor_vars::AnyValue, String> {
     match value {
         Json::String(label) if !one.of.labels.is_empty() => one.of.parse(label),
         value => one.of.parse(&value.to_string()),

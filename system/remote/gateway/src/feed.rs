@@ -6,14 +6,14 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use condor_host::error::AnyError;
 use condor_host::streams::Streams;
 use condor_host::view::View;
-use condor_remote::wire::{Place, Topic, stream};
+use condor_remote::wire::{RemoteTopic, StreamPosition, stream};
 use zenoh::bytes::Encoding;
 use zenoh::pubsub::Publisher;
 use zenoh::qos::CongestionControl;
 use zenoh::{Session, Wait};
 
 use crate::log;
-use crate::system::Which;
+use crate::system::SystemChoice;
 
 /// The time between two attempts to find the variables.
 const AGAIN: Duration = Duration::from_millis(500);
@@ -21,7 +21,7 @@ const AGAIN: Duration = Duration::from_millis(500);
 /// The thread that publishes.
 pub(crate) struct Feed {
     /// The system that is served.
-    pub(crate) which: Which,
+    pub(crate) which: SystemChoice,
     /// The session of zenoh.
     pub(crate) session: Session,
     /// The name of the robot.
@@ -31,7 +31,7 @@ pub(crate) struct Feed {
     /// The number of ticks from one row to the next.
     pub(crate) every: u32,
     /// The topics, while there are some.
-    pub(crate) topics: Arc<Mutex<Vec<Topic>>>,
+    pub(crate) topics: Arc<Mutex<Vec<RemoteTopic>>>,
 }
 
 impl Feed {
@@ -52,7 +52,7 @@ impl Feed {
         }
     }
 
-    fn set_topics(&self, topics: Vec<Topic>) {
+    fn set_topics(&self, topics: Vec<RemoteTopic>) {
         *self.topics.lock().unwrap_or_else(PoisonError::into_inner) = topics;
     }
 
@@ -73,12 +73,12 @@ impl Feed {
         let now = SystemTime::now()
             .duration_since(UNIX_EPOCH)
             .unwrap_or_default();
-        let life = now.as_nanos() as u64;
+        let incarnation = now.as_nanos() as u64;
         while found.is_there() && !self.session.is_closed() {
             // Those of programs that come later are added.
             if topics.len() < streams.topics().len() {
                 for topic in streams.topics().iter().skip(topics.len()) {
-                    let topic = Topic {
+                    let topic = RemoteTopic {
                         name: topic.name.clone(),
                         schema_name: topic.schema_name.clone(),
                         schema: topic.schema.clone(),
@@ -93,8 +93,8 @@ impl Feed {
                 let Some((publisher, number)) = publishers.get_mut(message.topic) else {
                     return;
                 };
-                let place = Place {
-                    life,
+                let place = StreamPosition {
+                    incarnation,
                     number: *number,
                 };
                 *number += 1;
@@ -112,7 +112,7 @@ impl Feed {
         Ok(())
     }
 
-    fn publisher(&self, topic: &Topic) -> Result<Publisher<'static>, AnyError> {
+    fn publisher(&self, topic: &RemoteTopic) -> Result<Publisher<'static>, AnyError> {
         let key = stream(&self.robot, &topic.name);
         let publisher = self.session.declare_publisher(key);
         let publisher = publisher.encoding(Encoding::APPLICATION_CDR);

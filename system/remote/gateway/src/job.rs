@@ -1,6 +1,6 @@
 //! [`Job`]: a request that waits for its answer.
 
-use condor_remote::wire::{Asked, Refusal};
+use condor_remote::wire::{ClientRequest, RemoteRefusal};
 use serde_json::Value as Json;
 use zenoh::Wait;
 use zenoh::query::Query;
@@ -9,14 +9,14 @@ use zenoh::query::Query;
 #[derive(Debug)]
 pub(crate) struct Job {
     /// The request.
-    pub(crate) asked: Asked,
+    pub(crate) asked: ClientRequest,
     /// The query.
     pub(crate) query: Query,
 }
 
 impl Job {
     /// Answers it.
-    pub(crate) fn answer(&self, answer: Result<Json, Refusal>) {
+    pub(crate) fn answer(&self, answer: Result<Json, RemoteRefusal>) {
         match answer {
             Ok(json) => {
                 // Whoever has gone needs no answer.
@@ -30,13 +30,13 @@ impl Job {
     }
 
     /// Refuses it.
-    pub(crate) fn refuse(&self, refusal: &Refusal) {
+    pub(crate) fn refuse(&self, refusal: &RemoteRefusal) {
         refuse(&self.query, refusal);
     }
 }
 
 /// Refuses what a query asks for.
-pub(crate) fn refuse(query: &Query, refusal: &Refusal) {
+pub(crate) fn refuse(query: &Query, refusal: &RemoteRefusal) {
     let text = serde_json::to_string(refusal).unwrap_or_default();
     // Whoever has gone needs no answer.
     let _ = query.reply_err(text).wait();

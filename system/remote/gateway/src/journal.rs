@@ -5,7 +5,7 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 use condor_platform::linux::{LOCK_PATIENCE, WholeFile, lock_file, read_regular};
-use condor_remote::wire::{Id, State};
+use condor_remote::wire::{Id, RemoteState};
 use serde::{Deserialize, Serialize};
 
 /// The first line.
@@ -16,7 +16,7 @@ const ADDED: usize = 4096;
 /// What is known about a motion, or about all former ones of a client.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(tag = "is", rename_all = "kebab-case", deny_unknown_fields)]
-pub enum Record {
+pub enum JournalRecord {
     /// The client has this incarnation, or had it.
     Joined {
         /// The name of the client.
@@ -46,7 +46,7 @@ pub enum Record {
         /// A hash of its bytes; 0 if they never came.
         digest: u64,
         /// Its final state.
-        state: State,
+        state: RemoteState,
         /// The reason for it.
         reason: String,
     },
@@ -105,7 +105,7 @@ impl Journal {
     ///
     /// # Errors
     /// [`JournalError`].
-    pub fn open(path: &Path) -> Result<(Self, Vec<Record>), JournalError> {
+    pub fn open(path: &Path) -> Result<(Self, Vec<JournalRecord>), JournalError> {
         let at = |source| JournalError::Io {
             path: path.into(),
             source,
@@ -141,8 +141,8 @@ impl Journal {
     /// [`JournalError::Io`]; whether the record is there is not known then, until the next one is added.
     pub fn add(
         &mut self,
-        record: &Record,
-        all: impl FnOnce() -> Vec<Record>,
+        record: &JournalRecord,
+        all: impl FnOnce() -> Vec<JournalRecord>,
     ) -> Result<(), JournalError> {
         let added = match self.file.take() {
             Some(mut file) if self.added < ADDED => {
@@ -165,7 +165,7 @@ impl Journal {
         Ok(())
     }
 
-    fn write_all(&self, records: &[Record]) -> io::Result<File> {
+    fn write_all(&self, records: &[JournalRecord]) -> io::Result<File> {
         let mut text = format!("{HEAD}\n").into_bytes();
         text.extend(records.iter().flat_map(line));
         WholeFile::write(&self.path, text)?;
@@ -173,14 +173,14 @@ impl Journal {
     }
 }
 
-fn line(record: &Record) -> Vec<u8> {
+fn line(record: &JournalRecord) -> Vec<u8> {
     let mut line = serde_json::to_vec(record).unwrap_or_default();
     line.push(b'\n');
     line
 }
 
 /// Reads the records of a file.
-fn records(path: &Path, bytes: &[u8]) -> Result<Vec<Record>, JournalError> {
+fn records(path: &Path, bytes: &[u8]) -> Result<Vec<JournalRecord>, JournalError> {
     let whole = bytes
         .iter()
         .rposition(|byte| *byte == b'\n')
@@ -208,12 +208,12 @@ mod tests {
 
     use super::*;
 
-    fn record(number: u64) -> Record {
+    fn record(number: u64) -> JournalRecord {
         let id = Id {
             incarnation: 1,
             number,
         };
-        Record::Offered {
+        JournalRecord::Offered {
             client: "lab".into(),
             id,
             digest: 5,

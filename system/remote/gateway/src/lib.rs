@@ -13,4 +13,4 @@ mod serve;
 mod system;
 
 pub use serve::Gateway;
-pub use system::Which;
+pub use system::SystemChoice;

@@ -6,10 +6,10 @@ use std::time::Duration;
 
 use clap::Parser;
 use condor_gateway::config::{Config, access_control};
-use condor_gateway::{Gateway, Which};
+use condor_gateway::{Gateway, SystemChoice};
 use condor_host::error::AnyError;
-use condor_host::supervisor::Signals;
-use condor_host::system::Windows;
+use condor_host::supervisor::EndSignals;
+use condor_host::system::SystemWindows;
 use condor_mbox::Messenger;
 use condor_rt::linux::Environment;
 
@@ -51,14 +51,14 @@ fn run(line: &Line) -> Result<(), AnyError> {
     let [config] = &configs[..] else {
         return Err("a gateway has one configuration".into());
     };
-    let mut signals = Signals::new()?;
+    let mut signals = EndSignals::new()?;
     let environment = Environment::read().ok();
-    let which = Which::of(environment.as_ref(), line.system.clone());
+    let which = SystemChoice::of(environment.as_ref(), line.system.clone());
     let gateway = Gateway::start(config, &which)?;
     match environment {
         // A service joins, so that its supervisor sees that it lives.
         Some(environment) => {
-            let windows = Windows::at(&environment.system, environment.window_bytes)?;
+            let windows = SystemWindows::at(&environment.system, environment.window_bytes)?;
             let mut post = windows.claim(environment.processor)?.mailbox()?;
             post.join()?;
             while signals.taken() == 0 {

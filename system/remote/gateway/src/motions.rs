@@ -5,17 +5,19 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use condor_hand::message::motions::{MotionsBlocks, MotionsClient, MotionsError};
-use condor_hand::queue::{self, Answer, Identity, Reason};
-use condor_host::control::Status;
+use condor_hand::queue::{self, QueueAnswer, RefusalReason, RequestIdentity};
+use condor_host::control::SystemStatus;
 use condor_host::error::AnyError;
 use condor_host::system::SystemDirectory;
 use condor_host::view::{Post, View};
 use condor_mbox::Processor;
 use condor_mbox::exchange::Blocks;
 use condor_mbox::linux::LinuxWindow;
-use condor_remote::wire::{Asked, Id, Outcome, Refusal, Request, State};
+use condor_remote::wire::{
+    ClientRequest, Id, RemoteOutcome, RemoteRefusal, RemoteRequest, RemoteState,
+};
 use condor_rt::numbers::PROCESSORS;
-use condor_rt::objects::{self, Kind};
+use condor_rt::objects::{self, ObjectKind};
 
 use crate::book::{Book, digest};
 use crate::log;
@@ -27,7 +29,7 @@ const MOTIONS: &str = "motions";
 const ANSWER: Duration = Duration::from_millis(500);
 
 /// The queue of motions of a running system.
-pub(crate) struct Way {
+pub(crate) struct MotionsLink {
     view: View,
     master: Processor,
 }
@@ -35,17 +37,20 @@ pub(crate) struct Way {
 /// A client of the queue, of which there is one at a time.
 type Asks<'v> = MotionsClient<'v, Post, LinuxWindow>;
 
-impl Way {
+impl MotionsLink {
     /// Finds the processor that serves a queue of motions.
     ///
     /// # Errors
     /// An error that says that there is none, or why the system cannot be asked.
-    pub(crate) fn find(directory: &SystemDirectory, status: &Status) -> Result<Self, AnyError> {
+    pub(crate) fn find(
+        directory: &SystemDirectory,
+        status: &SystemStatus,
+    ) -> Result<Self, AnyError> {
         let mut view = View::open(directory, status.window_bytes)?;
         view.join()?;
         for member in &status.processors {
             let master = Processor(member.number);
-            if objects::find(&view.region(master)?, MOTIONS, Kind::Other)?.is_some() {
+            if objects::find(&view.region(master)?, MOTIONS, ObjectKind::Other)?.is_some() {
                 return Ok(Self { view, master });
             }
         }
@@ -54,7 +59,7 @@ impl Way {
 
     fn asks(&self) -> Result<Asks<'_>, AnyError> {
         let region = self.view.region(self.master)?;
-        let object = objects::find(&region, MOTIONS, Kind::Other)?;
+        let object = objects::find(&region, MOTIONS, ObjectKind::Other)?;
         let object = object.ok_or("the program that serves motions has ended")?;
         let blocks: MotionsBlocks = Blocks::at(object.offset, PROCESSORS as u8);
         Ok(MotionsClient::new(
@@ -69,17 +74,17 @@ impl Way {
 /// What clients ask for of motions. One thread carries it out.
 pub(crate) struct Motions {
     book: Book,
-    way: Option<Way>,
-    /// The session of this life, and the number of its last request.
+    way: Option<MotionsLink>,
+    /// The session of this incarnation, and the number of its last request.
     session: Option<(u32, u32)>,
-    /// The bytes of motions that were offered in this life, until the queue has decided.
-    undecided: BTreeMap<(String, Id), (Identity, Vec<u8>, bool)>,
+    /// The bytes of motions that were offered in this incarnation, until the queue has decided.
+    undecided: BTreeMap<(String, Id), (RequestIdentity, Vec<u8>, bool)>,
     presence: Arc<Mutex<Presence>>,
     stopped: Option<Instant>,
 }
 
 impl Motions {
-    /// Makes it with what is known of former lives.
+    /// Makes it with what is known of former incarnations.
     #[must_use]
     pub(crate) const fn new(book: Book, presence: Arc<Mutex<Presence>>) -> Self {
         Self {
@@ -93,7 +98,7 @@ impl Motions {
     }
 
     /// Sets the way to the system, which is another one after a restart.
-    pub(crate) fn set_way(&mut self, way: Option<Way>) {
+    pub(crate) fn set_way(&mut self, way: Option<MotionsLink>) {
         self.way = way;
         self.session = None;
         // The queue has closed the session of these, or will: what it has not got by then never runs.
@@ -106,11 +111,11 @@ impl Motions {
         self.way.is_some()
     }
 
-    /// Returns the incarnation of a life of a client that begins.
+    /// Returns the incarnation of an incarnation of a client that begins.
     ///
     /// # Errors
     /// A refusal if there is none left, or if the journal cannot be written.
-    pub(crate) fn join(&mut self, client: &str) -> Result<u64, Refusal> {
+    pub(crate) fn join(&mut self, client: &str) -> Result<u64, RemoteRefusal> {
         self.book.join(client)
     }
 
@@ -118,39 +123,52 @@ impl Motions {
     ///
     /// # Errors
     /// A refusal that says why it is not carried out.
-    pub(crate) fn answer(&mut self, asked: &Asked) -> Result<Option<Outcome>, Refusal> {
+    pub(crate) fn answer(
+        &mut self,
+        asked: &ClientRequest,
+    ) -> Result<Option<RemoteOutcome>, RemoteRefusal> {
         let client = asked.client.as_str();
         match asked.request {
-            Request::Offer { id, takes_control } => self
+            RemoteRequest::Offer { id, takes_control } => self
                 .offer(client, id, &asked.motion, takes_control)
                 .map(Some),
-            Request::Outcome { id } => self.outcome(client, id, None).map(Some),
-            Request::Withdraw { id } => {
+            RemoteRequest::Outcome { id } => self.outcome(client, id, None).map(Some),
+            RemoteRequest::Withdraw { id } => {
                 let outcome = self.outcome(client, id, None)?;
-                if outcome.state != State::New {
+                if outcome.state != RemoteState::New {
                     return Ok(Some(outcome));
                 }
-                self.book.end(client, id, State::Withdrawn, String::new())?;
-                Ok(Some(State::Withdrawn.into()))
+                self.book
+                    .end(client, id, RemoteState::Withdrawn, String::new())?;
+                Ok(Some(RemoteState::Withdrawn.into()))
             }
-            Request::Stop {} => {
+            RemoteRequest::Stop {} => {
                 let stopped = self.stop();
-                stopped.map_err(|error| Refusal::new(error.to_string(), true))?;
+                stopped.map_err(|error| RemoteRefusal::new(error.to_string(), true))?;
                 Ok(None)
             }
-            _ => Err(Refusal::new("this is no request about motions", false)),
+            _ => Err(RemoteRefusal::new(
+                "this is no request about motions",
+                false,
+            )),
         }
     }
 
-    fn outcome(&mut self, client: &str, id: Id, digest: Option<u64>) -> Result<Outcome, Refusal> {
+    fn outcome(
+        &mut self,
+        client: &str,
+        id: Id,
+        digest: Option<u64>,
+    ) -> Result<RemoteOutcome, RemoteRefusal> {
         if let Some(outcome) = self.book.look(client, id, digest)? {
             return Ok(outcome);
         }
         let request = self.book.request(client, id);
-        let request = request.ok_or_else(|| Refusal::new("the journal is incomplete", false))?;
+        let request =
+            request.ok_or_else(|| RemoteRefusal::new("the journal is incomplete", false))?;
         // The motion has come, whatever the queue says; if it says nothing, nobody knows more.
         let settled = self.settle(client, id, request);
-        settled.map_err(|error| Refusal::new(error.to_string(), true))
+        settled.map_err(|error| RemoteRefusal::new(error.to_string(), true))
     }
 
     fn offer(
@@ -159,27 +177,30 @@ impl Motions {
         id: Id,
         motion: &[u8],
         takes_control: bool,
-    ) -> Result<Outcome, Refusal> {
+    ) -> Result<RemoteOutcome, RemoteRefusal> {
         let digest = digest(motion);
         let outcome = self.outcome(client, id, Some(digest))?;
-        if outcome.state != State::New {
+        if outcome.state != RemoteState::New {
             return Ok(outcome);
         }
         if !self.presence(|it| it.may_begin(client)) {
             let error =
                 "the client's motions stop when it is gone, and it does not say that it is here";
-            return Err(Refusal::new(error, true));
+            return Err(RemoteRefusal::new(error, true));
         }
         // The queue takes requests in the order of their numbers.
         if let Some(((client, id), (request, ..))) = self.undecided.first_key_value() {
             let (client, id, request) = (client.clone(), *id, *request);
             let settled = self.settle(&client, id, request);
-            settled.map_err(|error| Refusal::new(error.to_string(), true))?;
+            settled.map_err(|error| RemoteRefusal::new(error.to_string(), true))?;
             if !self.undecided.is_empty() {
-                return Err(Refusal::new("another motion is not decided yet", true));
+                return Err(RemoteRefusal::new(
+                    "another motion is not decided yet",
+                    true,
+                ));
             }
         }
-        let refused = |error: AnyError| Refusal::new(error.to_string(), true);
+        let refused = |error: AnyError| RemoteRefusal::new(error.to_string(), true);
         let request = self.next_request(takes_control).map_err(refused)?;
         self.book.offer(client, id, digest, request)?;
         log::tell(client, &format!("offers motion {id}"));
@@ -188,12 +209,12 @@ impl Motions {
         match self.settle(client, id, request) {
             Ok(outcome) => Ok(outcome),
             // It is asked for again in the next turn.
-            Err(_) => Ok(State::Offered.into()),
+            Err(_) => Ok(RemoteState::Offered.into()),
         }
     }
 
     /// Takes control, and returns the next identity of the session.
-    fn next_request(&mut self, takes_control: bool) -> Result<Identity, AnyError> {
+    fn next_request(&mut self, takes_control: bool) -> Result<RequestIdentity, AnyError> {
         let way = self.way.as_ref().ok_or("the system does not run")?;
         let mut asks = way.asks()?;
         let (session, last) = match self.session {
@@ -211,28 +232,33 @@ impl Motions {
             Err(error) => return Err(error.into()),
         }
         self.session = Some((session, last + 1));
-        Ok(Identity {
+        Ok(RequestIdentity {
             session,
             number: last + 1,
         })
     }
 
     /// Asks the queue what has become of a motion, and notes its end. Offers it again if the queue has not got it, and
-    /// the motion is one of this life.
-    fn settle(&mut self, client: &str, id: Id, request: Identity) -> Result<Outcome, AnyError> {
+    /// the motion is one of this incarnation.
+    fn settle(
+        &mut self,
+        client: &str,
+        id: Id,
+        request: RequestIdentity,
+    ) -> Result<RemoteOutcome, AnyError> {
         let way = self.way.as_ref().ok_or("the system does not run")?;
         let mut asks = way.asks()?;
         let seen = asks.look(request, ANSWER)?;
         let (mut answer, progress) = (seen.answer, seen.progress);
         let key = (client.to_owned(), id);
-        if answer == Answer::New
+        if answer == QueueAnswer::New
             && let Some((_, motion, takes_control)) = self.undecided.get(&key)
         {
             let control = asks.control(request.session, *takes_control, ANSWER);
             answer = match control.and_then(|_| asks.offer(request, motion, ANSWER)) {
                 Ok(answer) => answer,
                 // The session is closed: the queue will say that the motion never runs.
-                Err(MotionsError::NotYours) => Answer::New,
+                Err(MotionsError::NotYours) => QueueAnswer::New,
                 Err(error) => return Err(error.into()),
             };
             // What was accepted runs all the same, and others need not take control away. If it fails, control is
@@ -240,16 +266,18 @@ impl Motions {
             let _ = asks.give_up_control(request.session, ANSWER);
         }
         let (state, reason) = match answer {
-            Answer::Known(state, reason) => (state_of(state), reason),
-            Answer::New => (State::Offered, Reason::None),
-            Answer::Never => (State::Never, Reason::None),
-            Answer::Forgotten | Answer::NoSession => (State::Forgotten, Reason::None),
+            QueueAnswer::Known(state, reason) => (state_of(state), reason),
+            QueueAnswer::New => (RemoteState::Offered, RefusalReason::None),
+            QueueAnswer::Never => (RemoteState::Never, RefusalReason::None),
+            QueueAnswer::Forgotten | QueueAnswer::NoSession => {
+                (RemoteState::Forgotten, RefusalReason::None)
+            }
         };
         let reason = match reason {
-            Reason::None => String::new(),
+            RefusalReason::None => String::new(),
             reason => reason.to_string(),
         };
-        if state != State::Offered {
+        if state != RemoteState::Offered {
             self.undecided.remove(&key);
         }
         if state.is_final() {
@@ -262,7 +290,7 @@ impl Motions {
                 ),
             );
         }
-        Ok(Outcome {
+        Ok(RemoteOutcome {
             state,
             reason,
             progress,
@@ -323,17 +351,17 @@ impl Motions {
     }
 }
 
-fn state_of(state: queue::State) -> State {
+fn state_of(state: queue::RequestState) -> RemoteState {
     match state {
-        queue::State::Accepted => State::Accepted,
-        queue::State::Started => State::Started,
-        queue::State::Done => State::Done,
-        queue::State::Stopped => State::Stopped,
-        queue::State::Aborted => State::Aborted,
-        queue::State::Refused => State::Refused,
-        queue::State::Lost => State::Lost,
-        queue::State::BrokenOff => State::BrokenOff,
+        queue::RequestState::Accepted => RemoteState::Accepted,
+        queue::RequestState::Started => RemoteState::Started,
+        queue::RequestState::Done => RemoteState::Done,
+        queue::RequestState::Stopped => RemoteState::Stopped,
+        queue::RequestState::Aborted => RemoteState::Aborted,
+        queue::RequestState::Refused => RemoteState::Refused,
+        queue::RequestState::Lost => RemoteState::Lost,
+        queue::RequestState::BrokenOff => RemoteState::BrokenOff,
         // Of a later version: it is not final, so nobody is told that it has ended.
-        _ => State::Offered,
+        _ => RemoteState::Offered,
     }
 }

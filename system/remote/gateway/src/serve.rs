@@ -7,7 +7,9 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use condor_host::error::AnyError;
-use condor_remote::wire::{Asked, Refusal, Request, alive, all_here, by, client_of};
+use condor_remote::wire::{
+    ClientRequest, RemoteRefusal, RemoteRequest, alive, all_here, by, client_of,
+};
 use serde_json::json;
 use zenoh::liveliness::LivelinessToken;
 use zenoh::query::Query;
@@ -16,13 +18,13 @@ use zenoh::{Session, Wait};
 
 use crate::book::Book;
 use crate::config::Config;
-use crate::desk::Desk;
+use crate::desk::ParameterWorker;
 use crate::feed::Feed;
 use crate::job::{Job, refuse};
 use crate::log;
-use crate::motions::{Motions, Way};
+use crate::motions::{Motions, MotionsLink};
 use crate::presence::Presence;
-use crate::system::Which;
+use crate::system::SystemChoice;
 
 /// The greatest number of requests that wait for a thread; more are refused.
 const WAITING: usize = 64;
@@ -44,7 +46,7 @@ impl Gateway {
     ///
     /// # Errors
     /// An error that says what cannot be opened.
-    pub fn start(config: &Config, which: &Which) -> Result<Self, AnyError> {
+    pub fn start(config: &Config, which: &SystemChoice) -> Result<Self, AnyError> {
         let book = Book::open(&config.journal)?;
         let presence = Presence::new(config.stops(), config.grace(), Instant::now());
         let presence = Arc::new(Mutex::new(presence));
@@ -59,7 +61,7 @@ impl Gateway {
 
     fn declare(
         config: &Config,
-        which: &Which,
+        which: &SystemChoice,
         session: Session,
         presence: &Arc<Mutex<Presence>>,
     ) -> zenoh::Result<(Self, Receiver<Job>)> {
@@ -80,7 +82,7 @@ impl Gateway {
         let topics = Arc::new(Mutex::new(Vec::new()));
         let (desk, jobs) = sync_channel(WAITING);
         let (motions, of_motions) = sync_channel(WAITING);
-        let own = Desk {
+        let own = ParameterWorker {
             which: which.clone(),
             jobs,
             topics: topics.clone(),
@@ -141,7 +143,7 @@ impl Door {
         };
         let (payload, attachment) = (bytes(query.payload()), bytes(query.attachment()));
         let key = query.key_expr().as_str();
-        let asked = Asked::read(&self.config.robot, key, &payload, &attachment);
+        let asked = ClientRequest::read(&self.config.robot, key, &payload, &attachment);
         let asked = asked.and_then(|asked| {
             let right = asked.request.right();
             if self.config.may(&asked.client, right) {
@@ -150,22 +152,22 @@ impl Door {
             let (client, right) = (&asked.client, right.word());
             self.tell(client, right);
             let error = format!("the client `{client}` has no right to {right}");
-            Err(Refusal::new(error, false))
+            Err(RemoteRefusal::new(error, false))
         });
         let job = match asked {
             Ok(asked) => Job { asked, query },
             Err(refusal) => return refuse(&query, &refusal),
         };
         let to = match job.asked.request {
-            Request::Join {}
-            | Request::Offer { .. }
-            | Request::Outcome { .. }
-            | Request::Withdraw { .. }
-            | Request::Stop {} => &self.motions,
+            RemoteRequest::Join {}
+            | RemoteRequest::Offer { .. }
+            | RemoteRequest::Outcome { .. }
+            | RemoteRequest::Withdraw { .. }
+            | RemoteRequest::Stop {} => &self.motions,
             _ => &self.desk,
         };
         if let Err(TrySendError::Full(job) | TrySendError::Disconnected(job)) = to.try_send(job) {
-            job.refuse(&Refusal::new(
+            job.refuse(&RemoteRefusal::new(
                 format!("{WAITING} requests wait already"),
                 true,
             ));
@@ -186,13 +188,13 @@ impl Door {
 }
 
 /// Carries out requests about motions, and looks what has become of those that have not ended.
-fn keep(mut keeper: Motions, which: &Which, jobs: &Receiver<Job>) {
+fn keep(mut keeper: Motions, which: &SystemChoice, jobs: &Receiver<Job>) {
     let mut found = None;
     let mut looked: Option<Instant> = None;
     loop {
         if found
             .as_mut()
-            .is_some_and(|it: &mut crate::system::Found| !it.is_there())
+            .is_some_and(|it: &mut crate::system::RunningSystem| !it.is_there())
         {
             found = None;
             keeper.set_way(None);
@@ -200,7 +202,7 @@ fn keep(mut keeper: Motions, which: &Which, jobs: &Receiver<Job>) {
         if !keeper.has_way() && looked.is_none_or(|at| at.elapsed() >= AGAIN) {
             looked = Some(Instant::now());
             let there = which.find();
-            let way = there.and_then(|it| Ok((Way::find(&it.directory, &it.status)?, it)));
+            let way = there.and_then(|it| Ok((MotionsLink::find(&it.directory, &it.status)?, it)));
             // Whoever asks is told that it does not run.
             if let Ok((way, there)) = way {
                 keeper.set_way(Some(way));
@@ -208,20 +210,20 @@ fn keep(mut keeper: Motions, which: &Which, jobs: &Receiver<Job>) {
             }
         }
         match jobs.recv_timeout(LOOK) {
-            Ok(job) if job.asked.request == (Request::Join {}) => {
+            Ok(job) if job.asked.request == (RemoteRequest::Join {}) => {
                 let incarnation = keeper.join(&job.asked.client);
                 job.answer(incarnation.map(|it| json!(it)));
             }
             Ok(job) => {
                 let answer = keeper.answer(&job.asked);
-                if let Request::Stop {} | Request::Withdraw { .. } = job.asked.request {
+                if let RemoteRequest::Stop {} | RemoteRequest::Withdraw { .. } = job.asked.request {
                     let how = match &answer {
                         Ok(Some(outcome)) => outcome.state.to_string(),
                         Ok(None) => "done".into(),
                         Err(refusal) => refusal.error.clone(),
                     };
                     let what = match job.asked.request {
-                        Request::Withdraw { id } => format!("withdraws motion {id}: {how}"),
+                        RemoteRequest::Withdraw { id } => format!("withdraws motion {id}: {how}"),
                         _ => format!("stops all motion: {how}"),
                     };
                     log::tell(&job.asked.client, &what);

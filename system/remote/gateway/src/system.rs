@@ -1,8 +1,8 @@
-//! [`Found`]: the system that is served, which may end and come back.
+//! [`RunningSystem`]: the system that is served, which may end and come back.
 
 use std::time::{Duration, Instant};
 
-use condor_host::control::{Client, Status};
+use condor_host::control::{ControlClient, SystemStatus};
 use condor_host::error::AnyError;
 use condor_host::system::{self, SystemDirectory};
 use condor_rt::linux::Environment;
@@ -14,14 +14,14 @@ const ANSWER: Duration = Duration::from_secs(5);
 
 /// Which system is served.
 #[derive(Clone, Debug)]
-pub enum Which {
+pub enum SystemChoice {
     /// The one whose supervisor has started this process.
     Own(SystemDirectory),
     /// The one of this name, or the only one that runs.
     Named(Option<String>),
 }
 
-impl Which {
+impl SystemChoice {
     /// Returns the system whose service this process is, or else that of a name.
     #[must_use]
     pub fn of(environment: Option<&Environment>, name: Option<String>) -> Self {
@@ -35,13 +35,13 @@ impl Which {
     ///
     /// # Errors
     /// An error that says why it cannot be asked.
-    pub(crate) fn find(&self) -> Result<Found, AnyError> {
+    pub(crate) fn find(&self) -> Result<RunningSystem, AnyError> {
         let directory = match self {
             Self::Own(directory) => directory.clone(),
             Self::Named(name) => system::find(name.as_deref())?,
         };
         let status = status(&directory)?;
-        Ok(Found {
+        Ok(RunningSystem {
             directory,
             status,
             looked: Instant::now(),
@@ -51,15 +51,15 @@ impl Which {
 
 /// A system that runs, or did so a moment ago.
 #[derive(Debug)]
-pub(crate) struct Found {
+pub(crate) struct RunningSystem {
     /// Its directory.
     pub(crate) directory: SystemDirectory,
     /// Its state when it was found.
-    pub(crate) status: Status,
+    pub(crate) status: SystemStatus,
     looked: Instant,
 }
 
-impl Found {
+impl RunningSystem {
     /// Returns whether it is still the same one; it looks once a second.
     pub(crate) fn is_there(&mut self) -> bool {
         if self.looked.elapsed() < LOOK {
@@ -74,8 +74,8 @@ impl Found {
 ///
 /// # Errors
 /// An error that says why there is no answer.
-pub(crate) fn status(directory: &SystemDirectory) -> Result<Status, AnyError> {
-    let mut client = Client::connect(directory)?;
+pub(crate) fn status(directory: &SystemDirectory) -> Result<SystemStatus, AnyError> {
+    let mut client = ControlClient::connect(directory)?;
     client.set_timeout(Some(ANSWER))?;
     Ok(client.status()?)
 }

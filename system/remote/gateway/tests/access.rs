@@ -9,10 +9,10 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use condor_gateway::config::{Config, access_control};
-use condor_gateway::{Gateway, Which};
+use condor_gateway::{Gateway, SystemChoice};
 use condor_remote::network::configure;
-use condor_remote::wire::{Request, by};
-use condor_remote::{Access, Network, Remote, RemoteError, Tls};
+use condor_remote::wire::{RemoteRequest, by};
+use condor_remote::{ClientTls, Network, Remote, RemoteAccess, RemoteError};
 use rcgen::{BasicConstraints, CertificateParams, DnType, IsCa, Issuer, KeyPair};
 use serde_json::json;
 use zenoh::Wait;
@@ -26,7 +26,7 @@ const NONE: &str = "condor-remote-test-none";
 
 fn gateway(config: &Path) -> Gateway {
     let config = Config::read(config).expect("a configuration");
-    Gateway::start(&config, &Which::Named(Some(NONE.into()))).expect("a gateway")
+    Gateway::start(&config, &SystemChoice::Named(Some(NONE.into()))).expect("a gateway")
 }
 
 fn free_port() -> u16 {
@@ -55,11 +55,13 @@ fn becomes_let_in<T: std::fmt::Debug>(ask: impl Fn() -> Result<T, RemoteError>) 
 }
 
 /// Returns whether the session of one client can ask in the name of another.
-fn can_ask_as(access: &Access, own: &str, other: &str) -> bool {
+fn can_ask_as(access: &RemoteAccess, own: &str, other: &str) -> bool {
     let config = access.config(own, SOON).expect("a configuration");
     let forger = zenoh::open(config).wait().expect("a session");
     let query = forger.get(by("hand", other, "look"));
-    let query = query.payload(Request::Status {}.payload()).timeout(SHORT);
+    let query = query
+        .payload(RemoteRequest::Status {}.payload())
+        .timeout(SHORT);
     let replies = query.wait().expect("a query");
     // The system does not run, so each answer is an error; one that is empty is zenoh's, for there is none.
     let reply = replies.recv_timeout(SHORT).ok().flatten();
@@ -100,15 +102,15 @@ impl Authority {
 }
 
 /// The access with a certificate, or without one.
-fn with_certificate(place: &Path, port: u16, file: Option<&str>) -> Access {
+fn with_certificate(place: &Path, port: u16, file: Option<&str>) -> RemoteAccess {
     let path = |end: &str| file.map(|file| place.join(format!("{file}.{end}")));
-    Access {
-        tls: Some(Tls {
+    RemoteAccess {
+        tls: Some(ClientTls {
             authority: place.join("ca.pem"),
             certificate: path("pem"),
             private_key: path("key"),
         }),
-        ..Access::to(&format!("tls/127.0.0.1:{port}"))
+        ..RemoteAccess::to(&format!("tls/127.0.0.1:{port}"))
     }
 }
 
@@ -171,7 +173,7 @@ fn without_a_proof_the_list_of_clients_decides() {
     );
     fs::write(&file, text).expect("room");
     let _gateway = gateway(&file);
-    let access = Access::to(&format!("tcp/127.0.0.1:{port}"));
+    let access = RemoteAccess::to(&format!("tcp/127.0.0.1:{port}"));
     let remote = |client: &str| {
         let network = Network::open(&access, client, SOON).expect("nobody asks for a proof");
         Remote::new(&network, "hand").expect("a robot")
@@ -226,9 +228,9 @@ fn a_router_lets_clients_ask_those_robots_that_know_them() {
     ]);
     let router = zenoh::open(router.expect("a configuration")).wait();
     let _router = router.expect("a router");
-    let access = |name: &str| Access {
+    let access = |name: &str| RemoteAccess {
         password: Some(format!("of-{name}")),
-        ..Access::to(&format!("tcp/127.0.0.1:{port}"))
+        ..RemoteAccess::to(&format!("tcp/127.0.0.1:{port}"))
     };
     let network = Network::open(&access("lab"), "lab", SOON).expect("it has a password");
     let deadline = Instant::now() + SOON;

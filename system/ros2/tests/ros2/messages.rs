@@ -1,5 +1,6 @@
 use condor_ros2::{
-    DecodeError, JointState, Level, Log, Message, TFMessage, Text, Time, Transform, encode, schema,
+    DecodeError, JointState, Level, Log, RosMessage, StringMessage, TFMessage, Time, Transform,
+    encode, schema,
 };
 use proptest::prelude::*;
 
@@ -58,8 +59,8 @@ fn a_transform_has_the_bytes_of_ros() {
 #[test]
 fn a_text_has_the_bytes_of_ros() {
     let expected = [0, 1, 0, 0, 5, 0, 0, 0, b'<', 0xc3, 0xb8, b'>', 0];
-    assert_eq!(encode(&Text("<ø>")), expected);
-    assert_eq!(schema::<Text<'_>>(), "string data\n");
+    assert_eq!(encode(&StringMessage("<ø>")), expected);
+    assert_eq!(schema::<StringMessage<'_>>(), "string data\n");
 }
 
 #[test]

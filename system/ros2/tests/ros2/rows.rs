@@ -1,27 +1,27 @@
 use std::collections::BTreeSet;
 
-use condor_ros2::{DecodeError, Field, Head, Layout, LayoutError, Time};
-use condor_vars::{Kind, Value};
+use condor_ros2::{DecodeError, Head, Layout, LayoutError, RosField, Time};
+use condor_vars::{AnyValue, ValueKind};
 use proptest::collection::vec;
 use proptest::prelude::*;
 
-const KINDS: [Kind; 12] = [
-    Kind::F32,
-    Kind::F64,
-    Kind::I8,
-    Kind::I16,
-    Kind::I32,
-    Kind::I64,
-    Kind::U8,
-    Kind::U16,
-    Kind::U32,
-    Kind::U64,
-    Kind::Bool,
-    Kind::Choice,
+const KINDS: [ValueKind; 12] = [
+    ValueKind::F32,
+    ValueKind::F64,
+    ValueKind::I8,
+    ValueKind::I16,
+    ValueKind::I32,
+    ValueKind::I64,
+    ValueKind::U8,
+    ValueKind::U16,
+    ValueKind::U32,
+    ValueKind::U64,
+    ValueKind::Bool,
+    ValueKind::Choice,
 ];
 
-fn field(name: &str, kind: Kind) -> Field {
-    Field {
+fn field(name: &str, kind: ValueKind) -> RosField {
+    RosField {
         name: name.into(),
         kind,
         unit: String::new(),
@@ -54,13 +54,17 @@ fn a_schema_that_no_layout_writes_is_an_error() {
 
 #[test]
 fn the_schema_names_types_variables_and_labels() {
-    let mode = Field {
+    let mode = RosField {
         unit: "µ#".into(),
         about: "what it does".into(),
         labels: vec!["idle".into(), "hold on".into()],
-        ..field("hand.mode", Kind::Choice)
+        ..field("hand.mode", ValueKind::Choice)
     };
-    let layout = Layout::new([mode, field("hand-mode", Kind::I8), field("tick", Kind::F64)]);
+    let layout = Layout::new([
+        mode,
+        field("hand-mode", ValueKind::I8),
+        field("tick", ValueKind::F64),
+    ]);
     let expected = "\
 builtin_interfaces/Time stamp # when the tick was released
 uint64 tick # the number of the tick
@@ -81,11 +85,11 @@ uint32 nanosec
 #[test]
 fn fields_are_aligned_to_their_sizes() {
     let layout = Layout::new([
-        field("a", Kind::Bool),
-        field("b", Kind::U64),
-        field("c", Kind::I8),
-        field("d", Kind::U16),
-        field("e", Kind::F32),
+        field("a", ValueKind::Bool),
+        field("b", ValueKind::U64),
+        field("c", ValueKind::I8),
+        field("d", ValueKind::U16),
+        field("e", ValueKind::F32),
     ]);
     let head = Head {
         stamp: Time { sec: 1, nanosec: 2 },
@@ -109,7 +113,7 @@ fn fields_are_aligned_to_their_sizes() {
 
 #[test]
 fn what_does_not_fit_is_refused() {
-    let layout = Layout::new([field("a", Kind::F64)]);
+    let layout = Layout::new([field("a", ValueKind::F64)]);
     let head = Head::default();
     for (words, found) in [(vec![1], 1), (vec![1, 2, 3], 3)] {
         let error = LayoutError::Words { found, expected: 2 };
@@ -131,22 +135,22 @@ fn a_schema_of_something_else_is_refused() {
     let error = Layout::of_schema(text).unwrap_err();
     let text = "string name".into();
     assert_eq!(error, LayoutError::Schema { line: 1, text });
-    let schema = Layout::new([field("a", Kind::F64)]).schema();
+    let schema = Layout::new([field("a", ValueKind::F64)]).schema();
     let other = schema.replace("float64 a", "string a");
     let error = Layout::of_schema(&other).unwrap_err();
     let text = "string a # a\t\t".into();
     assert_eq!(error, LayoutError::Schema { line: 4, text });
 }
 
-fn fields() -> impl Strategy<Value = Vec<Field>> {
+fn fields() -> impl Strategy<Value = Vec<RosField>> {
     let text = || "[^\\p{Cc}]{0,12}";
     let field = (text(), 0..KINDS.len(), text(), text(), vec(text(), 1..4));
-    let field = field.prop_map(|(name, kind, unit, about, labels)| Field {
+    let field = field.prop_map(|(name, kind, unit, about, labels)| RosField {
         name,
         kind: KINDS[kind],
         unit,
         about,
-        labels: if KINDS[kind] == Kind::Choice {
+        labels: if KINDS[kind] == ValueKind::Choice {
             labels
         } else {
             Vec::new()
@@ -155,21 +159,21 @@ fn fields() -> impl Strategy<Value = Vec<Field>> {
     vec(field, 0..20)
 }
 
-fn rows() -> impl Strategy<Value = (Vec<Field>, Vec<u32>)> {
+fn rows() -> impl Strategy<Value = (Vec<RosField>, Vec<u32>)> {
     fields().prop_flat_map(|fields| {
         let words = fields.iter().map(|field| field.kind.words()).sum::<usize>();
         (Just(fields), vec(any::<u32>(), words))
     })
 }
 
-fn bits(value: Value) -> u64 {
+fn bits(value: AnyValue) -> u64 {
     match value {
-        Value::F32(value) => value.to_bits().into(),
-        Value::F64(value) => value.to_bits(),
-        Value::Int(value) => value.cast_unsigned(),
-        Value::Uint(value) => value,
-        Value::Bool(value) => value.into(),
-        Value::Choice(value) => value.into(),
+        AnyValue::F32(value) => value.to_bits().into(),
+        AnyValue::F64(value) => value.to_bits(),
+        AnyValue::Int(value) => value.cast_unsigned(),
+        AnyValue::Uint(value) => value,
+        AnyValue::Bool(value) => value.into(),
+        AnyValue::Choice(value) => value.into(),
     }
 }
 

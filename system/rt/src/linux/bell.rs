@@ -11,8 +11,8 @@ use super::spinner::Spinner;
 use crate::numbers::PROCESSORS;
 use crate::simulated::SimulatedBell;
 
-/// The doorbell of a [`Process`](super::Process). If the loops of the process are
-/// [spun](super::Loops::Spin), it polls their timer, too; in simulated time, waits and the clock are
+/// The doorbell of a [`LinuxProcess`](super::LinuxProcess). If the loops of the process are
+/// [spun](super::LoopContext::Spin), it polls their timer, too; in simulated time, waits and the clock are
 /// those of that time. All clones are the same doorbell.
 #[derive(Clone, Debug)]
 pub struct ProcessBell {

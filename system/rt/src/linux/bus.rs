@@ -1,11 +1,11 @@
 //! [`ProcessBus`]: the bus of a process, if it has one.
 
 use condor_dev::linux::LinuxBus;
-use condor_dev::{AccessError, Bus, Width};
+use condor_dev::{Bus, BusAccessError, Width};
 
 use crate::silent::Silent;
 
-/// The bus of a [`Process`](super::Process). All clones are the same bus.
+/// The bus of a [`LinuxProcess`](super::LinuxProcess). All clones are the same bus.
 #[derive(Clone, Debug)]
 pub enum ProcessBus {
     /// A file that all processes map.
@@ -15,10 +15,10 @@ pub enum ProcessBus {
 }
 
 impl Bus for ProcessBus {
-    type Error = AccessError;
+    type Error = BusAccessError;
 
     #[inline]
-    fn read(&self, address: usize, width: Width) -> Result<u32, AccessError> {
+    fn read(&self, address: usize, width: Width) -> Result<u32, BusAccessError> {
         match self {
             Self::Mapped(bus) => bus.read(address, width),
             Self::Silent(bus) => bus.read(address, width),
@@ -26,7 +26,7 @@ impl Bus for ProcessBus {
     }
 
     #[inline]
-    fn write(&self, address: usize, width: Width, value: u32) -> Result<(), AccessError> {
+    fn write(&self, address: usize, width: Width, value: u32) -> Result<(), BusAccessError> {
         match self {
             Self::Mapped(bus) => bus.write(address, width, value),
             Self::Silent(bus) => bus.write(address, width, value),

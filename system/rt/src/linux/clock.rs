@@ -242,7 +242,7 @@ impl HostBell {
     pub fn mailbox<'v>(
         claim: Claim<PROCESSORS>,
         bell: impl FnOnce(LinuxDoorbell<PROCESSORS>) -> Self,
-    ) -> Result<HostMailbox<'v>, mbox::Error> {
+    ) -> Result<HostMailbox<'v>, mbox::MailboxError> {
         let number = claim.number();
         let (windows, doorbell) = claim.into_parts();
         Mailbox::new(number, windows, bell(doorbell), SingleContext::new())

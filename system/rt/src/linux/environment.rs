@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use std::process::Command;
 use std::str::FromStr;
 
-use condor_mbox::linux::{Access, LinuxWindow};
+use condor_mbox::linux::{LinuxWindow, WindowAccess};
 use condor_mbox::{Processor, Region};
 
 use super::error::ProcessError;
@@ -31,7 +31,7 @@ const PRIORITY: &str = "CONDOR_PRIORITY";
 
 /// The way in which the loops of a program run; see [the module](super).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Loops {
+pub enum LoopContext {
     /// Each loop runs in a thread of its own.
     #[default]
     Threads,
@@ -41,7 +41,7 @@ pub enum Loops {
     Spin,
 }
 
-impl Loops {
+impl LoopContext {
     /// All ways in which loops can run.
     pub const ALL: [Self; 3] = [Self::Threads, Self::Signals, Self::Spin];
 
@@ -91,7 +91,7 @@ impl FileRange {
     pub(super) fn map(&self, what: &'static str) -> Result<LinuxWindow, ProcessError> {
         let (file, len) = self.open(what)?;
         let len = u32::try_from(len).unwrap_or(u32::MAX);
-        let window = LinuxWindow::map(&file, self.offset, len, Access::ReadWrite);
+        let window = LinuxWindow::map(&file, self.offset, len, WindowAccess::ReadWrite);
         window.map_err(|source| ProcessError::MapShared {
             what,
             path: self.path.clone(),
@@ -137,7 +137,7 @@ pub struct Environment {
     /// first.
     pub work_ns: [u64; condor_clock::LOOPS],
     /// The way in which the loops run by the real clock.
-    pub loops: Loops,
+    pub loops: LoopContext,
     /// The core on which the program runs; `None` means any core.
     pub cpu: Option<usize>,
     /// A priority of the policy `SCHED_FIFO`, 1 to 99; `None` means the ordinary policy. [The
@@ -219,8 +219,8 @@ impl Environment {
             below,
             |&number: &u8| usize::from(number) < PROCESSORS,
         )?;
-        let loops = optional(LOOPS).map_or(Ok(Loops::default()), |value| {
-            let known = Loops::ALL.into_iter().find(|one| value == one.word());
+        let loops = optional(LOOPS).map_or(Ok(LoopContext::default()), |value| {
+            let known = LoopContext::ALL.into_iter().find(|one| value == one.word());
             known.ok_or(ProcessError::Wrong {
                 variable: LOOPS,
                 value,
@@ -343,7 +343,7 @@ mod tests {
             shared_memory: None,
             clock: None,
             work_ns: [0; condor_clock::LOOPS],
-            loops: Loops::Threads,
+            loops: LoopContext::Threads,
             cpu: None,
             priority: None,
             ..all

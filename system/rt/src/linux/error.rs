@@ -4,7 +4,7 @@ use std::ffi::OsString;
 use std::io;
 use std::path::PathBuf;
 
-use condor_dev::linux::MapError;
+use condor_dev::linux::BusMapError;
 use condor_mbox::linux::SystemError;
 
 /// The reason for which a process cannot be a processor.
@@ -48,7 +48,7 @@ pub enum ProcessError {
         /// The path of the file.
         path: PathBuf,
         /// The reason.
-        source: MapError,
+        source: BusMapError,
     },
     /// A memory that processes share could not be mapped.
     #[error("cannot map the {what} {path:?}: {source}")]
@@ -58,7 +58,7 @@ pub enum ProcessError {
         /// The path of the file.
         path: PathBuf,
         /// The reason.
-        source: condor_mbox::linux::MapError,
+        source: condor_mbox::linux::WindowMapError,
     },
     /// The page of the simulated clock does not fit into the file at this offset.
     #[error("{path:?} has no room for the page of a simulated clock at offset {offset:#x}")]

@@ -5,7 +5,7 @@
 //!
 //! | variable | meaning |
 //! |---|---|
-//! | `CONDOR_SYSTEM` | the directory of the mailbox system, as in [`System::at`](condor_mbox::linux::System::at) |
+//! | `CONDOR_SYSTEM` | the directory of the mailbox system, as in [`VirtualSystem::at`](condor_mbox::linux::VirtualSystem::at) |
 //! | `CONDOR_WINDOW_BYTES` | the size of the users' region of each processor's `data`, in bytes |
 //! | `CONDOR_PROCESSOR` | the processor's number |
 //! | `CONDOR_BUS` | the file that is mapped as the bus; if it is not set, nothing answers on the bus |
@@ -67,8 +67,8 @@ mod timer;
 pub use bell::ProcessBell;
 pub use bus::ProcessBus;
 pub use clock::{Bells, HostBell, HostClock, HostMailbox, MappedPage};
-pub use environment::{Environment, FileRange, Loops};
+pub use environment::{Environment, FileRange, LoopContext};
 pub use error::ProcessError;
-pub use process::Process;
+pub use process::LinuxProcess;
 pub use run::{run, run_allowing_signals};
 pub use sections::ProcessSections;

@@ -1,4 +1,4 @@
-//! [`Process`]: a process of Linux as a processor.
+//! [`LinuxProcess`]: a process of Linux as a processor.
 
 use std::num::NonZeroU64;
 use std::sync::Arc;
@@ -7,10 +7,10 @@ use std::thread;
 use std::time::Duration;
 
 use condor_clock::LocalClock;
-use condor_dev::linux::{Access, LinuxBus};
-use condor_mbox::linux::{LinuxDoorbell, LinuxWindow, System};
+use condor_dev::linux::{LinuxBus, MapAccess};
+use condor_mbox::linux::{LinuxDoorbell, LinuxSystem, LinuxWindow};
 use condor_mbox::{Clock as _, Doorbell as _, Processor, Region, Waiting, Windows};
-use condor_mos::linux::{Privileges, RealTime, Signals, Threads};
+use condor_mos::linux::{Privileges, RealTime, SignalPlatform, Threads};
 use condor_mos::{Loops, Rate};
 use signal_hook::consts::{SIGINT, SIGTERM};
 
@@ -22,12 +22,12 @@ use super::error::ProcessError;
 use super::sections::{ProcessSections, Sections, Server};
 use super::spinner::Spinner;
 use super::timer::{NANOSECONDS, ProcessTimer};
-use crate::error::Error;
+use crate::error::ProgramError;
 use crate::machine::Machine;
 use crate::numbers::{self, PROCESSORS};
 use crate::servo::{self, LOOPS, ServoLoop, on_one_stack};
 use crate::silent::Silent;
-use crate::simulated::{SimulatedBell, SimulatedTimer, Uninterrupted};
+use crate::simulated::{SimulatedBell, SimulatedSection, SimulatedTimer};
 
 /// The longest wait for a number whose previous owner is exiting.
 const SUCCESSION: Duration = Duration::from_secs(5);
@@ -39,11 +39,11 @@ const NAP: Duration = Duration::from_millis(100);
 /// A process of Linux as a processor: the [`Machine`] of its program.
 ///
 /// It holds the processor's number until it and all objects that it returned are dropped.
-pub struct Process {
+pub struct LinuxProcess {
     number: Processor,
     windows: [Windows<LinuxWindow>; PROCESSORS],
     doorbell: LinuxDoorbell<PROCESSORS>,
-    way: Way,
+    way: LoopPlatform,
     bus: ProcessBus,
     shared_memory: Option<Region<LinuxWindow>>,
     arguments: Vec<String>,
@@ -51,7 +51,7 @@ pub struct Process {
 }
 
 /// How loops run.
-enum Way {
+enum LoopPlatform {
     /// In threads, of which the fastest has this priority; one thread at a time serves messages.
     Threads(Option<u8>, Arc<Server>),
     /// In signals: the code that made the machine has promised the contract of [`Signals::new`].
@@ -62,7 +62,7 @@ enum Way {
     Simulated(ProcessClock),
 }
 
-impl Process {
+impl LinuxProcess {
     /// Makes the processor that `environment` describes; `arguments` are the program's arguments,
     /// without its name.
     ///
@@ -75,16 +75,16 @@ impl Process {
     /// [`ProcessError::Wrong`] if the environment says that loops run in signals, which only
     /// [`allowing_signals`](Self::allowing_signals) permits; [`ProcessError::Open`] or
     /// [`ProcessError::MapBus`] if the bus fails; [`ProcessError::Stopping`] if the signals cannot
-    /// be handled; [`ProcessError::System`] if the memory cannot be opened or the number not be
+    /// be handled; [`ProcessError::LinuxSystem`] if the memory cannot be opened or the number not be
     /// claimed.
     pub fn new(
         environment: &Environment,
         arguments: impl IntoIterator<Item = String>,
     ) -> Result<Self, ProcessError> {
-        if environment.loops == environment::Loops::Signals {
+        if environment.loops == environment::LoopContext::Signals {
             return Err(ProcessError::Wrong {
                 variable: environment::LOOPS,
-                value: environment::Loops::Signals.word().into(),
+                value: environment::LoopContext::Signals.word().into(),
                 expected: "`threads` or `spin`, since this program's `main` does not allow signals",
             });
         }
@@ -102,7 +102,7 @@ impl Process {
     ///
     /// # Errors
     /// [`ProcessError::Open`] or [`ProcessError::MapBus`] if the bus fails;
-    /// [`ProcessError::Stopping`] if the signals cannot be handled; [`ProcessError::System`] if the
+    /// [`ProcessError::Stopping`] if the signals cannot be handled; [`ProcessError::LinuxSystem`] if the
     /// memory cannot be opened or the number not be claimed.
     pub unsafe fn allowing_signals(
         environment: &Environment,
@@ -115,7 +115,7 @@ impl Process {
         environment: &Environment,
         arguments: impl IntoIterator<Item = String>,
     ) -> Result<Self, ProcessError> {
-        let system = System::at(&environment.system, environment.window_bytes)?;
+        let system = LinuxSystem::at(&environment.system, environment.window_bytes)?;
         let bus = match &environment.bus {
             Some(bus) => ProcessBus::Mapped(map(bus)?),
             None => ProcessBus::Silent(Silent),
@@ -134,15 +134,19 @@ impl Process {
                 let page = MappedPage::open(clock)?;
                 let by = Bells::new(page.clone(), doorbell.clone());
                 let clock = LocalClock::new(number.0, page, by, environment.work_ns);
-                (Way::Simulated(Arc::new(clock)), None)
+                (LoopPlatform::Simulated(Arc::new(clock)), None)
             }
-            (None, environment::Loops::Threads) => {
-                (Way::Threads(environment.priority, Arc::default()), None)
+            (None, environment::LoopContext::Threads) => (
+                LoopPlatform::Threads(environment.priority, Arc::default()),
+                None,
+            ),
+            (None, environment::LoopContext::Signals) => {
+                (LoopPlatform::Signals, environment.priority)
             }
-            (None, environment::Loops::Signals) => (Way::Signals, environment.priority),
-            (None, environment::Loops::Spin) => {
-                (Way::Spin(Arc::new(Spinner::new())), environment.priority)
-            }
+            (None, environment::LoopContext::Spin) => (
+                LoopPlatform::Spin(Arc::new(Spinner::new())),
+                environment.priority,
+            ),
         };
         // What threads start with they have from this one.
         let mut wishes = urgent(own_priority).timer_slack(NonZeroU64::MIN);
@@ -160,7 +164,7 @@ impl Process {
             stopping,
         };
         machine.tell(&wishes.request());
-        if let Way::Simulated(clock) = &machine.way {
+        if let LoopPlatform::Simulated(clock) = &machine.way {
             clock.announce(0);
             // Nobody goes on before it has seen that all are there.
             machine.doorbell.ring(numbers::SUPERVISOR);
@@ -177,10 +181,10 @@ impl Process {
     }
 }
 
-impl Drop for Process {
+impl Drop for LinuxProcess {
     fn drop(&mut self) {
         // Who has failed keeps the turn until it is buried: time stands for the next one.
-        if let Way::Simulated(clock) = &self.way
+        if let LoopPlatform::Simulated(clock) = &self.way
             && !thread::panicking()
         {
             clock.leave();
@@ -219,7 +223,7 @@ impl Drop for StopOnPanic<'_> {
 fn map(bus: &FileRange) -> Result<LinuxBus, ProcessError> {
     let (file, len) = bus.open("bus")?;
     let len = usize::try_from(len).unwrap_or(usize::MAX);
-    LinuxBus::map(&file, bus.offset, 0, len, Access::ReadWrite).map_err(|source| {
+    LinuxBus::map(&file, bus.offset, 0, len, MapAccess::ReadWrite).map_err(|source| {
         ProcessError::MapBus {
             path: bus.path.clone(),
             source,
@@ -227,7 +231,7 @@ fn map(bus: &FileRange) -> Result<LinuxBus, ProcessError> {
     })
 }
 
-impl Machine for Process {
+impl Machine for LinuxProcess {
     type Window = LinuxWindow;
     type Doorbell = ProcessBell;
     type Exclusion = ProcessSections;
@@ -245,18 +249,18 @@ impl Machine for Process {
         ProcessBell {
             doorbell: self.doorbell.clone(),
             ringing: match &self.way {
-                Way::Spin(spinner) => Ringing::Spun(spinner.clone()),
-                Way::Simulated(clock) => Ringing::Simulated(SimulatedBell(clock.clone())),
-                Way::Threads(..) | Way::Signals => Ringing::Real,
+                LoopPlatform::Spin(spinner) => Ringing::Spun(spinner.clone()),
+                LoopPlatform::Simulated(clock) => Ringing::Simulated(SimulatedBell(clock.clone())),
+                LoopPlatform::Threads(..) | LoopPlatform::Signals => Ringing::Real,
             },
         }
     }
 
     fn exclusion(&self) -> ProcessSections {
         ProcessSections(match &self.way {
-            Way::Threads(_, server) => Sections::Threads(server.clone()),
-            Way::Signals | Way::Spin(_) => Sections::OneThread,
-            Way::Simulated(clock) => Sections::Simulated(Uninterrupted(clock.clone())),
+            LoopPlatform::Threads(_, server) => Sections::Threads(server.clone()),
+            LoopPlatform::Signals | LoopPlatform::Spin(_) => Sections::OneThread,
+            LoopPlatform::Simulated(clock) => Sections::Simulated(SimulatedSection(clock.clone())),
         })
     }
 
@@ -271,8 +275,8 @@ impl Machine for Process {
     /// A mailbox that is spun waits at its doorbell, where nothing but the timer is between two looks.
     fn waiting(&self) -> Waiting {
         match self.way {
-            Way::Threads(..) | Way::Signals => Waiting::default(),
-            Way::Spin(_) | Way::Simulated(_) => Waiting::Sleep,
+            LoopPlatform::Threads(..) | LoopPlatform::Signals => Waiting::default(),
+            LoopPlatform::Spin(_) | LoopPlatform::Simulated(_) => Waiting::Sleep,
         }
     }
 
@@ -282,20 +286,20 @@ impl Machine for Process {
 
     fn is_stopping(&self) -> bool {
         self.stopping.load(Ordering::Relaxed)
-            || matches!(&self.way, Way::Simulated(clock) if clock.is_stopping())
+            || matches!(&self.way, LoopPlatform::Simulated(clock) if clock.is_stopping())
     }
 
     /// With loops in threads, messages are served in one, too.
     fn mail_interrupts(&self) -> bool {
-        matches!(self.way, Way::Threads(..))
+        matches!(self.way, LoopPlatform::Threads(..))
     }
 
     fn with_mail<R>(
         &self,
         serve: impl Fn() -> usize + Sync,
         background: impl FnOnce() -> R,
-    ) -> Result<R, Error> {
-        let Way::Threads(priority, _) = self.way else {
+    ) -> Result<R, ProgramError> {
+        let LoopPlatform::Threads(priority, _) = self.way else {
             return Ok(background());
         };
         let (bell, ended) = (&self.doorbell, AtomicBool::new(false));
@@ -326,7 +330,7 @@ impl Machine for Process {
             let thread = thread::Builder::new().name("mail".into());
             let attending = thread.spawn_scoped(scope, attend);
             attending.map_err(|error| {
-                Error::program(&format_args!("cannot start a thread for messages: {error}"))
+                ProgramError::program(&format_args!("cannot start a thread for messages: {error}"))
             })?;
             let _end = End {
                 ended: &ended,
@@ -344,9 +348,9 @@ impl Machine for Process {
         &self,
         loops: &mut [ServoLoop<'_>],
         background: impl FnOnce(&dyn Loops<Instant = u64>) -> R,
-    ) -> Result<R, Error> {
+    ) -> Result<R, ProgramError> {
         match &self.way {
-            Way::Threads(priority, _) => {
+            LoopPlatform::Threads(priority, _) => {
                 let rates = servo::rates(loops)?;
                 let now = self.doorbell.now().as_ns();
                 let start = servo::first_release(now, NANOSECONDS, &rates);
@@ -356,16 +360,18 @@ impl Machine for Process {
                     background(&threads)
                 })
             }
-            Way::Signals => {
+            LoopPlatform::Signals => {
                 // SAFETY: whoever allowed signals for this machine has promised what is asked for.
-                let timer = ProcessTimer::Signals(unsafe { Signals::new() });
+                let timer = ProcessTimer::Signals(unsafe { SignalPlatform::new() });
                 on_one_stack(timer, loops, background)
             }
-            Way::Spin(spinner) => {
+            LoopPlatform::Spin(spinner) => {
                 let (spinner, clock) = (spinner.clone(), self.doorbell.clone());
                 on_one_stack(ProcessTimer::Spin { spinner, clock }, loops, background)
             }
-            Way::Simulated(clock) => on_one_stack(SimulatedTimer(clock.clone()), loops, background),
+            LoopPlatform::Simulated(clock) => {
+                on_one_stack(SimulatedTimer(clock.clone()), loops, background)
+            }
         }
     }
 }

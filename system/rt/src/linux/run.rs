@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 use super::environment::Environment;
 use super::error::ProcessError;
-use super::process::Process;
+use super::process::LinuxProcess;
 use crate::machine::{Machine as _, Program};
 
 /// Runs `program` as the processor that the environment describes, until it ends. A `main` needs
@@ -18,14 +18,16 @@ use crate::machine::{Machine as _, Program};
 /// With `CONDOR_LOOPS=signals` it fails: see [`run_allowing_signals`].
 #[must_use]
 pub fn run<P: Program>(program: &P, arguments: impl IntoIterator<Item = String>) -> ExitCode {
-    run_on(program, |environment| Process::new(environment, arguments))
+    run_on(program, |environment| {
+        LinuxProcess::new(environment, arguments)
+    })
 }
 
 /// Runs `program` as [`run`] does; its loops run in signals if the environment says so.
 ///
 /// # Safety
 /// The loops of `program` keep the contract of
-/// [`Signals::new`](condor_mos::linux::Signals::new), as for [`Process::allowing_signals`].
+/// [`Signals::new`](condor_mos::linux::Signals::new), as for [`LinuxProcess::allowing_signals`].
 #[must_use]
 pub unsafe fn run_allowing_signals<P: Program>(
     program: &P,
@@ -33,13 +35,13 @@ pub unsafe fn run_allowing_signals<P: Program>(
 ) -> ExitCode {
     run_on(program, |environment| {
         // SAFETY: as the caller promises; the machine runs this program alone.
-        unsafe { Process::allowing_signals(environment, arguments) }
+        unsafe { LinuxProcess::allowing_signals(environment, arguments) }
     })
 }
 
 fn run_on<P: Program>(
     program: &P,
-    machine: impl FnOnce(&Environment) -> Result<Process, ProcessError>,
+    machine: impl FnOnce(&Environment) -> Result<LinuxProcess, ProcessError>,
 ) -> ExitCode {
     let machine = match Environment::read().and_then(|environment| machine(&environment)) {
         Ok(machine) => machine,

@@ -7,9 +7,9 @@ use condor_mbox::{CriticalSection, Exclusion};
 use condor_platform::linux::thread_number;
 
 use super::clock::ProcessClock;
-use crate::simulated::Uninterrupted;
+use crate::simulated::SimulatedSection;
 
-/// The critical sections of a [`Process`](super::Process): those of the `critical-section` crate.
+/// The critical sections of a [`LinuxProcess`](super::LinuxProcess): those of the `critical-section` crate.
 /// If the loops of the process run in threads, only one thread at a time serves messages. In
 /// simulated time they are sections in which no time passes. All clones are the same.
 #[derive(Clone, Debug)]
@@ -19,7 +19,7 @@ pub struct ProcessSections(pub(super) Sections);
 pub(super) enum Sections {
     OneThread,
     Threads(Arc<Server>),
-    Simulated(Uninterrupted<ProcessClock>),
+    Simulated(SimulatedSection<ProcessClock>),
 }
 
 /// Which thread serves.

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use condor_mbox::Clock as _;
 use condor_mbox::linux::LinuxDoorbell;
-use condor_mos::linux::Signals;
+use condor_mos::linux::SignalPlatform;
 use condor_mos::{Armed, ConnectError, Platform, Rate, Timer};
 
 use super::spinner::Spinner;
@@ -12,10 +12,10 @@ use crate::numbers::PROCESSORS;
 
 pub(super) const NANOSECONDS: Rate = Rate::hz(1_000_000_000);
 
-/// The timer of a [`Process`](super::Process) whose loops run on the stack of the background:
+/// The timer of a [`LinuxProcess`](super::LinuxProcess) whose loops run on the stack of the background:
 /// `CLOCK_MONOTONIC` in nanoseconds, with signals or with polls for interrupts.
 pub(super) enum ProcessTimer {
-    Signals(Signals),
+    Signals(SignalPlatform),
     Spin {
         spinner: Arc<Spinner>,
         clock: LinuxDoorbell<PROCESSORS>,
@@ -93,7 +93,7 @@ impl Platform for ProcessTimer {
 mod tests {
     use core::sync::atomic::{AtomicU32, Ordering};
 
-    use condor_mbox::linux::System;
+    use condor_mbox::linux::LinuxSystem;
     use condor_mbox::{Doorbell as _, Instant, Processor};
 
     use super::*;
@@ -102,7 +102,7 @@ mod tests {
 
     fn with_timer(test: impl FnOnce(&ProcessTimer, &ProcessBell)) {
         let directory = tempfile::tempdir().unwrap();
-        let system = System::<PROCESSORS>::at(directory.path().join("mailbox"), 4096).unwrap();
+        let system = LinuxSystem::<PROCESSORS>::at(directory.path().join("mailbox"), 4096).unwrap();
         let doorbell = system.claim(Processor(3)).unwrap().doorbell().clone();
         let spinner = Arc::new(Spinner::new());
         let timer = ProcessTimer::Spin {

@@ -4,7 +4,7 @@ use core::any::Any;
 use core::fmt;
 use std::panic;
 
-use condor_clock::Fault;
+use condor_clock::ClockFault;
 use condor_mbox::Processor;
 use condor_mbox::linux::SystemError;
 
@@ -39,12 +39,12 @@ pub enum SimError {
     },
     /// Programs failed; the list is in the order of their failures.
     #[error("{}", joined(.0))]
-    Failed(Vec<Failure>),
+    Failed(Vec<SimFailure>),
 }
 
 /// The failure of a program.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Failure {
+pub struct SimFailure {
     /// The number of the program's processor.
     pub number: Processor,
     /// The instant of the failure, in nanoseconds since the beginning of the run.
@@ -70,12 +70,12 @@ pub enum Cause {
     Polls,
 }
 
-impl From<Fault> for Cause {
-    fn from(fault: Fault) -> Self {
+impl From<ClockFault> for Cause {
+    fn from(fault: ClockFault) -> Self {
         match fault {
-            Fault::NotStopping => Self::NotStopping,
-            Fault::WaitsForever => Self::WaitsForever,
-            Fault::Polls => Self::Polls,
+            ClockFault::NotStopping => Self::NotStopping,
+            ClockFault::WaitsForever => Self::WaitsForever,
+            ClockFault::Polls => Self::Polls,
         }
     }
 }
@@ -101,7 +101,7 @@ impl Cause {
     }
 }
 
-impl fmt::Display for Failure {
+impl fmt::Display for SimFailure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (seconds, ns) = (self.at_ns / 1_000_000_000, self.at_ns % 1_000_000_000);
         write!(f, "{} at {seconds}.{ns:09} s: ", self.number)?;
@@ -117,7 +117,7 @@ impl fmt::Display for Failure {
     }
 }
 
-fn joined(failures: &[Failure]) -> String {
+fn joined(failures: &[SimFailure]) -> String {
     let lines: Vec<String> = failures.iter().map(ToString::to_string).collect();
     lines.join("\n")
 }

@@ -5,11 +5,11 @@ use core::time::Duration;
 use std::path::Path;
 
 use condor_dev::Bus;
-use condor_fs::server::{Options, Server};
+use condor_fs::server::{FileServer, ServerOptions};
 use condor_fs::wire::FILES;
 use condor_mbox::{Call, Messenger as _};
 
-use super::processor::Processor;
+use super::processor::SimMachine;
 use crate::machine::Machine as _;
 
 /// How long it serves before it looks whether it is to end.
@@ -17,10 +17,10 @@ const NAP: Duration = Duration::from_millis(100);
 
 /// Serves `root` until the run is over.
 pub(super) fn serve<B: Bus + Clone + Sync>(
-    machine: &Processor<B>,
+    machine: &SimMachine<B>,
     root: &Path,
 ) -> Result<(), Box<dyn Error>> {
-    let server = Server::new(root, Options::default())?;
+    let server = FileServer::new(root, ServerOptions::default())?;
     let windows = machine.windows();
     server.recover(&windows)?;
     let answer = |call: &Call<'_>| server.answer(call, &windows);

@@ -4,14 +4,14 @@
 //! clock](condor_clock), in nanoseconds since the common beginning: exactly one of them runs at any
 //! moment, and the order depends on that clock alone.
 //!
-//! [`System::files`] runs a file service, which serves a directory, in the same virtual time.
+//! [`VirtualSystem::files`] runs a file service, which serves a directory, in the same virtual time.
 //!
 //! # What takes time
 //!
 //! | action | time that passes |
 //! |---|---|
 //! | a [wait](condor_mbox::Doorbell::wait) | its whole length; others run meanwhile |
-//! | a loop | the time that [`System::set_work`] declares, after its body; faster loops can interrupt it then |
+//! | a loop | the time that [`VirtualSystem::set_work`] declares, after its body; faster loops can interrupt it then |
 //! | reading a clock in the background | nothing, but 100 µs at the thousandth reading in a row, so that polling ends |
 //! | anything else | nothing; inside of loops and handlers of the timer the clock stands still |
 //!
@@ -29,6 +29,6 @@ mod files;
 mod processor;
 mod system;
 
-pub use error::{Cause, Failure, SimError};
-pub use processor::{Bell, Closed, Processor, Uninterrupted, VirtualTimer};
-pub use system::System;
+pub use error::{Cause, SimError, SimFailure};
+pub use processor::{Bell, SimCriticalSection, SimMachine, TurnHandover, VirtualTimer};
+pub use system::VirtualSystem;

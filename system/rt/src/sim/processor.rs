@@ -1,40 +1,40 @@
-//! [`Processor`]: one of several processors in virtual time, with its doorbell, timer and sections.
+//! [`SimMachine`]: one of several processors in virtual time, with its doorbell, timer and sections.
 
 use std::sync::Arc;
 use std::sync::atomic::AtomicU32;
 
 use condor_clock::linux::Futex;
-use condor_clock::{Fault, Handover, LocalClock, Page};
+use condor_clock::{ClockFault, Handover, LocalClock, Page};
 use condor_dev::Bus;
 use condor_mbox::linux::LinuxWindow;
 use condor_mbox::{self as mbox, Region, Windows};
 use condor_mos::{Loops, Rate, Timer as _};
 
 use super::error::Cause;
-use crate::error::Error;
+use crate::error::ProgramError;
 use crate::machine::Machine;
 use crate::numbers::PROCESSORS;
 use crate::servo::{ServoLoop, on_one_stack};
 use crate::simulated;
 
 /// The clock of a processor.
-type Clock = Arc<LocalClock<Arc<Page>, Closed>>;
+type Clock = Arc<LocalClock<Arc<Page>, TurnHandover>>;
 /// The doorbell of a processor in virtual time. All clones are the same doorbell.
 pub type Bell = simulated::SimulatedBell<Clock>;
 /// The critical sections of a processor in virtual time: no time passes in them, so nothing
 /// interrupts them.
-pub type Uninterrupted = simulated::Uninterrupted<Clock>;
+pub type SimCriticalSection = simulated::SimulatedSection<Clock>;
 /// The timer of a processor in virtual time, in nanoseconds.
 pub type VirtualTimer = simulated::SimulatedTimer<Clock>;
 
 /// The handover of the turn, the right to run, between the threads of this process.
 #[derive(Debug)]
-pub struct Closed(Futex);
+pub struct TurnHandover(Futex);
 
-/// One processor of a [`System`](super::System) in virtual time: the [`Machine`] of its program.
+/// One processor of a [`VirtualSystem`](super::VirtualSystem) in virtual time: the [`Machine`] of its program.
 ///
 /// `B` is the type of the bus.
-pub struct Processor<B> {
+pub struct SimMachine<B> {
     clock: Clock,
     windows: [Windows<LinuxWindow>; PROCESSORS],
     shared_memory: Option<Region<LinuxWindow>>,
@@ -42,13 +42,13 @@ pub struct Processor<B> {
     arguments: Vec<String>,
 }
 
-impl Closed {
+impl TurnHandover {
     pub(super) fn new() -> Self {
         Self(Futex::new())
     }
 }
 
-impl Handover for Closed {
+impl Handover for TurnHandover {
     fn sleep(&self, word: &AtomicU32, seen: u32, most_ns: u64) {
         self.0.sleep(word, seen, most_ns);
     }
@@ -65,14 +65,14 @@ impl Handover for Closed {
         self.0.is_own_context()
     }
 
-    fn fault(&self, fault: Fault) {
+    fn fault(&self, fault: ClockFault) {
         Cause::from(fault).unwind();
     }
 }
 
-impl<B> Processor<B> {
+impl<B> SimMachine<B> {
     pub(super) fn new(
-        clock: LocalClock<Arc<Page>, Closed>,
+        clock: LocalClock<Arc<Page>, TurnHandover>,
         windows: [Windows<LinuxWindow>; PROCESSORS],
         shared_memory: Option<Region<LinuxWindow>>,
         bus: B,
@@ -104,15 +104,15 @@ impl<B> Processor<B> {
         simulated::SimulatedTimer(self.clock.clone())
     }
 
-    pub(super) fn clock(&self) -> &LocalClock<Arc<Page>, Closed> {
+    pub(super) fn clock(&self) -> &LocalClock<Arc<Page>, TurnHandover> {
         &self.clock
     }
 }
 
-impl<B: Bus + Clone + Sync> Machine for Processor<B> {
+impl<B: Bus + Clone + Sync> Machine for SimMachine<B> {
     type Window = LinuxWindow;
     type Doorbell = Bell;
-    type Exclusion = Uninterrupted;
+    type Exclusion = SimCriticalSection;
     type Bus = B;
 
     fn number(&self) -> mbox::Processor {
@@ -127,8 +127,8 @@ impl<B: Bus + Clone + Sync> Machine for Processor<B> {
         simulated::SimulatedBell(self.clock.clone())
     }
 
-    fn exclusion(&self) -> Uninterrupted {
-        simulated::Uninterrupted(self.clock.clone())
+    fn exclusion(&self) -> SimCriticalSection {
+        simulated::SimulatedSection(self.clock.clone())
     }
 
     fn shared_memory(&self) -> Option<Region<LinuxWindow>> {
@@ -159,7 +159,7 @@ impl<B: Bus + Clone + Sync> Machine for Processor<B> {
         &self,
         loops: &mut [ServoLoop<'_>],
         background: impl FnOnce(&dyn Loops<Instant = u64>) -> R,
-    ) -> Result<R, Error> {
+    ) -> Result<R, ProgramError> {
         on_one_stack(self.platform(), loops, background)
     }
 }

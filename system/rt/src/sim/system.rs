@@ -1,4 +1,4 @@
-//! [`System`]: processors, their programs, and a run of all of them.
+//! [`VirtualSystem`]: processors, their programs, and a run of all of them.
 
 use core::fmt;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -11,9 +11,9 @@ use condor_dev::Bus;
 use condor_mbox::linux::{self, LinuxWindow};
 use condor_mbox::{self as mbox, Region};
 
-use super::error::{Cause, Failure, SimError};
+use super::error::{Cause, SimError, SimFailure};
 use super::files;
-use super::processor::{Closed, Processor};
+use super::processor::{SimMachine, TurnHandover};
 use crate::machine::Program;
 use crate::numbers::{self, PROCESSORS};
 use crate::silent::Silent;
@@ -22,11 +22,11 @@ use crate::silent::Silent;
 ///
 /// ```
 /// use condor_rt::{Machine, sim};
-/// use condor_mbox::{Clock, Processor};
+/// use condor_mbox::{Clock, SimMachine};
 ///
 /// let mut system = sim::System::new(4096)?;
-/// system.arguments(Processor(2), ["a"])?;
-/// system.host(Processor(2), |machine| {
+/// system.arguments(SimMachine(2), ["a"])?;
+/// system.host(SimMachine(2), |machine| {
 ///     assert_eq!(machine.argument(0), Some("a"));
 ///     while !machine.is_stopping() {
 ///         machine.work(1_000_000);
@@ -38,48 +38,48 @@ use crate::silent::Silent;
 /// assert_eq!(ended_at, 3_600_000_000_000);
 /// # Ok::<(), condor_rt::sim::SimError>(())
 /// ```
-pub struct System<'env, B = Silent> {
-    memory: linux::System<PROCESSORS>,
+pub struct VirtualSystem<'env, B = Silent> {
+    memory: linux::LinuxSystem<PROCESSORS>,
     shared_memory: Option<Region<LinuxWindow>>,
     bus: B,
-    seats: [Seat<'env, B>; PROCESSORS],
+    seats: [ProcessorSettings<'env, B>; PROCESSORS],
 }
 
-type Task<'env, B> = Box<dyn FnOnce(&Processor<B>) -> Result<(), String> + Send + 'env>;
+type Task<'env, B> = Box<dyn FnOnce(&SimMachine<B>) -> Result<(), String> + Send + 'env>;
 
 /// The settings of a processor before the run.
-struct Seat<'env, B> {
+struct ProcessorSettings<'env, B> {
     arguments: Vec<String>,
     work: [u64; condor_clock::LOOPS],
     begins_at: u64,
     task: Option<Task<'env, B>>,
 }
 
-impl System<'_> {
+impl VirtualSystem<'_> {
     /// Makes a system without boards, in which each processor's users have `window_bytes` bytes of
     /// its `data`.
     ///
     /// # Errors
-    /// [`SimError::System`] if the memory cannot be made.
+    /// [`SimError::VirtualSystem`] if the memory cannot be made.
     pub fn new(window_bytes: u32) -> Result<Self, SimError> {
         Self::with_bus(window_bytes, Silent)
     }
 }
 
-impl<'env, B: Bus + Clone + Send + Sync> System<'env, B> {
-    /// Makes a system as [`new`](System::new) does, with boards on a bus that all processors share.
+impl<'env, B: Bus + Clone + Send + Sync> VirtualSystem<'env, B> {
+    /// Makes a system as [`new`](VirtualSystem::new) does, with boards on a bus that all processors share.
     ///
     /// # Errors
-    /// [`SimError::System`] if the memory cannot be made.
+    /// [`SimError::VirtualSystem`] if the memory cannot be made.
     pub fn with_bus(window_bytes: u32, bus: B) -> Result<Self, SimError> {
-        let seat = |_| Seat {
+        let seat = |_| ProcessorSettings {
             arguments: Vec::new(),
             work: [0; condor_clock::LOOPS],
             begins_at: 0,
             task: None,
         };
         Ok(Self {
-            memory: linux::System::family(window_bytes)?,
+            memory: linux::LinuxSystem::family(window_bytes)?,
             shared_memory: None,
             bus,
             seats: core::array::from_fn(seat),
@@ -89,10 +89,10 @@ impl<'env, B: Bus + Clone + Send + Sync> System<'env, B> {
     /// Adds a memory of `bytes` bytes that belongs to no processor.
     ///
     /// # Errors
-    /// [`SimError::System`] if the memory cannot be made.
+    /// [`SimError::VirtualSystem`] if the memory cannot be made.
     pub fn share_memory(&mut self, bytes: u32) -> Result<(), SimError> {
         const OWNER: mbox::Processor = mbox::Processor(0);
-        let memory = linux::System::<1>::family(bytes)?;
+        let memory = linux::LinuxSystem::<1>::family(bytes)?;
         self.shared_memory = Some(memory.claim(OWNER)?.region(OWNER)?);
         Ok(())
     }
@@ -158,7 +158,7 @@ impl<'env, B: Bus + Clone + Send + Sync> System<'env, B> {
     pub fn host<E: fmt::Display>(
         &mut self,
         number: mbox::Processor,
-        body: impl FnOnce(&Processor<B>) -> Result<(), E> + Send + 'env,
+        body: impl FnOnce(&SimMachine<B>) -> Result<(), E> + Send + 'env,
     ) -> Result<(), SimError> {
         let task = &mut self.seat(number)?.task;
         if task.is_some() {
@@ -186,7 +186,7 @@ impl<'env, B: Bus + Clone + Send + Sync> System<'env, B> {
     /// When one program fails, all others are told to stop.
     ///
     /// # Errors
-    /// [`SimError::Failed`] if programs failed; [`SimError::System`] if a number cannot be claimed;
+    /// [`SimError::Failed`] if programs failed; [`SimError::VirtualSystem`] if a number cannot be claimed;
     /// [`SimError::Thread`] if a thread cannot be started, in which case the other programs were
     /// told to stop at once.
     pub fn run(self) -> Result<u64, SimError> {
@@ -197,13 +197,13 @@ impl<'env, B: Bus + Clone + Send + Sync> System<'env, B> {
     /// `ns`, in nanoseconds since the beginning of the run.
     ///
     /// # Errors
-    /// [`SimError::Failed`] if programs failed; [`SimError::System`] if a number cannot be claimed;
+    /// [`SimError::Failed`] if programs failed; [`SimError::VirtualSystem`] if a number cannot be claimed;
     /// [`SimError::Thread`] if a thread cannot be started.
     pub fn run_until(self, ns: u64) -> Result<u64, SimError> {
         const { assert!(PROCESSORS == LINES, "each has a line") };
         let page = Arc::new(Page::new());
         // Nobody runs before all have entered.
-        page.await_request(OUTSIDE, 0, &Closed::new());
+        page.await_request(OUTSIDE, 0, &TurnHandover::new());
         let mut programs = Vec::new();
         for (number, seat) in (0..).map(mbox::Processor).zip(self.seats) {
             let Some(task) = seat.task else {
@@ -222,9 +222,9 @@ impl<'env, B: Bus + Clone + Send + Sync> System<'env, B> {
                 let (own, outcome) = (page.clone(), &outcome);
                 let program = move || {
                     // Here, for the clock belongs to the thread that makes it.
-                    let clock = LocalClock::new(number.0, own, Closed::new(), work);
+                    let clock = LocalClock::new(number.0, own, TurnHandover::new(), work);
                     let (windows, memory, bus) = shared;
-                    let machine = Processor::new(clock, windows, memory, bus, arguments);
+                    let machine = SimMachine::new(clock, windows, memory, bus, arguments);
                     run_one(&machine, task, outcome);
                 };
                 let result = thread::Builder::new()
@@ -232,12 +232,12 @@ impl<'env, B: Bus + Clone + Send + Sync> System<'env, B> {
                     .spawn_scoped(threads, program);
                 if let Err(source) = result {
                     // Those that have a thread are told to stop at once.
-                    page.give_up(number.0, &Closed::new());
+                    page.give_up(number.0, &TurnHandover::new());
                     started = Err(SimError::Thread { number, source });
                 }
             }
             page.set_stop_at(if started.is_ok() { ns } else { 0 });
-            page.finish(OUTSIDE, &Closed::new());
+            page.finish(OUTSIDE, &TurnHandover::new());
             started
         });
         started?;
@@ -249,7 +249,10 @@ impl<'env, B: Bus + Clone + Send + Sync> System<'env, B> {
         }
     }
 
-    fn seat(&mut self, number: mbox::Processor) -> Result<&mut Seat<'env, B>, SimError> {
+    fn seat(
+        &mut self,
+        number: mbox::Processor,
+    ) -> Result<&mut ProcessorSettings<'env, B>, SimError> {
         let seat = self.seats.get_mut(number.index());
         seat.ok_or(SimError::NoSuchProcessor { number })
     }
@@ -258,14 +261,14 @@ impl<'env, B: Bus + Clone + Send + Sync> System<'env, B> {
 #[derive(Default)]
 struct Outcome {
     ended_at: u64,
-    failures: Vec<Failure>,
+    failures: Vec<SimFailure>,
 }
 
 /// A number that belongs to no participant.
 const OUTSIDE: u8 = 0xf0;
 
 /// The thread of a processor.
-fn run_one<B>(machine: &Processor<B>, task: Task<'_, B>, outcome: &Mutex<Outcome>) {
+fn run_one<B>(machine: &SimMachine<B>, task: Task<'_, B>, outcome: &Mutex<Outcome>) {
     let clock = machine.clock();
     let number = mbox::Processor(clock.number());
     clock.page().first_turn(number.0, clock.handover());
@@ -280,7 +283,7 @@ fn run_one<B>(machine: &Processor<B>, task: Task<'_, B>, outcome: &Mutex<Outcome
     {
         let mut outcome = outcome.lock().unwrap_or_else(PoisonError::into_inner);
         outcome.ended_at = outcome.ended_at.max(at_ns);
-        outcome.failures.extend(cause.map(|cause| Failure {
+        outcome.failures.extend(cause.map(|cause| SimFailure {
             number,
             at_ns,
             cause,

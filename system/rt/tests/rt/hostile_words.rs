@@ -1,10 +1,10 @@
 //! What others find in a window may be anything; looking at it gives errors at most.
 
-use condor_mbox::{MemoryWindow, Places, Published, Region, StaticMemory};
+use condor_mbox::{Allocator, MemoryWindow, Published, Region, StaticMemory};
 use condor_mos::{Rate, Statistics};
-use condor_rt::Text;
+use condor_rt::ShortText;
 use condor_rt::loops::{self, LoopReport};
-use condor_rt::objects::{self, Kind, NAME_BYTES, Object, ObjectError, ObjectTable};
+use condor_rt::objects::{self, NAME_BYTES, ObjectError, ObjectKind, ObjectTable, SharedObject};
 use proptest::prelude::*;
 
 const WORDS: usize = 512;
@@ -33,23 +33,31 @@ fn what_is_entered_is_found() {
     let memory = StaticMemory::<WORDS>::new();
     let own = Region::users(memory.window()).unwrap();
     assert_eq!(objects::all(&own).unwrap().count(), 0);
-    let mut places = Places::new(own.size());
+    let mut places = Allocator::new(own.size());
     let mut table = ObjectTable::new(own, &mut places).unwrap();
     let longest = "é".repeat(NAME_BYTES / 2);
-    assert_eq!(objects::find(&own, &longest, Kind::Loop).unwrap(), None);
+    assert_eq!(
+        objects::find(&own, &longest, ObjectKind::Loop).unwrap(),
+        None
+    );
     let mut servo = LoopReport::new(&own, &mut places, &mut table, &longest).unwrap();
-    let found = objects::find(&own, &longest, Kind::Loop).unwrap().unwrap();
+    let found = objects::find(&own, &longest, ObjectKind::Loop)
+        .unwrap()
+        .unwrap();
     assert_eq!(loops::read(&own, &found).unwrap(), None, "unpublished");
     for released in [10, 11] {
         servo.publish(&counts(released)).unwrap();
         assert_eq!(loops::read(&own, &found).unwrap(), Some(counts(released)));
     }
-    let mut enter =
-        |name: &str, number: u32| table.enter(&mut places, name, Kind::Other, number, 2 * number);
+    let mut enter = |name: &str, number: u32| {
+        table.enter(&mut places, name, ObjectKind::Other, number, 2 * number)
+    };
     for number in 1..4 {
         let name = format!("é {number}");
         enter(&name, number).unwrap();
-        let found = objects::find(&own, &name, Kind::Other).unwrap().unwrap();
+        let found = objects::find(&own, &name, ObjectKind::Other)
+            .unwrap()
+            .unwrap();
         assert_eq!((found.offset, found.len), (number, 2 * number));
     }
     let taken = enter("é 2", 9).unwrap_err();
@@ -69,8 +77,8 @@ fn what_is_entered_is_found() {
     };
     assert!(matches!(full, ObjectError::Access(_)), "{full}");
     assert_eq!(objects::all(&own).unwrap().count(), number as usize);
-    // A new life of the program begins with an empty table.
-    let mut places = Places::new(own.size());
+    // A new incarnation of the program begins with an empty table.
+    let mut places = Allocator::new(own.size());
     ObjectTable::new(own, &mut places).unwrap();
     assert_eq!(objects::all(&own).unwrap().count(), 0);
 }
@@ -79,15 +87,15 @@ fn what_is_entered_is_found() {
 fn there_may_be_thousands_of_names() {
     let memory = StaticMemory::<65536>::new();
     let own = Region::users(memory.window()).unwrap();
-    let mut places = Places::new(own.size());
+    let mut places = Allocator::new(own.size());
     let mut table = ObjectTable::new(own, &mut places).unwrap();
     for number in 0..2000 {
         let name = format!("finger.{number}.tension");
         table
-            .enter(&mut places, &name, Kind::Other, number, 4)
+            .enter(&mut places, &name, ObjectKind::Other, number, 4)
             .unwrap();
     }
-    let found = objects::find(&own, "finger.1999.tension", Kind::Other);
+    let found = objects::find(&own, "finger.1999.tension", ObjectKind::Other);
     assert_eq!(found.unwrap().unwrap().offset, 1999);
 }
 
@@ -95,18 +103,18 @@ fn there_may_be_thousands_of_names() {
 fn a_table_must_be_the_first_and_have_room() {
     let memory = StaticMemory::<WORDS>::new();
     let own = Region::users(memory.window()).unwrap();
-    let mut places = Places::new(own.size());
+    let mut places = Allocator::new(own.size());
     places.bytes(64).unwrap();
     let error = ObjectTable::new(own, &mut places).unwrap_err();
     assert_eq!(error, ObjectError::NotFirst { offset: 64 });
-    let error = ObjectTable::new(own, &mut Places::new(8)).unwrap_err();
+    let error = ObjectTable::new(own, &mut Allocator::new(8)).unwrap_err();
     assert!(matches!(error, ObjectError::Access(_)), "{error}");
 }
 
-fn object(offset: u32, len: u32) -> Object {
-    Object {
-        name: Text::of("loop"),
-        kind: Kind::Loop,
+fn object(offset: u32, len: u32) -> SharedObject {
+    SharedObject {
+        name: ShortText::of("loop"),
+        kind: ObjectKind::Loop,
         offset,
         len,
     }
@@ -164,7 +172,7 @@ proptest! {
             look(&own, &object);
         }
         prop_assert!(found <= WORDS);
-        let _ = objects::find(&own, "loop", Kind::Loop);
+        let _ = objects::find(&own, "loop", ObjectKind::Loop);
     }
 
     /// So does reading at any offset of a window of any size.
@@ -185,7 +193,7 @@ proptest! {
     }
 }
 
-fn look<W: condor_mbox::MemoryWindow + Clone>(region: &Region<W>, object: &Object) {
+fn look<W: condor_mbox::MemoryWindow + Clone>(region: &Region<W>, object: &SharedObject) {
     if let Ok(Some(counts)) = loops::read(region, object) {
         let _ = format!("{} {counts:#} {counts}", object.name);
     }

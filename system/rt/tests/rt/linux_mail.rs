@@ -5,10 +5,10 @@ use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::thread;
 use std::time::Duration;
 
-use condor_mbox::linux::{Claim, System};
-use condor_mbox::{Error as MailError, Messenger, Processor, Vector};
-use condor_rt::linux::{Environment, Loops, Process};
-use condor_rt::{Background, Error, PROCESSORS, Setup};
+use condor_mbox::linux::{Claim, LinuxSystem};
+use condor_mbox::{MailboxError as MailError, Messenger, Processor, Vector};
+use condor_rt::linux::{Environment, LinuxProcess, LoopContext};
+use condor_rt::{Background, PROCESSORS, ProgramError, Setup};
 
 const ME: Processor = Processor(3);
 const VISITOR: Processor = Processor(20);
@@ -19,7 +19,7 @@ const WINDOW_BYTES: u32 = 16384;
 /// A program whose handler checks that numbers come in their order, and returns how many have come; its
 /// background is `background`, while `visit` sends. Returns how many numbers came out of order.
 fn with_visitor(
-    background: impl FnOnce(&Background<'_, Process>, &AtomicBool),
+    background: impl FnOnce(&Background<'_, LinuxProcess>, &AtomicBool),
     visit: impl FnOnce(Claim<PROCESSORS>) + Send,
 ) -> u32 {
     let directory = tempfile::tempdir().unwrap();
@@ -31,12 +31,12 @@ fn with_visitor(
         shared_memory: None,
         clock: None,
         work_ns: [0; 8],
-        loops: Loops::Threads,
+        loops: LoopContext::Threads,
         cpu: None,
         priority: None,
     };
-    let machine = Process::new(&environment, []).unwrap();
-    let system = System::at(&environment.system, WINDOW_BYTES).unwrap();
+    let machine = LinuxProcess::new(&environment, []).unwrap();
+    let system = LinuxSystem::at(&environment.system, WINDOW_BYTES).unwrap();
     let claim = system.claim(VISITOR).unwrap();
     let (latest, wrong, gone) = (AtomicU32::new(0), AtomicU32::new(0), AtomicBool::new(false));
     thread::scope(|scope| {
@@ -44,7 +44,7 @@ fn with_visitor(
             visit(claim);
             gone.store(true, Ordering::Relaxed);
         });
-        let count = |call: &condor_rt::Call<'_>| {
+        let count = |call: &condor_rt::HandlerCall<'_>| {
             let before = latest.load(Ordering::Relaxed);
             // Whoever else serves now comes in between.
             thread::yield_now();
@@ -59,7 +59,7 @@ fn with_visitor(
             .on(COUNT, "count", &count)
             .background(|running| {
                 background(running, &gone);
-                Ok::<_, Error>(())
+                Ok::<_, ProgramError>(())
             });
         ran.unwrap();
     });
@@ -69,7 +69,7 @@ fn with_visitor(
 #[test]
 fn a_message_is_answered_while_the_background_computes() {
     let answered = AtomicBool::new(false);
-    let compute = |_: &Background<'_, Process>, gone: &AtomicBool| {
+    let compute = |_: &Background<'_, LinuxProcess>, gone: &AtomicBool| {
         while !gone.load(Ordering::Relaxed) {
             std::hint::spin_loop();
         }
@@ -88,7 +88,7 @@ fn messages_keep_their_order_though_the_background_serves_too() {
     const MESSAGES: u32 = 20_000;
     let sent = AtomicU32::new(0);
     let served = AtomicU32::new(0);
-    let serve = |background: &Background<'_, Process>, gone: &AtomicBool| {
+    let serve = |background: &Background<'_, LinuxProcess>, gone: &AtomicBool| {
         while !gone.load(Ordering::Relaxed) {
             let count = background.mailbox().serve(Duration::from_millis(1));
             served.fetch_add(count.unwrap() as u32, Ordering::Relaxed);

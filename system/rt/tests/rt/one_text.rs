@@ -8,20 +8,20 @@ use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
 use crate::small::{SMALL, Seen, Small, VISITOR, watch};
-use condor_clock::Standing;
+use condor_clock::Obstacle;
 use condor_clock::linux::Futex;
-use condor_mbox::linux::System;
+use condor_mbox::linux::LinuxSystem;
 use condor_mbox::{MemoryWindow, Region};
 use condor_mos::Statistics;
-use condor_rt::linux::{self, Environment, FileRange, Loops, MappedPage};
-use condor_rt::objects::{self, Kind};
+use condor_rt::linux::{self, Environment, FileRange, LoopContext, MappedPage};
+use condor_rt::objects::{self, ObjectKind};
 use condor_rt::{Machine as _, PROCESSORS, loops, sim};
 
 const WINDOW_BYTES: u32 = 8192;
 
 fn in_virtual_time() -> Seen {
     let seen = Mutex::new(None);
-    let mut system = sim::System::new(WINDOW_BYTES).unwrap();
+    let mut system = sim::VirtualSystem::new(WINDOW_BYTES).unwrap();
     system.arguments(SMALL, ["2"]).unwrap();
     system.spawn(SMALL, &Small).unwrap();
     system
@@ -55,7 +55,7 @@ fn small_process() {
     assert_eq!(format!("{code:?}"), format!("{:?}", ExitCode::SUCCESS));
 }
 
-fn environment(directory: &Path, loops: Loops) -> Environment {
+fn environment(directory: &Path, loops: LoopContext) -> Environment {
     Environment {
         system: directory.join("mailbox"),
         window_bytes: WINDOW_BYTES,
@@ -79,14 +79,14 @@ fn start(environment: &Environment, change: impl FnOnce(&mut Command)) -> Child 
     command.spawn().unwrap()
 }
 
-fn as_process(loops: Loops) {
+fn as_process(loops: LoopContext) {
     let directory = tempfile::tempdir().unwrap();
     let environment = Environment {
         // What the kernel refuses is told, and the program runs.
         cpu: Some(1_000_000),
         ..environment(directory.path(), loops)
     };
-    let system = System::<PROCESSORS>::at(&environment.system, WINDOW_BYTES).unwrap();
+    let system = LinuxSystem::<PROCESSORS>::at(&environment.system, WINDOW_BYTES).unwrap();
     let claim = system.claim(VISITOR).unwrap();
     let child = start(&environment, |_| ());
     let mailbox = claim.mailbox().unwrap();
@@ -110,17 +110,17 @@ fn as_process(loops: Loops) {
 
 #[test]
 fn the_program_as_a_process_with_threads() {
-    as_process(Loops::Threads);
+    as_process(LoopContext::Threads);
 }
 
 #[test]
 fn the_program_as_a_process_with_signals() {
-    as_process(Loops::Signals);
+    as_process(LoopContext::Signals);
 }
 
 #[test]
 fn the_program_as_a_process_that_spins() {
-    as_process(Loops::Spin);
+    as_process(LoopContext::Spin);
 }
 
 /// What a loop of 400 Hz counts that takes 3 ms: just before the first second is over, nobody has looked
@@ -129,13 +129,15 @@ const END_NS: u64 = 999_999_999;
 const WORK_NS: u64 = 3_000_000;
 
 fn counts(region: &Region<impl MemoryWindow + Clone>) -> Statistics {
-    let servo = objects::find(region, "servo", Kind::Loop).unwrap().unwrap();
+    let servo = objects::find(region, "servo", ObjectKind::Loop)
+        .unwrap()
+        .unwrap();
     loops::read(region, &servo).unwrap().unwrap()
 }
 
 fn overruns_in_virtual_time() -> Statistics {
     let seen = Mutex::new(None);
-    let mut system = sim::System::new(WINDOW_BYTES).unwrap();
+    let mut system = sim::VirtualSystem::new(WINDOW_BYTES).unwrap();
     system.arguments(SMALL, ["2"]).unwrap();
     system.set_work(SMALL, 0, WORK_NS).unwrap();
     system.spawn(SMALL, &Small).unwrap();
@@ -160,17 +162,17 @@ fn the_program_as_a_process_in_simulated_time() {
     file.set_len(MappedPage::BYTES.into()).unwrap();
     let mut environment = Environment {
         clock: Some(FileRange::whole(page)),
-        ..environment(directory.path(), Loops::Threads)
+        ..environment(directory.path(), LoopContext::Threads)
     };
     environment.work_ns[0] = WORK_NS;
     let page = MappedPage::map(environment.clock.as_ref().unwrap()).unwrap();
     page.reset(0);
     page.set_limit(END_NS);
-    let system = System::<PROCESSORS>::at(&environment.system, WINDOW_BYTES).unwrap();
+    let system = LinuxSystem::<PROCESSORS>::at(&environment.system, WINDOW_BYTES).unwrap();
     let claim = system.claim(VISITOR).unwrap();
     let mut child = start(&environment, |_| ());
     let until = Instant::now() + Duration::from_secs(60);
-    while page.standing(&Futex::new()) != Standing::Limit {
+    while page.standing(&Futex::new()) != Obstacle::Limit {
         assert!(Instant::now() < until, "{}", page.standing(&Futex::new()));
         std::thread::yield_now();
     }
@@ -185,8 +187,8 @@ fn the_program_as_a_process_in_simulated_time() {
 #[test]
 fn a_successor_waits_for_the_number_and_a_bus_must_be_there() {
     let directory = tempfile::tempdir().unwrap();
-    let environment = environment(directory.path(), Loops::Threads);
-    let system = System::<PROCESSORS>::at(&environment.system, WINDOW_BYTES).unwrap();
+    let environment = environment(directory.path(), LoopContext::Threads);
+    let system = LinuxSystem::<PROCESSORS>::at(&environment.system, WINDOW_BYTES).unwrap();
     let held = system.claim(SMALL).unwrap();
     let mut child = start(&environment, |_| ());
     std::thread::sleep(std::time::Duration::from_millis(300));

@@ -5,13 +5,16 @@ use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use std::time::Duration;
 
 use condor_mbox::published::Subscriber;
-use condor_mbox::{Clock as _, Doorbell as _, MemoryWindow as _, Messenger, Places, Processor};
+use condor_mbox::{Allocator, Clock as _, Doorbell as _, MemoryWindow as _, Messenger, Processor};
 use condor_mbox::{Published, Vector, Windows};
 use condor_mos::{Loops, Overrun, Rate};
 use condor_rt::objects;
-use condor_rt::{Error, HANDLERS, LOOPS, Machine, PROCESSORS, Program, ServoLoop, Setup};
+use condor_rt::{HANDLERS, LOOPS, Machine, PROCESSORS, Program, ProgramError, ServoLoop, Setup};
 use condor_rt::{loops, sim, users};
-use condor_vars::{Cell, Client, Described, Field, Kind, Param, Table, VARS, Value, Var, Vars};
+use condor_vars::{
+    AnyValue, Cell, CellField, CellStruct, Param, VARS, ValueKind, Var, VariableClient,
+    VariableTable, Vars,
+};
 use core::mem::offset_of;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
@@ -25,7 +28,7 @@ const WINDOW_BYTES: u32 = 65536;
 struct Servo;
 
 impl Program for Servo {
-    fn run<M: Machine>(&self, machine: &M) -> Result<(), Error> {
+    fn run<M: Machine>(&self, machine: &M) -> Result<(), ProgramError> {
         let mut setup = Setup::new(machine)?;
         let mut angle = setup.publish::<u32>("angle")?;
         let (mut runs, slow) = (0, AtomicU32::new(0));
@@ -55,8 +58,14 @@ impl Program for Servo {
                 }
                 assert_eq!(background.statistics("servo")?.released, 400);
                 assert!(background.statistics("slow")?.released > 90);
-                assert!(matches!(background.statistics("none"), Err(Error::Loop(_))));
-                assert!(matches!(background.files(), Err(Error::Missing { .. })));
+                assert!(matches!(
+                    background.statistics("none"),
+                    Err(ProgramError::Loop(_))
+                ));
+                assert!(matches!(
+                    background.files(),
+                    Err(ProgramError::Missing { .. })
+                ));
                 Ok(())
             })
     }
@@ -64,7 +73,7 @@ impl Program for Servo {
 
 #[test]
 fn a_program_is_what_its_setup_says() {
-    let mut system = sim::System::new(WINDOW_BYTES).unwrap();
+    let mut system = sim::VirtualSystem::new(WINDOW_BYTES).unwrap();
     system.spawn(SERVO, &Servo).unwrap();
     system
         .host(HOST, |machine| {
@@ -85,15 +94,15 @@ fn a_program_is_what_its_setup_says() {
 
             let region = users(machine, SERVO)?;
             let find = |name, kind| objects::find(&region, name, kind).unwrap().unwrap();
-            find("console", objects::Kind::Terminal);
-            let slow = find("slow", objects::Kind::Loop);
+            find("console", objects::ObjectKind::Terminal);
+            let slow = find("slow", objects::ObjectKind::Loop);
             let counts = loops::read(&region, &slow)?.unwrap();
             assert!(counts.run > 20, "{counts}");
             let angle: Subscriber<u32, _> =
-                Published::at(find("angle", objects::Kind::Other).offset)
+                Published::at(find("angle", objects::ObjectKind::Other).offset)
                     .subscriber(region.clone())?;
             assert!(angle.read().unwrap().value > 100);
-            Ok::<_, Error>(())
+            Ok::<_, ProgramError>(())
         })
         .unwrap();
     system.run_until(1_000_000_000).unwrap();
@@ -109,15 +118,15 @@ struct Contact {
     fingers: u32,
 }
 
-impl Described for Contact {
-    const FIELDS: &'static [Field] = &[
-        Field::new("force", "N", Kind::F32, offset_of!(Contact, force)),
-        Field::new("fingers", "", Kind::U32, offset_of!(Contact, fingers)),
+impl CellStruct for Contact {
+    const FIELDS: &'static [CellField] = &[
+        CellField::new("force", "N", ValueKind::F32, offset_of!(Contact, force)),
+        CellField::new("fingers", "", ValueKind::U32, offset_of!(Contact, fingers)),
     ];
 }
 
 impl Program for Joint {
-    fn run<M: Machine>(&self, machine: &M) -> Result<(), Error> {
+    fn run<M: Machine>(&self, machine: &M) -> Result<(), ProgramError> {
         let position = Var::new("joint.position", "rad");
         let torques = Vars::<u32, 2>::numbered("torque", "mN m");
         let stiffness = Param::new("joint.stiffness", "N m/rad", 2.0, 0.0..=50.0);
@@ -198,7 +207,7 @@ impl<M: Machine> Machine for Late<'_, M> {
         &self,
         serve: impl Fn() -> usize + Sync,
         background: impl FnOnce() -> R,
-    ) -> Result<R, Error> {
+    ) -> Result<R, ProgramError> {
         let bell = self.doorbell();
         let begin = bell.now().after(Duration::from_millis(100));
         while bell.now() < begin {
@@ -222,7 +231,7 @@ impl<M: Machine> Machine for Late<'_, M> {
         &self,
         loops: &mut [ServoLoop<'_>],
         background: impl FnOnce(&dyn Loops<Instant = u64>) -> R,
-    ) -> Result<R, Error> {
+    ) -> Result<R, ProgramError> {
         self.0.with_loops(loops, background)
     }
 }
@@ -230,7 +239,7 @@ impl<M: Machine> Machine for Late<'_, M> {
 struct Answers;
 
 impl Program for Answers {
-    fn run<M: Machine>(&self, machine: &M) -> Result<(), Error> {
+    fn run<M: Machine>(&self, machine: &M) -> Result<(), ProgramError> {
         Setup::new(&Late(machine))?
             .on(ADD, "add", &|call| call.data() + 1)
             .background(|_| Ok(()))
@@ -239,14 +248,14 @@ impl Program for Answers {
 
 #[test]
 fn who_rings_before_the_mailbox_interrupt_is_connected_is_answered() {
-    let mut system = sim::System::new(WINDOW_BYTES).unwrap();
+    let mut system = sim::VirtualSystem::new(WINDOW_BYTES).unwrap();
     system.spawn(SERVO, &Answers).unwrap();
     system
         .host(HOST, |machine| {
             let mut mailbox = machine.mailbox()?;
             mailbox.join()?;
             assert_eq!(mailbox.send_with_reply(SERVO, ADD, 41, SECOND)?, 42);
-            Ok::<_, Error>(())
+            Ok::<_, ProgramError>(())
         })
         .unwrap();
     system.run().unwrap();
@@ -254,7 +263,7 @@ fn who_rings_before_the_mailbox_interrupt_is_connected_is_answered() {
 
 #[test]
 fn what_loops_show_is_watched_and_set() {
-    let mut system = sim::System::new(WINDOW_BYTES).unwrap();
+    let mut system = sim::VirtualSystem::new(WINDOW_BYTES).unwrap();
     system.spawn(SERVO, &Joint).unwrap();
     system
         .host(HOST, |machine| {
@@ -266,7 +275,7 @@ fn what_loops_show_is_watched_and_set() {
             let mut tables = Vec::new();
             for entry in objects::all(&joint)? {
                 let entry = entry?;
-                if entry.kind == objects::Kind::Variables {
+                if entry.kind == objects::ObjectKind::Variables {
                     tables.push((entry.name.as_str().to_owned(), entry.offset));
                 }
             }
@@ -275,11 +284,11 @@ fn what_loops_show_is_watched_and_set() {
             };
             let names = [contact, servo, rest, slow].map(|table| table.0.as_str());
             assert_eq!(names, ["contact", "servo", "rest", "slow"]);
-            let table = Table::open(&joint, servo.1).unwrap();
-            let mut places = Places::new(own.size());
-            let mut client = Client::new(&mailbox, own, &mut places, SERVO, VARS)?;
+            let table = VariableTable::open(&joint, servo.1).unwrap();
+            let mut places = Allocator::new(own.size());
+            let mut client = VariableClient::new(&mailbox, own, &mut places, SERVO, VARS)?;
             let stiffness = table.find("joint.stiffness").unwrap().unwrap();
-            let (two, three) = (Value::F64(2.0), Value::F64(3.0));
+            let (two, three) = (AnyValue::F64(2.0), AnyValue::F64(3.0));
             client.set(&table, &stiffness, two, three, SECOND).unwrap();
             let torque = table.find("torque.1").unwrap().unwrap();
             let mut watcher = client.claim(&table, SECOND).unwrap();
@@ -289,7 +298,7 @@ fn what_loops_show_is_watched_and_set() {
             while rows.len() < 20 {
                 mailbox.serve(Duration::from_millis(10))?;
                 while let Some(row) = watcher.read(&mut values).unwrap() {
-                    let (stiffness, _) = Kind::F64.split(&values[3..]).unwrap();
+                    let (stiffness, _) = ValueKind::F64.split(&values[3..]).unwrap();
                     assert_eq!((u64::from(values[2]), stiffness), (row.tick, three));
                     assert_eq!(row.released.as_ns(), 1_250_000 + row.tick * 2_500_000);
                     rows.push(row.tick);
@@ -302,14 +311,14 @@ fn what_loops_show_is_watched_and_set() {
             client.release(&mut watcher, SECOND).unwrap();
 
             let counts = || {
-                let rest = objects::find(&joint, "rest", objects::Kind::Loop).unwrap();
+                let rest = objects::find(&joint, "rest", objects::ObjectKind::Loop).unwrap();
                 loops::read(&joint, &rest.unwrap()).unwrap().unwrap()
             };
             assert!(!counts().enabled);
-            let table = Table::open(&joint, rest.1).unwrap();
+            let table = VariableTable::open(&joint, rest.1).unwrap();
             let rest_hz = table.entry(0).unwrap();
             let mut set = |from, to| {
-                let (from, to) = (Value::Uint(from), Value::Uint(to));
+                let (from, to) = (AnyValue::Uint(from), AnyValue::Uint(to));
                 client.set(&table, &rest_hz, from, to, SECOND).unwrap();
             };
             set(0, 200);
@@ -326,30 +335,30 @@ fn what_loops_show_is_watched_and_set() {
             let mut bytes = [0; 8];
             cell.read(&mut bytes).unwrap();
             let force = cell.table().find("force").unwrap().unwrap();
-            assert_eq!(force.of_cell(&bytes), Some(Value::F32(1.5)));
-            Ok::<_, Error>(())
+            assert_eq!(force.of_cell(&bytes), Some(AnyValue::F32(1.5)));
+            Ok::<_, ProgramError>(())
         })
         .unwrap();
     system.run_until(2_000_000_000).unwrap();
 }
 
 /// The text of the error that a setup ends with.
-fn error(window_bytes: u32, set_up: impl Fn(&Sim) -> Result<(), Error> + Sync) -> String {
+fn error(window_bytes: u32, set_up: impl Fn(&Sim) -> Result<(), ProgramError> + Sync) -> String {
     let text = std::sync::Mutex::new(String::new());
-    let mut system = sim::System::new(window_bytes).unwrap();
+    let mut system = sim::VirtualSystem::new(window_bytes).unwrap();
     system
         .host(SERVO, |machine| {
             let outcome = set_up(machine);
             *text.lock().unwrap() =
                 outcome.map_or_else(|error| error.to_string(), |()| String::new());
-            Ok::<_, Error>(())
+            Ok::<_, ProgramError>(())
         })
         .unwrap();
     system.run_until(1_000_000_000).unwrap();
     text.into_inner().unwrap()
 }
 
-type Sim = sim::Processor<condor_rt::Silent>;
+type Sim = sim::SimMachine<condor_rt::Silent>;
 
 #[test]
 fn what_is_wrong_with_a_setup_is_said_with_its_name() {
@@ -395,7 +404,7 @@ fn what_is_wrong_with_a_setup_is_said_with_its_name() {
     );
     assert_eq!(
         error(WINDOW_BYTES, |machine| {
-            let mut body = |_: &mut condor_rt::Tick<'_>| ();
+            let mut body = |_: &mut condor_rt::LoopTick<'_>| ();
             let mut setup = Setup::new(machine)?;
             setup.servo("servo", Rate::hz(1), &mut body);
             setup.watch(&spare).run()
@@ -414,7 +423,7 @@ fn what_is_wrong_with_a_setup_is_said_with_its_name() {
     );
     assert_eq!(
         error(WINDOW_BYTES, |machine| {
-            let mut bodies = [(); LOOPS + 1].map(|()| |_: &mut condor_rt::Tick<'_>| ());
+            let mut bodies = [(); LOOPS + 1].map(|()| |_: &mut condor_rt::LoopTick<'_>| ());
             let mut setup = Setup::new(machine)?;
             for body in &mut bodies {
                 setup.servo("loop", Rate::hz(1), body);
@@ -425,7 +434,7 @@ fn what_is_wrong_with_a_setup_is_said_with_its_name() {
     );
     assert_eq!(
         error(WINDOW_BYTES, |machine| {
-            let mut body = |_: &mut condor_rt::Tick<'_>| ();
+            let mut body = |_: &mut condor_rt::LoopTick<'_>| ();
             let mut setup = Setup::new(machine)?;
             setup.servo("quick", Rate::fraction(u32::MAX, 2), &mut body);
             setup.run()

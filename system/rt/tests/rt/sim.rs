@@ -5,13 +5,13 @@ use std::sync::Mutex;
 use std::time::Duration;
 
 use condor_dev::Bus as _;
-use condor_dev::linux::{Access, LinuxBus};
+use condor_dev::linux::{LinuxBus, MapAccess};
 use condor_mbox::{
     Call, Clock as _, Doorbell as _, Evidence, Instant, Messenger, Processor, Vector,
 };
 use condor_mos::{LoopId, Loops, Overrun, Platform, Rate, Timer as _};
-use condor_rt::sim::{Cause, Failure, SimError, System};
-use condor_rt::{Error, Machine, Program, ServoLoop};
+use condor_rt::sim::{Cause, SimError, SimFailure, VirtualSystem};
+use condor_rt::{Machine, Program, ProgramError, ServoLoop};
 
 const RATES: [Rate; 2] = [Rate::hz(400), Rate::hz(100)];
 const ADD: Vector = Vector(5);
@@ -33,7 +33,7 @@ impl Talker<'_> {
 }
 
 impl Program for Talker<'_> {
-    fn run<M: Machine>(&self, machine: &M) -> Result<(), Error> {
+    fn run<M: Machine>(&self, machine: &M) -> Result<(), ProgramError> {
         let number = machine.number();
         let doorbell = machine.doorbell();
         let answer = |call: &Call<'_>| {
@@ -96,7 +96,7 @@ impl Program for Talker<'_> {
 fn trace() -> Vec<Event> {
     let trace = Mutex::new(Vec::new());
     let talker = Talker { trace: &trace };
-    let mut system = System::new(4096).unwrap();
+    let mut system = VirtualSystem::new(4096).unwrap();
     for number in 0..PROGRAMS {
         system.spawn(Processor(number), &talker).unwrap();
     }
@@ -145,7 +145,7 @@ fn two_runs_are_the_same() {
 
 #[test]
 fn failures_are_reported_with_their_processors() {
-    let mut system = System::new(64).unwrap();
+    let mut system = VirtualSystem::new(64).unwrap();
     system
         .host(Processor(3), |machine| {
             machine.work(5000);
@@ -166,7 +166,7 @@ fn failures_are_reported_with_their_processors() {
     let Err(SimError::Failed(failures)) = system.run() else {
         panic!("both fail");
     };
-    let failure = |number, cause| Failure {
+    let failure = |number, cause| SimFailure {
         number: Processor(number),
         at_ns: 5000,
         cause,
@@ -186,7 +186,7 @@ fn failures_are_reported_with_their_processors() {
 
 #[test]
 fn programs_that_do_not_end_are_ended() {
-    let mut system = System::new(64).unwrap();
+    let mut system = VirtualSystem::new(64).unwrap();
     system
         .host(Processor(0), |machine| -> Result<(), String> {
             loop {
@@ -197,7 +197,7 @@ fn programs_that_do_not_end_are_ended() {
         })
         .unwrap();
     assert_eq!(cause(system), Cause::NotStopping);
-    let mut system = System::new(64).unwrap();
+    let mut system = VirtualSystem::new(64).unwrap();
     system
         .host(Processor(1), |machine| {
             while !machine.is_stopping() {
@@ -212,7 +212,7 @@ fn programs_that_do_not_end_are_ended() {
 }
 
 /// Why the only program of a system failed.
-fn cause(system: System<'_>) -> Cause {
+fn cause(system: VirtualSystem<'_>) -> Cause {
     match system.run_until(1_000_000) {
         Err(SimError::Failed(mut failures)) if failures.len() == 1 => failures.remove(0).cause,
         other => panic!("one fails, not {other:?}"),
@@ -221,7 +221,7 @@ fn cause(system: System<'_>) -> Cause {
 
 #[test]
 fn a_late_program_is_dead_before_and_after() {
-    let mut system = System::new(64).unwrap();
+    let mut system = VirtualSystem::new(64).unwrap();
     system.begin_at(Processor(1), 5000).unwrap();
     system
         .host(Processor(1), |machine| {
@@ -248,8 +248,8 @@ fn a_late_program_is_dead_before_and_after() {
 fn processors_share_a_bus() {
     let file = tempfile::tempfile().unwrap();
     file.set_len(64).unwrap();
-    let bus = LinuxBus::map(&file, 0, 0, 64, Access::ReadWrite).unwrap();
-    let mut system = System::with_bus(64, bus).unwrap();
+    let bus = LinuxBus::map(&file, 0, 0, 64, MapAccess::ReadWrite).unwrap();
+    let mut system = VirtualSystem::with_bus(64, bus).unwrap();
     for (number, before) in [(1, 0), (2, 1), (3, 2)] {
         system
             .host(Processor(number), move |machine| {
@@ -264,7 +264,7 @@ fn processors_share_a_bus() {
 
 #[test]
 fn numbers_are_checked() {
-    let mut system = System::new(64).unwrap();
+    let mut system = VirtualSystem::new(64).unwrap();
     let idle = |_: &_| Ok::<_, String>(());
     system.host(Processor(15), idle).unwrap();
     let error = system.host(Processor(15), idle).unwrap_err();
@@ -279,7 +279,7 @@ fn numbers_are_checked() {
 
 #[test]
 fn a_handler_that_polls_is_ended() {
-    let mut system = System::new(64).unwrap();
+    let mut system = VirtualSystem::new(64).unwrap();
     system
         .host(Processor(0), |machine| {
             let (timer, bell) = (machine.platform(), machine.doorbell());
@@ -301,7 +301,7 @@ fn a_handler_that_polls_is_ended() {
 
 #[test]
 fn all_processors_reach_the_memory_that_belongs_to_none() {
-    let mut system = System::new(4096).unwrap();
+    let mut system = VirtualSystem::new(4096).unwrap();
     system.share_memory(64).unwrap();
     for number in 0..3 {
         let number = Processor(number);
@@ -322,8 +322,8 @@ fn all_processors_reach_the_memory_that_belongs_to_none() {
             .unwrap();
     }
     system.run().unwrap();
-    let mut system = System::new(4096).unwrap();
-    let none = |machine: &condor_rt::sim::Processor<_>| {
+    let mut system = VirtualSystem::new(4096).unwrap();
+    let none = |machine: &condor_rt::sim::SimMachine<_>| {
         assert!(machine.shared_memory().is_none());
         Ok::<_, String>(())
     };

@@ -15,7 +15,7 @@ const OTHER: Processor = Processor(1);
 #[test]
 fn the_doorbell() {
     let others = Mutex::new(None);
-    let mut system = sim::System::new(64).unwrap();
+    let mut system = sim::VirtualSystem::new(64).unwrap();
     system
         .host(ME, |machine| {
             machine.work(1000);
@@ -34,7 +34,7 @@ fn the_doorbell() {
 
 #[test]
 fn the_timer() {
-    let mut system = sim::System::new(64).unwrap();
+    let mut system = sim::VirtualSystem::new(64).unwrap();
     system
         .host(ME, |machine| {
             let (timer, bell) = (machine.platform(), machine.doorbell());

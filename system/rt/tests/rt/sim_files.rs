@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use condor_fs::wire::OPEN_FILES;
 use condor_fs::{Area, FileSystem, OpenOptions};
-use condor_mbox::{Call, MemoryWindow as _, Places, Processor, Region};
+use condor_mbox::{Allocator, Call, MemoryWindow as _, Processor, Region};
 use condor_rt::{Machine, numbers, sim};
 
 const CLIENT: Processor = Processor(2);
@@ -17,7 +17,7 @@ type AnyError = Box<dyn std::error::Error>;
 fn write_and_read<M: Machine>(machine: &M) -> Result<Vec<u8>, AnyError> {
     let windows = machine.windows();
     let own = Region::users(windows[machine.number().index()].data.clone())?;
-    let area = Area::<4>::new(&mut Places::new(own.size()), 100, 512)?;
+    let area = Area::<4>::new(&mut Allocator::new(own.size()), 100, 512)?;
     let open_files = |call: &Call<'_>| area.handler()(call);
     let mut mailbox = machine.mailbox()?;
     mailbox.set_vector(OPEN_FILES, &open_files, "open files")?;
@@ -49,7 +49,7 @@ fn write_and_read<M: Machine>(machine: &M) -> Result<Vec<u8>, AnyError> {
 fn files_of_a_run() -> u64 {
     let root = tempfile::tempdir().unwrap();
     let mut ended_at = 0;
-    let mut system = sim::System::new(16384).unwrap();
+    let mut system = sim::VirtualSystem::new(16384).unwrap();
     system.files(root.path()).unwrap();
     system
         .host(CLIENT, |machine| {

@@ -1,17 +1,17 @@
 use condor_hand::kinematics::Kinematics;
-use condor_host::robot::{Line, Robot};
+use condor_host::robot::{Robot, RobotLine};
 use condor_scene::HandView;
 use nalgebra::{SVector, Vector3};
 use proptest::prelude::*;
 
 use crate::utah_mit;
 
-fn line<'l>(lines: &'l [Line], name: &str) -> &'l Line {
+fn line<'l>(lines: &'l [RobotLine], name: &str) -> &'l RobotLine {
     let found = lines.iter().find(|line| line.name == name);
     found.unwrap_or_else(|| panic!("no line {name}"))
 }
 
-fn length(line: &Line) -> f64 {
+fn length(line: &RobotLine) -> f64 {
     let points = line.points.iter().map(|point| Vector3::from(*point));
     let steps = points.clone().zip(points.skip(1));
     steps.map(|(from, to)| (to - from).norm()).sum()

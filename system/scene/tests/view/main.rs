@@ -33,8 +33,8 @@ fn gripper() -> UtahMit {
                 position: [0.03, 0.001 * f64::from(place), -0.004],
                 rotation: condor_hand::config::Rotation::Rpy([0.3, -0.2, 0.5]),
                 motion: match place {
-                    1 => condor_hand::config::Motion::Prismatic(axis),
-                    _ => condor_hand::config::Motion::Revolute(axis),
+                    1 => condor_hand::config::JointMotion::Prismatic(axis),
+                    _ => condor_hand::config::JointMotion::Revolute(axis),
                 },
             });
         }

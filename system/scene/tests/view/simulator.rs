@@ -5,7 +5,7 @@
     reason = "limits, and what stays, are met to the last bit"
 )]
 
-use condor_hand::config::{Body, Hand, Shape};
+use condor_hand::config::{Hand, LinkBody, Shape};
 use condor_hand::dynamics::Dynamics;
 use condor_hand::kinematics::Kinematics;
 use condor_host::robot::{Robot, Simulator, What};
@@ -194,7 +194,7 @@ fn fingers_side_by_side_are_as_near_as_their_bases_less_their_thickness() {
         let body = joint.body.as_mut().unwrap();
         let moments = [1e-6; 3];
         let products = [0.0; 3];
-        *body = Body {
+        *body = LinkBody {
             shape: Shape::Inertia { moments, products },
             ..*body
         };

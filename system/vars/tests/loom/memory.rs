@@ -105,7 +105,7 @@ pub(crate) fn open(
         )
         .unwrap();
     let table = Table::open(&region, 0).unwrap();
-    let [code, slot, claim, ..] = ask(&server, [1, 0, table.life(), 0, 0, 0, 0, 0]);
+    let [code, slot, claim, ..] = ask(&server, [1, 0, table.incarnation(), 0, 0, 0, 0, 0]);
     assert_eq!(code, 0);
     (server, sampler, Watcher::new(table, slot, claim).unwrap())
 }
@@ -122,8 +122,8 @@ pub(crate) fn select(
 ) -> Option<(u32, u32)> {
     let words = watcher.choose(entries).unwrap();
     let (slot, claim) = (watcher.slot(), watcher.claim());
-    let life = watcher.table().life();
-    match ask(server, [2, 0, life, slot, claim, 1, 0, 0]) {
+    let incarnation = watcher.table().incarnation();
+    match ask(server, [2, 0, incarnation, slot, claim, 1, 0, 0]) {
         [0, selection, found, ..] => {
             assert_eq!(found, words);
             Some((selection, words))

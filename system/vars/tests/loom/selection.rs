@@ -115,8 +115,8 @@ fn a_displaced_watcher_gets_no_row_of_the_next() {
         b.set(20);
         let is_seen = |offset| (192..208).contains(&offset) || offset == 336;
         let memory = Memory::new(is_seen);
-        let life: &'static AtomicU32 = Box::leak(Box::new(AtomicU32::new(1)));
-        let incarnation = Box::leak(Box::new(|_| life.load(Ordering::Relaxed)));
+        let incarnation: &'static AtomicU32 = Box::leak(Box::new(AtomicU32::new(1)));
+        let incarnation = Box::leak(Box::new(|_| incarnation.load(Ordering::Relaxed)));
         let (server, mut sampler, mut former) =
             open(Catalog::new(shown, &[]), &memory, incarnation);
         let (selection, words) = select(&server, &mut former, &[0]).unwrap();
@@ -136,8 +136,8 @@ fn a_displaced_watcher_gets_no_row_of_the_next() {
             }
             assert_eq!(former.lost(), 0);
         });
-        life.store(2, Ordering::Relaxed);
-        let [code, slot, claim, ..] = ask(&server, [1, 0, table.life(), 0, 0, 0, 0, 0]);
+        incarnation.store(2, Ordering::Relaxed);
+        let [code, slot, claim, ..] = ask(&server, [1, 0, table.incarnation(), 0, 0, 0, 0, 0]);
         assert_eq!(code, 0);
         let mut next = Watcher::new(table, slot, claim).unwrap();
         select(&server, &mut next, &[1]).unwrap();

@@ -4,11 +4,12 @@ use core::fmt;
 use core::sync::atomic::AtomicU32;
 
 use condor_mbox::{
-    CriticalSection, Instant, MemoryWindow, Places, Processor, Region, StaticMemory, StaticWindow,
+    Allocator, CriticalSection, Instant, MemoryWindow, Processor, Region, StaticMemory,
+    StaticWindow,
 };
 use condor_vars::{
-    Catalog, CatalogError, Description, Desk, Kind, Param, Respond, Settings, Table, Tune, Var,
-    Vars, Watch, Watcher,
+    Catalog, CatalogError, Param, Respond, Selections, Tune, ValueKind, Var, VarDescription,
+    VariableSettings, VariableTable, Vars, Watch, Watcher,
 };
 
 const LONG: &str = "a name of more than sixty-four bytes, which is longer than any table can hold";
@@ -55,9 +56,13 @@ impl Watch for Finger {
         &self.words
     }
 
-    fn describe(&self, index: usize) -> Option<Description<'_>> {
-        let kind = if index == 0 { Kind::F32 } else { Kind::F64 };
-        (index < self.count).then_some(Description {
+    fn describe(&self, index: usize) -> Option<VarDescription<'_>> {
+        let kind = if index == 0 {
+            ValueKind::F32
+        } else {
+            ValueKind::F64
+        };
+        (index < self.count).then_some(VarDescription {
             kind,
             unit: "rad",
             about: "",
@@ -138,12 +143,12 @@ fn every_selection_is_copied() {
 fn sample(shown: &[&dyn Watch], entries: &[u32]) -> Vec<u32> {
     let memory: Box<StaticMemory<8192>> = Box::default();
     let region: Region<StaticWindow<'_>> = Region::whole(memory.window());
-    let mut desk = Desk::<40, 1>::new();
-    let settings = Settings {
+    let mut desk = Selections::<40, 1>::new();
+    let settings = VariableSettings {
         rate: (400, 1),
         rows: 2,
     };
-    let mut places = Places::new(region.size());
+    let mut places = Allocator::new(region.size());
     let (server, mut sampler) = desk
         .open::<_, _, 32>(
             Catalog::new(shown, &[]),
@@ -156,7 +161,7 @@ fn sample(shown: &[&dyn Watch], entries: &[u32]) -> Vec<u32> {
         .unwrap();
     let [code, slot, claim, ..] = server.respond(Processor(1), &[1, 0, 1, 0, 0, 0, 0, 0]);
     assert_eq!(code, 0);
-    let table = Table::open(&region, 0).unwrap();
+    let table = VariableTable::open(&region, 0).unwrap();
     let mut watcher = Watcher::new(table, slot, claim).unwrap();
     let words = watcher.choose(entries).unwrap();
     let [code, selection, found, ..] =

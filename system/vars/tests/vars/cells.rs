@@ -2,11 +2,12 @@
 
 use core::mem::offset_of;
 
-use condor_mbox::published::ReadError;
+use condor_mbox::published::PublishedReadError;
 use condor_mbox::sim::SimWindow;
-use condor_mbox::{MemoryWindow, Places, Region};
+use condor_mbox::{Allocator, MemoryWindow, Region};
 use condor_vars::{
-    CatalogError, Cell, CellError, Described, Field, Kind, TableError, Value, describe,
+    AnyValue, CatalogError, Cell, CellError, CellField, CellStruct, ValueKind, VariableTableError,
+    describe,
 };
 use zerocopy::{Immutable, IntoBytes};
 
@@ -19,23 +20,26 @@ struct Grasp {
     state: u8,
 }
 
-impl Described for Grasp {
-    const FIELDS: &'static [Field] = &[
-        Field::new("state", "", Kind::U8, offset_of!(Grasp, state)),
-        Field::new("gain", "N/m", Kind::I16, offset_of!(Grasp, gains)).repeated(3),
-        Field::new("force", "N", Kind::F64, offset_of!(Grasp, force)).about("At the tip."),
+impl CellStruct for Grasp {
+    const FIELDS: &'static [CellField] = &[
+        CellField::new("state", "", ValueKind::U8, offset_of!(Grasp, state)),
+        CellField::new("gain", "N/m", ValueKind::I16, offset_of!(Grasp, gains)).repeated(3),
+        CellField::new("force", "N", ValueKind::F64, offset_of!(Grasp, force)).about("At the tip."),
     ];
 }
 
 #[test]
 fn the_fields_of_a_cell_show() {
     let own = Region::whole(SimWindow::new(4096));
-    let mut places = Places::new(own.size());
+    let mut places = Allocator::new(own.size());
     let cell = places.published::<Grasp>().unwrap();
     let table = describe(cell, &own, &mut places).unwrap();
     let reader = Cell::open(&own, table).unwrap();
     let mut bytes = [0; 32];
-    assert_eq!(reader.read(&mut bytes), Err(ReadError::Unpublished.into()));
+    assert_eq!(
+        reader.read(&mut bytes),
+        Err(PublishedReadError::Unpublished.into())
+    );
     let grasp = Grasp {
         force: 1.5,
         gains: [1, -2, 3],
@@ -54,11 +58,11 @@ fn the_fields_of_a_cell_show() {
         .map(|entry| (entry.name.to_string(), entry.of_cell(&bytes).unwrap()))
         .collect();
     let expected = [
-        ("state", Value::Uint(200)),
-        ("gain.0", Value::Int(1)),
-        ("gain.1", Value::Int(-2)),
-        ("gain.2", Value::Int(3)),
-        ("force", Value::F64(1.5)),
+        ("state", AnyValue::Uint(200)),
+        ("gain.0", AnyValue::Int(1)),
+        ("gain.1", AnyValue::Int(-2)),
+        ("gain.2", AnyValue::Int(3)),
+        ("force", AnyValue::F64(1.5)),
     ];
     assert_eq!(
         shown,
@@ -71,7 +75,7 @@ fn the_fields_of_a_cell_show() {
     assert_eq!(reader.read(&mut bytes[..15]), Err(room));
     assert!(matches!(
         Cell::open(&own, 0),
-        Err(CellError::Table(TableError::NoTable { .. }))
+        Err(CellError::Table(VariableTableError::NoTable { .. }))
     ));
 }
 
@@ -79,14 +83,14 @@ fn the_fields_of_a_cell_show() {
 #[repr(C)]
 struct Short(u32);
 
-impl Described for Short {
-    const FIELDS: &'static [Field] = &[Field::new("beyond", "", Kind::F64, 0)];
+impl CellStruct for Short {
+    const FIELDS: &'static [CellField] = &[CellField::new("beyond", "", ValueKind::F64, 0)];
 }
 
 #[test]
 fn a_field_outside_of_the_value_is_refused() {
     let own = Region::whole(SimWindow::new(4096));
-    let mut places = Places::new(own.size());
+    let mut places = Allocator::new(own.size());
     let cell = places.published::<Short>().unwrap();
     let refused = describe(cell, &own, &mut places);
     assert_eq!(refused, Err(CatalogError::Block { block: 0, words: 1 }));

@@ -5,11 +5,11 @@ use std::cell::Cell;
 
 use condor_mbox::sim::{SimWindow, SimWindowError};
 use condor_mbox::{
-    CriticalSection, Instant, LoadOrder, MemoryWindow, Places, Processor, Region, StoreOrder,
+    Allocator, CriticalSection, Instant, LoadOrder, MemoryWindow, Processor, Region, StoreOrder,
 };
 use condor_vars::{
-    Catalog, Desk, Param, Respond, Sampler, Server, Settings, Table, Tune, Var, Vars, Watch,
-    Watcher,
+    Catalog, Param, Respond, Sampler, Selections, Tune, Var, VariableServer, VariableSettings,
+    VariableTable, Vars, Watch, Watcher,
 };
 
 /// Where the table begins, and words around it that nobody may write.
@@ -83,7 +83,7 @@ impl MemoryWindow for Haunted<'_> {
     }
 }
 
-type Handler<'e> = Server<'e, SimWindow, CriticalSection, 2, 2>;
+type Handler<'e> = VariableServer<'e, SimWindow, CriticalSection, 2, 2>;
 type Loop<'e> = Sampler<'e, SimWindow, 3, 2, 2>;
 
 /// Runs a script.
@@ -104,15 +104,15 @@ pub(crate) fn run(bytes: &[u8]) {
     let param = Param::<i8>::new("param", "", 0, -5..=5);
     let (watched, params): ([&dyn Watch; 2], [&dyn Tune; 1]) = ([&pair, &long], [&param]);
     let catalog = Catalog::new(&watched, &params);
-    let mut desk = Desk::<2, 2>::new();
+    let mut desk = Selections::<2, 2>::new();
     let own = Region::whole(window.clone());
     let table_bytes = catalog.bytes(2, 2).unwrap();
     for at in (OFFSET..OFFSET + table_bytes).step_by(4) {
         own.store(at, 0, StoreOrder::Relaxed).unwrap();
     }
-    let mut places = Places::new(own.size());
+    let mut places = Allocator::new(own.size());
     places.bytes(OFFSET as usize).unwrap();
-    let settings = Settings {
+    let settings = VariableSettings {
         rate: (400, 1),
         rows: 2,
     };
@@ -148,7 +148,7 @@ fn play(
     mut sampler: Loop<'_>,
     users: &Region<Haunted<'_>>,
 ) {
-    let mut table = Table::open(users, 0).ok();
+    let mut table = VariableTable::open(users, 0).ok();
     let mut watcher = None;
     let mut tick = 0;
     while !script.bytes.get().is_empty() {
@@ -165,15 +165,15 @@ fn play(
                 tick += 1;
             }
             3 | 4 => {
-                let verb = u32::from(script.byte() % 6);
+                let operation = u32::from(script.byte() % 6);
                 let number = u32::from(script.byte() % 5);
                 let rest = [0; 4].map(|_: u32| script.word());
                 let [a, b, c, d] = rest.map(|word| if word > 1 << 30 { word } else { word % 4 });
-                let request = [verb, OFFSET, 1, number, a, b, c, d];
+                let request = [operation, OFFSET, 1, number, a, b, c, d];
                 let response = server.respond(Processor(1), &request);
                 assert!(response[0] <= 12);
             }
-            5 => table = Table::open(users, 0).ok().or(table),
+            5 => table = VariableTable::open(users, 0).ok().or(table),
             6 => {
                 if let Some(table) = &table {
                     look(script, table);
@@ -195,7 +195,7 @@ fn play(
     }
 }
 
-fn look<W: MemoryWindow>(script: &Script<'_>, table: &Table<W>) {
+fn look<W: MemoryWindow>(script: &Script<'_>, table: &VariableTable<W>) {
     let number = script.word() % (table.len() + 1);
     if let Ok(entry) = table.entry(number) {
         assert!(entry.name.len() <= 64 && entry.unit.len() <= 32 && entry.about.len() <= 128);

@@ -5,8 +5,8 @@ use std::thread;
 
 use condor_mbox::Processor;
 use condor_vars::{
-    Catalog, Param, RequestError, Table, TableError, Tune, Value, Var, Vars, Watch, WatchError,
-    Watcher,
+    AnyValue, Catalog, Param, RequestError, Tune, Var, VariableTable, VariableTableError, Vars,
+    Watch, WatchError, Watcher,
 };
 
 use crate::support::{Loop, OWNER, Post, Rig, SLOTS, TIMEOUT, Window, released};
@@ -51,7 +51,7 @@ struct Shown {
 struct Program {
     mailbox: Post,
     watcher: Option<(Watcher<Window>, Claimed)>,
-    table: Table<Window>,
+    table: VariableTable<Window>,
 }
 
 /// What a watcher must know of its slot.
@@ -84,7 +84,7 @@ struct World<'r> {
     sampler: Loop,
     /// Of every tick the parameter.
     ticks: Vec<i32>,
-    life: u32,
+    incarnation: u32,
     wanted: i32,
     slots: [Slot; SLOTS],
     programs: [Option<Program>; WATCHERS],
@@ -140,7 +140,7 @@ impl World<'_> {
 
     fn restart(&mut self) {
         (self.shown, self.sampler) = owner(self.rig);
-        self.life += 1;
+        self.incarnation += 1;
         self.wanted = 0;
         self.slots = Default::default();
     }
@@ -162,10 +162,10 @@ impl World<'_> {
         }
     }
 
-    /// The error of everything that is asked of a former life.
-    fn restarted(&self, table: &Table<Window>) -> Option<TableError> {
-        let (found, expected) = (self.life, table.life());
-        (found != expected).then_some(TableError::Restarted { found, expected })
+    /// The error of everything that is asked of a former incarnation.
+    fn restarted(&self, table: &VariableTable<Window>) -> Option<VariableTableError> {
+        let (found, expected) = (self.incarnation, table.incarnation());
+        (found != expected).then_some(VariableTableError::Restarted { found, expected })
     }
 
     fn open_or_claim(&mut self, number: usize) {
@@ -181,7 +181,7 @@ impl World<'_> {
         if let Some(restarted) = restarted {
             assert_eq!(result.err(), Some(restarted.into()));
             program.table = self.rig.table();
-            assert_eq!(program.table.life(), self.life);
+            assert_eq!(program.table.incarnation(), self.incarnation);
         } else {
             let lives = |&(watcher, start, _): &(usize, u32, u64)| {
                 let is_started = watcher == number || self.programs[watcher].is_some();
@@ -212,7 +212,7 @@ impl World<'_> {
     fn select(&mut self, number: usize) {
         let mask = self.chance.below(16);
         let every = self.chance.below(3) + 1;
-        let restarted = self.life;
+        let restarted = self.incarnation;
         let Some(Program {
             mailbox,
             watcher: Some((watcher, claimed)),
@@ -226,10 +226,10 @@ impl World<'_> {
         let result = client.select(watcher, &entries, every as u32, TIMEOUT);
         claimed.selected = None;
         let slot = &mut self.slots[claimed.slot];
-        let expected = watcher.table().life();
+        let expected = watcher.table().incarnation();
         if expected != restarted {
             let found = restarted;
-            let error = TableError::Restarted { found, expected };
+            let error = VariableTableError::Restarted { found, expected };
             assert_eq!(result, Err(error.into()));
         } else if slot.owner.is_none_or(|owner| owner.2 != claimed.claim) {
             let slot = claimed.slot as u32;
@@ -260,9 +260,9 @@ impl World<'_> {
             assert_eq!(result, Err(WatchError::Unselected));
             return;
         };
-        let (found, expected) = (self.life, watcher.table().life());
+        let (found, expected) = (self.incarnation, watcher.table().incarnation());
         if found != expected {
-            let error = TableError::Restarted { found, expected };
+            let error = VariableTableError::Restarted { found, expected };
             assert_eq!(result, Err(error.into()));
             return;
         }
@@ -343,22 +343,22 @@ impl World<'_> {
         } else {
             self.wanted
         };
-        let [before, after] = [expected, new].map(|value| Value::Int(value.into()));
+        let [before, after] = [expected, new].map(|value| AnyValue::Int(value.into()));
         let mut client = self.rig.client(&program.mailbox);
         let result = client.set(&program.table, &entry, before, after, TIMEOUT);
         assert_eq!(restarted, None);
         if new.abs() > 100 {
-            let (least, greatest) = (Value::Int(-100), Value::Int(100));
+            let (least, greatest) = (AnyValue::Int(-100), AnyValue::Int(100));
             assert_eq!(result, Err(RequestError::OutOfBounds { least, greatest }));
         } else if is_stale {
-            let present = Value::Int(self.wanted.into());
+            let present = AnyValue::Int(self.wanted.into());
             assert_eq!(result, Err(RequestError::Conflict { present }));
         } else {
             assert_eq!(result, Ok(()));
             self.wanted = new;
         }
         let present = client.get(&program.table, &entry, TIMEOUT);
-        assert_eq!(present, Ok(Value::Int(self.wanted.into())));
+        assert_eq!(present, Ok(AnyValue::Int(self.wanted.into())));
     }
 
     fn step(&mut self) {
@@ -382,18 +382,18 @@ fn all_see_what_the_model_sees() {
         for thread in 0..THREADS {
             threads.spawn(move || {
                 let rig = Rig::new();
-                let mut life = 0;
+                let mut incarnation = 0;
                 for case in (thread..CASES).step_by(THREADS as usize) {
                     let _case = Case(case);
                     let (shown, sampler) = owner(&rig);
-                    life += 1;
+                    incarnation += 1;
                     let mut world = World {
                         rig: &rig,
                         chance: Chance((case + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15)),
                         shown,
                         sampler,
                         ticks: Vec::new(),
-                        life,
+                        incarnation,
                         wanted: 0,
                         slots: Default::default(),
                         programs: [const { None }; WATCHERS],
@@ -407,7 +407,7 @@ fn all_see_what_the_model_sees() {
                     for _ in 0..STEPS {
                         world.step();
                     }
-                    life = world.life;
+                    incarnation = world.incarnation;
                     for number in 0..WATCHERS {
                         if world.programs[number].is_some() {
                             world.kill_or_start(number);

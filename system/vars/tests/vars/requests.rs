@@ -2,8 +2,8 @@
 
 use condor_mbox::Processor;
 use condor_vars::{
-    Catalog, Kind, Param, Params, RequestError, Row, TableError, Tune, Value, Var, Vars, Watch,
-    WatchError, choice,
+    AnyValue, Catalog, Param, Params, RequestError, RowHead, Tune, ValueKind, Var,
+    VariableTableError, Vars, Watch, WatchError, choice,
 };
 
 use crate::support::{Loop, OWNER, Rig, TIMEOUT, ask, released, tick};
@@ -62,17 +62,17 @@ fn a_table_says_what_there_is() {
     let count = table.find("count").unwrap().unwrap();
     assert_eq!(
         (count.kind, count.about.as_str()),
-        (Kind::I16, "Of grasps.")
+        (ValueKind::I16, "Of grasps.")
     );
     assert_eq!((count.position, count.bounds), (24, None));
     let gain = table.find("gain").unwrap().unwrap();
-    assert_eq!(gain.bounds, Some([Value::F32(0.5), Value::F32(50.0)]));
+    assert_eq!(gain.bounds, Some([AnyValue::F32(0.5), AnyValue::F32(50.0)]));
     assert_eq!(gain.unit, "N m/rad");
     let mode = table.find("mode").unwrap().unwrap();
     assert_eq!(table.label(&mode, 2).unwrap().unwrap(), "move");
     assert_eq!(table.label(&mode, 3).unwrap(), None);
     assert_eq!(table.find("yaw").unwrap(), None);
-    let missing = TableError::NoEntry {
+    let missing = VariableTableError::NoEntry {
         number: 9,
         entries: 9,
     };
@@ -97,17 +97,17 @@ fn a_watcher_gets_what_it_selects() {
     }
     for number in [0, 2] {
         let row = watcher.read(&mut values).unwrap().unwrap();
-        let expected = Row {
+        let expected = RowHead {
             tick: number,
             released: released(number),
             lost: 0,
             words: 4,
         };
         assert_eq!(row, expected);
-        let (angle, rest) = Kind::F64.split(&values[..row.words]).unwrap();
-        let (count, rest) = Kind::I16.split(rest).unwrap();
-        let (gain, rest) = Kind::F32.split(rest).unwrap();
-        let expected = [Value::F64(0.25), Value::Int(-3), Value::F32(2.0)];
+        let (angle, rest) = ValueKind::F64.split(&values[..row.words]).unwrap();
+        let (count, rest) = ValueKind::I16.split(rest).unwrap();
+        let (gain, rest) = ValueKind::F32.split(rest).unwrap();
+        let expected = [AnyValue::F64(0.25), AnyValue::Int(-3), AnyValue::F32(2.0)];
         assert_eq!([angle, count, gain], expected);
         assert!(rest.is_empty());
     }
@@ -149,21 +149,21 @@ fn a_parameter_is_changed_by_compare_and_set() {
     let table = rig.table();
     let gain = table.find("gain").unwrap().unwrap();
     let mut set = |expected, new| client.set(&table, &gain, expected, new, TIMEOUT);
-    let [two, three, sixty] = [2.0, 3.0, 60.0].map(Value::F32);
-    let [least, greatest] = [0.5, 50.0].map(Value::F32);
+    let [two, three, sixty] = [2.0, 3.0, 60.0].map(AnyValue::F32);
+    let [least, greatest] = [0.5, 50.0].map(AnyValue::F32);
     let bounds = RequestError::OutOfBounds { least, greatest };
     assert_eq!(set(two, sixty), Err(bounds));
-    assert_eq!(set(two, Value::F32(f32::NAN)), Err(bounds));
+    assert_eq!(set(two, AnyValue::F32(f32::NAN)), Err(bounds));
     assert_eq!(set(two, three), Ok(()));
     assert_eq!(
         set(two, three),
         Err(RequestError::Conflict { present: three })
     );
     let wrong = RequestError::WrongKind {
-        value: Value::F64(1.0),
-        kind: Kind::F32,
+        value: AnyValue::F64(1.0),
+        kind: ValueKind::F32,
     };
-    assert_eq!(set(three, Value::F64(1.0)), Err(wrong));
+    assert_eq!(set(three, AnyValue::F64(1.0)), Err(wrong));
     assert_eq!(client.get(&table, &gain, TIMEOUT), Ok(three));
     assert!(
         (hand.gain.get() - 2.0).abs() < f32::EPSILON,
@@ -173,16 +173,16 @@ fn a_parameter_is_changed_by_compare_and_set() {
     assert!((hand.gain.get() - 3.0).abs() < f32::EPSILON);
 
     let task = table.find("task").unwrap().unwrap();
-    let idle = Value::Choice(0);
+    let idle = AnyValue::Choice(0);
     client
-        .set(&table, &task, idle, Value::Choice(1), TIMEOUT)
+        .set(&table, &task, idle, AnyValue::Choice(1), TIMEOUT)
         .unwrap();
     for none in [2, 3] {
         let refused = client.set(
             &table,
             &task,
-            Value::Choice(1),
-            Value::Choice(none),
+            AnyValue::Choice(1),
+            AnyValue::Choice(none),
             TIMEOUT,
         );
         assert!(matches!(refused, Err(RequestError::OutOfBounds { .. })));
@@ -192,11 +192,11 @@ fn a_parameter_is_changed_by_compare_and_set() {
 
     // Of a block one is set, and the other stays.
     let [least, most] = ["least", "most"].map(|name| table.find(name).unwrap().unwrap());
-    let [one, nine, ten, eleven] = [1, 9, 10, 11].map(Value::Uint);
+    let [one, nine, ten, eleven] = [1, 9, 10, 11].map(AnyValue::Uint);
     let before = hand.limits.version();
     assert_eq!(client.set(&table, &most, nine, ten, TIMEOUT), Ok(()));
     let bounds = RequestError::OutOfBounds {
-        least: Value::Uint(0),
+        least: AnyValue::Uint(0),
         greatest: ten,
     };
     assert_eq!(client.set(&table, &most, ten, eleven, TIMEOUT), Err(bounds));
@@ -285,7 +285,7 @@ fn an_owner_that_has_restarted_is_told_from_the_former() {
     tick(&mut sampler, 0);
     let mut sampler = rig.start(hand().1, 2);
     tick(&mut sampler, 0);
-    let restarted = TableError::Restarted {
+    let restarted = VariableTableError::Restarted {
         found: 2,
         expected: 1,
     };
@@ -307,7 +307,7 @@ fn requests_that_make_no_sense_are_refused() {
     let mailbox = rig.join(Processor(1));
     let mut client = rig.client(&mailbox);
     let mut watcher = client.claim(&rig.table(), TIMEOUT).unwrap();
-    let missing = TableError::NoEntry {
+    let missing = VariableTableError::NoEntry {
         number: 9,
         entries: 9,
     };

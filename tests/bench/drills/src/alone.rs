@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 
 use condor_mbox::linux::LinuxWindow;
 use condor_mbox::{AccessError, Region, layout};
-use qemu_virt_host::{HartState, MachineMemory, Map, Order, Qemu};
+use qemu_virt_host::{HartState, MachineMemory, Map, Qemu, StartOrder};
 use tempfile::TempDir;
 
 use crate::stress::SHARED_BYTES;
@@ -44,7 +44,7 @@ impl Alone {
         let memory = MachineMemory::create(directory.path().join("memory"), &map)?;
         let arguments: String = words.iter().flat_map(|word| [*word, "\0"]).collect();
         for hart in 0..u32::from(harts) {
-            let order = Order {
+            let order = StartOrder {
                 entry: memory.load(hart, &file)?.entry(),
                 arguments: arguments.as_bytes(),
                 simulated: None,

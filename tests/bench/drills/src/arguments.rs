@@ -1,7 +1,7 @@
 //! Arguments of the form `name=value`.
 
 use condor_mbox::Processor;
-use condor_rt::{Error, Machine, PROCESSORS};
+use condor_rt::{Machine, PROCESSORS, ProgramError};
 
 /// The value of an argument.
 fn value<'m, M: Machine>(machine: &'m M, name: &str) -> Option<&'m str> {
@@ -18,13 +18,13 @@ pub(crate) fn is_there<M: Machine>(machine: &M, name: &str) -> bool {
 }
 
 /// A number that an argument gives, or `usual`.
-pub(crate) fn number<M: Machine>(machine: &M, name: &str, usual: u32) -> Result<u32, Error> {
+pub(crate) fn number<M: Machine>(machine: &M, name: &str, usual: u32) -> Result<u32, ProgramError> {
     let number = |text: &str| text.parse().map_err(|_| wrong("NAME=NUMBER"));
     value(machine, name).map_or(Ok(usual), number)
 }
 
-fn wrong(expected: &str) -> Error {
-    Error::program(&format_args!("an argument is missing or wrong: {expected}"))
+fn wrong(expected: &str) -> ProgramError {
+    ProgramError::program(&format_args!("an argument is missing or wrong: {expected}"))
 }
 
 /// Processors, as in `name=0,1,5`, none of which is this one, in a set of bits.
@@ -32,7 +32,7 @@ fn wrong(expected: &str) -> Error {
 pub(crate) struct Peers(u32);
 
 impl Peers {
-    pub(crate) fn of<M: Machine>(machine: &M, name: &str) -> Result<Self, Error> {
+    pub(crate) fn of<M: Machine>(machine: &M, name: &str) -> Result<Self, ProgramError> {
         let wrong = || wrong("NAME=PROCESSOR,PROCESSOR,…");
         let mut bits = 0;
         // By bytes: the search for a character in a text keeps a path that panics.

@@ -32,7 +32,7 @@ pub use variables::Variables;
 pub const WRONG: &str = "something is wrong; see the counts";
 
 /// A processor that is not ready in time.
-fn late(processor: condor_mbox::Processor) -> condor_rt::Error {
+fn late(processor: condor_mbox::Processor) -> condor_rt::ProgramError {
     let number = processor.0;
-    condor_rt::Error::program(&format_args!("processor {number} is not ready in time"))
+    condor_rt::ProgramError::program(&format_args!("processor {number} is not ready in time"))
 }

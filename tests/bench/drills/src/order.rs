@@ -9,7 +9,7 @@ use core::time::Duration;
 
 use condor_mbox::{Clock as _, Messenger as _, Vector};
 use condor_mos::Rate;
-use condor_rt::{Error, Machine, Program, Setup};
+use condor_rt::{Machine, Program, ProgramError, Setup};
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 use crate::arguments::{self, Peers};
@@ -49,7 +49,7 @@ pub struct Record {
 }
 
 impl Program for Order {
-    fn run<M: Machine>(&self, machine: &M) -> Result<(), Error> {
+    fn run<M: Machine>(&self, machine: &M) -> Result<(), ProgramError> {
         let peers = Peers::of(machine, "peers")?;
         let rounds = arguments::number(machine, "rounds", 1000)?;
         let clock = machine.doorbell();

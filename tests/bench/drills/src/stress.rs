@@ -12,12 +12,12 @@ mod tally;
 use core::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use core::time::Duration;
 
-use condor_mbox::published::{Publisher, ReadError};
+use condor_mbox::published::{PublishedReadError, Publisher};
 use condor_mbox::{
-    self as mbox, Clock as _, Doorbell as _, Instant, Messenger, Processor, Region, Ticket,
+    self as mbox, Clock as _, Doorbell as _, Instant, MessageTicket, Messenger, Processor, Region,
 };
 use condor_mos::Rate;
-use condor_rt::{Background, Error, Machine, Program, Setup};
+use condor_rt::{Background, Machine, Program, ProgramError, Setup};
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 use crate::arguments::{self, Peers};
@@ -75,12 +75,12 @@ pub struct Verdict {
 }
 
 impl<F: Fn() -> u32> Program for Stress<F> {
-    fn run<M: Machine>(&self, machine: &M) -> Result<(), Error> {
+    fn run<M: Machine>(&self, machine: &M) -> Result<(), ProgramError> {
         let peers = Peers::of(machine, "peers")?;
         let seconds = arguments::number(machine, "seconds", 60)?;
         let mut setup = Setup::new(machine)?;
         let board = machine.shared_memory();
-        let board = board.ok_or(Error::Missing {
+        let board = board.ok_or(ProgramError::Missing {
             what: "shared memory",
         })?;
         let verdict = setup.publish::<Verdict>(NAME)?;
@@ -132,7 +132,7 @@ impl<M: Machine> Running<'_, M> {
         seconds: u32,
         mut published: Publisher<Verdict, Region<M::Window>>,
         stack: &impl Fn() -> u32,
-    ) -> Result<(), Error> {
+    ) -> Result<(), ProgramError> {
         let me = self.background.machine().number();
         let mut counts = tally::counts_of(me).publisher(self.board.clone())?;
         counts.publish(&self.tally.counts(tally::JOINED))?;
@@ -163,13 +163,13 @@ impl<M: Machine> Running<'_, M> {
         counts.publish(&self.tally.counts(tally::COMPARED))?;
         self.meet(tally::COMPARED)?;
         if verdict.wrong > 0 || verdict.drift.iter().any(|&drift| drift > 1) {
-            return Err(Error::program(&WRONG));
+            return Err(ProgramError::program(&WRONG));
         }
         Ok(())
     }
 
     /// Sends from background and loops, until the time is over.
-    fn send_all(&self, seconds: u32) -> Result<Verdict, Error> {
+    fn send_all(&self, seconds: u32) -> Result<Verdict, ProgramError> {
         let machine = self.background.machine();
         let clock = machine.doorbell();
         // Loops that ran while others were still being started were held up.
@@ -219,7 +219,7 @@ impl<M: Machine> Running<'_, M> {
     }
 
     /// A message without reply.
-    fn note(&self, peer: Processor) -> Result<(), Error> {
+    fn note(&self, peer: Processor) -> Result<(), ProgramError> {
         let number = self.tally.next_note(peer);
         self.until(peer, || {
             match self
@@ -228,7 +228,7 @@ impl<M: Machine> Running<'_, M> {
                 .send(peer, NOTE, number, Duration::ZERO)
             {
                 Ok(()) => Ok(Some(())),
-                Err(mbox::Error::NoSlot { .. }) => Ok(None),
+                Err(mbox::MailboxError::NoSlot { .. }) => Ok(None),
                 Err(error) => Err(error),
             }
         })?;
@@ -237,9 +237,9 @@ impl<M: Machine> Running<'_, M> {
     }
 
     /// A message with a reply.
-    fn ask(&self, peer: Processor) -> Result<(), Error> {
+    fn ask(&self, peer: Processor) -> Result<(), ProgramError> {
         let question = self.tally.next_question(DEPTH);
-        let mut ticket: Option<Ticket<'_>> = None;
+        let mut ticket: Option<MessageTicket<'_>> = None;
         let reply = self.until(peer, || {
             let Some(ticket) = &mut ticket else {
                 match self
@@ -248,7 +248,7 @@ impl<M: Machine> Running<'_, M> {
                     .begin(peer, ASK, question, Duration::ZERO)
                 {
                     Ok(begun) => ticket = Some(begun),
-                    Err(mbox::Error::NoSlot { .. }) => {}
+                    Err(mbox::MailboxError::NoSlot { .. }) => {}
                     Err(error) => return Err(error),
                 }
                 return Ok(None);
@@ -263,8 +263,8 @@ impl<M: Machine> Running<'_, M> {
     fn until<R>(
         &self,
         peer: Processor,
-        mut attempt: impl FnMut() -> Result<Option<R>, mbox::Error>,
-    ) -> Result<R, Error> {
+        mut attempt: impl FnMut() -> Result<Option<R>, mbox::MailboxError>,
+    ) -> Result<R, ProgramError> {
         let clock = self.background.machine().doorbell();
         let deadline = clock.now().after(PATIENCE);
         loop {
@@ -278,7 +278,7 @@ impl<M: Machine> Running<'_, M> {
         }
     }
 
-    fn look(&self, nap: Duration) -> Result<(), Error> {
+    fn look(&self, nap: Duration) -> Result<(), ProgramError> {
         let bell = self.background.machine().doorbell();
         let seen = bell.prepare();
         // With an interrupt, whatever comes is served before the wait returns.
@@ -291,7 +291,7 @@ impl<M: Machine> Running<'_, M> {
     }
 
     /// Waits until all peers have come as far.
-    fn meet(&self, state: u32) -> Result<(), Error> {
+    fn meet(&self, state: u32) -> Result<(), ProgramError> {
         let clock = self.background.machine().doorbell();
         for peer in self.peers.iter() {
             let deadline = clock.now().after(PATIENCE);
@@ -319,16 +319,16 @@ impl<M: Machine> Running<'_, M> {
     }
 
     /// What a peer has put on the board; `None` if nothing yet.
-    fn counts(&self, peer: Processor) -> Result<Option<Counts>, Error> {
+    fn counts(&self, peer: Processor) -> Result<Option<Counts>, ProgramError> {
         match tally::counts_of(peer).subscriber(&self.board)?.read() {
             Ok(latest) => Ok(Some(latest.value)),
-            Err(ReadError::Access(error)) => Err(error.into()),
+            Err(PublishedReadError::Access(error)) => Err(error.into()),
             Err(_) => Ok(None),
         }
     }
 
     /// Receives what is still on its way; how many messages are missing in the end.
-    fn receive_rest(&self) -> Result<u32, Error> {
+    fn receive_rest(&self) -> Result<u32, ProgramError> {
         let clock = self.background.machine().doorbell();
         let deadline = clock.now().after(PATIENCE);
         let me = self.background.machine().number();

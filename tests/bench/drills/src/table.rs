@@ -8,7 +8,7 @@ use core::time::Duration;
 
 use condor_mbox::published::Publisher;
 use condor_mbox::{Clock as _, Messenger, PeerState, Processor, Region, Vector, Waiting};
-use condor_rt::{Background, Error, Machine, MailboxOf, PROCESSORS, Program, Setup, users};
+use condor_rt::{Background, Machine, MailboxOf, PROCESSORS, Program, ProgramError, Setup, users};
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 use crate::arguments::{self, Peers};
@@ -43,13 +43,13 @@ pub struct Times {
 }
 
 impl Program for Echo {
-    fn run<M: Machine>(&self, machine: &M) -> Result<(), Error> {
+    fn run<M: Machine>(&self, machine: &M) -> Result<(), ProgramError> {
         with_mailbox(machine, |background, _| attend(background))
     }
 }
 
 impl Program for Table {
-    fn run<M: Machine>(&self, machine: &M) -> Result<(), Error> {
+    fn run<M: Machine>(&self, machine: &M) -> Result<(), ProgramError> {
         let peers = Peers::of(machine, "to")?;
         let before = Peers::of(machine, "after")?;
         let rounds = arguments::number(machine, "rounds", 1000)?;
@@ -93,8 +93,11 @@ impl Program for Table {
 /// Runs `body` in the background of a program that answers.
 fn with_mailbox<M: Machine>(
     machine: &M,
-    body: impl FnOnce(&Background<'_, M>, Publisher<Times, Region<M::Window>>) -> Result<(), Error>,
-) -> Result<(), Error> {
+    body: impl FnOnce(
+        &Background<'_, M>,
+        Publisher<Times, Region<M::Window>>,
+    ) -> Result<(), ProgramError>,
+) -> Result<(), ProgramError> {
     let mut setup = Setup::new(machine)?;
     let publisher = setup.publish::<Times>(NAME)?;
     if arguments::is_there(machine, "sleep") {
@@ -107,7 +110,7 @@ fn with_mailbox<M: Machine>(
         .background(|background| body(background, publisher))
 }
 
-fn attend<M: Machine>(background: &Background<'_, M>) -> Result<(), Error> {
+fn attend<M: Machine>(background: &Background<'_, M>) -> Result<(), ProgramError> {
     while !background.is_stopping() {
         background.serve(NAP)?;
     }
@@ -119,8 +122,8 @@ fn wait<M: Machine>(
     machine: &M,
     mailbox: &MailboxOf<'_, M>,
     processors: Peers,
-    is_so: impl Fn(Processor) -> Result<bool, Error>,
-) -> Result<(), Error> {
+    is_so: impl Fn(Processor) -> Result<bool, ProgramError>,
+) -> Result<(), ProgramError> {
     let clock = machine.doorbell();
     for processor in processors.iter() {
         let deadline = clock.now().after(PATIENCE);
@@ -143,14 +146,14 @@ fn measure<M: Machine>(
     mailbox: &MailboxOf<'_, M>,
     peer: Processor,
     rounds: u32,
-) -> Result<(u32, u32), Error> {
+) -> Result<(u32, u32), ProgramError> {
     let clock = machine.doorbell();
     let call = |data: u32| {
         let reply = mailbox.send_with_reply(peer, INCREMENT, data, PATIENCE)?;
         if reply == data.wrapping_add(1) {
             Ok(())
         } else {
-            Err(Error::program(&WRONG))
+            Err(ProgramError::program(&WRONG))
         }
     };
     let rounds = rounds.clamp(1, MOST as u32);

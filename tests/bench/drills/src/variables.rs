@@ -3,7 +3,7 @@
 use core::time::Duration;
 
 use condor_mos::Rate;
-use condor_rt::{Error, Machine, Program, Setup};
+use condor_rt::{Machine, Program, ProgramError, Setup};
 use condor_vars::Vars;
 
 /// The number of variables of a block.
@@ -20,7 +20,7 @@ static C: Vars<f64, BLOCK> = Vars::numbered("c", "rad");
 static D: Vars<f64, BLOCK> = Vars::numbered("d", "rad");
 
 impl Program for Variables {
-    fn run<M: Machine>(&self, machine: &M) -> Result<(), Error> {
+    fn run<M: Machine>(&self, machine: &M) -> Result<(), ProgramError> {
         Setup::new(machine)?
             .console()?
             .watch(&A)

@@ -4,7 +4,7 @@ use std::cell::UnsafeCell;
 use std::ffi::c_void;
 
 use condor_dev::{
-    Bus, BusErrorKind, Device, DeviceError, Driver, Location, Mode, NoInterrupts, Registers,
+    Bus, BusErrorKind, Device, DeviceError, Driver, Location, NoInterrupts, OpenMode, Registers,
     Switch, Width, device_switch,
 };
 use utah_mit_boards::Adc16;
@@ -157,4 +157,4 @@ pub(super) fn set<B: Bus>(registers: Registers<'_, B>, value: u16) -> Result<(),
 }
 
 /// How the port is opened.
-pub(super) const MODE: Mode = Mode::WRITE;
+pub(super) const MODE: OpenMode = OpenMode::WRITE;

@@ -73,7 +73,10 @@ extern "Rust" fn condor_path_std_buf_writer(
 
 #[unsafe(no_mangle)]
 #[inline(never)]
-extern "Rust" fn condor_path_output(output: &stdio::Output<Sink, BUFFER>, bytes: &[u8]) -> bool {
+extern "Rust" fn condor_path_output(
+    output: &stdio::BufferedOutput<Sink, BUFFER>,
+    bytes: &[u8],
+) -> bool {
     output.write(bytes).is_ok()
 }
 
@@ -107,7 +110,7 @@ impl std::io::Write for Sink {
 
 static BUS: Memory = Memory::new();
 static SWITCH: BenchSwitch = BenchSwitch::new(Memory::new(), NoInterrupts, Boards::new());
-static OUTPUT: stdio::Output<Sink, BUFFER> = stdio::Output::new(Buffering::Block);
+static OUTPUT: stdio::BufferedOutput<Sink, BUFFER> = stdio::BufferedOutput::new(Buffering::Block);
 
 /// Opens the port.
 pub(super) fn open() -> Result<(&'static BenchSwitch, Fd)> {

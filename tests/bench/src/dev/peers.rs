@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 
-use condor_dev::{Bus, DeviceError, Driver, Fd, FdError, IoError, Mode, Registers};
+use condor_dev::{Bus, DeviceError, Driver, Fd, FdError, IoError, OpenMode, Registers};
 use utah_mit_boards::Adc16;
 use vm_device::DeviceMmio;
 use vm_device::bus::{MmioAddress, MmioAddressOffset, MmioRange};
@@ -58,7 +58,7 @@ pub(super) struct DynSwitch {
 
 const OPEN: u32 = 1 << 19;
 
-fn wanted(generation: u16, mode: Mode) -> u32 {
+fn wanted(generation: u16, mode: OpenMode) -> u32 {
     OPEN | u32::from(mode.bits()) << 16 | u32::from(generation)
 }
 
@@ -83,7 +83,7 @@ impl DynSwitch {
     }
 
     /// Makes `fd` a descriptor of the port.
-    pub(super) fn open(&self, fd: Fd, mode: Mode) {
+    pub(super) fn open(&self, fd: Fd, mode: OpenMode) {
         let entry = 7 << 20 | wanted(fd.generation(), mode);
         self.entries[usize::from(fd.number())].store(entry, Ordering::Release);
     }
@@ -94,7 +94,7 @@ impl DynSwitch {
         fd: Fd,
         from: &[u8],
     ) -> std::result::Result<usize, IoError<<Memory as Bus>::Error>> {
-        let entry = self.check(fd, Mode::WRITE)?;
+        let entry = self.check(fd, OpenMode::WRITE)?;
         if from.is_empty() {
             return Ok(0);
         }
@@ -104,7 +104,7 @@ impl DynSwitch {
     }
 
     #[inline]
-    fn check(&self, fd: Fd, mode: Mode) -> std::result::Result<u32, FdError> {
+    fn check(&self, fd: Fd, mode: OpenMode) -> std::result::Result<u32, FdError> {
         if let Some(place) = self.entries.get(usize::from(fd.number())) {
             let entry = place.load(Ordering::Acquire);
             if entry & wanted(0xffff, mode) == wanted(fd.generation(), mode) {

@@ -8,8 +8,8 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use condor_fs::{Area, Buffer, FileSystem, OpenOptions, wire};
-use condor_mbox::linux::{LinuxWindow, System};
-use condor_mbox::{Call, Messenger, Places, Region, SingleContext, Waiting};
+use condor_mbox::linux::{LinuxSystem, LinuxWindow};
+use condor_mbox::{Allocator, Call, Messenger, Region, SingleContext, Waiting};
 
 use super::chunks::CHUNK;
 use super::serving::{self, CLIENT, ECHO, Mail, N, NAME, SERVER, Shared, TIMEOUT, Turn};
@@ -54,7 +54,7 @@ pub(super) unsafe fn play(cores: CorePair, place: &Path, number: u64) -> Result<
     std::fs::write(&path, pattern())?;
     let file = File::options().read(true).write(true).open(path)?;
     let shared = Shared {
-        system: System::family(WINDOW)?,
+        system: LinuxSystem::family(WINDOW)?,
         block: laid_out()?.1,
         lines: Mapping::new(LINES)?,
     };
@@ -89,8 +89,8 @@ fn pattern() -> Vec<u8> {
 }
 
 /// The places of a client, and those of its chunks and of its buffer.
-fn laid_out() -> Result<(Area<1>, u32, Places)> {
-    let mut places = Places::new(WINDOW);
+fn laid_out() -> Result<(Area<1>, u32, Allocator)> {
+    let mut places = Allocator::new(WINDOW);
     let area = Area::<1>::new(&mut places, 64, MOST as u32)?;
     let block = places.bytes(CHUNK)?;
     Ok((area, block, places))
@@ -98,7 +98,7 @@ fn laid_out() -> Result<(Area<1>, u32, Places)> {
 
 /// A client's mailbox, which spins, and its own region.
 fn join<'v>(
-    system: &System<N>,
+    system: &LinuxSystem<N>,
     handler: &'v (dyn Fn(&Call<'_>) -> u32 + Sync),
 ) -> Result<(Mail<'v>, Region<LinuxWindow>)> {
     let claim = system.claim(CLIENT)?;

@@ -7,10 +7,10 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::time::Duration;
 
-use condor_fs::server::{Options, Server};
+use condor_fs::server::{FileServer, ServerOptions};
 use condor_fs::wire;
 use condor_mbox::layout::BELL_BYTES;
-use condor_mbox::linux::{LinuxWindow, Mailbox, System};
+use condor_mbox::linux::{LinuxMailbox, LinuxSystem, LinuxWindow};
 use condor_mbox::{Call, Messenger, Processor, SingleContext, Vector, Waiting, Windows};
 use rustix::fd::OwnedFd;
 
@@ -42,11 +42,11 @@ pub(super) const TIMEOUT: Duration = Duration::from_secs(10);
 pub(super) const NAME: &str = "file";
 
 /// A mailbox.
-pub(super) type Mail<'v> = Mailbox<'v, N, SingleContext>;
+pub(super) type Mail<'v> = LinuxMailbox<'v, N, SingleContext>;
 
 /// What both processes have from the beginning.
 pub(super) struct Shared {
-    pub(super) system: System<N>,
+    pub(super) system: LinuxSystem<N>,
     /// Where chunks lie in the client's region.
     pub(super) block: u32,
     /// Memory for raw exchanges.
@@ -103,7 +103,7 @@ pub(super) fn serve(
     mut orders: &UnixStream,
     requests: &UnixStream,
 ) -> Result<()> {
-    let server = Server::new(directory, Options::default())?;
+    let server = FileServer::new(directory, ServerOptions::default())?;
     let path = directory.join(NAME);
     let file: OwnedFd = File::options().read(true).write(true).open(path)?.into();
     let ended = AtomicBool::new(false);

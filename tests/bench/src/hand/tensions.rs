@@ -2,7 +2,7 @@
 
 use std::hint::black_box;
 
-use condor_hand::tendon::{Allocation, MomentArms, Pair, Pairs, Rectification};
+use condor_hand::tendon::{MomentArms, Pair, Rectification, TendonPairs, TensionAllocation};
 use nalgebra::{SMatrix, SVector};
 
 use super::subject::{FINGERS, JOINTS, Subject, agree};
@@ -26,8 +26,8 @@ pub(super) const CHOLESKY: &str = "nalgebra, Cholesky of P Pᵀ";
 /// One finger as ours and as a matrix.
 struct Finger {
     arms: MomentArms<f64, JOINTS>,
-    smooth: [Allocation<f64>; JOINTS],
-    hard: [Allocation<f64>; JOINTS],
+    smooth: [TensionAllocation<f64>; JOINTS],
+    hard: [TensionAllocation<f64>; JOINTS],
     matrix: Arms,
 }
 
@@ -49,7 +49,7 @@ impl Finger {
         Ok(Self {
             arms,
             smooth,
-            hard: smooth.map(|allocation| Allocation {
+            hard: smooth.map(|allocation| TensionAllocation {
                 rectification: Rectification::Hard,
                 ..allocation
             }),
@@ -84,7 +84,7 @@ pub(super) fn enter(race: &mut Race<'_>, subject: &'static Subject) -> Result<()
             agree(what, torque.as_slice(), made.as_slice(), ROUNDING)?;
         }
     }
-    let mut ours = |name, allocation: fn(&Finger) -> &[Allocation<f64>; JOINTS]| {
+    let mut ours = |name, allocation: fn(&Finger) -> &[TensionAllocation<f64>; JOINTS]| {
         enter_as(
             race,
             subject,
@@ -127,7 +127,7 @@ fn enter_as<T: Copy + 'static>(
     });
 }
 
-fn vector(tensions: &Pairs<f64, JOINTS>) -> Tensions {
+fn vector(tensions: &TendonPairs<f64, JOINTS>) -> Tensions {
     Tensions::from_iterator(
         tensions
             .iter()

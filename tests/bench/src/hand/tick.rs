@@ -10,8 +10,8 @@ use std::hint::black_box;
 
 use condor_hand::controller::FingerController;
 use condor_hand::kinematics::{Kinematics as _, PlanarFinger};
-use condor_hand::servo::{Mode, Sensed};
-use condor_hand::tendon::Pairs;
+use condor_hand::servo::{FingerReadings, ServoMode};
+use condor_hand::tendon::TendonPairs;
 use condor_hand::trajectory::{SetPoint, StopGuard};
 use nalgebra::SVector;
 
@@ -44,7 +44,7 @@ struct Hand {
     controllers: Controllers,
     /// Where the joints are in each tick, and how fast they move.
     motion: Vec<[[SetPoint<f64>; JOINTS]; FINGERS]>,
-    tensions: [Pairs<f64, JOINTS>; FINGERS],
+    tensions: [TendonPairs<f64, JOINTS>; FINGERS],
     /// Of the last tick.
     position: Joints,
     tips: Tips,
@@ -67,7 +67,7 @@ impl Hand {
         for (finger, planar) in config.fingers.iter().zip(&subject.planar) {
             let mut controller = FingerController::new(&config, finger, *planar)?;
             for joint in 0..JOINTS {
-                controller.set_mode(joint, Mode::Position)?;
+                controller.set_mode(joint, ServoMode::Position)?;
             }
             controllers.push(controller);
         }
@@ -108,7 +108,7 @@ impl Hand {
     fn servo(&mut self) {
         let now = &self.motion[self.ticks % TICKS];
         for (finger, controller) in self.controllers.iter_mut().enumerate() {
-            let sensed = Sensed {
+            let sensed = FingerReadings {
                 position: SVector::from(now[finger].map(|joint| joint.position)),
                 tension: self.tensions[finger],
                 touch: 0.0,

@@ -8,7 +8,7 @@ use std::cell::Cell;
 use std::hint::black_box;
 use std::time::Duration;
 
-use condor_mbox::linux::{LinuxDoorbell, LinuxWindow, System};
+use condor_mbox::linux::{LinuxDoorbell, LinuxSystem, LinuxWindow};
 use condor_mbox::{
     Call, Clock, Doorbell, Evidence, Instant, Mailbox, Messenger, Processor, SingleContext, Vector,
     Waiting,
@@ -94,7 +94,7 @@ pub(crate) fn go(name: &str, calls: usize) -> Option<Result<()>> {
 }
 
 fn make<const N: usize>(calls: usize, trip: fn(&End<N>, u32) -> bool) -> Result<()> {
-    let system = System::<N>::family(0)?;
+    let system = LinuxSystem::<N>::family(0)?;
     let server: &'static End<N> = Box::leak(Box::new(end(&system, SERVER, false)?));
     let client: &'static End<N> = Box::leak(Box::new(end(&system, CLIENT, true)?));
     for _ in 0..3 {
@@ -113,7 +113,7 @@ fn make<const N: usize>(calls: usize, trip: fn(&End<N>, u32) -> bool) -> Result<
     Ok(())
 }
 
-fn end<const N: usize>(system: &System<N>, number: Processor, leads: bool) -> Result<End<N>> {
+fn end<const N: usize>(system: &LinuxSystem<N>, number: Processor, leads: bool) -> Result<End<N>> {
     let (windows, bell) = system.claim(number)?.into_parts();
     let bell = Led { bell, leads };
     let mut mailbox = Mailbox::new(number, windows, bell, SingleContext::new())?;

@@ -7,7 +7,7 @@
 use std::rc::Rc;
 use std::time::Duration;
 
-use condor_mbox::linux::{Mailbox, System};
+use condor_mbox::linux::{LinuxMailbox, LinuxSystem};
 use condor_mbox::{Call, Messenger, Processor, SingleContext, Vector, Waiting};
 
 use super::contestant::{Ends, Setup};
@@ -40,8 +40,8 @@ pub(super) fn open_nested<'m, const DEPTH: u8>(_: &Setup<'m>) -> Result<Ends<'m>
 }
 
 fn open<'m, const N: usize>(waiting: Waiting, depth: u8) -> Result<Ends<'m>> {
-    let system = Rc::new(System::<N>::family(0)?);
-    let join = move |number| -> Result<Mailbox<'static, N, SingleContext>> {
+    let system = Rc::new(LinuxSystem::<N>::family(0)?);
+    let join = move |number| -> Result<LinuxMailbox<'static, N, SingleContext>> {
         let mut mailbox = system.claim(number)?.mailbox_with(SingleContext::new())?;
         mailbox.set_waiting(waiting);
         for vector in 0..=depth {

@@ -1,8 +1,8 @@
 //! The two backends of condor-mos for Linux, and what its schedules are off in virtual time.
 
-use condor_mos::linux::{CLOCK, RealTime, Signals, Threads};
+use condor_mos::linux::{CLOCK, RealTime, SignalPlatform, Threads};
 use condor_mos::sim::worst_release_error;
-use condor_mos::{Clock, EventTable, LoopId, Loops, Overrun, Platform as _, Rate, Scheduler};
+use condor_mos::{ClockSpec, EventTable, LoopId, Loops, Overrun, Platform as _, Rate, Scheduler};
 
 use super::turn::{LOOPS, Loop, Turn};
 use crate::Result;
@@ -26,7 +26,7 @@ pub(super) fn run_threads(turn: &'static Turn) -> Result<()> {
 pub(super) fn run_signals(turn: &'static Turn) -> Result<()> {
     let table = EventTable::<LOOPS, 16>::try_new(&turn.loops.each_ref().map(rate), CLOCK)?;
     // SAFETY: the loops read the clock and use atomics, on a stack of megabytes.
-    let scheduler = Scheduler::new(unsafe { Signals::new() }, table);
+    let scheduler = Scheduler::new(unsafe { SignalPlatform::new() }, table);
     let mut bodies = turn.loops.each_ref().map(body);
     scheduler.scope(|scope| {
         for (id, body) in (0..).map(LoopId).zip(&mut bodies) {
@@ -59,7 +59,7 @@ fn body(servo_loop: &'static Loop) -> impl FnMut(u64) + Send {
 /// The largest distance, in ticks, between a release and its exact instant, over 10^6 hyperperiods
 /// of 400, 60 and 7 Hz in ticks that none of them divides.
 pub(super) fn drift_ticks() -> Result<f64> {
-    let clock = Clock::of::<u64>(Rate::fraction(14_318_180, 12));
+    let clock = ClockSpec::of::<u64>(Rate::fraction(14_318_180, 12));
     let rates = [Rate::hz(400), Rate::hz(60), Rate::hz(7)];
     let mut table = EventTable::<3, 512>::try_new(&rates, clock)?;
     Ok(worst_release_error(&mut table, 1_000_000))

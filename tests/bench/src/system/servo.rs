@@ -6,10 +6,10 @@
 use std::array;
 
 use condor_hand::config::{Channel, Finger};
-use condor_hand::controller::{FingerController, Tick, read_finger, write_finger};
+use condor_hand::controller::{FingerController, FingerTick, read_finger, write_finger};
 use condor_hand::kinematics::PlanarFinger;
-use condor_hand::message::{Identity, ServoLoop, ServoObject, ServoPlaces, SetPoints};
-use condor_hand::servo::Mode;
+use condor_hand::message::{HandIdentity, HandLoop, ServoLayout, ServoObject, SetPoints};
+use condor_hand::servo::ServoMode;
 use condor_hand::trajectory::{SetPoint, StopGuard};
 use condor_mbox::published::Publisher;
 use condor_mbox::{Exclusion, MemoryWindow, Published, Region};
@@ -75,7 +75,7 @@ impl Bench {
 pub(super) struct Fingers<'b, W> {
     bench: &'b Bench,
     entries: [&'b Finger<JOINTS>; FINGERS],
-    servos: ServoLoop<'b, PlanarFinger, W, FINGERS, JOINTS>,
+    servos: HandLoop<'b, PlanarFinger, W, FINGERS, JOINTS>,
     points: Vec<SetPoints<W, JOINTS>>,
     joints: Publisher<Joints, Region<W>>,
     gravity: Vector3<f64>,
@@ -99,7 +99,7 @@ impl<'b, W: MemoryWindow + Clone> Fingers<'b, W> {
         bench: &'b Bench,
         object: &'b mut ServoObject<FINGERS, JOINTS>,
         region: &Region<W>,
-        places: ServoPlaces<FINGERS, JOINTS>,
+        places: ServoLayout<FINGERS, JOINTS>,
         joints: Published<Joints>,
         exclusion: X,
     ) -> Result<Self> {
@@ -109,14 +109,14 @@ impl<'b, W: MemoryWindow + Clone> Fingers<'b, W> {
             let mechanism = entry.planar().ok_or("a finger has another form")?;
             let mut controller = FingerController::new(hand, entry, mechanism)?;
             for joint in 0..JOINTS {
-                controller.set_mode(joint, Mode::Position)?;
+                controller.set_mode(joint, ServoMode::Position)?;
             }
             controllers.push(Some(controller));
         }
         let controllers = controllers
             .try_into()
             .map_err(|_| "another number of fingers")?;
-        let identity = Identity::new(&hand.name, [""; FINGERS], hand.servo_hz);
+        let identity = HandIdentity::new(&hand.name, [""; FINGERS], hand.servo_hz);
         let (_, servos) = object
             .split(identity, region, places, exclusion, controllers)
             .map_err(|error| error.to_string())?;
@@ -203,7 +203,7 @@ impl<'b, W: MemoryWindow + Clone> Fingers<'b, W> {
     }
 
     /// The tendons, which have the tensions that they are to have.
-    fn pull(&mut self, entry: &Finger<JOINTS>, tick: &Tick<JOINTS>) {
+    fn pull(&mut self, entry: &Finger<JOINTS>, tick: &FingerTick<JOINTS>) {
         for (joint, tension) in entry.joints.iter().zip(&tick.output.tension) {
             let (flexor, extensor) = (&joint.flexor.adc, &joint.extensor.adc);
             *line(&mut self.inputs, flexor.channel()) = flexor.counts(tension.flexor);

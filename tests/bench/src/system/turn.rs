@@ -3,12 +3,12 @@
 use std::path::Path;
 use std::time::Duration;
 
-use condor_hand::message::{ServoObject, ServoPlaces};
+use condor_hand::message::{ServoLayout, ServoObject};
 use condor_mbox::{
-    Clock as _, MemoryWindow, Messenger, Places, Processor, Published, Region, Windows,
+    Allocator, Clock as _, MemoryWindow, Messenger, Processor, Published, Region, Windows,
 };
 use condor_mos::{LoopId, Overrun, Rate, Statistics};
-use condor_rt::linux::{Environment, Loops, Process};
+use condor_rt::linux::{Environment, LinuxProcess, LoopContext};
 use condor_rt::loops::LoopReport;
 use condor_rt::objects::ObjectTable;
 use condor_rt::{Machine, MailboxOf, PROCESSORS, ServoLoop};
@@ -128,15 +128,15 @@ impl Turn<'_> {
             clock: None,
             work_ns: Default::default(),
             loops: match self.way {
-                Way::Sleeping => Loops::Signals,
-                Way::Spinning => Loops::Spin,
+                Way::Sleeping => LoopContext::Signals,
+                Way::Spinning => LoopContext::Spin,
             },
             cpu: Some(self.core),
             priority: Some(PRIORITY),
         };
         // SAFETY: the loops compute, read the clock, and write to windows and to memory of their own,
         // on a stack of megabytes; the background stays there.
-        let machine = unsafe { Process::allowing_signals(&environment, []) }?;
+        let machine = unsafe { LinuxProcess::allowing_signals(&environment, []) }?;
         self.run_on(&machine)
     }
 
@@ -144,10 +144,10 @@ impl Turn<'_> {
     fn run_on<M: Machine>(&self, machine: &M) -> Result<Counts> {
         let [_, Windows { data, .. }, ..] = machine.windows();
         let own = Region::users(data).map_err(display)?;
-        let mut places = Places::new(own.size());
+        let mut places = Allocator::new(own.size());
         let mut objects = ObjectTable::new(own.clone(), &mut places).map_err(display)?;
         let report = LoopReport::new(&own, &mut places, &mut objects, "servo").map_err(display)?;
-        let servos = ServoPlaces::<4, 4>::new(&mut places, PROCESSORS as u8).map_err(display)?;
+        let servos = ServoLayout::<4, 4>::new(&mut places, PROCESSORS as u8).map_err(display)?;
         let joints = places.published().map_err(display)?;
         let mut mailbox = machine.mailbox().map_err(display)?;
         mailbox.join().map_err(display)?;
@@ -180,7 +180,7 @@ impl<M: Machine> Background<'_, '_, M> {
     fn tick<W: MemoryWindow + Clone + Send>(
         &self,
         report: LoopReport<W>,
-        places: ServoPlaces<4, 4>,
+        places: ServoLayout<4, 4>,
         own: &Region<W>,
         joints: Published<Joints>,
     ) -> Result<Counts> {

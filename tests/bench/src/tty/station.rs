@@ -2,10 +2,10 @@
 
 use std::time::Duration;
 
-use condor_mbox::linux::{Claim, LinuxWindow, Mailbox, System};
+use condor_mbox::linux::{Claim, LinuxMailbox, LinuxSystem, LinuxWindow};
 use condor_mbox::{Messenger, Processor, Region, SingleContext};
-use condor_tty::linux::{Host, Sink};
-use condor_tty::{Policy, Settings, Terminal, Vectors};
+use condor_tty::linux::{Sink, TerminalHost};
+use condor_tty::{Policy, Terminal, TerminalSettings, TerminalVectors};
 
 use crate::Result;
 
@@ -18,7 +18,7 @@ pub(super) const RING: u32 = 256 << 10;
 /// Whoever waits so long for the host has lost.
 const PATIENCE: Duration = Duration::from_secs(1);
 
-type Mail = Mailbox<'static, 2, SingleContext>;
+type Mail = LinuxMailbox<'static, 2, SingleContext>;
 type Tty = Terminal<LinuxWindow, SingleContext, 64>;
 
 /// A processor with a terminal, and a host that has it.
@@ -26,19 +26,19 @@ pub(super) struct Station<S> {
     processor: Mail,
     terminal: Tty,
     mailbox: Mail,
-    host: Host<LinuxWindow>,
+    host: TerminalHost<LinuxWindow>,
     pub(super) sink: S,
 }
 
 impl<S: Sink> Station<S> {
     /// A terminal whose output, as it is, goes to `sink`.
     pub(super) fn new(sink: S) -> Result<Self> {
-        let system = System::<2>::family(RING + 4096)?;
+        let system = LinuxSystem::<2>::family(RING + 4096)?;
         let join = |claim: Claim<2>| -> Result<(Mail, Region<LinuxWindow>)> {
             let ram = Region::users(claim.windows()[HAND.index()].data.clone())?;
             let mut mailbox = claim.mailbox_with(SingleContext::new())?;
             if mailbox.number() == HOST {
-                mailbox.set_vector(Vectors::DEFAULT.output, &|_| 0, "terminal output")?;
+                mailbox.set_vector(TerminalVectors::DEFAULT.output, &|_| 0, "terminal output")?;
             }
             mailbox.join()?;
             Ok((mailbox, ram))
@@ -48,9 +48,9 @@ impl<S: Sink> Station<S> {
         let mut places = claim.places()?;
         let (processor, ram) = join(claim)?;
         let terminal = Tty::new(ram, &mut places, RING, SingleContext::new())?;
-        terminal.configure(&Settings::RAW)?;
+        terminal.configure(&TerminalSettings::RAW)?;
         terminal.set_policy(Policy::Block { timeout: PATIENCE })?;
-        let host = Host::attach(seen, terminal.offset(), HAND, HOST)?;
+        let host = TerminalHost::attach(seen, terminal.offset(), HAND, HOST)?;
         Ok(Self {
             processor,
             terminal,

@@ -4,9 +4,9 @@ use std::hint::black_box;
 use std::sync::atomic::{AtomicU32, Ordering};
 
 use condor_mbox::{
-    CriticalSection, Instant, MemoryWindow as _, Places, Region, StaticMemory, StaticWindow,
+    Allocator, CriticalSection, Instant, MemoryWindow as _, Region, StaticMemory, StaticWindow,
 };
-use condor_vars::{Catalog, Desk, Sampler, Settings, Var, Watch};
+use condor_vars::{Catalog, Sampler, Selections, Var, VariableSettings, Watch};
 
 use crate::Result;
 
@@ -92,12 +92,12 @@ fn begin() -> Result<Loop> {
     };
     let catalog = Catalog::new(Vec::leak(watched), &[]);
     let region = Region::whole(MEMORY.window());
-    let desk = Box::leak(Box::new(Desk::new()));
-    let settings = Settings {
+    let desk = Box::leak(Box::new(Selections::new()));
+    let settings = VariableSettings {
         rate: (1000, 1),
         rows: 8,
     };
-    let mut places = Places::new(region.size());
+    let mut places = Allocator::new(region.size());
     let lives = &|_| 1;
     let (_, sampler) = desk.open(
         catalog,

@@ -3,10 +3,11 @@
 use std::hint::black_box;
 use std::sync::atomic::Ordering;
 
-use condor_mbox::linux::{LinuxWindow, System};
-use condor_mbox::{CriticalSection, Instant, MemoryWindow as _, Places, Processor};
+use condor_mbox::linux::{LinuxSystem, LinuxWindow};
+use condor_mbox::{Allocator, CriticalSection, Instant, MemoryWindow as _, Processor};
 use condor_vars::{
-    Catalog, Desk, Respond as _, Sampler, Scalar, Settings, Table, Var, Vars, Watch, Watcher,
+    Catalog, Respond as _, Sampler, Scalar, Selections, Var, VariableSettings, VariableTable, Vars,
+    Watch, Watcher,
 };
 
 use crate::Result;
@@ -119,30 +120,30 @@ fn sample<const SOURCES: usize>(sampler: &mut Loop<SOURCES>, tick: u64) -> Resul
 fn begin<V: Watch, const SOURCES: usize>(variables: &'static [V]) -> Result<Loop<SOURCES>> {
     let shown: Vec<&'static dyn Watch> = variables.iter().map(|it| it as _).collect();
     let catalog = Catalog::new(Vec::leak(shown), &[]);
-    let region = System::<1>::family(BYTES)?
+    let region = LinuxSystem::<1>::family(BYTES)?
         .claim(Processor(0))?
         .region(Processor(0))?;
-    let desk = Box::leak(Box::new(Desk::new()));
+    let desk = Box::leak(Box::new(Selections::new()));
     let rate = (1000, 1);
     let rows = ROWS as u32;
     let (server, mut sampler) = desk.open(
         catalog,
         &region,
-        &mut Places::new(region.size()),
-        &Settings { rate, rows },
+        &mut Allocator::new(region.size()),
+        &VariableSettings { rate, rows },
         CriticalSection,
         &|_| 1,
     )?;
-    let table = Table::open(&region, 0)?;
+    let table = VariableTable::open(&region, 0)?;
     let ask = |request| match server.respond(Processor(1), &request) {
         [0, first, second, ..] => Ok((first, second)),
         [code, ..] => Err(format!("response {code}")),
     };
-    let (slot, claim) = ask([1, 0, table.life(), 0, 0, 0, 0, 0])?;
+    let (slot, claim) = ask([1, 0, table.incarnation(), 0, 0, 0, 0, 0])?;
     let all: Vec<u32> = (0..table.len()).collect();
     let mut watcher = Watcher::new(table, slot, claim).ok_or("no slot")?;
     watcher.choose(&all)?;
-    ask([2, 0, watcher.table().life(), slot, claim, 1, 0, 0])?;
+    ask([2, 0, watcher.table().incarnation(), slot, claim, 1, 0, 0])?;
     sampler.begin()?;
     Ok(sampler)
 }

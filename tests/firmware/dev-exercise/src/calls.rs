@@ -6,10 +6,10 @@ use core::num::NonZeroU16;
 use checks::Checks;
 use condor_dev::drivers::{Format, Uart16550};
 use condor_dev::{
-    AccessError, Bus as _, Device, FdError, IoError, Location, Mmio, Mode, NoInterrupts, OpenError,
-    Presence, Switch, Vector, device_switch,
+    Bus as _, BusAccessError, Device, FdError, InterruptVector, IoError, Location, Mmio,
+    NoInterrupts, OpenError, OpenMode, Presence, Switch, device_switch,
 };
-use utah_mit_boards::{Adc16, Dac16, Encoder8, Mpp, Trigger};
+use utah_mit_boards::{Adc16, ConversionTrigger, Dac16, Encoder8, Mpp};
 
 use crate::memory::{BASE, Memory};
 
@@ -51,7 +51,7 @@ pub fn everything(checks: &mut Checks<'_>) {
     checks.same(exercised, Ok(()));
 }
 
-fn exercise(checks: &mut Checks<'_>, switch: &Devices, memory: Mmio) -> Result<(), AccessError> {
+fn exercise(checks: &mut Checks<'_>, switch: &Devices, memory: Mmio) -> Result<(), BusAccessError> {
     identify(memory)?;
     checks.group("start-up");
     switch.start();
@@ -74,7 +74,7 @@ fn exercise(checks: &mut Checks<'_>, switch: &Devices, memory: Mmio) -> Result<(
 }
 
 /// Makes the memory look like the boards.
-fn identify(memory: Mmio) -> Result<(), AccessError> {
+fn identify(memory: Mmio) -> Result<(), BusAccessError> {
     for (board, identification) in [
         (MPP, 0x3b70),
         (ADC, 0xadc0),
@@ -104,7 +104,7 @@ fn misuse(checks: &mut Checks<'_>, switch: &Devices) {
         ("uart", 1),
     ];
     checks.same(
-        switch.open(name, 0, Mode::READ),
+        switch.open(name, 0, OpenMode::READ),
         Err(OpenError::NoSuchDevice { name, devices }),
     );
     let absent = OpenError::NotPresent {
@@ -112,19 +112,19 @@ fn misuse(checks: &mut Checks<'_>, switch: &Devices) {
         board: 1,
         presence: Presence::Absent,
     };
-    checks.same(switch.open(":adc", 1, Mode::READ), Err(absent));
-    let Ok(fd) = switch.open(":adc", 0, Mode::READ | Mode::EXCLUSIVE) else {
+    checks.same(switch.open(":adc", 1, OpenMode::READ), Err(absent));
+    let Ok(fd) = switch.open(":adc", 0, OpenMode::READ | OpenMode::EXCLUSIVE) else {
         return checks.that(false);
     };
-    checks.that(switch.open(":adc", 0, Mode::READ).is_err());
+    checks.that(switch.open(":adc", 0, OpenMode::READ).is_err());
     checks.that(switch.read_ready(fd) == Ok(true));
     let mut bytes = [0; 6];
     checks.same(switch.read(fd, &mut bytes), Ok(6));
     checks.same(bytes.map(u16::from), sequence());
     let direction = FdError::Direction {
         fd,
-        wanted: Mode::WRITE,
-        opened: Mode::READ | Mode::EXCLUSIVE,
+        wanted: OpenMode::WRITE,
+        opened: OpenMode::READ | OpenMode::EXCLUSIVE,
     };
     checks.same(switch.write(fd, &bytes), Err(IoError::Fd(direction)));
     let wrong = FdError::WrongType { fd, wanted: "dac" };
@@ -143,22 +143,25 @@ fn sequence() -> [u16; 6] {
     bytes
 }
 
-fn analog(checks: &mut Checks<'_>, switch: &Devices, memory: Mmio) -> Result<(), AccessError> {
-    if let Ok(fd) = switch.open("adc", 0, Mode::READ) {
+fn analog(checks: &mut Checks<'_>, switch: &Devices, memory: Mmio) -> Result<(), BusAccessError> {
+    if let Ok(fd) = switch.open("adc", 0, OpenMode::READ) {
         if let Ok(adc) = switch.device(Boards::adc, fd) {
             let begun = adc
-                .set_trigger(adc.registers, Trigger::Command)
+                .set_trigger(adc.registers, ConversionTrigger::Command)
                 .and_then(|()| adc.start(adc.registers))
                 .and_then(|()| adc.is_ready(adc.registers));
             checks.same(begun, Ok(false));
-            checks.same(adc.set_trigger(adc.registers, Trigger::Continuous), Ok(()));
+            checks.same(
+                adc.set_trigger(adc.registers, ConversionTrigger::Continuous),
+                Ok(()),
+            );
             let mut values = [0; 16];
             checks.same(adc.scan(adc.registers, &mut values), Ok(16));
             checks.that(values[15] == 7 && values[2] == 1);
         }
         checks.same(switch.close(fd), Ok(()));
     }
-    if let Ok(fd) = switch.open("dac", 0, Mode::WRITE) {
+    if let Ok(fd) = switch.open("dac", 0, OpenMode::WRITE) {
         checks.same(switch.write(fd, &[1; 4]), Ok(4));
         checks.same(switch.is_flushed(fd), Ok(true));
         checks.same(switch.write_ready(fd), Ok(true));
@@ -175,7 +178,7 @@ fn analog(checks: &mut Checks<'_>, switch: &Devices, memory: Mmio) -> Result<(),
 }
 
 fn encoder(checks: &mut Checks<'_>, switch: &Devices) {
-    let Ok(fd) = switch.open("encoder", 0, Mode::READ) else {
+    let Ok(fd) = switch.open("encoder", 0, OpenMode::READ) else {
         return checks.that(false);
     };
     if let Ok(encoder) = switch.device(Boards::encoder, fd) {
@@ -196,7 +199,7 @@ fn encoder(checks: &mut Checks<'_>, switch: &Devices) {
 }
 
 fn parallel(checks: &mut Checks<'_>, switch: &Devices) {
-    let Ok(fd) = switch.open("mpp", 0, Mode::READ | Mode::WRITE) else {
+    let Ok(fd) = switch.open("mpp", 0, OpenMode::READ | OpenMode::WRITE) else {
         return checks.that(false);
     };
     if let Ok(mpp) = switch.device(Boards::mpp, fd) {
@@ -218,7 +221,7 @@ fn parallel(checks: &mut Checks<'_>, switch: &Devices) {
 }
 
 fn serial(checks: &mut Checks<'_>, switch: &Devices) {
-    let Ok(fd) = switch.open("uart", 0, Mode::READ | Mode::WRITE) else {
+    let Ok(fd) = switch.open("uart", 0, OpenMode::READ | OpenMode::WRITE) else {
         return checks.that(false);
     };
     checks.same(switch.read(fd, &mut [0]), Err(IoError::WouldBlock));
@@ -238,6 +241,6 @@ fn serial(checks: &mut Checks<'_>, switch: &Devices) {
             .interrupting(64, 3)
             .interrupt()
             .map(|(vector, _)| vector)
-            == Some(Vector(64)),
+            == Some(InterruptVector(64)),
     );
 }

@@ -3,9 +3,9 @@
 use core::cell::Cell;
 
 use checks::Checks;
-use condor_dev::conformance::{self, Ground};
+use condor_dev::conformance::{self, BusMemory};
 use condor_dev::riscv::{GuardedMmio, Plic};
-use condor_dev::{Bus as _, InterruptController, Level, Vector};
+use condor_dev::{Bus as _, InterruptController, InterruptLevel, InterruptVector};
 use dev_exercise::{BASE, memory};
 
 use crate::map::{BUS, UART, UART_VECTOR};
@@ -24,7 +24,7 @@ const CLOCK_ENABLE: usize = CLOCK + 0x10;
 pub(crate) fn bus(checks: &mut Checks<'_>) {
     // SAFETY: `fault` asks `on_fault`.
     let bus = unsafe { GuardedMmio::new(memory()) };
-    let ground = Ground {
+    let ground = BusMemory {
         memory: BASE + 0x500,
         absent: Some(BASE - 8),
         refuses_misaligned: true,
@@ -40,8 +40,8 @@ pub(crate) fn plic(checks: &mut Checks<'_>, plic: &Plic<GuardedMmio>) {
     };
     let verdict = conformance::interrupt_controller(
         &lines,
-        [Vector(UART_VECTOR), Vector(CLOCK_VECTOR)],
-        Vector(0),
+        [InterruptVector(UART_VECTOR), InterruptVector(CLOCK_VECTOR)],
+        InterruptVector(0),
         |line, raised| lines.set(line, raised),
     );
     checks.same(verdict, Ok(()));
@@ -55,13 +55,13 @@ struct Lines<'p> {
 }
 
 impl Lines<'_> {
-    fn set(&self, line: Vector, raised: bool) {
+    fn set(&self, line: InterruptVector, raised: bool) {
         let [serial, clock] = &self.raised;
         if line.0 == UART_VECTOR { serial } else { clock }.set(raised);
         self.drive(line);
     }
 
-    fn drive(&self, line: Vector) {
+    fn drive(&self, line: InterruptVector) {
         let [serial, clock] = &self.raised;
         // The machine has both boards.
         let _ = if line.0 == UART_VECTOR {
@@ -77,19 +77,19 @@ impl Lines<'_> {
 }
 
 impl InterruptController for Lines<'_> {
-    fn enable(&self, vector: Vector, level: Level) {
+    fn enable(&self, vector: InterruptVector, level: InterruptLevel) {
         self.plic.enable(vector, level);
     }
 
-    fn disable(&self, vector: Vector) {
+    fn disable(&self, vector: InterruptVector) {
         self.plic.disable(vector);
     }
 
-    fn claim(&self) -> Option<Vector> {
+    fn claim(&self) -> Option<InterruptVector> {
         self.plic.claim()
     }
 
-    fn complete(&self, vector: Vector) {
+    fn complete(&self, vector: InterruptVector) {
         self.plic.complete(vector);
         self.drive(vector);
     }

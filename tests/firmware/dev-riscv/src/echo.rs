@@ -1,7 +1,7 @@
 //! Gives back what comes, interrupt-driven.
 
 use checks::Checks;
-use condor_dev::{AccessError, Fd, IoError, Mode};
+use condor_dev::{BusAccessError, Fd, IoError, OpenMode};
 use riscv::register::{mstatus, time};
 
 use crate::{Machine, System};
@@ -15,7 +15,11 @@ const INVITATION: &[u8] = b"echo 1048576\n";
 /// Invites whoever is at the other end of the serial port to send, and echoes it. The driver's buffers
 /// are filled and emptied by interrupts alone.
 pub(crate) fn echo(checks: &mut Checks<'_>, system: &System) {
-    let Ok(fd) = system.open(":uart", 0, Mode::READ | Mode::WRITE | Mode::EXCLUSIVE) else {
+    let Ok(fd) = system.open(
+        ":uart",
+        0,
+        OpenMode::READ | OpenMode::WRITE | OpenMode::EXCLUSIVE,
+    ) else {
         return checks.that(false);
     };
     let invited = write_all(system, fd, INVITATION);
@@ -35,7 +39,7 @@ pub(crate) fn echo(checks: &mut Checks<'_>, system: &System) {
     checks.same(system.close(fd), Ok(()));
 }
 
-type Outcome = Result<(), IoError<AccessError>>;
+type Outcome = Result<(), IoError<BusAccessError>>;
 
 fn echo_bytes(system: &System, fd: Fd) -> Outcome {
     let mut buffer = [0; 128];
@@ -67,7 +71,7 @@ fn write_all(system: &System, fd: Fd, mut from: &[u8]) -> Outcome {
 }
 
 /// Whether all is sent in time.
-fn flush(system: &System, fd: Fd) -> Result<bool, IoError<AccessError>> {
+fn flush(system: &System, fd: Fd) -> Result<bool, IoError<BusAccessError>> {
     let begin = time::read();
     while !system.is_flushed(fd)? {
         if time::read().wrapping_sub(begin) > PATIENCE {
@@ -78,7 +82,7 @@ fn flush(system: &System, fd: Fd) -> Result<bool, IoError<AccessError>> {
 }
 
 /// Sleeps until an interrupt has made something so. Who started the machine ends it if none comes.
-fn sleep_until(ready: impl Fn() -> Result<bool, IoError<AccessError>>) -> Outcome {
+fn sleep_until(ready: impl Fn() -> Result<bool, IoError<BusAccessError>>) -> Outcome {
     loop {
         // An interrupt after the question wakes up `wfi`, masked or not.
         // SAFETY: masking breaks nobody's section, and none is in progress here.

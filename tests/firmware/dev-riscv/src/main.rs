@@ -17,7 +17,7 @@ use checks::Checks;
 use condor_dev::drivers::Uart16550;
 use condor_dev::riscv::{GuardedMmio, Plic, on_fault};
 use condor_dev::{
-    Bus as _, BusErrorKind, Location, Mode, OpenError, Presence, Switch, device_switch,
+    Bus as _, BusErrorKind, Location, OpenError, OpenMode, Presence, Switch, device_switch,
 };
 use machine::{check, print, switch_floats_off, switch_off};
 use map::{BUS, NOWHERE, UART, UART_VECTOR, VIRTIO, plic};
@@ -74,7 +74,7 @@ fn main() -> ! {
 }
 
 fn faults(checks: &mut Checks<'_>) {
-    let silent = |result: Result<(), condor_dev::AccessError>| {
+    let silent = |result: Result<(), condor_dev::BusAccessError>| {
         result.map_err(|error| error.kind) == Err(BusErrorKind::NoAnswer)
     };
     checks.that(silent(BUS.read8(NOWHERE).map(drop)));
@@ -95,7 +95,7 @@ fn start(checks: &mut Checks<'_>) {
             board,
             presence: Presence::Absent,
         };
-        checks.same(SYSTEM.open(name, board, Mode::READ), Err(absent));
+        checks.same(SYSTEM.open(name, board, OpenMode::READ), Err(absent));
     }
 }
 

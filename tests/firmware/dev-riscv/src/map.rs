@@ -1,7 +1,7 @@
 //! What is where on QEMU's machine `virt`.
 
 use condor_dev::riscv::{Context, GuardedMmio, Plic};
-use condor_dev::{Level, Mmio};
+use condor_dev::{InterruptLevel, Mmio};
 
 /// The 16550, and its source at the PLIC.
 pub(crate) const UART: usize = 0x1000_0000;
@@ -13,7 +13,7 @@ pub(crate) const NOWHERE: usize = 0x1000_9000;
 
 const PLIC: usize = 0x0c00_0000;
 const PLIC_SOURCES: u16 = 95;
-const HIGHEST: Level = Level(7);
+const HIGHEST: InterruptLevel = InterruptLevel(7);
 /// The context of hart 0 in machine mode.
 const HART_0: Context = Context::new(0).unwrap();
 

@@ -4,13 +4,14 @@ use core::cell::Cell;
 
 use checks::Checks;
 use condor_dev::{
-    Fd, FdError, IoError, Location, Mode, NoInterrupts, OpenError, Presence, Switch, device_switch,
+    Fd, FdError, IoError, Location, NoInterrupts, OpenError, OpenMode, Presence, Switch,
+    device_switch,
 };
-use condor_mbox::{CriticalSection, Places};
+use condor_mbox::{Allocator, CriticalSection};
 use condor_tty::dev::{
-    AnyTerminal, END_OF_FILE, INTERRUPTED, TerminalBoard, Terminals, UNREACHABLE,
+    AnyTerminal, END_OF_FILE, INTERRUPTED, TerminalBoard, TerminalTable, UNREACHABLE,
 };
-use condor_tty::{Policy, Reader};
+use condor_tty::{Policy, TerminalReader};
 use critical_section::Mutex;
 use static_cell::StaticCell;
 
@@ -36,7 +37,7 @@ fn twice() -> Trouble {
 /// A place where a terminal comes and goes, and one where none ever is.
 pub(crate) struct Panel;
 
-impl Terminals for Panel {
+impl TerminalTable for Panel {
     fn terminal(place: usize) -> Option<&'static dyn AnyTerminal> {
         critical_section::with(|token| PANEL.borrow(token).get()).filter(|_| place == 0)
     }
@@ -50,7 +51,7 @@ device_switch! {
 
 pub(crate) type Devices = Switch<Nothing, NoInterrupts, Boards, 2>;
 
-pub(crate) const BOTH: Mode = Mode::READ.union(Mode::WRITE);
+pub(crate) const BOTH: OpenMode = OpenMode::READ.union(OpenMode::WRITE);
 
 fn put(board: Option<&'static dyn AnyTerminal>) {
     critical_section::with(|token| PANEL.borrow(token).set(board));
@@ -61,7 +62,7 @@ fn put(board: Option<&'static dyn AnyTerminal>) {
 pub(crate) fn boards(
     checks: &mut Checks<'_>,
     pair: &Pair<'_>,
-    places: &mut Places,
+    places: &mut Allocator,
 ) -> Result<Devices, Trouble> {
     checks.group("a terminal by its name");
     let devices = Devices::new(Nothing, NoInterrupts, Boards::new());
@@ -108,13 +109,13 @@ fn writing(
 ) -> Result<(), Trouble> {
     checks.same(devices.write(fd, b"hello\n"), Ok(6));
     checks.same(devices.is_flushed(fd), Ok(true));
-    let mut reader = Reader::attach(pair.own, terminal.offset(), HOST)?;
+    let mut reader = TerminalReader::attach(pair.own, terminal.offset(), HOST)?;
     let mut bytes = [0; 8];
     checks.same(reader.fetch(&mut bytes)?.len, 7);
     checks.same(bytes.get(..7), Some(&b"hello\r\n"[..]));
     reader.acknowledge(7)?;
-    // The first life at its place.
-    checks.same((reader.position(), reader.life() % 256), (7, 1));
+    // The first incarnation at its place.
+    checks.same((reader.position(), reader.incarnation() % 256), (7, 1));
     terminal.set_policy(Policy::Block { timeout: PATIENCE })?;
     checks.same(devices.write_ready(fd), Ok(true));
     checks.same(devices.write(fd, &[b'-'; 100]), Ok(64));

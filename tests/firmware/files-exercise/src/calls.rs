@@ -5,10 +5,10 @@ use core::task::{Context, Waker};
 
 use checks::Checks;
 use condor_fs::{
-    Allocation, Answer, Buffer, Entry, Errno, Error, File, FileSystem, Kept, Lent, OpenOptions,
-    Unwritten,
+    AllocationMode, Buffer, BufferError, BufferResult, DirectoryEntry, Errno, File, FileError,
+    FileSystem, OpenOptions, OperationResult, WriterError,
 };
-use condor_mbox::{MemoryWindow as _, Messenger as _, Places};
+use condor_mbox::{Allocator, MemoryWindow as _, Messenger as _};
 use embedded_io::{BufRead as _, Read as _, ReadExactError, Seek as _, SeekFrom, Write as _};
 
 use crate::bell::{Mail, PATIENCE, SHORT};
@@ -23,18 +23,24 @@ const READ: OpenOptions = OpenOptions::new().read();
 const BOTH: OpenOptions = OpenOptions::new().read().write();
 
 /// Why a call did not do what it was asked to.
-fn errno<T>(outcome: Result<T, Error>) -> Option<Errno> {
+fn errno<T>(outcome: Result<T, FileError>) -> Option<Errno> {
     outcome.err().and_then(|error| error.errno())
 }
 
 /// Gets a session, at the second attempt.
-pub(crate) fn connect<'p>(checks: &mut Checks<'_>, pair: &Pair<'p>) -> Result<System<'p>, Error> {
+pub(crate) fn connect<'p>(
+    checks: &mut Checks<'_>,
+    pair: &Pair<'p>,
+) -> Result<System<'p>, FileError> {
     checks.group("a session");
     let connect = |timeout| FileSystem::connect(pair.hand, HOST, pair.own, pair.area, timeout);
     pair.attentive.set(false);
     let before = pair.hand.now();
     let late = connect(SHORT).err();
-    checks.that(matches!(late, Some(Error::TimedOut { server: HOST, .. })));
+    checks.that(matches!(
+        late,
+        Some(FileError::TimedOut { server: HOST, .. })
+    ));
     let waited = pair.hand.now().ns_since(before);
     let in_time = (SHORT.as_nanos()..PATIENCE.as_nanos()).contains(&waited.into());
     checks.that(in_time);
@@ -56,7 +62,7 @@ pub(crate) fn files(
     checks: &mut Checks<'_>,
     pair: &Pair<'_>,
     system: &System<'_>,
-) -> Result<(), Error> {
+) -> Result<(), FileError> {
     checks.group("files");
     pair.files.fail(Errno::NOENT);
     checks.same(errno(system.open("run", READ)), Some(Errno::NOENT));
@@ -77,9 +83,9 @@ pub(crate) fn files(
     pair.files.fail(Errno::NXIO);
     checks.same(run.next_data(0), Ok(None));
     checks.same(run.next_hole(0), Ok(Some(0)));
-    checks.same(run.allocate(Allocation::PunchHole, 0, 4), Ok(()));
+    checks.same(run.allocate(AllocationMode::PunchHole, 0, 4), Ok(()));
     pair.files.fail(Errno::OPNOTSUPP);
-    let refused = run.allocate(Allocation::Extend, 0, 4);
+    let refused = run.allocate(AllocationMode::Extend, 0, 4);
     checks.same(errno(refused), Some(Errno::OPNOTSUPP));
     checks.same(run.sync(), Ok(()));
     checks.same(run.write_all(CONTENT), Ok(()));
@@ -118,9 +124,9 @@ pub(crate) fn names(
     checks: &mut Checks<'_>,
     pair: &Pair<'_>,
     system: &System<'_>,
-) -> Result<(), Error> {
+) -> Result<(), FileError> {
     checks.group("names");
-    let mut fails = |call: &dyn Fn() -> Result<(), Error>| {
+    let mut fails = |call: &dyn Fn() -> Result<(), FileError>| {
         checks.same(call(), Ok(()));
         pair.files.fail(Errno::EXIST);
         checks.same(errno(call()), Some(Errno::EXIST));
@@ -135,7 +141,7 @@ pub(crate) fn names(
 
     let mut directory = system.open_directory("log")?;
     let mut name = [0; 4];
-    let first = Entry {
+    let first = DirectoryEntry {
         name: b"a",
         kind: 8,
     };
@@ -154,8 +160,8 @@ pub(crate) fn buffers(
     checks: &mut Checks<'_>,
     pair: &Pair<'_>,
     system: &System<'_>,
-    places: &mut Places,
-) -> Result<(), Error> {
+    places: &mut Allocator,
+) -> Result<(), FileError> {
     checks.group("buffers");
     let buffer = Buffer::new(&pair.own, places, 32)?;
     let endless = Buffer::new(&pair.own, places, 4096);
@@ -179,16 +185,22 @@ pub(crate) fn buffers(
     checks.same(system.settle(SHORT), Ok(None));
     pair.attentive.set(false);
     let late = file.write_buffer(buffer, 4);
-    let kept = |late: &Lent<Window>| {
-        let Err(Kept { error, buffer }) = late else {
+    let kept = |late: &BufferResult<Window>| {
+        let Err(BufferError { error, buffer }) = late else {
             return false;
         };
-        matches!(error, Error::TimedOut { .. }) && buffer.is_none()
+        matches!(error, FileError::TimedOut { .. }) && buffer.is_none()
     };
     checks.that(kept(&late));
     checks.that(system.in_doubt() && system.take_buffer().is_none());
-    checks.that(matches!(system.settle(SHORT), Err(Error::TimedOut { .. })));
-    checks.that(matches!(system.status("data"), Err(Error::NotBegun { .. })));
+    checks.that(matches!(
+        system.settle(SHORT),
+        Err(FileError::TimedOut { .. })
+    ));
+    checks.that(matches!(
+        system.status("data"),
+        Err(FileError::NotBegun { .. })
+    ));
     pair.attentive.set(true);
     checks.same(system.settle(PATIENCE), Ok(Some(Ok(4))));
     system.set_timeout(PATIENCE);
@@ -205,33 +217,33 @@ pub(crate) fn tickets(
     checks: &mut Checks<'_>,
     pair: &Pair<'_>,
     system: &System<'_>,
-) -> Result<(), Error> {
+) -> Result<(), FileError> {
     checks.group("receipts");
-    let late = |call: &dyn Fn() -> Option<Error>| {
+    let late = |call: &dyn Fn() -> Option<FileError>| {
         system.set_timeout(SHORT);
         pair.attentive.set(false);
         let error = call();
         pair.attentive.set(true);
         system.set_timeout(PATIENCE);
         match error {
-            Some(Error::TimedOut { receipt, .. }) => Ok(receipt),
+            Some(FileError::TimedOut { receipt, .. }) => Ok(receipt),
             _ => Err(Errno::IO),
         }
     };
     let receipt = late(&|| system.status("run").err())?;
     system.unlink("run")?;
     let answer = system.ticket(receipt, &mut []).wait(PATIENCE)?;
-    checks.that(matches!(answer, Answer::Status(it) if it.size == CONTENT.len() as u64));
+    checks.that(matches!(answer, OperationResult::Status(it) if it.size == CONTENT.len() as u64));
     let again = system.ticket(receipt, &mut []).wait(PATIENCE);
     checks.same(errno(again), Some(Errno::INVAL));
     let receipt = late(&|| system.open("run", READ).err())?;
-    let Answer::File(file) = system.ticket(receipt, &mut []).wait(PATIENCE)? else {
+    let OperationResult::File(file) = system.ticket(receipt, &mut []).wait(PATIENCE)? else {
         return Err(Errno::IO.into());
     };
     let receipt = late(&|| file.read_at(&mut [0; 6], 12).err())?;
     let mut bytes = [0; 6];
     let answer = system.ticket(receipt, &mut bytes).wait(PATIENCE)?;
-    checks.that(matches!(answer, Answer::Number(6)) && &bytes == b"slack\n");
+    checks.that(matches!(answer, OperationResult::Number(6)) && &bytes == b"slack\n");
 
     checks.group("tickets");
     let mut context = Context::from_waker(Waker::noop());
@@ -254,10 +266,10 @@ pub(crate) fn tickets(
 }
 
 /// Why a buffer was not read or written, and the buffer, either way.
-fn refused(lent: Lent<Window>) -> (Option<Errno>, Option<Buffer<Window>>) {
+fn refused(lent: BufferResult<Window>) -> (Option<Errno>, Option<Buffer<Window>>) {
     match lent {
         Ok((_, buffer)) => (None, Some(buffer)),
-        Err(Kept { error, buffer }) => (error.errno(), buffer),
+        Err(BufferError { error, buffer }) => (error.errno(), buffer),
     }
 }
 
@@ -267,7 +279,7 @@ pub(crate) fn buffered(
     checks: &mut Checks<'_>,
     pair: &Pair<'_>,
     system: &System<'_>,
-) -> Result<(), Error> {
+) -> Result<(), FileError> {
     checks.group("a buffered writer");
     let mut writer = system.open("hand", BOTH)?.writer();
     checks.that(writeln!(writer, "joint {}", 1).is_ok());
@@ -277,7 +289,7 @@ pub(crate) fn buffered(
     checks.same(writer.seek(SeekFrom::Start(0)), Ok(0));
     checks.same(writer.write(b"JOINT"), Ok(5));
     pair.files.fail(Errno::NOSPC);
-    let Err(Unwritten { error, writer }) = writer.into_inner() else {
+    let Err(WriterError { error, writer }) = writer.into_inner() else {
         checks.that(false);
         return Ok(());
     };
@@ -288,7 +300,7 @@ pub(crate) fn buffered(
     };
     system.set_timeout(SHORT);
     pair.attentive.set(false);
-    checks.that(matches!(writer.flush(), Err(Error::TimedOut { .. })));
+    checks.that(matches!(writer.flush(), Err(FileError::TimedOut { .. })));
     checks.same(writer.held(), 5);
     pair.attentive.set(true);
     system.set_timeout(PATIENCE);

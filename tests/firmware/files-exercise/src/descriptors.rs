@@ -3,11 +3,11 @@
 use checks::Checks;
 use condor_dev::stdio::{BufReader, ReadLine as _};
 use condor_dev::{
-    BusError as _, BusErrorKind, Descriptors as _, Fd, FdError, IoError, Mode, NoInterrupts,
-    Stream, looks,
+    BusError as _, BusErrorKind, Descriptors as _, DeviceStream, Fd, FdError, IoError,
+    NoInterrupts, OpenMode, looks,
 };
-use condor_fs::dev::{FileSwitch, OpenError, TransferError};
-use condor_fs::{Errno, Error, OpenOptions};
+use condor_fs::dev::{FileOpenError, FileSwitch, TransferError};
+use condor_fs::{Errno, FileError, OpenOptions};
 use embedded_io::SeekFrom;
 
 use crate::bell::Mail;
@@ -36,27 +36,27 @@ pub(crate) fn descriptors<'p>(
     checks.group("files by their names");
     let switch = Files::new(devices, system);
     pair.files.fail(Errno::NOENT);
-    let refused = switch.open(":fs/none", 0, Mode::READ).err();
-    let error = Error::Errno(Errno::NOENT);
+    let refused = switch.open(":fs/none", 0, OpenMode::READ).err();
+    let error = FileError::Errno(Errno::NOENT);
     let name = ":fs/none";
-    checks.same(refused, Some(OpenError::File { name, error }));
+    checks.same(refused, Some(FileOpenError::File { name, error }));
     for (name, board, mode, text) in [
         (
             "toaster",
             0,
-            Mode::READ,
+            OpenMode::READ,
             "there is no device toaster; there are: tty",
         ),
         (
             "fs/run",
             1,
-            Mode::READ,
+            OpenMode::READ,
             "there is no fs/run board 1: there may be 1",
         ),
         (
             "fs/run",
             0,
-            Mode::empty(),
+            OpenMode::empty(),
             "fs/run cannot be opened for Mode(0x0)",
         ),
     ] {
@@ -64,7 +64,7 @@ pub(crate) fn descriptors<'p>(
         let told = error.map(|error| Text::<80>::of(&error));
         checks.that(told.is_some_and(|told| told.bytes() == text.as_bytes()));
     }
-    let log = switch.open(":fs/log", 0, Mode::WRITE)?;
+    let log = switch.open(":fs/log", 0, OpenMode::WRITE)?;
     let terminal = switch.open(":tty", 0, BOTH)?;
     checks.same(usize::from(log.number()), BOARDS);
     for fd in [log, terminal] {
@@ -80,7 +80,7 @@ pub(crate) fn descriptors<'p>(
     checks.same(switch.read_ready(fd), Ok(true));
     let at = switch.with_file(fd, |file| file.seek(SeekFrom::Start(12)));
     checks.same(at, Ok(12));
-    let mut lines = BufReader::<_, 16>::new(Stream::new(&switch, fd, looks(0)));
+    let mut lines = BufReader::<_, 16>::new(DeviceStream::new(&switch, fd, looks(0)));
     let mut line = [0; 16];
     checks.same(lines.read_line(&mut line).ok(), Some("slack\n"));
     checks.same(lines.read_line(&mut line).ok(), Some(""));
@@ -92,7 +92,7 @@ pub(crate) fn descriptors<'p>(
 
 /// What cannot be done with a file that is open for writing; closes it.
 fn refusals(checks: &mut Checks<'_>, pair: &Pair<'_>, switch: &Files<'_, '_>, log: Fd) {
-    let (wanted, opened) = (Mode::READ, Mode::WRITE);
+    let (wanted, opened) = (OpenMode::READ, OpenMode::WRITE);
     let direction = FdError::Direction {
         fd: log,
         wanted,

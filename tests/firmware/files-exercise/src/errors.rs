@@ -3,10 +3,10 @@
 use core::fmt::Display;
 
 use checks::Checks;
-use condor_fs::{Errno, Error, Kept, Receipt};
+use condor_fs::{BufferError, Errno, FileError, Receipt};
 use condor_mbox::window::WindowErrorKind;
-use condor_mbox::{AccessError, Error as MailError, Vector};
-use condor_tty::{ConsoleError, ReaderError, TerminalError};
+use condor_mbox::{AccessError, MailboxError as MailError, Vector};
+use condor_tty::{ConsoleError, TerminalError, TerminalReaderError};
 use embedded_io::{Error as _, ErrorKind};
 
 use crate::memory::{HAND, HOST, Window};
@@ -29,38 +29,38 @@ pub(crate) fn errors(checks: &mut Checks<'_>) {
     checks.group("errors");
     let (server, cause) = (HOST, Some(NOBODY));
     let receipt = Receipt(7);
-    let late = Error::TimedOut {
+    let late = FileError::TimedOut {
         server,
         cause,
         receipt,
     };
     let (error, buffer) = (late, None);
-    let kept: Kept<Window> = Kept { error, buffer };
-    let (offset, life, magic, version) = (0x40, 2, 0xbad, 3);
+    let kept: BufferError<Window> = BufferError { error, buffer };
+    let (offset, incarnation, magic, version) = (0x40, 2, 0xbad, 3);
     let (attached, word, value) = (0x102, 20, 0xff);
     let ends: [(&dyn Display, &str); 13] = [
-        (&Error::from(Errno::NOENT), "(ENOENT)"),
-        (&Error::from(Errno(999)), "error 999"),
+        (&FileError::from(Errno::NOENT), "(ENOENT)"),
+        (&FileError::from(Errno(999)), "error 999"),
         (
             &late,
             "did not answer in time: processor 1 has no handler for vector 40",
         ),
         (
-            &Error::NotBegun {
+            &FileError::NotBegun {
                 server,
                 cause: None,
             },
             "what was asked before in time",
         ),
         (&kept, "for vector 40"),
-        (&Error::from(ACCESS), "OutOfBounds"),
+        (&FileError::from(ACCESS), "OutOfBounds"),
         (
             &TerminalError::Capacity { capacity: 100 },
             "from 8 to 1073741824",
         ),
         (&TerminalError::Offset { offset }, "below 2^30"),
         (
-            &ReaderError::NoTerminal {
+            &TerminalReaderError::NoTerminal {
                 offset,
                 magic,
                 version,
@@ -68,15 +68,18 @@ pub(crate) fn errors(checks: &mut Checks<'_>) {
             "found version 3 and magic 0xbad",
         ),
         (
-            &ReaderError::Restarted { offset, life },
-            "has a new life, 2",
+            &TerminalReaderError::Restarted {
+                offset,
+                incarnation,
+            },
+            "has a new incarnation, 2",
         ),
         (
-            &ReaderError::Displaced { offset, attached },
+            &TerminalReaderError::Displaced { offset, attached },
             "at offset 0x40: 0x102",
         ),
         (
-            &ReaderError::Broken {
+            &TerminalReaderError::Broken {
                 offset,
                 word,
                 value,

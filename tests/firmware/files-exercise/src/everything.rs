@@ -1,7 +1,7 @@
 //! [`everything`]: all checks, with the two ends that they share.
 
 use checks::Checks;
-use condor_mbox::{Instant, Places};
+use condor_mbox::{Allocator, Instant};
 
 use crate::memory::Memory;
 use crate::pair::{Pair, with_pair};
@@ -16,7 +16,11 @@ pub fn everything(checks: &mut Checks<'_>, now: fn() -> Instant) {
     checks.same(exercised, Ok(()));
 }
 
-fn exercise(checks: &mut Checks<'_>, pair: &Pair<'_>, places: &mut Places) -> Result<(), Trouble> {
+fn exercise(
+    checks: &mut Checks<'_>,
+    pair: &Pair<'_>,
+    places: &mut Allocator,
+) -> Result<(), Trouble> {
     let system = calls::connect(checks, pair)?;
     calls::files(checks, pair, &system)?;
     calls::names(checks, pair, &system)?;

@@ -8,9 +8,9 @@ use core::cell::Cell;
 use core::time::Duration;
 
 use condor_fs::wire::{
-    DONE, FILES, NONE, OPEN_FILES, Operation, REFUSED, Request, again, halves, slot, state,
+    DONE, FILES, NONE, OPEN_FILES, Operation, REFUSED, RequestSlot, again, halves, slot, state,
 };
-use condor_fs::{Errno, Status};
+use condor_fs::{Errno, FileStatus};
 use condor_mbox::{AccessError, Call, MemoryWindow as _, Messenger as _, Region, StaticWindow};
 use critical_section::Mutex;
 
@@ -92,7 +92,7 @@ impl<'s> Host<'s> {
         for (word, offset) in words.iter_mut().zip((0..).step_by(4)) {
             *word = self.theirs.word(at(offset))?;
         }
-        let Some(request) = Request::from_words(&words) else {
+        let Some(request) = RequestSlot::from_words(&words) else {
             return Ok(REFUSED | u32::from(Errno::INVAL.0));
         };
         // The handler of the client answers while the client waits.
@@ -105,11 +105,11 @@ impl<'s> Host<'s> {
             _ => (0, self.carry_out(&request)?),
         };
         let is_directory = request.flags & condor_fs::wire::open::DIRECTORY != 0;
-        let status = Status {
+        let status = FileStatus {
             size: CONTENT.len() as u64,
             mode: if is_directory { 0o040_755 } else { 0o100_644 },
             links: 1,
-            ..Status::default()
+            ..FileStatus::default()
         };
         self.theirs.set_word(at(slot::ERRNO), errno.into())?;
         self.put(at(slot::VALUE), &halves(value))?;
@@ -122,7 +122,7 @@ impl<'s> Host<'s> {
     }
 
     /// What comes of a request if all is well.
-    fn carry_out(&self, request: &Request) -> Result<u64, AccessError> {
+    fn carry_out(&self, request: &RequestSlot) -> Result<u64, AccessError> {
         let (buffer, position) = (request.buffer, request.position);
         Ok(match Operation::from_word(request.operation) {
             Some(Operation::Session) => 1,

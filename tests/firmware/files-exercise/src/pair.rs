@@ -7,9 +7,9 @@ use core::time::Duration;
 
 use condor_fs::{Area, wire};
 use condor_mbox::{
-    Call, CriticalSection, Instant, MemoryWindow as _, Messenger as _, Places, Region, Waiting,
+    Allocator, Call, CriticalSection, Instant, MemoryWindow as _, Messenger as _, Region, Waiting,
 };
-use condor_tty::{Terminal, Vectors};
+use condor_tty::{Terminal, TerminalVectors};
 
 use crate::bell::{Bell, Mail, Turn};
 use crate::host::Host;
@@ -28,7 +28,7 @@ pub(crate) const RING: u32 = 64;
 pub(crate) const AHEAD: usize = 16;
 
 /// Vectors that are not the default, for a second terminal.
-pub(crate) const OTHERS: Vectors = Vectors {
+pub(crate) const OTHERS: TerminalVectors = TerminalVectors {
     output: condor_mbox::Vector(20),
     input: condor_mbox::Vector(21),
     room: condor_mbox::Vector(22),
@@ -61,11 +61,11 @@ pub(crate) struct Pair<'p> {
 pub(crate) fn with_pair(
     memory: &'static Memory,
     now: fn() -> Instant,
-    work: impl FnOnce(&Pair<'_>, &mut Places) -> Result<(), Trouble>,
+    work: impl FnOnce(&Pair<'_>, &mut Allocator) -> Result<(), Trouble>,
 ) -> Result<(), Trouble> {
     let [_, windows] = memory.windows();
     let own = Region::users(windows.data)?;
-    let mut places = Places::new(own.size());
+    let mut places = Allocator::new(own.size());
     let area = Layout::new(&mut places, PATH_BYTES, BUFFER_BYTES)?;
     let table = area.handler();
     let terminal = Tty::new(own, &mut places, RING, CriticalSection)?;
@@ -86,7 +86,7 @@ pub(crate) fn with_pair(
     let mut host = Mail::new(HOST, memory.windows(), bell(&hands_turn), CriticalSection)?;
     host.set_waiting(Waiting::Sleep);
     host.set_vector(wire::FILES, &serve, "files")?;
-    host.set_vector(Vectors::DEFAULT.output, &ring, "terminal output")?;
+    host.set_vector(TerminalVectors::DEFAULT.output, &ring, "terminal output")?;
     host.set_vector(OTHERS.output, &ring, "other output")?;
     host.join()?;
     let host = ManuallyDrop::new(host);
@@ -94,7 +94,10 @@ pub(crate) fn with_pair(
     hand.set_waiting(Waiting::Sleep);
     hand.set_vector(wire::OPEN_FILES, &table, "open files")?;
     for (vectors, receive) in [
-        (Vectors::DEFAULT, &receive as condor_mbox::Handler<'_>),
+        (
+            TerminalVectors::DEFAULT,
+            &receive as condor_mbox::Handler<'_>,
+        ),
         (OTHERS, &receive_second),
     ] {
         hand.set_vector(vectors.input, receive, "terminal input")?;

@@ -2,7 +2,9 @@
 
 use core::time::Duration;
 
-use condor_mbox::{Error, Instant, Messenger, Pending, Processor, Ticket, Vector};
+use condor_mbox::{
+    Instant, MailboxError, MessageTicket, Messenger, PendingReply, Processor, Vector,
+};
 
 use crate::memory::HAND;
 
@@ -19,11 +21,17 @@ impl Messenger for Post {
         Instant::from_ns(0)
     }
 
-    fn send(&self, to: Processor, vector: Vector, _: u32, timeout: Duration) -> Result<(), Error> {
+    fn send(
+        &self,
+        to: Processor,
+        vector: Vector,
+        _: u32,
+        timeout: Duration,
+    ) -> Result<(), MailboxError> {
         if timeout.is_zero() {
             return Ok(());
         }
-        Err(Error::NoHandler { to, vector })
+        Err(MailboxError::NoHandler { to, vector })
     }
 
     fn send_with_reply(
@@ -32,8 +40,8 @@ impl Messenger for Post {
         vector: Vector,
         _: u32,
         _: Duration,
-    ) -> Result<u32, Error> {
-        Err(Error::NoHandler { to, vector })
+    ) -> Result<u32, MailboxError> {
+        Err(MailboxError::NoHandler { to, vector })
     }
 
     fn begin(
@@ -42,21 +50,21 @@ impl Messenger for Post {
         vector: Vector,
         _: u32,
         _: Duration,
-    ) -> Result<Ticket<'_>, Error> {
-        Err(Error::NoHandler { to, vector })
+    ) -> Result<MessageTicket<'_>, MailboxError> {
+        Err(MailboxError::NoHandler { to, vector })
     }
 
-    fn serve(&self, _: Duration) -> Result<usize, Error> {
+    fn serve(&self, _: Duration) -> Result<usize, MailboxError> {
         Ok(0)
     }
 
-    fn poll_pending(&self, _: &Pending) -> Result<Option<u32>, Error> {
+    fn poll_pending(&self, _: &PendingReply) -> Result<Option<u32>, MailboxError> {
         Ok(None)
     }
 
-    fn wait_pending(&self, _: &Pending, _: Duration) -> Result<u32, Error> {
+    fn wait_pending(&self, _: &PendingReply, _: Duration) -> Result<u32, MailboxError> {
         Ok(0)
     }
 
-    fn abandon(&self, _: &Pending) {}
+    fn abandon(&self, _: &PendingReply) {}
 }

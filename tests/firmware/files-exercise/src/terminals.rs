@@ -1,9 +1,12 @@
 //! Terminals and who looks at them: what begins and what ends.
 
 use checks::Checks;
-use condor_mbox::{CriticalSection, MemoryWindow as _, Places};
+use condor_mbox::{Allocator, CriticalSection, MemoryWindow as _};
 use condor_tty::layout::{BLOCK_BYTES, host, policy, processor};
-use condor_tty::{Fetched, Policy, Reader, ReaderError, Settings, TerminalError, Vectors};
+use condor_tty::{
+    FetchedOutput, Policy, TerminalError, TerminalReader, TerminalReaderError, TerminalSettings,
+    TerminalVectors,
+};
 use embedded_io::Write as _;
 
 use crate::bell::PATIENCE;
@@ -17,7 +20,7 @@ use crate::trouble::Trouble;
 pub(crate) fn terminals(
     checks: &mut Checks<'_>,
     pair: &Pair<'_>,
-    places: &mut Places,
+    places: &mut Allocator,
 ) -> Result<(), Trouble> {
     checks.group("terminals");
     let (own, terminal) = (pair.own, pair.terminal);
@@ -25,7 +28,7 @@ pub(crate) fn terminals(
     checks.same(made(100), Some(TerminalError::Capacity { capacity: 100 }));
     checks.that(matches!(made(4096), Some(TerminalError::Access(_))));
     checks.same(terminal.attached(), Ok(None));
-    checks.same(terminal.settings(), Settings::COOKED);
+    checks.same(terminal.settings(), TerminalSettings::COOKED);
     checks.same(terminal.policy(), Policy::DropNew);
     let mut console = terminal.console(pair.hand);
     checks.same(console.write(b"hello\n"), Ok(6));
@@ -36,15 +39,24 @@ pub(crate) fn terminals(
     checks.same(console.flush(), Ok(()));
 
     let offset = terminal.offset();
-    let elsewhere = Reader::attach(own, offset + BLOCK_BYTES, HOST).err();
-    checks.that(matches!(elsewhere, Some(ReaderError::NoTerminal { .. })));
-    let misplaced = Reader::attach(own, offset + 4, HOST).err();
-    checks.that(matches!(misplaced, Some(ReaderError::NoTerminal { .. })));
-    let mut reader = Reader::attach(own, offset, HOST)?;
+    let elsewhere = TerminalReader::attach(own, offset + BLOCK_BYTES, HOST).err();
+    checks.that(matches!(
+        elsewhere,
+        Some(TerminalReaderError::NoTerminal { .. })
+    ));
+    let misplaced = TerminalReader::attach(own, offset + 4, HOST).err();
+    checks.that(matches!(
+        misplaced,
+        Some(TerminalReaderError::NoTerminal { .. })
+    ));
+    let mut reader = TerminalReader::attach(own, offset, HOST)?;
     checks.same(terminal.attached(), Ok(Some(HOST)));
     checks.same((reader.offset(), reader.capacity()), (offset, RING));
     let mut bytes = [0; 8];
-    checks.same(reader.fetch(&mut bytes)?, Fetched { len: 8, skipped: 0 });
+    checks.same(
+        reader.fetch(&mut bytes)?,
+        FetchedOutput { len: 8, skipped: 0 },
+    );
     checks.same(&bytes, b"hello\r\n.");
     checks.same(reader.acknowledge(7), Ok(false));
     checks.same(terminal.unread(), Ok(RING - 7));
@@ -62,13 +74,14 @@ pub(crate) fn terminals(
     checks.same(modes, (true, false, false, Some(3)));
     checks.same(reader.detach(), Ok(()));
     checks.same(terminal.attached(), Ok(None));
-    pair.viewer.attach(own, offset, HOST, Vectors::DEFAULT)?;
+    pair.viewer
+        .attach(own, offset, HOST, TerminalVectors::DEFAULT)?;
     let shown = pair.viewer.look(pair.host);
     checks.same(shown.bytes().len(), RING as usize - 7);
     Ok(())
 }
 
-/// New lives of terminals, new hosts, and words that nobody writes.
+/// New incarnations of terminals, new hosts, and words that nobody writes.
 #[inline(never)]
 pub(crate) fn lives(
     checks: &mut Checks<'_>,
@@ -92,10 +105,13 @@ pub(crate) fn lives(
     console.flush()?;
 
     let offset = second.offset();
-    let other = Reader::attach(own, offset, HOST)?;
+    let other = TerminalReader::attach(own, offset, HOST)?;
     pair.viewer.turn(pair.host);
     let displaced = pair.viewer.ended.take();
-    checks.that(matches!(displaced, Some(ReaderError::Displaced { .. })));
+    checks.that(matches!(
+        displaced,
+        Some(TerminalReaderError::Displaced { .. })
+    ));
     own.set_word(offset + host::TAIL, 0x5555)?;
     checks.same(second.unread(), Ok(0));
     checks.same(second.ignored(), 1);
@@ -104,15 +120,15 @@ pub(crate) fn lives(
     let mut other = other;
     own.set_word(offset + processor::HEAD, 0xffff_0000)?;
     let broken = other.fetch(&mut bytes).err();
-    checks.that(matches!(broken, Some(ReaderError::Broken { .. })));
-    let mut same = Places::new(own.size());
+    checks.that(matches!(broken, Some(TerminalReaderError::Broken { .. })));
+    let mut same = Allocator::new(own.size());
     same.bytes(offset as usize)?;
     let renewed = Tty::new(own, &mut same, RING, CriticalSection)?;
     checks.same((renewed.offset(), renewed.attached()), (offset, Ok(None)));
     let ended = other.fetch(&mut bytes).err();
-    checks.that(matches!(ended, Some(ReaderError::Restarted { .. })));
-    own.set_word(offset + processor::LIFE, 0)?;
-    let early = Reader::attach(own, offset, HOST).err();
-    checks.same(early, Some(ReaderError::NotReady { offset }));
+    checks.that(matches!(ended, Some(TerminalReaderError::Restarted { .. })));
+    own.set_word(offset + processor::INCARNATION, 0)?;
+    let early = TerminalReader::attach(own, offset, HOST).err();
+    checks.same(early, Some(TerminalReaderError::NotReady { offset }));
     Ok(())
 }

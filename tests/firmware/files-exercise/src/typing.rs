@@ -5,7 +5,9 @@ use core::sync::atomic::Ordering::Relaxed;
 use checks::Checks;
 use condor_mbox::{CriticalSection, Messenger as _, StaticWindow};
 use condor_tty::layout::{input_data, reply};
-use condor_tty::{Accepted, Characters, Console, ConsoleError, Settings, Vectors};
+use condor_tty::{
+    Characters, Console, ConsoleError, InputResult, TerminalSettings, TerminalVectors,
+};
 use embedded_io::{BufRead as _, Read as _, ReadExactError, ReadReady as _, Write as _};
 
 use crate::bell::{Mail, PATIENCE, SHORT};
@@ -97,8 +99,8 @@ fn raw(
 ) -> Result<(), Trouble> {
     checks.group("settings");
     pair.viewer.look(pair.host);
-    pair.terminal.configure(&Settings::RAW)?;
-    checks.same(pair.terminal.settings(), Settings::RAW);
+    pair.terminal.configure(&TerminalSettings::RAW)?;
+    checks.same(pair.terminal.settings(), TerminalSettings::RAW);
     types(checks, pair, console, b"\x03", b"\x03")?;
     console.write_all(b"a\nb")?;
     checks.same(pair.viewer.look(pair.host).bytes(), b"a\nb");
@@ -107,15 +109,18 @@ fn raw(
         interrupt: 0,
         ..Characters::UNIX
     };
-    let own = Settings {
+    let own = TerminalSettings {
         characters,
-        ..Settings::COOKED
+        ..TerminalSettings::COOKED
     };
     pair.terminal.configure(&own)?;
     types(checks, pair, console, b"end.", b"end")?;
-    pair.terminal.configure(&Settings::COOKED)?;
+    pair.terminal.configure(&TerminalSettings::COOKED)?;
     let outcomes = [b'z', 0x03].map(|character| pair.terminal.accept(character));
-    checks.same(outcomes, [Ok(Accepted::Taken), Ok(Accepted::Interrupts)]);
+    checks.same(
+        outcomes,
+        [Ok(InputResult::Taken), Ok(InputResult::Interrupts)],
+    );
     checks.that(pair.terminal.take_interrupt());
     checks.same(pair.viewer.look(pair.host).bytes(), b"endz^C\r\n");
     Ok(())
@@ -125,7 +130,10 @@ fn second(checks: &mut Checks<'_>, pair: &Pair<'_>) -> Result<(), Trouble> {
     checks.group("a second terminal");
     let send = |vector, data| pair.host.send_with_reply(HAND, vector, data, PATIENCE);
     let input = input_data(pair.second.offset(), b'?');
-    checks.same(send(Vectors::DEFAULT.input, input), Ok(reply::NO_TERMINAL));
+    checks.same(
+        send(TerminalVectors::DEFAULT.input, input),
+        Ok(reply::NO_TERMINAL),
+    );
     checks.same(send(OTHERS.room, 0), Ok(reply::ACCEPTED));
     if let Some(reader) = pair.viewer.take() {
         reader.detach()?;

@@ -5,7 +5,7 @@ use core::time::Duration;
 
 use condor_mbox::{Messenger as _, Processor, Region};
 use condor_tty::layout::{input_data, reply};
-use condor_tty::{Reader, ReaderError, Vectors};
+use condor_tty::{TerminalReader, TerminalReaderError, TerminalVectors};
 
 use crate::bell::{Mail, PATIENCE};
 use crate::memory::{HAND, Window};
@@ -16,22 +16,22 @@ const FETCHED: usize = 24;
 
 /// It looks at most at one terminal at a time.
 pub(crate) struct Viewer {
-    reader: Cell<Option<Reader<Window>>>,
-    vectors: Cell<Vectors>,
+    reader: Cell<Option<TerminalReader<Window>>>,
+    vectors: Cell<TerminalVectors>,
     /// What has been shown since the last look.
     shown: RefCell<Text<256>>,
     pub(crate) skipped: Cell<u32>,
     /// What is yet to be typed.
     pub(crate) typing: Cell<&'static [u8]>,
     /// What ended the view.
-    pub(crate) ended: Cell<Option<ReaderError>>,
+    pub(crate) ended: Cell<Option<TerminalReaderError>>,
 }
 
 impl Viewer {
     pub(crate) const fn new() -> Self {
         Self {
             reader: Cell::new(None),
-            vectors: Cell::new(Vectors::DEFAULT),
+            vectors: Cell::new(TerminalVectors::DEFAULT),
             shown: RefCell::new(Text::new()),
             skipped: Cell::new(0),
             typing: Cell::new(b""),
@@ -45,15 +45,16 @@ impl Viewer {
         own: Region<Window>,
         offset: u32,
         me: Processor,
-        vectors: Vectors,
-    ) -> Result<(), ReaderError> {
+        vectors: TerminalVectors,
+    ) -> Result<(), TerminalReaderError> {
         self.vectors.set(vectors);
-        self.reader.set(Some(Reader::attach(own, offset, me)?));
+        self.reader
+            .set(Some(TerminalReader::attach(own, offset, me)?));
         Ok(())
     }
 
     /// Looks away; gives what looked.
-    pub(crate) fn take(&self) -> Option<Reader<Window>> {
+    pub(crate) fn take(&self) -> Option<TerminalReader<Window>> {
         self.reader.take()
     }
 
@@ -73,7 +74,11 @@ impl Viewer {
         }
     }
 
-    fn show(&self, host: &Mail<'_>, reader: &mut Reader<Window>) -> Result<(), ReaderError> {
+    fn show(
+        &self,
+        host: &Mail<'_>,
+        reader: &mut TerminalReader<Window>,
+    ) -> Result<(), TerminalReaderError> {
         if reader.status()?.stopped {
             return Ok(());
         }
@@ -96,7 +101,7 @@ impl Viewer {
         Ok(())
     }
 
-    fn type_one(&self, host: &Mail<'_>, reader: &Reader<Window>) {
+    fn type_one(&self, host: &Mail<'_>, reader: &TerminalReader<Window>) {
         let Some((character, rest)) = self.typing.get().split_first() else {
             return;
         };

@@ -1,10 +1,10 @@
 use condor_hand::controller::FingerController;
 use condor_hand::dynamics::Dynamics;
 use condor_hand::plant::{
-    self, AxisParameters, DriveKind, Elastic, Ground, Object, ObjectParameters, PlantModel,
-    Pneumatic, Sensor, SensorBank, SensorFault, SensorFaultKind, Stop, Surface,
+    self, AxisParameters, DriveKind, Elastic, ObjectParameters, PlantModel, Pneumatic, Sensor,
+    SensorBank, SensorFault, SensorFaultKind, SimGround, SimObject, SimStop, SimSurface,
 };
-use condor_hand::servo::{JointGains, JointTarget, Mode, PositionLaw, Sensed};
+use condor_hand::servo::{FingerReadings, JointGains, JointTarget, PositionLaw, ServoMode};
 use condor_hand::tendon::Pair;
 use condor_hand::trajectory::{SetPoint, StopGuard};
 use condor_hand::{config, kinematics::PlanarFinger};
@@ -34,7 +34,7 @@ fn ticks(
     let gravity = Vector3::from(hand.gravity);
     let period_s = 1.0 / f64::from(hand.servo_hz);
     let mut between = Between::seeded(10);
-    let mut sensed = Sensed {
+    let mut sensed = FingerReadings {
         position: SVector::from([0.1, 0.6, 0.8, 0.7]),
         tension: finger.least_tensions(),
         touch: 0.0,
@@ -96,13 +96,13 @@ fn change<M: Dynamics<f64, 4>>(
     between: &mut Between,
 ) {
     let mode = match number {
-        10 | 120 => Some(Mode::Torque),
-        30 => Some(Mode::Tension),
-        50 | 650 => Some(Mode::Position),
-        150 => Some(Mode::Grasp),
-        172 => Some(Mode::Impedance),
-        180 => Some(Mode::Position),
-        700 => Some(Mode::Off),
+        10 | 120 => Some(ServoMode::Torque),
+        30 => Some(ServoMode::Tension),
+        50 | 650 => Some(ServoMode::Position),
+        150 => Some(ServoMode::Grasp),
+        172 => Some(ServoMode::Impedance),
+        180 => Some(ServoMode::Position),
+        700 => Some(ServoMode::Off),
         _ => None,
     };
     if let Some(mode) = mode {
@@ -148,7 +148,7 @@ const FINGERS: usize = 4;
 const CHANNELS: usize = 12;
 const LOOPS: u32 = 120;
 
-type Simulated = plant::Hand<PlanarFinger, FINGERS, 4>;
+type Simulated = plant::SimHand<PlanarFinger, FINGERS, 4>;
 
 /// Four fingers on a table that close about a ball on the ground, by what converters say of them.
 pub(crate) fn hand(digest: &mut Digest, hand: &Shipped) -> Option<()> {
@@ -216,7 +216,7 @@ fn controller(
     let finger = finger?;
     let mut controller = FingerController::new(hand, finger, finger.planar()?).ok()?;
     for joint in 0..4 {
-        controller.set_mode(joint, Mode::Position).ok()?;
+        controller.set_mode(joint, ServoMode::Position).ok()?;
     }
     Some(controller)
 }
@@ -226,8 +226,8 @@ fn sense(
     digest: &mut Digest,
     bank: &mut SensorBank<'_, CHANNELS>,
     now_s: f64,
-    finger: &plant::Finger<PlanarFinger, 4>,
-) -> Sensed<f64, 4> {
+    finger: &plant::SimFinger<PlanarFinger, 4>,
+) -> FingerReadings<f64, 4> {
     let mut values = [0.0; CHANNELS];
     let (chunks, _) = values.as_chunks_mut::<3>();
     for ((chunk, &q), tension) in chunks.iter_mut().zip(finger.q()).zip(finger.tensions()) {
@@ -237,7 +237,7 @@ fn sense(
     for &reading in &readings {
         digest.reading(reading);
     }
-    let mut sensed = Sensed {
+    let mut sensed = FingerReadings {
         position: SVector::zeros(),
         tension: [Pair::both(0.0); 4],
         touch: 0.0,
@@ -279,17 +279,17 @@ fn observe(digest: &mut Digest, simulated: &Simulated) {
 fn simulated(hand: &Shipped) -> Option<Simulated> {
     let model = |actuator| PlantModel {
         actuator,
-        joint_stop: Stop {
+        joint_stop: SimStop {
             stiffness: 5.0,
             damping: 0.05,
         },
-        axis_stop: Stop {
+        axis_stop: SimStop {
             stiffness: 1e4,
             damping: 100.0,
         },
         updates: 10,
         tip_radius: 0.008,
-        surface: Surface {
+        surface: SimSurface {
             stiffness: 2e4,
             damping: 20.0,
             shear_stiffness: 2e4,
@@ -320,22 +320,22 @@ fn simulated(hand: &Shipped) -> Option<Simulated> {
         viscous: 20.0,
         max_n: 200.0,
         range: (-0.2, 0.2),
-        stop: Stop {
+        stop: SimStop {
             stiffness: 1e4,
             damping: 100.0,
         },
     };
-    let ball = Object::new(
+    let ball = SimObject::new(
         ObjectParameters::ball(0.1, 0.03),
         Vector3::new(0.07, 0.005, -0.06),
     );
-    let ground = Ground::new(Vector3::new(0.0, 0.0, -0.1), Vector3::z());
+    let ground = SimGround::new(Vector3::new(0.0, 0.0, -0.1), Vector3::z());
     let parameters = model(DriveKind::exact).hand_parameters(hand);
     let mut simulated = Simulated::new([first?, second?, third?, fourth?], parameters)
         .ok()?
         .with_object(ball.ok()?)
         .with_ground(ground.ok()?)
-        .with_table(plant::Table::new([axis; 3]).ok()?);
+        .with_table(plant::SimTable::new([axis; 3]).ok()?);
     simulated.drive_table(Vector3::new(3.0, -2.0, 500.0)).ok()?;
     Some(simulated)
 }

@@ -1,5 +1,5 @@
 use condor_hand::Real;
-use condor_hand::tendon::Pairs;
+use condor_hand::tendon::TendonPairs;
 use condor_hand::trajectory::SetPoint;
 
 /// FNV-1a of 64 bits (Fowler, Noll and Vo, 1991) over the bits of numbers.
@@ -54,7 +54,7 @@ impl Digest {
         }
     }
 
-    pub(crate) fn pairs<T: Real, const N: usize>(&mut self, pairs: &Pairs<T, N>) {
+    pub(crate) fn pairs<T: Real, const N: usize>(&mut self, pairs: &TendonPairs<T, N>) {
         for pair in pairs {
             self.number(pair.flexor);
             self.number(pair.extensor);

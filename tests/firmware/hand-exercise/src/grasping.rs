@@ -1,8 +1,8 @@
 use condor_hand::Real;
 use condor_hand::dynamics::Dynamics;
 use condor_hand::grasp::{
-    Contacts, FingerState, Friction, GraspStiffness, GraspTuning, Normals, Posture, SpatialGain,
-    Squeeze, Surface, TorqueLimits, Wrench,
+    ContactFriction, Contacts, FingerState, GraspStiffness, GraspTuning, Normals, Posture,
+    SpatialGain, Squeeze, TorqueLimits, TuningSurface, Wrench,
 };
 use condor_hand::kinematics::PlanarFinger;
 use condor_hand::math::real;
@@ -47,7 +47,7 @@ fn held<T: Real>(digest: &mut Digest, hand: &Shipped) -> Option<()> {
         let size = 0.002 * f64::from(step / 2);
         if step == 20 {
             tuning.limits = [TorqueLimits::symmetric(&SVector::repeat(real(0.15))); 4];
-            tuning.friction = Friction::point(real(0.5)).ok()?;
+            tuning.friction = ContactFriction::point(real(0.5)).ok()?;
             grasp.set_tuning(tuning).ok()?;
         }
         let mut states = states(&fingers, &gravity, size, &mut between);
@@ -116,8 +116,8 @@ fn tuning<T: Real>() -> Option<GraspTuning<T, 4, 4>> {
             moment: Vector3::zeros(),
         },
         squeeze: Squeeze::equal(real(1.5)).ok()?,
-        surface: Surface::Ball(center),
-        friction: Friction::point(real(0.8)).ok()?,
+        surface: TuningSurface::Ball(center),
+        friction: ContactFriction::point(real(0.8)).ok()?,
         posture: Posture {
             stiffness: real(0.05),
             damping: real(1e-3),

@@ -1,6 +1,8 @@
 use condor_hand::Real;
 use condor_hand::math::real;
-use condor_hand::tendon::{Allocation, MomentArms, Rectification, TensionGains, TensionServos};
+use condor_hand::tendon::{
+    MomentArms, Rectification, TensionAllocation, TensionGains, TensionServos,
+};
 use nalgebra::SVector;
 
 use crate::Shipped;
@@ -26,7 +28,7 @@ fn tensions<T: Real>(digest: &mut Digest, hand: &Shipped) -> Option<()> {
             softness_n: real(3.0),
         },
     ] {
-        let allocation = [Allocation {
+        let allocation = [TensionAllocation {
             rectification,
             min_n: real(4.0),
             max_n: real(130.0),

@@ -1,8 +1,9 @@
 use condor_hand::Real;
 use condor_hand::math::real;
 use condor_hand::trajectory::{
-    Begin, Bounds, Ended, Generator, Guard, Happening, Interpolator, Limits, Observations, Pace,
-    Peaks, Polynomial, Primitive, PrimitiveError, Profile, Segments, SetPoint, Spline, Target, Via,
+    Begin, Bounds, Generator, Happening, Interpolator, JointLimits, MotionEnd, MotionGuard,
+    Observations, Pace, Polynomial, Primitive, PrimitiveError, Profile, ProfilePeaks, Segments,
+    SetPoint, Spline, Target, Via,
 };
 
 use crate::Shipped;
@@ -15,7 +16,7 @@ const SAMPLES: u32 = 9;
 fn sampled<T: Real>(
     digest: &mut Digest,
     duration: T,
-    peaks: &Peaks<T>,
+    peaks: &ProfilePeaks<T>,
     at: impl Fn(T) -> SetPoint<T>,
 ) {
     digest.numbers(&[
@@ -99,7 +100,7 @@ pub(crate) fn motion(digest: &mut Digest, hand: &Shipped) -> Option<()> {
 
 fn moves<T: Real>(digest: &mut Digest, hand: &Shipped) -> Option<()> {
     let mut joints = hand.fingers.iter().flat_map(|finger| &finger.joints);
-    let mut limits = [Limits {
+    let mut limits = [JointLimits {
         low: T::zero(),
         high: T::one(),
         velocity: T::one(),
@@ -107,7 +108,7 @@ fn moves<T: Real>(digest: &mut Digest, hand: &Shipped) -> Option<()> {
         jerk: T::one(),
     }; JOINTS];
     for (limits, joint) in limits.iter_mut().zip(&mut joints) {
-        *limits = Limits {
+        *limits = JointLimits {
             low: real(joint.limits.low),
             high: real(joint.limits.high),
             velocity: real(joint.limits.velocity),
@@ -176,7 +177,7 @@ fn moves<T: Real>(digest: &mut Digest, hand: &Shipped) -> Option<()> {
 /// What begins with a tick.
 fn primitive<T: Real>(
     tick: u32,
-    limits: &[Limits<T>; JOINTS],
+    limits: &[JointLimits<T>; JOINTS],
     between: &mut Between,
 ) -> Option<Result<Primitive<JOINTS, T>, PrimitiveError>> {
     let (profile, pace) = match tick {
@@ -221,11 +222,11 @@ fn primitive<T: Real>(
 fn number(happening: &Happening) -> u64 {
     match happening {
         Happening::Started { adjusted } => u64::from(*adjusted),
-        Happening::Ended(Ended::Reached) => 2,
-        Happening::Ended(Ended::Stopped(Guard::Torque { .. })) => 3,
-        Happening::Ended(Ended::Stopped(_)) => 4,
-        Happening::Ended(Ended::Aborted) => 5,
-        Happening::Ended(Ended::Superseded { .. }) => 6,
+        Happening::Ended(MotionEnd::Reached) => 2,
+        Happening::Ended(MotionEnd::Stopped(MotionGuard::Torque { .. })) => 3,
+        Happening::Ended(MotionEnd::Stopped(_)) => 4,
+        Happening::Ended(MotionEnd::Aborted) => 5,
+        Happening::Ended(MotionEnd::Superseded { .. }) => 6,
         Happening::Refused(_) => 7,
     }
 }

@@ -49,15 +49,15 @@ fn main() -> ! {
 fn lead(checks: &mut Checks<'_>) {
     let bell = Bell { me: LEADER };
     let resided = mbox_exercise::reside(LEADER, bell, |mailbox, resident| {
-        checks.group("the first life");
-        mbox_exercise::first_life(checks, mailbox, bell);
+        checks.group("the first incarnation");
+        mbox_exercise::first_incarnation(checks, mailbox, bell);
         checks.group("serving from the mailbox interrupt");
         mbox_exercise::give(checks, mailbox, Order::Poll);
         let before = served();
         exchange(checks, mailbox, resident);
         checks.that(served() != before);
         checks.group("states");
-        mbox_exercise::second_life(checks, mailbox, resident);
+        mbox_exercise::second_incarnation(checks, mailbox, resident);
         checks.group("serving, and sending in between");
         mbox_exercise::give(checks, mailbox, Order::Interrupts);
         exchange(checks, mailbox, resident);

@@ -24,7 +24,7 @@ use map::{Window, windows};
 pub use memory::memory;
 pub use messages::messages;
 pub use resident::{Resident, reside};
-pub use states::{first_life, give, last_order, second_life};
+pub use states::{first_incarnation, give, last_order, second_incarnation};
 
 use condor_mbox::{CriticalSection, Mailbox, Processor};
 use core::time::Duration;

@@ -1,7 +1,7 @@
 //! The memory of the two, and where things lie in the follower's `data` after the doorbell's line.
 
 use condor_mbox::spin_lock::Bakery;
-use condor_mbox::{AccessError, Places, Published, StaticMemory, StaticWindow, Windows, layout};
+use condor_mbox::{AccessError, Allocator, Published, StaticMemory, StaticWindow, Windows, layout};
 
 use crate::PROCESSORS;
 
@@ -54,7 +54,7 @@ pub(crate) const MAP: Map = match map() {
 };
 
 const fn map() -> Result<Map, AccessError> {
-    let mut places = Places::new(USERS_BYTES);
+    let mut places = Allocator::new(USERS_BYTES);
     macro_rules! take {
         ($place:expr) => {
             match $place {

@@ -1,8 +1,8 @@
 //! Shared memory without messages: regions, published values, locks.
 
-use condor_mbox::published::ReadError;
-use condor_mbox::spin_lock::{Guard, Incarnations, LockError, Owner};
-use condor_mbox::{AccessError, Doorbell, MemoryWindow as _, Messenger, Place, Published, Region};
+use condor_mbox::published::PublishedReadError;
+use condor_mbox::spin_lock::{Incarnations, LockOwner, SpinLockError, SpinLockGuard};
+use condor_mbox::{AccessError, Doorbell, MemoryWindow as _, Messenger, Offset, Published, Region};
 
 use crate::locks::{Lock, LockKind, with_lock};
 use crate::map::{MAP, Sample};
@@ -16,7 +16,7 @@ const ROUNDS: u32 = 300;
 struct Everybody;
 
 impl Incarnations for Everybody {
-    fn is_current(&self, _: Owner) -> bool {
+    fn is_current(&self, _: LockOwner) -> bool {
         true
     }
 }
@@ -72,7 +72,7 @@ fn published<D: Doorbell>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, D>, ram: R
                     seen += 1;
                 }
             }
-            Err(ReadError::Unpublished | ReadError::Contended { .. }) => {}
+            Err(PublishedReadError::Unpublished | PublishedReadError::Contended { .. }) => {}
             Err(_) => whole = false,
         }
         seen >= 20
@@ -92,7 +92,7 @@ fn shared_count<D: Doorbell>(
         return checks.that(false);
     };
     let begun = ram
-        .set(Place::at(MAP.counted), &[0_u32; 2])
+        .set(Offset::at(MAP.counted), &[0_u32; 2])
         .and_then(|()| ram.set_word(MAP.to_count, kind.word() | ROUNDS));
     checks.same(begun, Ok(()));
     let mut right = true;
@@ -112,7 +112,7 @@ fn shared_count<D: Doorbell>(
     });
     checks.that(done);
     checks.that(right);
-    checks.same(ram.get(Place::at(MAP.counted)), Ok([2 * ROUNDS; 2]));
+    checks.same(ram.get(Offset::at(MAP.counted)), Ok([2 * ROUNDS; 2]));
 }
 
 /// The follower's part: never waits for the lock.
@@ -143,7 +143,7 @@ pub(crate) fn count_some<D: Doorbell>(mailbox: &Mbox<'_, D>) -> Result<(), Acces
 
 /// Counts both words up; whether they were equal.
 fn count_up(ram: Region<&Window>) -> Result<bool, AccessError> {
-    let place = Place::<[u32; 2]>::at(MAP.counted);
+    let place = Offset::<[u32; 2]>::at(MAP.counted);
     let [first, second] = ram.get(place)?;
     ram.set_word(MAP.counted, first.wrapping_add(1))?;
     ram.set_word(MAP.counted.wrapping_add(4), second.wrapping_add(1))?;
@@ -151,17 +151,20 @@ fn count_up(ram: Region<&Window>) -> Result<bool, AccessError> {
 }
 
 fn dead_owner<D: Doorbell>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, D>, lock: &Lock<'_>) {
-    let (Ok(me), Ok(dead)) = (mailbox.owner(), Owner::new(FOLLOWER, 0xdead)) else {
+    let (Ok(me), Ok(dead)) = (mailbox.owner(), LockOwner::new(FOLLOWER, 0xdead)) else {
         return checks.that(false);
     };
     let try_lock = |owner| lock.try_lock(owner, mailbox).map(drop);
-    checks.same(try_lock(dead), Err(LockError::NotCurrent { owner: dead }));
+    checks.same(
+        try_lock(dead),
+        Err(SpinLockError::NotCurrent { owner: dead }),
+    );
     checks.same(
         lock.try_lock(dead, &Everybody).map(core::mem::forget),
         Ok(()),
     );
-    checks.same(try_lock(me), Err(LockError::OwnerDead { owner: dead }));
+    checks.same(try_lock(me), Err(SpinLockError::OwnerDead { owner: dead }));
     let recovered = lock.recover(dead, me, mailbox);
-    checks.same(recovered.and_then(Guard::release), Ok(()));
+    checks.same(recovered.and_then(SpinLockGuard::release), Ok(()));
     checks.same(try_lock(me), Ok(()));
 }

@@ -5,7 +5,8 @@ use core::sync::atomic::Ordering::Relaxed;
 use core::time::Duration;
 
 use condor_mbox::{
-    Call, Doorbell, Error, Exchange, MemoryWindow as _, Messenger, Places, Ticket, Vector,
+    Allocator, Call, Doorbell, Exchange, MailboxError, MemoryWindow as _, MessageTicket, Messenger,
+    Vector,
 };
 
 use crate::map::{MAP, WORDS_BYTES};
@@ -106,7 +107,7 @@ fn tickets<D: Doorbell>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, D>) {
 }
 
 fn refused<D: Doorbell>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, D>) {
-    let nobody = Error::NoHandler {
+    let nobody = MailboxError::NoHandler {
         to: FOLLOWER,
         vector: NOBODY,
     };
@@ -114,7 +115,7 @@ fn refused<D: Doorbell>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, D>) {
     let code = 0xffff_0001;
     checks.same(
         ask(mailbox, REFUSE, code),
-        Err(Error::Refused {
+        Err(MailboxError::Refused {
             to: FOLLOWER,
             vector: REFUSE,
             code,
@@ -129,7 +130,7 @@ fn typed<D: Doorbell>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, D>) {
     let Ok(own) = mailbox.region(LEADER) else {
         return checks.that(false);
     };
-    let mut places = Places::new(own.size());
+    let mut places = Allocator::new(own.size());
     // What else uses this memory.
     let exchange = places
         .bytes(WORDS_BYTES)
@@ -151,7 +152,7 @@ fn kept(checks: &mut Checks<'_>, messenger: &dyn Messenger) {
     let at = MAP.words + 400;
     let begin = || {
         let ticket = messenger.begin(FOLLOWER, READ, at, PATIENCE);
-        ticket.map(Ticket::detach)
+        ticket.map(MessageTicket::detach)
     };
     let (Ok(Some(first)), Ok(Some(second)), Ok(Some(third))) = (begin(), begin(), begin()) else {
         return checks.that(false);
@@ -159,7 +160,7 @@ fn kept(checks: &mut Checks<'_>, messenger: &dyn Messenger) {
     checks.that(messenger.poll_pending(&third).is_ok());
     messenger.abandon(&third);
     checks.same(messenger.wait_pending(&first, PATIENCE), Ok(977));
-    let mut again = Ticket::attach(messenger, second);
+    let mut again = MessageTicket::attach(messenger, second);
     checks.same(again.wait(PATIENCE), Ok(Some(977)));
 }
 
@@ -168,7 +169,7 @@ pub(crate) fn ask<D: Doorbell>(
     mailbox: &Mbox<'_, D>,
     vector: Vector,
     data: u32,
-) -> Result<u32, Error> {
+) -> Result<u32, MailboxError> {
     mailbox.send_with_reply(FOLLOWER, vector, data, PATIENCE)
 }
 

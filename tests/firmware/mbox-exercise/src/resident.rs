@@ -4,9 +4,11 @@ use core::ptr;
 use core::sync::atomic::{AtomicU32, AtomicUsize, Ordering::Relaxed};
 use core::time::Duration;
 
-use condor_mbox::error::Object;
+use condor_mbox::error::MemoryObject;
 use condor_mbox::exchange::answer;
-use condor_mbox::{Call, CriticalSection, Doorbell, Error, Messenger, Processor, Region, Vector};
+use condor_mbox::{
+    Call, CriticalSection, Doorbell, MailboxError, Messenger, Processor, Region, Vector,
+};
 
 use crate::{LEADER, Mbox, PATIENCE, PROCESSORS, Window, windows};
 
@@ -59,7 +61,7 @@ pub fn reside<D: Doorbell, R>(
     me: Processor,
     doorbell: D,
     body: impl FnOnce(&mut Mbox<'_, D>, &Resident) -> R,
-) -> Result<R, Error> {
+) -> Result<R, MailboxError> {
     let resident = Resident::new(me)?;
     let read = |call: &Call<'_>| resident.read(call);
     let in_order = |call: &Call<'_>| resident.in_order(call);
@@ -83,12 +85,12 @@ pub fn reside<D: Doorbell, R>(
 }
 
 impl Resident {
-    fn new(me: Processor) -> Result<Self, Error> {
+    fn new(me: Processor) -> Result<Self, MailboxError> {
         let data = windows().map(|windows| windows.data);
         let [leader, follower] = data.map(|data| {
-            Region::users(data).map_err(|error| Error::Window {
+            Region::users(data).map_err(|error| MailboxError::Window {
                 processor: me,
-                object: Object::Data,
+                object: MemoryObject::Data,
                 kind: error.kind,
             })
         });
@@ -158,7 +160,7 @@ impl Resident {
         self.innermost.store(outer, Relaxed);
         match reply {
             Ok(depth) => depth.saturating_add(1),
-            Err(Error::TooDeep {
+            Err(MailboxError::TooDeep {
                 depth: Call::MAX_DEPTH,
             }) => 1000,
             Err(_) => u32::MAX,
@@ -192,7 +194,7 @@ fn send_back(call: &Call<'_>) -> u32 {
     let bounded = call.deadline() > condor_mbox::Instant::from_ns(0)
         && call.vector() == ANSWER
         && call.send_with_reply(to, NOBODY, 0, Duration::from_secs(1))
-            == Err(Error::NoHandler { to, vector: NOBODY });
+            == Err(MailboxError::NoHandler { to, vector: NOBODY });
     [sent, posted, begun, bounded]
         .into_iter()
         .fold(0, |ways, went| ways + u32::from(went))

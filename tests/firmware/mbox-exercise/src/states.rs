@@ -1,10 +1,11 @@
-//! The states of a mailbox and of its peer, from the first life to the last order.
+//! The states of a mailbox and of its peer, from the first incarnation to the last order.
 
 use core::sync::atomic::Ordering::Relaxed;
 use core::time::Duration;
 
 use condor_mbox::{
-    CriticalSection, Doorbell, Error, Messenger, PeerState, Processor, Progress, Vector, Waiting,
+    CriticalSection, Doorbell, MailboxError, Messenger, PeerState, Processor, SendProgress, Vector,
+    Waiting,
 };
 
 use crate::follower::Order;
@@ -14,18 +15,18 @@ use crate::resident::{NOBODY, NOTE, READ, Resident};
 use crate::{Checks, FOLLOWER, LEADER, Mbox, PATIENCE, PROCESSORS, windows};
 
 /// Before and while the leader joins for the first time.
-pub fn first_life<D: Doorbell>(checks: &mut Checks<'_>, mailbox: &mut Mbox<'_, D>, bell: D) {
+pub fn first_incarnation<D: Doorbell>(checks: &mut Checks<'_>, mailbox: &mut Mbox<'_, D>, bell: D) {
     let number = Processor(PROCESSORS as u8);
     checks.same(
         Mbox::<D>::new(number, windows(), bell, CriticalSection).err(),
-        Some(Error::NoSuchProcessor {
+        Some(MailboxError::NoSuchProcessor {
             number,
             processors: number.0,
         }),
     );
     checks.same(mailbox.number(), LEADER);
     vectors(checks, mailbox);
-    let early = Error::NotJoined { number: LEADER };
+    let early = MailboxError::NotJoined { number: LEADER };
     checks.same(mailbox.send(FOLLOWER, NOTE, 0, PATIENCE), Err(early));
     checks.same(mailbox.serve(PATIENCE), Err(early));
     checks.same(mailbox.owner(), Err(early));
@@ -45,15 +46,15 @@ fn vectors<D: Doorbell>(checks: &mut Checks<'_>, mailbox: &mut Mbox<'_, D>) {
     let vector = Vector(Vector::COUNT as u8);
     checks.same(
         mailbox.set_vector(vector, &|_| 0, "none"),
-        Err(Error::NoSuchVector { vector }),
+        Err(MailboxError::NoSuchVector { vector }),
     );
     checks.same(
         mailbox.set_vector(READ, &|_| 0, "again"),
-        Err(Error::VectorTaken { vector: READ }),
+        Err(MailboxError::VectorTaken { vector: READ }),
     );
     checks.same(
         mailbox.set_vector(NOBODY, &|_| 0, "a name of more than thirty-two bytes"),
-        Err(Error::NameTooLong {
+        Err(MailboxError::NameTooLong {
             vector: NOBODY,
             len: 36,
         }),
@@ -67,8 +68,8 @@ fn vectors<D: Doorbell>(checks: &mut Checks<'_>, mailbox: &mut Mbox<'_, D>) {
     );
 }
 
-/// What happens while the follower holds, what was counted, listening, and a life after leaving.
-pub fn second_life<D: Doorbell>(
+/// What happens while the follower holds, what was counted, listening, and an incarnation after leaving.
+pub fn second_incarnation<D: Doorbell>(
     checks: &mut Checks<'_>,
     mailbox: &mut Mbox<'_, D>,
     resident: &Resident,
@@ -97,14 +98,15 @@ fn held<D: Doorbell>(checks: &mut Checks<'_>, mailbox: &mut Mbox<'_, D>) {
     ] {
         mailbox.set_waiting(waiting);
         let ended = mailbox.send_with_reply(FOLLOWER, READ, 0, Duration::from_millis(5));
-        let waiting = Progress::MayRun;
+        let waiting = SendProgress::MayRun;
         checks.that(
-            matches!(ended, Err(Error::TimedOut { progress, .. } | Error::Stalled { progress, .. })
+            matches!(ended, Err(MailboxError::TimedOut { progress, .. } | MailboxError::Stalled { progress, .. })
                 if progress == waiting),
         );
     }
     checks.that((0..=condor_mbox::layout::SLOTS).any(|data| {
-        mailbox.send(FOLLOWER, NOTE, data, Duration::ZERO) == Err(Error::NoSlot { to: FOLLOWER })
+        mailbox.send(FOLLOWER, NOTE, data, Duration::ZERO)
+            == Err(MailboxError::NoSlot { to: FOLLOWER })
     }));
     give(checks, mailbox, Order::Serve);
     for waiting in [Waiting::Spin, Waiting::Sleep, Waiting::default()] {
@@ -156,7 +158,7 @@ pub fn last_order<D: Doorbell>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, D>) {
     checks.same(mailbox.peer_state(FOLLOWER), Ok(PeerState::Absent));
     checks.that(matches!(
         mailbox.send(FOLLOWER, NOTE, 0, Duration::ZERO),
-        Err(Error::NotConnected { .. } | Error::PeerLeft { .. })
+        Err(MailboxError::NotConnected { .. } | MailboxError::PeerLeft { .. })
     ));
 }
 

@@ -76,9 +76,9 @@ fn lead(checks: &mut Checks<'_>, bell: &'static Bell) {
     let resided = mbox_exercise::reside(LEADER, bell, |mailbox, resident| {
         #[cfg(feature = "conformance")]
         served_by_interrupt(mailbox, || ring_suite(checks, bell));
-        checks.group("the first life");
+        checks.group("the first incarnation");
         bell.ring(FOLLOWER);
-        mbox_exercise::first_life(checks, mailbox, bell);
+        mbox_exercise::first_incarnation(checks, mailbox, bell);
         checks.group("serving while waiting");
         mbox_exercise::messages(checks, mailbox, resident, 1);
         checks.group("polling");
@@ -87,7 +87,7 @@ fn lead(checks: &mut Checks<'_>, bell: &'static Bell) {
         mbox_exercise::memory(checks, mailbox);
         checks.group("states");
         mbox_exercise::give(checks, mailbox, Order::Serve);
-        mbox_exercise::second_life(checks, mailbox, resident);
+        mbox_exercise::second_incarnation(checks, mailbox, resident);
         checks.group("serving from the mailbox interrupt");
         mbox_exercise::give(checks, mailbox, Order::Interrupts);
         checks.same(mailbox.ring_always(true), Ok(()));

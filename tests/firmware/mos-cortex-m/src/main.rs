@@ -7,13 +7,13 @@
 
 use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
-use condor_mos::cortex_m::{Ticks, Vectors};
+use condor_mos::cortex_m::{Ticks, VectorPlatform};
 use cortex_m::Peripherals;
 use cortex_m_rt::exception;
 use machine::{CORE_HZ, check, print, switch_off};
 use mos_exercise::{LOOPS, Scanned, Tabled};
 
-type Core = Vectors<Ticks, { LOOPS - 1 }>;
+type Core = VectorPlatform<Ticks, { LOOPS - 1 }>;
 
 /// 2000 periods of `SysTick` in a second.
 const TICK_CYCLES: u32 = CORE_HZ / 2_000;
@@ -23,7 +23,7 @@ const PRIORITY_BITS: u8 = 2;
 const MIDDLE: u16 = 22;
 const SLOWEST: u16 = 23;
 
-static PLATFORM: Core = Vectors::new(
+static PLATFORM: Core = VectorPlatform::new(
     Ticks::new(CORE_HZ, TICK_CYCLES),
     [MIDDLE, SLOWEST],
     PRIORITY_BITS,

@@ -1,7 +1,7 @@
 //! How late loops may end.
 
 use checks::Checks;
-use condor_mos::{Analysis, Load, LoopId, Loops, Platform, Rate, Response, Scheduler};
+use condor_mos::{Analysis, Load, LoopId, Loops, Platform, Rate, ResponseTime, Scheduler};
 
 use crate::LOOPS;
 
@@ -19,7 +19,7 @@ const _: () = assert!(ANALYSIS.is_schedulable());
 pub(crate) fn declared(checks: &mut Checks<'_>) {
     let loads = core::hint::black_box(LOADS);
     let responses = |analysis: Analysis<LOOPS>| [0, 1, 2].map(|id| analysis.response(LoopId(id)));
-    let within = |ticks| Some(Response::Within(ticks));
+    let within = |ticks| Some(ResponseTime::Within(ticks));
     let analysis = Analysis::new(Rate::hz(1), loads);
     checks.same(responses(analysis), [within(3), within(6), within(20)]);
     checks.same(analysis, ANALYSIS);
@@ -56,9 +56,9 @@ pub(crate) fn measured<P: Platform + Sync, const E: usize>(
     // A busy host may have held it up for longer than its period.
     let period = fastest.frequency.as_hz() / fastest.rate.as_hz();
     let response = if f64::from(fastest.worst_run) <= period {
-        Response::Within(fastest.worst_run.into())
+        ResponseTime::Within(fastest.worst_run.into())
     } else {
-        Response::Late
+        ResponseTime::Late
     };
     checks.same(analysis.response(LoopId(0)), Some(response));
     #[cfg(feature = "values")]

@@ -3,7 +3,7 @@
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering::Relaxed};
 
 use checks::Checks;
-use condor_mos::{Latest, LoopId, Loops, Overrun, Platform, Reader, Scheduler, Writer};
+use condor_mos::{Latest, LatestReader, LatestWriter, LoopId, Loops, Overrun, Platform, Scheduler};
 
 use crate::{LOOPS, await_until};
 
@@ -38,11 +38,13 @@ pub(crate) fn latest<P: Platform + Sync, const E: usize>(
     let (mut to_loop, mut from_background) = down.split_mut();
     let (sent, got) = (AtomicU32::new(0), AtomicU32::new(0));
     let right = AtomicBool::new(true);
-    let receive =
-        |from: &mut Reader<'_, Words>, since: &AtomicU32| match take(from, since.load(Relaxed)) {
-            Some(number) => since.store(number, Relaxed),
-            None => right.store(false, Relaxed),
-        };
+    let receive = |from: &mut LatestReader<'_, Words>, since: &AtomicU32| match take(
+        from,
+        since.load(Relaxed),
+    ) {
+        Some(number) => since.store(number, Relaxed),
+        None => right.store(false, Relaxed),
+    };
     let mut servo_loop = |_| {
         let number = sent.load(Relaxed).wrapping_add(1);
         send(&mut to_background, number);
@@ -77,7 +79,7 @@ fn words(number: u32) -> Words {
 }
 
 /// Changes the value in place, word by word: whoever interrupts must not see that.
-fn send(to: &mut Writer<'_, Words>, number: u32) {
+fn send(to: &mut LatestWriter<'_, Words>, number: u32) {
     for word in to.buffer() {
         *word = core::hint::black_box(number);
     }
@@ -85,7 +87,7 @@ fn send(to: &mut Writer<'_, Words>, number: u32) {
 }
 
 /// The number that is read, if all words are that, and none is older than `since`.
-fn take(from: &mut Reader<'_, Words>, since: u32) -> Option<u32> {
+fn take(from: &mut LatestReader<'_, Words>, since: u32) -> Option<u32> {
     let fresh = from.is_fresh();
     let [number, others @ ..] = from.read();
     let newer = if fresh {

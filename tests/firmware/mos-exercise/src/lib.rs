@@ -15,7 +15,7 @@ mod texts;
 mod trace;
 
 use checks::Checks;
-use condor_mos::{Clock, EventTable, Instant, Platform, Rate, Scan, Scheduler};
+use condor_mos::{ClockSpec, CounterReading, EventTable, Platform, Rate, Scan, Scheduler};
 
 /// How many loops there are.
 pub const LOOPS: usize = 3;
@@ -30,12 +30,12 @@ pub type Tabled<P> = Scheduler<P, LOOPS, EVENTS>;
 pub type Scanned<P> = Scheduler<P, LOOPS, 0>;
 
 /// A scheduler of the loops for a platform with this clock.
-pub const fn tabled<P: Platform + Sync>(platform: P, clock: Clock) -> Tabled<P> {
+pub const fn tabled<P: Platform + Sync>(platform: P, clock: ClockSpec) -> Tabled<P> {
     Scheduler::new(platform, EventTable::new(&RATES, clock))
 }
 
 /// The same without a table.
-pub const fn scanned<P: Platform + Sync>(platform: P, clock: Clock) -> Scanned<P> {
+pub const fn scanned<P: Platform + Sync>(platform: P, clock: ClockSpec) -> Scanned<P> {
     Scheduler::new(platform, Scan::new(&RATES, clock))
 }
 
@@ -63,7 +63,7 @@ pub fn loops<P: Platform + Sync>(
     plans::plans(checks, platform);
     schedules::schedules(checks);
     checks.group("texts");
-    texts::texts(checks, Clock::of::<P::Instant>(platform.frequency()));
+    texts::texts(checks, ClockSpec::of::<P::Instant>(platform.frequency()));
     checks.group("responses");
     analysis::declared(checks);
     checks.group("the latest value");

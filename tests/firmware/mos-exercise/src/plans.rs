@@ -4,14 +4,14 @@ use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
 use checks::Checks;
 use condor_mos::{
-    Clock, EventTable, Instant, LoopError, LoopId, Loops, Overrun, Platform, Rate, RateError, Scan,
-    Scheduler, StartError, Wrapping,
+    ClockSpec, CounterReading, EventTable, LoopError, LoopId, Loops, Overrun, Platform, Rate,
+    RateError, Scan, Scheduler, StartError, Wrapping,
 };
 
 use crate::{LOOPS, RATES, Tabled, await_until};
 
 pub(crate) fn plans<P: Platform + Sync>(checks: &mut Checks<'_>, platform: &P) {
-    let clock = Clock::of::<P::Instant>(platform.frequency());
+    let clock = ClockSpec::of::<P::Instant>(platform.frequency());
     checks.that(Rate::new(core::hint::black_box(0), 1).is_none());
     let [fastest, middle, _] = RATES;
     checks.that(
@@ -53,7 +53,7 @@ pub(crate) fn plans<P: Platform + Sync>(checks: &mut Checks<'_>, platform: &P) {
     ));
     let fast = Scan::<LOOPS>::try_new(&[Rate::hz(u32::MAX); LOOPS], clock).err();
     checks.that(matches!(fast, Some(RateError::TooFast { .. })));
-    let other = Clock::of::<Wrapping<16>>(Rate::fraction(12_345, 7));
+    let other = ClockSpec::of::<Wrapping<16>>(Rate::fraction(12_345, 7));
     checks.same(other.longest_gap(), 0x7fff);
     if let Ok(scan) = Scan::<LOOPS>::try_new(&[Rate::hz(1); LOOPS], other) {
         let error = Scheduler::new(platform, scan).start();

@@ -1,12 +1,12 @@
 //! Events as a scheduler takes them, and what a platform does for it.
 
 use checks::Checks;
-use condor_mos::{Clock, Event, EventTable, Platform, Rate, RateError, Scan, entries};
+use condor_mos::{ClockSpec, EventTable, Platform, Rate, RateError, Scan, ScheduleEvent, entries};
 
 use crate::{EVENTS, LOOPS, RATES};
 
 /// Ticks that all periods are multiples of.
-const CLOCK: Clock = Clock::of::<u64>(Rate::hz(2_000));
+const CLOCK: ClockSpec = ClockSpec::of::<u64>(Rate::hz(2_000));
 const SCAN: Scan<LOOPS> = Scan::new(&RATES, CLOCK);
 const TABLE: EventTable<LOOPS, EVENTS> = EventTable::new(&RATES, CLOCK);
 /// Entries of a hyperperiod of 100 ms.
@@ -19,7 +19,7 @@ pub(crate) fn schedules(checks: &mut Checks<'_>) {
     checks.that(!TABLE.is_scan() && SCAN.is_scan());
     checks.that(SCAN.events().is_empty());
     let mut releases = [0; LOOPS];
-    for Event { ranks, .. } in TABLE.events() {
+    for ScheduleEvent { ranks, .. } in TABLE.events() {
         for (rank, count) in releases.iter_mut().enumerate() {
             *count += ranks >> rank & 1;
         }
@@ -29,7 +29,9 @@ pub(crate) fn schedules(checks: &mut Checks<'_>) {
     let room = EventTable::<8, 2>::or_scan(&RATES, &[], CLOCK);
     checks.that(room.is_ok_and(|table| table.is_scan()));
     let phased = EventTable::<2, 2>::phased(&[fastest; 2], &[0, 3], CLOCK);
-    checks.that(phased.is_ok_and(|table| matches!(table.events(), [Event { gap: 3, .. }, _])));
+    checks.that(
+        phased.is_ok_and(|table| matches!(table.events(), [ScheduleEvent { gap: 3, .. }, _])),
+    );
     let late = Scan::<1>::phased(&[fastest], &[10], CLOCK).err();
     let phase = RateError::Phase {
         rate: fastest,

@@ -3,7 +3,9 @@
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering::Relaxed};
 
 use checks::Checks;
-use condor_mos::{Instant, LockError, LoopId, LoopLock, Loops, Overrun, Platform, Scheduler};
+use condor_mos::{
+    CounterReading, LoopId, LoopLock, LoopLockError, Loops, Overrun, Platform, Scheduler,
+};
 
 use crate::{LOOPS, await_until};
 
@@ -40,7 +42,10 @@ pub(crate) fn sharing<P: Platform + Sync, const E: usize>(
     };
     let mut fastest = |_| {
         let error = shared.lock(scheduler, |_| ()).err();
-        if matches!(error, Some(LockError::Undeclared | LockError::Taken)) {
+        if matches!(
+            error,
+            Some(LoopLockError::Undeclared | LoopLockError::Taken)
+        ) {
             refused.store(refused.load(Relaxed).wrapping_add(1), Relaxed);
         }
     };
@@ -74,5 +79,5 @@ pub(crate) fn sharing<P: Platform + Sync, const E: usize>(
         .wrapping_add(1);
     checks.same(counted, Ok([expected; 2]));
     let twice = shared.lock(scheduler, |_| shared.lock(scheduler, |_| ()));
-    checks.same(twice, Ok(Err(LockError::Taken)));
+    checks.same(twice, Ok(Err(LoopLockError::Taken)));
 }

@@ -3,10 +3,10 @@
 use core::fmt::Write as _;
 
 use checks::Checks;
-use condor_mos::{Clock, LockError, LoopError, LoopId, RateError, StartError};
+use condor_mos::{ClockSpec, LoopError, LoopId, LoopLockError, RateError, StartError};
 
 /// Prints all that has a text without a fraction of a number in it: the console takes everything.
-pub(crate) fn texts(checks: &mut Checks<'_>, clock: Clock) {
+pub(crate) fn texts(checks: &mut Checks<'_>, clock: ClockSpec) {
     let id = core::hint::black_box(LoopId(0));
     let rate = clock.frequency();
     let many = RateError::TooManyEvents {
@@ -39,7 +39,7 @@ pub(crate) fn texts(checks: &mut Checks<'_>, clock: Clock) {
             };
             writeln!(checks, "{other}")
         })
-        .and_then(|()| writeln!(checks, "{}", LockError::Undeclared))
-        .and_then(|()| writeln!(checks, "{}", LockError::Taken));
+        .and_then(|()| writeln!(checks, "{}", LoopLockError::Undeclared))
+        .and_then(|()| writeln!(checks, "{}", LoopLockError::Taken));
     checks.same(printed, Ok(()));
 }

@@ -9,7 +9,7 @@ use core::sync::atomic::{AtomicBool, AtomicU32, Ordering::Relaxed};
 
 use checks::Checks;
 use condor_mos::riscv::{Clint, preserving_floats};
-use condor_mos::{Clock, Instant as _, LoopId, Loops, Overrun, Rate, Timer as _};
+use condor_mos::{ClockSpec, CounterReading as _, LoopId, Loops, Overrun, Rate, Timer as _};
 use machine::{CLINT, MTIME_HZ, check, ring};
 use mos_exercise::{Scanned, Tabled};
 use riscv::interrupt::Interrupt;
@@ -17,7 +17,7 @@ use riscv::register::{mie, mstatus};
 use riscv_rt::core_interrupt;
 
 const MTIME: Rate = Rate::hz(MTIME_HZ);
-const CLOCK: Clock = Clock::of::<u64>(MTIME);
+const CLOCK: ClockSpec = ClockSpec::of::<u64>(MTIME);
 /// The bit of `mie`.
 const SOFTWARE: usize = 1 << 3;
 

@@ -25,7 +25,7 @@ use core::ops::Range;
 use std::format;
 use std::vec::Vec;
 
-use condor_toml::{Fault, Spanned, Text, TextError};
+use condor_toml::{Misreading, SourceText, Spanned, TextError};
 use serde::de::value::SeqAccessDeserializer;
 use serde::de::{SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer};
@@ -50,7 +50,7 @@ impl GraspSettings {
     /// # Errors
     /// [`TextError`] for the first mistake, with its place and the remedy.
     pub fn from_toml(text: &str, file: &str) -> Result<Self, TextError> {
-        let text = Text::new(file, text);
+        let text = SourceText::new(file, text);
         let file: File = text.read()?;
         file.settings().map_err(|fault| text.error(fault))
     }
@@ -84,7 +84,7 @@ enum NumberOr<T> {
 type Gains = NumberOr<NumberOr<f64>>;
 
 impl File {
-    fn settings(&self) -> Result<GraspSettings, Fault> {
+    fn settings(&self) -> Result<GraspSettings, Misreading> {
         let stiffness = self.stiffness.get_ref().matrix(&self.stiffness.span())?;
         let scaled = |factor: f64| stiffness.map(|row| row.map(|gain| gain * factor));
         let damping = match &self.damping {
@@ -96,7 +96,7 @@ impl File {
                             "the time of the damping is {} s; it must be at least 0",
                             Decimal(*time)
                         );
-                        return Err(Fault::at(&damping.span(), problem));
+                        return Err(Misreading::at(&damping.span(), problem));
                     }
                     scaled(*time)
                 }
@@ -125,7 +125,7 @@ impl File {
             };
             *place(&mut settings) = *given.get_ref();
             if let Err(error) = settings.check() {
-                return Err(Fault::at(&given.span(), error));
+                return Err(Misreading::at(&given.span(), error));
             }
         }
         Ok(settings)
@@ -134,16 +134,16 @@ impl File {
 
 impl Gains {
     /// The matrix, which a gain of an object can be.
-    fn matrix(&self, span: &Range<usize>) -> Result<[[f64; 6]; 6], Fault> {
+    fn matrix(&self, span: &Range<usize>) -> Result<[[f64; 6]; 6], Misreading> {
         let Self::List(list) = self else {
             let problem = "a number stands where a matrix of six rows, or its diagonal, should be";
-            return Err(Fault::at(span, problem));
+            return Err(Misreading::at(span, problem));
         };
         let mut matrix = [[0.0; 6]; 6];
         let mut places = Vec::new();
         let many = |span: &Range<usize>, count: usize, what: &str| {
             let problem = format!("there are {count} {what} here; there must be 6");
-            Err(Fault::at(span, problem))
+            Err(Misreading::at(span, problem))
         };
         if list.len() != 6 {
             return many(span, list.len(), "numbers or rows");
@@ -155,7 +155,7 @@ impl Gains {
             match entry.get_ref() {
                 NumberOr::Number(_) if is_matrix => {
                     let problem = "a number stands where a row of six numbers should be";
-                    return Err(Fault::at(&entry.span(), problem));
+                    return Err(Misreading::at(&entry.span(), problem));
                 }
                 NumberOr::Number(number) => {
                     if let Some(place) = row.get_mut(index) {
@@ -182,7 +182,7 @@ impl Gains {
             for (column, number) in numbers.iter().enumerate() {
                 if !number.is_finite() {
                     let problem = format!("{} is no gain; it must be finite", Decimal(*number));
-                    return Err(Fault::at(&place(row, column), problem));
+                    return Err(Misreading::at(&place(row, column), problem));
                 }
             }
         }
@@ -212,7 +212,7 @@ impl Gains {
                     column + 1,
                     row + 1,
                 );
-                Fault::at(&place(row, column), problem)
+                Misreading::at(&place(row, column), problem)
             }
             GraspError::NotSemidefinite { axis, pivot } => {
                 let problem = format!(
@@ -221,9 +221,9 @@ impl Gains {
                     Decimal(pivot),
                     AXES.get(axis).unwrap_or(&""),
                 );
-                Fault::at(&place(axis, axis), problem)
+                Misreading::at(&place(axis, axis), problem)
             }
-            other => Fault::at(span, other),
+            other => Misreading::at(span, other),
         })
     }
 }

@@ -4,7 +4,7 @@ use core::fmt::Write as _;
 
 use condor_mbox::Processor;
 use condor_rt::{Machine, numbers};
-use condor_vars::{Entry, Table};
+use condor_vars::{TableEntry, VariableTable};
 
 use super::super::words::Words;
 use super::list::find;
@@ -25,10 +25,10 @@ impl<M: Machine> Commands<'_, '_, M> {
             .get(..before.len().saturating_sub(begun))
             .unwrap_or("");
         let mut words = Words::of(done);
-        let Some(verb) = words.next() else {
+        let Some(word) = words.next() else {
             return COMMANDS.iter().for_each(|command| offer(command.name));
         };
-        let Some(command) = find(COMMANDS, verb) else {
+        let Some(command) = find(COMMANDS, word) else {
             return;
         };
         for what in command.choices(words.peek().count()) {
@@ -83,7 +83,10 @@ impl<M: Machine> Commands<'_, '_, M> {
     }
 
     /// The joint that is named next, and the parameters of the loop that serves it.
-    fn parameters<'l>(&mut self, words: &mut Words<'l>) -> Option<(&'l str, Table<M::Window>)> {
+    fn parameters<'l>(
+        &mut self,
+        words: &mut Words<'l>,
+    ) -> Option<(&'l str, VariableTable<M::Window>)> {
         let joint = words.peek().next()?;
         let (finger, _) = words.joint(self.hand).ok()?;
         let (_, table) = self.servos.table(finger).ok()?;
@@ -113,7 +116,7 @@ impl<M: Machine> Commands<'_, '_, M> {
 }
 
 /// The name of a gain of a joint; `None` if the entry is none.
-fn gain_of<'e>(joint: &str, entry: &'e Entry) -> Option<&'e str> {
+fn gain_of<'e>(joint: &str, entry: &'e TableEntry) -> Option<&'e str> {
     let name = entry.name.strip_prefix(joint)?.strip_prefix('.')?;
     entry.bounds.is_some().then_some(name)
 }

@@ -6,7 +6,7 @@ use condor_hand::decimal::Decimal;
 use condor_mbox::{MemoryWindow, Messenger};
 use condor_rt::Machine;
 use condor_vars::layout::NAME_BYTES;
-use condor_vars::{Client, Entry, Table, Value};
+use condor_vars::{AnyValue, TableEntry, VariableClient, VariableTable};
 
 use super::super::servos::ANSWER;
 use super::super::words::{Problem, Words};
@@ -45,15 +45,15 @@ impl<M: Machine> Commands<'_, '_, M> {
 
 /// The parameters of a joint.
 struct Gains<'m, C: Messenger + ?Sized, W> {
-    client: Client<'m, C, W>,
-    table: Table<W>,
+    client: VariableClient<'m, C, W>,
+    table: VariableTable<W>,
     /// What their names begin with.
     prefix: heapless::String<NAME_BYTES>,
 }
 
 impl<C: Messenger + ?Sized, W: MemoryWindow> Gains<'_, C, W> {
     /// Returns its name without that of the joint; `None` if it is none of this joint's.
-    fn name<'e>(&self, entry: &'e Entry) -> Option<&'e str> {
+    fn name<'e>(&self, entry: &'e TableEntry) -> Option<&'e str> {
         let name = entry.name.strip_prefix(self.prefix.as_str());
         name.filter(|_| entry.bounds.is_some())
     }
@@ -64,7 +64,7 @@ impl<C: Messenger + ?Sized, W: MemoryWindow> Gains<'_, C, W> {
             found = found.or(Some(entry?).filter(|entry| self.name(entry) == Some(name)));
         }
         let entry = found.ok_or(Problem::Gain(name))?;
-        let value = if let Some([Value::F64(low), Value::F64(high)]) = entry.bounds {
+        let value = if let Some([AnyValue::F64(low), AnyValue::F64(high)]) = entry.bounds {
             let what = "the value of a gain";
             let word = words.peek().next().ok_or(Problem::Missing(what))?;
             let value = words.number(what)?;
@@ -77,7 +77,7 @@ impl<C: Messenger + ?Sized, W: MemoryWindow> Gains<'_, C, W> {
                     high,
                 });
             }
-            Value::F64(value)
+            AnyValue::F64(value)
         } else {
             let word = words.word(LAW)?;
             let is_it = |number: &u32| {
@@ -85,7 +85,7 @@ impl<C: Messenger + ?Sized, W: MemoryWindow> Gains<'_, C, W> {
                 matches!(label, Ok(Some(label)) if label == word)
             };
             let number = (0..entry.labels.into()).find(is_it);
-            Value::Choice(number.ok_or(Problem::Not { word, what: LAW })?)
+            AnyValue::Choice(number.ok_or(Problem::Not { word, what: LAW })?)
         };
         let former = self.client.get(&self.table, &entry, ANSWER)?;
         self.client
@@ -104,8 +104,8 @@ impl<C: Messenger + ?Sized, W: MemoryWindow> Gains<'_, C, W> {
             let mut text = heapless::String::<LINE>::new();
             // A gain and its value are shorter than a line.
             let _ = match self.client.get(&self.table, &entry, ANSWER)? {
-                Value::F64(value) => write!(text, "{name} {}", Decimal(value)),
-                Value::Choice(number) => {
+                AnyValue::F64(value) => write!(text, "{name} {}", Decimal(value)),
+                AnyValue::Choice(number) => {
                     let label = self.table.label(&entry, number)?;
                     write!(text, "{name} {}", label.as_deref().unwrap_or("?"))
                 }

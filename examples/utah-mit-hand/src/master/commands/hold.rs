@@ -7,7 +7,7 @@ use condor_fs::OpenOptions;
 use condor_hand::grasp::distributed::{
     GraspOrder, GraspSettings, GraspState, LEAST_FINGERS, MeasuredBall,
 };
-use condor_hand::servo::Mode;
+use condor_hand::servo::ServoMode;
 use condor_mbox::Clock as _;
 use condor_rt::Machine;
 
@@ -56,7 +56,7 @@ impl<M: Machine> Commands<'_, '_, M> {
         let statuses = (0..FINGERS).filter_map(|finger| self.servos.status(finger));
         if statuses
             .into_iter()
-            .any(|it| it.modes == [Mode::Grasp; JOINTS])
+            .any(|it| it.modes == [ServoMode::Grasp; JOINTS])
         {
             self.hold(&closed.settings)?;
         }
@@ -121,7 +121,7 @@ impl<M: Machine> Commands<'_, '_, M> {
         let mut missing = None;
         for (finger, entry) in self.hand.fingers.iter().enumerate() {
             let status = self.servos.status(finger);
-            let in_grasp = status.is_some_and(|it| it.modes == [Mode::Grasp; JOINTS]);
+            let in_grasp = status.is_some_and(|it| it.modes == [ServoMode::Grasp; JOINTS]);
             if in_grasp || self.servos.follows(finger) {
                 fingers |= 1 << finger;
             } else {

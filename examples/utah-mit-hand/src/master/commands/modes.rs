@@ -1,6 +1,6 @@
 //! The commands that give joints other modes, and the weight that shows them.
 
-use condor_hand::servo::{JointTarget, Mode};
+use condor_hand::servo::{JointTarget, ServoMode};
 use condor_hand::tendon::Pair;
 use condor_rt::Machine;
 
@@ -75,11 +75,11 @@ impl<M: Machine> Commands<'_, '_, M> {
         let word = words.word(what)?;
         words.end()?;
         let mode = [
-            Mode::Off,
-            Mode::Tension,
-            Mode::Torque,
-            Mode::Position,
-            Mode::Impedance,
+            ServoMode::Off,
+            ServoMode::Tension,
+            ServoMode::Torque,
+            ServoMode::Position,
+            ServoMode::Impedance,
         ];
         let mode = mode.into_iter().find(|mode| mode.name() == word);
         let mode = mode.ok_or(Problem::Not { word, what })?;
@@ -91,21 +91,21 @@ impl<M: Machine> Commands<'_, '_, M> {
     pub(super) fn weight<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
         let word = words.word("FINGER")?;
         let finger = Words::of(word).finger(self.hand)?;
-        let mass = words.within(WEIGHT, plant::Range::WEIGHT)?;
+        let mass = words.within(WEIGHT, plant::NumberRange::WEIGHT)?;
         words.end()?;
         let [x, y, z] = self.hand.gravity.map(|gravity| mass * gravity);
-        self.others.plant(&plant::Request {
-            verb: plant::Verb::PushTip as u32,
+        self.others.plant(&plant::PlantRequest {
+            operation: plant::PlantOperation::PushTip as u32,
             finger: finger.unwrap_or_default() as u32,
             numbers: [x, y, z, 0.0, 0.0, 0.0],
-            ..plant::Request::default()
+            ..plant::PlantRequest::default()
         })
     }
 
     /// Whether nothing but this terminal, and no grasp, moves a finger; then the terminal is in control.
     fn check_free(&mut self, finger: usize) -> Result<(), Problem<'static>> {
         let status = self.servos.status(finger);
-        if status.is_some_and(|status| status.modes.contains(&Mode::Grasp)) {
+        if status.is_some_and(|status| status.modes.contains(&ServoMode::Grasp)) {
             let name = self.hand.fingers.get(finger).map(|it| it.name.clone());
             return Err(Problem::InGrasp(name.unwrap_or_default()));
         }

@@ -3,7 +3,7 @@
 use core::fmt::Write as _;
 
 use condor_rt::Machine;
-use condor_rt::supervisor::{Order, Supervisor, SupervisorError};
+use condor_rt::supervisor::{Supervisor, SupervisorError, SupervisorTicket};
 
 use super::super::words::{Problem, Words};
 use super::Commands;
@@ -12,7 +12,7 @@ use super::Commands;
 pub(in super::super) struct Processors<'r, M: Machine> {
     pub(in super::super) supervisor: Supervisor<'r, M>,
     /// The request that is being carried out, and what was typed of it.
-    order: Option<(Order, heapless::String<48>)>,
+    order: Option<(SupervisorTicket, heapless::String<48>)>,
 }
 
 impl<'r, M: Machine> Processors<'r, M> {
@@ -53,8 +53,8 @@ impl<M: Machine> Commands<'_, '_, M> {
 
     fn await_order(
         &mut self,
-        asked: Result<Order, SupervisorError>,
-        verb: &str,
+        asked: Result<SupervisorTicket, SupervisorError>,
+        word: &str,
         processor: &str,
     ) -> Result<(), Problem<'static>> {
         let order = match asked {
@@ -66,7 +66,7 @@ impl<M: Machine> Commands<'_, '_, M> {
         };
         let mut name = heapless::String::new();
         // What does not fit is cut off.
-        let _ = write!(name, "{verb} {processor}");
+        let _ = write!(name, "{word} {processor}");
         self.processors.order = Some((order, name));
         Ok(())
     }

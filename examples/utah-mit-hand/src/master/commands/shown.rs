@@ -4,11 +4,11 @@ use core::fmt::{self, Display, Write as _};
 
 use condor_hand::config::Finger;
 use condor_hand::decimal::Decimal;
-use condor_hand::message::Status;
-use condor_hand::servo::Mode;
+use condor_hand::message::ServoStatus;
+use condor_hand::servo::ServoMode;
 
 use crate::JOINTS;
-use crate::plant::Object;
+use crate::plant::CameraObject;
 
 /// The columns of a name, and of how a finger is.
 const NAME: usize = 6;
@@ -39,7 +39,7 @@ impl Display for Titles<'_> {
 /// A finger: how it is, on which processor, and where its joints are, if that is known, rad.
 pub(super) struct Row<'h> {
     pub(super) finger: &'h Finger<JOINTS>,
-    pub(super) status: Option<&'h Status<JOINTS>>,
+    pub(super) status: Option<&'h ServoStatus<JOINTS>>,
     pub(super) processor: u8,
     pub(super) measured: Option<[f64; JOINTS]>,
 }
@@ -72,7 +72,7 @@ fn column(name: &str) -> usize {
 }
 
 /// How a finger is, in a word or two.
-fn condition(status: Option<&Status<JOINTS>>) -> &'static str {
+fn condition(status: Option<&ServoStatus<JOINTS>>) -> &'static str {
     let Some(status) = status else {
         return "gone";
     };
@@ -85,25 +85,25 @@ fn condition(status: Option<&Status<JOINTS>>) -> &'static str {
         "mixed"
     } else {
         match first {
-            Mode::Off => "off",
-            Mode::Tension => "by tension",
-            Mode::Torque => "by torque",
-            Mode::Position => "follows",
-            Mode::Grasp => "holds",
-            Mode::Impedance => "impedance",
+            ServoMode::Off => "off",
+            ServoMode::Tension => "by tension",
+            ServoMode::Torque => "by torque",
+            ServoMode::Position => "follows",
+            ServoMode::Grasp => "holds",
+            ServoMode::Impedance => "impedance",
         }
     }
 }
 
 /// The modes of a finger whose joints are in several: the joints of each.
-pub(super) struct Mixed<'h> {
+pub(super) struct MixedModes<'h> {
     finger: &'h Finger<JOINTS>,
-    modes: [Mode; JOINTS],
+    modes: [ServoMode; JOINTS],
 }
 
-impl<'h> Mixed<'h> {
+impl<'h> MixedModes<'h> {
     /// `None` for a finger whose joints are all in one mode.
-    pub(super) fn of(finger: &'h Finger<JOINTS>, status: &Status<JOINTS>) -> Option<Self> {
+    pub(super) fn of(finger: &'h Finger<JOINTS>, status: &ServoStatus<JOINTS>) -> Option<Self> {
         let modes = status.modes;
         let [first, ..] = modes;
         let is_mixed = modes.iter().any(|&mode| mode != first);
@@ -111,11 +111,11 @@ impl<'h> Mixed<'h> {
     }
 }
 
-impl Display for Mixed<'_> {
+impl Display for MixedModes<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}:", self.finger.name)?;
         let mut semicolon = "";
-        for mode in (0..).map_while(Mode::from_number) {
+        for mode in (0..).map_while(ServoMode::from_number) {
             if !self.modes.contains(&mode) {
                 continue;
             }
@@ -136,9 +136,9 @@ impl Display for Mixed<'_> {
 }
 
 /// An object as it is measured.
-pub(super) struct Place<'o>(pub(super) &'o Object);
+pub(super) struct MeasuredObject<'o>(pub(super) &'o CameraObject);
 
-impl Display for Place<'_> {
+impl Display for MeasuredObject<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let [x, y, z] = self.0.position.map(Decimal);
         let radius = Decimal(self.0.radius_m);

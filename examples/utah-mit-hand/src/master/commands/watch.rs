@@ -4,11 +4,11 @@ use core::fmt::{self, Display, Write as _};
 use core::time::Duration;
 
 use condor_hand::decimal::Decimal;
-use condor_hand::message::Status;
+use condor_hand::message::ServoStatus;
 use condor_mbox::{Clock as _, Instant, MemoryWindow, Processor};
-use condor_rt::{Background, Error, Machine, users};
+use condor_rt::{Background, Machine, ProgramError, users};
 use condor_vars::layout::NAME_BYTES;
-use condor_vars::{Client, Kind, Table, VARS, Watcher};
+use condor_vars::{VARS, ValueKind, VariableClient, VariableTable, Watcher};
 
 use super::super::drive::{ALL, OfServos};
 use super::super::servos::ANSWER;
@@ -98,7 +98,7 @@ impl<'r, M: Machine> Commands<'r, '_, M> {
     }
 
     fn begin_watch(&mut self, chosen: u32) -> Result<(), Problem<'static>> {
-        let mut wanted = OfServos::<(Processor, Table<M::Window>, Columns)>::new();
+        let mut wanted = OfServos::<(Processor, VariableTable<M::Window>, Columns)>::new();
         for (finger, entry) in self.hand.fingers.iter().enumerate() {
             for (joint, named) in entry.joints.iter().enumerate() {
                 let place = finger * JOINTS + joint;
@@ -118,7 +118,7 @@ impl<'r, M: Machine> Commands<'r, '_, M> {
                     let mut name = heapless::String::<NAME_BYTES>::new();
                     // The names of a configuration are short enough.
                     let _ = write!(name, "{}.{}.{variable}", entry.name, named.name);
-                    let found = table.find(&name)?.filter(|it| it.kind == Kind::F32);
+                    let found = table.find(&name)?.filter(|it| it.kind == ValueKind::F32);
                     let found = found.ok_or(Problem::Absent(to.0))?;
                     let _ = columns.push((place as u8, column as u8, found.number));
                 }
@@ -153,10 +153,10 @@ impl<'r, M: Machine> Commands<'r, '_, M> {
     pub(super) fn client(
         &self,
         to: Processor,
-    ) -> Result<Client<'r, condor_rt::MailboxOf<'r, M>, M::Window>, Error> {
+    ) -> Result<VariableClient<'r, condor_rt::MailboxOf<'r, M>, M::Window>, ProgramError> {
         let (machine, mailbox) = (self.background.machine(), self.background.mailbox());
         let own = users(machine, machine.number())?;
-        Ok(Client::new(
+        Ok(VariableClient::new(
             mailbox,
             own,
             &mut self.tuning.clone(),
@@ -176,7 +176,7 @@ impl<'r, M: Machine> Commands<'r, '_, M> {
     }
 
     /// Shows the table anew when it is time to.
-    pub(in super::super) fn show_watched(&mut self) -> Result<(), Error> {
+    pub(in super::super) fn show_watched(&mut self) -> Result<(), ProgramError> {
         let now = self.background.machine().doorbell().now();
         let watching = &mut self.watching;
         if watching.sources.is_empty() || watching.next.is_some_and(|next| now < next) {
@@ -301,7 +301,7 @@ impl Display for Row<'_> {
 }
 
 /// How a joint is, in a word.
-fn mode(status: Option<&Status<JOINTS>>, joint: usize) -> &'static str {
+fn mode(status: Option<&ServoStatus<JOINTS>>, joint: usize) -> &'static str {
     let Some(status) = status else {
         return "gone";
     };

@@ -1,8 +1,8 @@
 //! The stream of points that moves the hand, beside the generator.
 
-use condor_hand::message::motions::{Request, Response, StreamRequest};
-use condor_hand::queue::{Identity, Owner};
-use condor_hand::trajectory::{JointStream, Limits, SetPoint, StreamEnd, TrajectoryError};
+use condor_hand::message::motions::{MotionRequest, MotionResponse, StreamRequest};
+use condor_hand::queue::{RequestIdentity, SessionOwner};
+use condor_hand::trajectory::{JointLimits, JointStream, SetPoint, StreamEnd, TrajectoryError};
 
 use super::{ALL, Drive};
 use crate::{FINGERS, JOINTS};
@@ -23,10 +23,10 @@ impl<W> Drive<'_, W> {
     /// Begins a stream of the joints in a mask, from where they rest. Its first points have two seconds.
     pub(in crate::master) fn begin_stream(
         &mut self,
-        identity: Identity,
-        owner: Owner,
+        identity: RequestIdentity,
+        owner: SessionOwner,
         mask: u32,
-        limits: &[Limits<f64>; ALL],
+        limits: &[JointLimits<f64>; ALL],
     ) -> Result<(), TrajectoryError> {
         let positions = self.generator.set_points().map(|point| point.position);
         #[allow(clippy::cast_sign_loss, reason = "both are above zero")]
@@ -63,9 +63,9 @@ impl<W> Drive<'_, W> {
     /// Takes points by message; `None` if their stream does not run here.
     pub(in crate::master) fn take_points(
         &mut self,
-        sender: Owner,
-        request: &Request,
-    ) -> Option<Response> {
+        sender: SessionOwner,
+        request: &MotionRequest,
+    ) -> Option<MotionResponse> {
         self.stream.as_mut()?.request.take(sender, request)
     }
 

@@ -5,9 +5,9 @@
 
 use core::time::Duration;
 
-use condor_fs::{Errno, Error as FileError, OpenOptions};
+use condor_fs::{Errno, FileError, OpenOptions};
 use condor_hand::message::motions::LedgerStore;
-use condor_hand::queue::{ROW_BYTES, Row};
+use condor_hand::queue::{LedgerRow, ROW_BYTES};
 use condor_rt::{FilesOf, Machine};
 
 use super::Queue;
@@ -57,7 +57,7 @@ impl<M: Machine> LedgerStore for LedgerFile<'_, M> {
         Ok(restore(bytes.get(..len).unwrap_or(&[]), time))
     }
 
-    fn replace(&mut self, rows: impl Iterator<Item = Row>) -> Result<(), RowError> {
+    fn replace(&mut self, rows: impl Iterator<Item = LedgerRow>) -> Result<(), RowError> {
         let mut bytes = [0; BYTES];
         let (places, _) = bytes.as_chunks_mut::<ROW_BYTES>();
         for (place, row) in places.iter_mut().zip(rows) {
@@ -73,7 +73,7 @@ impl<M: Machine> LedgerStore for LedgerFile<'_, M> {
         })?)
     }
 
-    fn write(&mut self, row: usize, bytes: &Row) -> Result<(), RowError> {
+    fn write(&mut self, row: usize, bytes: &LedgerRow) -> Result<(), RowError> {
         self.within(|files| {
             let file = files.open(LEDGER, OpenOptions::new().write())?;
             let found = file.status()?.size;

@@ -4,25 +4,26 @@ use std::path::Path;
 use std::sync::Mutex;
 use std::time::Duration;
 
-use condor_dev::linux::{Access, LinuxBus};
-use condor_fs::server::{Options, Server};
+use condor_dev::linux::{LinuxBus, MapAccess};
+use condor_fs::server::{FileServer, ServerOptions};
 use condor_hand::config::ControlProcessor;
 use condor_hand::grasp::distributed::{GraspOrder, GraspReport};
 use condor_hand::message::{ServoClient, SetPoints};
-use condor_hand::servo::Mode;
+use condor_hand::servo::ServoMode;
 use condor_hand::trajectory::{SetPoint, StopGuard};
 use condor_mbox::linux::LinuxWindow;
 use condor_mbox::{
-    Call, Clock, Mailbox, MemoryWindow as _, Messenger, Places, Processor, Region, Waiting, Windows,
+    Allocator, Call, Clock, Mailbox, MemoryWindow as _, Messenger, Processor, Region, Waiting,
+    Windows,
 };
 use condor_mos::{Loops, Rate};
-use condor_rt::objects::Kind;
-use condor_rt::sim::{Bell, Processor as Simulated, System, Uninterrupted};
-use condor_rt::{Error, Machine, PROCESSORS, Program, ServoLoop, loops, numbers};
-use condor_tty::Reader;
-use condor_vars::{Client, VARS, Value};
+use condor_rt::objects::ObjectKind;
+use condor_rt::sim::{Bell, SimCriticalSection, SimMachine as Simulated, VirtualSystem};
+use condor_rt::{Machine, PROCESSORS, Program, ProgramError, ServoLoop, loops, numbers};
+use condor_tty::TerminalReader;
+use condor_vars::{AnyValue, VARS, VariableClient};
 use tempfile::TempDir;
-use utah_mit_hand::plant::{self, Plant, Truth};
+use utah_mit_hand::plant::{self, Plant, TrueState};
 use utah_mit_hand::servo::{Servo, Tracking};
 use utah_mit_hand::table::{self, Table};
 use utah_mit_hand::{FINGERS, IMAGE, JOINTS, UtahMit, boards, grasp, objects, servo};
@@ -89,7 +90,7 @@ pub(crate) struct Run {
     pub(crate) said: Vec<String>,
 }
 
-type Post<'v> = Mailbox<'v, (LinuxWindow, Bell, Uninterrupted), PROCESSORS>;
+type Post<'v> = Mailbox<'v, (LinuxWindow, Bell, SimCriticalSection), PROCESSORS>;
 
 /// The small master.
 pub(crate) struct Master<'m> {
@@ -151,11 +152,18 @@ pub(crate) fn run_on(
 ) -> Run {
     let memory = tempfile::tempfile().unwrap();
     memory.set_len(boards::address::BUS_BYTES as u64).unwrap();
-    let bus = LinuxBus::map(&memory, 0, 0, boards::address::BUS_BYTES, Access::ReadWrite).unwrap();
-    let server = Server::new(files, Options::default()).unwrap();
+    let bus = LinuxBus::map(
+        &memory,
+        0,
+        0,
+        boards::address::BUS_BYTES,
+        MapAccess::ReadWrite,
+    )
+    .unwrap();
+    let server = FileServer::new(files, ServerOptions::default()).unwrap();
     let found = Mutex::new(Run::default());
 
-    let mut system = System::with_bus(WINDOW_BYTES, bus).unwrap();
+    let mut system = VirtualSystem::with_bus(WINDOW_BYTES, bus).unwrap();
     system
         .host(numbers::FILES, |machine| {
             if let Some((from_s, to_s)) = away {
@@ -202,7 +210,7 @@ pub(crate) fn run_on(
             script(&mut master);
             master.count();
             *found.lock().unwrap() = master.run;
-            Ok::<_, condor_mbox::Error>(())
+            Ok::<_, condor_mbox::MailboxError>(())
         })
         .unwrap();
     system.run_until(whole(seconds * 1e9)).unwrap();
@@ -220,9 +228,9 @@ fn servos(partition: Partition) -> Vec<Processor> {
 /// Serves files until an instant.
 pub(crate) fn serve_files(
     machine: &impl Machine<Window = LinuxWindow>,
-    server: &Server,
+    server: &FileServer,
     until_ns: u64,
-) -> Result<(), condor_mbox::Error> {
+) -> Result<(), condor_mbox::MailboxError> {
     let windows = machine.windows();
     let handler = |call: &Call<'_>| server.answer(call, &windows);
     let mut mailbox = Mailbox::<(_, _, _), PROCESSORS>::new(
@@ -274,7 +282,7 @@ impl Master<'_> {
         }
     }
 
-    pub(crate) fn truth(&self) -> Option<Truth> {
+    pub(crate) fn truth(&self) -> Option<TrueState> {
         let region = self.region(PLANT);
         let cell = objects::truth(&region).unwrap()?;
         Some(cell.subscriber(&region).unwrap().read().ok()?.value)
@@ -308,13 +316,14 @@ impl Master<'_> {
     }
 
     /// Sets a parameter of a servo loop.
-    pub(crate) fn set(&self, number: Processor, name: &str, value: Value) {
+    pub(crate) fn set(&self, number: Processor, name: &str, value: AnyValue) {
         let region = self.region(number);
-        let object = condor_rt::objects::find(&region, servo::LOOP, Kind::Variables);
-        let table = condor_vars::Table::open(&region, object.unwrap().unwrap().offset).unwrap();
+        let object = condor_rt::objects::find(&region, servo::LOOP, ObjectKind::Variables);
+        let table =
+            condor_vars::VariableTable::open(&region, object.unwrap().unwrap().offset).unwrap();
         let own = self.region(MASTER);
-        let mut places = Places::new(own.size());
-        let mut client = Client::new(self.mailbox, own, &mut places, number, VARS).unwrap();
+        let mut places = Allocator::new(own.size());
+        let mut client = VariableClient::new(self.mailbox, own, &mut places, number, VARS).unwrap();
         let entry = table.find(name).unwrap().unwrap();
         let former = client.get(&table, &entry, SOON).unwrap();
         client.set(&table, &entry, former, value, SOON).unwrap();
@@ -325,7 +334,9 @@ impl Master<'_> {
         for (finger, entry) in (0..).zip(&self.hand.fingers) {
             let number = Processor(entry.processor().unwrap());
             self.client(number, |client| {
-                client.enable(finger, None, Mode::Position, SOON).unwrap();
+                client
+                    .enable(finger, None, ServoMode::Position, SOON)
+                    .unwrap();
             });
         }
     }
@@ -397,14 +408,14 @@ impl Master<'_> {
         self.wanted = [[f64::NAN; JOINTS]; FINGERS];
     }
 
-    pub(crate) fn ask_plant(&self, request: &plant::Request) -> plant::Response {
+    pub(crate) fn ask_plant(&self, request: &plant::PlantRequest) -> plant::PlantResponse {
         let region = self.region(PLANT);
         let blocks = objects::plant(&region).unwrap().unwrap();
         let mut exchange = blocks.client(self.mailbox, &region).unwrap();
         exchange.call(PLANT, plant::PLANT, request, SOON).unwrap()
     }
 
-    pub(crate) fn ask_table(&self, request: &table::Request) -> table::Response {
+    pub(crate) fn ask_table(&self, request: &table::TableRequest) -> table::TableResponse {
         let region = self.region(TABLE);
         let blocks = objects::table(&region).unwrap().unwrap();
         let mut exchange = blocks.client(self.mailbox, &region).unwrap();
@@ -450,7 +461,7 @@ impl Master<'_> {
                 .unwrap()
                 .map(Result::unwrap)
             {
-                if object.kind == Kind::Loop
+                if object.kind == ObjectKind::Loop
                     && let Some(counts) = loops::read(&region, &object).unwrap()
                 {
                     let counts = (number.0, counts.run, counts.skipped);
@@ -465,10 +476,12 @@ impl Master<'_> {
 
 /// What the terminal of a processor shows.
 pub(crate) fn console(region: &Region<LinuxWindow>) -> String {
-    let Some(entry) = condor_rt::objects::find(region, "console", Kind::Terminal).unwrap() else {
+    let Some(entry) = condor_rt::objects::find(region, "console", ObjectKind::Terminal).unwrap()
+    else {
         return String::new();
     };
-    let mut reader = Reader::attach(region.clone(), entry.offset, numbers::TERMINALS).unwrap();
+    let mut reader =
+        TerminalReader::attach(region.clone(), entry.offset, numbers::TERMINALS).unwrap();
     let mut bytes = [0; 8192];
     let mut text = String::new();
     loop {
@@ -490,7 +503,7 @@ struct Ending<'m> {
 impl Machine for Ending<'_> {
     type Window = LinuxWindow;
     type Doorbell = Bell;
-    type Exclusion = Uninterrupted;
+    type Exclusion = SimCriticalSection;
     type Bus = LinuxBus;
 
     fn number(&self) -> Processor {
@@ -505,7 +518,7 @@ impl Machine for Ending<'_> {
         self.machine.doorbell()
     }
 
-    fn exclusion(&self) -> Uninterrupted {
+    fn exclusion(&self) -> SimCriticalSection {
         self.machine.exclusion()
     }
 
@@ -517,7 +530,7 @@ impl Machine for Ending<'_> {
         &self,
         loops: &mut [ServoLoop<'_>],
         background: impl FnOnce(&dyn Loops<Instant = u64>) -> R,
-    ) -> Result<R, Error> {
+    ) -> Result<R, ProgramError> {
         self.machine.with_loops(loops, background)
     }
 

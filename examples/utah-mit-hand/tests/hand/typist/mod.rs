@@ -5,21 +5,21 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::time::Duration;
 
-use condor_dev::linux::{Access, LinuxBus};
-use condor_fs::server::{Options, Server};
+use condor_dev::linux::{LinuxBus, MapAccess};
+use condor_fs::server::{FileServer, ServerOptions};
 use condor_mbox::linux::LinuxWindow;
 use condor_mbox::{
     Call, Mailbox, MemoryWindow as _, Messenger, PeerState, Processor, Region, Waiting, Windows,
 };
 use condor_mos::{Loops, Rate};
-use condor_rt::objects::{self as table, Kind};
-use condor_rt::sim::{Bell, Processor as Simulated, System, Uninterrupted};
-use condor_rt::{Error, Machine, PROCESSORS, Program, ServoLoop, loops, numbers};
+use condor_rt::objects::{self as table, ObjectKind};
+use condor_rt::sim::{Bell, SimCriticalSection, SimMachine as Simulated, VirtualSystem};
+use condor_rt::{Machine, PROCESSORS, Program, ProgramError, ServoLoop, loops, numbers};
 use condor_tty::layout::{ALIGNMENT, reply};
-use condor_tty::{Reader, Vectors};
+use condor_tty::{TerminalReader, TerminalVectors};
 use utah_mit_hand::compile::{compile_grasps, compile_motions, joint_names};
-use utah_mit_hand::master::{Master, Wanted};
-use utah_mit_hand::plant::{Plant, Truth};
+use utah_mit_hand::master::{DesiredPositions, Master};
+use utah_mit_hand::plant::{Plant, TrueState};
 use utah_mit_hand::servo::Servo;
 use utah_mit_hand::table::Table;
 use utah_mit_hand::{FINGERS, IMAGE, JOINTS, UtahMit, boards, objects};
@@ -50,7 +50,7 @@ pub(crate) fn grasps() -> std::path::PathBuf {
     motions().with_file_name("grasps")
 }
 
-type Post<'v> = Mailbox<'v, (LinuxWindow, Bell, Uninterrupted), PROCESSORS>;
+type Post<'v> = Mailbox<'v, (LinuxWindow, Bell, SimCriticalSection), PROCESSORS>;
 
 /// Who types, and sees everything.
 pub(crate) struct Typist<'m> {
@@ -60,10 +60,10 @@ pub(crate) struct Typist<'m> {
     /// The directory that is served.
     pub(crate) files: &'m Path,
     stalled: &'m Mutex<Option<Stalled>>,
-    reader: Option<Reader<LinuxWindow>>,
+    reader: Option<TerminalReader<LinuxWindow>>,
     /// What the master's terminal has shown.
     pub(crate) shown: String,
-    former: Option<Wanted>,
+    former: Option<DesiredPositions>,
     /// The set-points of all joints, at each tick of the trajectories.
     pub(crate) wanted: Vec<[[f64; JOINTS]; FINGERS]>,
     /// Their rates.
@@ -105,11 +105,11 @@ pub(crate) fn run_with<R: Send>(
     let memory = tempfile::tempfile().unwrap();
     memory.set_len(boards::address::BUS_BYTES as u64).unwrap();
     let bytes = boards::address::BUS_BYTES;
-    let bus = LinuxBus::map(&memory, 0, 0, bytes, Access::ReadWrite).unwrap();
+    let bus = LinuxBus::map(&memory, 0, 0, bytes, MapAccess::ReadWrite).unwrap();
     let ends: [AtomicU64; PROCESSORS] = std::array::from_fn(|_| AtomicU64::new(u64::MAX));
     let (found, stalled) = (Mutex::new(None), Mutex::new(None));
 
-    let mut system = System::with_bus(WINDOW_BYTES, bus).unwrap();
+    let mut system = VirtualSystem::with_bus(WINDOW_BYTES, bus).unwrap();
     let root = files.path();
     let serving = |machine: &Simulated<LinuxBus>| serve_files(machine, root, &stalled, &ends);
     system.host(numbers::FILES, serving).unwrap();
@@ -159,19 +159,19 @@ pub(crate) fn run_with<R: Send>(
             for end in &ends {
                 end.store(0, Relaxed);
             }
-            Ok::<_, condor_mbox::Error>(())
+            Ok::<_, condor_mbox::MailboxError>(())
         })
         .unwrap();
     system.run().unwrap();
     found.into_inner().unwrap().unwrap()
 }
 
-/// Runs a program, and another life of it after each end that was not the last.
+/// Runs a program, and another incarnation of it after each end that was not the last.
 fn live(
     machine: &Simulated<LinuxBus>,
     program: &impl Program,
     ends: &[AtomicU64; PROCESSORS],
-) -> Result<(), Error> {
+) -> Result<(), ProgramError> {
     let end = &ends[machine.number().index()];
     let ending = Ending { machine, end };
     while !machine.is_stopping() {
@@ -186,16 +186,16 @@ fn live(
     Ok(())
 }
 
-/// Serves files, in one life after the other, none of which says that it ends.
+/// Serves files, in one incarnation after the other, none of which says that it ends.
 fn serve_files(
     machine: &Simulated<LinuxBus>,
     root: &Path,
     stalled: &Mutex<Option<Stalled>>,
     ends: &[AtomicU64; PROCESSORS],
-) -> Result<(), condor_mbox::Error> {
+) -> Result<(), condor_mbox::MailboxError> {
     let end = &ends[numbers::FILES.index()];
     while !machine.is_stopping() && end.load(Relaxed) != 0 {
-        let server = Server::new(root, Options::default()).unwrap();
+        let server = FileServer::new(root, ServerOptions::default()).unwrap();
         serve_files_once(machine, &server, stalled, end)?;
         if end.compare_exchange(1, u64::MAX, Relaxed, Relaxed).is_ok() {
             // As long as a process takes to come up.
@@ -207,10 +207,10 @@ fn serve_files(
 
 fn serve_files_once(
     machine: &Simulated<LinuxBus>,
-    server: &Server,
+    server: &FileServer,
     stalled: &Mutex<Option<Stalled>>,
     end: &AtomicU64,
-) -> Result<(), condor_mbox::Error> {
+) -> Result<(), condor_mbox::MailboxError> {
     let windows = machine.windows();
     server
         .recover(&windows)
@@ -263,7 +263,7 @@ impl Typist<'_> {
         Region::users(data).unwrap()
     }
 
-    pub(crate) fn truth(&self) -> Truth {
+    pub(crate) fn truth(&self) -> TrueState {
         let region = self.region(PLANT);
         let cell = objects::truth(&region).unwrap().unwrap();
         cell.subscriber(&region).unwrap().read().unwrap().value
@@ -308,10 +308,10 @@ impl Typist<'_> {
     fn fetch(&mut self) {
         if self.reader.is_none() {
             let region = self.region(MASTER);
-            let Some(entry) = table::find(&region, "console", Kind::Terminal).unwrap() else {
+            let Some(entry) = table::find(&region, "console", ObjectKind::Terminal).unwrap() else {
                 return;
             };
-            self.reader = Reader::attach(region, entry.offset, numbers::TERMINALS).ok();
+            self.reader = TerminalReader::attach(region, entry.offset, numbers::TERMINALS).ok();
         }
         let mut bytes = [0; 1024];
         while let Some(reader) = &mut self.reader {
@@ -322,7 +322,7 @@ impl Typist<'_> {
                     reader.acknowledge(fetched.len).unwrap();
                 }
                 Ok(_) => break,
-                // Another life.
+                // Another incarnation.
                 Err(_) => self.reader = None,
             }
         }
@@ -363,13 +363,13 @@ impl Typist<'_> {
     /// Presses keys: types their characters.
     pub(crate) fn presses(&mut self, keys: &str) {
         let region = self.region(MASTER);
-        let entry = table::find(&region, "console", Kind::Terminal)
+        let entry = table::find(&region, "console", ObjectKind::Terminal)
             .unwrap()
             .unwrap();
         for character in keys.bytes() {
             let data = (entry.offset / ALIGNMENT) << 8 | u32::from(character);
             loop {
-                let (to, vector) = (MASTER, Vectors::DEFAULT.input);
+                let (to, vector) = (MASTER, TerminalVectors::DEFAULT.input);
                 let accepted = self.mailbox.send_with_reply(to, vector, data, SOON);
                 match accepted.unwrap() {
                     reply::ACCEPTED => break,
@@ -410,32 +410,32 @@ impl Typist<'_> {
         peak_deg
     }
 
-    /// Ends the present life of a program; the next one begins by itself.
+    /// Ends the present incarnation of a program; the next one begins by itself.
     pub(crate) fn restart(&mut self, number: Processor) {
-        let life = |state| match state {
+        let incarnation = |state| match state {
             PeerState::Up { incarnation, .. } => Some(incarnation),
             _ => None,
         };
-        let before = life(self.mailbox.peer_state(number).unwrap());
+        let before = incarnation(self.mailbox.peer_state(number).unwrap());
         self.ends[number.index()].store(1, Relaxed);
         loop {
             self.wait(0.02);
-            let now = life(self.mailbox.peer_state(number).unwrap());
+            let now = incarnation(self.mailbox.peer_state(number).unwrap());
             if now.is_some() && now != before {
                 return;
             }
         }
     }
 
-    /// The present life of the file service, if it has one.
-    pub(crate) fn life_of_files(&self) -> Option<u32> {
+    /// The present incarnation of the file service, if it has one.
+    pub(crate) fn incarnation_of_files(&self) -> Option<u32> {
         match self.mailbox.peer_state(numbers::FILES).unwrap() {
             PeerState::Up { incarnation, .. } => Some(incarnation),
             _ => None,
         }
     }
 
-    /// Ends the present life of the file service; the next one begins a moment later.
+    /// Ends the present incarnation of the file service; the next one begins a moment later.
     pub(crate) fn kill_files(&mut self) {
         self.ends[numbers::FILES.index()].store(1, Relaxed);
     }
@@ -484,7 +484,7 @@ impl Typist<'_> {
         for number in ALL {
             let region = self.region(number);
             let loops_there = table::all(&region).unwrap().map(Result::unwrap);
-            for object in loops_there.filter(|object| object.kind == Kind::Loop) {
+            for object in loops_there.filter(|object| object.kind == ObjectKind::Loop) {
                 let counts = loops::read(&region, &object).unwrap().unwrap();
                 all.push((number.0, counts.run, counts.skipped));
             }
@@ -502,7 +502,7 @@ struct Ending<'m> {
 impl Machine for Ending<'_> {
     type Window = LinuxWindow;
     type Doorbell = Bell;
-    type Exclusion = Uninterrupted;
+    type Exclusion = SimCriticalSection;
     type Bus = LinuxBus;
 
     fn number(&self) -> Processor {
@@ -517,7 +517,7 @@ impl Machine for Ending<'_> {
         self.machine.doorbell()
     }
 
-    fn exclusion(&self) -> Uninterrupted {
+    fn exclusion(&self) -> SimCriticalSection {
         self.machine.exclusion()
     }
 
@@ -529,7 +529,7 @@ impl Machine for Ending<'_> {
         &self,
         loops: &mut [ServoLoop<'_>],
         background: impl FnOnce(&dyn Loops<Instant = u64>) -> R,
-    ) -> Result<R, Error> {
+    ) -> Result<R, ProgramError> {
         self.machine.with_loops(loops, background)
     }
 

@@ -6,7 +6,7 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
-use condor_host::control::{Client, Status};
+use condor_host::control::{ControlClient, SystemStatus};
 use condor_host::services::terminals::type_in;
 use condor_host::system::SystemDirectory;
 use rustix::process::{Pid, Signal, kill_process};
@@ -95,8 +95,8 @@ impl Up {
         }
     }
 
-    pub(crate) fn status(&self) -> Status {
-        let mut client = Client::connect(&self.directory()).unwrap();
+    pub(crate) fn status(&self) -> SystemStatus {
+        let mut client = ControlClient::connect(&self.directory()).unwrap();
         client.set_timeout(Some(DEADLINE)).unwrap();
         client.status().unwrap()
     }

@@ -1,17 +1,17 @@
-//! The debugger's slave on a hart: traps come here from `trap.s`, with all registers in the frame.
+//! The debugger's stub on a hart: traps come here from `trap.s`, with all registers in the frame.
 
 use core::arch::asm;
 use core::cell::UnsafeCell;
 use core::ops::Range;
 
-use condor_debug::{Access, Arch, Outcome, Slave, Trigger};
+use condor_debug::{Arch, Stub, TrapOutcome, Trigger, TriggerAccess};
 use qemu_virt_host::{Map, map};
 use riscv::register::{mhartid, mie};
 
 use crate::machine::{RAM, cause};
 use crate::memory::{LEAST_BYTES, memory};
 use crate::msip::{HARTS, ring_hart};
-use crate::trap::{self, BREAKPOINT, C_EBREAK, STACK_BYTES, control, slave};
+use crate::trap::{self, BREAKPOINT, C_EBREAK, STACK_BYTES, control, stub};
 use crate::triggers;
 
 /// `ebreak`, and the bits that say that an instruction has 32 bits.
@@ -41,16 +41,16 @@ pub(crate) fn forget(hart: u32) {
     let area = control(hart as usize).and_then(|control| control.debug_area());
     if let Some((area, this)) = area.ok().zip(ThisHart::new(hart as usize)) {
         // The page of the hart is there.
-        let _ = Slave::new(area).begin(&this);
+        let _ = Stub::new(area).begin(&this);
     }
 }
 
 /// Stops the program that begins, if a debugger wants it.
 pub(crate) fn start(hart: u32) {
     let hart = hart as usize;
-    let holds = slave(hart).and_then(|slave| slave.start(&ThisHart::new(hart)?).ok());
+    let holds = stub(hart).and_then(|stub| stub.start(&ThisHart::new(hart)?).ok());
     if holds == Some(true) {
-        // SAFETY: the slave holds the program and lets it go on behind; without a debugger it ends.
+        // SAFETY: the stub holds the program and lets it go on behind; without a debugger it ends.
         unsafe { asm!("ebreak") };
     }
 }
@@ -63,26 +63,26 @@ pub(crate) fn start(hart: u32) {
 #[unsafe(no_mangle)]
 extern "C" fn condor_exception(cause: usize, pc: usize) -> bool {
     let hart = mhartid::read();
-    let (Some(slave), Some(this)) = (slave(hart), ThisHart::new(hart)) else {
+    let (Some(stub), Some(this)) = (stub(hart), ThisHart::new(hart)) else {
         return false;
     };
     let enabled = mie::read();
     let outcome = if cause == cause::SOFTWARE {
-        slave.obey(&this).map(|()| Outcome::Resume)
+        stub.obey(&this).map(|()| TrapOutcome::Resume)
     } else {
-        slave.exception(&this, (cause == BREAKPOINT).then_some(pc as u64))
+        stub.exception(&this, (cause == BREAKPOINT).then_some(pc as u64))
     };
     // SAFETY: as the program had it.
     unsafe { mie::write(enabled) };
     // What has rung meanwhile was for the program, too.
     ring_hart(hart);
     match outcome {
-        Ok(Outcome::Resume) => true,
-        Ok(Outcome::ResumeBehind) => {
+        Ok(TrapOutcome::Resume) => true,
+        Ok(TrapOutcome::ResumeBehind) => {
             go_behind(hart, pc);
             true
         }
-        Ok(Outcome::Fatal) | Err(_) => false,
+        Ok(TrapOutcome::Fatal) | Err(_) => false,
     }
 }
 
@@ -99,7 +99,7 @@ fn go_behind(hart: usize, pc: usize) {
     }
 }
 
-/// This hart, as its slave uses it.
+/// This hart, as its stub uses it.
 struct ThisHart {
     /// Where its program is.
     program: Range<u64>,
@@ -160,7 +160,8 @@ impl Arch for ThisHart {
 
     fn arm(&self, trigger: Trigger) -> bool {
         // What the trap entry itself executes cannot be stopped.
-        let can_be = trigger.access != Access::Execute || self.place(trigger.address).is_some();
+        let can_be =
+            trigger.access != TriggerAccess::Execute || self.place(trigger.address).is_some();
         can_be && triggers::arm(trigger)
     }
 

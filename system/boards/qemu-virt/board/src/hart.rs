@@ -5,7 +5,7 @@ use condor_dev::Mmio;
 use condor_mbox::{CriticalSection, Processor, Region, StaticWindow, Windows};
 use condor_mos::riscv::Clint;
 use condor_mos::{Armed, ConnectError, Loops, Platform, Rate, Timer};
-use condor_rt::{Error, Interrupts, Machine, PROCESSORS, ServoLoop, on_one_stack};
+use condor_rt::{Interrupts, Machine, PROCESSORS, ProgramError, ServoLoop, on_one_stack};
 use qemu_virt_host::{ARGUMENT_BYTES, Control, Map};
 
 use crate::bell::HartBell;
@@ -196,7 +196,7 @@ impl Machine for Hart {
         &self,
         serve: impl Fn() -> usize + Sync,
         background: impl FnOnce() -> R,
-    ) -> Result<R, Error> {
+    ) -> Result<R, ProgramError> {
         let serve = || {
             serve();
         };
@@ -212,7 +212,7 @@ impl Machine for Hart {
         &self,
         loops: &mut [ServoLoop<'_>],
         background: impl FnOnce(&dyn Loops<Instant = u64>) -> R,
-    ) -> Result<R, Error> {
+    ) -> Result<R, ProgramError> {
         on_one_stack(self.platform(), loops, background)
     }
 }

@@ -1,6 +1,6 @@
 //! How a program begins and ends.
 
-use condor_rt::{Error, Text};
+use condor_rt::{ProgramError, ShortText};
 use qemu_virt_host::ERROR_BYTES;
 
 use crate::hart::Hart;
@@ -72,9 +72,9 @@ pub fn start(hart: u32, main: fn(Hart) -> u32) -> ! {
 /// [that of the error](condor_rt::Error::exit_status). On failure it also stores the text of the error, which the
 /// host writes to its log.
 #[must_use]
-pub fn status(outcome: &Result<(), Error>, hart: &Hart) -> u32 {
+pub fn status(outcome: &Result<(), ProgramError>, hart: &Hart) -> u32 {
     let Err(error) = outcome else { return 0 };
-    let text = Text::<ERROR_BYTES>::of(error);
+    let text = ShortText::<ERROR_BYTES>::of(error);
     // The page of the hart is there.
     let _ = hart.control().set_error(text.as_str());
     error.exit_status().into()

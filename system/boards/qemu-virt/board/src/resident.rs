@@ -4,7 +4,7 @@ use core::time::Duration;
 
 use condor_mos::Timer as _;
 use qemu_virt_host::map::{BOARD, GUARD_BYTES, STACK_BYTES};
-use qemu_virt_host::{Fault, Map};
+use qemu_virt_host::{HartFault, Map};
 
 use crate::machine::{RAM, SWITCH};
 pub use crate::trap::Return;
@@ -103,12 +103,12 @@ fn renew(map: &Map, hart: u32) {
 /// Returns the cause and the registers of the trap that ended the program of this hart. Call it before
 /// any other trap occurs.
 #[must_use]
-pub fn fault(hart: u32) -> Fault {
+pub fn fault(hart: u32) -> HartFault {
     let saved = (RAM + Map::control(hart) as usize + SAVED) as *const u64;
     // SAFETY: the trap entry of this hart has saved them there, and nobody else knows the place.
     let word = |place| unsafe { saved.add(place).read_volatile() };
     let [pc, status, cause, value] = [31, 32, 33, 34].map(word);
-    Fault {
+    HartFault {
         cause,
         pc,
         value,

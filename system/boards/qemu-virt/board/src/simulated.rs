@@ -14,8 +14,8 @@ use condor_mbox::{
 };
 use condor_mos::{Loops, Rate, Timer as _};
 use condor_rt::numbers::SUPERVISOR;
-use condor_rt::simulated::{SimulatedBell, SimulatedTimer, Uninterrupted};
-use condor_rt::{Error, Interrupts, Machine, PROCESSORS, Program, ServoLoop, on_one_stack};
+use condor_rt::simulated::{SimulatedBell, SimulatedSection, SimulatedTimer};
+use condor_rt::{Interrupts, Machine, PROCESSORS, Program, ProgramError, ServoLoop, on_one_stack};
 
 use crate::bell::HartBell;
 use crate::hart::Hart;
@@ -29,7 +29,7 @@ type HartClock = LocalClock<&'static Page, Rings>;
 pub(crate) fn run(program: &impl Program, hart: &Hart, work: [u64; LOOPS]) -> u32 {
     let page = hart.clock_page();
     if let Err(error) = page.check() {
-        return status(&Err(Error::program(&error)), hart);
+        return status(&Err(ProgramError::program(&error)), hart);
     }
     let number = hart.number().0;
     let clock = LocalClock::new(number, page, Rings(hart.doorbell()), work);
@@ -122,7 +122,7 @@ impl Doorbell for Bell<'_> {
 impl<'h> Machine for SimulatedHart<'h> {
     type Window = StaticWindow<'static>;
     type Doorbell = Bell<'h>;
-    type Exclusion = Uninterrupted<&'h HartClock>;
+    type Exclusion = SimulatedSection<&'h HartClock>;
     type Bus = Mmio;
 
     fn number(&self) -> Processor {
@@ -137,8 +137,8 @@ impl<'h> Machine for SimulatedHart<'h> {
         Bell(SimulatedBell(self.clock))
     }
 
-    fn exclusion(&self) -> Uninterrupted<&'h HartClock> {
-        Uninterrupted(self.clock)
+    fn exclusion(&self) -> SimulatedSection<&'h HartClock> {
+        SimulatedSection(self.clock)
     }
 
     fn shared_memory(&self) -> Option<Region<StaticWindow<'static>>> {
@@ -173,7 +173,7 @@ impl<'h> Machine for SimulatedHart<'h> {
         &self,
         loops: &mut [ServoLoop<'_>],
         background: impl FnOnce(&dyn Loops<Instant = u64>) -> R,
-    ) -> Result<R, Error> {
+    ) -> Result<R, ProgramError> {
         on_one_stack(SimulatedTimer(self.clock), loops, background)
     }
 }

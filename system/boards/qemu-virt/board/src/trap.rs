@@ -5,9 +5,9 @@
 //! serves, is served when they are done. It comes nevertheless, since it may be the host's or the
 //! debugger's.
 
-use condor_debug::Slave;
+use condor_debug::Stub;
 use condor_dev::riscv::{Context, Plic};
-use condor_dev::{Level, Location, Mmio, Switch, device_switch};
+use condor_dev::{InterruptLevel, Location, Mmio, Switch, device_switch};
 use condor_mbox::{AccessError, StaticWindow};
 use condor_mos::riscv::preserving_floats;
 use condor_rt::Interrupts;
@@ -52,7 +52,7 @@ impl Return {
     }
 }
 
-/// The stack of the slave of a hart.
+/// The stack of the stub of a hart.
 pub(crate) const STACK_BYTES: usize = 4096;
 /// `mcause` of a breakpoint instruction.
 pub(crate) const BREAKPOINT: usize = 3;
@@ -90,7 +90,7 @@ static CONTROLLER: Plic<&Mmio> = Plic::new(
     PLIC,
     Context::new(0).unwrap(),
     PLIC_SOURCES,
-    Level(PLIC_HIGHEST),
+    InterruptLevel(PLIC_HIGHEST),
 );
 
 /// Nobody opens a board.
@@ -176,7 +176,7 @@ extern "C" fn condor_timer() {
 }
 
 /// Every other interrupt comes here from `trap.s`, with interrupts masked. Returns whether the debugger
-/// has given its slave a command.
+/// has given its stub a command.
 #[unsafe(no_mangle)]
 extern "C" fn condor_interrupt(cause: usize) -> bool {
     match cause {
@@ -238,9 +238,9 @@ fn software() -> bool {
     false
 }
 
-/// Whether the debugger has given the slave a command.
+/// Whether the debugger has given the stub a command.
 fn calls(hart: usize) -> bool {
-    slave(hart).is_some_and(|slave| slave.has_command() == Ok(true))
+    stub(hart).is_some_and(|stub| stub.has_command() == Ok(true))
 }
 
 type HartControl = Control<StaticWindow<'static>>;
@@ -250,11 +250,11 @@ pub(crate) fn control(hart: usize) -> Result<HartControl, AccessError> {
     Control::new(&memory(LEAST_BYTES), hart as u32)
 }
 
-/// The slave of a hart that runs a program; `None` if it is in its monitor.
-pub(crate) fn slave(hart: usize) -> Option<Slave<StaticWindow<'static>>> {
+/// The stub of a hart that runs a program; `None` if it is in its monitor.
+pub(crate) fn stub(hart: usize) -> Option<Stub<StaticWindow<'static>>> {
     let control = control(hart).ok()?;
     let runs = matches!(control.state(), Ok(HartState::Runs { .. }));
-    runs.then(|| control.debug_area().ok().map(Slave::new))?
+    runs.then(|| control.debug_area().ok().map(Stub::new))?
 }
 
 /// Takes a ring of this hart, and goes back to the monitor if the host has abandoned its program.

@@ -80,7 +80,7 @@ interrupt:
     addi sp, sp, 144
     mret
 
-# The debugger calls its slave: it is as if the interrupted instruction had made an exception, whose cause
+# The debugger calls its stub: it is as if the interrupted instruction had made an exception, whose cause
 # is still that of the interrupt.
 called:
     each ld
@@ -110,8 +110,8 @@ timer:
     .cfi_endproc
 
 # An exception holds the program for a debugger, or ends it; nothing of it is used here, its stack included.
-# `mscratch` leads to a place of the hart for its registers: the frame of the debugger's slave. What follows the
-# registers there is the trap entry's own: `mtvec`, whether a breakpoint was lifted, and t1 to t3 of the slave.
+# `mscratch` leads to a place of the hart for its registers: the frame of the debugger's stub. What follows the
+# registers there is the trap entry's own: `mtvec`, whether a breakpoint was lifted, and t1 to t3 of the stub.
 exception:
     csrrw t0, mscratch, t0
     sd x6, 40(t0)
@@ -172,12 +172,12 @@ exception:
     .endr
     frcsr t1
     sd t1, 536(t0)
-    # The slave is a part of the program, with whose breakpoints it must not stop.
+    # The stub is a part of the program, with whose breakpoints it must not stop.
     csrr t1, mtvec
     sd t1, 544(t0)
     sd zero, 552(t0)
     .option norelax
-    lla t1, in_slave
+    lla t1, in_stub
     csrw mtvec, t1
     ld a0, 264(t0)
     ld a1, 248(t0)
@@ -188,7 +188,7 @@ exception:
     lla sp, condor_debug_stacks
     add sp, sp, t1
     call condor_exception
-end_slave:
+end_stub:
     csrr t0, mscratch
     ld t1, 552(t0)
     beqz t1, 3f
@@ -254,10 +254,10 @@ end_slave:
     ld t0, 32(t0)
     mret
 
-# A trap while the slave runs: of a breakpoint of the program, which is lifted until the slave is done. Anything
+# A trap while the stub runs: of a breakpoint of the program, which is lifted until the stub is done. Anything
 # else is as if no debugger wanted the program. Interrupts are masked.
     .balign 4
-in_slave:
+in_stub:
     csrrw t0, mscratch, t0
     sd t1, 560(t0)
     sd t2, 568(t0)

@@ -5,7 +5,7 @@
 
 use core::arch::asm;
 
-use condor_debug::{Access, Trigger};
+use condor_debug::{Trigger, TriggerAccess};
 
 /// No hart has more.
 const MOST: usize = 16;
@@ -93,14 +93,14 @@ unsafe fn set_tdata1(value: u64) {
 /// `tdata1` of a trigger that makes an exception before the access.
 fn control(trigger: Trigger) -> u64 {
     let access = match trigger.access {
-        Access::Execute => EXECUTE,
-        Access::Write => STORE,
-        Access::Read => LOAD,
-        Access::ReadWrite => LOAD | STORE,
+        TriggerAccess::Execute => EXECUTE,
+        TriggerAccess::Write => STORE,
+        TriggerAccess::Read => LOAD,
+        TriggerAccess::ReadWrite => LOAD | STORE,
     };
     // An instruction is fetched in pieces of any size.
     let size = match (trigger.access, trigger.bytes) {
-        (Access::Execute, _) => 0,
+        (TriggerAccess::Execute, _) => 0,
         (_, 1) => 1,
         (_, 2) => 2,
         (_, 4) => 3,

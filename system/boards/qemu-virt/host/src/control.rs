@@ -75,7 +75,7 @@ pub enum HartState {
 
 /// The order to start a program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Order<'a> {
+pub struct StartOrder<'a> {
     /// The address of its first instruction, in bytes from the beginning of the memory.
     pub entry: u32,
     /// The arguments, each with a zero after it: at most [`ARGUMENT_BYTES`] bytes.
@@ -87,7 +87,7 @@ pub struct Order<'a> {
 
 /// The state of a hart at a trap that its program does not handle, by the registers of RISC-V.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Fault {
+pub struct HartFault {
     /// `mcause`: the cause of the trap.
     pub cause: u64,
     /// `mepc`: the address of the instruction.
@@ -100,7 +100,7 @@ pub struct Fault {
     pub registers: [u64; 31],
 }
 
-impl Fault {
+impl HartFault {
     /// Returns the meaning of the cause, for people.
     #[must_use]
     pub const fn name(&self) -> &'static str {
@@ -183,7 +183,7 @@ impl<W: MemoryWindow + Clone> Control<W> {
     ///
     /// # Errors
     /// [`AccessError`] if the memory cannot be accessed.
-    pub fn order(&self, order: Order<'_>) -> Result<u32, AccessError> {
+    pub fn order(&self, order: StartOrder<'_>) -> Result<u32, AccessError> {
         let arguments = order.arguments;
         let arguments = arguments.split_at(arguments.len().min(ARGUMENT_BYTES)).0;
         self.page.set_word(host::ENTRY, order.entry)?;
@@ -223,9 +223,9 @@ impl<W: MemoryWindow + Clone> Control<W> {
     ///
     /// # Errors
     /// [`AccessError`] if the memory cannot be accessed.
-    pub fn fault(&self) -> Result<Fault, AccessError> {
+    pub fn fault(&self) -> Result<HartFault, AccessError> {
         let double = |place: u32| self.double(hart::FAULT + 8 * place);
-        let mut fault = Fault {
+        let mut fault = HartFault {
             cause: double(0)?,
             pc: double(1)?,
             value: double(2)?,
@@ -367,7 +367,7 @@ impl<W: MemoryWindow + Clone> Control<W> {
     ///
     /// # Errors
     /// [`AccessError`] if the memory cannot be accessed.
-    pub fn set_fault(&self, fault: &Fault) -> Result<(), AccessError> {
+    pub fn set_fault(&self, fault: &HartFault) -> Result<(), AccessError> {
         let heads = [fault.cause, fault.pc, fault.value, fault.status];
         self.set_doubles(hart::FAULT, heads.into_iter().chain(fault.registers))
     }

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use condor_debug::Tracer;
-use condor_debug::gateway::{Debuggee, Ended, Program};
+use condor_debug::gateway::{DebuggedProgram, Debuggee, ProgramEnd};
 use condor_host::error::AnyError;
 use condor_mbox::linux::{LinuxDoorbell, LinuxWindow};
 use condor_mbox::{Doorbell as _, Processor};
@@ -17,7 +17,7 @@ pub(crate) fn lock(memory: &MachineMemory, number: Processor) -> PathBuf {
     memory.path().with_file_name(name)
 }
 
-/// Gives commands to the slave of processor `number`.
+/// Gives commands to the stub of processor `number`.
 pub(crate) fn tracer(
     memory: &MachineMemory,
     control: &Control<LinuxWindow>,
@@ -49,9 +49,11 @@ pub(crate) fn of(
         bias: begin,
         lock: lock(memory, number),
         program: Box::new(move || match control.state() {
-            Ok(HartState::Runs { start }) => Program::Runs(start),
-            Ok(HartState::Ended { status, .. }) => Program::Ended(Ended::Exited(status as u8)),
-            _ => Program::Ended(Ended::Killed),
+            Ok(HartState::Runs { start }) => DebuggedProgram::Runs(start),
+            Ok(HartState::Ended { status, .. }) => {
+                DebuggedProgram::Ended(ProgramEnd::Exited(status as u8))
+            }
+            _ => DebuggedProgram::Ended(ProgramEnd::Killed),
         }),
         host: None,
     })

@@ -3,9 +3,9 @@
 use std::path::PathBuf;
 
 use condor_debug::gateway::Debuggee;
-use condor_host::description::{Spanned, Whole, beside, find_program};
+use condor_host::description::{Spanned, WholeNumber, beside, find_program};
 use condor_host::error::AnyError;
-use condor_host::extension::{Extension, Found, Furnished, Group, Service};
+use condor_host::extension::{Extension, ExtensionPart, Group, Service, StartingExtension};
 use condor_host::supervisor::Launch;
 use condor_host::system::SystemDirectory;
 use condor_mbox::Processor;
@@ -16,11 +16,11 @@ use condor_rt::numbers::PROCESSORS;
 
 use crate::debuggee;
 use crate::hart::{MachineProcess, flat};
-use crate::{Hart, Image, MachineMemory, Map, Power, Qemu, map, service};
+use crate::{HartImage, HartLauncher, MachineMemory, Map, Power, Qemu, map, service};
 
 const MIB: i64 = 1 << 20;
 const MOST_BYTES: i64 = 1 << 30;
-type HartNumber = Whole<u32, 0, { map::HARTS as i64 - 1 }>;
+type HartNumber = WholeNumber<u32, 0, { map::HARTS as i64 - 1 }>;
 /// The program that is the machine, if no other is named.
 const QEMU: &str = "qemu-system-riscv64";
 
@@ -39,7 +39,7 @@ impl Extension for Harts {
         Some("machine")
     }
 
-    fn read(&self, found: &mut Found<'_, '_>) -> Option<Box<dyn Group>> {
+    fn read(&self, found: &mut ExtensionPart<'_, '_>) -> Option<Box<dyn Group>> {
         let (harts, mut is_right) = harts(found);
         let holding = found.processors.iter_mut().filter_map(|processor| {
             let holds: bool = processor.keys.get("hold_exceptions")?;
@@ -59,7 +59,7 @@ impl Extension for Harts {
             is_right = false;
         }
         keys.word("kind", &[("qemu-riscv-virt", ())]);
-        let memory_bytes: Option<Spanned<Whole<u32, MIB, MOST_BYTES, MIB>>> =
+        let memory_bytes: Option<Spanned<WholeNumber<u32, MIB, MOST_BYTES, MIB>>> =
             keys.need("memory_bytes", "a multiple of 1048576");
         let expected = "the path of the program in which the harts come up";
         let monitor: Option<Spanned<String>> = keys.need("monitor", expected);
@@ -132,7 +132,7 @@ impl Extension for Harts {
 }
 
 /// The harts of all processors that have one, and whether each is one processor and none is left out.
-fn harts(found: &mut Found<'_, '_>) -> (Vec<Spanned<HartNumber>>, bool) {
+fn harts(found: &mut ExtensionPart<'_, '_>) -> (Vec<Spanned<HartNumber>>, bool) {
     let mut harts: Vec<Spanned<HartNumber>> = Vec::new();
     let mut is_right = true;
     for processor in &mut found.processors {
@@ -169,14 +169,14 @@ fn harts(found: &mut Found<'_, '_>) -> (Vec<Spanned<HartNumber>>, bool) {
 }
 
 /// Each hart has room for its program.
-fn programs(found: &Found<'_, '_>, harts: &[Spanned<HartNumber>], map: &Map) -> Option<()> {
+fn programs(found: &ExtensionPart<'_, '_>, harts: &[Spanned<HartNumber>], map: &Map) -> Option<()> {
     let mut is_right = true;
     for (processor, hart) in found.processors.iter().zip(harts) {
         let hart = hart.get_ref().0;
         let program = processor.program.as_ref()?;
         let path = program.get_ref();
         let bytes = read_regular(path).ok()?;
-        if let Err(error) = Image::new(&bytes, map, hart) {
+        if let Err(error) = HartImage::new(&bytes, map, hart) {
             let text = format!("{} is no program for hart {hart}: {error}", path.display());
             processor.keys.wrong(&program.span(), text);
             is_right = false;
@@ -199,7 +199,7 @@ struct HartGroup {
 }
 
 impl Group for HartGroup {
-    fn furnish(&self, directory: &SystemDirectory) -> Result<Box<dyn Furnished>, AnyError> {
+    fn furnish(&self, directory: &SystemDirectory) -> Result<Box<dyn StartingExtension>, AnyError> {
         let path = memory_file(directory);
         let memory = MachineMemory::create(&path, &self.map)?;
         memory.system(&directory.mailbox())?;
@@ -228,7 +228,7 @@ struct FurnishedHarts {
     power: Power,
 }
 
-impl Furnished for FurnishedHarts {
+impl StartingExtension for FurnishedHarts {
     fn bus(&self) -> Option<FileRange> {
         self.memory.bus()
     }
@@ -266,7 +266,7 @@ impl Furnished for FurnishedHarts {
         let hart = hart
             .and_then(|hart| u32::try_from(hart).ok())
             .unwrap_or(u32::MAX);
-        let hart = Hart::new(self.memory.clone(), hart, doorbell, self.power.clone())?;
+        let hart = HartLauncher::new(self.memory.clone(), hart, doorbell, self.power.clone())?;
         let holds = self.holding.contains(&number.0);
         Ok(Box::new(hart.holding_exceptions(holds)))
     }

@@ -1,4 +1,4 @@
-//! [`Hart`]: a processor of another machine, whose memory this one sees.
+//! [`HartLauncher`]: a processor of another machine, whose memory this one sees.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -6,17 +6,19 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 
 use condor_debug::gateway::Cleaner;
-use condor_debug::{Mode, State, Tracer, TracerError};
+use condor_debug::{DebugRequest, ProgramState, Tracer, TracerError};
 use condor_mbox::linux::{LinuxDoorbell, LinuxWindow};
 use condor_mbox::{Doorbell as _, Processor};
 use condor_platform::linux::read_regular;
 
-use condor_host::supervisor::{Exit, Image, Launch, LaunchError, Process, RunState, Stop};
+use condor_host::supervisor::{
+    ChildProcess, Exit, Launch, LaunchError, ProgramImage, RunState, StopMethod,
+};
 
 use crate::debuggee;
 use crate::{
-    ARGUMENT_BYTES, Control, ERROR_BYTES, Fault, HartState, ImageError, LOOPS, MachineMemory, Map,
-    MemoryError, Order, cause_name,
+    ARGUMENT_BYTES, Control, ERROR_BYTES, HartFault, HartImageError, HartState, LOOPS,
+    MachineMemory, Map, MemoryError, StartOrder, cause_name,
 };
 use condor_rt::numbers::PROCESSORS;
 
@@ -29,7 +31,7 @@ const ABANDONED: &str = "killed: its hart is in the monitor again";
 const UNREACHABLE: &str =
     "its hart does not come back to the monitor until `machine` is started again";
 
-/// A record of whether a machine is on, by which its [`Hart`]s know it. The code that switches the
+/// A record of whether a machine is on, by which its [`HartLauncher`]s know it. The code that switches the
 /// machine calls [`switch`](Self::switch). All clones are the same record.
 #[derive(Clone, Debug, Default)]
 pub struct Power(Arc<AtomicU32>);
@@ -76,7 +78,7 @@ pub enum HartError {
         /// The file.
         file: PathBuf,
         /// The reason for which the hart cannot run it.
-        source: ImageError,
+        source: HartImageError,
     },
     /// The file cannot be read.
     #[error("cannot read {file:?}: {source}")]
@@ -117,7 +119,7 @@ impl From<HartError> for LaunchError {
 /// A hart of a machine as a processor of `condor`. A program is copied into the hart's range of
 /// memory and controlled through its [`Control`].
 #[derive(Debug)]
-pub struct Hart {
+pub struct HartLauncher {
     number: Processor,
     place: u32,
     memory: MachineMemory,
@@ -137,7 +139,7 @@ pub struct Hart {
 #[derive(Debug)]
 struct LoadedProgram {
     file: PathBuf,
-    image: crate::Image,
+    image: crate::HartImage,
     arguments: Vec<u8>,
     simulated: Option<[u64; LOOPS]>,
 }
@@ -149,7 +151,7 @@ struct Running {
     abandoned: Option<Instant>,
 }
 
-impl Hart {
+impl HartLauncher {
     /// Makes the hart with index `hart`, without a program. `doorbell` rings it, and can be that of
     /// any processor; `power` says whether the machine is on.
     ///
@@ -165,7 +167,7 @@ impl Hart {
         let number = usize::try_from(hart)
             .ok()
             .and_then(|hart| map.numbers.get(hart).copied());
-        let number = number.ok_or_else(|| ImageError::no_hart(hart, map));
+        let number = number.ok_or_else(|| HartImageError::no_hart(hart, map));
         let number = Processor(number.map_err(MemoryError::from)?);
         let control = memory.control(hart)?;
         Ok(Self {
@@ -192,10 +194,10 @@ impl Hart {
         self
     }
 
-    fn reach(&self, stop: Stop, running: Running) -> Result<(), HartError> {
+    fn reach(&self, stop: StopMethod, running: Running) -> Result<(), HartError> {
         let said = match stop {
-            Stop::Ask => self.control.ask_to_end(running.start),
-            Stop::Force => self.control.abandon(running.start),
+            StopMethod::Ask => self.control.ask_to_end(running.start),
+            StopMethod::Force => self.control.abandon(running.start),
         };
         said.map_err(self.memory.at())?;
         self.doorbell.ring(self.number);
@@ -222,7 +224,7 @@ impl Hart {
             HartState::Faulted { start } if start == running.start => {
                 let fault = self.control.fault().unwrap_or_default();
                 self.report = Some(self.told(&fault));
-                let Fault { pc, value, .. } = fault;
+                let HartFault { pc, value, .. } = fault;
                 let name = cause_name(fault.cause);
                 Some(Exit::Other(format!("{name} at {pc:#x}, value {value:#x}")))
             }
@@ -250,7 +252,7 @@ impl Hart {
         Some(String::from_utf8_lossy(error).into_owned())
     }
 
-    fn told(&self, fault: &Fault) -> String {
+    fn told(&self, fault: &HartFault) -> String {
         let [ra, sp, ..] = fault.registers;
         let linked = |address| {
             let program = self.program.as_ref()?;
@@ -273,12 +275,12 @@ impl Hart {
 }
 
 /// The program in `file` for a hart, without putting it anywhere.
-fn read(file: &Path, map: &Map, hart: u32) -> Result<crate::Image, HartError> {
+fn read(file: &Path, map: &Map, hart: u32) -> Result<crate::HartImage, HartError> {
     let bytes = read_regular(file).map_err(|source| HartError::Unreadable {
         file: file.into(),
         source,
     })?;
-    crate::Image::new(&bytes, map, hart).map_err(|source| HartError::Image {
+    crate::HartImage::new(&bytes, map, hart).map_err(|source| HartError::Image {
         hart,
         file: file.into(),
         source,
@@ -299,14 +301,14 @@ pub(crate) fn flat(arguments: &[String]) -> Result<Vec<u8>, HartError> {
     Ok(flat)
 }
 
-impl Launch for Hart {
-    fn check(&self, image: &Image) -> Result<(), LaunchError> {
+impl Launch for HartLauncher {
+    fn check(&self, image: &ProgramImage) -> Result<(), LaunchError> {
         read(&image.file, self.memory.map(), self.place)?;
         flat(&image.arguments)?;
         Ok(())
     }
 
-    fn load(&mut self, image: &Image) -> Result<(), LaunchError> {
+    fn load(&mut self, image: &ProgramImage) -> Result<(), LaunchError> {
         if self.running.is_some() {
             return Err(LaunchError::Runs);
         }
@@ -335,14 +337,14 @@ impl Launch for Hart {
         }
         let mode = self.tracer.mode().map_err(HartError::from)?;
         let hold_exceptions = self.holds_exceptions;
-        let mode = Mode {
+        let mode = DebugRequest {
             hold_exceptions,
             ..mode
         };
         self.tracer.set_mode(mode).map_err(HartError::from)?;
         let region = self.memory.region();
         program.image.load(region).map_err(self.memory.at())?;
-        let order = Order {
+        let order = StartOrder {
             entry: program.image.entry(),
             arguments: &program.arguments,
             simulated: program.simulated,
@@ -358,13 +360,13 @@ impl Launch for Hart {
         Ok(())
     }
 
-    fn stop(&mut self, how: Stop) -> Result<(), LaunchError> {
+    fn stop(&mut self, how: StopMethod) -> Result<(), LaunchError> {
         let Some(running) = self.running else {
             return Ok(());
         };
         self.reach(how, running)?;
         if let Some(running) = &mut self.running
-            && how == Stop::Force
+            && how == StopMethod::Force
         {
             running.abandoned.get_or_insert_with(Instant::now);
         }
@@ -372,7 +374,7 @@ impl Launch for Hart {
     }
 
     fn is_held(&self) -> bool {
-        self.running.is_some() && matches!(self.tracer.state(), Ok(State::Held(_)))
+        self.running.is_some() && matches!(self.tracer.state(), Ok(ProgramState::Held(_)))
     }
 
     fn is_ready(&self) -> bool {
@@ -406,7 +408,7 @@ impl Launch for Hart {
 
 /// The process that is a machine, or dies with it.
 pub(crate) struct MachineProcess {
-    process: Process,
+    process: ChildProcess,
     memory: MachineMemory,
     power: Power,
 }
@@ -414,7 +416,7 @@ pub(crate) struct MachineProcess {
 impl MachineProcess {
     pub(crate) fn new(memory: MachineMemory, power: Power) -> Self {
         Self {
-            process: Process::new(),
+            process: ChildProcess::new(),
             memory,
             power,
         }
@@ -422,7 +424,7 @@ impl MachineProcess {
 }
 
 impl Launch for MachineProcess {
-    fn load(&mut self, image: &Image) -> Result<(), LaunchError> {
+    fn load(&mut self, image: &ProgramImage) -> Result<(), LaunchError> {
         self.process.load(image)
     }
 
@@ -434,7 +436,7 @@ impl Launch for MachineProcess {
         Ok(())
     }
 
-    fn stop(&mut self, how: Stop) -> Result<(), LaunchError> {
+    fn stop(&mut self, how: StopMethod) -> Result<(), LaunchError> {
         self.process.stop(how)
     }
 

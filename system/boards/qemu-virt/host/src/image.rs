@@ -1,4 +1,4 @@
-//! [`Image`]: a program as it is to lie in the memory of a machine.
+//! [`HartImage`]: a program as it is to lie in the memory of a machine.
 
 use object::LittleEndian;
 use object::elf::{self, Dyn64, FileHeader64};
@@ -19,7 +19,7 @@ const RELA_BYTES: u64 = 24;
 /// It was an ELF file for RV64: one that lies anywhere (static-pie, whose relocations are all
 /// `R_RISCV_RELATIVE`; RISC-V ELF psABI, "Dynamic Linking"), or one that was linked for that range.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Image {
+pub struct HartImage {
     bytes: Vec<u8>,
     /// Where it begins, in bytes from the beginning of the memory.
     offset: u32,
@@ -31,9 +31,9 @@ pub struct Image {
 /// The reason for which a file cannot be the program of a hart, and what to do about it.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
-pub struct ImageError(String);
+pub struct HartImageError(String);
 
-impl ImageError {
+impl HartImageError {
     pub(crate) fn no_hart(hart: u32, map: &Map) -> Self {
         let harts = map.harts();
         Self(format!("there is no hart {hart}: the machine has {harts}"))
@@ -52,16 +52,16 @@ struct Segment<'f> {
     is_code: bool,
 }
 
-impl Image {
+impl HartImage {
     /// Makes the image of the program in `file`, the bytes of an ELF file, for hart `hart` of a
     /// machine whose memory is laid out by `map`.
     ///
     /// # Errors
-    /// [`ImageError`] if the file is not a static RV64 program, does not fit into the hart's range,
+    /// [`HartImageError`] if the file is not a static RV64 program, does not fit into the hart's range,
     /// or the machine has no such hart.
-    pub fn new(file: &[u8], map: &Map, hart: u32) -> Result<Self, ImageError> {
+    pub fn new(file: &[u8], map: &Map, hart: u32) -> Result<Self, HartImageError> {
         if hart >= map.harts() {
-            return Err(ImageError::no_hart(hart, map));
+            return Err(HartImageError::no_hart(hart, map));
         }
         let header = header(file)?;
         let segments = header
@@ -70,7 +70,7 @@ impl Image {
         let mut dynamic: &[Dyn64<LittleEndian>] = &[];
         for segment in segments {
             if segment.p_type(LittleEndian) == elf::PT_INTERP {
-                return Err(ImageError(DYNAMIC.into()));
+                return Err(HartImageError(DYNAMIC.into()));
             }
             if let Some(found) = segment.dynamic(LittleEndian, file).map_err(damaged)? {
                 dynamic = found;
@@ -84,11 +84,11 @@ impl Image {
         }
         loaded.sort_by_key(|segment| segment.address);
         let (Some(first), Some(last)) = (loaded.first(), loaded.last()) else {
-            return Err(ImageError("it has no segment to load".into()));
+            return Err(HartImageError("it has no segment to load".into()));
         };
         for (one, next) in loaded.iter().zip(loaded.iter().skip(1)) {
             if next.address < one.end {
-                return Err(ImageError(format!(
+                return Err(HartImageError(format!(
                     "its segment at {:#x} begins before the one before ends, at {:#x}",
                     next.address, one.end
                 )));
@@ -106,7 +106,7 @@ impl Image {
         };
         // From here on all that is loaded is inside of the range.
         if needed > most {
-            return Err(ImageError(format!(
+            return Err(HartImageError(format!(
                 "it needs {needed:#x} bytes, and a hart has {most:#x} for its program"
             )));
         }
@@ -119,7 +119,7 @@ impl Image {
         for segment in &loaded {
             let at = segment.address.wrapping_add(bias);
             if segment.align > 1 && !bias.is_multiple_of(segment.align) {
-                return Err(ImageError(format!(
+                return Err(HartImageError(format!(
                     "its segment at {:#x} is aligned to {:#x}, and would lie at {at:#x}",
                     segment.address, segment.align
                 )));
@@ -135,7 +135,7 @@ impl Image {
         let code = loaded.iter().find(is_in).filter(|segment| segment.is_code);
         if code.is_none() || !entry.is_multiple_of(2) {
             let text = format!("its entry {entry:#x} lies in no segment of code");
-            return Err(ImageError(text));
+            return Err(HartImageError(text));
         }
         image.entry = offset(entry.wrapping_add(bias));
         Ok(image)
@@ -193,7 +193,11 @@ impl Image {
         (range.end <= self.bytes.len()).then_some(range)
     }
 
-    fn relocate(&mut self, low: u64, dynamic: &[Dyn64<LittleEndian>]) -> Result<(), ImageError> {
+    fn relocate(
+        &mut self,
+        low: u64,
+        dynamic: &[Dyn64<LittleEndian>],
+    ) -> Result<(), HartImageError> {
         let value = |tag: elf::DynamicTag| {
             let mut entries = dynamic
                 .iter()
@@ -202,7 +206,7 @@ impl Image {
             entry.map(|entry| entry.val(LittleEndian))
         };
         if value(elf::DT_NEEDED).is_some() {
-            return Err(ImageError(DYNAMIC.into()));
+            return Err(HartImageError(DYNAMIC.into()));
         }
         let known = [
             (elf::DT_RELA, elf::DT_RELASZ, true),
@@ -223,7 +227,7 @@ impl Image {
                 .filter(|_| is_read && bytes.is_multiple_of(RELA_BYTES))
                 .and_then(|range| self.bytes.get(range));
             let Some(table) = table else {
-                return Err(ImageError(format!(
+                return Err(HartImageError(format!(
                     "its table of relocations by tag {}, of {bytes:#x} bytes at {address:#x}, cannot be read",
                     tag.0
                 )));
@@ -239,7 +243,7 @@ impl Image {
         &mut self,
         low: u64,
         entry: &[u8; RELA_BYTES as usize],
-    ) -> Result<(), ImageError> {
+    ) -> Result<(), HartImageError> {
         let [at, info, addend] = core::array::from_fn(|field| {
             let bytes = entry.as_chunks::<8>().0.get(field);
             bytes.map_or(0, |bytes| u64::from_le_bytes(*bytes))
@@ -248,7 +252,7 @@ impl Image {
             elf::R_RISCV_NONE => return Ok(()),
             elf::R_RISCV_RELATIVE => {}
             other => {
-                return Err(ImageError(format!(
+                return Err(HartImageError(format!(
                     "a relocation of type {} at {at:#x}: only those of type 3 (R_RISCV_RELATIVE) are done",
                     other.0
                 )));
@@ -257,7 +261,7 @@ impl Image {
         let place = self.range(low, at, 8);
         let Some(place) = place.and_then(|place| self.bytes.get_mut(place)) else {
             let text = format!("a relocation of {at:#x}, which is no word of the program");
-            return Err(ImageError(text));
+            return Err(HartImageError(text));
         };
         place.copy_from_slice(&self.bias.wrapping_add(addend).to_le_bytes());
         Ok(())
@@ -265,17 +269,17 @@ impl Image {
 }
 
 /// The head of the file, if it is for a hart.
-fn header(file: &[u8]) -> Result<&FileHeader64<LittleEndian>, ImageError> {
+fn header(file: &[u8]) -> Result<&FileHeader64<LittleEndian>, HartImageError> {
     let Some(rest) = file.strip_prefix(&elf::ELFMAG) else {
         let found = file.get(..4).unwrap_or(file);
         let text = format!("it is no ELF file: it begins with {found:02x?}");
-        return Err(ImageError(text));
+        return Err(HartImageError(text));
     };
     let expect = |what: &str, found: u16, expected: u16| {
         if found == expected {
             return Ok(());
         }
-        Err(ImageError(format!(
+        Err(HartImageError(format!(
             "{what} is {found}, expected {expected}: build it for riscv64"
         )))
     };
@@ -288,7 +292,7 @@ fn header(file: &[u8]) -> Result<&FileHeader64<LittleEndian>, ImageError> {
     expect("its machine", machine, elf::EM_RISCV.0)?;
     match header.e_type(LittleEndian) {
         elf::ET_EXEC | elf::ET_DYN => Ok(header),
-        other => Err(ImageError(format!(
+        other => Err(HartImageError(format!(
             "its type is {}, expected 2 (executable) or 3 (static-pie)",
             other.0
         ))),
@@ -299,7 +303,7 @@ fn header(file: &[u8]) -> Result<&FileHeader64<LittleEndian>, ImageError> {
 fn load<'f>(
     segment: &elf::ProgramHeader64<LittleEndian>,
     file: &'f [u8],
-) -> Result<Option<Segment<'f>>, ImageError> {
+) -> Result<Option<Segment<'f>>, HartImageError> {
     let address = segment.p_vaddr(LittleEndian);
     let (bytes, memory_bytes) = (
         segment.p_filesz(LittleEndian),
@@ -307,7 +311,7 @@ fn load<'f>(
     );
     let end = address.checked_add(memory_bytes);
     let Some(end) = end.filter(|_| bytes <= memory_bytes) else {
-        return Err(ImageError(format!(
+        return Err(HartImageError(format!(
             "its segment at {address:#x} has {bytes:#x} bytes in the file and {memory_bytes:#x} in memory"
         )));
     };
@@ -315,7 +319,7 @@ fn load<'f>(
         return Ok(None);
     }
     let content = segment.data(LittleEndian, file).map_err(|()| {
-        ImageError(format!(
+        HartImageError(format!(
             "its segment at {address:#x} has {bytes:#x} bytes from {:#x} on, but the file {:#x}",
             segment.p_offset(LittleEndian),
             file.len()
@@ -331,10 +335,10 @@ fn load<'f>(
 }
 
 /// Refuses what does not lie in the range of the hart as it was linked.
-fn outside(segments: &[Segment<'_>], range: u64, range_end: u64) -> Result<(), ImageError> {
+fn outside(segments: &[Segment<'_>], range: u64, range_end: u64) -> Result<(), HartImageError> {
     for segment in segments {
         if segment.address < range || segment.end > range_end {
-            return Err(ImageError(format!(
+            return Err(HartImageError(format!(
                 "its segment from {:#x} to {:#x} lies outside of the hart's range from {range:#x} to \
                  {range_end:#x}; link it as static-pie",
                 segment.address, segment.end
@@ -349,6 +353,6 @@ const fn offset(address: u64) -> u32 {
     address.wrapping_sub(RAM) as u32
 }
 
-fn damaged(error: object::read::Error) -> ImageError {
-    ImageError(format!("it is damaged: {error}"))
+fn damaged(error: object::read::Error) -> HartImageError {
+    HartImageError(format!("it is damaged: {error}"))
 }

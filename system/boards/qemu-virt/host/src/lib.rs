@@ -19,14 +19,16 @@ mod qemu;
 pub mod service;
 
 pub use condor_clock::LOOPS;
-pub use control::{ARGUMENT_BYTES, Control, ERROR_BYTES, Fault, HartState, Order, cause_name};
+pub use control::{
+    ARGUMENT_BYTES, Control, ERROR_BYTES, HartFault, HartState, StartOrder, cause_name,
+};
 #[cfg(feature = "extension")]
 pub use extension::HARTS;
 #[cfg(feature = "extension")]
-pub use hart::{Hart, HartError, Power};
+pub use hart::{HartError, HartLauncher, Power};
 #[cfg(feature = "host")]
-pub use image::{Image, ImageError, RAM};
-pub use map::{Map, MapError, Run};
+pub use image::{HartImage, HartImageError, RAM};
+pub use map::{Map, MemoryMapError, ObjectRun};
 #[cfg(feature = "host")]
 pub use memory::{MachineMemory, MemoryError};
 #[cfg(feature = "host")]

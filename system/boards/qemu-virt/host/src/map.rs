@@ -52,14 +52,14 @@ const _: () = assert!(BOARD + condor_debug::AREA_BYTES <= PAGE);
 
 /// A run of objects of one kind in the memory, one after the other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Run {
+pub struct ObjectRun {
     /// The offset of the first object, in bytes from the beginning of the memory.
     pub offset: u32,
     /// The distance from the beginning of an object to that of the next, in bytes.
     pub stride: u32,
 }
 
-impl Run {
+impl ObjectRun {
     /// Returns the offset of the object with index `number`, in bytes from the beginning of the
     /// memory.
     #[must_use]
@@ -76,9 +76,9 @@ pub struct Map {
     /// The size of the memory in bytes.
     pub memory_bytes: u32,
     /// The `mail` of each processor, by its number.
-    pub mail: Run,
+    pub mail: ObjectRun,
     /// The `data` of each processor, by its number.
-    pub data: Run,
+    pub data: ObjectRun,
     /// The size of each `data` in bytes.
     pub data_bytes: u32,
     /// The offset of the bus, the part of the memory that stands for the registers of simulated boards.
@@ -92,7 +92,7 @@ pub struct Map {
     /// The offset of the [`Page`](condor_clock::Page) of a simulated clock.
     pub clock: u32,
     /// The range of each hart, for program and stack.
-    pub programs: Run,
+    pub programs: ObjectRun,
     /// The number of the processor that each hart is, by the index of the hart; its length is the
     /// number of harts.
     pub numbers: heapless::Vec<u8, { HARTS as usize }>,
@@ -101,7 +101,7 @@ pub struct Map {
 /// The reason for which a memory cannot be laid out, or has no valid map.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
-pub enum MapError {
+pub enum MemoryMapError {
     /// The memory has no map.
     #[error("the memory has no map: at {AT:#x} is {found:#010x} instead of {MAGIC:#010x}")]
     NoMap {
@@ -166,20 +166,20 @@ impl Map {
     /// hart *i* is processor `numbers[i]`. All sizes are in bytes.
     ///
     /// # Errors
-    /// [`MapError::Harts`] if there are no harts or too many; [`MapError::Number`] if a processor
-    /// does not exist or is given twice; [`MapError::TooSmall`] if the memory is too small.
+    /// [`MemoryMapError::Harts`] if there are no harts or too many; [`MemoryMapError::Number`] if a processor
+    /// does not exist or is given twice; [`MemoryMapError::TooSmall`] if the memory is too small.
     pub fn new(
         memory_bytes: u32,
         numbers: &[u8],
         user_bytes: u32,
         bus_bytes: u32,
         shared_bytes: u32,
-    ) -> Result<Self, MapError> {
+    ) -> Result<Self, MemoryMapError> {
         let harts = u32::try_from(numbers.len()).unwrap_or(u32::MAX);
         let numbers = heapless::Vec::from_slice(numbers)
             .ok()
             .filter(|numbers| !numbers.is_empty());
-        let numbers = numbers.ok_or(MapError::Harts { found: harts })?;
+        let numbers = numbers.ok_or(MemoryMapError::Harts { found: harts })?;
         check_numbers(&numbers)?;
         let pages = |bytes: u64| bytes.next_multiple_of(PAGE.into());
         let processors = PROCESSORS as u64;
@@ -193,7 +193,7 @@ impl Map {
         let clock = shared + pages(shared_bytes.into());
         let programs = clock + pages(CLOCK_BYTES.into());
         let needed = programs + u64::from(harts) * u64::from(LEAST_RANGE);
-        let small = MapError::TooSmall {
+        let small = MemoryMapError::TooSmall {
             found: memory_bytes,
             needed,
         };
@@ -206,11 +206,11 @@ impl Map {
         let range = (memory_bytes - programs) / harts / PAGE * PAGE;
         Ok(Self {
             memory_bytes,
-            mail: Run {
+            mail: ObjectRun {
                 offset: word(mail)?,
                 stride: word(mail_stride)?,
             },
-            data: Run {
+            data: ObjectRun {
                 offset: word(data)?,
                 stride: word(data_stride)?,
             },
@@ -220,7 +220,7 @@ impl Map {
             shared: word(shared)?,
             shared_bytes,
             clock: word(clock)?,
-            programs: Run {
+            programs: ObjectRun {
                 offset: programs,
                 stride: range,
             },
@@ -304,33 +304,34 @@ impl Map {
     /// Reads the map in `memory`, and checks that all that it describes lies inside the memory.
     ///
     /// # Errors
-    /// [`MapError::NoMap`] or [`MapError::Version`] if there is no map of this version;
-    /// [`MapError::Harts`], [`MapError::Number`] or [`MapError::Outside`] if it is invalid;
-    /// [`MapError::Access`] if the memory cannot be accessed.
-    pub fn read<W: MemoryWindow>(memory: &Region<W>) -> Result<Self, MapError> {
+    /// [`MemoryMapError::NoMap`] or [`MemoryMapError::Version`] if there is no map of this version;
+    /// [`MemoryMapError::Harts`], [`MemoryMapError::Number`] or [`MemoryMapError::Outside`] if it is invalid;
+    /// [`MemoryMapError::Access`] if the memory cannot be accessed.
+    pub fn read<W: MemoryWindow>(memory: &Region<W>) -> Result<Self, MemoryMapError> {
         let get = |word: u32| memory.word(AT + word);
         match get(word::MAGIC)? {
             MAGIC => {}
-            found => return Err(MapError::NoMap { found }),
+            found => return Err(MemoryMapError::NoMap { found }),
         }
         match get(word::VERSION)? {
             VERSION => {}
-            found => return Err(MapError::Version { found }),
+            found => return Err(MemoryMapError::Version { found }),
         }
-        let run = |at| -> Result<Run, AccessError> {
-            Ok(Run {
+        let run = |at| -> Result<ObjectRun, AccessError> {
+            Ok(ObjectRun {
                 offset: get(at)?,
                 stride: get(at + 4)?,
             })
         };
         let harts = get(word::HARTS)?;
         if !(1..=HARTS).contains(&harts) {
-            return Err(MapError::Harts { found: harts });
+            return Err(MemoryMapError::Harts { found: harts });
         }
         let mut numbers = heapless::Vec::new();
         for hart in 0..harts {
             let number = get(word::NUMBERS + 4 * hart)?;
-            let small = u8::try_from(number).map_err(|_| MapError::Number { hart, number })?;
+            let small =
+                u8::try_from(number).map_err(|_| MemoryMapError::Number { hart, number })?;
             // As many as there is room for.
             let _ = numbers.push(small);
         }
@@ -352,7 +353,7 @@ impl Map {
         Ok(map)
     }
 
-    fn check(&self) -> Result<(), MapError> {
+    fn check(&self) -> Result<(), MemoryMapError> {
         let processors = PROCESSORS as u32;
         let runs = [
             ("mail", self.mail, processors, Self::mail_bytes()),
@@ -371,7 +372,12 @@ impl Map {
         self.check_inside("the clock", self.clock, CLOCK_BYTES)
     }
 
-    fn check_inside(&self, object: &'static str, offset: u32, bytes: u32) -> Result<(), MapError> {
+    fn check_inside(
+        &self,
+        object: &'static str,
+        offset: u32,
+        bytes: u32,
+    ) -> Result<(), MemoryMapError> {
         let end = offset.checked_add(bytes);
         let inside = end.is_some_and(|end| end <= self.memory_bytes);
         if inside && offset >= AT + BYTES && offset.is_multiple_of(PAGE) {
@@ -380,8 +386,8 @@ impl Map {
         Err(self.outside(object, offset, bytes))
     }
 
-    const fn outside(&self, object: &'static str, offset: u32, bytes: u32) -> MapError {
-        MapError::Outside {
+    const fn outside(&self, object: &'static str, offset: u32, bytes: u32) -> MemoryMapError {
+        MemoryMapError::Outside {
             object,
             offset,
             bytes,
@@ -390,12 +396,12 @@ impl Map {
     }
 }
 
-fn check_numbers(numbers: &[u8]) -> Result<(), MapError> {
+fn check_numbers(numbers: &[u8]) -> Result<(), MemoryMapError> {
     for (hart, &number) in (0_u32..).zip(numbers) {
         let mut above = numbers.iter().take(hart as usize);
         if usize::from(number) >= PROCESSORS || above.any(|&other| other == number) {
             let number = number.into();
-            return Err(MapError::Number { hart, number });
+            return Err(MemoryMapError::Number { hart, number });
         }
     }
     Ok(())

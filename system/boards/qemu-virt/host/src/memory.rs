@@ -4,13 +4,13 @@ use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::{fmt, io};
 
-use condor_mbox::linux::{self, Access, LinuxWindow, System};
+use condor_mbox::linux::{self, LinuxSystem, LinuxWindow, WindowAccess};
 use condor_mbox::{AccessError, MemoryWindow as _, Region, layout};
 use rustix::fs::FallocateFlags;
 
 use super::control::Control;
-use super::image::{Image, ImageError};
-use super::map::{self, Map, PAGE, Run};
+use super::image::{HartImage, HartImageError};
+use super::map::{self, Map, ObjectRun, PAGE};
 use condor_rt::linux::FileRange;
 use condor_rt::numbers::PROCESSORS;
 
@@ -28,8 +28,8 @@ pub struct MachineMemory {
 #[error("{0}")]
 pub struct MemoryError(String);
 
-impl From<ImageError> for MemoryError {
-    fn from(error: ImageError) -> Self {
+impl From<HartImageError> for MemoryError {
+    fn from(error: HartImageError) -> Self {
         Self(error.to_string())
     }
 }
@@ -141,13 +141,13 @@ impl MachineMemory {
 
     /// Puts the program in `file`, the bytes of an ELF file, into the range of hart `hart`, which
     /// must not run a program. To start the program, call [`Control::order`] with its
-    /// [`entry`](Image::entry), and ring the hart.
+    /// [`entry`](HartImage::entry), and ring the hart.
     ///
     /// # Errors
-    /// [`MemoryError`] if the file is no program for this hart, as in [`Image::new`], or the memory cannot
+    /// [`MemoryError`] if the file is no program for this hart, as in [`HartImage::new`], or the memory cannot
     /// be accessed.
-    pub fn load(&self, hart: u32, file: &[u8]) -> Result<Image, MemoryError> {
-        let image = Image::new(file, &self.map, hart)?;
+    pub fn load(&self, hart: u32, file: &[u8]) -> Result<HartImage, MemoryError> {
+        let image = HartImage::new(file, &self.map, hart)?;
         image.load(&self.region).map_err(self.at())?;
         Ok(image)
     }
@@ -181,12 +181,12 @@ impl MachineMemory {
     }
 
     /// Returns the system of the processors whose windows lie in this memory. The other files that
-    /// processes need are in `directory`, where [`System::at`] finds the system from then on.
+    /// processes need are in `directory`, where [`LinuxSystem::at`] finds the system from then on.
     ///
     /// # Errors
-    /// [`MemoryError`] with the text of the error of [`System::in_memory`].
-    pub fn system(&self, directory: &Path) -> Result<System<PROCESSORS>, MemoryError> {
-        let run = |run: Run| linux::Run {
+    /// [`MemoryError`] with the text of the error of [`LinuxSystem::in_memory`].
+    pub fn system(&self, directory: &Path) -> Result<LinuxSystem<PROCESSORS>, MemoryError> {
+        let run = |run: ObjectRun| linux::ObjectPositions {
             offset: run.offset.into(),
             stride: run.stride.into(),
         };
@@ -196,7 +196,7 @@ impl MachineMemory {
             data: run(self.map.data),
         };
         let user_bytes = self.map.data_bytes.saturating_sub(layout::BELL_BYTES);
-        System::in_memory(directory, user_bytes, &memory)
+        LinuxSystem::in_memory(directory, user_bytes, &memory)
             .map_err(|error| MemoryError(error.to_string()))
     }
 
@@ -208,7 +208,7 @@ impl MachineMemory {
 }
 
 fn mapped(file: &File, path: &Path, bytes: u32) -> Result<Region<LinuxWindow>, MemoryError> {
-    let window = LinuxWindow::map(file, 0, bytes, Access::ReadWrite);
+    let window = LinuxWindow::map(file, 0, bytes, WindowAccess::ReadWrite);
     Ok(Region::whole(window.map_err(cannot("map", path))?))
 }
 

@@ -15,14 +15,16 @@ use std::os::unix::net::{UnixListener, UnixStream};
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use condor_mbox::linux::{LinuxDoorbell, Mailbox};
+use condor_mbox::linux::{LinuxDoorbell, LinuxMailbox};
 use condor_mbox::{Messenger, Processor, SingleContext};
 use rustix::event::{PollFd, PollFlags, Timespec};
 use rustix::io::Errno;
 
 use condor_host::error::AnyError;
-use condor_host::supervisor::{Image, Launch, Process, RunState, Signals, Stop};
-use condor_host::system::Windows;
+use condor_host::supervisor::{
+    ChildProcess, EndSignals, Launch, ProgramImage, RunState, StopMethod,
+};
+use condor_host::system::SystemWindows;
 
 use crate::{HartState, MachineMemory, Qemu};
 use condor_rt::linux::{Environment, MappedPage};
@@ -36,7 +38,7 @@ const LOOK: Duration = Duration::from_millis(10);
 const COMING_UP: Duration = Duration::from_secs(4);
 /// How long QEMU may take to end.
 const END: Duration = Duration::from_secs(1);
-/// How long a number may be held by a former life of this service, or by a visitor.
+/// How long a number may be held by a former incarnation of this service, or by a visitor.
 const SUCCESSION: Duration = Duration::from_secs(5);
 
 /// Runs QEMU and serves its machine, whose memory is the file `memory`, until SIGTERM comes or QEMU
@@ -46,7 +48,7 @@ const SUCCESSION: Duration = Duration::from_secs(5);
 /// A text that says why the machine cannot be served, or how QEMU ended if that was without
 /// SIGTERM.
 pub fn serve(memory: &Path, link: &Path, qemu: &Qemu) -> Result<(), AnyError> {
-    let mut signals = Signals::new()?;
+    let mut signals = EndSignals::new()?;
     let environment = Environment::read()?;
     let memory = MachineMemory::open(memory)?;
     let page = environment
@@ -54,7 +56,7 @@ pub fn serve(memory: &Path, link: &Path, qemu: &Qemu) -> Result<(), AnyError> {
         .as_ref()
         .map(MappedPage::open)
         .transpose()?;
-    let system = Windows::at(&environment.system, environment.window_bytes)?;
+    let system = SystemWindows::at(&environment.system, environment.window_bytes)?;
     let mut mailbox = system
         .claim_within(environment.processor, SUCCESSION)?
         .mailbox_with(SingleContext::new())?;
@@ -71,9 +73,9 @@ pub fn serve(memory: &Path, link: &Path, qemu: &Qemu) -> Result<(), AnyError> {
     listener
         .set_nonblocking(true)
         .map_err(at("listen at", link))?;
-    let mut machine = Process::new();
+    let mut machine = ChildProcess::new();
     let arguments = qemu.arguments(&memory, Some(link));
-    let image = Image::new(qemu.command.clone(), arguments, environment);
+    let image = ProgramImage::new(qemu.command.clone(), arguments, environment);
     machine.load(&image)?;
     machine.start()?;
 
@@ -126,8 +128,8 @@ fn at(doing: &'static str, path: &Path) -> impl FnOnce(std::io::Error) -> AnyErr
 
 /// Waits until something happens.
 fn wait(
-    machine: &Process,
-    signals: &Signals,
+    machine: &ChildProcess,
+    signals: &EndSignals,
     bell: &impl AsFd,
     most: Duration,
 ) -> Result<(), AnyError> {
@@ -145,11 +147,11 @@ fn wait(
     }
 }
 
-type Post = Mailbox<'static, PROCESSORS, SingleContext>;
+type Post = LinuxMailbox<'static, PROCESSORS, SingleContext>;
 
 /// Switches the machine off.
-fn end(machine: &mut Process, mut mailbox: Post) -> Result<(), AnyError> {
-    machine.stop(Stop::Ask)?;
+fn end(machine: &mut ChildProcess, mut mailbox: Post) -> Result<(), AnyError> {
+    machine.stop(StopMethod::Ask)?;
     let begun = Instant::now();
     while machine.state() == RunState::Runs && begun.elapsed() < END {
         std::thread::sleep(LOOK);
@@ -158,9 +160,9 @@ fn end(machine: &mut Process, mut mailbox: Post) -> Result<(), AnyError> {
     Ok(mailbox.leave()?)
 }
 
-/// Takes the numbers of all harts, whose former lives ended when the machine was switched off.
+/// Takes the numbers of all harts, whose former incarnations ended when the machine was switched off.
 fn hold(
-    system: &Windows,
+    system: &SystemWindows,
     memory: &MachineMemory,
 ) -> Result<Vec<(Processor, LinuxDoorbell<PROCESSORS>)>, AnyError> {
     let mut doorbells = Vec::new();

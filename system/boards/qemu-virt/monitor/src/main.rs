@@ -45,7 +45,7 @@ extern "C" fn condor_monitor(why: usize, number: u32) -> ! {
 fn settle(
     hart: &Hart,
     why: Return,
-    fault: Option<&qemu_virt_host::Fault>,
+    fault: Option<&qemu_virt_host::HartFault>,
 ) -> Result<(), condor_mbox::AccessError> {
     let control = hart.control();
     let running = matches!(control.state()?, HartState::Runs { .. });

@@ -4,31 +4,31 @@ use core::fmt::{self, Write as _};
 use core::time::Duration;
 
 use board::Hart;
-use condor_mbox::{Call, Clock as _, MemoryWindow as _, Messenger as _, Places};
-use condor_rt::objects::{Kind, ObjectTable};
-use condor_rt::{Error, Machine as _, users};
-use condor_tty::{Terminal, Vectors};
-use qemu_virt_host::Fault;
+use condor_mbox::{Allocator, Call, Clock as _, MemoryWindow as _, Messenger as _};
+use condor_rt::objects::{ObjectKind, ObjectTable};
+use condor_rt::{Machine as _, ProgramError, users};
+use condor_tty::{Terminal, TerminalVectors};
+use qemu_virt_host::HartFault;
 
 const SHOWN_BYTES: u32 = 4096;
 /// How long the host may take to show it.
 const PATIENCE: Duration = Duration::from_secs(2);
 const NAP: Duration = Duration::from_millis(5);
 
-/// Reports `fault` in a life of the processor that does nothing else. The life ends when the host
+/// Reports `fault` in an incarnation of the processor that does nothing else. The incarnation ends when the host
 /// has shown the report, or after `PATIENCE`.
-pub(crate) fn tell(hart: &Hart, fault: &Fault) -> Result<(), Error> {
+pub(crate) fn tell(hart: &Hart, fault: &HartFault) -> Result<(), ProgramError> {
     let number = hart.number();
     let own = users(hart, number)?;
-    let mut places = Places::new(own.size());
+    let mut places = Allocator::new(own.size());
     let mut objects = ObjectTable::new(own, &mut places)?;
     let terminal = Terminal::<_, _, 16>::new(own, &mut places, SHOWN_BYTES, hart.exclusion())?;
-    let (name, kind) = ("console", Kind::Terminal);
+    let (name, kind) = ("console", ObjectKind::Terminal);
     objects.enter(&mut places, name, kind, terminal.offset(), SHOWN_BYTES)?;
     let typed = |call: &Call<'_>| terminal.receive(call);
     let mut mailbox = hart.mailbox()?;
-    mailbox.set_vector(Vectors::DEFAULT.input, &typed, "terminal input")?;
-    mailbox.set_vector(Vectors::DEFAULT.room, &typed, "terminal room")?;
+    mailbox.set_vector(TerminalVectors::DEFAULT.input, &typed, "terminal input")?;
+    mailbox.set_vector(TerminalVectors::DEFAULT.room, &typed, "terminal room")?;
     mailbox.join()?;
     // The ring takes all of it.
     let _ = write!(terminal.console(&mailbox), "{}", Report { hart, fault });
@@ -42,7 +42,7 @@ pub(crate) fn tell(hart: &Hart, fault: &Fault) -> Result<(), Error> {
 
 struct Report<'r> {
     hart: &'r Hart,
-    fault: &'r Fault,
+    fault: &'r HartFault,
 }
 
 impl fmt::Display for Report<'_> {

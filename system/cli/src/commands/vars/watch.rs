@@ -4,7 +4,7 @@ use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 use clap::Args;
-use condor_vars::{Merge, Merged, Value};
+use condor_vars::{AnyValue, Merge, MergedRow};
 use serde_json::{Map, Value as Json, json};
 
 use crate::commands::number::duration;
@@ -14,7 +14,9 @@ use condor_host::error::AnyError;
 use condor_host::plain::{plain, plain_json};
 use condor_host::signals;
 use condor_host::view::View;
-use condor_host::watching::{self, Known, Newcomers, One, Row, Rows, Source, patience, silence};
+use condor_host::watching::{
+    self, CatalogEntry, NewPrograms, RowSource, Rows, SourceRow, VariableCatalog, patience, silence,
+};
 
 /// How long the rows of a loop wait for those of one that is silent.
 const HORIZON: Duration = Duration::from_millis(200);
@@ -40,7 +42,7 @@ impl Watch {
         let running = Running::find(&self.how.which)?;
         let mut view = running.view()?;
         view.join()?;
-        let known = Known::all(&view, &running.status.processors)?;
+        let known = VariableCatalog::all(&view, &running.status.processors)?;
         let columns = known.matching(&self.names)?;
         let end = signals::flag()?;
         let mut rows = Rows::of(&view, &columns, self.every)?;
@@ -52,7 +54,7 @@ impl Watch {
         let ends = || {
             end.load(Ordering::Relaxed) || self.limit.is_some_and(|limit| begun.elapsed() >= limit)
         };
-        let newcomers = Newcomers::after(&known, &running.status.processors, &self.names);
+        let newcomers = NewPrograms::after(&known, &running.status.processors, &self.names);
         self.show(&view, &running, (&mut rows, newcomers), &mut lines, ends)?;
         self.summary(&rows.sources)
     }
@@ -62,7 +64,7 @@ impl Watch {
         &self,
         view: &View,
         running: &Running,
-        (rows, mut newcomers): (&mut Rows<'_>, Newcomers),
+        (rows, mut newcomers): (&mut Rows<'_>, NewPrograms),
         lines: &mut Lines<'_>,
         ends: impl Fn() -> bool,
     ) -> Result<(), AnyError> {
@@ -106,7 +108,7 @@ impl Watch {
     }
 
     /// Tells how many rows there were.
-    fn summary(&self, sources: &[Source]) -> Result<(), AnyError> {
+    fn summary(&self, sources: &[RowSource]) -> Result<(), AnyError> {
         if !self.how.json {
             for source in sources {
                 let (name, kept) = (source.name(), source.kept(source.rows));
@@ -122,7 +124,7 @@ impl Watch {
             })
             .collect();
         let rows: u64 = sources.iter().map(|source| source.rows).sum();
-        let lost: u64 = sources.iter().map(Source::lost).sum();
+        let lost: u64 = sources.iter().map(RowSource::lost).sum();
         let summary = json!({ "rows": rows, "lost": lost, "loops": loops });
         print(format_args!("{}\n", plain_json(&summary)?))
     }
@@ -134,11 +136,11 @@ struct Sample {
     released: condor_mbox::Instant,
     lost: u32,
     /// The value for each column; `None` for variables of other loops.
-    values: Vec<Option<Value>>,
+    values: Vec<Option<AnyValue>>,
 }
 
 impl Sample {
-    fn of(row: &Row<'_>, columns: usize) -> Self {
+    fn of(row: &SourceRow<'_>, columns: usize) -> Self {
         let mut values = vec![None; columns];
         for (field, value) in row.values() {
             for column in &field.columns {
@@ -159,7 +161,7 @@ impl Sample {
 
 /// Rows as lines of text, or of JSON.
 struct Lines<'s> {
-    columns: Vec<(String, &'s One)>,
+    columns: Vec<(String, &'s CatalogEntry)>,
     titles: Vec<String>,
     /// The loops, by the number of the source, and the width of their column.
     loops: Vec<String>,
@@ -170,12 +172,12 @@ struct Lines<'s> {
 }
 
 impl<'s> Lines<'s> {
-    fn new(columns: Vec<(String, &'s One)>, sources: &[Source], is_json: bool) -> Self {
-        let title = |(name, one): &(String, &One)| match one.entry.unit.as_str() {
+    fn new(columns: Vec<(String, &'s CatalogEntry)>, sources: &[RowSource], is_json: bool) -> Self {
+        let title = |(name, one): &(String, &CatalogEntry)| match one.entry.unit.as_str() {
             "" => format!("{name:>12}"),
             unit => format!("{:>12}", format!("{name} [{unit}]")),
         };
-        let loops: Vec<_> = sources.iter().map(Source::name).collect();
+        let loops: Vec<_> = sources.iter().map(RowSource::name).collect();
         Self {
             titles: columns.iter().map(title).collect(),
             columns,
@@ -194,7 +196,7 @@ impl<'s> Lines<'s> {
         self.line(head, self.titles.iter().cloned())
     }
 
-    fn of(&mut self, rows: &[Merged<Sample>]) -> Result<String, AnyError> {
+    fn of(&mut self, rows: &[MergedRow<Sample>]) -> Result<String, AnyError> {
         let mut text = String::new();
         for row in rows {
             let owner = self.loops.get(row.source).cloned().unwrap_or_default();
@@ -230,7 +232,7 @@ impl<'s> Lines<'s> {
         format!("{}\n", line.trim_end())
     }
 
-    fn object(&self, row: &Merged<Sample>, owner: &str) -> Json {
+    fn object(&self, row: &MergedRow<Sample>, owner: &str) -> Json {
         let mut values = Map::new();
         for ((name, one), value) in self.columns.iter().zip(&row.item.values) {
             if let Some(value) = value {

@@ -14,7 +14,7 @@ use crate::plot::curve::{Curve, Pane, Range};
 use crate::plot::history::{History, Span};
 use crate::plot::model::Plot;
 use crate::plot::scale::{Scale, brief};
-use condor_host::names::Named as _;
+use condor_host::names::VariableName as _;
 use condor_host::plain::plain;
 
 /// Colours of the curves of a pane; letters distinguish them without.

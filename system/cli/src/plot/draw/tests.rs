@@ -6,10 +6,10 @@ use ratatui::backend::TestBackend;
 use ratatui::style::Color;
 
 use super::*;
-use crate::plot::curve::{Chosen, Sample, Variable, Wish};
+use crate::plot::curve::{ChosenCurves, Sample, Variable, Wish};
 use crate::plot::figure::Figure;
-use crate::plot::keys::{Asked, press};
-use condor_host::robot::{Frame, Joint, Line, Robot};
+use crate::plot::keys::{PlotRequest, press};
+use condor_host::robot::{Frame, Robot, RobotJoint, RobotLine};
 
 const SMALL: (u16, u16) = (80, 22);
 const LARGE: (u16, u16) = (200, 48);
@@ -17,12 +17,12 @@ const MS: u64 = 1_000_000;
 
 /// An arm of one joint with a tendon.
 struct Arm {
-    joints: [Joint; 1],
+    joints: [RobotJoint; 1],
 }
 
 impl Arm {
     fn new() -> Self {
-        let joint = Joint {
+        let joint = RobotJoint {
             name: "elbow".into(),
             position: "elbow.position".into(),
             velocity: None,
@@ -34,19 +34,19 @@ impl Arm {
 }
 
 impl Robot for Arm {
-    fn joints(&self) -> &[Joint] {
+    fn joints(&self) -> &[RobotJoint] {
         &self.joints
     }
 
-    fn lines(&self, positions: &[f64]) -> Vec<Line> {
+    fn lines(&self, positions: &[f64]) -> Vec<RobotLine> {
         let (s, c) = positions.first().copied().unwrap_or(0.0).sin_cos();
-        let bone = Line {
+        let bone = RobotLine {
             name: "arm".into(),
             radius_m: 0.0,
             points: vec![[0.0; 3], [0.0, 0.2, 0.0], [0.0, 0.2 + 0.2 * c, 0.2 * s]],
             tension: None,
         };
-        let tendon = Line {
+        let tendon = RobotLine {
             name: "biceps".into(),
             radius_m: 0.0,
             points: vec![[0.0, 0.0, 0.1], [0.0, 0.2, 0.1]],
@@ -83,7 +83,7 @@ fn plot() -> Plot {
         labels: vec!["idle".into(), "hold".into()],
         ..variable("mode", "")
     };
-    plot.choose(Chosen {
+    plot.choose(ChosenCurves {
         variables: vec![
             variable("elbow.position", "rad"),
             variable("elbow.target", "rad"),
@@ -139,11 +139,11 @@ fn expect(lines: &[String], texts: &[&str]) {
     }
 }
 
-fn key(plot: &mut Plot, code: KeyCode) -> Option<Asked> {
+fn key(plot: &mut Plot, code: KeyCode) -> Option<PlotRequest> {
     press(plot, &KeyEvent::new(code, KeyModifiers::NONE))
 }
 
-fn typed(plot: &mut Plot, text: &str) -> Option<Asked> {
+fn typed(plot: &mut Plot, text: &str) -> Option<PlotRequest> {
     for letter in text.chars() {
         key(plot, KeyCode::Char(letter));
     }
@@ -315,7 +315,10 @@ fn a_range_of_values_is_fixed_moved_and_stretched() {
 fn a_trigger_stops_what_is_seen_at_its_instant() {
     let mut plot = plot();
     key(&mut plot, KeyCode::Char('t'));
-    assert_eq!(typed(&mut plot, "elbow.position>1"), Some(Asked::Fetch));
+    assert_eq!(
+        typed(&mut plot, "elbow.position>1"),
+        Some(PlotRequest::Fetch)
+    );
     assert!(plot.wish().besides.contains(&"elbow.position".to_owned()));
     assert_eq!(plot.state(), "1 s, trigger elbow.position>1: waits");
     ramp(&mut plot);
@@ -348,7 +351,7 @@ fn names_are_typed_and_completed() {
     key(&mut plot, KeyCode::Tab);
     key(&mut plot, KeyCode::Char('p'));
     key(&mut plot, KeyCode::Tab);
-    assert_eq!(key(&mut plot, KeyCode::Enter), Some(Asked::Fetch));
+    assert_eq!(key(&mut plot, KeyCode::Enter), Some(PlotRequest::Fetch));
     let expected = Wish {
         panes: [
             &["elbow.position", "elbow.target"][..],
@@ -360,7 +363,7 @@ fn names_are_typed_and_completed() {
         besides: Vec::new(),
     };
     assert_eq!(plot.wish(), expected);
-    assert_eq!(key(&mut plot, KeyCode::Char('x')), Some(Asked::Fetch));
+    assert_eq!(key(&mut plot, KeyCode::Char('x')), Some(PlotRequest::Fetch));
     assert_eq!(plot.wish().panes, expected.panes[..2]);
 }
 
@@ -377,14 +380,14 @@ fn help_fits_a_small_terminal() {
         ],
     );
     key(&mut plot, KeyCode::Char('q'));
-    assert_eq!(key(&mut plot, KeyCode::Char('q')), Some(Asked::Leave));
+    assert_eq!(key(&mut plot, KeyCode::Char('q')), Some(PlotRequest::Leave));
 }
 
 #[test]
 fn the_robot_is_seen_with_its_tensions() {
     for size in [SMALL, LARGE] {
         let mut plot = plot();
-        assert_eq!(key(&mut plot, KeyCode::Char('r')), Some(Asked::Fetch));
+        assert_eq!(key(&mut plot, KeyCode::Char('r')), Some(PlotRequest::Fetch));
         assert_eq!(plot.wish().besides, ["elbow.position", "elbow.tension"]);
         ramp(&mut plot);
         let lines = picture(&plot, size);
@@ -416,10 +419,10 @@ fn the_robot_is_seen_with_its_tensions() {
 #[test]
 fn the_robot_moves_with_its_joints_and_can_be_turned() {
     let mut plot = plot();
-    plot.place = Place::Alone;
-    plot.choose(Chosen {
+    plot.place = RobotPane::Alone;
+    plot.choose(ChosenCurves {
         variables: vec![variable("elbow.position", "rad")],
-        ..Chosen::default()
+        ..ChosenCurves::default()
     });
     plot.take(&[Sample {
         curve: 0,
@@ -452,13 +455,13 @@ fn the_robot_moves_with_its_joints_and_can_be_turned() {
 #[test]
 fn without_colours_tensions_are_digits() {
     let mut plot = plot();
-    (plot.place, plot.has_colors) = (Place::Alone, false);
-    plot.choose(Chosen {
+    (plot.place, plot.has_colors) = (RobotPane::Alone, false);
+    plot.choose(ChosenCurves {
         variables: vec![
             variable("elbow.tension", "N"),
             variable("elbow.position", "rad"),
         ],
-        ..Chosen::default()
+        ..ChosenCurves::default()
     });
     plot.take(&[Sample {
         curve: 0,
@@ -490,7 +493,7 @@ fn curves_that_stay_keep_their_values() {
     let mut plot = plot();
     ramp(&mut plot);
     let variables = vec![variable("elbow.tension", "N"), variable("new", "")];
-    plot.choose(Chosen {
+    plot.choose(ChosenCurves {
         variables,
         panes: vec![vec![1], vec![0]],
         known: Vec::new(),
@@ -506,7 +509,7 @@ fn curves_that_stay_keep_their_values() {
 fn nothing_that_a_program_chose_commands_the_terminal() {
     let hostile = "\u{1b}[2J\u{202e}\u{7}";
     let mut plot = plot();
-    plot.choose(Chosen {
+    plot.choose(ChosenCurves {
         variables: vec![variable(hostile, hostile)],
         panes: vec![vec![0], vec![0]],
         known: vec![hostile.into()],

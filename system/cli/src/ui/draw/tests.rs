@@ -6,11 +6,11 @@ use ratatui::backend::TestBackend;
 use super::*;
 use crate::counts::Row;
 use crate::ui::Tool;
-use crate::ui::feed::News;
+use crate::ui::feed::UiEvent;
 use crate::ui::menu::scroll;
-use crate::ui::model::{Popup, Served};
+use crate::ui::model::{FileServiceState, Popup};
 use crate::ui::window::WindowId;
-use condor_host::control::{ClockStatus, Member, Status};
+use condor_host::control::{ClockStatus, Member, SystemStatus};
 use condor_host::view::{LoopRates, VectorCounts};
 
 const SMALL: (u16, u16) = (80, 24);
@@ -42,7 +42,7 @@ fn row<C: Clone>(processor: &str, counts: &C) -> Row<C> {
 fn model() -> Model {
     let processors = (0..5).zip(NAMES);
     let processors = processors.map(|(number, name)| member(number, name, MemberState::Running));
-    let status = Status {
+    let status = SystemStatus {
         system: "utah-mit-hand".into(),
         file: "hand.toml".into(),
         window_bytes: 4096,
@@ -62,9 +62,9 @@ fn model() -> Model {
     for (id, name) in (1..).zip(NAMES) {
         let id = WindowId(id);
         let null = std::fs::File::options().write(true).open("/dev/null");
-        model.hear(News::Opened(id, OwnedFd::from(null.unwrap()).into()));
+        model.hear(UiEvent::Opened(id, OwnedFd::from(null.unwrap()).into()));
         let text = format!("this is \x1b[1;31m{name}\x1b[0m\r\nready> ");
-        model.hear(News::Output(id, text.into_bytes()));
+        model.hear(UiEvent::Output(id, text.into_bytes()));
     }
     let rates = LoopRates {
         name: "servo".into(),
@@ -89,11 +89,11 @@ fn model() -> Model {
         worst_us: 55.5,
     };
     model.vectors = NAMES.map(|name| row(name, &vector)).into();
-    model.served = Served {
+    model.served = FileServiceState {
         messages: 815,
         per_second: Some(4.5),
     };
-    model.hear(News::Log(
+    model.hear(UiEvent::Log(
         "2026-11-21T15:28:52.078621Z servo-a: joined after 0.1 s".into(),
     ));
     model
@@ -151,7 +151,10 @@ fn each_page_is_legible_on_a_small_terminal() {
     }
     // Programs write for 80 columns.
     let row = "0123456789".repeat(8);
-    model.hear(News::Output(WindowId(5), format!("\r\n{row}").into_bytes()));
+    model.hear(UiEvent::Output(
+        WindowId(5),
+        format!("\r\n{row}").into_bytes(),
+    ));
     expect(&picture(&mut model, SMALL), &[&row]);
     let tables: [(Page, &[&str]); 4] = [
         (Page::Loops, &LOOPS),
@@ -220,7 +223,7 @@ fn help_actions_and_the_way_out_fit_a_small_terminal() {
         &picture(&mut model, SMALL),
         &["d  stop the system and leave"],
     );
-    model.hear(News::Gone("the supervisor ended".into()));
+    model.hear(UiEvent::Gone("the supervisor ended".into()));
     expect(
         &picture(&mut model, SMALL),
         &["the system `utah-mit-hand` has ended"],
@@ -280,8 +283,8 @@ fn what_is_not_measured_in_simulated_time_is_not_shown() {
 fn what_is_wrong_is_said() {
     let mut model = model();
     model.members[3].state = MemberState::Failed;
-    model.hear(News::Closed(WindowId(2)));
-    model.hear(News::Gone("the supervisor ended".into()));
+    model.hear(UiEvent::Closed(WindowId(2)));
+    model.hear(UiEvent::Gone("the supervisor ended".into()));
     model.blind = Some("all numbers for visitors are taken".into());
     model.focus = Page::Window(WindowId(2));
     let lines = picture(&mut model, SMALL);
@@ -306,11 +309,11 @@ fn nothing_that_a_program_chose_commands_the_terminal() {
     let hostile = "\u{1b}[2J\u{9b}2J\u{202e}\u{7}";
     model.vectors[0].counts.name = hostile.into();
     model.loops[0].counts.name = hostile.into();
-    model.hear(News::Log(format!(
+    model.hear(UiEvent::Log(format!(
         "2026-11-21T15:28:52.078621Z a: {hostile}"
     )));
-    model.hear(News::Output(WindowId(1), hostile.as_bytes().to_vec()));
-    model.hear(News::Notice(hostile.into()));
+    model.hear(UiEvent::Output(WindowId(1), hostile.as_bytes().to_vec()));
+    model.hear(UiEvent::Notice(hostile.into()));
     for size in [SMALL, LARGE] {
         for page in model.pages().collect::<Vec<_>>() {
             model.focus = page;
@@ -328,7 +331,7 @@ fn a_window_shows_what_it_has_shown_before() {
     let page = Page::Window(WindowId(1));
     let text = (0..100).map(|line| format!("\r\nline {line}"));
     let text = text.collect::<Vec<_>>().concat();
-    model.hear(News::Output(WindowId(1), text.into_bytes()));
+    model.hear(UiEvent::Output(WindowId(1), text.into_bytes()));
     let lines = picture(&mut model, SMALL);
     expect(&lines, &["line 99"]);
     scroll(&mut model, page, 30);
@@ -344,7 +347,7 @@ fn what_was_written_is_whole_again_on_a_wider_screen() {
     let mut model = model();
     let row = "0123456789".repeat(11);
     let text = format!("\r\n{row}\r\nand more");
-    model.hear(News::Output(WindowId(2), text.into_bytes()));
+    model.hear(UiEvent::Output(WindowId(2), text.into_bytes()));
     model.focus = Page::Window(WindowId(2));
     expect(&picture(&mut model, (44, 24)), &[&row[..44]]);
     expect(&picture(&mut model, (120, 24)), &[&row, "and more"]);
@@ -354,14 +357,14 @@ fn what_was_written_is_whole_again_on_a_wider_screen() {
 fn a_line_of_the_log_is_not_cut() {
     let mut model = model();
     let words = "a line that is longer than a small terminal is wide ".repeat(2);
-    model.hear(News::Log(format!(
+    model.hear(UiEvent::Log(format!(
         "2026-11-21T15:28:53.000000Z condor: {words}end"
     )));
     model.focus = Page::Log;
     let lines = picture(&mut model, SMALL);
     expect(&lines, &["15:28:53.000 condor: a line", "wide end"]);
     for number in 0..100 {
-        model.hear(News::Log(format!(
+        model.hear(UiEvent::Log(format!(
             "2026-11-21T15:28:54.000000Z number {number}"
         )));
     }
@@ -395,7 +398,10 @@ fn the_titles_of_a_table_stay() {
 fn the_first_of_an_odd_number_of_windows_has_all_columns() {
     let mut model = model();
     let row = "0123456789".repeat(11);
-    model.hear(News::Output(WindowId(1), format!("\r\n{row}").into_bytes()));
+    model.hear(UiEvent::Output(
+        WindowId(1),
+        format!("\r\n{row}").into_bytes(),
+    ));
     let lines = picture(&mut model, LARGE);
     expect(&lines, &[&row]);
     let place = |name: &str| lines.iter().position(|line| line.contains(name));
@@ -406,15 +412,15 @@ fn the_first_of_an_odd_number_of_windows_has_all_columns() {
 #[test]
 fn a_service_that_comes_again_repeats_nothing_on_the_screen() {
     let mut model = model();
-    model.hear(News::Closed(WindowId(1)));
+    model.hear(UiEvent::Closed(WindowId(1)));
     let window = model.window_mut(WindowId(1)).unwrap();
     assert!(!window.type_in(b"typed meanwhile"));
     let (mut service, input) = std::os::unix::net::UnixStream::pair().unwrap();
-    model.hear(News::Opened(WindowId(1), OwnedFd::from(input).into()));
+    model.hear(UiEvent::Opened(WindowId(1), OwnedFd::from(input).into()));
     let mut typed = [0; 15];
     std::io::Read::read_exact(&mut service, &mut typed).unwrap();
     assert_eq!(&typed, b"typed meanwhile");
-    model.hear(News::Output(
+    model.hear(UiEvent::Output(
         WindowId(1),
         b"this is master\r\nready> ".into(),
     ));
@@ -450,11 +456,11 @@ fn plots_are_alone_at_both_sizes() {
         expect(&lines, &seen);
         assert!(!lines.join("\n").contains("this is"));
     }
-    assert!(model.is_seen(&News::Plot(crate::plot::News::Samples(Vec::new()))));
+    assert!(model.is_seen(&UiEvent::Plot(crate::plot::FeedEvent::Samples(Vec::new()))));
     model.focus = Page::Log;
-    assert!(!model.is_seen(&News::Plot(crate::plot::News::Samples(Vec::new()))));
+    assert!(!model.is_seen(&UiEvent::Plot(crate::plot::FeedEvent::Samples(Vec::new()))));
     model.focus = Page::Plots;
-    let trouble = crate::plot::News::Trouble("the system has ended".into());
-    model.hear(News::Plot(trouble));
+    let trouble = crate::plot::FeedEvent::Trouble("the system has ended".into());
+    model.hear(UiEvent::Plot(trouble));
     expect(&picture(&mut model, SMALL), &["the system has ended"]);
 }

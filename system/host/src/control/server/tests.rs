@@ -49,10 +49,10 @@ impl Tested {
     }
 }
 
-fn done() -> Answer {
-    Answer {
+fn done() -> ControlAnswer {
+    ControlAnswer {
         ok: true,
-        ..Answer::default()
+        ..ControlAnswer::default()
     }
 }
 

@@ -5,13 +5,13 @@ use std::path::Path;
 
 use crate::system::replace;
 
-/// From `offset` on, a file holds the bytes of a life from `position` on, without a gap.
+/// From `offset` on, a file holds the bytes of an incarnation from `position` on, without a gap.
 ///
 /// So the length of the file tells which byte follows, or the number of bytes that were taken tells
 /// where the next one is, even if the service was killed at any moment.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Mark {
-    pub(super) life: u32,
+    pub(super) incarnation: u32,
     pub(super) position: u32,
     pub(super) offset: u64,
     /// Bytes of all files before this one.
@@ -26,7 +26,7 @@ impl Mark {
         let (numbers, line) = text.split_once('\n')?;
         let mut numbers = numbers.split(' ');
         Some(Self {
-            life: numbers.next()?.parse().ok()?,
+            incarnation: numbers.next()?.parse().ok()?,
             position: numbers.next()?.parse().ok()?,
             offset: numbers.next()?.parse().ok()?,
             before: numbers.next()?.parse().ok()?,
@@ -37,13 +37,13 @@ impl Mark {
     /// Replaces the previous mark in one step.
     pub(super) fn write(&self, path: &Path) -> io::Result<()> {
         let Self {
-            life,
+            incarnation,
             position,
             offset,
             before,
             line,
         } = self;
-        let text = format!("{life} {position} {offset} {before}\n{line}");
+        let text = format!("{incarnation} {position} {offset} {before}\n{line}");
         replace(path, &text)
     }
 }

@@ -12,7 +12,7 @@ use super::mark::Mark;
 
 /// The log of a terminal.
 ///
-/// Its length and its mark say which byte comes next. Where there is a gap, or a new life, a line
+/// Its length and its mark say which byte comes next. Where there is a gap, or a new incarnation, a line
 /// says so; its mark is written before it, so that the next writer completes a half-written one.
 ///
 /// A log of `limit` bytes is rotated, and one previous log is kept. The offsets of readers count
@@ -63,12 +63,12 @@ impl Record {
         Ok(this)
     }
 
-    /// Goes on in a new log, whose first byte is at `position` of `life`. The mark announces the
+    /// Goes on in a new log, whose first byte is at `position` of `incarnation`. The mark announces the
     /// new log before it is made. So a service that is killed meanwhile leaves the old log whole,
     /// or a new log whose beginning is known.
-    fn rotate(&mut self, life: u32, position: u32) -> io::Result<()> {
+    fn rotate(&mut self, incarnation: u32, position: u32) -> io::Result<()> {
         let mark = Mark {
-            life,
+            incarnation,
             position,
             before: self.end_offset(),
             ..Mark::default()
@@ -142,11 +142,11 @@ impl Record {
     }
 
     /// Begins to record at another byte: announces it, then writes its line.
-    fn begin(&mut self, life: u32, position: u32, text: &str) -> io::Result<()> {
+    fn begin(&mut self, incarnation: u32, position: u32, text: &str) -> io::Result<()> {
         let begin = if self.len == 0 { "" } else { "\r\n" };
         let text = format!("{begin}[{text}]\r\n");
         let mark = Mark {
-            life,
+            incarnation,
             position,
             offset: self.len + text.len() as u64,
             before: self.before,
@@ -157,9 +157,12 @@ impl Record {
         self.complete()
     }
 
-    /// The position that follows the last byte of the log, if that is of this life.
-    fn end(&self, life: u32) -> Option<u32> {
-        let mark = self.mark.as_ref().filter(|mark| mark.life == life)?;
+    /// The position that follows the last byte of the log, if that is of this incarnation.
+    fn end(&self, incarnation: u32) -> Option<u32> {
+        let mark = self
+            .mark
+            .as_ref()
+            .filter(|mark| mark.incarnation == incarnation)?;
         // Positions wrap.
         let since = self.len.wrapping_sub(mark.offset) as u32;
         Some(mark.position.wrapping_add(since))
@@ -168,23 +171,27 @@ impl Record {
     /// Writes the bytes of `piece` that the log does not have yet; returns how many bytes of
     /// `piece` the log has now.
     pub(super) fn take(&mut self, piece: Piece<'_>) -> io::Result<usize> {
-        let Piece { life, position, .. } = piece;
+        let Piece {
+            incarnation,
+            position,
+            ..
+        } = piece;
         if piece.bytes.is_empty() {
             return Ok(0);
         }
-        let end = match self.end(life) {
+        let end = match self.end(incarnation) {
             Some(end) if end.wrapping_sub(position).cast_signed() >= 0 => end,
             end => {
                 let text = match end {
                     Some(end) => format!("{} bytes overwritten", position.wrapping_sub(end)),
                     None => format!("began at {:.6}", Timestamp::now()),
                 };
-                self.begin(life, position, &text)?;
+                self.begin(incarnation, position, &text)?;
                 position
             }
         };
         if self.len >= self.limit {
-            self.rotate(life, end)?;
+            self.rotate(incarnation, end)?;
         }
         let known = (end.wrapping_sub(position) as usize).min(piece.bytes.len());
         let (written, outcome) = self.append(piece.bytes.get(known..).unwrap_or_default());
@@ -229,10 +236,10 @@ mod tests {
         parts.concat().replace("\r\n", "")
     }
 
-    /// Output of the life 7.
+    /// Output of the incarnation 7.
     fn at(position: u32, bytes: &[u8]) -> Piece<'_> {
         Piece {
-            life: 7,
+            incarnation: 7,
             position,
             ..bytes.into()
         }
@@ -293,12 +300,12 @@ mod tests {
     }
 
     #[test]
-    fn a_new_life_has_a_line_of_its_own() {
+    fn a_new_incarnation_has_a_line_of_its_own() {
         let (_directory, log) = log();
         let mut record = Record::open(&log, UNLIMITED).expect("a new log");
         record.take(at(0, b"abc")).expect("room");
         let next = Piece {
-            life: 8,
+            incarnation: 8,
             ..at(0, b"abc")
         };
         record.take(next).expect("room");
@@ -359,7 +366,7 @@ mod tests {
             let mut record = Record::open(&log, 100).expect("a new log");
             record.take(at(0, b"abcdef")).expect("room");
             let next = Mark {
-                life: 7,
+                incarnation: 7,
                 position: 6,
                 offset: 0,
                 before: record.end_offset(),

@@ -1,4 +1,4 @@
-//! [`Script`]: what was typed in simulated time, and at which instants; and [`Pen`], which records it.
+//! [`Script`]: what was typed in simulated time, and at which instants; and [`ScriptWriter`], which records it.
 
 use core::cell::{Cell, RefCell};
 use core::fmt::Write as _;
@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use condor_clock::NEVER;
 use condor_platform::linux::read_text;
 
-use crate::error::FileError;
+use crate::error::NamedFileError;
 use crate::system::SystemDirectory;
 
 /// The line with which a record of typing begins.
@@ -158,7 +158,7 @@ pub(super) enum Turn {
 /// Records each character before it is sent. There is one pen for all terminals, so that the order of
 /// the lines is that in which characters are sent.
 #[derive(Debug)]
-pub(super) struct Pen {
+pub(super) struct ScriptWriter {
     file: RefCell<File>,
     /// The piece to which the next character may belong: its instant, its name, and the place of
     /// that character.
@@ -172,11 +172,11 @@ pub(super) struct Pen {
     now: Cell<u64>,
 }
 
-impl Pen {
+impl ScriptWriter {
     /// Opens the record in the directory of a system, where a former service ended.
-    pub(super) fn open(directory: &SystemDirectory) -> Result<Self, FileError> {
+    pub(super) fn open(directory: &SystemDirectory) -> Result<Self, NamedFileError> {
         let path = directory.typing();
-        let opened = open_record(&path).map_err(FileError::at("open", &path));
+        let opened = open_record(&path).map_err(NamedFileError::at("open", &path));
         let (file, text) = opened?;
         let (mut recorded, mut count) = (HashMap::new(), 0);
         for piece in pieces(&text).filter_map(|piece| piece.ok()?) {
@@ -186,7 +186,7 @@ impl Pen {
         let path = directory.replay();
         let script = match std::fs::read_to_string(&path) {
             Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(String::new()),
-            other => other.map_err(FileError::at("read", &path)),
+            other => other.map_err(NamedFileError::at("read", &path)),
         };
         let script = script?;
         let script = pieces(&script).filter_map(|piece| piece.ok()?);

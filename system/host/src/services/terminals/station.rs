@@ -9,19 +9,19 @@ use std::time::{Duration, Instant};
 
 use condor_mbox::linux::LinuxWindow;
 use condor_mbox::{Messenger, Processor, Region};
-use condor_tty::ReaderError;
-use condor_tty::linux::{Host, HostError, Piece, Pty, Served, Sink};
+use condor_tty::TerminalReaderError;
+use condor_tty::linux::{HostError, Piece, Pty, ServedTerminal, Sink, TerminalHost};
 use rustix::event::PollFlags;
 
 use super::record::Record;
-use super::script::Pen;
+use super::script::ScriptWriter;
 use super::typing::Typing;
 use super::viewer::{Cursor, Viewer};
-use crate::description::Terminals;
-use crate::error::FileError;
+use crate::description::TerminalSizes;
+use crate::error::NamedFileError;
 use crate::services::ServiceError;
 use condor_rt::numbers::TERMINALS;
-use condor_rt::objects::{self, Kind};
+use condor_rt::objects::{self, ObjectKind};
 
 /// How long a terminal that could not be served is left alone.
 const REST: Duration = Duration::from_millis(100);
@@ -30,10 +30,10 @@ pub(super) struct Station {
     processor: Processor,
     region: Region<LinuxWindow>,
     log: PathBuf,
-    sizes: Terminals,
+    sizes: TerminalSizes,
     /// The name of the terminal and its record, in simulated time.
-    pen: Option<(String, Rc<Pen>)>,
-    host: Option<Host<LinuxWindow>>,
+    pen: Option<(String, Rc<ScriptWriter>)>,
+    host: Option<TerminalHost<LinuxWindow>>,
     /// None if they could not be opened again after an error.
     files: Option<Files>,
     /// The reason for which the terminal could not be served the last time; a reason is reported
@@ -61,7 +61,11 @@ struct Files {
 }
 
 impl Files {
-    fn open(log: &Path, sizes: Terminals, pen: Option<(String, Rc<Pen>)>) -> io::Result<Self> {
+    fn open(
+        log: &Path,
+        sizes: TerminalSizes,
+        pen: Option<(String, Rc<ScriptWriter>)>,
+    ) -> io::Result<Self> {
         Ok(Self {
             record: Record::open(log, sizes.log_bytes.into())?,
             typing: Typing::open(log, pen)?,
@@ -82,8 +86,8 @@ impl Sink for Files {
         self.typing.sends(character, waiting)
     }
 
-    fn typing(&mut self, life: u32, taken: u32, waiting: usize) -> io::Result<()> {
-        self.typing.begin(life, taken, waiting)
+    fn typing(&mut self, incarnation: u32, taken: u32, waiting: usize) -> io::Result<()> {
+        self.typing.begin(incarnation, taken, waiting)
     }
 }
 
@@ -93,17 +97,18 @@ impl Station {
         name: &str,
         processor: Processor,
         region: Region<LinuxWindow>,
-        sizes: Terminals,
-        pen: Option<Rc<Pen>>,
+        sizes: TerminalSizes,
+        pen: Option<Rc<ScriptWriter>>,
     ) -> Result<Self, ServiceError> {
         let log = super::log(directory, name);
         let pen = pen.map(|pen| (name.to_owned(), pen));
-        let files = Files::open(&log, sizes, pen.clone()).map_err(FileError::at("open", &log))?;
+        let files =
+            Files::open(&log, sizes, pen.clone()).map_err(NamedFileError::at("open", &log))?;
         let socket = directory.join(format!("{name}.sock"));
-        let listener = listen(&socket).map_err(FileError::at("listen at", &socket))?;
+        let listener = listen(&socket).map_err(NamedFileError::at("listen at", &socket))?;
         let link = directory.join(name);
-        let pty = Pty::open().map_err(FileError::at("open", "a pty"))?;
-        lead(&link, pty.path()).map_err(FileError::at("make", &link))?;
+        let pty = Pty::open().map_err(NamedFileError::at("open", "a pty"))?;
+        lead(&link, pty.path()).map_err(NamedFileError::at("make", &link))?;
         Ok(Self {
             processor,
             region,
@@ -136,9 +141,9 @@ impl Station {
     }
 
     /// Moves what there is in both directions.
-    pub(super) fn serve(&mut self, mailbox: &dyn Messenger) -> Served {
+    pub(super) fn serve(&mut self, mailbox: &dyn Messenger) -> ServedTerminal {
         if self.rests_until.is_some_and(|end| Instant::now() < end) {
-            return Served::default();
+            return ServedTerminal::default();
         }
         let outcome = self.move_bytes(mailbox);
         let trouble = outcome.as_ref().err().map(ToString::to_string);
@@ -157,7 +162,7 @@ impl Station {
         outcome.unwrap_or_default()
     }
 
-    fn move_bytes(&mut self, mailbox: &dyn Messenger) -> Result<Served, HostError> {
+    fn move_bytes(&mut self, mailbox: &dyn Messenger) -> Result<ServedTerminal, HostError> {
         self.attach()?;
         let files = match &mut self.files {
             Some(files) => files,
@@ -186,7 +191,7 @@ impl Station {
             self.viewers.iter_mut().for_each(Viewer::look);
         }
         let Some(host) = &mut self.host else {
-            return Ok(Served::default());
+            return Ok(ServedTerminal::default());
         };
         host.serve(mailbox, files)
     }
@@ -204,10 +209,10 @@ impl Station {
             return Ok(());
         }
         self.detach();
-        match Host::attach(self.region.clone(), offset, self.processor, TERMINALS) {
+        match TerminalHost::attach(self.region.clone(), offset, self.processor, TERMINALS) {
             Ok(host) => self.host = Some(host),
             // Its program is at it, and rings when it joins.
-            Err(ReaderError::NotReady { .. }) => {}
+            Err(TerminalReaderError::NotReady { .. }) => {}
             Err(error) => return Err(error.into()),
         }
         Ok(())
@@ -217,7 +222,7 @@ impl Station {
         let mut first = None;
         for object in objects::all(&self.region)? {
             let object = object?;
-            if object.kind == Kind::Terminal {
+            if object.kind == ObjectKind::Terminal {
                 if object.name.as_str() == "console" {
                     return Ok(Some(object.offset));
                 }

@@ -9,7 +9,7 @@ use std::rc::Rc;
 use rustix::fs::{FallocateFlags, fallocate};
 
 use super::mark::Mark;
-use super::script::Pen;
+use super::script::ScriptWriter;
 
 /// The number of typed characters that may wait for the program of a terminal.
 pub(super) const WAITING: u64 = 64 * 1024;
@@ -28,7 +28,7 @@ pub(super) struct Typing {
     /// Where the next characters are read; none as long as some of a former service may be under way.
     next: Option<u64>,
     /// The name of the terminal and its record, in simulated time.
-    pen: Option<(String, Rc<Pen>)>,
+    pen: Option<(String, Rc<ScriptWriter>)>,
 }
 
 /// The file of the terminal with this log.
@@ -93,7 +93,7 @@ pub(super) fn open(path: &Path) -> io::Result<File> {
 }
 
 impl Typing {
-    pub(super) fn open(log: &Path, pen: Option<(String, Rc<Pen>)>) -> io::Result<Self> {
+    pub(super) fn open(log: &Path, pen: Option<(String, Rc<ScriptWriter>)>) -> io::Result<Self> {
         let path = file_of(log);
         let mark_path = mark_of(&path);
         Ok(Self {
@@ -138,7 +138,7 @@ impl Typing {
             return;
         }
         let mark = Mark {
-            life: mark.life,
+            incarnation: mark.incarnation,
             // Both wrap alike.
             position: mark.position.wrapping_add(count as u32),
             offset,
@@ -189,11 +189,11 @@ impl Typing {
     }
 
     /// Begins to send, when no character is under way: the terminal has taken `taken` characters in
-    /// this life, and the last `waiting` of the characters that were read come next.
-    pub(super) fn begin(&mut self, life: u32, taken: u32, waiting: usize) -> io::Result<()> {
+    /// this incarnation, and the last `waiting` of the characters that were read come next.
+    pub(super) fn begin(&mut self, incarnation: u32, taken: u32, waiting: usize) -> io::Result<()> {
         let offset = match (self.next, &self.mark) {
             (Some(next), _) => next.saturating_sub(waiting as u64),
-            (None, Some(mark)) if mark.life == life => {
+            (None, Some(mark)) if mark.incarnation == incarnation => {
                 mark.offset + u64::from(taken.wrapping_sub(mark.position))
             }
             // Service and program have both begun anew: nobody knows what the former ones did, and
@@ -202,7 +202,7 @@ impl Typing {
             (None, None) => 0,
         };
         let mark = Mark {
-            life,
+            incarnation,
             position: taken,
             offset,
             ..Mark::default()
@@ -330,7 +330,7 @@ mod tests {
         let mut typing = Typing::open(&log, None).expect("it opens");
         typing.begin(1, 0, 0).expect("a mark");
         assert_eq!(rest(&mut typing), "abcd");
-        // `cd` wait with the host, which sends them to the new life.
+        // `cd` wait with the host, which sends them to the new incarnation.
         typing.begin(2, 0, 2).expect("a mark");
         assert_eq!(rest(&mut typing), "");
         drop(typing);

@@ -4,7 +4,7 @@ use super::*;
 struct Nothing;
 
 impl Launch for Nothing {
-    fn load(&mut self, _: &Image) -> Result<(), LaunchError> {
+    fn load(&mut self, _: &ProgramImage) -> Result<(), LaunchError> {
         Ok(())
     }
 
@@ -12,7 +12,7 @@ impl Launch for Nothing {
         Ok(())
     }
 
-    fn stop(&mut self, _: Stop) -> Result<(), LaunchError> {
+    fn stop(&mut self, _: StopMethod) -> Result<(), LaunchError> {
         Ok(())
     }
 
@@ -39,13 +39,13 @@ fn member(place: &std::path::Path, kind: Option<&'static str>) -> (Member, Journ
         processor: Processor(1),
         bus: None,
         shared_memory: None,
-        loops: condor_rt::linux::Loops::Spin,
+        loops: condor_rt::linux::LoopContext::Spin,
         cpu: None,
         priority: None,
         clock: None,
         work_ns: [0; condor_clock::LOOPS],
     };
-    let image = Image::new("a".into(), Vec::new(), environment);
+    let image = ProgramImage::new("a".into(), Vec::new(), environment);
     let member = Member::new(plan, &image, Box::new(Nothing)).expect("it is loaded");
     (
         member,
@@ -93,7 +93,7 @@ fn who_would_fail_again_in_the_same_way_is_not_started_again() {
 }
 
 #[test]
-fn lives_that_never_join_count_however_long_they_take() {
+fn incarnations_that_never_join_count_however_long_they_take() {
     let place = tempfile::tempdir().expect("a directory");
     let (mut member, mut journal) = member(place.path(), None);
     for restart in 1..=3 {
@@ -110,7 +110,7 @@ fn lives_that_never_join_count_however_long_they_take() {
     member.ended(&Exit::Unknown, &mut journal);
     assert_eq!(member.phase, Phase::Failed);
     // One that had joined for long begins anew.
-    member.life_joined = true;
+    member.incarnation_joined = true;
     member.phase = Phase::Up { stalled: false };
     member.ended(&Exit::Unknown, &mut journal);
     assert!(matches!(member.phase, Phase::Pausing { .. }));

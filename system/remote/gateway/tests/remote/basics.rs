@@ -5,8 +5,8 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-use condor_remote::wire::{Request, by};
-use condor_remote::{Access, Id, Network, Remote, RemoteError, State};
+use condor_remote::wire::{RemoteRequest, by};
+use condor_remote::{Id, Network, Remote, RemoteAccess, RemoteError, RemoteState};
 use serde_json::{Value as Json, json};
 use zenoh::Wait;
 
@@ -58,9 +58,9 @@ pub(crate) fn run() -> Outcome<()> {
 }
 
 fn open(place: &str, user: &str, password: &str) -> Outcome<Network> {
-    let access = Access {
+    let access = RemoteAccess {
         password: Some(password.into()),
-        ..Access::to(place)
+        ..RemoteAccess::to(place)
     };
     Ok(Network::open(&access, user, SHORT)?)
 }
@@ -193,8 +193,8 @@ fn until_done(up: &mut Up, remote: &Remote, motion: &[u8]) -> Outcome<Id> {
         remote.offer(id, motion, false, SOON)?;
         let outcome = remote.wait(id, SOON)?;
         match outcome.state {
-            State::Done => return Ok(id),
-            State::Refused if Instant::now() < deadline => {
+            RemoteState::Done => return Ok(id),
+            RemoteState::Refused if Instant::now() < deadline => {
                 std::thread::sleep(Duration::from_millis(50));
             }
             _ => return Err(format!("{outcome:?}").into()),
@@ -205,7 +205,7 @@ fn until_done(up: &mut Up, remote: &Remote, motion: &[u8]) -> Outcome<Id> {
 fn moves(up: &mut Up, lab: &Remote) -> Outcome<()> {
     let id = until_done(up, lab, b"open")?;
     let again = lab.offer(id, b"open", false, SOON)?;
-    check(again.state == State::Done, format!("{again:?}"))?;
+    check(again.state == RemoteState::Done, format!("{again:?}"))?;
     let error = lab
         .offer(id, b"fist", false, SOON)
         .err()
@@ -216,35 +216,38 @@ fn moves(up: &mut Up, lab: &Remote) -> Outcome<()> {
     )?;
     let unknown = lab.run(b"no-such-motion", SOON)?;
     check(
-        unknown.state == State::Refused && unknown.state.did_not_run(),
+        unknown.state == RemoteState::Refused && unknown.state.did_not_run(),
         format!("{unknown:?}"),
     )?;
     // One that was withdrawn does not run, though it comes later.
     let id = lab.next_id(SOON)?;
     check(
-        lab.outcome(id, SOON)?.state == State::New,
+        lab.outcome(id, SOON)?.state == RemoteState::New,
         "it is not new".into(),
     )?;
     check(
-        lab.withdraw(id, SOON)?.state == State::Withdrawn,
+        lab.withdraw(id, SOON)?.state == RemoteState::Withdrawn,
         "it is not withdrawn".into(),
     )?;
     let late = lab.offer(id, b"fist", false, SOON)?;
-    check(late.state == State::Withdrawn, format!("{late:?}"))?;
+    check(late.state == RemoteState::Withdrawn, format!("{late:?}"))?;
     // One of an earlier incarnation, too.
     let early = Id {
         incarnation: id.incarnation - 1,
         number: 1,
     };
     check(
-        lab.offer(early, b"fist", false, SOON)?.state == State::Superseded,
+        lab.offer(early, b"fist", false, SOON)?.state == RemoteState::Superseded,
         "an early one".into(),
     )?;
     let id = lab.next_id(SOON)?;
     lab.offer(id, &motion(2, 0.9, 100.0)?, false, SOON)?;
     lab.stop(SOON)?;
     let stopped = lab.wait(id, SOON)?;
-    check(stopped.state == State::Aborted, format!("{stopped:?}"))
+    check(
+        stopped.state == RemoteState::Aborted,
+        format!("{stopped:?}"),
+    )
 }
 
 fn refuses(place: &str, lab: &Remote) -> Outcome<()> {
@@ -265,9 +268,9 @@ fn refuses(place: &str, lab: &Remote) -> Outcome<()> {
         )?;
     }
     // With a password of its own, and the name of another.
-    let access = Access {
+    let access = RemoteAccess {
         password: Some("other".into()),
-        ..Access::to(place)
+        ..RemoteAccess::to(place)
     };
     let forger = zenoh::open(access.config("desk", SHORT)?)
         .wait()
@@ -275,7 +278,7 @@ fn refuses(place: &str, lab: &Remote) -> Outcome<()> {
     let ask = |client: &str| -> Outcome<bool> {
         let query = forger
             .get(by(ROBOT, client, "look"))
-            .payload(Request::Status {}.payload());
+            .payload(RemoteRequest::Status {}.payload());
         let replies = query
             .timeout(SHORT)
             .wait()
@@ -383,7 +386,7 @@ fn dies(up: &mut Up, place: &str, lab: Remote, network: Network) -> Outcome<()> 
     let night = Remote::new(&night_network, ROBOT)?;
     let outcome = night.wait(id, SOON)?;
     check(
-        outcome.state == State::Done,
+        outcome.state == RemoteState::Done,
         format!("night was away: {outcome:?}"),
     )?;
 
@@ -426,7 +429,7 @@ fn is_stopped(up: &Up, place: &str, id: Id, count: usize) -> Outcome<()> {
     let lab = Remote::new(&network, ROBOT)?;
     let outcome = lab.wait(id, SOON)?;
     check(
-        outcome.state == State::Aborted,
+        outcome.state == RemoteState::Aborted,
         format!("lab was away: {outcome:?}"),
     )
 }

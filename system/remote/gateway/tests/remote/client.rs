@@ -1,6 +1,6 @@
 //! A client that has motions run, and writes down what it is told.
 //!
-//! It writes each motion into its log before it offers it, and its outcome once it knows it. So its next life knows which
+//! It writes each motion into its log before it offers it, and its outcome once it knows it. So its next incarnation knows which
 //! outcomes are still to be asked for.
 
 use std::fs::File;
@@ -8,11 +8,11 @@ use std::io::Write;
 use std::path::Path;
 use std::time::Duration;
 
-use condor_hand::queue::Identity;
+use condor_hand::queue::RequestIdentity;
 use condor_hand::trajectory::image::append;
 use condor_hand::trajectory::{Pace, Primitive, Profile, Target};
 use condor_mbox::Processor;
-use condor_remote::{Access, Id, Network, Outcome, Remote, RemoteError, State};
+use condor_remote::{Id, Network, Remote, RemoteAccess, RemoteError, RemoteOutcome, RemoteState};
 
 use crate::system::{self, PLACE};
 
@@ -61,7 +61,7 @@ pub(crate) fn count_done(place: &Path) -> usize {
 #[derive(Clone, Debug)]
 pub(crate) enum Line {
     /// The motion of this index is about to be offered.
-    Offers(u32, Identity),
+    Offers(u32, RequestIdentity),
     /// Its outcome, as the words of the log.
     Told(u32, String),
 }
@@ -73,7 +73,7 @@ pub(crate) fn read(log: &Path) -> Vec<Line> {
         .map(|(index, what)| match what {
             Ok(id) => {
                 let (session, number) = (id.incarnation as u32, id.number as u32);
-                Line::Offers(index, Identity { session, number })
+                Line::Offers(index, RequestIdentity { session, number })
             }
             Err(outcome) => Line::Told(index, outcome),
         })
@@ -85,9 +85,9 @@ fn lines(log: &Path) -> Vec<(u32, Result<Id, String>)> {
     let text = std::fs::read_to_string(log).unwrap_or_default();
     let line = |line: &str| {
         let mut words = line.splitn(3, ' ');
-        let (verb, index) = (words.next()?, words.next()?.parse().ok()?);
+        let (word, index) = (words.next()?, words.next()?.parse().ok()?);
         let rest = words.next()?;
-        if verb == "told" {
+        if word == "told" {
             return Some((index, Err(rest.into())));
         }
         let (incarnation, number) = rest.split_once(' ')?;
@@ -121,9 +121,9 @@ pub(crate) fn run(arguments: &[String]) -> system::Outcome<()> {
     let place = std::env::var_os(PLACE).ok_or("no place")?;
     let path = Path::new(&place).join(name);
     let lines = lines(&path);
-    let access = Access {
+    let access = RemoteAccess {
         password: Some(password(name)),
-        ..Access::to(router)
+        ..RemoteAccess::to(router)
     };
     let network = loop {
         match Network::open(&access, name, ANSWER) {
@@ -138,7 +138,7 @@ pub(crate) fn run(arguments: &[String]) -> system::Outcome<()> {
         joint: JOINTS[client],
         refused: 0,
     };
-    // What a former life has not been told.
+    // What a former incarnation has not been told.
     let (mut open, mut next) = (Vec::new(), 0);
     for (index, what) in lines {
         match what {
@@ -194,15 +194,15 @@ fn until<T>(mut ask: impl FnMut() -> Result<T, RemoteError>) -> T {
 impl Worker {
     /// Waits for the end of a motion.
     fn settle(&mut self, index: u32, id: Id) -> system::Outcome<()> {
-        let Outcome { state, reason, .. } = until(|| self.remote.wait(id, ANSWER));
+        let RemoteOutcome { state, reason, .. } = until(|| self.remote.wait(id, ANSWER));
         let word = match state {
             // In the words of the verdict.
-            State::Withdrawn | State::Superseded => "Never".to_owned(),
+            RemoteState::Withdrawn | RemoteState::Superseded => "Never".to_owned(),
             state => format!("{state:?}"),
         };
         let why = if reason.is_empty() { "None" } else { &reason };
         writeln!(self.log, "told {index} {word} {why}")?;
-        if state == State::Refused {
+        if state == RemoteState::Refused {
             // Until somebody has enabled the hand, which takes long on a machine that has much else to do.
             std::thread::sleep(ENABLED * (1 << self.refused.min(4)));
             self.refused += 1;

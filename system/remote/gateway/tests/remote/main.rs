@@ -26,8 +26,8 @@ mod verdict;
 use std::path::Path;
 use std::process::ExitCode;
 
-use condor_cli::{AnyError, Application, Run};
-use condor_host::description::Description;
+use condor_cli::{AnyError, Application, ProgramFunction};
+use condor_host::description::SystemDescription;
 use condor_rt::linux;
 use utah_mit_hand::compile::{compile_all, read_hand};
 use utah_mit_hand::master::Master;
@@ -45,7 +45,7 @@ type Test = fn() -> Outcome<()>;
 struct Hand;
 
 impl Application for Hand {
-    fn programs(&self) -> &[(&'static str, Run)] {
+    fn programs(&self) -> &[(&'static str, ProgramFunction)] {
         &[
             ("master", |arguments| linux::run(&Master, arguments)),
             ("plant", |arguments| linux::run(&Plant, arguments)),
@@ -55,7 +55,7 @@ impl Application for Hand {
         ]
     }
 
-    fn commands(&self) -> &[(&'static str, &'static str, Run)] {
+    fn commands(&self) -> &[(&'static str, &'static str, ProgramFunction)] {
         &[
             ("client", "Enqueues motions", |arguments| {
                 ends(client::run(&arguments))
@@ -71,7 +71,7 @@ impl Application for Hand {
         Ok(())
     }
 
-    fn prepare(&self, description: &Description) -> Result<(), AnyError> {
+    fn prepare(&self, description: &SystemDescription) -> Result<(), AnyError> {
         let (Some(hand), Some(files)) = (&description.robot, &description.files) else {
             return Err("the hand needs `robot` and `[files]`".into());
         };

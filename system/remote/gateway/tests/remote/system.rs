@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use condor_host::control::Client;
+use condor_host::control::ControlClient;
 use condor_host::services::terminals::type_in;
 use condor_host::system::SystemDirectory;
 use rustix::process::{Pid, Signal, kill_process};
@@ -97,7 +97,7 @@ impl Up {
 
     /// Kills a program, a service, or the supervisor. Returns whether it was there.
     pub(crate) fn kill(&self, name: &str) -> Outcome<bool> {
-        let Ok(mut client) = Client::connect(&self.directory()) else {
+        let Ok(mut client) = ControlClient::connect(&self.directory()) else {
             return Ok(false);
         };
         client.set_timeout(Some(Duration::from_secs(5)))?;
@@ -119,7 +119,7 @@ impl Up {
             if Instant::now() > deadline {
                 return Err(format!("it does not go down:\n{}", self.told()).into());
             }
-            if let Ok(client) = Client::connect(&self.directory()) {
+            if let Ok(client) = ControlClient::connect(&self.directory()) {
                 // One that is about to end does not answer.
                 let _ = client.down();
             }

@@ -1,9 +1,9 @@
-//! [`Known`]: the file of robots.
+//! [`RemoteConfig`]: the file of robots.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use condor_remote::Access;
+use condor_remote::RemoteAccess;
 use serde::Deserialize;
 
 use crate::AnyError;
@@ -11,20 +11,20 @@ use crate::AnyError;
 /// The robots of a user, and the name of the user's client.
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
-pub(crate) struct Known {
+pub(crate) struct RemoteConfig {
     client: Option<String>,
-    robots: BTreeMap<String, Access>,
+    robots: BTreeMap<String, RemoteAccess>,
 }
 
 /// The robot that is meant.
 pub(crate) struct Choice {
     /// Its name; `None` if it is the only one there.
     pub(crate) robot: Option<String>,
-    pub(crate) access: Access,
+    pub(crate) access: RemoteAccess,
     pub(crate) client: String,
 }
 
-impl Known {
+impl RemoteConfig {
     /// Reads a file, or that of this user if it is there.
     pub(crate) fn find(file: Option<&Path>) -> Result<Self, AnyError> {
         let usual = usual();
@@ -97,7 +97,7 @@ fn usual() -> Option<PathBuf> {
 mod tests {
     use super::*;
 
-    fn known(text: &str) -> Known {
+    fn known(text: &str) -> RemoteConfig {
         toml::from_str(text).expect("a file of robots")
     }
 
@@ -118,12 +118,12 @@ mod tests {
             (choice.robot.as_deref(), choice.client.as_str()),
             (Some("arm"), "desk")
         );
-        assert_eq!(choice.access, Access::to("tcp/a:1"));
+        assert_eq!(choice.access, RemoteAccess::to("tcp/a:1"));
     }
 
     #[test]
     fn what_is_missing_is_named() {
-        let complaint = |known: &Known, robot| {
+        let complaint = |known: &RemoteConfig, robot| {
             known
                 .choose(robot, &[], Some("lab"))
                 .err()
@@ -140,7 +140,9 @@ mod tests {
             complaint(&two, Some("leg"))
                 .is_some_and(|it| it.contains("no `leg`; it has arm, hand"))
         );
-        assert!(complaint(&Known::default(), None).is_some_and(|it| it.contains("--connect")));
+        assert!(
+            complaint(&RemoteConfig::default(), None).is_some_and(|it| it.contains("--connect"))
+        );
         assert!(
             two.choose(Some("arm"), &[], None)
                 .is_err_and(|it| it.to_string().contains("--client"))

@@ -10,11 +10,11 @@ use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
 use clap::{Parser, Subcommand};
-use condor_remote::{Id, Network, Outcome, Remote, RemoteError, State};
+use condor_remote::{Id, Network, Remote, RemoteError, RemoteOutcome, RemoteState};
 use serde_json::Value as Json;
 
-use known::Known;
-use watch::{Watched, duration, seconds};
+use known::RemoteConfig;
+use watch::{WatchedStream, duration, seconds};
 
 type AnyError = Box<dyn std::error::Error>;
 
@@ -164,7 +164,7 @@ fn main() -> ExitCode {
 
 fn run(line: &Line) -> Result<ExitCode, AnyError> {
     let timeout = line.timeout;
-    let known = Known::find(line.robots.as_deref())?;
+    let known = RemoteConfig::find(line.robots.as_deref())?;
     let choice = known.choose(line.robot.as_deref(), &line.connect, line.client.as_deref())?;
     let network = Network::open(&choice.access, &choice.client, timeout)?;
     if let Command::Robots = line.command {
@@ -183,7 +183,7 @@ fn run(line: &Line) -> Result<ExitCode, AnyError> {
         Command::Topics => show::topics(line.json, &remote.topics(timeout)?)?,
         Command::Vars(vars) => return self::vars(line, vars, &remote, timeout),
         Command::Plot { names, span } => {
-            plot::run(Watched::find(&remote, names, timeout)?, *span)?;
+            plot::run(WatchedStream::find(&remote, names, timeout)?, *span)?;
         }
         Command::Send {
             processor,
@@ -195,7 +195,7 @@ fn run(line: &Line) -> Result<ExitCode, AnyError> {
         }
         Command::Run { motions, control } => {
             for motion in motions {
-                if run_one(&remote, motion, *control, timeout)? != State::Done {
+                if run_one(&remote, motion, *control, timeout)? != RemoteState::Done {
                     return Ok(ExitCode::FAILURE);
                 }
             }
@@ -240,7 +240,7 @@ fn vars(
             show::change(line.json, name, &before, &value)?;
         }
         Vars::Watch { names, rows, limit } => {
-            let watched = Watched::find(remote, names, timeout)?;
+            let watched = WatchedStream::find(remote, names, timeout)?;
             watch::print(line.json, watched, *rows, *limit, timeout)?;
         }
     }
@@ -260,7 +260,7 @@ fn run_one(
     motion: &str,
     control: bool,
     timeout: Duration,
-) -> Result<State, AnyError> {
+) -> Result<RemoteState, AnyError> {
     let id = remote.next_id(timeout)?;
     eprintln!("{motion}: its identity is {id}");
     let uncertain = |error: RemoteError| {
@@ -288,8 +288,8 @@ fn run_one(
     Ok(outcome.state)
 }
 
-fn print(what: &str, outcome: &Outcome) {
-    let Outcome { state, reason, .. } = outcome;
+fn print(what: &str, outcome: &RemoteOutcome) {
+    let RemoteOutcome { state, reason, .. } = outcome;
     let comma = if reason.is_empty() { "" } else { ", " };
     println!("{what}: {state}{comma}{reason}");
 }

@@ -5,7 +5,7 @@ use std::io::{Write, stdout};
 use std::time::{Duration, Instant};
 
 use crate::AnyError;
-use crate::watch::Watched;
+use crate::watch::WatchedStream;
 
 /// The columns and lines of a drawing.
 const SIZE: (usize, usize) = (72, 8);
@@ -16,7 +16,7 @@ const KEPT: usize = 1 << 16;
 type Curve = VecDeque<(u64, f64)>;
 
 /// Waits for the time that is to be drawn, and draws it.
-pub(crate) fn run(mut all: Vec<Watched>, span: Duration) -> Result<(), AnyError> {
+pub(crate) fn run(mut all: Vec<WatchedStream>, span: Duration) -> Result<(), AnyError> {
     let curves = all.iter().map(|it| vec![Curve::new(); it.columns.len()]);
     let mut curves: Vec<_> = curves.collect();
     let end = Instant::now() + span;

@@ -2,7 +2,7 @@
 
 use std::io::{Write, stdout};
 
-use condor_remote::wire::Topic;
+use condor_remote::wire::RemoteTopic;
 use serde_json::{Value as Json, json};
 
 use crate::AnyError;
@@ -32,7 +32,7 @@ pub(crate) fn status(json: bool, status: &Json) -> Result<(), AnyError> {
     let rows = status["processors"].as_array().cloned().unwrap_or_default();
     let rows = rows.into_iter().map(|mut row| {
         row["mailbox"] = row["heart"]["presence"].take();
-        row["life"] = row["heart"]["life"].take();
+        row["incarnation"] = row["heart"]["incarnation"].take();
         let terminals = row["terminals"].as_array().into_iter().flatten();
         let lost = terminals.map(|it| it["lost"].as_u64().unwrap_or_default());
         row["lost on tty"] = lost.reduce(|sum, lost| sum + lost).into();
@@ -44,7 +44,7 @@ pub(crate) fn status(json: bool, status: &Json) -> Result<(), AnyError> {
         "kind",
         "state",
         "mailbox",
-        "life",
+        "incarnation",
         "pid",
         "restarts",
         "loops",
@@ -55,7 +55,7 @@ pub(crate) fn status(json: bool, status: &Json) -> Result<(), AnyError> {
 }
 
 /// Prints topics.
-pub(crate) fn topics(json: bool, topics: &[Topic]) -> Result<(), AnyError> {
+pub(crate) fn topics(json: bool, topics: &[RemoteTopic]) -> Result<(), AnyError> {
     if json {
         return values(true, vec![json!(topics)]);
     }

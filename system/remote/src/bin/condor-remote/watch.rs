@@ -1,9 +1,9 @@
-//! [`Watched`]: streams, with those of their variables that are meant.
+//! [`WatchedStream`]: streams, with those of their variables that are meant.
 
 use std::io::{Write, stdout};
 use std::time::{Duration, Instant};
 
-use condor_remote::{Message, Remote, RemoteError, Row, Stream};
+use condor_remote::{Remote, RemoteError, RemoteMessage, RemoteStream, RowMessage};
 use serde_json::{Map, Value as Json, json};
 
 use crate::AnyError;
@@ -12,8 +12,8 @@ use crate::AnyError;
 const LOOK: Duration = Duration::from_millis(5);
 
 /// A stream with some of its variables.
-pub(crate) struct Watched {
-    stream: Stream,
+pub(crate) struct WatchedStream {
+    stream: RemoteStream,
     /// Their columns, and their names.
     pub(crate) columns: Vec<(usize, String)>,
     /// The numbers of rows that have come, and of those that were lost.
@@ -21,7 +21,7 @@ pub(crate) struct Watched {
     pub(crate) lost: u64,
 }
 
-impl Watched {
+impl WatchedStream {
     /// Subscribes to the streams that have variables of these names or patterns. A name that begins with `/` is that of
     /// a topic, and means all of its variables.
     pub(crate) fn find(
@@ -69,7 +69,7 @@ impl Watched {
     }
 
     /// Waits a moment for the next row.
-    pub(crate) fn next(&mut self) -> Result<Option<Message>, AnyError> {
+    pub(crate) fn next(&mut self) -> Result<Option<RemoteMessage>, AnyError> {
         let message = self.stream.next(LOOK)?;
         if let Some(message) = &message {
             let lost = self.row(message)?.head().lost + message.lost;
@@ -80,7 +80,10 @@ impl Watched {
     }
 
     /// The row of a message.
-    pub(crate) fn row<'m>(&'m self, message: &'m Message) -> Result<Row<'m>, AnyError> {
+    pub(crate) fn row<'m>(
+        &'m self,
+        message: &'m RemoteMessage,
+    ) -> Result<RowMessage<'m>, AnyError> {
         let row = self.stream.row(message)?;
         Ok(row.ok_or_else(|| RemoteError::Strange(self.name().into()))?)
     }
@@ -89,7 +92,7 @@ impl Watched {
 /// Prints rows until there were so many, until a time is over, or for ever.
 pub(crate) fn print(
     json: bool,
-    mut all: Vec<Watched>,
+    mut all: Vec<WatchedStream>,
     most: Option<u64>,
     limit: Option<Duration>,
     timeout: Duration,
@@ -113,13 +116,13 @@ pub(crate) fn print(
         }
     }
     for watched in &all {
-        let Watched { rows, lost, .. } = watched;
+        let WatchedStream { rows, lost, .. } = watched;
         eprintln!("{}: {rows} rows, {lost} lost", watched.name());
     }
     Ok(())
 }
 
-fn line(json: bool, watched: &Watched, row: &Row<'_>) -> String {
+fn line(json: bool, watched: &WatchedStream, row: &RowMessage<'_>) -> String {
     let (head, name) = (row.head(), watched.name());
     let columns = watched.columns.iter();
     let values = columns.filter_map(|(column, name)| Some((name, row.value(*column)?.to_string())));

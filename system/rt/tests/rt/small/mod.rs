@@ -4,8 +4,8 @@ use std::time::Duration;
 
 use condor_mbox::{Backend, Clock as _, Mailbox, Messenger, Processor, Published, Region, Vector};
 use condor_mos::{Rate, Statistics};
-use condor_rt::objects::{self, Kind};
-use condor_rt::{Error, Machine, PROCESSORS, Program, Setup, loops};
+use condor_rt::objects::{self, ObjectKind};
+use condor_rt::{Machine, PROCESSORS, Program, ProgramError, Setup, loops};
 
 pub(crate) const SMALL: Processor = Processor(1);
 pub(crate) const VISITOR: Processor = Processor(20);
@@ -15,9 +15,9 @@ const ADD: Vector = Vector(5);
 pub(crate) struct Small;
 
 impl Program for Small {
-    fn run<M: Machine>(&self, machine: &M) -> Result<(), Error> {
+    fn run<M: Machine>(&self, machine: &M) -> Result<(), ProgramError> {
         let addend = machine.argument(0).and_then(|text| text.parse().ok());
-        let addend: u32 = addend.ok_or_else(|| Error::program(&"no addend"))?;
+        let addend: u32 = addend.ok_or_else(|| ProgramError::program(&"no addend"))?;
         let mut setup = Setup::new(machine)?;
         let mut ticks = setup.publish::<u32>("ticks")?;
         let (mut count, mut lost) = (0, 0);
@@ -49,13 +49,13 @@ pub(crate) fn watch<B: Backend<Window: Clone>>(mut mailbox: Mailbox<'_, B, PROCE
     let until = mailbox.doorbell().now().after(Duration::from_secs(20));
     loop {
         mailbox.serve(Duration::from_millis(20)).unwrap();
-        let servo = objects::find(&region, "servo", Kind::Loop)
+        let servo = objects::find(&region, "servo", ObjectKind::Loop)
             .unwrap()
             .unwrap();
         let is_late = mailbox.doorbell().now() > until;
         match loops::read(&region, &servo).unwrap() {
             Some(counts) if counts.run >= 80 || is_late => {
-                let ticks = objects::find(&region, "ticks", Kind::Other)
+                let ticks = objects::find(&region, "ticks", ObjectKind::Other)
                     .unwrap()
                     .unwrap();
                 let ticks = Published::<u32>::at(ticks.offset).subscriber(&region);

@@ -4,12 +4,15 @@ use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
 use condor_mbox::layout::header::INCARNATION;
-use condor_mbox::sim::{Mailbox, SimWindow, System};
+use condor_mbox::sim::{SimMailbox, SimSystem, SimWindow};
 use condor_mbox::{
-    Call, CriticalSection, Doorbell, Evidence, Exchange, Instant, LoadOrder, MemoryWindow,
-    Messenger, Places, Processor, Region,
+    Allocator, Call, CriticalSection, Doorbell, Evidence, Exchange, Instant, LoadOrder,
+    MemoryWindow, Messenger, Processor, Region,
 };
-use condor_vars::{Catalog, Client, Desk, Respond, Sampler, Server, Settings, Table, VARS, answer};
+use condor_vars::{
+    Catalog, Respond, Sampler, Selections, VARS, VariableClient, VariableServer, VariableSettings,
+    VariableTable, answer,
+};
 
 pub(crate) const OWNER: Processor = Processor(0);
 pub(crate) const PROCESSORS: usize = 4;
@@ -19,21 +22,21 @@ pub(crate) const TIMEOUT: Duration = Duration::from_millis(5);
 const BYTES: u32 = 1 << 14;
 
 pub(crate) type Window = SimWindow;
-pub(crate) type Post = Mailbox<'static, PROCESSORS>;
-pub(crate) type Asker<'m> = Client<'m, Post, Window>;
+pub(crate) type Post = SimMailbox<'static, PROCESSORS>;
+pub(crate) type Asker<'m> = VariableClient<'m, Post, Window>;
 pub(crate) type Loop = Sampler<'static, Window, 8, PIECES, SLOTS>;
-type Handler = Server<'static, Window, CriticalSection, PIECES, SLOTS>;
+type Handler = VariableServer<'static, Window, CriticalSection, PIECES, SLOTS>;
 
 /// A system in virtual time. What its owner's mailbox borrows is never freed.
 pub(crate) struct Rig {
-    pub(crate) system: System<PROCESSORS>,
+    pub(crate) system: SimSystem<PROCESSORS>,
     server: &'static Mutex<Option<&'static Handler>>,
     lives: &'static (dyn Fn(Processor) -> u32 + Sync),
 }
 
 impl Rig {
     pub(crate) fn new() -> Self {
-        let system = System::in_virtual_time(BYTES);
+        let system = SimSystem::in_virtual_time(BYTES);
         let server: &Mutex<Option<&'static Handler>> = Box::leak(Box::default());
         let data = system.windows(OWNER);
         let data = data.map(|windows| Region::users(windows.data).unwrap());
@@ -72,10 +75,10 @@ impl Rig {
     /// Starts the owner's program, or starts it anew.
     pub(crate) fn start(&self, catalog: Catalog<'static>, rows: u32) -> Loop {
         let own = self.users();
-        let mut places = Places::new(own.size());
-        let desk = Box::leak(Box::new(Desk::new()));
+        let mut places = Allocator::new(own.size());
+        let desk = Box::leak(Box::new(Selections::new()));
         let rate = (400, 1);
-        let settings = Settings { rate, rows };
+        let settings = VariableSettings { rate, rows };
         let (server, sampler) = desk
             .open(
                 catalog,
@@ -91,8 +94,8 @@ impl Rig {
         sampler
     }
 
-    pub(crate) fn table(&self) -> Table<Window> {
-        Table::open(&self.users(), 0).unwrap()
+    pub(crate) fn table(&self) -> VariableTable<Window> {
+        VariableTable::open(&self.users(), 0).unwrap()
     }
 
     /// The mailbox of a watcher that has just started.
@@ -106,15 +109,15 @@ impl Rig {
     pub(crate) fn client<'m>(&self, mailbox: &'m Post) -> Asker<'m> {
         let windows = self.system.windows(mailbox.number());
         let own = Region::users(windows[mailbox.number().index()].data.clone()).unwrap();
-        let mut places = Places::new(own.size());
-        Client::new(mailbox, own, &mut places, OWNER, VARS).unwrap()
+        let mut places = Allocator::new(own.size());
+        VariableClient::new(mailbox, own, &mut places, OWNER, VARS).unwrap()
     }
 }
 
 /// Asks with words of one's own choice.
 pub(crate) fn ask(mailbox: &Post, request: [u32; 8]) -> [u32; 8] {
     let own = mailbox.region(mailbox.number()).unwrap();
-    let mut places = Places::new(own.size());
+    let mut places = Allocator::new(own.size());
     let mut exchange = Exchange::new(mailbox, own, &mut places).unwrap();
     exchange.call(OWNER, VARS, &request, TIMEOUT).unwrap()
 }

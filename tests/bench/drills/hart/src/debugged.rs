@@ -3,7 +3,7 @@
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering::Relaxed};
 use core::time::Duration;
 
-use condor_rt::{Error, Machine, Program, Rate, Setup};
+use condor_rt::{Machine, Program, ProgramError, Rate, Setup};
 use nalgebra::Vector3;
 
 /// What a debugger reads and changes.
@@ -33,7 +33,7 @@ pub(crate) struct Debugged {
 }
 
 impl Program for Debugged {
-    fn run<M: Machine>(&self, machine: &M) -> Result<(), Error> {
+    fn run<M: Machine>(&self, machine: &M) -> Result<(), ProgramError> {
         Setup::new(machine)?
             .console()?
             .servo("slow", Rate::hz(50), &mut |_| {

@@ -9,8 +9,8 @@ use core::time::Duration;
 
 use board::{Hart, HartTimer, MTIME, stack};
 use condor_mbox::{Call, Clock as _, Messenger, Processor, Vector};
-use condor_mos::{Clock, LoopId, Loops, Overrun, Rate, Scan, Scheduler};
-use condor_rt::{Error, Machine as _, MailboxOf, Setup};
+use condor_mos::{ClockSpec, LoopId, Loops, Overrun, Rate, Scan, Scheduler};
+use condor_rt::{Machine as _, MailboxOf, ProgramError, Setup};
 use drills::WRONG;
 use drills::stack::{Depths, NAME, NESTED};
 
@@ -34,7 +34,7 @@ const TOGETHER: Duration = Duration::from_secs(3);
 const PATIENCE: Duration = Duration::from_secs(1);
 
 /// Measures, and publishes what came out.
-pub(crate) fn run(hart: &Hart) -> Result<(), Error> {
+pub(crate) fn run(hart: &Hart) -> Result<(), ProgramError> {
     // Its own mailbox, loops and interrupts: a level is to be what it is alone.
     let mut publisher = Setup::new(hart)?.publish::<Depths>(NAME)?;
     let state = Reached::default();
@@ -52,7 +52,7 @@ pub(crate) fn run(hart: &Hart) -> Result<(), Error> {
     };
     let depths = levels.measure()?;
     if state.failed.load(Ordering::Relaxed) {
-        return Err(Error::program(&WRONG));
+        return Err(ProgramError::program(&WRONG));
     }
     publisher.publish(&depths)?;
     Ok(())
@@ -106,10 +106,10 @@ struct Levels<'l, 'v> {
 }
 
 impl Levels<'_, '_> {
-    fn measure(&self) -> Result<Depths, Error> {
+    fn measure(&self) -> Result<Depths, ProgramError> {
         let Self { hart, state, .. } = self;
         let me = hart.number();
-        let table = Scan::try_new(&RATES, Clock::of::<u64>(MTIME))?;
+        let table = Scan::try_new(&RATES, ClockSpec::of::<u64>(MTIME))?;
         let scheduler: Two = Scheduler::new(hart.platform(), table);
         // Each sends when it begins and when it has computed: its own rings come while it runs.
         let mut fast = |_| {
@@ -138,7 +138,7 @@ impl Levels<'_, '_> {
             // Rings of the loops are noted while they run, and serve nothing afterwards.
             hart.with_mail(
                 || 0,
-                || -> Result<(), Error> {
+                || -> Result<(), ProgramError> {
                     depths.slow = self.alone(&scheduler, [SLOW, FAST], PERIOD_OF_SLOW)?;
                     depths.fast = self.alone(&scheduler, [FAST, SLOW], PERIOD_OF_FAST)?;
                     Ok(())
@@ -153,7 +153,7 @@ impl Levels<'_, '_> {
                 scheduler.enable(SLOW)?;
                 scheduler.enable(FAST)?;
                 stack::paint(hart);
-                let skipped = || -> Result<u32, Error> {
+                let skipped = || -> Result<u32, ProgramError> {
                     let (fast, slow) = (scheduler.statistics(FAST)?, scheduler.statistics(SLOW)?);
                     Ok(fast.skipped.wrapping_add(slow.skipped) as u32)
                 };
@@ -161,10 +161,10 @@ impl Levels<'_, '_> {
                     let before = skipped()?;
                     let end = hart.doorbell().now().after(TOGETHER);
                     self.background(me, end, false)?;
-                    Ok::<_, Error>(skipped()?.wrapping_sub(before))
+                    Ok::<_, ProgramError>(skipped()?.wrapping_sub(before))
                 })??;
                 depths.deepest = stack::deepest(hart);
-                Ok::<(), Error>(())
+                Ok::<(), ProgramError>(())
             })?
         })?;
         depths.at_once = state.at_once.load(Ordering::Relaxed);
@@ -177,7 +177,7 @@ impl Levels<'_, '_> {
     }
 
     /// What the first of two loops takes above an idle background.
-    fn alone(&self, scheduler: &Two, loops: [LoopId; 2], ticks: u64) -> Result<u32, Error> {
+    fn alone(&self, scheduler: &Two, loops: [LoopId; 2], ticks: u64) -> Result<u32, ProgramError> {
         let [alone, not] = loops;
         scheduler.enable(alone)?;
         scheduler.disable(not)?;
@@ -188,21 +188,21 @@ impl Levels<'_, '_> {
                 // There is room for the next.
                 self.mailbox.serve(Duration::ZERO)?;
             }
-            Ok::<_, Error>(())
+            Ok::<_, ProgramError>(())
         })??;
         Ok(most)
     }
 
     /// What the mailbox interrupt takes above an idle background.
-    fn mailbox_alone(&self, me: Processor, nested: u32) -> Result<u32, Error> {
+    fn mailbox_alone(&self, me: Processor, nested: u32) -> Result<u32, ProgramError> {
         let mut most = 0;
         for _ in 0..LOOKS {
-            let taken = critical_section::with(|_| -> Result<_, Error> {
+            let taken = critical_section::with(|_| -> Result<_, ProgramError> {
                 let mut ticket = self.mailbox.begin(me, ASK, nested, Duration::ZERO)?;
                 let taken = stack::taken(self.hart, LONGER_THAN_HANDLER);
                 match ticket.poll()? {
                     Some(reply) if reply == nested => Ok(taken),
-                    _ => Err(Error::program(&WRONG)),
+                    _ => Err(ProgramError::program(&WRONG)),
                 }
             })?;
             most = most.max(taken);
@@ -218,7 +218,7 @@ impl Levels<'_, '_> {
         me: Processor,
         end: condor_mbox::Instant,
         alone: bool,
-    ) -> Result<u32, Error> {
+    ) -> Result<u32, ProgramError> {
         let deepest = Cell::new(0);
         let look = || deepest.set(stack::deepest(self.hart).max(deepest.get()));
         if alone {
@@ -239,7 +239,7 @@ impl Levels<'_, '_> {
             };
             drop(ticket);
             if reply != nested {
-                return Err(Error::program(&WRONG));
+                return Err(ProgramError::program(&WRONG));
             }
             look();
             if self.hart.doorbell().now() >= end {

@@ -3,7 +3,7 @@
 use core::arch::asm;
 use core::time::Duration;
 
-use condor_rt::{Error, Machine, Program, Setup};
+use condor_rt::{Machine, Program, ProgramError, Setup};
 
 /// Joins, as any program does, and then does what its first argument says: `illegal`, `access`,
 /// `misaligned`, `stack`, `spin`, for ever, or `interrupt`.
@@ -11,7 +11,7 @@ use condor_rt::{Error, Machine, Program, Setup};
 pub(crate) struct Faulty;
 
 impl Program for Faulty {
-    fn run<M: Machine>(&self, machine: &M) -> Result<(), Error> {
+    fn run<M: Machine>(&self, machine: &M) -> Result<(), ProgramError> {
         Setup::new(machine)?.console()?.background(|background| {
             background.serve(Duration::from_millis(100))?;
             match machine.argument(0) {

@@ -11,8 +11,8 @@ use core::time::Duration;
 
 use board::{Hart, MTIME};
 use condor_mbox::{Call, Messenger, Vector};
-use condor_mos::{Clock, EventTable, LoopId, Loops, Overrun, Rate, Scheduler, Timer as _};
-use condor_rt::{Error, Machine as _, MailboxOf, Setup};
+use condor_mos::{ClockSpec, EventTable, LoopId, Loops, Overrun, Rate, Scheduler, Timer as _};
+use condor_rt::{Machine as _, MailboxOf, ProgramError, Setup};
 use drills::WRONG;
 use drills::instructions::{Counts, NAME};
 
@@ -68,7 +68,7 @@ global_asm!(
 );
 
 /// Counts, and publishes what came out.
-pub(crate) fn run(hart: &Hart) -> Result<(), Error> {
+pub(crate) fn run(hart: &Hart) -> Result<(), ProgramError> {
     // Its own mailbox and loops: what they take alone is counted.
     let mut publisher = Setup::new(hart)?.publish::<Counts>(NAME)?;
     let mut counts = Counts::default();
@@ -142,8 +142,8 @@ fn known(hart: &Hart, counts: &mut Counts) {
 }
 
 /// What releases take from the background.
-fn releases(hart: &Hart, counts: &mut Counts) -> Result<(), Error> {
-    let table = EventTable::<LOOPS, EVENTS>::try_new(&RATES, Clock::of::<u64>(MTIME))?;
+fn releases(hart: &Hart, counts: &mut Counts) -> Result<(), ProgramError> {
+    let table = EventTable::<LOOPS, EVENTS>::try_new(&RATES, ClockSpec::of::<u64>(MTIME))?;
     let scheduler: Scheduler<_, LOOPS, EVENTS> = Scheduler::new(hart.platform(), table);
     let mut fast = |_| body::<0>();
     let mut middle = |_| body::<1>();
@@ -165,7 +165,7 @@ fn releases(hart: &Hart, counts: &mut Counts) -> Result<(), Error> {
             counts.releases_counted = taken_until(slowest, WARM_UP + HYPERPERIODS);
             counts.releases = runs().wrapping_sub(before);
         };
-        Ok::<_, Error>(scheduler.run(background)?)
+        Ok::<_, ProgramError>(scheduler.run(background)?)
     })?;
     counts.hyperperiods = HYPERPERIODS;
     counts.releases_each = RELEASES;
@@ -174,7 +174,11 @@ fn releases(hart: &Hart, counts: &mut Counts) -> Result<(), Error> {
 }
 
 /// What messages to itself take.
-fn messages(hart: &Hart, mailbox: &MailboxOf<'_, Hart>, counts: &mut Counts) -> Result<(), Error> {
+fn messages(
+    hart: &Hart,
+    mailbox: &MailboxOf<'_, Hart>,
+    counts: &mut Counts,
+) -> Result<(), ProgramError> {
     let me = hart.number();
     for message in 0..WARM_UP + MESSAGES {
         let begun = counter();
@@ -186,7 +190,7 @@ fn messages(hart: &Hart, mailbox: &MailboxOf<'_, Hart>, counts: &mut Counts) -> 
         let replied = since(begun);
         sent?;
         if served? != 1 || reply? != message.wrapping_add(1) {
-            return Err(Error::program(&WRONG));
+            return Err(ProgramError::program(&WRONG));
         }
         if message >= WARM_UP {
             counts.messages = counts.messages.wrapping_add(1);

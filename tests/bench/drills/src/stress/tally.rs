@@ -3,7 +3,7 @@
 use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use core::time::Duration;
 
-use condor_mbox::{Call, Error, Messenger, Processor, Published, Vector};
+use condor_mbox::{Call, MailboxError, Messenger, Processor, Published, Vector};
 use condor_rt::PROCESSORS;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
@@ -115,7 +115,7 @@ impl Tally {
                 }
                 // So many handlers are in progress that there is no room for one more, or all slots
                 // wait for replies.
-                Err(Error::TooDeep { .. } | Error::NoSlot { .. }) => {}
+                Err(MailboxError::TooDeep { .. } | MailboxError::NoSlot { .. }) => {}
                 Err(_) => self.check(false),
             }
         }

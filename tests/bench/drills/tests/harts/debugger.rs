@@ -418,9 +418,9 @@ fn programs_are_started_from_the_debugger() {
 
 #[test]
 #[ignore = "needs the images of tests/firmware, QEMU and gdb-multiarch"]
-fn what_the_slave_calls_may_have_breakpoints() {
+fn what_the_stub_calls_may_have_breakpoints() {
     let up = up("");
-    // The copy of memory, the slave itself, and the program: only the last one stops, and by a step goes on.
+    // The copy of memory, the stub itself, and the program: only the last one stops, and by a step goes on.
     let seen = gdb(
         &up,
         &["one"],

@@ -38,7 +38,7 @@ fn processors() -> String {
 #[ignore = "needs QEMU and images: cargo xtask riscv"]
 fn a_trap_ends_one_program_and_no_other() {
     let up = Up::start(&processors(), NEEDS);
-    let life = up.pid_and_state("h1");
+    let incarnation = up.pid_and_state("h1");
     for (what, told) in TRAPS {
         let mut events = up.events();
         up.load("h0", &["faulty", what]);
@@ -51,7 +51,7 @@ fn a_trap_ends_one_program_and_no_other() {
         // The other one answers.
         assert_eq!(up.ask(1, 41), 42, "after {what}");
     }
-    assert_eq!(up.pid_and_state("h1"), life);
+    assert_eq!(up.pid_and_state("h1"), incarnation);
     up.load("h0", &["echo"]);
     assert_eq!(up.ask(0, 1), 2, "the hart runs programs again");
     up.end();

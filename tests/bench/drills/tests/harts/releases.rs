@@ -169,7 +169,7 @@ fn a_live_watch_costs_no_release() {
 /// How often a breakpoint is planted into a running program, and removed.
 const PLANTS: u32 = 300;
 
-/// A release that becomes due while the slave works comes later by what is left of that. So the greatest
+/// A release that becomes due while the stub works comes later by what is left of that. So the greatest
 /// lateness grows to the pause, if there are many.
 #[test]
 #[ignore = "needs the images of tests/firmware, QEMU and gdb-multiarch"]

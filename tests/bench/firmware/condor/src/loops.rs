@@ -2,13 +2,13 @@
 
 use board::body::body;
 use board::{LOOPS, RATES, report, switch_off, timer};
-use condor_mos::{Clock, EventTable, LoopId, Loops, Overrun, Rate, Scheduler, Wrapping};
+use condor_mos::{ClockSpec, EventTable, LoopId, Loops, Overrun, Rate, Scheduler, Wrapping};
 use cortex_m::singleton;
 
 use crate::Kept;
 use crate::platform::Board;
 
-const CLOCK: Clock = Clock::of::<Wrapping<32>>(Rate::hz(timer::HERTZ));
+const CLOCK: ClockSpec = ClockSpec::of::<Wrapping<32>>(Rate::hz(timer::HERTZ));
 const HERTZ: [Rate; LOOPS] = [Rate::hz(RATES[0]), Rate::hz(RATES[1]), Rate::hz(RATES[2])];
 
 /// Eight events of the fastest loop in a hyperperiod; the others are due with some of them.

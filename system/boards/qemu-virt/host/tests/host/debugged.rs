@@ -1,8 +1,8 @@
 //! The program of a hart, as a debugger reads and writes it.
 
 use condor_debug::Tracer;
-use condor_debug::gateway::{Debuggee, Program};
-use condor_mbox::linux::{Access, LinuxWindow};
+use condor_debug::gateway::{DebuggedProgram, Debuggee};
+use condor_mbox::linux::{LinuxWindow, WindowAccess};
 use condor_mbox::{MemoryWindow as _, Region};
 
 /// Whoever reads while 8 bytes are written sees all of the old ones or all of the new.
@@ -11,7 +11,7 @@ use condor_mbox::{MemoryWindow as _, Region};
 fn eight_bytes_are_written_in_one_piece() {
     let file = tempfile::tempfile().unwrap();
     file.set_len(4096).unwrap();
-    let map = || Region::whole(LinuxWindow::map(&file, 0, 4096, Access::ReadWrite).unwrap());
+    let map = || Region::whole(LinuxWindow::map(&file, 0, 4096, WindowAccess::ReadWrite).unwrap());
     let (area, memory, seen) = (map(), map(), map());
     let place = tempfile::tempdir().unwrap();
     let debuggee = Debuggee {
@@ -22,7 +22,7 @@ fn eight_bytes_are_written_in_one_piece() {
         code: 0..0,
         bias: 0,
         lock: place.path().join("lock"),
-        program: Box::new(|| Program::Runs(1)),
+        program: Box::new(|| DebuggedProgram::Runs(1)),
         host: None,
     };
     let writer = std::thread::spawn(move || {

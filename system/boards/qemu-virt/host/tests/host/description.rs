@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use condor_host::application::Programs;
-use condor_host::description::{Description, ProgramEntry};
+use condor_host::description::{ProgramEntry, SystemDescription};
 use qemu_virt_host::{HARTS as EXTENSION, Map, Qemu};
 
 use crate::elf;
@@ -13,7 +13,7 @@ use crate::elf;
 const OWN: Programs<'_> = Programs::new(&[("servo", |_| ExitCode::SUCCESS)]).with(&[EXTENSION]);
 
 fn told(text: &str, file: &Path) -> Vec<String> {
-    let Err(mistakes) = Description::from_toml(text, file, &OWN) else {
+    let Err(mistakes) = SystemDescription::from_toml(text, file, &OWN) else {
         return Vec::new();
     };
     let mistakes = mistakes.0.iter();
@@ -67,7 +67,7 @@ fn place_of_harts() -> (tempfile::TempDir, PathBuf) {
 #[test]
 fn a_machine_is_laid_out_by_its_harts() {
     let (place, file) = place_of_harts();
-    let description = Description::from_toml(HARTS, &file, &OWN).unwrap();
+    let description = SystemDescription::from_toml(HARTS, &file, &OWN).unwrap();
     let kinds = description
         .processors
         .iter()

@@ -3,7 +3,8 @@
 use condor_mbox::{MemoryWindow, Region, StaticMemory};
 use proptest::prelude::*;
 use qemu_virt_host::{
-    ARGUMENT_BYTES, Control, ERROR_BYTES, Fault, HartState, Map, MapError, Order, map,
+    ARGUMENT_BYTES, Control, ERROR_BYTES, HartFault, HartState, Map, MemoryMapError, StartOrder,
+    map,
 };
 
 const MEMORY: u32 = 16 << 20;
@@ -27,7 +28,7 @@ fn what_the_host_lays_out_the_harts_find() {
     let map = Map::new(MEMORY, &[1, 2, 3, 0], 65536, 16384, 8192).unwrap();
     assert!(matches!(
         Map::read(&memory),
-        Err(MapError::NoMap { found: 0 })
+        Err(MemoryMapError::NoMap { found: 0 })
     ));
     map.write(&memory).unwrap();
     assert_eq!(Map::read(&memory).unwrap(), map);
@@ -58,26 +59,26 @@ fn nothing_overlaps() {
 fn what_cannot_be_laid_out_is_said() {
     assert_eq!(
         Map::new(MEMORY, &[], 65536, 0, 0),
-        Err(MapError::Harts { found: 0 })
+        Err(MemoryMapError::Harts { found: 0 })
     );
     assert_eq!(
         Map::new(MEMORY, &[0; 9], 65536, 0, 0),
-        Err(MapError::Harts { found: 9 })
+        Err(MemoryMapError::Harts { found: 9 })
     );
     assert_eq!(
         Map::new(MEMORY, &[0, 32], 65536, 0, 0),
-        Err(MapError::Number {
+        Err(MemoryMapError::Number {
             hart: 1,
             number: 32
         })
     );
     assert_eq!(
         Map::new(MEMORY, &[3, 3], 65536, 0, 0),
-        Err(MapError::Number { hart: 1, number: 3 })
+        Err(MemoryMapError::Number { hart: 1, number: 3 })
     );
     assert!(matches!(
         Map::new(MEMORY, &[0], 1 << 20, 0, 0),
-        Err(MapError::TooSmall { found: MEMORY, needed }) if needed > u64::from(MEMORY)
+        Err(MemoryMapError::TooSmall { found: MEMORY, needed }) if needed > u64::from(MEMORY)
     ));
     assert!(Map::new(u32::MAX, &[0], u32::MAX, u32::MAX, 0).is_err());
 }
@@ -93,7 +94,7 @@ fn a_program_is_started_asked_and_abandoned() {
     hart.wait().unwrap();
     assert_eq!(host.state(), Ok(HartState::Waits));
     assert_eq!(hart.wanted(), Ok(None));
-    let order = Order {
+    let order = StartOrder {
         entry: 0x20_0000,
         arguments: b"servo\0a\0",
         simulated: Some([u64::MAX, 1, 2, 3, 4, 5, 6, 7]),
@@ -131,7 +132,7 @@ fn a_program_is_started_asked_and_abandoned() {
     assert_eq!(hart.is_abandoned(), Ok(true));
     hart.leave().unwrap();
     assert_eq!(host.state(), Ok(HartState::Abandoned { start: 2 }));
-    let mut fault = Fault {
+    let mut fault = HartFault {
         cause: 2,
         pc: 0x8000_1234_5678_9abc,
         value: u64::MAX,
@@ -149,7 +150,7 @@ fn a_program_is_started_asked_and_abandoned() {
 fn texts_that_are_too_long_are_cut_off() {
     let memory = memory();
     let control = Control::new(&memory, 0).unwrap();
-    let order = Order {
+    let order = StartOrder {
         entry: 0,
         arguments: &[b'a'; ARGUMENT_BYTES + 3],
         simulated: None,
@@ -164,7 +165,7 @@ fn texts_that_are_too_long_are_cut_off() {
     assert_eq!(error, [b'a'; ERROR_BYTES]);
     assert_eq!(
         control.fault(),
-        Ok(Fault::default()),
+        Ok(HartFault::default()),
         "nothing else is hurt"
     );
 }

@@ -11,13 +11,15 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use condor_clock::{Handover, Page, Until};
-use condor_host::supervisor::{Exit, Image, Launch, LaunchError, RunState, Stop};
+use condor_host::supervisor::{Exit, Launch, LaunchError, ProgramImage, RunState, StopMethod};
 use condor_mbox::linux::{Claim, LinuxDoorbell};
 use condor_mbox::{Clock, Doorbell, MemoryWindow, Processor};
-use condor_rt::linux::{Bells, Environment, Loops, MappedPage};
+use condor_rt::linux::{Bells, Environment, LoopContext, MappedPage};
 use condor_rt::numbers::{PROCESSORS, SUPERVISOR};
 use qemu_virt_host::service::Bridge;
-use qemu_virt_host::{ARGUMENT_BYTES, Fault, Hart, HartState, MachineMemory, Map, Power, RAM};
+use qemu_virt_host::{
+    ARGUMENT_BYTES, HartFault, HartLauncher, HartState, MachineMemory, Map, Power, RAM,
+};
 
 use crate::elf;
 
@@ -29,7 +31,7 @@ struct Rig {
     directory: tempfile::TempDir,
     memory: MachineMemory,
     power: Power,
-    hart: Hart,
+    hart: HartLauncher,
     supervisor: Claim<PROCESSORS>,
     bridge: Option<Bridge>,
     /// The machine's end of the line.
@@ -53,7 +55,7 @@ impl Rig {
         let bridge = Some(Bridge::start(ours, harts.to_vec(), Some(page)).unwrap());
         let power = Power::new();
         let doorbell = supervisor.doorbell().clone();
-        let hart = Hart::new(memory.clone(), HART, doorbell, power.clone()).unwrap();
+        let hart = HartLauncher::new(memory.clone(), HART, doorbell, power.clone()).unwrap();
         Self {
             directory,
             memory,
@@ -73,7 +75,7 @@ impl Rig {
         self.monitor = Some(std::thread::spawn(move || monitor(&memory, line)));
     }
 
-    fn image(&self, arguments: &[&str]) -> Image {
+    fn image(&self, arguments: &[&str]) -> ProgramImage {
         let file = self.directory.path().join("program.elf");
         std::fs::write(&file, elf::File::pie().build()).unwrap();
         let environment = Environment {
@@ -84,12 +86,12 @@ impl Rig {
             shared_memory: None,
             clock: None,
             work_ns: Default::default(),
-            loops: Loops::Threads,
+            loops: LoopContext::Threads,
             cpu: None,
             priority: None,
         };
         let arguments = arguments.iter().map(|&one| one.into()).collect();
-        Image::new(file, arguments, environment)
+        ProgramImage::new(file, arguments, environment)
     }
 
     fn run(&mut self, arguments: &[&str]) {
@@ -146,11 +148,11 @@ fn monitor(memory: &MachineMemory, mut line: UnixStream) -> Vec<u8> {
             match &arguments[..len] {
                 b"end\x007\0" => control.end(7).unwrap(),
                 b"fault\0" => {
-                    let mut fault = Fault {
+                    let mut fault = HartFault {
                         cause: 5,
                         pc: RAM + u64::from(entry) + 2,
                         value: 0x1000_0000,
-                        ..Fault::default()
+                        ..HartFault::default()
                     };
                     fault.registers[1] = 0x8100_0000;
                     control.set_fault(&fault).unwrap();
@@ -203,14 +205,14 @@ fn a_program_is_started_stopped_and_replaced() {
     assert_eq!(rig.hart.state(), RunState::Runs);
     assert!(matches!(rig.hart.load(&image), Err(LaunchError::Runs)));
     assert!(matches!(rig.hart.start(), Err(LaunchError::Runs)));
-    rig.hart.stop(Stop::Ask).unwrap();
+    rig.hart.stop(StopMethod::Ask).unwrap();
     assert_eq!(rig.exit(), Exit::Status(0));
 
     rig.run(&["end", "7"]);
     assert_eq!(rig.exit(), Exit::Status(7));
     rig.run(&["wait"]);
     rig.until_it_runs();
-    rig.hart.stop(Stop::Force).unwrap();
+    rig.hart.stop(StopMethod::Force).unwrap();
     let how = "killed: its hart is in the monitor again";
     assert_eq!(rig.exit(), Exit::Other(how.into()));
     // As it was before: what it changed in its data is not there any more.
@@ -252,10 +254,10 @@ fn a_hart_that_does_not_come_back_is_given_up() {
     rig.switch_on();
     rig.run(&["deaf"]);
     rig.until_it_runs();
-    rig.hart.stop(Stop::Ask).unwrap();
+    rig.hart.stop(StopMethod::Ask).unwrap();
     std::thread::sleep(Duration::from_millis(50));
     assert_eq!(rig.hart.state(), RunState::Runs);
-    rig.hart.stop(Stop::Force).unwrap();
+    rig.hart.stop(StopMethod::Force).unwrap();
     let exit = rig.exit().to_string();
     assert!(exit.starts_with("its hart does not come back"), "{exit}");
     assert!(matches!(rig.hart.start(), Err(LaunchError::Runs)));
@@ -304,7 +306,7 @@ fn what_a_hart_cannot_run_is_refused() {
     let error = rig.hart.load(&image).unwrap_err().to_string();
     assert!(error.contains("cannot read \"/nowhere\""), "{error}");
     let doorbell = rig.supervisor.doorbell().clone();
-    let error = Hart::new(rig.memory.clone(), 2, doorbell, Power::new()).unwrap_err();
+    let error = HartLauncher::new(rig.memory.clone(), 2, doorbell, Power::new()).unwrap_err();
     assert_eq!(error.to_string(), "there is no hart 2: the machine has 2");
 }
 

@@ -3,7 +3,7 @@
 use crate::elf::{DYN, EXEC, File, Segment};
 use condor_mbox::MemoryWindow;
 use proptest::prelude::*;
-use qemu_virt_host::{Image, ImageError, MachineMemory, Map, RAM};
+use qemu_virt_host::{HartImage, HartImageError, MachineMemory, Map, RAM};
 
 use crate::elf;
 
@@ -17,8 +17,8 @@ fn range(hart: u32) -> u64 {
     RAM + u64::from(map().programs.at(hart))
 }
 
-fn image(file: &File) -> Result<Image, ImageError> {
-    Image::new(&file.build(), &map(), 1)
+fn image(file: &File) -> Result<HartImage, HartImageError> {
+    HartImage::new(&file.build(), &map(), 1)
 }
 
 /// What a program reads at an address of its own, after it was put into the memory.
@@ -71,7 +71,7 @@ fn a_program_that_was_linked_for_its_range_stays_there() {
     assert_eq!(image.linked(code), Some(code));
     file.shift(range(0).wrapping_sub(range(1)));
     let (begin, end) = (range(0), range(0) + elf::CODE_BYTES);
-    let error = Image::new(&file.build(), &map(), 1).unwrap_err();
+    let error = HartImage::new(&file.build(), &map(), 1).unwrap_err();
     let (least, most) = (range(1), range(1) + u64::from(map().program_bytes()));
     assert_eq!(
         error.to_string(),
@@ -258,7 +258,7 @@ proptest! {
         if len < 0x400 {
             bytes.truncate(len);
         }
-        if let Ok(image) = Image::new(&bytes, &map(), 1) {
+        if let Ok(image) = HartImage::new(&bytes, &map(), 1) {
             let (begin, end) = (image.offset(), image.offset() + image.len());
             prop_assert!(begin >= map().programs.at(1));
             prop_assert!(end <= map().programs.at(1) + map().program_bytes());

@@ -12,7 +12,7 @@ fn written(directory: &SystemDirectory) -> String {
     std::fs::read_to_string(directory.typing()).expect("a record")
 }
 
-fn type_all(pen: &Pen, now: u64, name: &str, from: u64, characters: &[u8]) {
+fn type_all(pen: &ScriptWriter, now: u64, name: &str, from: u64, characters: &[u8]) {
     for (place, character) in (from..).zip(characters) {
         pen.begin(Turn::Any, now);
         assert!(pen.sends(name, place, *character).expect("room"));
@@ -25,7 +25,7 @@ const RECORD: &str = "condor typing 1\n0 a 0 run\\r\n0 a 4 \\xc3\\xa9\\\\\n7 b 0
 fn a_record_has_a_line_for_what_was_typed_together() {
     let (_place, directory) = directory();
     begin(&directory, None).expect("room");
-    let pen = Pen::open(&directory).expect("a record");
+    let pen = ScriptWriter::open(&directory).expect("a record");
     type_all(&pen, 0, "a", 0, b"run\r");
     type_all(&pen, 0, "a", 4, "é\\".as_bytes());
     type_all(&pen, 7, "b", 0, b" x\x03");
@@ -38,12 +38,12 @@ fn a_record_has_a_line_for_what_was_typed_together() {
 fn without_the_turn_nothing_is_typed_and_again_what_was_recorded() {
     let (_place, directory) = directory();
     begin(&directory, None).expect("room");
-    let pen = Pen::open(&directory).expect("a record");
+    let pen = ScriptWriter::open(&directory).expect("a record");
     type_all(&pen, 5, "a", 0, b"x");
     pen.begin(Turn::None, 6);
     assert!(!pen.sends("a", 1, b'y').expect("room"));
     // A service that comes after it sends what may not have been sent, and records it no more.
-    let pen = Pen::open(&directory).expect("a record");
+    let pen = ScriptWriter::open(&directory).expect("a record");
     pen.begin(Turn::Recorded, 5);
     assert!(!pen.sends("a", 1, b'y').expect("room"));
     assert!(pen.sends("a", 0, b'x').expect("room"));
@@ -58,7 +58,7 @@ fn what_was_cut_anywhere_is_not_recorded() {
     let whole = "condor typing 1\n12 a 0 ru\\r\n12 b 34 \\x03";
     for length in "condor typing 1".len()..=whole.len() {
         std::fs::write(directory.typing(), &whole[..length]).expect("room");
-        let pen = Pen::open(&directory).expect("a record");
+        let pen = ScriptWriter::open(&directory).expect("a record");
         let left = written(&directory);
         assert!(whole.starts_with(&left), "{left}");
         let count = |name: &str| pen.recorded_of(name);
@@ -92,7 +92,7 @@ fn a_script_is_typed_at_its_instants_and_in_its_order() {
         (typed("a"), typed("b")),
         ("run\ré\\".into(), b" x\x03".into())
     );
-    let mut pen = Pen::open(&directory).expect("a record");
+    let mut pen = ScriptWriter::open(&directory).expect("a record");
     let mut count = 0;
     while let Some(at) = pen.next_instant() {
         let name = if count < 7 { "a" } else { "b" };
@@ -117,7 +117,7 @@ fn a_script_is_typed_at_its_instants_and_in_its_order() {
         assert!(pen.sends(name, place, character).expect("room"));
         count += 1;
         // Whichever service goes on.
-        pen = Pen::open(&directory).expect("a record");
+        pen = ScriptWriter::open(&directory).expect("a record");
     }
     assert_eq!(count, 10);
     let text = written(&directory).replace('\n', " ");

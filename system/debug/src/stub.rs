@@ -1,14 +1,14 @@
-//! [`Slave`]: what runs on the processor.
+//! [`Stub`]: what runs on the processor.
 
 use condor_mbox::{AccessError, MemoryWindow, Region};
 
 use crate::arch::Arch;
-use crate::area::{self, Area, Entry, Reason, Trigger};
+use crate::area::{self, Area, Entry, HoldReason, Trigger};
 
 /// What a trap handler does after an exception.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[must_use]
-pub enum Outcome {
+pub enum TrapOutcome {
     /// Restore all registers from the frame.
     Resume,
     /// The same, but the program goes on behind the breakpoint instruction, which is its own, unless the
@@ -18,14 +18,14 @@ pub enum Outcome {
     Fatal,
 }
 
-/// The debugger's slave on a processor.
+/// The debugger's stub on a processor.
 #[derive(Clone, Debug)]
-pub struct Slave<W> {
+pub struct Stub<W> {
     area: Area<W>,
 }
 
-impl<W: MemoryWindow> Slave<W> {
-    /// Makes the slave with this debug area, of [`AREA_BYTES`](crate::AREA_BYTES) bytes.
+impl<W: MemoryWindow> Stub<W> {
+    /// Makes the stub with this debug area, of [`AREA_BYTES`](crate::AREA_BYTES) bytes.
     pub const fn new(area: Region<W>) -> Self {
         Self {
             area: Area::new(area),
@@ -74,7 +74,7 @@ impl<W: MemoryWindow> Slave<W> {
     /// [`AccessError`] if the area cannot be accessed.
     pub fn obey(&self, arch: &impl Arch) -> Result<(), AccessError> {
         match self.execute(arch)? {
-            Some(area::STOP) => self.hold(arch, Reason::Stopped),
+            Some(area::STOP) => self.hold(arch, HoldReason::Stopped),
             _ => Ok(()),
         }
     }
@@ -88,7 +88,7 @@ impl<W: MemoryWindow> Slave<W> {
         &self,
         arch: &impl Arch,
         breakpoint: Option<u64>,
-    ) -> Result<Outcome, AccessError> {
+    ) -> Result<TrapOutcome, AccessError> {
         // What the table says is more than what stands there: the trap entry may have lifted it.
         let is_planted = match breakpoint {
             Some(address) => self.find(address, area::INSTRUCTION)?.is_some(),
@@ -96,32 +96,32 @@ impl<W: MemoryWindow> Slave<W> {
         };
         if breakpoint.is_some_and(|address| !is_planted && !arch.is_breakpoint(address)) {
             if self.is_triggered()? {
-                self.hold(arch, Reason::Trigger)?;
+                self.hold(arch, HoldReason::Trigger)?;
             } else {
                 // It was removed after the processor had fetched it.
                 arch.synchronize();
             }
-            return Ok(Outcome::Resume);
+            return Ok(TrapOutcome::Resume);
         }
         let mode = self.area.mode()?;
         // A breakpoint of a debugger that has gone waits for whoever releases the program.
         if !mode.attached && !mode.hold_exceptions && !is_planted {
-            return Ok(Outcome::Fatal);
+            return Ok(TrapOutcome::Fatal);
         }
         let reason = match breakpoint {
-            Some(_) => Reason::Breakpoint,
-            None => Reason::Exception,
+            Some(_) => HoldReason::Breakpoint,
+            None => HoldReason::Exception,
         };
         self.hold(arch, reason)?;
         Ok(if breakpoint.is_none() || is_planted {
-            Outcome::Resume
+            TrapOutcome::Resume
         } else {
-            Outcome::ResumeBehind
+            TrapOutcome::ResumeBehind
         })
     }
 
     /// Holds the program, whose registers are in the frame, until the debugger resumes it.
-    fn hold(&self, arch: &impl Arch, reason: Reason) -> Result<(), AccessError> {
+    fn hold(&self, arch: &impl Arch, reason: HoldReason) -> Result<(), AccessError> {
         let holds = self.area.word(area::HOLDS)?;
         self.area.set(area::REASON, reason.word())?;
         self.area.set(area::HOLDS, holds.wrapping_add(1))?;

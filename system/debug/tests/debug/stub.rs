@@ -1,18 +1,20 @@
-//! Slave and tracer on a processor whose program counts.
+//! Stub and tracer on a processor whose program counts.
 
 use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use condor_debug::sim::{self, SimProcessor};
-use condor_debug::{Access, Breakpoint, Mode, Reason, State, Tracer, TracerError, Trigger};
+use condor_debug::{
+    Breakpoint, DebugRequest, HoldReason, ProgramState, Tracer, TracerError, Trigger, TriggerAccess,
+};
 use condor_mbox::sim::SimWindow;
 use proptest::prelude::*;
 
 /// How long anything may take on a machine that has much else to do.
 const DEADLINE: Duration = Duration::from_secs(60);
 
-pub(crate) const ATTACHED: Mode = Mode {
+pub(crate) const ATTACHED: DebugRequest = DebugRequest {
     attached: true,
     hold_exceptions: false,
     hold_start: false,
@@ -81,7 +83,7 @@ pub(crate) const fn at(address: u64) -> Breakpoint {
 fn written() -> Breakpoint {
     Breakpoint::Trigger(Trigger {
         address: 4 * STORED,
-        access: Access::Write,
+        access: TriggerAccess::Write,
         bytes: 4,
     })
 }
@@ -99,13 +101,13 @@ const PROGRAM: [u32; 4] = [sim::COUNT, sim::COUNT, sim::COUNT, sim::JUMP];
 fn a_stopped_program_stays_as_it_was_and_goes_on() {
     let running = Running::new(&PROGRAM);
     let tracer = running.tracer();
-    assert_eq!(tracer.stop(), Ok(Reason::Stopped));
+    assert_eq!(tracer.stop(), Ok(HoldReason::Stopped));
     let counted = tracer.register(sim::COUNTER).unwrap();
-    assert_eq!(tracer.stop(), Ok(Reason::Stopped), "it stands already");
+    assert_eq!(tracer.stop(), Ok(HoldReason::Stopped), "it stands already");
     assert_eq!(tracer.register(sim::COUNTER), Ok(counted));
     tracer.set_register(sim::COUNTER, 1 << 40).unwrap();
     tracer.plant(&[], true).unwrap();
-    assert_eq!(tracer.state(), Ok(State::Runs));
+    assert_eq!(tracer.state(), Ok(ProgramState::Runs));
     assert!(running.end() >= 1 << 40);
 }
 
@@ -116,17 +118,17 @@ fn a_breakpoint_stops_where_it_is_and_leaves_no_trace() {
     tracer.set_mode(ATTACHED).unwrap();
     // Into a running program.
     tracer.plant(&[at(4)], false).unwrap();
-    until(|| tracer.state() == Ok(State::Held(Reason::Breakpoint)));
+    until(|| tracer.state() == Ok(ProgramState::Held(HoldReason::Breakpoint)));
     assert_eq!(tracer.register(sim::PC), Ok(4));
     assert_eq!(tracer.planted().unwrap()[0].original, sim::COUNT);
     let counted = tracer.register(sim::COUNTER).unwrap();
     // One instruction further: a step.
     tracer.plant(&[at(8)], true).unwrap();
-    until(|| tracer.holds() == Ok(2) && tracer.state() != Ok(State::Runs));
+    until(|| tracer.holds() == Ok(2) && tracer.state() != Ok(ProgramState::Runs));
     assert_eq!(tracer.register(sim::COUNTER), Ok(counted + 1));
     tracer.release().unwrap();
     assert_eq!(running.words(), PROGRAM);
-    assert_eq!(tracer.mode(), Ok(Mode::default()));
+    assert_eq!(tracer.mode(), Ok(DebugRequest::default()));
     running.end();
 }
 
@@ -138,13 +140,13 @@ fn an_exception_waits_for_a_debugger_only_if_one_wants_it() {
 
     let running = Running::new(&PROGRAM);
     let tracer = running.tracer();
-    let mode = Mode {
+    let mode = DebugRequest {
         hold_exceptions: true,
-        ..Mode::default()
+        ..DebugRequest::default()
     };
     tracer.set_mode(mode).unwrap();
     running.processor.memory().set_word(8, fault).unwrap();
-    until(|| tracer.state() == Ok(State::Held(Reason::Exception)));
+    until(|| tracer.state() == Ok(ProgramState::Held(HoldReason::Exception)));
     // Nobody is attached; somebody comes, repairs it, and goes.
     running.processor.memory().set_word(8, sim::COUNT).unwrap();
     tracer.release().unwrap();
@@ -159,11 +161,11 @@ fn the_programs_own_breakpoint_is_passed_once() {
     tracer.set_mode(ATTACHED).unwrap();
     let memory = running.processor.memory();
     memory.set_word(4, sim::BREAKPOINT).unwrap();
-    until(|| tracer.state() == Ok(State::Held(Reason::Breakpoint)));
+    until(|| tracer.state() == Ok(ProgramState::Held(HoldReason::Breakpoint)));
     let holds = tracer.holds().unwrap();
     tracer.plant(&[], true).unwrap();
     // It comes again with the next turn, two counts later.
-    until(|| tracer.holds() == Ok(holds + 1) && tracer.state() != Ok(State::Runs));
+    until(|| tracer.holds() == Ok(holds + 1) && tracer.state() != Ok(ProgramState::Runs));
     memory.set_word(4, sim::COUNT).unwrap();
     tracer.release().unwrap();
     running.end();
@@ -177,7 +179,7 @@ fn what_cannot_be_planted_is_refused_by_address_and_nothing_resumes() {
     let address = 0x1000;
     let refused = Err(TracerError::Refused { address });
     assert_eq!(tracer.plant(&[at(0), at(address)], true), refused);
-    assert_eq!(tracer.state(), Ok(State::Held(Reason::Stopped)));
+    assert_eq!(tracer.state(), Ok(ProgramState::Held(HoldReason::Stopped)));
     assert_eq!(tracer.planted().unwrap().len(), 1);
     tracer.release().unwrap();
     assert_eq!(running.words(), PROGRAM);
@@ -190,13 +192,13 @@ fn a_trigger_stops_before_the_store_until_it_is_removed() {
     let tracer = running.tracer();
     tracer.set_mode(ATTACHED).unwrap();
     tracer.plant(&[written()], false).unwrap();
-    until(|| tracer.state() == Ok(State::Held(Reason::Trigger)));
+    until(|| tracer.state() == Ok(ProgramState::Held(HoldReason::Trigger)));
     assert_eq!(tracer.register(sim::PC), Ok(8));
     let counted = tracer.register(sim::COUNTER).unwrap() as u32;
     let stored = running.words()[STORED as usize];
     assert_eq!(stored.wrapping_add(2), counted, "not yet");
     // The processor has no room for another, and none for instructions.
-    for access in [Access::Write, Access::Execute] {
+    for access in [TriggerAccess::Write, TriggerAccess::Execute] {
         let trigger = Trigger {
             address: 0,
             access,
@@ -208,7 +210,7 @@ fn a_trigger_stops_before_the_store_until_it_is_removed() {
     }
     // One step further, without the trigger.
     tracer.plant(&[at(16)], true).unwrap();
-    until(|| tracer.state() == Ok(State::Held(Reason::Breakpoint)));
+    until(|| tracer.state() == Ok(ProgramState::Held(HoldReason::Breakpoint)));
     assert_eq!(running.words()[STORED as usize], counted);
     tracer.release().unwrap();
     assert_eq!(program(&running), STORING);
@@ -277,7 +279,7 @@ proptest! {
         }
         until(|| tracer.try_release().unwrap());
         prop_assert_eq!(program(&running), STORING.to_vec());
-        prop_assert_eq!(tracer.state(), Ok(State::Runs));
+        prop_assert_eq!(tracer.state(), Ok(ProgramState::Runs));
         running.end();
     }
 }
