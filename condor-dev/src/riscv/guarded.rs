@@ -1,6 +1,6 @@
 //! [`GuardedMmio`]: an access fault is a bus error.
 
-use crate::bus::{AccessError, Bus, BusErrorKind, Width};
+use crate::bus::{Bus, BusAccessError, BusErrorKind, Width};
 use crate::guarded::{load, resume, store};
 use crate::mmio::Mmio;
 
@@ -34,8 +34,8 @@ impl GuardedMmio {
     }
 }
 
-const fn no_answer(address: usize) -> AccessError {
-    AccessError {
+const fn no_answer(address: usize) -> BusAccessError {
+    BusAccessError {
         address,
         kind: BusErrorKind::NoAnswer,
     }
@@ -62,10 +62,10 @@ pub fn on_fault(cause: usize, instruction: usize) -> Option<usize> {
 }
 
 impl Bus for GuardedMmio {
-    type Error = AccessError;
+    type Error = BusAccessError;
 
     #[inline]
-    fn read(&self, address: usize, width: Width) -> Result<u32, AccessError> {
+    fn read(&self, address: usize, width: Width) -> Result<u32, BusAccessError> {
         let register = self.0.register(address, width)?;
         // SAFETY: it is aligned and in a range for which the caller of `Mmio`'s constructor vouches,
         // unless it faults, for which that of `new` does.
@@ -73,7 +73,7 @@ impl Bus for GuardedMmio {
     }
 
     #[inline]
-    fn write(&self, address: usize, width: Width, value: u32) -> Result<(), AccessError> {
+    fn write(&self, address: usize, width: Width, value: u32) -> Result<(), BusAccessError> {
         let register = self.0.register(address, width)?;
         // SAFETY: as in `read`.
         unsafe { store(register, width, value) }.ok_or(no_answer(address))

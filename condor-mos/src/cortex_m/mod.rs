@@ -1,7 +1,7 @@
 //! Cortex-M: loops in interrupt vectors of the NVIC, and the core's own counter as a timer.
 //!
 //! A core of this family does not let an interrupt interrupt its own priority, so loops cannot nest
-//! by a call from the timer's handler. [`Vectors`] gives each rank an interrupt that the chip does
+//! by a call from the timer's handler. [`VectorPlatform`] gives each rank an interrupt that the chip does
 //! not use, except the fastest rank, which runs in the timer's handler. It makes a
 //! [`Platform`](crate::Platform) of any [`Alarm`](crate::Alarm): a timer of the chip, or the one
 //! here.
@@ -13,8 +13,8 @@
 //!
 //! ```ignore
 //! // 16 MHz, of which SysTick makes 2 kHz; four levels of priority; two interrupts to spare.
-//! static SCHEDULER: Scheduler<Vectors<Ticks, 2>, 3, 8> = Scheduler::new(
-//!     Vectors::new(Ticks::new(16_000_000, 8_000), [20, 21], 2),
+//! static SCHEDULER: Scheduler<VectorPlatform<Ticks, 2>, 3, 8> = Scheduler::new(
+//!     VectorPlatform::new(Ticks::new(16_000_000, 8_000), [20, 21], 2),
 //!     EventTable::new(&[Rate::hz(400), Rate::hz(100), Rate::hz(50)], Ticks::clock(16_000_000, 8_000)),
 //! );
 //!
@@ -42,4 +42,4 @@ mod ticks;
 mod vectors;
 
 pub use ticks::Ticks;
-pub use vectors::Vectors;
+pub use vectors::VectorPlatform;

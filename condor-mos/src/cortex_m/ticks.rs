@@ -4,8 +4,8 @@ use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
 use ::cortex_m::peripheral::{SCB, SYST, syst::SystClkSource};
 
-use crate::clock::Clock;
-use crate::instant::{Instant, Wrapping};
+use crate::clock::ClockSpec;
+use crate::instant::{CounterReading, Wrapping};
 use crate::rate::Rate;
 use crate::timer::{Alarm, Armed, Timer};
 
@@ -58,8 +58,8 @@ impl Ticks {
     /// # Panics
     /// If `core_hz` or `cycles` is 0; in a constant, that is an error of compilation.
     #[must_use]
-    pub const fn clock(core_hz: u32, cycles: u32) -> Clock {
-        Clock::of::<Wrapping<32>>(Rate::fraction(core_hz, cycles))
+    pub const fn clock(core_hz: u32, cycles: u32) -> ClockSpec {
+        ClockSpec::of::<Wrapping<32>>(Rate::fraction(core_hz, cycles))
     }
 
     /// Starts `SysTick` and its interrupt. Call it before [`Loops::start`](crate::Loops::start).

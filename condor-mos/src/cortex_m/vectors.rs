@@ -26,7 +26,7 @@ const INTERRUPTS: u16 = if size_of::<RegisterBlock>() > 0x400 {
 /// fastest loop. The other ranks have the priorities below [the timer's](Alarm::LEVELS). The first
 /// of the timer's priorities is 0, which the core sets at a reset; a second one is that of
 /// `PendSV`.
-pub struct Vectors<T, const N: usize> {
+pub struct VectorPlatform<T, const N: usize> {
     timer: T,
     ranks: [Vector; N],
     priority_bits: u8,
@@ -73,7 +73,7 @@ unsafe impl InterruptNumber for Vector {
     }
 }
 
-impl<T: Alarm, const N: usize> Vectors<T, N> {
+impl<T: Alarm, const N: usize> VectorPlatform<T, N> {
     /// Makes the platform. `interrupts[i]` is the interrupt of rank *i* + 1, by its number in the
     /// vector table of the chip. `priority_bits` is the number of priority bits of the chip's NVIC:
     /// 2 on Cortex-M0 and M0+.
@@ -136,7 +136,7 @@ impl<T: Alarm, const N: usize> Vectors<T, N> {
     }
 }
 
-impl<T: Alarm, const N: usize> Timer for Vectors<T, N> {
+impl<T: Alarm, const N: usize> Timer for VectorPlatform<T, N> {
     type Instant = T::Instant;
 
     #[inline]
@@ -160,7 +160,7 @@ impl<T: Alarm, const N: usize> Timer for Vectors<T, N> {
     }
 }
 
-impl<T: Alarm, const N: usize> Platform for Vectors<T, N> {
+impl<T: Alarm, const N: usize> Platform for VectorPlatform<T, N> {
     const VECTORS: bool = true;
 
     #[inline]

@@ -11,8 +11,8 @@ mod summary;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use condor_cli::{AnyError, Application, Run};
-use condor_host::description::Description;
+use condor_cli::{AnyError, Application, ProgramFunction};
+use condor_host::description::SystemDescription;
 use condor_host::extension::Extension;
 use condor_host::system::SystemDirectory;
 use condor_rt::linux;
@@ -22,7 +22,7 @@ use qemu_virt_host::HARTS;
 struct Drills;
 
 impl Application for Drills {
-    fn programs(&self) -> &[(&'static str, Run)] {
+    fn programs(&self) -> &[(&'static str, ProgramFunction)] {
         &[
             ("echo", |arguments| linux::run(&Echo, arguments)),
             ("order", |arguments| linux::run(&Order, arguments)),
@@ -48,7 +48,7 @@ impl Application for Drills {
 
     fn summarize(
         &self,
-        description: &Description,
+        description: &SystemDescription,
         directory: &SystemDirectory,
     ) -> Result<(), AnyError> {
         summary::of(description, directory)

@@ -1,6 +1,6 @@
 //! What came out of a drill.
 
-use condor_host::description::Description;
+use condor_host::description::SystemDescription;
 use condor_host::error::AnyError;
 use condor_host::system::SystemDirectory;
 use condor_host::view::View;
@@ -13,7 +13,10 @@ use drills::table::{self, Times};
 ///
 /// # Errors
 /// The memory's; a processor that has counted something wrong, or has not come to an end.
-pub(crate) fn of(description: &Description, directory: &SystemDirectory) -> Result<(), AnyError> {
+pub(crate) fn of(
+    description: &SystemDescription,
+    directory: &SystemDirectory,
+) -> Result<(), AnyError> {
     let view = View::open(directory, description.window_bytes)?;
     let mut regions = Vec::new();
     for processor in &description.processors {

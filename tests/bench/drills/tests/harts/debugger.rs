@@ -6,7 +6,7 @@ use std::os::unix::net::UnixStream;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use condor_host::control::{MemberState, Request};
+use condor_host::control::{ControlRequest, MemberState};
 
 use crate::running::{DRILLS, Up};
 
@@ -639,12 +639,12 @@ fn a_held_program_can_be_stopped_by_its_supervisor() {
     let up = up("");
     let (mut gateway, _debugger) = held(&up, "one");
     let processor = || "one".to_owned();
-    let stop = Request::Stop {
+    let stop = ControlRequest::Stop {
         processor: processor(),
     };
     up.client().ask(&stop).unwrap();
     assert_eq!(up.member("one").state, MemberState::Stopped);
-    let start = Request::Start {
+    let start = ControlRequest::Start {
         processor: processor(),
     };
     up.client().ask(&start).unwrap();

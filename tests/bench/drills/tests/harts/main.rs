@@ -9,7 +9,7 @@ mod simulated;
 
 use std::time::Duration;
 
-use condor_host::control::{MemberState, Request};
+use condor_host::control::{ControlRequest, MemberState};
 use running::{Up, image};
 
 const NEEDS: &str = "QEMU and images: cargo xtask riscv";
@@ -61,14 +61,14 @@ fn a_trap_ends_one_program_and_no_other() {
 #[ignore = "needs QEMU and images: cargo xtask riscv"]
 fn a_program_that_fails_says_why_in_the_log() {
     let up = Up::start(&processors(), NEEDS);
-    let refused = up.client().ask(&Request::Load {
+    let refused = up.client().ask(&ControlRequest::Load {
         processor: "h0".into(),
         program: up.member("h0").program,
         arguments: vec!["table".into(), "to=nobody".into()],
     });
     let refused = refused.unwrap_err().to_string();
     assert!(refused.contains("`h0` is not running"), "{refused}");
-    let log = up.client().ask(&Request::Log { lines: 20 }).unwrap();
+    let log = up.client().ask(&ControlRequest::Log { lines: 20 }).unwrap();
     let log = log.lines.unwrap().join("\n");
     let error = "h0: an argument is missing or wrong: NAME=PROCESSOR,PROCESSOR,…";
     assert!(log.contains(error), "{log}");
@@ -95,7 +95,7 @@ fn a_program_that_does_not_listen_is_taken_away() {
     let up = Up::start(&processors(), NEEDS);
     up.load("h0", &["faulty", "spin"]);
     up.client()
-        .ask(&Request::Stop {
+        .ask(&ControlRequest::Stop {
             processor: "h0".into(),
         })
         .unwrap();

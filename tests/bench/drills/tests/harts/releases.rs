@@ -4,7 +4,7 @@ use std::io::{BufRead as _, BufReader};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-use condor_debug::{Breakpoint, State, Tracer};
+use condor_debug::{Breakpoint, ProgramState, Tracer};
 use condor_host::view::View;
 use condor_mbox::Processor;
 use qemu_virt_host::MachineMemory;
@@ -86,7 +86,7 @@ fn killed_debuggers_leave_programs_as_they_were() {
         let gateway = child.id();
         let output = std::thread::spawn(move || child.wait_with_output());
         std::thread::sleep(Duration::from_millis(random % LATEST));
-        held += u32::from(tracer.state() != Ok(State::Runs));
+        held += u32::from(tracer.state() != Ok(ProgramState::Runs));
         // GDB itself, if it has been started.
         let started = children(gateway);
         match started.first() {
@@ -96,7 +96,7 @@ fn killed_debuggers_leave_programs_as_they_were() {
         output.join().unwrap().unwrap();
         let begun = Instant::now();
         while !tracer.planted().unwrap().is_empty()
-            || tracer.state() != Ok(State::Runs)
+            || tracer.state() != Ok(ProgramState::Runs)
             || tracer.mode().unwrap().attached
         {
             let limit = Duration::from_secs(60);

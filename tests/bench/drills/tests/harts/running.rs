@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use condor_host::control::{Client, Events, Member, MemberState, Request};
+use condor_host::control::{ControlClient, ControlEvents, ControlRequest, Member, MemberState};
 use condor_host::system::SystemDirectory;
 
 /// How long anything may take on a machine that has much else to do.
@@ -84,13 +84,13 @@ impl Up {
         SystemDirectory::at(self.place.path().join("condor/tested"))
     }
 
-    pub(crate) fn client(&self) -> Client {
-        let mut client = Client::connect(&self.directory()).unwrap();
+    pub(crate) fn client(&self) -> ControlClient {
+        let mut client = ControlClient::connect(&self.directory()).unwrap();
         client.set_timeout(Some(DEADLINE)).unwrap();
         client
     }
 
-    pub(crate) fn events(&self) -> Events {
+    pub(crate) fn events(&self) -> ControlEvents {
         self.client().events().unwrap()
     }
 
@@ -120,7 +120,7 @@ impl Up {
 
     /// Has a processor run the image that it has, with other arguments.
     pub(crate) fn load(&self, name: &str, arguments: &[&str]) {
-        let request = Request::Load {
+        let request = ControlRequest::Load {
             processor: name.into(),
             program: self.member(name).program,
             arguments: arguments.iter().map(|&one| one.into()).collect(),
@@ -178,7 +178,7 @@ impl Up {
 
     /// Takes it down, which must succeed.
     pub(crate) fn end(mut self) {
-        self.client().ask(&Request::Down {}).unwrap();
+        self.client().ask(&ControlRequest::Down {}).unwrap();
         self.child.wait().unwrap();
     }
 }
@@ -191,7 +191,7 @@ impl Drop for Up {
 }
 
 /// Waits until a processor has come into a state.
-pub(crate) fn wait(events: &mut Events, name: &str, state: MemberState) {
+pub(crate) fn wait(events: &mut ControlEvents, name: &str, state: MemberState) {
     let mut told = String::new();
     for event in events.by_ref() {
         let event = event.unwrap_or_else(|error| panic!("{error}; before:\n{told}"));
