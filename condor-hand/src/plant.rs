@@ -1,9 +1,9 @@
 //! A simulated hand: fingers pulled by tendons, an object and a ground that they touch, and their
 //! sensors.
 //!
-//! A [`Finger`] is a mechanism with [`Kinematics`](crate::kinematics::Kinematics) and
+//! A [`SimFinger`] is a mechanism with [`Kinematics`](crate::kinematics::Kinematics) and
 //! [`Dynamics`](crate::dynamics::Dynamics), [`JointParameters`] and one [`SimDrive`] for each tendon.
-//! A [`Hand`] has fingers, an [`SimObject`] and a [`SimGround`] that their tips touch, and a [`SimTable`]
+//! A [`SimHand`] has fingers, a [`SimObject`] and a [`SimGround`] that their tips touch, and a [`SimTable`]
 //! that carries the palm. A [`SensorBank`] converts the state into the readings of converters, with
 //! noise and scripted [`SensorFault`]s.
 //!

@@ -1,7 +1,7 @@
 //! A queue of motions for several clients, in which no request runs twice. With the feature `mbox`,
 //! `message::motions` serves it by message.
 //!
-//! A client opens a session, and gives each request an [`RequestIdentity`]: the session and a number that
+//! A client opens a session, and gives each request a [`RequestIdentity`]: the session and a number that
 //! counts up. Whatever is lost on the way, the client sends the same request again until it gets an
 //! answer. The queue records what becomes of each request in a [`Ledger`], whose rows outlive the
 //! program, so the same identity always has the same outcome:
@@ -29,7 +29,7 @@
 //! [tells](MotionQueue::take_control) so that the program can announce it.
 //!
 //! ```
-//! use condor_hand::queue::{QueueAnswer, Identity, MotionQueue, Owner, RefusalReason, LedgerRow, RequestState};
+//! use condor_hand::queue::{QueueAnswer, RequestIdentity, MotionQueue, SessionOwner, RefusalReason, LedgerRow, RequestState};
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! // A ledger in memory; that of a program is a file, or memory that outlives it.
@@ -39,10 +39,10 @@
 //!     Ok::<_, std::io::Error>(())
 //! };
 //! let mut queue = MotionQueue::<&str, 4, 2, 8>::restore(&[], 1, &mut write)?;
-//! let arm = Owner { processor: 3, incarnation: 1 };
+//! let arm = SessionOwner { processor: 3, incarnation: 1 };
 //! let session = queue.open(arm, &mut write)?.expect("a place for a session");
 //! queue.take_control(session, false);
-//! let wave = Identity { session, number: 1 };
+//! let wave = RequestIdentity { session, number: 1 };
 //! queue.offer(wave, &mut write, || Ok("wave"))?;
 //! queue.offer(wave, &mut write, || Ok("wave"))?; // sent again: nothing changes
 //! assert_eq!(queue.start(&mut write)?, Some((wave, "wave")));

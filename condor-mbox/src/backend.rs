@@ -12,7 +12,7 @@ use crate::window::MemoryWindow;
 ///
 /// ```
 /// use condor_mbox::sim::{SimDoorbell, SimWindow};
-/// use condor_mbox::{Backend, CriticalSection, Error, Mailbox, Messenger, Processor, Vector};
+/// use condor_mbox::{Backend, CriticalSection, MailboxError, Mailbox, Messenger, Processor, Vector};
 /// # use std::time::Duration;
 ///
 /// struct Board;
@@ -23,12 +23,12 @@ use crate::window::MemoryWindow;
 ///     type Exclusion = CriticalSection;
 /// }
 ///
-/// fn greet(mailbox: &Mailbox<'_, Board, 2>) -> Result<(), Error> {
+/// fn greet(mailbox: &Mailbox<'_, Board, 2>) -> Result<(), MailboxError> {
 ///     mailbox.send(Processor(1), Vector(3), 7, Duration::ZERO)
 /// }
 ///
 /// // The same on every machine:
-/// fn greet_anywhere<B: Backend>(mailbox: &Mailbox<'_, B, 2>) -> Result<(), Error> {
+/// fn greet_anywhere<B: Backend>(mailbox: &Mailbox<'_, B, 2>) -> Result<(), MailboxError> {
 ///     mailbox.send(Processor(1), Vector(3), 7, Duration::ZERO)
 /// }
 /// ```

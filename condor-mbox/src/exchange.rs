@@ -30,7 +30,7 @@ const REFUSED: u32 = 0;
 ///
 /// ```
 /// use std::time::Duration;
-/// use condor_mbox::sim::System;
+/// use condor_mbox::sim::SimSystem;
 /// use condor_mbox::exchange::answer;
 /// use condor_mbox::{
 ///     Call, Exchange, MemoryWindow, Messenger, Allocator, Processor, Region, Vector,
@@ -48,7 +48,7 @@ const REFUSED: u32 = 0;
 ///     derivative: f32,
 /// }
 ///
-/// let system = System::<2>::in_real_time(4096);
+/// let system = SimSystem::<2>::in_real_time(4096);
 ///
 /// // The controller reads the request from the sender's data, and writes the response there.
 /// let data = system.windows(CONTROLLER).map(|windows| Region::users(windows.data).unwrap());

@@ -13,7 +13,7 @@
 //! [doorbell]: Doorbell
 //! [exclusion]: Exclusion
 //! [backend]: Backend
-//! [error]: enum@Error
+//! [error]: enum@MailboxError
 #![cfg_attr(not(condor_loom), doc = "[static_memory]: StaticMemory")]
 //!
 // Its first examples want the feature.

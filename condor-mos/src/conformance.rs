@@ -4,7 +4,7 @@
 //! second lets a little time pass in which they can come.
 //!
 //! ```
-//! use condor_mos::sim::Processor;
+//! use condor_mos::sim::SimPlatform;
 //! use condor_mos::{Rate, Timer, conformance};
 //! use std::sync::atomic::{AtomicU32, Ordering};
 //!

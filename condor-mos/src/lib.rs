@@ -16,7 +16,7 @@
 //! [platform]: Platform
 #![cfg_attr(
     all(feature = "sim", not(target_os = "none")),
-    doc = "[sim]: sim::Processor"
+    doc = "[sim]: sim::SimPlatform"
 )]
 //!
 #![doc = include_str!("../README.md")]

@@ -67,7 +67,7 @@ pub trait Loops: Runner + Sync {
     ///
     /// # Errors
     /// [`StartError::Connect`] if no handler can be connected to the timer's interrupt;
-    /// [`StartError::ClockSpec`] or [`StartError::Started`] as in [`start`](Self::start). `background`
+    /// [`StartError::Clock`] or [`StartError::Started`] as in [`start`](Self::start). `background`
     /// has not run then.
     fn run<R>(&self, background: impl FnOnce() -> R) -> Result<R, StartError>
     where
@@ -78,7 +78,7 @@ pub trait Loops: Runner + Sync {
     ///
     /// # Errors
     /// [`StartError::Connect`] if no handler can be connected to the timer's interrupt;
-    /// [`StartError::ClockSpec`] or [`StartError::Started`] as in [`start`](Self::start). `background`
+    /// [`StartError::Clock`] or [`StartError::Started`] as in [`start`](Self::start). `background`
     /// has not run then.
     fn run_from<R>(
         &self,
@@ -91,7 +91,7 @@ pub trait Loops: Runner + Sync {
     /// Starts the schedule: all enabled loops are due now, each after its phase.
     ///
     /// # Errors
-    /// [`StartError::ClockSpec`] if the schedule was made for another clock than the platform's,
+    /// [`StartError::Clock`] if the schedule was made for another clock than the platform's,
     /// [`StartError::NoHandler`] if the platform knows that its interrupts have no handler,
     /// [`StartError::Started`] if it has started already.
     fn start(&self) -> Result<(), StartError>;
@@ -100,7 +100,7 @@ pub trait Loops: Runner + Sync {
     /// processors can begin together.
     ///
     /// # Errors
-    /// [`StartError::ClockSpec`], [`StartError::NoHandler`] or [`StartError::Started`], as in
+    /// [`StartError::Clock`], [`StartError::NoHandler`] or [`StartError::Started`], as in
     /// [`start`](Self::start).
     fn start_at(&self, instant: Self::Instant) -> Result<(), StartError>;
 

@@ -3,27 +3,27 @@
 //! [`Tty`] is the driver. A terminal has no address that could be probed, so the program says by
 //! [`TerminalTable`] which terminal is at which place; until it does, the start of the switch finds
 //! none. From then on `open(":tty", board, mode)` returns a descriptor, like that of any device,
-//! and `condor-dev`'s [`Stream`](condor_dev::Stream) and buffered standard output and input work
+//! and `condor-dev`'s [`Stream`](condor_dev::DeviceStream) and buffered standard output and input work
 //! over it.
 //!
 //! ```
 //! use std::sync::OnceLock;
 //! use std::time::Duration;
 //!
-//! use condor_dev::sim::Bus;
-//! use condor_dev::stdio::{self, Buffering, Output};
-//! use condor_dev::{Mode, NoInterrupts, Location, DeviceStream, Switch, device_switch};
-//! use condor_mbox::sim::{Mailbox, SimWindow, System};
+//! use condor_dev::sim::SimBus;
+//! use condor_dev::stdio::{self, Buffering, BufferedOutput};
+//! use condor_dev::{OpenMode, NoInterrupts, Location, DeviceStream, Switch, device_switch};
+//! use condor_mbox::sim::{SimMailbox, SimWindow, SimSystem};
 //! use condor_mbox::{Call, CriticalSection, MemoryWindow, Messenger, Allocator, Processor, Region};
 //! use condor_tty::dev::{AnyTerminal, TerminalTable, TerminalBoard, Tty};
-//! use condor_tty::{Reader, Terminal, TerminalVectors};
+//! use condor_tty::{TerminalReader, Terminal, TerminalVectors};
 //!
 //! # const HOST: Processor = Processor(0);
 //! const HAND: Processor = Processor(1);
 //!
 //! static TERMINAL: OnceLock<Terminal<SimWindow, CriticalSection, 128>> = OnceLock::new();
-//! static MAILBOX: OnceLock<Mailbox<'static, 2>> = OnceLock::new();
-//! type Board = TerminalBoard<'static, SimWindow, CriticalSection, Mailbox<'static, 2>, 128>;
+//! static MAILBOX: OnceLock<SimMailbox<'static, 2>> = OnceLock::new();
+//! type Board = TerminalBoard<'static, SimWindow, CriticalSection, SimMailbox<'static, 2>, 128>;
 //! static BOARD: OnceLock<Board> = OnceLock::new();
 //!
 //! /// One terminal, at a place that is nobody's address.
@@ -38,7 +38,7 @@
 //! device_switch! {
 //!     struct Devices { tty: Tty<Panel> = [Location::at(0)] }
 //! }
-//! type Hand = Switch<Bus, NoInterrupts, Devices, 4>;
+//! type Hand = Switch<SimBus, NoInterrupts, Devices, 4>;
 //!
 //! /// What the program does while it waits for a terminal: a second at most.
 //! fn serve(looks: u32) -> bool {
@@ -47,12 +47,12 @@
 //! }
 //!
 //! static SWITCH: OnceLock<Hand> = OnceLock::new();
-//! static OUTPUT: Output<DeviceStream<'static, Hand, fn(u32) -> bool>, 256> = Output::new(Buffering::Line);
+//! static OUTPUT: BufferedOutput<DeviceStream<'static, Hand, fn(u32) -> bool>, 256> = BufferedOutput::new(Buffering::Line);
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
-//! # let system = System::<2>::in_virtual_time(4096);
+//! # let system = SimSystem::<2>::in_virtual_time(4096);
 //! # let [_, windows] = system.windows(HAND);
-//! # let bus = Bus::new();
+//! # let bus = SimBus::new();
 //! let ram = Region::users(windows.data)?;
 //! let mut places = Allocator::new(ram.size());
 //! let terminal = Terminal::new(ram.clone(), &mut places, 1024, CriticalSection)?;
@@ -68,11 +68,11 @@
 //!
 //! let devices = SWITCH.get_or_init(|| Switch::new(bus, NoInterrupts, Devices::new()));
 //! devices.start();
-//! let fd = devices.open(":tty", 0, Mode::READ | Mode::WRITE)?;
+//! let fd = devices.open(":tty", 0, OpenMode::READ | OpenMode::WRITE)?;
 //! OUTPUT.open(DeviceStream::new(devices, fd, serve as fn(u32) -> bool)).ok();
 //! stdio::set_output(&OUTPUT)?;
 //! condor_dev::println!("joint {} is at {:.3} rad", 3, 0.25);
-//! # let mut reader = Reader::attach(ram, 0, HOST)?;
+//! # let mut reader = TerminalReader::attach(ram, 0, HOST)?;
 //! # let mut shown = [0; 64];
 //! # let count = reader.fetch(&mut shown)?.len;
 //! # assert_eq!(&shown[..count], b"joint 3 is at 0.250 rad\r\n");

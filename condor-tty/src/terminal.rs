@@ -30,7 +30,7 @@ use crate::settings::TerminalSettings;
 /// ```
 /// use std::time::Duration;
 ///
-/// use condor_mbox::sim::System;
+/// use condor_mbox::sim::SimSystem;
 /// use condor_mbox::{Call, CriticalSection, MemoryWindow, Allocator, Processor, Region};
 /// use condor_tty::{Terminal, TerminalVectors};
 /// use embedded_io::{Read, Write};
@@ -39,7 +39,7 @@ use crate::settings::TerminalSettings;
 /// const HAND: Processor = Processor(1);
 ///
 /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
-/// # let system = System::<2>::in_virtual_time(4096);
+/// # let system = SimSystem::<2>::in_virtual_time(4096);
 /// // The terminal before the mailbox, whose handlers borrow it.
 /// let [_, windows] = system.windows(HAND);
 /// let ram = Region::users(windows.data)?;

@@ -84,11 +84,11 @@ fn system<E: Into<io::Error>>(doing: &'static str) -> impl FnOnce(E) -> BusMapEr
 ///
 /// ```
 /// use condor_dev::Bus;
-/// use condor_dev::linux::{Access, LinuxBus};
+/// use condor_dev::linux::{MapAccess, LinuxBus};
 ///
 /// let file = tempfile::tempfile()?;
 /// file.set_len(0x1000)?;
-/// let bus = LinuxBus::map(&file, 0, 0xee00_0000, 0x1000, Access::ReadWrite)?;
+/// let bus = LinuxBus::map(&file, 0, 0xee00_0000, 0x1000, MapAccess::ReadWrite)?;
 /// bus.write16(0xee00_0020, 0xadc0)?;
 /// assert_eq!(bus.read16(0xee00_0020)?, 0xadc0);
 ///

@@ -3,13 +3,13 @@
 //!
 //! * [`BufReader`] and [`BufWriter`] belong to one context, like any value. [`ReadLine`] reads
 //!   lines and pieces into the caller's memory.
-//! * [`Output`] and [`BufferedInput`] are shared: each is a `static`, installed once as the program's
+//! * [`BufferedOutput`] and [`BufferedInput`] are shared: each is a `static`, installed once as the program's
 //!   standard output and input with [`set_output`] and [`set_input`]. [`print!`](crate::print!) and
 //!   [`println!`](crate::println!) write to the output and may wait for it; [`post!`](crate::post!)
 //!   and [`postln!`](crate::postln!) never wait.
 //!
 //! ```
-//! use condor_dev::stdio::{self, Buffering, Output};
+//! use condor_dev::stdio::{self, Buffering, BufferedOutput};
 //! # struct Console;
 //! # impl embedded_io::ErrorType for Console { type Error = core::convert::Infallible; }
 //! # impl embedded_io::Write for Console {
@@ -17,7 +17,7 @@
 //! #     fn flush(&mut self) -> Result<(), Self::Error> { Ok(()) }
 //! # }
 //!
-//! static OUTPUT: Output<Console, 256> = Output::new(Buffering::Line);
+//! static OUTPUT: BufferedOutput<Console, 256> = BufferedOutput::new(Buffering::Line);
 //!
 //! // At start-up, with a `DeviceStream` of an open descriptor for example:
 //! OUTPUT.open(Console).ok().unwrap();

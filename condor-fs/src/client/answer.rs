@@ -54,7 +54,7 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize>
 }
 
 impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'m, S, W, FILES> {
-    /// Returns a ticket for the result of the call that ended with [`Error::TimedOut`](super::Error::TimedOut) and this
+    /// Returns a ticket for the result of the call that ended with [`Error::TimedOut`](super::FileError::TimedOut) and this
     /// `receipt`. Bytes that it read into the file's own buffer are copied to `into`, which must have
     /// room for them; it may be empty for every other call.
     ///
@@ -68,14 +68,14 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
     ///
     /// ```
     /// # use core::time::Duration;
-    /// # use condor_fs::{OperationResult, Error, File, FileSystem, OpenOptions};
+    /// # use condor_fs::{OperationResult, FileError, File, FileSystem, OpenOptions};
     /// # use condor_mbox::{MemoryWindow, Messenger};
     /// # fn open<'f, 'm, S: Messenger, W: MemoryWindow, const FILES: usize>(
     /// #     files: &'f FileSystem<'m, S, W, FILES>,
-    /// # ) -> Result<Option<File<'f, 'm, S, W, FILES>>, Error> {
+    /// # ) -> Result<Option<File<'f, 'm, S, W, FILES>>, FileError> {
     /// Ok(match files.open("log", OpenOptions::new().append().create()) {
     ///     // Later, and not another open.
-    ///     Err(Error::TimedOut { receipt, .. }) => {
+    ///     Err(FileError::TimedOut { receipt, .. }) => {
     ///         match files.ticket(receipt, &mut []).wait(Duration::from_secs(60))? {
     ///             OperationResult::File(file) => Some(file),
     ///             _ => None,

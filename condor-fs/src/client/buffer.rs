@@ -66,7 +66,7 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'_, '_, S,
     /// position. Returns the number of bytes and the buffer.
     ///
     /// # Errors
-    /// [`BufferError`] with the buffer and an [`Error`]: [`Errno::FAULT`] if the buffer is
+    /// [`BufferError`] with the buffer and a [`FileError`]: [`Errno::FAULT`] if the buffer is
     /// shorter than `len`; [`Errno::BUSY`] if an earlier buffer has not been [taken
     /// back](super::FileSystem::take_buffer); otherwise that of the server or the mailbox.
     pub fn read_buffer(&mut self, buffer: Buffer<W>, len: u32) -> BufferResult<W> {
@@ -87,7 +87,7 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'_, '_, S,
     /// buffer.
     ///
     /// # Errors
-    /// [`BufferError`] with the buffer and an [`Error`]: [`Errno::FAULT`] if the buffer is
+    /// [`BufferError`] with the buffer and a [`FileError`]: [`Errno::FAULT`] if the buffer is
     /// shorter than `len`; [`Errno::BUSY`] if an earlier buffer has not been [taken
     /// back](super::FileSystem::take_buffer); otherwise that of the server or the mailbox.
     pub fn write_buffer(&mut self, buffer: Buffer<W>, len: u32) -> BufferResult<W> {

@@ -165,7 +165,7 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, const N
     /// Returns the file, at the position of the reader.
     ///
     /// # Errors
-    /// [`Error`] if the end of an earlier operation that is in doubt cannot be awaited; the file is
+    /// [`FileError`] if the end of an earlier operation that is in doubt cannot be awaited; the file is
     /// dropped then.
     pub fn into_inner(mut self) -> Result<File<'f, 'm, S, W, FILES>, FileError> {
         self.seek(SeekFrom::Current(0))?;

@@ -2,7 +2,7 @@
 //!
 //! A [`FileSwitch`] is a device switch that also has the host's files. Names that begin with `fs/`
 //! are files; all others are boards. A descriptor of either is read, written and closed in the same
-//! way. The switch implements [`Descriptors`], so a [`Stream`](condor_dev::Stream) of a file and
+//! way. The switch implements [`Descriptors`], so a [`Stream`](condor_dev::DeviceStream) of a file and
 //! all of [`condor_dev::stdio`], including standard input and output, work with it.
 
 use core::fmt::Debug;
@@ -191,7 +191,7 @@ where
     /// Opens the file at `path` as [`FileSystem::open`] does.
     ///
     /// # Errors
-    /// The [`Error`] of [`FileSystem::open`]; [`Errno::BUSY`] if this context interrupts another
+    /// The [`FileError`] of [`FileSystem::open`]; [`Errno::BUSY`] if this context interrupts another
     /// use of a file.
     pub fn open_file(&self, path: impl AsRef<[u8]>, options: OpenOptions) -> Result<Fd, FileError> {
         let mut files = self.files.claim().ok_or(Errno::BUSY)?;

@@ -53,7 +53,7 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
     ///
     /// # Errors
     /// [`Errno::NOTDIR`] if it is not a directory; [`Errno::MFILE`] if `FILES` files and
-    /// directories are open; other numbers as on Unix; otherwise another [`Error`].
+    /// directories are open; other numbers as on Unix; otherwise another [`FileError`].
     pub fn open_directory(
         &self,
         path: impl AsRef<[u8]>,
@@ -94,7 +94,7 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> Directory<'_, '
     ///
     /// # Errors
     /// [`Errno::NAMETOOLONG`] if `name` is too short, and the entry is skipped; [`Errno::INVAL`] if
-    /// the buffer of the area is too short for a name; otherwise another [`Error`].
+    /// the buffer of the area is too short for a name; otherwise another [`FileError`].
     pub fn next<'n>(
         &mut self,
         name: &'n mut [u8],
@@ -138,7 +138,7 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> Directory<'_, '
     /// renamed or removed in it are so after a loss of power, too.
     ///
     /// # Errors
-    /// [`Error::Errno`] if the server refuses; another [`Error`] if it does not answer in time, or
+    /// [`FileError::Errno`] if the server refuses; another [`FileError`] if it does not answer in time, or
     /// if the mailbox or the window fails.
     pub fn sync(&self) -> Result<(), FileError> {
         self.file.sync()
@@ -155,7 +155,7 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> Directory<'_, '
     /// Closes the directory, as [`File::close`](super::File::close) does.
     ///
     /// # Errors
-    /// [`Error::Errno`] if the server refuses; another [`Error`] if it does not answer in time, or
+    /// [`FileError::Errno`] if the server refuses; another [`FileError`] if it does not answer in time, or
     /// if the mailbox or the window fails.
     pub fn close(self) -> Result<(), FileError> {
         self.file.close()

@@ -22,7 +22,7 @@ use crate::wire::{FileStatus, Operation, RequestSlot, Span, Times};
 /// Every call asks the server once. [`reader`](Self::reader) and [`writer`](Self::writer) combine
 /// many small calls into few.
 ///
-/// After [`Error::TimedOut`] the position moves by as many bytes as turn out to have been
+/// After [`FileError::TimedOut`] the position moves by as many bytes as turn out to have been
 /// transferred: see [`FileSystem::settle`].
 pub struct File<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> {
     pub(super) system: &'f FileSystem<'m, S, W, FILES>,
@@ -47,7 +47,7 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f
     /// and moves the position. Returns the number of bytes; 0 at the end of the file.
     ///
     /// # Errors
-    /// [`Error::Errno`] if the server refuses; another [`Error`] if it does not answer in time, or
+    /// [`FileError::Errno`] if the server refuses; another [`FileError`] if it does not answer in time, or
     /// if the mailbox or the window fails.
     pub fn read(&mut self, into: &mut [u8]) -> Result<usize, FileError> {
         self.read_from(into, None)
@@ -67,7 +67,7 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f
     /// of bytes.
     ///
     /// # Errors
-    /// [`Error::Errno`] if the server refuses; another [`Error`] if it does not answer in time, or
+    /// [`FileError::Errno`] if the server refuses; another [`FileError`] if it does not answer in time, or
     /// if the mailbox or the window fails.
     pub fn write(&mut self, from: &[u8]) -> Result<usize, FileError> {
         self.write_to(from, None)
@@ -151,7 +151,7 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f
     ///
     /// # Errors
     /// [`Errno::INVAL`] if it would be before the beginning or past 2⁶³ − 1. A position relative to
-    /// the end needs the server, and can return another [`Error`].
+    /// the end needs the server, and can return another [`FileError`].
     pub fn seek(&mut self, to: SeekFrom) -> Result<u64, FileError> {
         let position = match to {
             SeekFrom::Start(position) => Some(position),
@@ -182,7 +182,7 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f
     /// Returns the status of the file: its size, times, mode, and what else the host knows.
     ///
     /// # Errors
-    /// [`Error::Errno`] if the server refuses; another [`Error`] if it does not answer in time, or
+    /// [`FileError::Errno`] if the server refuses; another [`FileError`] if it does not answer in time, or
     /// if the mailbox or the window fails.
     pub fn status(&self) -> Result<FileStatus, FileError> {
         self.begin_status().done()
@@ -225,7 +225,7 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f
     /// Sets the size of the file to `size` bytes; added bytes are zeros.
     ///
     /// # Errors
-    /// [`Error::Errno`] if the server refuses; another [`Error`] if it does not answer in time, or
+    /// [`FileError::Errno`] if the server refuses; another [`FileError`] if it does not answer in time, or
     /// if the mailbox or the window fails.
     pub fn truncate(&self, size: u64) -> Result<(), FileError> {
         self.begin_truncate(size).done()
@@ -242,7 +242,7 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f
     /// Waits until the contents of the file are on the disk of the host.
     ///
     /// # Errors
-    /// [`Error::Errno`] if the server refuses; another [`Error`] if it does not answer in time, or
+    /// [`FileError::Errno`] if the server refuses; another [`FileError`] if it does not answer in time, or
     /// if the mailbox or the window fails.
     pub fn sync(&self) -> Result<(), FileError> {
         self.begin_sync().done()
@@ -257,7 +257,7 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f
     /// closes it.
     ///
     /// # Errors
-    /// [`Error::Errno`] if the server refuses; another [`Error`] if it does not answer in time, or
+    /// [`FileError::Errno`] if the server refuses; another [`FileError`] if it does not answer in time, or
     /// if the mailbox or the window fails.
     pub fn close(self) -> Result<(), FileError> {
         self.begin_close().done()

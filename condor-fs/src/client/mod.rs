@@ -133,8 +133,8 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
     /// `timeout` is the longest time of an operation, including restarts of the server.
     ///
     /// # Errors
-    /// [`Error::TimedOut`] if the server does not answer in time; [`Error::Mailbox`] if the mailbox
-    /// cannot send; [`Error::Access`] if the area is not in `own`.
+    /// [`FileError::TimedOut`] if the server does not answer in time; [`FileError::Mailbox`] if the mailbox
+    /// cannot send; [`FileError::Access`] if the area is not in `own`.
     pub fn connect(
         station: &'m S,
         server: Processor,
@@ -200,7 +200,7 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
     }
 
     /// Waits for at most `timeout` for the end of the operation that is in doubt, which is that of
-    /// the last call that ended with [`Error::TimedOut`]. Returns its result as a number: the
+    /// the last call that ended with [`FileError::TimedOut`]. Returns its result as a number: the
     /// result that the call would have returned, or the number of bytes of entries for a directory.
     ///
     /// Returns `None` if nothing is in doubt, or if the operation was only a part of a call:
@@ -211,8 +211,8 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
     /// Every other operation also waits first, but does not return that result.
     ///
     /// # Errors
-    /// [`Error::TimedOut`] if the server does not answer in time: the operation remains in doubt.
-    /// [`Error::Mailbox`] or [`Error::Access`] if the processor's own mailbox or window fails.
+    /// [`FileError::TimedOut`] if the server does not answer in time: the operation remains in doubt.
+    /// [`FileError::Mailbox`] or [`FileError::Access`] if the processor's own mailbox or window fails.
     pub fn settle(&self, timeout: Duration) -> Result<Option<Result<u64, Errno>>, FileError> {
         let alone = self.enter()?;
         let Some(after) = alone.doubt.get() else {

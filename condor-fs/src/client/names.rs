@@ -14,7 +14,7 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
     ///
     /// # Errors
     /// [`Errno::NOENT`] if nothing has this path; other numbers as on Unix; otherwise another
-    /// [`Error`].
+    /// [`FileError`].
     pub fn status(&self, path: impl AsRef<[u8]>) -> Result<FileStatus, FileError> {
         self.begin_status(path.as_ref()).done()
     }
@@ -31,7 +31,7 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
     /// Returns the room of the file system on which the server's tree is.
     ///
     /// # Errors
-    /// [`Error::Errno`] if the server refuses; another [`Error`] if it does not answer in time, or
+    /// [`FileError::Errno`] if the server refuses; another [`FileError`] if it does not answer in time, or
     /// if the mailbox or the window fails.
     pub fn space(&self) -> Result<Space, FileError> {
         self.begin_space().done()
@@ -50,7 +50,7 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
     /// [`Errno::PERM`] if a file would get a set-user-ID or set-group-ID bit, with which programs of
     /// the host would run with the server's rights; [`Errno::INVAL`] if `mode` has more than the
     /// bits 0o7777; [`Errno::LOOP`] for a symbolic link; other numbers as on Unix; otherwise another
-    /// [`Error`].
+    /// [`FileError`].
     pub fn set_mode(&self, path: impl AsRef<[u8]>, mode: u32) -> Result<(), FileError> {
         self.begin_set_mode(path.as_ref(), mode).done()
     }
@@ -72,7 +72,7 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
     ///
     /// # Errors
     /// [`Errno::INVAL`] if there are more than 999 999 999 nanoseconds; [`Errno::LOOP`] for a
-    /// symbolic link; other numbers as on Unix; otherwise another [`Error`].
+    /// symbolic link; other numbers as on Unix; otherwise another [`FileError`].
     pub fn set_times(&self, path: impl AsRef<[u8]>, times: Times) -> Result<(), FileError> {
         self.begin_set_times(path.as_ref(), times).done()
     }
@@ -92,7 +92,7 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
     /// Makes a directory, with the permissions of the server's options.
     ///
     /// # Errors
-    /// [`Errno::EXIST`] if the name exists; other numbers as on Unix; otherwise another [`Error`].
+    /// [`Errno::EXIST`] if the name exists; other numbers as on Unix; otherwise another [`FileError`].
     pub fn make_directory(&self, path: impl AsRef<[u8]>) -> Result<(), FileError> {
         self.begin_make_directory(path.as_ref(), None).done()
     }
@@ -101,7 +101,7 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
     ///
     /// # Errors
     /// [`Errno::EXIST`] if the name exists; [`Errno::INVAL`] if `mode` has more than the bits
-    /// 0o7777; other numbers as on Unix; otherwise another [`Error`].
+    /// 0o7777; other numbers as on Unix; otherwise another [`FileError`].
     pub fn make_directory_with(&self, path: impl AsRef<[u8]>, mode: u32) -> Result<(), FileError> {
         self.begin_make_directory(path.as_ref(), Some(mode)).done()
     }
@@ -129,7 +129,7 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
     ///
     /// # Errors
     /// [`Errno::NOTEMPTY`] if it is not empty; other numbers as on Unix; otherwise another
-    /// [`Error`].
+    /// [`FileError`].
     pub fn remove_directory(&self, path: impl AsRef<[u8]>) -> Result<(), FileError> {
         self.begin_remove_directory(path.as_ref()).done()
     }
@@ -147,7 +147,7 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
     ///
     /// # Errors
     /// [`Errno::NOENT`] if nothing has this path; other numbers as on Unix; otherwise another
-    /// [`Error`].
+    /// [`FileError`].
     pub fn unlink(&self, path: impl AsRef<[u8]>) -> Result<(), FileError> {
         self.begin_unlink(path.as_ref()).done()
     }
@@ -168,7 +168,7 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
     ///
     /// # Errors
     /// [`Errno::NOENT`] if nothing has the path `from`; other numbers as on Unix; otherwise another
-    /// [`Error`].
+    /// [`FileError`].
     pub fn rename(&self, from: impl AsRef<[u8]>, to: impl AsRef<[u8]>) -> Result<(), FileError> {
         self.begin_rename(from.as_ref(), to.as_ref()).done()
     }
@@ -186,7 +186,7 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
     ///
     /// # Errors
     /// [`Errno::EXIST`] if the new name exists, [`Errno::NOENT`] if nothing has the path `from`;
-    /// other numbers as on Unix; otherwise another [`Error`].
+    /// other numbers as on Unix; otherwise another [`FileError`].
     pub fn rename_new(
         &self,
         from: impl AsRef<[u8]>,
@@ -212,7 +212,7 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
     /// # Errors
     /// [`Errno::NOENT`] if nothing has one of the paths; [`Errno::INVAL`] if one is a directory in
     /// which the other is; [`Errno::OPNOTSUPP`] if the file system of the host cannot exchange the
-    /// names of files; other numbers as on Unix; otherwise another [`Error`].
+    /// names of files; other numbers as on Unix; otherwise another [`FileError`].
     pub fn exchange(
         &self,
         one: impl AsRef<[u8]>,

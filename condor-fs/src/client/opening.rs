@@ -105,7 +105,7 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
     /// # Errors
     /// [`Errno::MFILE`] if `FILES` files are open; [`Errno::OPNOTSUPP`] if the path leads to
     /// something that is neither file nor directory; [`Errno::ISDIR`] if it is a directory; other
-    /// numbers as on Unix; otherwise another [`Error`].
+    /// numbers as on Unix; otherwise another [`FileError`].
     pub fn open(
         &self,
         path: impl AsRef<[u8]>,

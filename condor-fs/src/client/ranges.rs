@@ -44,7 +44,7 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'_, 'm
     /// A file system that keeps no account of holes has data up to the end.
     ///
     /// # Errors
-    /// [`Errno::OPNOTSUPP`] if the file system of the host cannot tell; otherwise another [`Error`].
+    /// [`Errno::OPNOTSUPP`] if the file system of the host cannot tell; otherwise another [`FileError`].
     pub fn next_data(&self, position: u64) -> Result<Option<u64>, FileError> {
         self.find(position, find::DATA)
     }
@@ -53,7 +53,7 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'_, 'm
     /// file. The end of the file counts as a hole; `None` if `position` is not before it.
     ///
     /// # Errors
-    /// [`Errno::OPNOTSUPP`] if the file system of the host cannot tell; otherwise another [`Error`].
+    /// [`Errno::OPNOTSUPP`] if the file system of the host cannot tell; otherwise another [`FileError`].
     pub fn next_hole(&self, position: u64) -> Result<Option<u64>, FileError> {
         self.find(position, find::HOLE)
     }
@@ -64,7 +64,7 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'_, 'm
     /// [`Errno::OPNOTSUPP`] if the file system of the host cannot do it, or if it would take room
     /// behind the end of a file of a server that limits sizes; [`Errno::INVAL`] if `len` is 0;
     /// [`Errno::BADF`] if the file is not open for writing; [`Errno::FBIG`], [`Errno::NOSPC`] and
-    /// [`Errno::DQUOT`] as for a write; otherwise another [`Error`].
+    /// [`Errno::DQUOT`] as for a write; otherwise another [`FileError`].
     pub fn allocate(&self, what: AllocationMode, position: u64, len: u64) -> Result<(), FileError> {
         self.begin_allocate(what, position, len).done()
     }

@@ -21,16 +21,16 @@ use crate::wire::{FileStatus, Operation, RequestSlot, Space, rename, slot};
 ///
 /// In a program whose tasks wait for other events, too, the mailbox's interrupt serves, or a task
 /// that also looks now and then; with the feature `async` of `condor-mbox`, this wakes the tasks
-/// that await a reply. See [`condor_mbox::FileTicket`]. A ticket has no time-out when it is awaited: it
+/// that await a reply. See [`condor_mbox::MessageTicket`]. A ticket has no time-out when it is awaited: it
 /// lasts as long as there is no server. Drop it to give up the wait: the operation stays in doubt,
 /// as after a time-out.
 ///
 /// ```
-/// # use condor_fs::{Error, FileSystem, OpenOptions};
+/// # use condor_fs::{FileError, FileSystem, OpenOptions};
 /// # use condor_mbox::{MemoryWindow, Messenger};
 /// async fn read_tension<S: Messenger, W: MemoryWindow, const FILES: usize>(
 ///     files: &FileSystem<'_, S, W, FILES>,
-/// ) -> Result<[u8; 4], Error> {
+/// ) -> Result<[u8; 4], FileError> {
 ///     let file = files.begin_open("tension", OpenOptions::new().read()).await?;
 ///     let mut bytes = [0; 4];
 ///     file.begin_read_at(&mut bytes, 0).await?;

@@ -81,8 +81,8 @@ impl<const N: usize> FingerRequest<N> {
     /// | word 0 | the words after it |
     /// |---|---|
     /// | 0 restart | |
-    /// | 1 mode | joint, [`Mode`] |
-    /// | 2 target | joint, [`Mode`], three numbers |
+    /// | 1 mode | joint, [`ServoMode`] |
+    /// | 2 target | joint, [`ServoMode`], three numbers |
     /// | 3 gains | joint, law, 13 numbers |
     /// | 4 follow | of each joint position, velocity and acceleration, the number of its motion, 1 if a contact stops that or else 0, the torque and the tension that stop it |
     ///

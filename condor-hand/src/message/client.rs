@@ -220,7 +220,7 @@ where
     }
 
     /// Clears the latched faults of a finger. Its joints can get another mode once it does not
-    /// [rest](Status::is_resting) any more.
+    /// [rest](ServoStatus::is_resting) any more.
     ///
     /// # Errors
     /// The errors of [`enable`](Self::enable).

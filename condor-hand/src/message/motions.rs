@@ -1,6 +1,6 @@
 //! The motion queue of a controller, served by message.
 //!
-//! A client opens a session and takes control. Then it offers motions, each with an [`RequestIdentity`] of
+//! A client opens a session and takes control. Then it offers motions, each with a [`RequestIdentity`] of
 //! its own, and asks what has become of them. Whatever is lost on the way, it asks the same again:
 //! the [queue](crate::queue) runs no identity twice. [`MotionsClient`] does this.
 //!

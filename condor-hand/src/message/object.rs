@@ -15,17 +15,17 @@ use crate::dynamics::Dynamics;
 ///
 /// ```
 /// # use std::time::Duration;
-/// # use condor_mbox::sim::System;
-/// # use condor_mbox::{Call, CriticalSection, MemoryWindow, Messenger, Places, Processor, Region};
+/// # use condor_mbox::sim::SimSystem;
+/// # use condor_mbox::{Call, CriticalSection, MemoryWindow, Messenger, Allocator, Processor, Region};
 /// use condor_hand::config::Hand;
 /// use condor_hand::controller::FingerController;
-/// use condor_hand::message::{Identity, SERVO, ServoClient, ServoObject, ServoLayout};
+/// use condor_hand::message::{HandIdentity, SERVO, ServoClient, ServoObject, ServoLayout};
 /// use condor_hand::servo::{ServoMode, FingerReadings};
 /// # use condor_hand::tendon::Pair;
 ///
 /// # const MASTER: Processor = Processor(0);
 /// # const REMOTE: Processor = Processor(1);
-/// # let system = System::<2>::in_real_time(4096);
+/// # let system = SimSystem::<2>::in_real_time(4096);
 /// # let [_, windows] = system.windows(REMOTE);
 /// # let text = include_str!("../../hands/utah-mit.toml");
 /// let hand = Hand::<4, 4>::from_toml(text, "utah-mit.toml")?;
@@ -33,9 +33,9 @@ use crate::dynamics::Dynamics;
 ///
 /// // The processor of one finger.
 /// let ram = Region::users(windows.data)?;
-/// let places = ServoLayout::<4, 4>::new(&mut Places::new(ram.size()), 2)?;
+/// let places = ServoLayout::<4, 4>::new(&mut Allocator::new(ram.size()), 2)?;
 /// let names = ["index", "middle", "ring", "thumb"];
-/// let identity = Identity::new(&hand.name, names, hand.servo_hz);
+/// let identity = HandIdentity::new(&hand.name, names, hand.servo_hz);
 /// let controller = FingerController::new(&hand, finger, finger.chain())?;
 /// let mut object = ServoObject::new();
 /// let (handler, mut servos) =

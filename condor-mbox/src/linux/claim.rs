@@ -15,7 +15,7 @@ use crate::region::{Allocator, Region};
 use crate::window::{MemoryWindow, StoreOrder};
 use crate::windows::Windows;
 
-/// A number of a [`System`](super::System) that this process holds, with everything that a mailbox
+/// A number of a [`System`](super::LinuxSystem) that this process holds, with everything that a mailbox
 /// needs.
 ///
 /// The number becomes free when the claim, its doorbells and all clones of its own `mail` are
@@ -80,8 +80,8 @@ impl<const N: usize> Claim<N> {
     /// joined yet.
     ///
     /// # Errors
-    /// [`Error::Layout`] if the memory was laid out for another system or by another version;
-    /// [`Error::Window`] if it cannot be accessed.
+    /// [`MailboxError::Layout`] if the memory was laid out for another system or by another version;
+    /// [`MailboxError::Window`] if it cannot be accessed.
     pub fn mailbox<'v>(self) -> Result<LinuxMailbox<'v, N>, MailboxError> {
         self.mailbox_with(CriticalSection)
     }
@@ -89,8 +89,8 @@ impl<const N: usize> Claim<N> {
     /// Makes the mailbox of this number with another [`Exclusion`].
     ///
     /// # Errors
-    /// [`Error::Layout`] if the memory was laid out for another system or by another version;
-    /// [`Error::Window`] if it cannot be accessed.
+    /// [`MailboxError::Layout`] if the memory was laid out for another system or by another version;
+    /// [`MailboxError::Window`] if it cannot be accessed.
     pub fn mailbox_with<'v, X: Exclusion>(
         self,
         exclusion: X,

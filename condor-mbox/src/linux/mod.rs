@@ -14,12 +14,12 @@
 //!
 //! ```
 //! # use condor_mbox::Processor;
-//! use condor_mbox::linux::System;
+//! use condor_mbox::linux::LinuxSystem;
 //!
 //! # const HOST: Processor = Processor(0);
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
-//! // For the processes that this one starts; `System::named("robot", 4096)` is for any others.
-//! let mut host = System::<2>::family(4096)?.claim(HOST)?.mailbox()?;
+//! // For the processes that this one starts; `LinuxSystem::named("robot", 4096)` is for any others.
+//! let mut host = LinuxSystem::<2>::family(4096)?.claim(HOST)?.mailbox()?;
 //! host.join()?;
 //! # Ok(())
 //! # }

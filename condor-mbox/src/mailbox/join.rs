@@ -20,9 +20,9 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
     /// vectors, then [`join`](Self::join).
     ///
     /// # Errors
-    /// [`Error::NoSuchProcessor`] if the number is too large; [`Error::Layout`] if the memory
+    /// [`MailboxError::NoSuchProcessor`] if the number is too large; [`MailboxError::Layout`] if the memory
     /// belongs to something else, was laid out by another version or for another system, or some
-    /// `mail` is too small; [`Error::Window`] if the memory cannot be accessed.
+    /// `mail` is too small; [`MailboxError::Window`] if the memory cannot be accessed.
     pub fn new(
         number: Processor,
         windows: [Windows<B::Window>; N],
@@ -76,7 +76,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
     /// messages arrive.
     ///
     /// # Errors
-    /// [`Error::Window`] if the own memory cannot be accessed.
+    /// [`MailboxError::Window`] if the own memory cannot be accessed.
     pub fn join(&mut self) -> Result<(), MailboxError> {
         let own = self.own()?;
         own.store(
@@ -119,11 +119,11 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
 
     /// Leaves the system; the mailbox can [`join`](Self::join) again.
     ///
-    /// Calls of others that this processor has not answered end with [`Error::PeerLeft`]; listening
+    /// Calls of others that this processor has not answered end with [`MailboxError::PeerLeft`]; listening
     /// to another number ends.
     ///
     /// # Errors
-    /// [`Error::Window`] if the own memory cannot be accessed.
+    /// [`MailboxError::Window`] if the own memory cannot be accessed.
     pub fn leave(&mut self) -> Result<(), MailboxError> {
         self.incarnation.set(0);
         let own = self.own()?;
@@ -139,7 +139,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
     /// `mail`, and the host may do so only while the processor does not run.
     ///
     /// # Errors
-    /// [`Error::Layout`] if no program has ever joined there; [`Error::Window`] if the memory
+    /// [`MailboxError::Layout`] if no program has ever joined there; [`MailboxError::Window`] if the memory
     /// cannot be accessed.
     pub fn declare_stopped(
         processor: Processor,

@@ -75,7 +75,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
     /// ```
     /// use std::sync::atomic::{AtomicU32, Ordering};
     /// # use std::time::Duration;
-    /// # use condor_mbox::sim::System;
+    /// # use condor_mbox::sim::SimSystem;
     /// # use condor_mbox::{Messenger, Processor, Vector};
     /// # const HOLDER: Processor = Processor(0);
     /// # const SENDER: Processor = Processor(1);
@@ -83,7 +83,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
     /// # const PLACE: Vector = Vector(3);
     /// # const SECOND: Duration = Duration::from_secs(1);
     /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
-    /// # let system = System::<3>::in_virtual_time(4096);
+    /// # let system = SimSystem::<3>::in_virtual_time(4096);
     /// # let mut holder = system.mailbox(HOLDER)?;
     /// # holder.set_vector(PLACE, &|_| 1, "place")?;
     /// # holder.join()?;
@@ -112,10 +112,10 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
     /// ```
     ///
     /// # Errors
-    /// [`Error::NoSuchProcessor`] if there is no such number, [`Error::ListensToItself`] if it is
-    /// the own one, [`Error::NotJoined`] if this mailbox has not joined; [`Error::TimedOut`] or
-    /// [`Error::Stalled`] if the holder does not admit this mailbox in time; [`Error::PeerDied`],
-    /// [`Error::PeerLeft`] or [`Error::PeerRestarted`] if the holder ends.
+    /// [`MailboxError::NoSuchProcessor`] if there is no such number, [`MailboxError::ListensToItself`] if it is
+    /// the own one, [`MailboxError::NotJoined`] if this mailbox has not joined; [`MailboxError::TimedOut`] or
+    /// [`MailboxError::Stalled`] if the holder does not admit this mailbox in time; [`MailboxError::PeerDied`],
+    /// [`MailboxError::PeerLeft`] or [`MailboxError::PeerRestarted`] if the holder ends.
     pub fn listen(
         &mut self,
         number: Option<Processor>,
@@ -211,7 +211,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
     /// missed, because it did not keep up.
     ///
     /// # Errors
-    /// [`Error::NoSuchProcessor`] if there is no processor `sender`.
+    /// [`MailboxError::NoSuchProcessor`] if there is no processor `sender`.
     pub fn missed(&self, sender: Processor) -> Result<u32, MailboxError> {
         let heard = self.listening.senders.get(sender.index());
         heard

@@ -40,12 +40,12 @@ pub trait Messenger {
     /// receiver are taken there in the order in which they were sent.
     ///
     /// # Errors
-    /// [`Error::NoSuchProcessor`] or [`Error::NoSuchVector`] if a number is too large;
-    /// [`Error::NotJoined`] if this mailbox has not joined. After `timeout`: [`Error::NoSlot`] if
-    /// no slot is free, [`Error::NotConnected`] if the receiver has not joined, [`Error::Stalled`]
-    /// if its heartbeat stood still. As soon as it is known: [`Error::PeerDied`]. At once:
-    /// [`Error::Layout`] if the receiver belongs to another system, [`Error::Protocol`] if it
-    /// violates the protocol, [`Error::Window`] if memory cannot be accessed. After an error the
+    /// [`MailboxError::NoSuchProcessor`] or [`MailboxError::NoSuchVector`] if a number is too large;
+    /// [`MailboxError::NotJoined`] if this mailbox has not joined. After `timeout`: [`MailboxError::NoSlot`] if
+    /// no slot is free, [`MailboxError::NotConnected`] if the receiver has not joined, [`MailboxError::Stalled`]
+    /// if its heartbeat stood still. As soon as it is known: [`MailboxError::PeerDied`]. At once:
+    /// [`MailboxError::Layout`] if the receiver belongs to another system, [`MailboxError::Protocol`] if it
+    /// violates the protocol, [`MailboxError::Window`] if memory cannot be accessed. After an error the
     /// message was not sent.
     fn send(
         &self,
@@ -60,11 +60,11 @@ pub trait Messenger {
     /// After `timeout` the request may still run once, if it was sent; its reply is dropped.
     ///
     /// # Errors
-    /// The errors of [`send`](Self::send); [`Error::Refused`] with the handler's error code;
-    /// [`Error::NoHandler`] if the vector has none, [`Error::HandlerFailed`] if it panicked;
-    /// [`Error::TimedOut`] or [`Error::Stalled`] after `timeout`; [`Error::PeerDied`],
-    /// [`Error::PeerLeft`] and [`Error::PeerRestarted`] as soon as they are known;
-    /// [`Error::TooDeep`] if the caller is a handler at the greatest depth.
+    /// The errors of [`send`](Self::send); [`MailboxError::Refused`] with the handler's error code;
+    /// [`MailboxError::NoHandler`] if the vector has none, [`MailboxError::HandlerFailed`] if it panicked;
+    /// [`MailboxError::TimedOut`] or [`MailboxError::Stalled`] after `timeout`; [`MailboxError::PeerDied`],
+    /// [`MailboxError::PeerLeft`] and [`MailboxError::PeerRestarted`] as soon as they are known;
+    /// [`MailboxError::TooDeep`] if the caller is a handler at the greatest depth.
     fn send_with_reply(
         &self,
         to: Processor,
@@ -94,7 +94,7 @@ pub trait Messenger {
     /// [always](super::Mailbox::ring_always) wanted, it rings this processor again.
     ///
     /// # Errors
-    /// [`Error::NotJoined`] if this mailbox has not joined; [`Error::Window`] if the own memory
+    /// [`MailboxError::NotJoined`] if this mailbox has not joined; [`MailboxError::Window`] if the own memory
     /// cannot be accessed.
     fn serve(&self, timeout: Duration) -> Result<usize, MailboxError>;
 
@@ -103,7 +103,7 @@ pub trait Messenger {
     /// `whom` is a service, no time passes during the wait, and it may end early.
     ///
     /// # Errors
-    /// [`Error::NotJoined`] if this mailbox has not joined; [`Error::Window`] if the own memory
+    /// [`MailboxError::NotJoined`] if this mailbox has not joined; [`MailboxError::Window`] if the own memory
     /// cannot be accessed.
     fn serve_for(&self, whom: Processor, timeout: Duration) -> Result<usize, MailboxError> {
         let _ = whom;
@@ -154,14 +154,14 @@ pub struct PendingReply {
 ///
 /// ```
 /// # use std::time::Duration;
-/// # use condor_mbox::sim::System;
-/// # use condor_mbox::{Error, Messenger, Processor, Vector};
+/// # use condor_mbox::sim::SimSystem;
+/// # use condor_mbox::{MailboxError, Messenger, Processor, Vector};
 /// # const HOST: Processor = Processor(0);
 /// # const HAND: Processor = Processor(1);
 /// # const INCREMENT: Vector = Vector(3);
 /// # const SECOND: Duration = Duration::from_secs(1);
 /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
-/// # let system = System::<2>::in_virtual_time(4096);
+/// # let system = SimSystem::<2>::in_virtual_time(4096);
 /// # let mut hand = system.mailbox(HAND)?;
 /// # hand.set_vector(INCREMENT, &|call| call.data() + 1, "increment")?;
 /// # hand.join()?;
@@ -207,7 +207,7 @@ impl<'m> MessageTicket<'m> {
     /// Waits for the reply, serving meanwhile, for at most `timeout`. Returns `None` if the reply
     /// was returned before.
     ///
-    /// After [`Error::TimedOut`] or [`Error::Stalled`] the ticket can still get its reply.
+    /// After [`MailboxError::TimedOut`] or [`MailboxError::Stalled`] the ticket can still get its reply.
     ///
     /// # Errors
     /// The errors of [`Messenger::send_with_reply`].
@@ -338,15 +338,15 @@ impl Call<'_> {
     }
 
     /// Refuses the request: the handler's result becomes an error code, which the caller gets as
-    /// [`Error::Refused`]. Returns `code`, so this can be the handler's last expression.
+    /// [`MailboxError::Refused`]. Returns `code`, so this can be the handler's last expression.
     ///
     /// ```
     /// # use std::time::Duration;
-    /// # use condor_mbox::sim::System;
-    /// # use condor_mbox::{Error, Messenger, Processor, Vector};
+    /// # use condor_mbox::sim::SimSystem;
+    /// # use condor_mbox::{MailboxError, Messenger, Processor, Vector};
     /// # const HAND: Processor = Processor(0);
     /// # const HALVE: Vector = Vector(3);
-    /// # let system = System::<1>::in_virtual_time(64);
+    /// # let system = SimSystem::<1>::in_virtual_time(64);
     /// # let mut hand = system.mailbox(HAND)?;
     /// const ODD: u32 = 7;
     ///
@@ -361,9 +361,9 @@ impl Call<'_> {
     /// # hand.join()?;
     /// # let second = Duration::from_secs(1);
     /// assert_eq!(hand.send_with_reply(HAND, HALVE, 8, second), Ok(4));
-    /// let refused = Error::Refused { to: HAND, vector: HALVE, code: ODD };
+    /// let refused = MailboxError::Refused { to: HAND, vector: HALVE, code: ODD };
     /// assert_eq!(hand.send_with_reply(HAND, HALVE, 9, second), Err(refused));
-    /// # Ok::<(), Error>(())
+    /// # Ok::<(), MailboxError>(())
     /// ```
     pub fn refuse(&self, code: u32) -> u32 {
         self.refused.set(true);

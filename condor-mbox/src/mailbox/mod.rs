@@ -35,7 +35,7 @@ use peer::{Peer, Word};
 ///
 /// ```
 /// use std::time::Duration;
-/// use condor_mbox::sim::System;
+/// use condor_mbox::sim::SimSystem;
 /// use condor_mbox::{Messenger, Processor, Vector};
 ///
 /// const HOST: Processor = Processor(0);
@@ -44,7 +44,7 @@ use peer::{Peer, Word};
 /// const SECOND: Duration = Duration::from_secs(1);
 ///
 /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
-/// let system = System::<2>::in_virtual_time(4096);
+/// let system = SimSystem::<2>::in_virtual_time(4096);
 /// let mut hand = system.mailbox(HAND)?;
 /// hand.set_vector(INCREMENT, &|call| call.data() + 1, "increment")?;
 /// hand.join()?;
@@ -129,7 +129,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
     /// Returns the windows of a processor.
     ///
     /// # Errors
-    /// [`Error::NoSuchProcessor`] if there is no such number.
+    /// [`MailboxError::NoSuchProcessor`] if there is no such number.
     pub fn windows(&self, processor: Processor) -> Result<&Windows<B::Window>, MailboxError> {
         Ok(&self.peer(processor)?.windows)
     }
@@ -137,7 +137,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
     /// Returns the state of `processor`, as far as it is known.
     ///
     /// # Errors
-    /// [`Error::NoSuchProcessor`] if there is no such number; [`Error::Window`] if its memory is
+    /// [`MailboxError::NoSuchProcessor`] if there is no such number; [`MailboxError::Window`] if its memory is
     /// gone.
     pub fn peer_state(&self, processor: Processor) -> Result<PeerState, MailboxError> {
         let peer = self.peer(processor)?;
@@ -157,7 +157,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
     /// Returns the users' region of a processor's `data`; offsets count from its beginning.
     ///
     /// # Errors
-    /// [`Error::NoSuchProcessor`] if there is no such number; [`Error::Window`] if the window is
+    /// [`MailboxError::NoSuchProcessor`] if there is no such number; [`MailboxError::Window`] if the window is
     /// too small.
     pub fn region(&self, processor: Processor) -> Result<Region<&B::Window>, MailboxError> {
         Region::users(&self.windows(processor)?.data).map_err(|error| MailboxError::Window {
@@ -171,7 +171,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
     /// [`SpinLock`](crate::SpinLock).
     ///
     /// # Errors
-    /// [`Error::NotJoined`] if this mailbox has not joined.
+    /// [`MailboxError::NotJoined`] if this mailbox has not joined.
     pub fn owner(&self) -> Result<LockOwner, MailboxError> {
         self.check_joined()?;
         LockOwner::new(self.me, self.incarnation.get())

@@ -167,7 +167,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
     /// calls this.
     ///
     /// # Errors
-    /// [`Error::Window`] if the own memory is gone.
+    /// [`MailboxError::Window`] if the own memory is gone.
     #[inline(always)]
     pub fn beat(&self) -> Result<(), MailboxError> {
         let beat = self.beats.get().wrapping_add(1);

@@ -49,9 +49,9 @@ impl<'v, B: Backend, const N: usize> Mailbox<'v, B, N> {
     /// may be set at any time; messages that are served before find no handler.
     ///
     /// # Errors
-    /// [`Error::NoSuchVector`] if the number is too large, [`Error::VectorTaken`] if the vector has
-    /// a handler, [`Error::NameTooLong`] if the name is longer than [`NAME_BYTES`] bytes,
-    /// [`Error::Window`] if the own memory cannot be accessed.
+    /// [`MailboxError::NoSuchVector`] if the number is too large, [`MailboxError::VectorTaken`] if the vector has
+    /// a handler, [`MailboxError::NameTooLong`] if the name is longer than [`NAME_BYTES`] bytes,
+    /// [`MailboxError::Window`] if the own memory cannot be accessed.
     pub fn set_vector(
         &mut self,
         vector: Vector,
@@ -78,7 +78,7 @@ impl<'v, B: Backend, const N: usize> Mailbox<'v, B, N> {
     /// Removes the handler of `vector`.
     ///
     /// # Errors
-    /// [`Error::NoSuchVector`] if the number is too large; [`Error::Window`] if the own memory
+    /// [`MailboxError::NoSuchVector`] if the number is too large; [`MailboxError::Window`] if the own memory
     /// cannot be accessed.
     pub fn clear_vector(&mut self, vector: Vector) -> Result<(), MailboxError> {
         let entry = self
@@ -92,8 +92,8 @@ impl<'v, B: Backend, const N: usize> Mailbox<'v, B, N> {
     /// Returns name and counts of `vector` on `processor`, without stopping it.
     ///
     /// # Errors
-    /// [`Error::NoSuchProcessor`] or [`Error::NoSuchVector`] if a number is too large;
-    /// [`Error::Layout`] if the memory there has another layout; [`Error::Window`] if it cannot be
+    /// [`MailboxError::NoSuchProcessor`] or [`MailboxError::NoSuchVector`] if a number is too large;
+    /// [`MailboxError::Layout`] if the memory there has another layout; [`MailboxError::Window`] if it cannot be
     /// accessed.
     pub fn vector_statistics(
         &self,

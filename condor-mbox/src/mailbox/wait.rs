@@ -30,9 +30,9 @@ pub(super) const GLANCES: usize = if cfg!(condor_loom) { 1 } else { 32 };
 ///
 /// ```
 /// # use std::time::Duration;
-/// # use condor_mbox::{Error, Processor, Waiting, sim::System};
-/// # fn main() -> Result<(), Error> {
-/// # let mut mailbox = System::<2>::in_real_time(4096).mailbox(Processor(0))?;
+/// # use condor_mbox::{MailboxError, Processor, Waiting, sim::SimSystem};
+/// # fn main() -> Result<(), MailboxError> {
+/// # let mut mailbox = SimSystem::<2>::in_real_time(4096).mailbox(Processor(0))?;
 /// mailbox.set_waiting(Waiting::SpinThenSleep { spin: Duration::from_micros(20) });
 /// # Ok(())
 /// # }
@@ -97,7 +97,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
     /// rung once at once, for messages that were sent before.
     ///
     /// # Errors
-    /// [`Error::Window`] if the own memory cannot be accessed.
+    /// [`MailboxError::Window`] if the own memory cannot be accessed.
     pub fn ring_always(&mut self, always: bool) -> Result<(), MailboxError> {
         let step = match (self.always, always) {
             (false, true) => 1,
@@ -119,9 +119,9 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
     /// restart.
     ///
     /// # Errors
-    /// [`Error::NotConnected`] after `timeout`; [`Error::NoSuchProcessor`] if there is no such
-    /// number; [`Error::NotJoined`] if this mailbox has not joined; [`Error::Layout`] if the peer
-    /// belongs to another system; [`Error::Window`] if memory cannot be accessed.
+    /// [`MailboxError::NotConnected`] after `timeout`; [`MailboxError::NoSuchProcessor`] if there is no such
+    /// number; [`MailboxError::NotJoined`] if this mailbox has not joined; [`MailboxError::Layout`] if the peer
+    /// belongs to another system; [`MailboxError::Window`] if memory cannot be accessed.
     pub fn wait_for_peer(
         &self,
         peer: Processor,

@@ -22,15 +22,15 @@ type Body = Arc<dyn Fn() + Send + Sync>;
 ///
 /// ```
 /// use std::time::Duration;
-/// use condor_mbox::sim::System;
-/// use condor_mbox::{Error, Messenger, Processor, SendProgress, Vector};
+/// use condor_mbox::sim::SimSystem;
+/// use condor_mbox::{MailboxError, Messenger, Processor, SendProgress, Vector};
 ///
 /// # const HOST: Processor = Processor(0);
 /// # const HAND: Processor = Processor(1);
 /// # const V: Vector = Vector(3);
 /// # const SECOND: Duration = Duration::from_secs(1);
 /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
-/// let system = System::<2>::in_virtual_time(4096);
+/// let system = SimSystem::<2>::in_virtual_time(4096);
 /// let mut hand = system.mailbox(HAND)?;
 /// hand.set_vector(V, &|call| call.data() + 1, "increment")?;
 /// hand.join()?;
@@ -48,7 +48,7 @@ type Body = Arc<dyn Fn() + Send + Sync>;
 /// system.stall(HAND, true);
 /// assert_eq!(
 ///     host.send_with_reply(HAND, V, 2, SECOND),
-///     Err(Error::Stalled { to: HAND, vector: V, progress: SendProgress::MayRun })
+///     Err(MailboxError::Stalled { to: HAND, vector: V, progress: SendProgress::MayRun })
 /// );
 /// system.stall(HAND, false);
 /// assert_eq!(host.send_with_reply(HAND, V, 3, SECOND)?, 4);
@@ -181,7 +181,7 @@ impl<const N: usize> SimSystem<N> {
     /// In virtual time it sleeps whenever it waits, so that the others run.
     ///
     /// # Errors
-    /// [`Error::NoSuchProcessor`] if there is no such number; [`Error::Window`] if its memory was
+    /// [`MailboxError::NoSuchProcessor`] if there is no such number; [`MailboxError::Window`] if its memory was
     /// made to fail by [`SimWindow::lose`].
     pub fn mailbox<'v>(&self, number: Processor) -> Result<SimMailbox<'v, N>, MailboxError> {
         if number.index() >= N {

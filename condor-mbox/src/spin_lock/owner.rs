@@ -21,7 +21,7 @@ impl LockOwner {
     /// Makes the owner that is `processor` in `incarnation`.
     ///
     /// # Errors
-    /// [`Error::NoSuchProcessor`] if no system has a processor of that number.
+    /// [`MailboxError::NoSuchProcessor`] if no system has a processor of that number.
     pub const fn new(processor: Processor, incarnation: u32) -> Result<Self, MailboxError> {
         let number = processor.0 as u32;
         if number < Processor::MAX_COUNT as u32

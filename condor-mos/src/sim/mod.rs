@@ -25,7 +25,7 @@ use crate::timer::{Alarm, Armed, Timer};
 /// thread that calls it.
 ///
 /// ```
-/// use condor_mos::sim::Processor;
+/// use condor_mos::sim::SimPlatform;
 /// use condor_mos::{ClockSpec, EventTable, LoopId, Loops, Overrun, Rate, Scheduler};
 ///
 /// const MICROSECONDS: Rate = Rate::hz(1_000_000);
@@ -166,7 +166,7 @@ impl SimPlatform {
     /// critical sections, as on hardware; it becomes visible at the next access.
     ///
     /// ```
-    /// use condor_mos::sim::Processor;
+    /// use condor_mos::sim::SimPlatform;
     /// use condor_mos::{Armed, Rate, Timer};
     ///
     /// let processor = SimPlatform::new(Rate::hz(1_000_000));

@@ -18,7 +18,7 @@ mod partner;
 
 pub(crate) use partner::{Partner, PartnerState, TickTime};
 
-/// [`HandGraspLayout`](condor_hand::message::HandGraspLayout) of the hand.
+/// [`HandGraspLayout`](condor_hand::message::GraspLayout) of the hand.
 pub type HandGraspLayout = condor_hand::message::GraspLayout<FINGERS>;
 
 /// The name of [`HandGraspLayout`] in the object table of a servo processor.

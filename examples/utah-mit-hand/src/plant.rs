@@ -26,7 +26,7 @@
 //! | `robot` | its loop: counts and variables |
 //! | `truth` | a published [`TrueState`] |
 //! | `object` | a published [`CameraObject`]: what the camera measures |
-//! | `plant` | the blocks of [`PLANT`]: a [`Blocks`] of [`Request`] and [`PlantResponse`] |
+//! | `plant` | the blocks of [`PLANT`]: a [`Blocks`] of [`PlantRequest`] and [`PlantResponse`] |
 
 use condor_vars::{CellField, CellStruct, ValueKind};
 use core::cell::RefCell;

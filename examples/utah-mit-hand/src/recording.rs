@@ -18,7 +18,7 @@
 //! | 2 | `/servo/palm` | its acceleration from this tick on; 0 before the first |
 //! | 3 | `/servo/order` | the number of a grasp's order, a [`GraspOrder`](condor_hand::grasp::distributed::GraspOrder) in words |
 //! | 4 | `/servo/others` | the [`Joints`](crate::grasp::Joints) of the fingers on other servo processors in the tick before, as far as the law of a grasp heard them |
-//! | 5 | `/servo/asked` | the finger; an [`MotionArguments`](condor_hand::message::MotionArguments) in words |
+//! | 5 | `/servo/asked` | the finger; a [`FingerRequest`](condor_hand::message::FingerRequest) in words |
 //! | 6 | `/servo/done` | the counts of 32 outputs: of each finger and joint flexor, extensor; the hash |
 //! | 7 | `/servo/end` | how many ticks there were |
 //!

@@ -1,7 +1,7 @@
 //! The program that computes a servo processor's outputs again, from a [recording](crate::recording).
 //!
 //! The argument `from=FILE` names the recording. `to=FILE` names the file for the
-//! [outputs](Output), 320 bytes a tick; without it, no outputs are written. The file gets its name when it is
+//! [outputs](ServoOutputs), 320 bytes a tick; without it, no outputs are written. The file gets its name when it is
 //! complete. Both are files of the
 //! file service. The program needs neither boards nor other processors, and it may run as any
 //! processor: the number of the recorded processor is in the recording. The configuration must be

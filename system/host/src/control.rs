@@ -97,7 +97,7 @@ pub struct ControlAnswer {
     /// The reason, if it was not carried out.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub error: Option<String>,
-    /// The state of the system, in the answer to [`ControlRequest::SystemStatus`]; otherwise `None`.
+    /// The state of the system, in the answer to [`ControlRequest::Status`]; otherwise `None`.
     #[serde(flatten, default, skip_serializing_if = "Option::is_none")]
     pub status: Option<SystemStatus>,
     /// The lines of the log, in the answer to [`ControlRequest::Log`], oldest first; otherwise `None`.

@@ -5,7 +5,7 @@
 //!
 //! | file | purpose |
 //! |---|---|
-//! | `mailbox/` | has the windows, as in [`condor_mbox::linux::System::at`] |
+//! | `mailbox/` | has the windows, as in [`condor_mbox::linux::LinuxSystem::at`] |
 //! | `bus` | is the file that all programs map as their bus |
 //! | `shared` | is the memory that belongs to no processor |
 //! | `clock` | says in which file the page of the simulated clock is: in `clock.page`, or in the memory of an extension |

@@ -110,7 +110,7 @@ pub enum RemoteRequest {
     /// Asks for the incarnation of an incarnation of the client that begins; returns a number that is greater than all
     /// those before.
     Join {},
-    /// Has a motion enqueued, if this request was never received before; returns an [`RemoteOutcome`].
+    /// Has a motion enqueued, if this request was never received before; returns a [`RemoteOutcome`].
     Offer {
         /// Its identity.
         id: Id,
@@ -118,12 +118,12 @@ pub enum RemoteRequest {
         #[serde(default)]
         takes_control: bool,
     },
-    /// Asks what has become of a motion; returns an [`RemoteOutcome`].
+    /// Asks what has become of a motion; returns a [`RemoteOutcome`].
     Outcome {
         /// Its identity.
         id: Id,
     },
-    /// Has a motion never run if it was not received yet; returns an [`RemoteOutcome`], which is never [`RemoteState::New`].
+    /// Has a motion never run if it was not received yet; returns a [`RemoteOutcome`], which is never [`RemoteState::New`].
     Withdraw {
         /// Its identity.
         id: Id,

@@ -114,7 +114,7 @@ impl From<WriteFmtError<condor_fs::FileError>> for ProgramError {
 }
 
 impl ProgramError {
-    /// Makes an [`ProgramError::Program`] of an error of the program's own; keeps the first 112 bytes of
+    /// Makes a [`ProgramError::Program`] of an error of the program's own; keeps the first 112 bytes of
     /// its text.
     #[must_use]
     pub fn program(error: &impl fmt::Display) -> Self {

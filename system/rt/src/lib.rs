@@ -1,5 +1,5 @@
 // The first definition of a link counts: here those of README.md lead to items instead of files.
-//! [error]: enum@Error
+//! [error]: enum@ProgramError
 //! [setup]: Setup
 //! [program]: Program
 //! [machine]: Machine

@@ -72,8 +72,8 @@ pub trait Machine: Sync {
     /// Makes the mailbox of this processor, which has not joined yet.
     ///
     /// # Errors
-    /// [`mbox::Error::Layout`] if the memory was laid out for another system or by another version;
-    /// [`mbox::Error::Window`] if it cannot be accessed.
+    /// [`mbox::MailboxError::Layout`] if the memory was laid out for another system or by another version;
+    /// [`mbox::MailboxError::Window`] if it cannot be accessed.
     fn mailbox<'v>(&self) -> Result<MailboxOf<'v, Self>, mbox::MailboxError>
     where
         Self: Sized,
@@ -114,7 +114,7 @@ pub trait Machine: Sync {
     /// and the background is rung again after handlers have run.)
     ///
     /// # Errors
-    /// [`Error`] if messages cannot be served; `background` has not run then.
+    /// [`ProgramError`] if messages cannot be served; `background` has not run then.
     fn with_mail<R>(
         &self,
         serve: impl Fn() -> usize + Sync,
@@ -137,7 +137,7 @@ pub trait Machine: Sync {
     /// [`on_one_stack`](crate::on_one_stack).
     ///
     /// # Errors
-    /// [`Error::Rate`] if the rates cannot be scheduled, [`Error::Loop`] or [`Error::Start`] if the
+    /// [`ProgramError::Rate`] if the rates cannot be scheduled, [`ProgramError::Loop`] or [`ProgramError::Start`] if the
     /// loops cannot start; `background` has not run then.
     fn with_loops<R>(
         &self,
@@ -156,7 +156,7 @@ pub trait Program {
     /// Runs until [`Machine::is_stopping`] returns true.
     ///
     /// # Errors
-    /// [`Error`] if the program has failed; its starter, such as a supervisor, decides what
-    /// follows. A program makes an error of its own by [`Error::program`].
+    /// [`ProgramError`] if the program has failed; its starter, such as a supervisor, decides what
+    /// follows. A program makes an error of its own by [`ProgramError::program`].
     fn run<M: Machine>(&self, machine: &M) -> Result<(), ProgramError>;
 }

@@ -52,7 +52,7 @@ impl<W: MemoryWindow + Sync, X: Exclusion + Sync, const IN: usize> Screen for Te
 }
 
 /// A message, as its handler gets it. A handler can do with it what it can do with a
-/// [call](mbox::HandlerCall) of the mailbox, and print.
+/// [call](mbox::Call) of the mailbox, and print.
 pub struct HandlerCall<'c> {
     pub(crate) call: &'c mbox::Call<'c>,
     pub(crate) screen: Option<&'c dyn Screen>,
@@ -98,8 +98,8 @@ impl LoopTick<'_> {
     /// Sends a message without reply, and does not wait.
     ///
     /// # Errors
-    /// [`mbox::Error::NoSlot`] if there is no room for the message now,
-    /// [`mbox::Error::NotConnected`] if the receiver has not joined; otherwise an error of
+    /// [`mbox::MailboxError::NoSlot`] if there is no room for the message now,
+    /// [`mbox::MailboxError::NotConnected`] if the receiver has not joined; otherwise an error of
     /// [`Messenger::send`].
     pub fn send(&self, to: Processor, vector: Vector, data: u32) -> Result<(), mbox::MailboxError> {
         self.messenger.send(to, vector, data, Duration::ZERO)
@@ -144,7 +144,7 @@ impl<'b, M: Machine> Background<'b, M> {
     /// Returns the terminal, for reading and writing.
     ///
     /// # Errors
-    /// [`Error::Missing`] if the program did not set one up.
+    /// [`ProgramError::Missing`] if the program did not set one up.
     pub fn console(&self) -> Result<&'b ConsoleOf<M>, ProgramError> {
         self.console
             .ok_or(ProgramError::Missing { what: "console" })
@@ -164,7 +164,7 @@ impl<'b, M: Machine> Background<'b, M> {
     /// is not valid UTF-8, at the end of the input, or if the terminal cannot be read.
     ///
     /// # Errors
-    /// [`Error::Missing`] if the program has no terminal; [`Error::Mailbox`] or [`Error::Access`]
+    /// [`ProgramError::Missing`] if the program has no terminal; [`ProgramError::Mailbox`] or [`ProgramError::Access`]
     /// if the processor's own memory cannot be accessed.
     pub fn read_line<'l>(
         &self,
@@ -190,7 +190,7 @@ impl<'b, M: Machine> Background<'b, M> {
     /// Connects to the host's files.
     ///
     /// # Errors
-    /// [`Error::Missing`] if the setup did not ask for files; [`Error::Files`] if
+    /// [`ProgramError::Missing`] if the setup did not ask for files; [`ProgramError::Files`] if
     /// [`FileSystem::connect`] fails.
     pub fn files(&self) -> Result<FilesOf<'b, M>, ProgramError> {
         let area = self.area.ok_or(ProgramError::Missing { what: "files" })?;
@@ -208,7 +208,7 @@ impl<'b, M: Machine> Background<'b, M> {
     /// program may have only one such end at a time.
     ///
     /// # Errors
-    /// [`Error::Missing`] if the setup did not ask for it; [`Error::Access`] if the processor's own
+    /// [`ProgramError::Missing`] if the setup did not ask for it; [`ProgramError::Access`] if the processor's own
     /// memory cannot be accessed.
     pub fn supervisor(&self) -> Result<Supervisor<'b, M>, ProgramError> {
         let what = "supervisor";
@@ -219,7 +219,7 @@ impl<'b, M: Machine> Background<'b, M> {
     /// Returns the present counts of the loop called `name`.
     ///
     /// # Errors
-    /// [`Error::Missing`] if the program has no loops, [`Error::Loop`] with
+    /// [`ProgramError::Missing`] if the program has no loops, [`ProgramError::Loop`] with
     /// [`LoopError::NoSuchLoop`] if none has this name.
     pub fn statistics(&self, name: &str) -> Result<Statistics, ProgramError> {
         let (loops, id) = self.servo(name)?;
@@ -229,7 +229,7 @@ impl<'b, M: Machine> Background<'b, M> {
     /// Sets the counts and times of the loop called `name` to 0.
     ///
     /// # Errors
-    /// [`Error::Missing`] if the program has no loops, [`Error::Loop`] with
+    /// [`ProgramError::Missing`] if the program has no loops, [`ProgramError::Loop`] with
     /// [`LoopError::NoSuchLoop`] if none has this name.
     pub fn reset_statistics(&self, name: &str) -> Result<(), ProgramError> {
         let (loops, id) = self.servo(name)?;
@@ -239,8 +239,8 @@ impl<'b, M: Machine> Background<'b, M> {
     /// Gives the loop called `name` another rate, while all loops run on.
     ///
     /// # Errors
-    /// [`Error::Missing`] if the program has no loops, [`Error::Loop`] with
-    /// [`LoopError::NoSuchLoop`] if none has this name; [`Error::Loop`] with [`LoopError::Rate`] if
+    /// [`ProgramError::Missing`] if the program has no loops, [`ProgramError::Loop`] with
+    /// [`LoopError::NoSuchLoop`] if none has this name; [`ProgramError::Loop`] with [`LoopError::Rate`] if
     /// the new rates cannot be scheduled.
     pub fn set_rate(&self, name: &str, rate: Rate) -> Result<(), ProgramError> {
         let (loops, id) = self.servo(name)?;
@@ -250,7 +250,7 @@ impl<'b, M: Machine> Background<'b, M> {
     /// Enables or disables the loop called `name`; a disabled loop is not released.
     ///
     /// # Errors
-    /// [`Error::Missing`] if the program has no loops, [`Error::Loop`] with
+    /// [`ProgramError::Missing`] if the program has no loops, [`ProgramError::Loop`] with
     /// [`LoopError::NoSuchLoop`] if none has this name.
     pub fn set_enabled(&self, name: &str, enabled: bool) -> Result<(), ProgramError> {
         let (loops, id) = self.servo(name)?;
@@ -271,7 +271,7 @@ impl<'b, M: Machine> Background<'b, M> {
     /// the loops as [`show`](Self::show) does.
     ///
     /// # Errors
-    /// [`Error::Mailbox`] with [`mbox::Error::Window`], or [`Error::Access`], if the processor's
+    /// [`ProgramError::Mailbox`] with [`mbox::MailboxError::Window`], or [`ProgramError::Access`], if the processor's
     /// own memory cannot be accessed.
     pub fn serve(&self, time: Duration) -> Result<(), ProgramError> {
         let bell = self.machine.doorbell();
@@ -289,7 +289,7 @@ impl<'b, M: Machine> Background<'b, M> {
     /// calls this instead.
     ///
     /// # Errors
-    /// [`Error::Access`] if the processor's own memory cannot be accessed.
+    /// [`ProgramError::Access`] if the processor's own memory cannot be accessed.
     pub fn show(&self) -> Result<(), ProgramError> {
         let now = self.machine.doorbell().now();
         if let Ok(mut reports) = self.reports.try_borrow_mut()

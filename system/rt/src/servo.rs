@@ -28,7 +28,7 @@ pub struct ServoLoop<'b> {
 /// [`with_loops`](crate::Machine::with_loops) by this.
 ///
 /// # Errors
-/// [`Error::Rate`] if the rates cannot be scheduled, [`Error::Loop`] or [`Error::Start`] if the
+/// [`ProgramError::Rate`] if the rates cannot be scheduled, [`ProgramError::Loop`] or [`ProgramError::Start`] if the
 /// loops cannot start; `background` has not run then.
 pub fn on_one_stack<P, R>(
     platform: P,

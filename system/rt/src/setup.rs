@@ -126,8 +126,8 @@ impl<'e, M: Machine> Setup<'e, M> {
     /// Makes the setup of the program of `machine`, with an empty object table.
     ///
     /// # Errors
-    /// [`Error::Objects`] if the processor's shared memory has no room for the table;
-    /// [`Error::Access`] if it is smaller than the doorbell's line.
+    /// [`ProgramError::Objects`] if the processor's shared memory has no room for the table;
+    /// [`ProgramError::Access`] if it is smaller than the doorbell's line.
     pub fn new(machine: &'e M) -> Result<Self, ProgramError> {
         let own = users(machine, machine.number())?;
         let mut places = Allocator::new(own.size());
@@ -152,7 +152,7 @@ impl<'e, M: Machine> Setup<'e, M> {
     /// Gives the program a terminal, which the object table lists as `console`.
     ///
     /// # Errors
-    /// [`Error::Twice`] if it has one, [`Error::Window`] if there is no room, [`Error::Objects`] if
+    /// [`ProgramError::Twice`] if it has one, [`ProgramError::Window`] if there is no room, [`ProgramError::Objects`] if
     /// a terminal of this name is in the object table already.
     pub fn console(&mut self) -> Result<&mut Self, ProgramError> {
         self.console_with(&condor_tty::TerminalSettings::COOKED)
@@ -161,7 +161,7 @@ impl<'e, M: Machine> Setup<'e, M> {
     /// Gives the program a terminal as [`console`](Self::console) does, with these settings.
     ///
     /// # Errors
-    /// [`Error::Twice`] if it has one, [`Error::Window`] if there is no room, [`Error::Objects`] if
+    /// [`ProgramError::Twice`] if it has one, [`ProgramError::Window`] if there is no room, [`ProgramError::Objects`] if
     /// a terminal of this name is in the object table already.
     pub fn console_with(
         &mut self,
@@ -196,7 +196,7 @@ impl<'e, M: Machine> Setup<'e, M> {
     /// files.
     ///
     /// # Errors
-    /// [`Error::Twice`] if that was done before, [`Error::Window`] if there is no room.
+    /// [`ProgramError::Twice`] if that was done before, [`ProgramError::Window`] if there is no room.
     pub fn files(&mut self) -> Result<&mut Self, ProgramError> {
         if self.area.is_some() {
             return Err(ProgramError::Twice { what: "file area" });
@@ -210,7 +210,7 @@ impl<'e, M: Machine> Setup<'e, M> {
     /// programs of processors, if the system's description allows that.
     ///
     /// # Errors
-    /// [`Error::Twice`] if `supervisor` was called before, [`Error::Window`] if the window has no room.
+    /// [`ProgramError::Twice`] if `supervisor` was called before, [`ProgramError::Window`] if the window has no room.
     pub fn supervisor(&mut self) -> Result<&mut Self, ProgramError> {
         if self.asks.is_some() {
             return Err(ProgramError::Twice {
@@ -227,7 +227,7 @@ impl<'e, M: Machine> Setup<'e, M> {
     /// Makes a cell called `name`, whose latest value others can read, and returns its publisher.
     ///
     /// # Errors
-    /// [`Error::Window`] if there is no room, [`Error::Objects`] if the object table refuses the
+    /// [`ProgramError::Window`] if there is no room, [`ProgramError::Objects`] if the object table refuses the
     /// name.
     pub fn publish<T>(
         &mut self,
@@ -243,8 +243,8 @@ impl<'e, M: Machine> Setup<'e, M> {
     /// watching programs can show each field by its name.
     ///
     /// # Errors
-    /// [`Error::Window`] if there is no room, [`Error::Objects`] if the object table refuses the
-    /// name, [`Error::Variables`] if the fields cannot be described.
+    /// [`ProgramError::Window`] if there is no room, [`ProgramError::Objects`] if the object table refuses the
+    /// name, [`ProgramError::Variables`] if the fields cannot be described.
     pub fn publish_fields<T>(
         &mut self,
         name: &str,
@@ -270,16 +270,16 @@ impl<'e, M: Machine> Setup<'e, M> {
     /// others know how to read.
     ///
     /// ```
-    /// # use condor_rt::{Error, Machine, Setup, objects::ObjectKind};
-    /// # fn two<M: Machine>(setup: &mut Setup<'_, M>) -> Result<(), Error> {
-    /// let offset = setup.place("points", Kind::Other, |places| places.bytes(64))?;
+    /// # use condor_rt::{ProgramError, Machine, Setup, objects::ObjectKind};
+    /// # fn two<M: Machine>(setup: &mut Setup<'_, M>) -> Result<(), ProgramError> {
+    /// let offset = setup.place("points", ObjectKind::Other, |places| places.bytes(64))?;
     /// # let _ = offset;
     /// # Ok(())
     /// # }
     /// ```
     ///
     /// # Errors
-    /// [`Error::Window`] if there is no room, [`Error::Objects`] if the object table refuses the
+    /// [`ProgramError::Window`] if there is no room, [`ProgramError::Objects`] if the object table refuses the
     /// name.
     pub fn place<T>(
         &mut self,
@@ -414,12 +414,12 @@ impl<'e, M: Machine> Setup<'e, M> {
     /// so in the background of a first setup, and then makes a second one. To other processors the
     /// second setup is a new start of the program, with a new incarnation: it keeps nothing of the
     /// first one. A terminal of the first one with
-    /// [`Settings::OUTPUT`](condor_tty::Settings::OUTPUT) leaves what is typed to the second.
+    /// [`Settings::OUTPUT`](condor_tty::TerminalSettings::OUTPUT) leaves what is typed to the second.
     ///
     /// # Errors
-    /// [`Error::Full`], [`Error::VectorTaken`], [`Error::LeftOver`], [`Error::Variables`] or
-    /// [`Error::Window`] if something was wrong with the setup; [`Error::Mailbox`] if the mailbox
-    /// cannot join; [`Error::Rate`], [`Error::Loop`] or [`Error::Start`] if the loops cannot run;
+    /// [`ProgramError::Full`], [`ProgramError::VectorTaken`], [`ProgramError::LeftOver`], [`ProgramError::Variables`] or
+    /// [`ProgramError::Window`] if something was wrong with the setup; [`ProgramError::Mailbox`] if the mailbox
+    /// cannot join; [`ProgramError::Rate`], [`ProgramError::Loop`] or [`ProgramError::Start`] if the loops cannot run;
     /// otherwise the error that `background` returned.
     pub fn background<R>(
         &mut self,
@@ -637,7 +637,7 @@ fn enter<W: MemoryWindow>(
 /// doorbell's line.
 ///
 /// # Errors
-/// [`Error::Mailbox`] if there is no such processor; [`Error::Access`] if its memory is too small.
+/// [`ProgramError::Mailbox`] if there is no such processor; [`ProgramError::Access`] if its memory is too small.
 pub fn users<M: Machine>(
     machine: &M,
     processor: mbox::Processor,

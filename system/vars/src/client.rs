@@ -171,7 +171,7 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow> VariableClient<'m, M, W> {
     /// # Errors
     /// [`RequestError::Scattered`] if the selection has too many pieces,
     /// [`RequestError::Displaced`] if the slot has gone to another watcher, those of
-    /// [`Table::entry`], and those of all calls (see [`claim`](Self::claim)). Nothing is selected
+    /// [`VariableTable::entry`], and those of all calls (see [`claim`](Self::claim)). Nothing is selected
     /// then.
     pub fn select<V: MemoryWindow>(
         &mut self,

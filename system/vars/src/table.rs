@@ -191,7 +191,7 @@ impl<W: MemoryWindow> VariableTable<W> {
     /// Reads the entry `number`.
     ///
     /// # Errors
-    /// [`VariableTableError::NoEntry`] if there is none of this number, [`VariableTableError::TableEntry`] if it is
+    /// [`VariableTableError::NoEntry`] if there is none of this number, [`VariableTableError::Entry`] if it is
     /// invalid, [`VariableTableError::Restarted`] if the table was made anew, [`VariableTableError::Access`] if the
     /// memory cannot be accessed.
     pub fn entry(&self, number: u32) -> Result<TableEntry, VariableTableError> {
@@ -208,7 +208,7 @@ impl<W: MemoryWindow> VariableTable<W> {
     /// Finds the entry with this name; returns `None` if there is none.
     ///
     /// # Errors
-    /// [`VariableTableError::TableEntry`] if an entry is invalid, [`VariableTableError::Restarted`] if the table was
+    /// [`VariableTableError::Entry`] if an entry is invalid, [`VariableTableError::Restarted`] if the table was
     /// made anew, [`VariableTableError::Access`] if the memory cannot be accessed.
     pub fn find(&self, name: &str) -> Result<Option<TableEntry>, VariableTableError> {
         for entry in self.entries() {
@@ -230,7 +230,7 @@ impl<W: MemoryWindow> VariableTable<W> {
     /// label.
     ///
     /// # Errors
-    /// [`VariableTableError::TableEntry`] if the label is invalid, [`VariableTableError::Restarted`] if the table was
+    /// [`VariableTableError::Entry`] if the label is invalid, [`VariableTableError::Restarted`] if the table was
     /// made anew, [`VariableTableError::Access`] if the memory cannot be accessed.
     pub fn label(
         &self,

@@ -15,7 +15,7 @@ use embedded_io::{BufRead, Read, SeekFrom, Write};
 use super::Source;
 use crate::peer::{self, BUFFER, FILES, Fs, Own, PATH, Pair};
 
-/// Bytes of the client's window that are its area: all that a `Allocator` has given, in whole lines.
+/// Bytes of the client's window that are its area: all that an `Allocator` has given, in whole lines.
 const AREA: u32 = lines(slot::BYTES)
     + lines(wire::table::BYTES)
     + lines(FILES as u32 * wire::block::BYTES)

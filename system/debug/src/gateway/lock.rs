@@ -55,7 +55,7 @@ impl Cleaner {
     /// Returns whether a debugger was found dead in this call.
     ///
     /// # Errors
-    /// [`TracerError::TriggerAccess`] if the area cannot be accessed.
+    /// [`TracerError::Access`] if the area cannot be accessed.
     pub fn look<W: MemoryWindow>(
         &mut self,
         tracer: &Tracer<W>,

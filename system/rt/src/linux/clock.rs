@@ -237,8 +237,8 @@ impl HostBell {
     /// Makes the mailbox of the number that `claim` holds, with the doorbell that `bell` makes.
     ///
     /// # Errors
-    /// [`mbox::Error::Layout`] if the memory was laid out for another system or by another version;
-    /// [`mbox::Error::Window`] if it cannot be accessed.
+    /// [`mbox::MailboxError::Layout`] if the memory was laid out for another system or by another version;
+    /// [`mbox::MailboxError::Window`] if it cannot be accessed.
     pub fn mailbox<'v>(
         claim: Claim<PROCESSORS>,
         bell: impl FnOnce(LinuxDoorbell<PROCESSORS>) -> Self,

@@ -5,7 +5,7 @@
 //!
 //! | variable | meaning |
 //! |---|---|
-//! | `CONDOR_SYSTEM` | the directory of the mailbox system, as in [`VirtualSystem::at`](condor_mbox::linux::VirtualSystem::at) |
+//! | `CONDOR_SYSTEM` | the directory of the mailbox system, as in [`VirtualSystem::at`](condor_mbox::linux::LinuxSystem::at) |
 //! | `CONDOR_WINDOW_BYTES` | the size of the users' region of each processor's `data`, in bytes |
 //! | `CONDOR_PROCESSOR` | the processor's number |
 //! | `CONDOR_BUS` | the file that is mapped as the bus; if it is not set, nothing answers on the bus |
@@ -50,7 +50,7 @@
 //! nor each other, so long computations make loops late.
 //!
 //! With `signals` the timer's signals interrupt the background and slower loops at any instruction:
-//! see [`Signals`](condor_mos::linux::Signals). Loops must then keep the rules of a signal handler,
+//! see [`Signals`](condor_mos::linux::SignalPlatform). Loops must then keep the rules of a signal handler,
 //! so `main` has to allow it by an `unsafe` call.
 
 mod bell;

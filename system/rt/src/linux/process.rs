@@ -54,7 +54,7 @@ pub struct LinuxProcess {
 enum LoopPlatform {
     /// In threads, of which the fastest has this priority; one thread at a time serves messages.
     Threads(Option<u8>, Arc<Server>),
-    /// In signals: the code that made the machine has promised the contract of [`Signals::new`].
+    /// In signals: the code that made the machine has promised the contract of [`SignalPlatform::new`].
     Signals,
     /// Where the background polls.
     Spin(Arc<Spinner>),
@@ -75,7 +75,7 @@ impl LinuxProcess {
     /// [`ProcessError::Wrong`] if the environment says that loops run in signals, which only
     /// [`allowing_signals`](Self::allowing_signals) permits; [`ProcessError::Open`] or
     /// [`ProcessError::MapBus`] if the bus fails; [`ProcessError::Stopping`] if the signals cannot
-    /// be handled; [`ProcessError::LinuxSystem`] if the memory cannot be opened or the number not be
+    /// be handled; [`ProcessError::System`] if the memory cannot be opened or the number not be
     /// claimed.
     pub fn new(
         environment: &Environment,
@@ -96,13 +96,13 @@ impl LinuxProcess {
     ///
     /// # Safety
     /// If `environment` says so, all loops that run [on this machine](Machine::with_loops) must
-    /// keep the contract of [`Signals::new`]. In short: loops neither allocate, print, lock nor
+    /// keep the contract of [`SignalPlatform::new`]. In short: loops neither allocate, print, lock nor
     /// wait; all of them together fit on the stack of the thread; and the background stays on that
     /// stack.
     ///
     /// # Errors
     /// [`ProcessError::Open`] or [`ProcessError::MapBus`] if the bus fails;
-    /// [`ProcessError::Stopping`] if the signals cannot be handled; [`ProcessError::LinuxSystem`] if the
+    /// [`ProcessError::Stopping`] if the signals cannot be handled; [`ProcessError::System`] if the
     /// memory cannot be opened or the number not be claimed.
     pub unsafe fn allowing_signals(
         environment: &Environment,

@@ -12,7 +12,7 @@ use crate::machine::{Machine as _, Program};
 /// nothing else.
 ///
 /// `arguments` are the program's arguments, without its name. If the program fails, the reason is
-/// printed to standard error, and the exit status is [that of the error](crate::Error::exit_status); each
+/// printed to standard error, and the exit status is [that of the error](crate::ProgramError::exit_status); each
 /// privilege that the kernel refuses is printed, too.
 ///
 /// With `CONDOR_LOOPS=signals` it fails: see [`run_allowing_signals`].
@@ -27,7 +27,7 @@ pub fn run<P: Program>(program: &P, arguments: impl IntoIterator<Item = String>)
 ///
 /// # Safety
 /// The loops of `program` keep the contract of
-/// [`Signals::new`](condor_mos::linux::Signals::new), as for [`LinuxProcess::allowing_signals`].
+/// [`Signals::new`](condor_mos::linux::SignalPlatform::new), as for [`LinuxProcess::allowing_signals`].
 #[must_use]
 pub unsafe fn run_allowing_signals<P: Program>(
     program: &P,

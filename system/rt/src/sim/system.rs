@@ -22,11 +22,11 @@ use crate::silent::Silent;
 ///
 /// ```
 /// use condor_rt::{Machine, sim};
-/// use condor_mbox::{Clock, SimMachine};
+/// use condor_mbox::{Clock, Processor};
 ///
-/// let mut system = sim::System::new(4096)?;
-/// system.arguments(SimMachine(2), ["a"])?;
-/// system.host(SimMachine(2), |machine| {
+/// let mut system = sim::VirtualSystem::new(4096)?;
+/// system.arguments(Processor(2), ["a"])?;
+/// system.host(Processor(2), |machine| {
 ///     assert_eq!(machine.argument(0), Some("a"));
 ///     while !machine.is_stopping() {
 ///         machine.work(1_000_000);
@@ -60,7 +60,7 @@ impl VirtualSystem<'_> {
     /// its `data`.
     ///
     /// # Errors
-    /// [`SimError::VirtualSystem`] if the memory cannot be made.
+    /// [`SimError::System`] if the memory cannot be made.
     pub fn new(window_bytes: u32) -> Result<Self, SimError> {
         Self::with_bus(window_bytes, Silent)
     }
@@ -70,7 +70,7 @@ impl<'env, B: Bus + Clone + Send + Sync> VirtualSystem<'env, B> {
     /// Makes a system as [`new`](VirtualSystem::new) does, with boards on a bus that all processors share.
     ///
     /// # Errors
-    /// [`SimError::VirtualSystem`] if the memory cannot be made.
+    /// [`SimError::System`] if the memory cannot be made.
     pub fn with_bus(window_bytes: u32, bus: B) -> Result<Self, SimError> {
         let seat = |_| ProcessorSettings {
             arguments: Vec::new(),
@@ -89,7 +89,7 @@ impl<'env, B: Bus + Clone + Send + Sync> VirtualSystem<'env, B> {
     /// Adds a memory of `bytes` bytes that belongs to no processor.
     ///
     /// # Errors
-    /// [`SimError::VirtualSystem`] if the memory cannot be made.
+    /// [`SimError::System`] if the memory cannot be made.
     pub fn share_memory(&mut self, bytes: u32) -> Result<(), SimError> {
         const OWNER: mbox::Processor = mbox::Processor(0);
         let memory = linux::LinuxSystem::<1>::family(bytes)?;
@@ -186,7 +186,7 @@ impl<'env, B: Bus + Clone + Send + Sync> VirtualSystem<'env, B> {
     /// When one program fails, all others are told to stop.
     ///
     /// # Errors
-    /// [`SimError::Failed`] if programs failed; [`SimError::VirtualSystem`] if a number cannot be claimed;
+    /// [`SimError::Failed`] if programs failed; [`SimError::System`] if a number cannot be claimed;
     /// [`SimError::Thread`] if a thread cannot be started, in which case the other programs were
     /// told to stop at once.
     pub fn run(self) -> Result<u64, SimError> {
@@ -197,7 +197,7 @@ impl<'env, B: Bus + Clone + Send + Sync> VirtualSystem<'env, B> {
     /// `ns`, in nanoseconds since the beginning of the run.
     ///
     /// # Errors
-    /// [`SimError::Failed`] if programs failed; [`SimError::VirtualSystem`] if a number cannot be claimed;
+    /// [`SimError::Failed`] if programs failed; [`SimError::System`] if a number cannot be claimed;
     /// [`SimError::Thread`] if a thread cannot be started.
     pub fn run_until(self, ns: u64) -> Result<u64, SimError> {
         const { assert!(PROCESSORS == LINES, "each has a line") };

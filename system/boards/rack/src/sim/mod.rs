@@ -1,4 +1,4 @@
-//! The boards as models of their registers, for a [`condor_dev::sim::Bus`].
+//! The boards as models of their registers, for a [`condor_dev::sim::SimBus`].
 
 mod adc;
 mod dac;
