@@ -83,7 +83,7 @@ pub enum IoError<E> {
     #[error("the device is not ready")]
     WouldBlock,
     /// There is nothing more to read, as at the end of a file. Devices never return it; a
-    /// [`DeviceStream`](crate::DeviceStream) reads 0 bytes.
+    /// [`DeviceStream`](crate::stream::DeviceStream) reads 0 bytes.
     #[error("there is no more to read")]
     End,
     /// The device does not transfer this many bytes at a time.

@@ -30,7 +30,7 @@ pub struct Fd {
 
 impl Fd {
     /// Makes a descriptor from an index and a generation. An implementation of
-    /// [`Descriptors`](crate::Descriptors) makes those of its own table so. A
+    /// [`Descriptors`](crate::stream::Descriptors) makes those of its own table so. A
     /// [`Switch`](crate::Switch) accepts it if index and generation are those of an open
     /// descriptor.
     #[must_use]

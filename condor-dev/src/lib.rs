@@ -8,7 +8,7 @@
 //! [fderror]: FdError
 //! [io]: IoError
 //! [device]: Device
-//! [stream]: DeviceStream
+//! [stream]: stream::DeviceStream
 //! [stdio]: mod@stdio
 //! [switch]: Switch::on_interrupt
 //! [ring]: Ring
@@ -51,6 +51,7 @@ pub mod set;
 #[cfg(all(feature = "models", not(condor_loom)))]
 pub mod sim;
 pub mod stdio;
+pub mod stream;
 
 // The machine.
 mod bus;
@@ -70,7 +71,6 @@ mod error;
 mod fd;
 mod record;
 mod ring;
-mod stream;
 mod switch;
 mod sync;
 mod unit;
@@ -93,6 +93,5 @@ pub use record::InterruptCounts;
 pub use ring::{Ring, RingReader, RingWriter};
 pub use serial::{I2cBus, SpiBus, SpiCommand};
 pub use set::{DeviceSet, DriverSlot};
-pub use stream::{Descriptors, DeviceStream, DeviceStreamError, looks, timeout};
 pub use switch::Switch;
 pub use unit::{Location, Presence, Unit};

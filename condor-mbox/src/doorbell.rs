@@ -49,20 +49,19 @@ pub trait Doorbell: Clock {
     /// time to pass, or for any processor.
     fn wait(&self, seen: Self::Seen, until: Instant, whom: Option<Processor>);
 
-    /// Returns whether this doorbell is exact: every message rings, no ring is lost, and the end of
+    /// Returns whether rings can be relied upon: every message rings, no ring is lost, and the end of
     /// a program rings the processors that may wait for it. The result never changes.
     ///
-    /// With an exact doorbell a mailbox rings for every message, whether its receiver waits or not,
-    /// and sleeps until its deadline instead of polling at intervals. A doorbell in simulated time
-    /// is exact, because each poll would cost all processors a turn.
-    fn is_exact(&self) -> bool {
+    /// A mailbox then rings for every message, whether its receiver waits or not, and sleeps until
+    /// its deadline instead of polling at intervals. Choose it where a poll costs more than a ring.
+    fn rings_always(&self) -> bool {
         false
     }
 
     /// Returns whether a message of `sender` ends [`Messenger::serve`](crate::Messenger::serve).
     ///
-    /// In simulated time a message of a service does not end it: services are outside of that time,
-    /// and a program must not behave differently if a service is restarted.
+    /// It does not where a program must run alike whenever `sender` sends: the message is served,
+    /// and the wait goes on.
     fn ends_serving(&self, sender: Processor) -> bool {
         let _ = sender;
         true
@@ -92,8 +91,8 @@ impl<T: Deref<Target: Doorbell>> Doorbell for T {
         (**self).wait(seen, until, whom);
     }
 
-    fn is_exact(&self) -> bool {
-        (**self).is_exact()
+    fn rings_always(&self) -> bool {
+        (**self).rings_always()
     }
 
     fn ends_serving(&self, sender: Processor) -> bool {

@@ -3,7 +3,7 @@
 //! [`Tty`] is the driver. A terminal has no address that could be probed, so the program says by
 //! [`TerminalTable`] which terminal is at which place; until it does, the start of the switch finds
 //! none. From then on `open(":tty", board, mode)` returns a descriptor, like that of any device,
-//! and `condor-dev`'s [`Stream`](condor_dev::DeviceStream) and buffered standard output and input work
+//! and `condor-dev`'s [`Stream`](condor_dev::stream::DeviceStream) and buffered standard output and input work
 //! over it.
 //!
 //! ```
@@ -12,7 +12,8 @@
 //!
 //! use condor_dev::sim::SimBus;
 //! use condor_dev::stdio::{self, Buffering, BufferedOutput};
-//! use condor_dev::{OpenMode, NoInterrupts, Location, DeviceStream, Switch, device_switch};
+//! use condor_dev::stream::DeviceStream;
+//! use condor_dev::{OpenMode, NoInterrupts, Location, Switch, device_switch};
 //! use condor_mbox::sim::{SimMailbox, SimWindow, SimSystem};
 //! use condor_mbox::{Call, CriticalSection, MemoryWindow, Messenger, Allocator, Processor, Region};
 //! use condor_tty::dev::{AnyTerminal, TerminalTable, TerminalBoard, Tty};

@@ -1,5 +1,5 @@
 //! Buffered input and output over any type that implements `embedded-io`: devices through a
-//! [`DeviceStream`](crate::DeviceStream), terminals, files (A. I. Memo 977, section 3.1).
+//! [`DeviceStream`](crate::stream::DeviceStream), terminals, files (A. I. Memo 977, section 3.1).
 //!
 //! * [`BufReader`] and [`BufWriter`] belong to one context, like any value. [`ReadLine`] reads
 //!   lines and pieces into the caller's memory.

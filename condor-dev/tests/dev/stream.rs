@@ -3,10 +3,8 @@
 use std::cell::Cell;
 
 use condor_dev::sim::SimBus;
-use condor_dev::{
-    Descriptors, DeviceStream, DeviceStreamError, Fd, FdError, IoError, Location, NoInterrupts,
-    OpenMode, Switch, device_switch, looks, timeout,
-};
+use condor_dev::stream::{Descriptors, DeviceStream, DeviceStreamError, looks, timeout};
+use condor_dev::{Fd, FdError, IoError, Location, NoInterrupts, OpenMode, Switch, device_switch};
 use embedded_io::{Error as _, ErrorKind, Read, ReadReady, Write, WriteReady};
 use utah_mit_boards::Adc16;
 use utah_mit_boards::sim::AdcModel;

@@ -2,16 +2,17 @@
 //!
 //! A [`FileSwitch`] is a device switch that also has the host's files. Names that begin with `fs/`
 //! are files; all others are boards. A descriptor of either is read, written and closed in the same
-//! way. The switch implements [`Descriptors`], so a [`Stream`](condor_dev::DeviceStream) of a file and
+//! way. The switch implements [`Descriptors`], so a [`Stream`](condor_dev::stream::DeviceStream) of a file and
 //! all of [`condor_dev::stdio`], including standard input and output, work with it.
 
 use core::fmt::Debug;
 use core::mem::ManuallyDrop;
 
 use condor_dev::stdio::ClaimCell;
+use condor_dev::stream::Descriptors;
 use condor_dev::{
-    Bus, BusError, BusErrorKind, Descriptors, DeviceSet, Fd, FdError, InterruptController, IoError,
-    OpenMode, Switch,
+    Bus, BusError, BusErrorKind, DeviceSet, Fd, FdError, InterruptController, IoError, OpenMode,
+    Switch,
 };
 use condor_mbox::{MemoryWindow, Messenger};
 

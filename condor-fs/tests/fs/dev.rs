@@ -8,9 +8,10 @@ use std::time::Duration;
 use crate::support::{CLIENT, FILES, Mail, N, Supervisor, disk};
 use condor_dev::sim::SimBus;
 use condor_dev::stdio::{self, BufReader, BufWriter, BufferedOutput, Buffering, ReadLine};
+use condor_dev::stream::{Descriptors, DeviceStream, DeviceStreamError, looks};
 use condor_dev::{
-    BusError, BusErrorKind, Descriptors, DeviceStream, DeviceStreamError, Fd, FdError, IoError,
-    Location, NoInterrupts, OpenMode, Switch, device_switch, looks,
+    BusError, BusErrorKind, Fd, FdError, IoError, Location, NoInterrupts, OpenMode, Switch,
+    device_switch,
 };
 use condor_fs::dev::{FileOpenError, FileSwitch, TransferError};
 use condor_fs::{Errno, FileError, OpenOptions};

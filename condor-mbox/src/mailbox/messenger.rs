@@ -99,8 +99,8 @@ pub trait Messenger {
     fn serve(&self, timeout: Duration) -> Result<usize, MailboxError>;
 
     /// Serves as [`serve`](Self::serve) does, while the caller waits for an action of `whom`: for
-    /// example that a file server comes back, or that a terminal gets room. In simulated time, if
-    /// `whom` is a service, no time passes during the wait, and it may end early.
+    /// example that a file server comes back, or that a terminal gets room. It may end
+    /// early where rings are certain ([`Doorbell::rings_always`](crate::Doorbell::rings_always)).
     ///
     /// # Errors
     /// [`MailboxError::NotJoined`] if this mailbox has not joined; [`MailboxError::Window`] if the own memory

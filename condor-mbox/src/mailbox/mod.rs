@@ -3,6 +3,7 @@
 mod join;
 mod listen;
 mod messenger;
+mod pace;
 mod peer;
 mod request;
 mod serve;

@@ -7,6 +7,7 @@ use core::hint::spin_loop;
 use core::time::Duration;
 
 use super::messenger::{MessageTicket, Messenger, PendingReply};
+use super::pace::Pace;
 use super::peer::{Peer, Word};
 use super::wait::{End, GLANCES, Watch};
 use super::{Mailbox, Waiting};
@@ -148,9 +149,8 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         // Pairs with the fence in `wait`: what was stored before is seen by a receiver that
         // looks after it asked to be rung, or its asking is seen here.
         fence(Ordering::SeqCst);
-        if mail.look(At::header(header::NOTIFY), LoadOrder::Relaxed) != 0
-            || self.doorbell.is_exact()
-        {
+        let asked = mail.look(At::header(header::NOTIFY), LoadOrder::Relaxed) != 0;
+        if Pace::of(&self.doorbell).rings(asked) {
             self.ring(mail.owner());
         }
     }
@@ -309,9 +309,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         timeout: Duration,
         gives_up: bool,
     ) -> Result<u32, MailboxError> {
-        if self.doorbell.is_exact() {
-            // Time may stand during this wait: how soon the reply comes must not decide whether
-            // requests that are there are served before it.
+        if Pace::of(&self.doorbell).serves_first() {
             self.serve_present(begun, begun.after(timeout))?;
         }
         // A quick reply, to one that spins and has nothing to serve meanwhile.

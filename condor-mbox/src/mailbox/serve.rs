@@ -5,6 +5,7 @@ use core::time::Duration;
 
 use super::Mailbox;
 use super::messenger::Call;
+use super::pace::Pace;
 use super::peer::Peer;
 use super::wait::End;
 use crate::backend::Backend;
@@ -49,8 +50,8 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         let served = || self.served.get().wrapping_sub(before) as usize;
         let outcome = if timeout.is_zero() {
             self.serve_present(begun, Instant::FOREVER)
-        } else if let Some(whom) = whom.filter(|_| self.doorbell.is_exact()) {
-            // Its clock may stand until `whom` has done something: the caller looks after each ring.
+        } else if let Some(whom) = whom.filter(|_| Pace::of(&self.doorbell).serves_first()) {
+            // The caller looks after each ring what `whom` has done.
             let seen = self.doorbell.prepare();
             match self.serve_present(begun, Instant::FOREVER) {
                 Ok(0) => {

@@ -3,6 +3,7 @@
 use core::time::Duration;
 
 use super::Mailbox;
+use super::pace::Pace;
 use crate::backend::Backend;
 use crate::doorbell::{Doorbell as _, Evidence};
 use crate::error::MailboxError;
@@ -19,8 +20,6 @@ const WATCH: Duration = Duration::from_micros(250);
 /// How long a waiter waits before it feels the pulse of its peer for the first time: reading the
 /// heartbeat takes the line from the peer, which quick answers need not pay for.
 const PULSE: Duration = Duration::from_micros(20);
-/// How long a sleep lasts at most, so that a lost doorbell only delays.
-const NAP: Duration = Duration::from_millis(10);
 
 /// How many rings are glanced at between two readings of the clock while spinning: a fraction of a
 /// microsecond.
@@ -163,9 +162,8 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         watch: Option<Watch>,
         mut look: impl FnMut(bool) -> Result<Option<T>, MailboxError>,
     ) -> Result<End<T>, MailboxError> {
-        if self.doorbell.is_exact() {
-            // How many looks follow may depend on how fast a service of the host is; what is served
-            // before its answer does not.
+        let pace = Pace::of(&self.doorbell);
+        if pace.serves_first() {
             self.serve_present(begun, deadline)?;
         }
         let mut now = begun;
@@ -204,7 +202,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
             }
             let mut end = None;
             if let Some(watch) = watch {
-                let ask = now >= ask_at || self.doorbell.is_exact();
+                let ask = pace.asks(now, ask_at);
                 if ask {
                     ask_at = now.after(WATCH);
                 }
@@ -214,7 +212,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
                 let beat = watch.and_then(|watch| self.heartbeat(watch.peer));
                 end = Some(End::Expired {
                     // A heart that nobody needs to feel may stand still.
-                    stalled: beat.is_some() && beat == first_beat && !self.doorbell.is_exact(),
+                    stalled: beat.is_some() && beat == first_beat && pace.feels_hearts(),
                 });
             }
             if let Some(end) = end {
@@ -244,17 +242,13 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
             // Behind what was served there may be more that rang before.
             if !served {
                 let asks = watch.is_some_and(|watch| watch.incarnation.is_some());
-                let until = match (self.doorbell.is_exact(), asks) {
-                    (true, _) => deadline,
-                    (false, true) => ask_at,
-                    (false, false) => now.after(NAP),
-                };
+                let until = pace.sleep_end(now, asks.then_some(ask_at), deadline);
                 // The sleep may last until the deadline.
                 if first_beat.is_none() {
                     first_beat = watch.and_then(|watch| self.heartbeat(watch.peer));
                 }
                 let whom = watch.map(|watch| watch.peer);
-                self.doorbell.wait(seen, until.min(deadline), whom);
+                self.doorbell.wait(seen, until, whom);
                 now = self.doorbell.now();
             }
         }

@@ -7,9 +7,9 @@ use std::time::Duration;
 
 use condor_dev::sim::SimBus;
 use condor_dev::stdio::{self, BufferedInput, BufferedOutput, Buffering};
+use condor_dev::stream::{DeviceStream, DeviceStreamError, looks};
 use condor_dev::{
-    DeviceStream, DeviceStreamError, FdError, IoError, Location, NoInterrupts, OpenError, OpenMode,
-    Switch, device_switch, looks,
+    FdError, IoError, Location, NoInterrupts, OpenError, OpenMode, Switch, device_switch,
 };
 use condor_mbox::sim::{SimMailbox, SimSystem, SimWindow};
 use condor_mbox::{Allocator, CriticalSection, LoadOrder, MemoryWindow, Processor, Region};

@@ -43,7 +43,7 @@ where
         self.0.wait(seen, until.as_ns(), whom.map(|whom| whom.0));
     }
 
-    fn is_exact(&self) -> bool {
+    fn rings_always(&self) -> bool {
         true
     }
 

@@ -10,7 +10,7 @@ impl World {
     pub(super) fn check_refusal(&self, from: usize, to: usize, is_call: bool, error: MailboxError) {
         match error {
             MailboxError::NotConnected { .. } => {
-                assert!(!self.seats[from].connected[to] && from != to)
+                assert!(!self.seats[from].connected[to] && from != to);
             }
             MailboxError::NoSlot { .. } => {
                 let full = self.rings[from][to].len() >= SLOTS as usize;

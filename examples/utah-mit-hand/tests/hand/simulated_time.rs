@@ -193,7 +193,10 @@ fn the_hand_moves_alike_to_the_last_bit_however_it_is_disturbed() {
             let mut times = 0;
             while times < DISTURBANCES {
                 let (outcome, more) = disturbed(random);
-                assert_eq!(outcome, quiet, "stopped or killed {more} times, seed {seed}");
+                assert_eq!(
+                    outcome, quiet,
+                    "stopped or killed {more} times, seed {seed}"
+                );
                 times += more;
             }
         }

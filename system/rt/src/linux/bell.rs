@@ -74,7 +74,7 @@ impl Doorbell for ProcessBell {
         }
     }
 
-    fn is_exact(&self) -> bool {
+    fn rings_always(&self) -> bool {
         matches!(self.ringing, Ringing::Simulated(_))
     }
 

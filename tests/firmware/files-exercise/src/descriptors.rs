@@ -2,9 +2,9 @@
 
 use checks::Checks;
 use condor_dev::stdio::{BufReader, ReadLine as _};
+use condor_dev::stream::{DeviceStream, looks};
 use condor_dev::{
-    BusError as _, BusErrorKind, Descriptors as _, DeviceStream, Fd, FdError, IoError,
-    NoInterrupts, OpenMode, looks,
+    BusError as _, BusErrorKind, Descriptors as _, Fd, FdError, IoError, NoInterrupts, OpenMode,
 };
 use condor_fs::dev::{FileOpenError, FileSwitch, TransferError};
 use condor_fs::{Errno, FileError, OpenOptions};

@@ -105,8 +105,8 @@ impl Doorbell for Bell<'_> {
         self.0.wait(seen, until, whom);
     }
 
-    fn is_exact(&self) -> bool {
-        self.0.is_exact()
+    fn rings_always(&self) -> bool {
+        self.0.rings_always()
     }
 
     fn evidence(&self, processor: Processor) -> Evidence {
