@@ -89,7 +89,7 @@ impl<T: Real> SetPoint<T> {
 
 /// The limits of a joint's motion.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-pub struct JointLimits<T> {
+pub struct ProfileLimits<T> {
     /// The least position, rad.
     pub low: T,
     /// The greatest position, rad.
@@ -119,7 +119,7 @@ pub enum TrajectoryError {
     Number(#[from] NumberError),
 }
 
-impl<T: Real> JointLimits<T> {
+impl<T: Real> ProfileLimits<T> {
     /// Checks the limits of joint number `joint`.
     ///
     /// # Errors

@@ -20,8 +20,8 @@ pub struct Limits {
 impl Limits {
     /// Returns the limits of a trajectory with this jerk to both sides, rad/s³ or m/s³.
     #[must_use]
-    pub const fn with_jerk(&self, jerk: f64) -> trajectory::JointLimits<f64> {
-        trajectory::JointLimits {
+    pub const fn with_jerk(&self, jerk: f64) -> trajectory::ProfileLimits<f64> {
+        trajectory::ProfileLimits {
             low: self.low,
             high: self.high,
             velocity: self.velocity,

@@ -131,7 +131,7 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
 
     /// Iterates over the limits that the trajectories of all joints keep, in the order of the fingers. The
     /// jerk is as much as one tick of the trajectories changes the acceleration.
-    pub fn trajectory_limits(&self) -> impl Iterator<Item = trajectory::JointLimits<f64>> {
+    pub fn trajectory_limits(&self) -> impl Iterator<Item = trajectory::ProfileLimits<f64>> {
         let rate_hz = f64::from(self.trajectory_hz);
         let joints = self.fingers.iter().flat_map(|finger| &finger.joints);
         joints.map(move |joint| {

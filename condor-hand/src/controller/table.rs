@@ -11,7 +11,7 @@ use crate::math::{is_finite, max, min};
 use crate::number::{NumberError, Requirement, check, positive};
 use crate::tendon::fault::sensor::Run;
 use crate::trajectory::{
-    Generator, JointLimits, MotionEvent, MotionTicket, Observations, Pace, Primitive,
+    Generator, ProfileLimits, MotionEvent, MotionTicket, Observations, Pace, Primitive,
     PrimitiveError, Profile, SetPoint, Target, TrajectoryError,
 };
 
@@ -173,7 +173,7 @@ impl TableController {
         let first_hz = table.axes.first().map_or(hand.servo_hz, rate);
         let sample_hz = f64::from(first_hz);
         // Where there is no axis, nothing is moved.
-        let mut limits = [JointLimits {
+        let mut limits = [ProfileLimits {
             low: -1.0,
             high: 1.0,
             velocity: 1.0,

@@ -4,7 +4,7 @@ use super::path::Path;
 use super::plan::Planner;
 use super::running::{Mover, Running};
 use super::{
-    Begin, Bounds, Guards, Happening, JointLimits, MotionEnd, MotionEvent, MotionGuard,
+    Begin, Bounds, Guards, Happening, ProfileLimits, MotionEnd, MotionEvent, MotionGuard,
     MotionProgress, MotionTicket, Observations, OnEnd, Primitive, PrimitiveError, Segments,
     SetPoint, StopGuard, Target, TrajectoryError, check_start,
 };
@@ -31,7 +31,7 @@ const EVENTS: usize = 32;
 /// servos](Self::with_guards_in_servos), which say what they have [stopped](Self::stopped).
 #[derive(Clone, Debug)]
 pub struct Generator<const J: usize, const Q: usize, T: Real = f64> {
-    limits: [JointLimits<T>; J],
+    limits: [ProfileLimits<T>; J],
     tick: T,
     joints: [Mover<T>; J],
     running: [Option<Running<T>>; J],
@@ -52,7 +52,7 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
     /// # Errors
     /// [`TrajectoryError`] if a limit is wrong, or a number is not finite.
     pub fn new(
-        limits: [JointLimits<T>; J],
+        limits: [ProfileLimits<T>; J],
         positions: [T; J],
         tick_s: T,
     ) -> Result<Self, TrajectoryError> {

@@ -4,7 +4,7 @@ use heapless::Vec;
 
 use super::path::{KNOTS, Path};
 use super::{
-    Bounds, JointLimits, Pace, Polynomial, Primitive, PrimitiveError, Profile, ProfileError,
+    Bounds, ProfileLimits, Pace, Polynomial, Primitive, PrimitiveError, Profile, ProfileError,
     Segments, SetPoint, Spline, Target,
 };
 use crate::math::{Real, max, min, real, sqrt};
@@ -14,7 +14,7 @@ use crate::number::{NumberError, Requirement, check_motion};
 pub(super) struct Planner<'a, const J: usize, T: Real> {
     pub(super) primitive: &'a Primitive<J, T>,
     pub(super) starts: &'a [SetPoint<T>; J],
-    pub(super) limits: &'a [JointLimits<T>; J],
+    pub(super) limits: &'a [ProfileLimits<T>; J],
     /// No motion is shorter than a tick, s.
     pub(super) tick: T,
 }
@@ -40,7 +40,7 @@ enum Shape {
 struct Joint<'a, T: Real> {
     number: usize,
     start: SetPoint<T>,
-    limits: &'a JointLimits<T>,
+    limits: &'a ProfileLimits<T>,
     end: T,
 }
 

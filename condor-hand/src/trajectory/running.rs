@@ -5,7 +5,7 @@
 //! q'' r² + q' dr/dt. At a constant r <= 1 that is within the limits whenever the path is.
 
 use super::path::Path;
-use super::{Guards, JointLimits, MotionEnd, MotionTicket, OnEnd, SetPoint};
+use super::{Guards, ProfileLimits, MotionEnd, MotionTicket, OnEnd, SetPoint};
 use crate::math::{Real, abs, clamp, max, real};
 use crate::number::tolerance;
 
@@ -36,7 +36,7 @@ pub(super) struct Running<T> {
 pub(super) struct Mover<T: Real> {
     pub(super) state: SetPoint<T>,
     pub(super) path: Path<T>,
-    pub(super) limits: JointLimits<T>,
+    pub(super) limits: ProfileLimits<T>,
     /// The number of the motion that moves it, or moved it last; 0 for none.
     pub(super) motion: u32,
     /// A servo has stopped it in that motion.

@@ -1,7 +1,7 @@
 use heapless::Deque;
 use thiserror::Error;
 
-use super::{JointLimits, Polynomial, SetPoint, TrajectoryError, check_start};
+use super::{ProfileLimits, Polynomial, SetPoint, TrajectoryError, check_start};
 use crate::Real;
 use crate::decimal::Decimal;
 use crate::math::{abs, clamp, real};
@@ -96,7 +96,7 @@ struct Brake<const J: usize, T: Real> {
 #[derive(Clone, Debug)]
 pub struct JointStream<const J: usize, const N: usize, T: Real = f64> {
     mask: u32,
-    limits: [JointLimits<T>; J],
+    limits: [ProfileLimits<T>; J],
     tick: T,
     /// The point that was passed last.
     former: StreamPoint<J, T>,
@@ -123,7 +123,7 @@ impl<const J: usize, const N: usize, T: Real> JointStream<J, N, T> {
     /// [`TrajectoryError`] if a limit is wrong, or a number is not finite.
     pub fn new(
         mask: u32,
-        limits: [JointLimits<T>; J],
+        limits: [ProfileLimits<T>; J],
         positions: [T; J],
         tick_s: T,
         patience: u32,
@@ -465,7 +465,7 @@ pub(crate) const QUANTITIES: [&str; 11] = [
 
 /// Whether a joint can go from one state to the next one in a time (s), and brake there.
 fn check_joint<T: Real>(
-    limits: &JointLimits<T>,
+    limits: &ProfileLimits<T>,
     from: &SetPoint<T>,
     to: &SetPoint<T>,
     duration: T,

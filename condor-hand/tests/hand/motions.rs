@@ -13,7 +13,7 @@ use condor_hand::message::motions::{
 use condor_hand::queue::{
     LedgerRow, MotionQueue, QueueAnswer, RefusalReason, RequestIdentity, RequestState, SessionOwner,
 };
-use condor_hand::trajectory::{JointLimits, JointStream, StreamEnd, StreamPoint};
+use condor_hand::trajectory::{ProfileLimits, JointStream, StreamEnd, StreamPoint};
 use condor_mbox::sim::{SimMailbox, SimSystem, SimWindow};
 use condor_mbox::{Allocator, Call, MemoryWindow, Messenger, PeerState, Processor, Region};
 use proptest::prelude::*;
@@ -171,7 +171,7 @@ impl Arm {
     }
 }
 
-const LIMITS: JointLimits<f64> = JointLimits {
+const LIMITS: ProfileLimits<f64> = ProfileLimits {
     low: -1.0,
     high: 1.0,
     velocity: 2.0,

@@ -21,7 +21,7 @@ use core::cell::RefCell;
 use core::time::Duration;
 
 use condor_hand::message::motions::{MOTIONS, MotionResponse, MotionsBlocks};
-use condor_hand::trajectory::{Generator, JointLimits};
+use condor_hand::trajectory::{Generator, ProfileLimits};
 use condor_mbox::{Clock, Processor};
 use condor_rt::objects::ObjectKind;
 use condor_rt::{Machine, MailboxOf, PROCESSORS, Program, ProgramError, Setup, users};
@@ -228,8 +228,8 @@ fn listen<M: Machine>(
 }
 
 /// The limits of all joints of the hand, which has as many.
-fn limits(hand: &UtahMit) -> [JointLimits<f64>; ALL] {
-    let mut limits = [JointLimits {
+fn limits(hand: &UtahMit) -> [ProfileLimits<f64>; ALL] {
+    let mut limits = [ProfileLimits {
         low: -1.0,
         high: 1.0,
         velocity: 1.0,

@@ -2,7 +2,7 @@
 //! wrong.
 
 use condor_hand::trajectory::{
-    Begin, Guards, Happening, JointLimits, MotionProgress, MotionTicket, Observations, OnEnd, Pace,
+    Begin, Guards, Happening, ProfileLimits, MotionProgress, MotionTicket, Observations, OnEnd, Pace,
     Profile, SetPoint, Target, Via,
 };
 use proptest::prelude::*;
@@ -100,7 +100,7 @@ proptest! {
     fn limits_hold_and_nothing_jumps_whatever_is_asked(
         steps in prop::collection::vec(step(), 1..40), jerk in prop_oneof![Just(60.0), Just(800.0)],
     ) {
-        let limits = JointLimits { jerk, ..LIMITS };
+        let limits = ProfileLimits { jerk, ..LIMITS };
         let mut hand = Hand::new([limits; J], [0.0; J], TICK).unwrap();
         // To a place within the range there is always a way.
         let mut never_refused = Vec::new();

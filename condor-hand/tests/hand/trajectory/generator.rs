@@ -1,7 +1,7 @@
 //! What the generator promises: limits, continuity, order.
 
 use condor_hand::trajectory::{
-    Begin, Generator, Guards, Happening, JointLimits, MotionEnd, MotionEvent, MotionGuard,
+    Begin, Generator, Guards, Happening, ProfileLimits, MotionEnd, MotionEvent, MotionGuard,
     MotionProgress, MotionTicket, Observations, OnEnd, Pace, Primitive, PrimitiveError, Profile,
     SetPoint, Target, Via,
 };
@@ -10,7 +10,7 @@ use proptest::{prelude::TestCaseError, prop_assert};
 
 pub(super) const J: usize = 4;
 pub(super) const TICK: f64 = 0.02;
-pub(super) const LIMITS: JointLimits<f64> = JointLimits {
+pub(super) const LIMITS: ProfileLimits<f64> = ProfileLimits {
     low: -0.5,
     high: 1.5,
     velocity: 3.0,
@@ -517,7 +517,7 @@ fn what_cannot_run_from_where_joints_are_is_adjusted_or_refused() {
 
 #[test]
 fn near_the_end_of_its_range_a_joint_brakes_without_regard_of_jerk() {
-    let limits = JointLimits {
+    let limits = ProfileLimits {
         jerk: 60.0,
         ..LIMITS
     };
@@ -544,7 +544,7 @@ fn near_the_end_of_its_range_a_joint_brakes_without_regard_of_jerk() {
 
 #[test]
 fn single_precision_keeps_the_limits_too() {
-    let limits = JointLimits {
+    let limits = ProfileLimits {
         low: -0.5_f32,
         high: 1.5,
         velocity: 3.0,

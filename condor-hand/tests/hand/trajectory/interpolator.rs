@@ -1,7 +1,7 @@
 //! Between ticks, without them, and when they come again.
 
 use condor_hand::trajectory::{
-    Bounds, Generator, Interpolator, JointLimits, Observations, Pace, Primitive, Profile, SetPoint,
+    Bounds, Generator, Interpolator, ProfileLimits, Observations, Pace, Primitive, Profile, SetPoint,
     SetPointError, Target,
 };
 use proptest::prelude::*;
@@ -24,7 +24,7 @@ fn steps(servo: &mut Interpolator<1>, steps: u16) {
 }
 
 fn generator() -> Generator<1, 4> {
-    let limits = JointLimits {
+    let limits = ProfileLimits {
         low: -1.0,
         high: 1.0,
         velocity: 3.0,

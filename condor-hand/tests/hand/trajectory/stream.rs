@@ -1,12 +1,12 @@
 //! Streams of points: whatever comes and whenever, the set-points stay within the limits.
 
 use condor_hand::trajectory::{
-    Bounds, JointLimits, JointStream, JointStreamError, Segments, SetPoint, StreamEnd, StreamPoint,
+    Bounds, ProfileLimits, JointStream, JointStreamError, Segments, SetPoint, StreamEnd, StreamPoint,
 };
 use proptest::prelude::*;
 
 const TICK: f64 = 0.02;
-const LIMITS: JointLimits<f64> = JointLimits {
+const LIMITS: ProfileLimits<f64> = ProfileLimits {
     low: -1.0,
     high: 0.5,
     velocity: 3.0,
@@ -241,7 +241,7 @@ fn pushed(
     points: &[(f64, f64, f64)],
     is_last: bool,
 ) -> Result<(), JointStreamError> {
-    let limits = JointLimits {
+    let limits = ProfileLimits {
         low: -2.0,
         high: 2.0,
         velocity: 1.0,

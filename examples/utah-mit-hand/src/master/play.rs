@@ -5,7 +5,7 @@ use core::fmt::Arguments;
 use condor_hand::queue::{RefusalReason, RequestState};
 use condor_hand::trajectory::image::MotionImageError;
 use condor_hand::trajectory::{
-    Happening, JointLimits, MotionEnd, MotionGuard, MotionProgress, MotionTicket, StreamEnd, Target,
+    Happening, ProfileLimits, MotionEnd, MotionGuard, MotionProgress, MotionTicket, StreamEnd, Target,
 };
 
 use super::drive::{ALL, Drive, SharedDrive, with};
@@ -20,7 +20,7 @@ const GIVEN: usize = 64;
 
 /// The motion that runs, and the one that is recorded or loaded.
 pub(super) struct Player {
-    limits: [JointLimits<f64>; ALL],
+    limits: [ProfileLimits<f64>; ALL],
     running: Sequence,
     /// Its name, while it runs.
     title: Option<Title>,
@@ -47,7 +47,7 @@ pub(super) struct Player {
 const DONE: (RequestState, RefusalReason) = (RequestState::Done, RefusalReason::None);
 
 impl Player {
-    pub(super) const fn new(limits: &[JointLimits<f64>; ALL]) -> Self {
+    pub(super) const fn new(limits: &[ProfileLimits<f64>; ALL]) -> Self {
         Self {
             limits: *limits,
             running: Sequence::new(),
@@ -206,7 +206,7 @@ impl Player {
     }
 
     /// The limits of all joints.
-    pub(super) const fn limits(&self) -> &[JointLimits<f64>; ALL] {
+    pub(super) const fn limits(&self) -> &[ProfileLimits<f64>; ALL] {
         &self.limits
     }
 

@@ -1,7 +1,7 @@
 use condor_hand::Real;
 use condor_hand::math::real;
 use condor_hand::trajectory::{
-    Begin, Bounds, Generator, Happening, Interpolator, JointLimits, MotionEnd, MotionGuard,
+    Begin, Bounds, Generator, Happening, Interpolator, ProfileLimits, MotionEnd, MotionGuard,
     Observations, Pace, Polynomial, Primitive, PrimitiveError, Profile, ProfilePeaks, Segments,
     SetPoint, Spline, Target, Via,
 };
@@ -100,7 +100,7 @@ pub(crate) fn motion(digest: &mut Digest, hand: &Shipped) -> Option<()> {
 
 fn moves<T: Real>(digest: &mut Digest, hand: &Shipped) -> Option<()> {
     let mut joints = hand.fingers.iter().flat_map(|finger| &finger.joints);
-    let mut limits = [JointLimits {
+    let mut limits = [ProfileLimits {
         low: T::zero(),
         high: T::one(),
         velocity: T::one(),
@@ -108,7 +108,7 @@ fn moves<T: Real>(digest: &mut Digest, hand: &Shipped) -> Option<()> {
         jerk: T::one(),
     }; JOINTS];
     for (limits, joint) in limits.iter_mut().zip(&mut joints) {
-        *limits = JointLimits {
+        *limits = ProfileLimits {
             low: real(joint.limits.low),
             high: real(joint.limits.high),
             velocity: real(joint.limits.velocity),
@@ -177,7 +177,7 @@ fn moves<T: Real>(digest: &mut Digest, hand: &Shipped) -> Option<()> {
 /// What begins with a tick.
 fn primitive<T: Real>(
     tick: u32,
-    limits: &[JointLimits<T>; JOINTS],
+    limits: &[ProfileLimits<T>; JOINTS],
     between: &mut Between,
 ) -> Option<Result<Primitive<JOINTS, T>, PrimitiveError>> {
     let (profile, pace) = match tick {

@@ -2,7 +2,7 @@
 
 use condor_hand::message::motions::{MotionRequest, MotionResponse, StreamRequest};
 use condor_hand::queue::{RequestIdentity, SessionOwner};
-use condor_hand::trajectory::{JointLimits, JointStream, SetPoint, StreamEnd, TrajectoryError};
+use condor_hand::trajectory::{ProfileLimits, JointStream, SetPoint, StreamEnd, TrajectoryError};
 
 use super::{ALL, Drive};
 use crate::{FINGERS, JOINTS};
@@ -26,7 +26,7 @@ impl<W> Drive<'_, W> {
         identity: RequestIdentity,
         owner: SessionOwner,
         mask: u32,
-        limits: &[JointLimits<f64>; ALL],
+        limits: &[ProfileLimits<f64>; ALL],
     ) -> Result<(), TrajectoryError> {
         let positions = self.generator.set_points().map(|point| point.position);
         #[allow(clippy::cast_sign_loss, reason = "both are above zero")]
