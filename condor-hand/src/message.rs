@@ -49,26 +49,26 @@
 //! checks this when it processes the order, and `Outcome` returns the result. An order that was
 //! refused is not tried again.
 
-mod asked;
 mod client;
+mod finger_request;
 mod grasp;
 mod handler;
+mod layout;
 mod memory;
 pub mod motions;
 mod object;
-mod places;
 mod refusal;
 mod servo_loop;
 mod status;
 mod values;
 mod words;
 
-pub use asked::FingerRequest;
 pub use client::{Hello, ServoClient, ServoClientError};
+pub use finger_request::FingerRequest;
 pub use grasp::{GraspEnd, GraspLayout};
 pub use handler::{HandIdentity, ServoHandler};
+pub use layout::{ServoLayout, SetPoints};
 pub use object::{ServoEnds, ServoObject};
-pub use places::{ServoLayout, SetPoints};
 pub use refusal::ServoRefusal;
 pub use servo_loop::HandLoop;
 pub use status::ServoStatus;

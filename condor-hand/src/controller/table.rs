@@ -11,8 +11,8 @@ use crate::math::{is_finite, max, min};
 use crate::number::{NumberError, Requirement, check, positive};
 use crate::tendon::fault::sensor::Run;
 use crate::trajectory::{
-    Generator, ProfileLimits, MotionEvent, MotionTicket, Observations, Pace, Primitive,
-    PrimitiveError, Profile, SetPoint, Target, TrajectoryError,
+    Generator, MotionEvent, MotionTicket, Observations, Pace, Primitive, PrimitiveError, Profile,
+    ProfileLimits, SetPoint, Target, TrajectoryError,
 };
 
 /// The greatest number of axes of a table.

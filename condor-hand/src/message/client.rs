@@ -5,7 +5,7 @@ use condor_mbox::{
     AccessError, Exchange, Instant, MailboxError, MemoryWindow, Messenger, Processor, Region,
 };
 
-use super::places::ServoLayout;
+use super::layout::ServoLayout;
 use super::values::put_target;
 use super::words::{WordReader, WordWriter};
 use super::{

@@ -1,7 +1,7 @@
 use condor_mbox::{Call, Exclusion, MemoryWindow, Region, StaticWindow};
 
+use super::layout::ServoLayout;
 use super::memory::{FingerMemory, JointMemory, Order, Outcome, kind, word};
-use super::places::ServoLayout;
 use super::values::{put_target, take_target};
 use super::words::{WordReader, WordWriter};
 use super::{ALL_JOINTS, Part, Request, Response, ServoOperation, ServoRefusal, VERSION, state};

@@ -1,8 +1,8 @@
 use condor_mbox::{AccessError, Exclusion, MemoryWindow, Region, StaticMemory};
 
 use super::handler::{HandIdentity, ServoHandler};
+use super::layout::ServoLayout;
 use super::memory::FingerMemory;
-use super::places::ServoLayout;
 use super::servo_loop::HandLoop;
 use crate::controller::FingerController;
 use crate::dynamics::Dynamics;

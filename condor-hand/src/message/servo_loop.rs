@@ -2,8 +2,8 @@ use condor_mbox::published::{Publisher, Subscriber};
 use condor_mbox::{AccessError, MemoryWindow, Region, StaticWindow};
 use nalgebra::Vector3;
 
+use super::layout::{Points, ServoLayout, take_points};
 use super::memory::{FingerMemory, JointMemory, Order, Outcome, kind, word};
-use super::places::{Points, ServoLayout, take_points};
 use super::status::Report;
 use super::values::take_target;
 use super::words::{WordReader, WordWriter};

@@ -4,8 +4,8 @@ use super::path::Path;
 use super::plan::Planner;
 use super::running::{Mover, Running};
 use super::{
-    Begin, Bounds, Guards, Happening, ProfileLimits, MotionEnd, MotionEvent, MotionGuard,
-    MotionProgress, MotionTicket, Observations, OnEnd, Primitive, PrimitiveError, Segments,
+    Begin, Bounds, Guards, Happening, MotionEnd, MotionEvent, MotionGuard, MotionProgress,
+    MotionTicket, Observations, OnEnd, Primitive, PrimitiveError, ProfileLimits, Segments,
     SetPoint, StopGuard, Target, TrajectoryError, check_start,
 };
 use crate::Real;

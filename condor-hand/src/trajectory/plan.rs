@@ -4,7 +4,7 @@ use heapless::Vec;
 
 use super::path::{KNOTS, Path};
 use super::{
-    Bounds, ProfileLimits, Pace, Polynomial, Primitive, PrimitiveError, Profile, ProfileError,
+    Bounds, Pace, Polynomial, Primitive, PrimitiveError, Profile, ProfileError, ProfileLimits,
     Segments, SetPoint, Spline, Target,
 };
 use crate::math::{Real, max, min, real, sqrt};

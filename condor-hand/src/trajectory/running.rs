@@ -5,7 +5,7 @@
 //! q'' r² + q' dr/dt. At a constant r <= 1 that is within the limits whenever the path is.
 
 use super::path::Path;
-use super::{Guards, ProfileLimits, MotionEnd, MotionTicket, OnEnd, SetPoint};
+use super::{Guards, MotionEnd, MotionTicket, OnEnd, ProfileLimits, SetPoint};
 use crate::math::{Real, abs, clamp, max, real};
 use crate::number::tolerance;
 

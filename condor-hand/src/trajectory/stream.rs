@@ -1,7 +1,7 @@
 use heapless::Deque;
 use thiserror::Error;
 
-use super::{ProfileLimits, Polynomial, SetPoint, TrajectoryError, check_start};
+use super::{Polynomial, ProfileLimits, SetPoint, TrajectoryError, check_start};
 use crate::Real;
 use crate::decimal::Decimal;
 use crate::math::{abs, clamp, real};

@@ -13,7 +13,7 @@ use condor_hand::message::motions::{
 use condor_hand::queue::{
     LedgerRow, MotionQueue, QueueAnswer, RefusalReason, RequestIdentity, RequestState, SessionOwner,
 };
-use condor_hand::trajectory::{ProfileLimits, JointStream, StreamEnd, StreamPoint};
+use condor_hand::trajectory::{JointStream, ProfileLimits, StreamEnd, StreamPoint};
 use condor_mbox::sim::{SimMailbox, SimSystem, SimWindow};
 use condor_mbox::{Allocator, Call, MemoryWindow, Messenger, PeerState, Processor, Region};
 use proptest::prelude::*;

@@ -25,11 +25,11 @@ pub mod table;
 pub mod compile;
 
 mod arguments;
+mod desired;
 mod failure;
 mod file;
-mod followed;
 mod start;
-mod wanted;
+mod tracking;
 
 pub use failure::{Failure, FailureText, FileName};
 

@@ -44,8 +44,8 @@ mod sequence;
 mod servos;
 mod words;
 
-pub use crate::followed::{FOLLOWED_NAME, TrackedMotion, TrackingReport};
-pub use crate::wanted::{DesiredPositions, WANTED_NAME};
+pub use crate::desired::{DesiredPositions, WANTED_NAME};
+pub use crate::tracking::{FOLLOWED_NAME, TrackedMotion, TrackingReport};
 pub use sequence::MOTION_BYTES;
 pub use words::is_name;
 

@@ -12,13 +12,13 @@ use condor_mbox::{AccessError, Allocator, MemoryWindow, Published, Region};
 use condor_rt::PROCESSORS;
 use condor_rt::objects::{self, ObjectKind, SharedObject};
 
-use crate::followed::{FOLLOWED_NAME, TrackingReport};
+use crate::desired::{DesiredPositions, WANTED_NAME};
 use crate::grasp::{self, HandGraspLayout, Joints};
 use crate::guards::{self, Felt, Stops};
 use crate::plant::{self, TrueState};
 use crate::servo::{self, Tracking};
 use crate::table::{self, Palm};
-use crate::wanted::{DesiredPositions, WANTED_NAME};
+use crate::tracking::{FOLLOWED_NAME, TrackingReport};
 use crate::{FINGERS, JOINTS};
 
 /// The name of the blocks in which the master's queue of motions is asked.

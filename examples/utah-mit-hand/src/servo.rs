@@ -48,11 +48,11 @@ use condor_rt::{
 
 use crate::arguments::Record;
 use crate::boards::{self, Wires};
+use crate::desired::WANTED_NAME;
 use crate::failure::Failure;
 use crate::grasp::{HandGraspLayout, JOINTS_NAME, NAME, Partner, PartnerState};
 use crate::guards::{FELT_NAME, STOPS_NAME};
 use crate::recording::{Head, Recorder, Ring, ServoRecordingError, Tape, TapeState};
-use crate::wanted::WANTED_NAME;
 use crate::{FINGERS, JOINTS, UtahMit, start, table};
 
 mod control;

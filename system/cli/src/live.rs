@@ -3,11 +3,11 @@
 
 mod calls;
 mod connection;
-mod desk;
 mod feeds;
 #[cfg(test)]
 mod hostile;
 mod page;
+mod parameter_worker;
 mod protocol;
 mod scene;
 mod server;
@@ -34,8 +34,8 @@ use condor_host::robot::Robot;
 use condor_host::system::SystemDirectory;
 use condor_host::view::View;
 use condor_host::watching::{CatalogEntry, NewPrograms, Rows, VariableCatalog};
-use desk::{ParameterWorker, WorkerMessage};
 use feeds::Feeds;
+use parameter_worker::{ParameterWorker, WorkerMessage};
 use server::Server;
 use session::{Ask, Catalog};
 use worker::Worker;

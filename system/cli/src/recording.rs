@@ -40,10 +40,10 @@
 //! compressed by lz4 or zstd. Neither holds more than 256 MiB of a chunk in memory.
 
 mod completion;
+mod message_counts;
 mod reader;
 mod records;
-mod room;
-mod taken;
+mod reserved_space;
 mod writer;
 
 #[cfg(test)]

@@ -16,9 +16,9 @@ pub use sizes::{LINES, LOOPS, PAGE_BYTES};
 #[cfg(target_has_atomic = "64")]
 mod handover;
 #[cfg(target_has_atomic = "64")]
-mod page;
+mod obstacle;
 #[cfg(target_has_atomic = "64")]
-mod standing;
+mod page;
 #[cfg(target_has_atomic = "64")]
 pub mod sync;
 
@@ -35,6 +35,6 @@ pub use handover::{ClockFault, Handover};
 #[cfg(target_has_atomic = "64")]
 pub use local::LocalClock;
 #[cfg(target_has_atomic = "64")]
-pub use page::{NEVER, Page, PageError, Until};
+pub use obstacle::Obstacle;
 #[cfg(target_has_atomic = "64")]
-pub use standing::Obstacle;
+pub use page::{NEVER, Page, PageError, Until};

@@ -9,8 +9,8 @@ mod rules;
 mod tests;
 
 use crate::handover::Handover;
+use crate::obstacle::Obstacle;
 use crate::sizes::LINES;
-use crate::standing::Obstacle;
 use crate::sync::{AtomicU32, AtomicU64, Ordering};
 
 /// An instant that never comes.

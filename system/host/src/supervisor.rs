@@ -6,14 +6,14 @@
 //! Programs are started through [`Launch`]: as [`ChildProcess`]es of this machine, or in the way of an
 //! [extension](crate::extension).
 
-mod eye;
-mod hearing;
+mod files;
 mod journal;
-pub mod keeper;
+mod log_share;
+mod mailbox;
 mod member;
 mod orders;
-mod place;
 mod plan;
+pub mod reaper;
 mod requests;
 pub mod stat;
 mod time;
@@ -38,13 +38,13 @@ use crate::description::{ClockKind, OnFailure, SystemDescription};
 use crate::error::{AnyError, NamedFileError, me};
 use crate::services::terminals::{self, Script};
 use crate::system::{MemoryFile, SystemDirectory};
-use eye::SupervisorMailbox;
+use files::RunDirectory;
+pub use files::supervisor as process_of;
 pub use journal::last as last_lines;
 use journal::{CONDOR, Journal};
+use mailbox::SupervisorMailbox;
 use member::{Member, NextStep, Phase};
 use orders::Orders;
-use place::RunDirectory;
-pub use place::supervisor as process_of;
 use requests::{Asker, Promise};
 use time::Pace;
 
@@ -167,7 +167,7 @@ pub fn run(
     ending: impl FnOnce(&SystemDirectory, &SystemStatus),
 ) -> Result<Summary, UpError> {
     if options.adopts {
-        keeper::adopt().map_err(UpError::Events)?;
+        reaper::adopt().map_err(UpError::Events)?;
     }
     let place = RunDirectory::take(&description.name)?;
     let log = place.directory.log();
@@ -208,7 +208,7 @@ pub fn run(
     // What still runs is killed as it is dropped.
     supervisor.members.clear();
     if supervisor.options.adopts {
-        keeper::end_children().map_err(UpError::Events)?;
+        reaper::end_children().map_err(UpError::Events)?;
     }
     let cleared = supervisor.place.clear_but_logs();
     let summary = outcome?;
@@ -358,7 +358,7 @@ impl Supervisor<'_> {
         if self.options.adopts {
             let members = self.members.iter();
             let own: Vec<_> = members.filter_map(|it| it.launch().process()).collect();
-            keeper::reap_adopted(|process| own.contains(&process));
+            reaper::reap_adopted(|process| own.contains(&process));
         }
         let mut changed = false;
         for member in &mut self.members {

@@ -23,16 +23,16 @@
 //! # }
 //! ```
 
+mod catalog;
 mod clients;
-mod known;
-mod newcomers;
+mod new_programs;
 mod present;
 mod rows;
 mod types;
 
+pub use catalog::{CatalogEntry, VariableCatalog};
 pub use clients::{Clients, SetError};
-pub use known::{CatalogEntry, VariableCatalog};
-pub use newcomers::NewPrograms;
+pub use new_programs::NewPrograms;
 pub use present::{patience, present, silence};
 pub use rows::{Change, RowField, RowSource, Rows, SourceRow};
 pub use types::Type;

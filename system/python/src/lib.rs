@@ -4,7 +4,7 @@
 // Python wants it, `desk` is the thread that visits the system, `terminal` and `motions` are parts of it, `system` is
 // all that is asked of it; `hand` needs no system, and `simulator` is a processor of one.
 
-mod desk;
+mod system_worker;
 mod failure;
 mod hand;
 mod motions;

@@ -11,7 +11,7 @@ use condor_mbox::linux::LinuxWindow;
 use condor_rt::numbers::PROCESSORS;
 use condor_rt::objects::{self, ObjectKind};
 
-use crate::desk::{Session, WorkerState};
+use crate::system_worker::{Session, WorkerState};
 use crate::failure::Failure;
 
 /// The name of the blocks in which a queue of motions is asked.

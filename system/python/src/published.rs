@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use condor_vars::Cell;
 
-use crate::desk::WorkerState;
+use crate::system_worker::WorkerState;
 use crate::failure::Failure;
 use crate::values::PythonValue;
 

@@ -9,7 +9,7 @@ use condor_mbox::Messenger as _;
 use pyo3::prelude::*;
 use serde_json::json;
 
-use crate::desk::SystemWorker;
+use crate::system_worker::SystemWorker;
 use crate::failure::{Failure, seconds};
 use crate::motions::{Outcome, Ticket};
 use crate::published::Latest;

@@ -9,7 +9,7 @@ use thiserror::Error;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-use crate::places::LineTable;
+use crate::line_table::LineTable;
 use crate::{Misreading, read};
 
 /// A mistake at one place of a text.

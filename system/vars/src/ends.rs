@@ -3,8 +3,8 @@
 use condor_mbox::{Allocator, Exclusion, MemoryWindow, Processor, Region};
 
 use crate::catalog::{self, Body, Catalog, CatalogError};
-use crate::desk::Selections;
 use crate::sampler::Sampler;
+use crate::selections::Selections;
 use crate::server::VariableServer;
 
 /// The two ends of a [`Selections`]: the server for the request handler, and the sampler for the loop.

@@ -15,7 +15,6 @@ pub mod layout;
 mod catalog;
 mod cell;
 mod client;
-mod desk;
 mod ends;
 mod kind;
 #[cfg(feature = "std")]
@@ -23,6 +22,7 @@ mod merge;
 mod param;
 mod sampler;
 mod scalar;
+mod selections;
 mod server;
 mod sync;
 mod table;
@@ -38,9 +38,9 @@ pub use var::{Var, VarDescription, Vars, Watch};
 // The ends of its owner.
 pub use catalog::{Catalog, CatalogError};
 pub use cell::{CellField, CellStruct, describe};
-pub use desk::Selections;
 pub use ends::{Ends, VariableSettings};
 pub use sampler::Sampler;
+pub use selections::Selections;
 pub use server::{Respond, VariableServer, answer};
 
 // The end of whoever watches and sets.

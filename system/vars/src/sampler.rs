@@ -6,10 +6,10 @@ use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
 use condor_mbox::{AccessError, Instant, MemoryWindow, Region, StoreOrder};
 
-use crate::desk::{Part, Plan, Selections};
 use crate::kind::split;
 use crate::layout::{Shape, row_bytes, slot};
 use crate::param::Tune;
+use crate::selections::{Part, Plan, Selections};
 use crate::sync::{Ordering, fence};
 
 /// The loop's part of a [`Selections`]. Call [`begin`](Self::begin) before the body of a tick and

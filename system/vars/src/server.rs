@@ -8,9 +8,9 @@ use condor_mbox::{
 };
 
 use crate::catalog::Catalog;
-use crate::desk::{Plan, Selections, Slot};
 use crate::layout::{Block, Shape, operation, response, slot};
 use crate::param::{ParamRefusal, Tune};
+use crate::selections::{Plan, Selections, Slot};
 use crate::sync::Ordering::Relaxed;
 
 /// The part of a [`Selections`] that answers requests; see [`answer`].

@@ -2,8 +2,8 @@
 //! wrong.
 
 use condor_hand::trajectory::{
-    Begin, Guards, Happening, ProfileLimits, MotionProgress, MotionTicket, Observations, OnEnd, Pace,
-    Profile, SetPoint, Target, Via,
+    Begin, Guards, Happening, MotionProgress, MotionTicket, Observations, OnEnd, Pace, Profile,
+    ProfileLimits, SetPoint, Target, Via,
 };
 use proptest::prelude::*;
 

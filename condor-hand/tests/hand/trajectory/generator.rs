@@ -1,8 +1,8 @@
 //! What the generator promises: limits, continuity, order.
 
 use condor_hand::trajectory::{
-    Begin, Generator, Guards, Happening, ProfileLimits, MotionEnd, MotionEvent, MotionGuard,
-    MotionProgress, MotionTicket, Observations, OnEnd, Pace, Primitive, PrimitiveError, Profile,
+    Begin, Generator, Guards, Happening, MotionEnd, MotionEvent, MotionGuard, MotionProgress,
+    MotionTicket, Observations, OnEnd, Pace, Primitive, PrimitiveError, Profile, ProfileLimits,
     SetPoint, Target, Via,
 };
 use condor_hand::{NumberError, Requirement};

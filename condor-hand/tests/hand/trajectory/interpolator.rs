@@ -1,8 +1,8 @@
 //! Between ticks, without them, and when they come again.
 
 use condor_hand::trajectory::{
-    Bounds, Generator, Interpolator, ProfileLimits, Observations, Pace, Primitive, Profile, SetPoint,
-    SetPointError, Target,
+    Bounds, Generator, Interpolator, Observations, Pace, Primitive, Profile, ProfileLimits,
+    SetPoint, SetPointError, Target,
 };
 use proptest::prelude::*;
 

@@ -1,7 +1,8 @@
 //! Streams of points: whatever comes and whenever, the set-points stay within the limits.
 
 use condor_hand::trajectory::{
-    Bounds, ProfileLimits, JointStream, JointStreamError, Segments, SetPoint, StreamEnd, StreamPoint,
+    Bounds, JointStream, JointStreamError, ProfileLimits, Segments, SetPoint, StreamEnd,
+    StreamPoint,
 };
 use proptest::prelude::*;
 

@@ -14,9 +14,9 @@ use condor_rt::objects;
 use critical_section::Mutex;
 
 pub(super) use crate::ALL;
+use crate::desired::DesiredPositions;
 use crate::grasp::{JOINTS_NAME, Joints, Partner, PartnerState};
 use crate::guards::{FELT_NAME, Felt, STOPS_NAME, Stops};
-use crate::wanted::DesiredPositions;
 use crate::{FINGERS, JOINTS};
 
 mod stream;

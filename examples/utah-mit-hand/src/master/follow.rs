@@ -12,8 +12,8 @@ use zerocopy::FromZeros as _;
 use super::drive::{SharedDrive, with};
 use super::play::Title;
 use super::servos::Servos;
-use crate::followed::TrackingReport;
 use crate::servo::Figures;
+use crate::tracking::TrackingReport;
 use crate::{FINGERS, UtahMit, objects};
 
 /// How often one looks for the figures of a motion that has ended.

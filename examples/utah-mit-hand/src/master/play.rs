@@ -5,7 +5,8 @@ use core::fmt::Arguments;
 use condor_hand::queue::{RefusalReason, RequestState};
 use condor_hand::trajectory::image::MotionImageError;
 use condor_hand::trajectory::{
-    Happening, ProfileLimits, MotionEnd, MotionGuard, MotionProgress, MotionTicket, StreamEnd, Target,
+    Happening, MotionEnd, MotionGuard, MotionProgress, MotionTicket, ProfileLimits, StreamEnd,
+    Target,
 };
 
 use super::drive::{ALL, Drive, SharedDrive, with};

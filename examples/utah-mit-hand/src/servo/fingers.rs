@@ -18,11 +18,11 @@ use super::gains::Gains;
 use super::news::LoopNews;
 use super::{Tracker, Tracking, Variables};
 use crate::boards::Wires;
+use crate::desired::DesiredPositions;
 use crate::grasp::{Joints, Partner, PartnerState};
 use crate::guards::{Felt, Stops};
 use crate::recording::{Recorder, TickInputs};
 use crate::table::Palm;
-use crate::wanted::DesiredPositions;
 use crate::{FINGERS, JOINTS, UtahMit};
 
 /// After such a time without one, s, an acceleration of the table counts as over.

@@ -18,7 +18,7 @@ use condor_host::error::me;
 use condor_host::plain::plain_lines;
 use condor_host::reading::robot_of;
 use condor_host::services::terminals;
-use condor_host::supervisor::{self, SupervisorOptions, keeper};
+use condor_host::supervisor::{self, SupervisorOptions, reaper};
 use condor_host::system::SystemDirectory;
 
 #[derive(Debug, Args)]
@@ -66,7 +66,7 @@ fn keep() -> Result<ExitCode, AnyError> {
     let mut words = words.peekable();
     supervisor.args(words.next_if(|word| word == "up"));
     supervisor.arg("--kept").args(words);
-    let status = keeper::keep(supervisor)?;
+    let status = reaper::keep(supervisor)?;
     if status.code().is_none() {
         eprintln!(
             "{}: the supervisor was killed ({status}), and so were all programs",

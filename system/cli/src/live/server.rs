@@ -12,8 +12,8 @@ use rustix::net::sockopt;
 
 use super::calls::Call;
 use super::connection::{Connection, End, ServerSettings};
-use super::desk::WorkerMessage;
 use super::feeds::Sample;
+use super::parameter_worker::WorkerMessage;
 use super::protocol::Level;
 use super::session::{Ask, Catalog, Channel, Session};
 use crate::listening::Rules;

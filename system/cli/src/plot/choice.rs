@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use super::curve::{ChosenCurves, Variable, Wish};
-use super::news::FeedEvent;
+use super::feed_event::FeedEvent;
 use condor_host::names::{self, VariableName};
 
 /// The variables that a wish names, each once.

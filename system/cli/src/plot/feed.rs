@@ -7,8 +7,8 @@ use std::time::{Duration, Instant};
 
 use super::choice::Choice;
 use super::curve::{Sample, Wish};
+use super::feed_event::{FeedEvent, gaps};
 use super::file;
-use super::news::{FeedEvent, gaps};
 use super::numbers::Numbers;
 use crate::recording::RecordingReader;
 use condor_host::control::ControlClient;

@@ -5,7 +5,7 @@ use std::sync::mpsc::Receiver;
 
 use super::choice::Choice;
 use super::curve::{Sample, Variable, Wish};
-use super::news::{FeedEvent, gaps};
+use super::feed_event::{FeedEvent, gaps};
 use crate::recording::{Column, RecordingError, RecordingReader};
 use condor_host::names::VariableName;
 use condor_host::watching::float;

@@ -4,9 +4,9 @@ use core::fmt::Write as _;
 use core::time::Duration;
 
 use super::curve::{ChosenCurves, Curve, Pane, Range, Sample, Wish};
+use super::feed_event::FeedEvent;
 use super::figure::Figure;
 use super::history::History;
-use super::news::FeedEvent;
 use super::trigger::{Condition, Trigger};
 use condor_host::names::VariableName as _;
 

@@ -12,8 +12,8 @@ use mcap::{Attachment, MAGIC, McapError};
 use rustix::fs::{CWD, RenameFlags, renameat_with};
 use rustix::io::Errno;
 
+use super::message_counts::MessageCounts;
 use super::records::{self, Step, Walk};
-use super::taken::MessageCounts;
 use super::writer::lock;
 use super::{
     ABOUT, CHUNK_BYTES, DROPPED, Mcap, NamedFileError, RecordedTopic, RecordingError, beside,

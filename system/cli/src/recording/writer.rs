@@ -13,8 +13,8 @@ use mcap::Attachment;
 use mcap::records::{MessageHeader, Metadata};
 use rustix::io::Errno;
 
-use super::room::ReservedSpace;
-use super::taken::MessageCounts;
+use super::message_counts::MessageCounts;
+use super::reserved_space::ReservedSpace;
 use super::{ABOUT, CHUNK_BYTES, FORMAT, Mcap, NUMBER, NamedFileError, RecordingError, VARIABLE};
 use condor_host::messages::{Topics, wall_ns};
 

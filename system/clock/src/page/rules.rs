@@ -2,7 +2,7 @@
 
 use super::{LAG_NS, LOOK_NS, Line, NEVER, PASSING, Page, ends, holder_of, role};
 use crate::handover::Handover;
-use crate::standing::Obstacle;
+use crate::obstacle::Obstacle;
 use crate::sync::{Ordering, fence};
 
 impl<const N: usize> Page<N> {

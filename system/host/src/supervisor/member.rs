@@ -6,9 +6,9 @@ use std::time::{Duration, Instant};
 
 use condor_mbox::Processor;
 
-use super::eye::SupervisorMailbox;
-use super::hearing::{LINES, LogShare};
 use super::journal::Journal;
+use super::log_share::{LINES, LogShare};
+use super::mailbox::SupervisorMailbox;
 use crate::control::{self, MemberState};
 use crate::description::OnFailure;
 use crate::launch::{Exit, Launch, LaunchError, ProgramImage, RunState, StopMethod};

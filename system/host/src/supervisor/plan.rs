@@ -6,9 +6,9 @@ use std::time::Duration;
 use condor_mbox::Processor as Number;
 
 use super::UpError;
-use super::eye::SupervisorMailbox;
+use super::files::SystemFiles;
+use super::mailbox::SupervisorMailbox;
 use super::member::{Member, Plan};
-use super::place::SystemFiles;
 use crate::description::{OnFailure, ProgramEntry, SystemDescription, beside, find_program};
 use crate::error::NamedFileError;
 use crate::launch::{ChildProcess, Launch, ProgramImage};

@@ -10,7 +10,7 @@ use condor_rt::linux::{FileRange, HostClock, MappedPage};
 use condor_rt::numbers::{SUPERVISOR, TERMINALS, VISITORS};
 
 use super::UpError;
-use super::eye::SupervisorMailbox;
+use super::mailbox::SupervisorMailbox;
 use crate::control::ClockStatus;
 use crate::description::{ClockSpeed, SystemDescription};
 use crate::error::NamedFileError;

@@ -7,7 +7,7 @@ use std::time::Duration;
 use condor_mbox::linux::LinuxWindow;
 use condor_vars::{AnyValue, Cell, RequestError, VariableClient};
 
-use super::known::CatalogEntry;
+use super::catalog::CatalogEntry;
 use crate::control::Member;
 use crate::error::AnyError;
 use crate::view::{Post, View, ViewError};

@@ -13,8 +13,8 @@ use condor_vars::{
     VariableTableError, WatchError, Watcher,
 };
 
+use super::catalog::CatalogEntry;
 use super::clients::Clients;
-use super::known::CatalogEntry;
 use crate::control::Member;
 use crate::error::AnyError;
 use crate::view::{MailboxState, View, ViewError};

@@ -2,18 +2,18 @@
 
 mod bus_error;
 mod file_lock;
-mod held;
 mod lock;
 mod regular;
 mod thread;
+mod thread_words;
 mod whole_file;
 
 pub use bus_error::{MemoryFault, Repair, on_bus_error};
 pub use file_lock::{LOCK_PATIENCE, lock_file, while_held};
-#[cfg(all(feature = "critical-section", not(miri)))]
-pub(crate) use held::{hold, let_go};
-pub use held::{is_held, on_leaving};
 pub use lock::PiLock;
 pub use regular::{open_regular, read_regular, read_text};
 pub use thread::thread_number;
+#[cfg(all(feature = "critical-section", not(miri)))]
+pub(crate) use thread_words::{hold, let_go};
+pub use thread_words::{is_held, on_leaving};
 pub use whole_file::{WholeFile, sync_name};

@@ -2,7 +2,7 @@
 
 pub mod book;
 pub mod config;
-mod desk;
+mod parameter_worker;
 mod feed;
 mod job;
 pub mod journal;

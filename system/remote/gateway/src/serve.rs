@@ -18,7 +18,7 @@ use zenoh::{Session, Wait};
 
 use crate::book::Book;
 use crate::config::Config;
-use crate::desk::ParameterWorker;
+use crate::parameter_worker::ParameterWorker;
 use crate::feed::Feed;
 use crate::job::{Job, refuse};
 use crate::log;

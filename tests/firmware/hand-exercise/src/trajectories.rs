@@ -1,8 +1,8 @@
 use condor_hand::Real;
 use condor_hand::math::real;
 use condor_hand::trajectory::{
-    Begin, Bounds, Generator, Happening, Interpolator, ProfileLimits, MotionEnd, MotionGuard,
-    Observations, Pace, Polynomial, Primitive, PrimitiveError, Profile, ProfilePeaks, Segments,
+    Begin, Bounds, Generator, Happening, Interpolator, MotionEnd, MotionGuard, Observations, Pace,
+    Polynomial, Primitive, PrimitiveError, Profile, ProfileLimits, ProfilePeaks, Segments,
     SetPoint, Spline, Target, Via,
 };
 

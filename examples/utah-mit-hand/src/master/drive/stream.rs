@@ -2,7 +2,7 @@
 
 use condor_hand::message::motions::{MotionRequest, MotionResponse, StreamRequest};
 use condor_hand::queue::{RequestIdentity, SessionOwner};
-use condor_hand::trajectory::{ProfileLimits, JointStream, SetPoint, StreamEnd, TrajectoryError};
+use condor_hand::trajectory::{JointStream, ProfileLimits, SetPoint, StreamEnd, TrajectoryError};
 
 use super::{ALL, Drive};
 use crate::{FINGERS, JOINTS};

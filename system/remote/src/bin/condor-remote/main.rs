@@ -1,6 +1,6 @@
 //! `condor-remote`: the commands of `condor` for robots that are elsewhere.
 
-mod known;
+mod config;
 mod plot;
 mod show;
 mod watch;
@@ -13,7 +13,7 @@ use clap::{Parser, Subcommand};
 use condor_remote::{Id, Network, Remote, RemoteError, RemoteOutcome, RemoteState};
 use serde_json::Value as Json;
 
-use known::RemoteConfig;
+use config::RemoteConfig;
 use watch::{WatchedStream, duration, seconds};
 
 type AnyError = Box<dyn std::error::Error>;

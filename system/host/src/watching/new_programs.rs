@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use wildmatch::WildMatch;
 
-use super::known::{CatalogEntry, VariableCatalog};
+use super::catalog::{CatalogEntry, VariableCatalog};
 use crate::control::Member;
 use crate::names::VariableName;
 use crate::view::{MailboxState, View};
