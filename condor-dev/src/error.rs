@@ -29,7 +29,7 @@ pub enum OpenError<'n> {
         boards: u8,
     },
     /// Start-up has not looked for the board, did not find it, or could not initialise it.
-    #[error("{name} board {board} is {presence:?}")]
+    #[error("{name} board {board} is {presence}")]
     NotPresent {
         /// The device.
         name: &'n str,
@@ -39,7 +39,7 @@ pub enum OpenError<'n> {
         presence: Presence,
     },
     /// The device cannot be opened in a direction of the mode, or the mode has no direction.
-    #[error("{name} cannot be opened for {mode:?}")]
+    #[error("{name} cannot be opened for {mode}")]
     Direction {
         /// The device.
         name: &'n str,

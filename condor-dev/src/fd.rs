@@ -18,6 +18,22 @@ bitflags! {
     }
 }
 
+impl fmt::Display for OpenMode {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let names = [
+            (Self::READ, "reading"),
+            (Self::WRITE, "writing"),
+            (Self::EXCLUSIVE, "itself alone"),
+        ];
+        let mut between = "";
+        for (_, name) in names.into_iter().filter(|(mode, _)| self.contains(*mode)) {
+            write!(f, "{between}{name}")?;
+            between = " and ";
+        }
+        f.write_str(if between.is_empty() { "nothing" } else { "" })
+    }
+}
+
 /// A file descriptor: an index into the switch's table, and a generation, which counts how often
 /// that entry of the table was used before. So a closed descriptor is never taken for a new one.
 ///
@@ -71,7 +87,7 @@ pub enum FdError {
         fd: Fd,
     },
     /// The descriptor was not opened for reading, or not for writing.
-    #[error("{fd} is not open for {wanted:?}, but for {opened:?}")]
+    #[error("{fd} is not open for {wanted}, but for {opened}")]
     Direction {
         /// The descriptor.
         fd: Fd,

@@ -426,6 +426,6 @@ impl Visitor for Row<'_, '_> {
             Some((vector, level)) => write!(f, "{:>6} {:>5}", vector.0, level.0)?,
             None => write!(f, "{:>6} {:>5}", "-", "-")?,
         }
-        writeln!(f, "  {:?}", unit.presence())
+        writeln!(f, "  {}", unit.presence())
     }
 }

@@ -1,5 +1,6 @@
 //! [`Unit`]: one board of a switch; and [`Location`]: its address and its interrupt.
 
+use core::fmt;
 use core::sync::atomic::{AtomicU8, AtomicU16, Ordering};
 
 use crate::bus::{Bus, Registers};
@@ -91,6 +92,17 @@ pub enum Presence {
     Present,
     /// There is a board, but it could not be initialised.
     Failed,
+}
+
+impl fmt::Display for Presence {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Unknown => "not looked for",
+            Self::Absent => "absent",
+            Self::Present => "present",
+            Self::Failed => "not initialised",
+        })
+    }
 }
 
 /// A board at its location, with its driver.

@@ -1,5 +1,7 @@
 //! What can go wrong, with the values that went wrong.
 
+use core::fmt;
+
 use crate::id::{Processor, Vector};
 use crate::window::WindowErrorKind;
 
@@ -10,6 +12,15 @@ pub enum MemoryObject {
     Mail,
     /// `data`, which every processor writes.
     Data,
+}
+
+impl fmt::Display for MemoryObject {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Mail => "mail",
+            Self::Data => "data",
+        })
+    }
 }
 
 /// A word of the layout that both sides must agree on.
@@ -44,6 +55,15 @@ pub enum ProtocolWord {
     ReplyStatus,
 }
 
+impl fmt::Display for ProtocolWord {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Taken => "count of taken requests",
+            Self::ReplyStatus => "status of a reply",
+        })
+    }
+}
+
 /// The progress of a request at the moment when its sender gave up: whether the receiver has run
 /// it, or may run it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -56,6 +76,16 @@ pub enum SendProgress {
     MayRun,
     /// The receiver has taken the request: its handler has been started, or is about to be.
     Taken,
+}
+
+impl fmt::Display for SendProgress {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Never => "the request never runs",
+            Self::MayRun => "the request may still run",
+            Self::Taken => "the request was taken",
+        })
+    }
 }
 
 /// An error of a mailbox.
@@ -158,7 +188,7 @@ pub enum MailboxError {
         to: Processor,
     },
     /// The deadline passed; the receiver's heartbeat went on meanwhile.
-    #[error("{to} did not answer {vector} in time ({progress:?})")]
+    #[error("{to} did not answer {vector} in time ({progress})")]
     TimedOut {
         /// The processor to which the message was sent.
         to: Processor,
@@ -170,7 +200,7 @@ pub enum MailboxError {
     /// The deadline passed, and the receiver's heartbeat stood still all the while.
     ///
     /// The receiver is stopped, in a breakpoint, or busy without serving messages; it may recover.
-    #[error("{to} is stalled and did not answer {vector} ({progress:?})")]
+    #[error("{to} is stalled and did not answer {vector} ({progress})")]
     Stalled {
         /// The processor to which the message was sent.
         to: Processor,
@@ -180,7 +210,7 @@ pub enum MailboxError {
         progress: SendProgress,
     },
     /// The program that held the receiver's number ended.
-    #[error("{to} died ({progress:?})")]
+    #[error("{to} died ({progress})")]
     PeerDied {
         /// The processor to which the message was sent.
         to: Processor,
@@ -188,7 +218,7 @@ pub enum MailboxError {
         progress: SendProgress,
     },
     /// The receiver left the system in an orderly way, or was reset by the host.
-    #[error("{to} left ({progress:?})")]
+    #[error("{to} left ({progress})")]
     PeerLeft {
         /// The processor to which the message was sent.
         to: Processor,
@@ -197,7 +227,7 @@ pub enum MailboxError {
     },
     /// The receiver has joined anew, with a new incarnation, since the request was sent. The
     /// request is gone.
-    #[error("{to} restarted ({progress:?})")]
+    #[error("{to} restarted ({progress})")]
     PeerRestarted {
         /// The processor to which the message was sent.
         to: Processor,
@@ -212,7 +242,7 @@ pub enum MailboxError {
         depth: u32,
     },
     /// The receiver wrote a value that no correct peer writes.
-    #[error("{peer} broke the protocol: its {word:?} word is {found:#x}")]
+    #[error("{peer} broke the protocol: its {word} is {found:#x}")]
     Protocol {
         /// The processor to which the message was sent.
         peer: Processor,
@@ -222,7 +252,7 @@ pub enum MailboxError {
         found: u32,
     },
     /// An access to a processor's shared memory (a window) failed.
-    #[error("{object:?} of {processor}: {kind:?}")]
+    #[error("{object} of {processor}: {kind}")]
     Window {
         /// The processor whose window it is.
         processor: Processor,

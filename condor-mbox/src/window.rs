@@ -1,6 +1,6 @@
 //! [`MemoryWindow`]: a range of a processor's memory, accessed at checked offsets.
 
-use core::fmt::Debug;
+use core::fmt::{self, Debug};
 use core::ops::Deref;
 use core::sync::atomic::{AtomicU32, Ordering};
 
@@ -59,6 +59,18 @@ pub enum WindowErrorKind {
     NotCoherent,
 }
 
+impl fmt::Display for WindowErrorKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::OutOfBounds => "not wholly inside the window",
+            Self::Misaligned => "the offset is no multiple of four",
+            Self::ReadOnly => "the window is for reading only",
+            Self::Lost => "the memory behind the window is gone",
+            Self::NotCoherent => "the memory is not coherent",
+        })
+    }
+}
+
 /// An error of a window; every backend has its own type.
 pub trait WindowError: Debug {
     /// Returns the kind, which generic code can handle.
@@ -67,7 +79,7 @@ pub trait WindowError: Debug {
 
 /// The error of an access to a window, with the offending values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{len} bytes at offset {offset:#x} of {size:#x}: {kind:?}")]
+#[error("{len} bytes at offset {offset:#x} of {size:#x}: {kind}")]
 pub struct AccessError {
     /// The offset of the access in bytes, from the beginning of the region.
     pub offset: u32,

@@ -40,13 +40,13 @@ fn start_up_finds_all_and_lets_none_interrupt() {
     assert_eq!(
         machine.switch.inventory().to_string(),
         "device   board      address vector level  found\n\
-         adc          0       0x1000      -     -  Present\n\
-         dac          0       0x2000      -     -  Present\n\
-         encoder      0       0x3000      -     -  Present\n\
-         mpp          0       0x4000     65     3  Present\n\
-         mpp          1       0x4100     65     3  Present\n\
-         uart         0       0x5000     66     2  Present\n\
-         uart4        0       0x5100     66     2  Present\n"
+         adc          0       0x1000      -     -  present\n\
+         dac          0       0x2000      -     -  present\n\
+         encoder      0       0x3000      -     -  present\n\
+         mpp          0       0x4000     65     3  present\n\
+         mpp          1       0x4100     65     3  present\n\
+         uart         0       0x5000     66     2  present\n\
+         uart4        0       0x5100     66     2  present\n"
     );
     outside(&machine.mpp[0]).strobe_in(1);
     outside(&machine.uart).receive(1, LineFault::None);

@@ -299,7 +299,7 @@ fn open_directory(at: impl std::os::fd::AsFd, name: &CStr) -> Result<OwnedFd, Li
 
 /// Which directory cannot be counted.
 #[derive(Debug, thiserror::Error)]
-#[error("cannot count {way:?} for the quota: {errno}")]
+#[error("cannot count {} for the quota: {errno}", way.display())]
 struct Counting {
     way: PathBuf,
     errno: Linux,

@@ -1,3 +1,5 @@
+use core::fmt;
+
 use serde::{Deserialize, Serialize};
 
 use crate::math::{clamp, round};
@@ -46,6 +48,15 @@ pub enum Converter {
     Adc,
     /// Digital to analogue: a drive.
     Dac,
+}
+
+impl fmt::Display for Converter {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Adc => "A/D",
+            Self::Dac => "D/A",
+        })
+    }
 }
 
 /// The channel of a board at which a wire ends.

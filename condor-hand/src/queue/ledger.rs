@@ -64,6 +64,21 @@ pub enum RequestState {
     BrokenOff = 8,
 }
 
+impl fmt::Display for RequestState {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Accepted => "waiting",
+            Self::Started => "started",
+            Self::Done => "done",
+            Self::Stopped => "stopped by its guard",
+            Self::Aborted => "aborted",
+            Self::Refused => "refused",
+            Self::Lost => "never run, since its program ended",
+            Self::BrokenOff => "broken off, since its program ended",
+        })
+    }
+}
+
 impl RequestState {
     const ALL: [Self; 8] = [
         Self::Accepted,

@@ -1,3 +1,5 @@
+use core::fmt;
+
 use heapless::Deque;
 use thiserror::Error;
 
@@ -20,6 +22,19 @@ pub enum QueueAnswer {
     Never,
     /// The session does not exist, or no longer.
     NoSession,
+}
+
+impl fmt::Display for QueueAnswer {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Known(state, RefusalReason::None) => return write!(f, "{state}"),
+            Self::Known(state, reason) => return write!(f, "{state}: {reason}"),
+            Self::New => "the queue does not have the request",
+            Self::Forgotten => "the queue has forgotten what became of the request",
+            Self::Never => "the request has not run, and never will",
+            Self::NoSession => "there is no such session",
+        })
+    }
 }
 
 /// The reason for which a queue cannot be restored.

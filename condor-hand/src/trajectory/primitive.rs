@@ -1,3 +1,5 @@
+use core::fmt;
+
 use heapless::Vec;
 use thiserror::Error;
 
@@ -66,6 +68,17 @@ pub enum Profile {
     Trapezoid,
     /// A trapezoid of velocity with limited jerk.
     JerkLimited,
+}
+
+impl fmt::Display for Profile {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Cubic => "cubic",
+            Self::MinimumJerk => "minimum-jerk",
+            Self::Trapezoid => "trapezoid",
+            Self::JerkLimited => "jerk-limited",
+        })
+    }
 }
 
 /// A point that a motion passes without stopping.
@@ -360,7 +373,7 @@ pub enum PrimitiveError {
         error: NumberError,
     },
     /// There are via points, but the profile does not pass any.
-    #[error("via points need the cubic profile, not {profile:?}")]
+    #[error("via points need the cubic profile, not {profile}")]
     ViaProfile {
         /// The profile that was given.
         profile: Profile,

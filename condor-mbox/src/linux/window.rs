@@ -30,7 +30,7 @@ pub enum WindowAccess {
 
 /// The error of an access that a [`LinuxWindow`] refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{kind:?}: {len} bytes at offset {offset:#x} of a window of {size:#x} bytes")]
+#[error("{len} bytes at offset {offset:#x} of a window of {size:#x} bytes: {kind}")]
 pub struct LinuxWindowError {
     kind: WindowErrorKind,
     /// Offset of the access in bytes.

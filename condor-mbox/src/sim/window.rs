@@ -23,7 +23,7 @@ pub struct SimWindow {
 
 /// The error of an access that a simulated window refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("access at offset {offset:#x} of a window of {size:#x} bytes: {kind:?}")]
+#[error("access at offset {offset:#x} of a window of {size:#x} bytes: {kind}")]
 pub struct SimWindowError {
     /// The offset of the access, in bytes.
     pub offset: u32,

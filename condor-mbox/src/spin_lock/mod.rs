@@ -264,7 +264,7 @@ pub enum SpinLockError {
         owner: LockOwner,
     },
     /// The memory could not be accessed.
-    #[error("the memory of the lock: {kind:?}")]
+    #[error("the memory of the lock: {kind}")]
     Memory {
         /// The kind of error.
         kind: WindowErrorKind,

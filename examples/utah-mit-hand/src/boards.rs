@@ -86,7 +86,7 @@ pub struct Socket {
 pub enum BoardError {
     /// A channel without a socket.
     #[error(
-        "the rack has no {:?} board {} with a channel {}",
+        "the rack has no {} board {} with a channel {}",
         channel.converter, channel.board, channel.channel
     )]
     NoSocket {
@@ -95,7 +95,7 @@ pub enum BoardError {
     },
     /// Counts that do not fit into a register.
     #[error(
-        "{:?} board {} channel {} has {bits} bits from {zero} counts at zero, and a register 16 bits",
+        "{} board {} channel {} has {bits} bits from {zero} counts at zero, and a register 16 bits",
         channel.converter, channel.board, channel.channel
     )]
     Bits {

@@ -42,7 +42,7 @@ pub enum Failure {
     #[error(transparent)]
     Wires(#[from] WiresError),
     /// The bus did not answer the simulated robot.
-    #[error("bus error {kind:?} at address {address:#x}")]
+    #[error("the bus at address {address:#x}: {kind}")]
     Bus {
         /// Where.
         address: usize,

@@ -195,13 +195,13 @@ fn is_done<M: Messenger, W: MemoryWindow + Clone>(
                 return Ok(true);
             }
             QueueAnswer::Known(state, reason) if state.is_final() => {
-                println!("{motion}: {state:?}, {reason}");
+                println!("{motion}: {state}, {reason}");
                 return Ok(false);
             }
             QueueAnswer::Known(..) => {
                 messenger.serve(PAUSE)?;
             }
-            other => return Err(format!("{motion}: the master answers {other:?}").into()),
+            other => return Err(format!("{motion}: {other}").into()),
         }
     }
 }

@@ -12,6 +12,8 @@
 //!
 //! A table takes motions after it has been home.
 
+use core::fmt;
+
 use condor_vars::{CellField, CellStruct, ValueKind};
 use core::cell::RefCell;
 use core::mem::offset_of;
@@ -101,6 +103,18 @@ pub enum TableStatus {
     Failed = 4,
 }
 
+impl fmt::Display for TableStatus {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Off => "off",
+            Self::Homing => "going home",
+            Self::Stopped => "stopped on its way home",
+            Self::Ready => "ready",
+            Self::Failed => "failed",
+        })
+    }
+}
+
 impl TableStatus {
     const fn of(state: TableState) -> Self {
         match state {
@@ -186,6 +200,18 @@ pub enum TableRefusal {
     Motion = 5,
 }
 
+impl fmt::Display for TableRefusal {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Operation => "it has no such operation",
+            Self::Busy => "it is busy with another request: ask again",
+            Self::NotReady => "it has not been home, or has failed: `table home`",
+            Self::Speed => "a speed is above 0 and at most 1",
+            Self::Motion => "the motion goes beyond its limits, or is one too many",
+        })
+    }
+}
+
 impl TableRefusal {
     /// Returns the refusal with this number; `None` for 0, and for an unknown number.
     #[must_use]
@@ -268,7 +294,7 @@ impl Program for Table {
                     let state = state.map_or(before, TableStatus::of);
                     if state != before {
                         before = state;
-                        background.print(format_args!("{state:?}\n"));
+                        background.print(format_args!("{state}\n"));
                     }
                     Ok(())
                 })

@@ -94,7 +94,7 @@ impl<'v> WorkerState<'v> {
                 Err(Failure::refused(text))
             }
             QueueAnswer::Known(..) => Ok((session, number)),
-            other => Err(Failure::refused(format!("the queue answers {other:?}"))),
+            other => Err(Failure::refused(format!("the motion is not accepted: {other}"))),
         }
     }
 

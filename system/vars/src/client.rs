@@ -78,7 +78,7 @@ pub enum RequestError {
         number: u32,
     },
     /// The value is of another type than the parameter, or does not fit in it.
-    #[error("{value} is no {kind:?}")]
+    #[error("{value} is no {kind}")]
     WrongKind {
         /// The value.
         value: AnyValue,

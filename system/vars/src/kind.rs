@@ -36,6 +36,25 @@ pub enum ValueKind {
     Choice = 12,
 }
 
+impl fmt::Display for ValueKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(match self {
+            Self::F32 => "f32",
+            Self::F64 => "f64",
+            Self::I8 => "i8",
+            Self::I16 => "i16",
+            Self::I32 => "i32",
+            Self::I64 => "i64",
+            Self::U8 => "u8",
+            Self::U16 => "u16",
+            Self::U32 => "u32",
+            Self::U64 => "u64",
+            Self::Bool => "bool",
+            Self::Choice => "choice",
+        })
+    }
+}
+
 /// A value whose type is known only at run time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum AnyValue {

@@ -80,7 +80,7 @@ pub enum MotionsError {
     #[error(transparent)]
     Points(#[from] JointStreamError),
     /// The response is invalid.
-    #[error("an answer that no controller gives: {response:?}")]
+    #[error("an answer that no controller gives, with the code {}", response.code)]
     Strange {
         /// The answer.
         response: MotionResponse,

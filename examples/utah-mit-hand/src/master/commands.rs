@@ -506,7 +506,7 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
             Err(problem) => self.say(format_args!("object: {problem}")),
         }
         match self.ask_table(table::TableOperation::Status, 1.0, [0.0; 3]) {
-            Ok(state) => self.say(format_args!("table: {state:?}")),
+            Ok(state) => self.say(format_args!("table: {state}")),
             Err(problem) => self.say(format_args!("table: {problem}")),
         }
         Ok(())
@@ -675,7 +675,7 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
             words.end()?;
             self.ask_table(table::TableOperation::Move, speed.unwrap_or(0.2), to)?
         };
-        self.say(format_args!("table: {state:?}"));
+        self.say(format_args!("table: {state}"));
         Ok(())
     }
 

@@ -147,9 +147,9 @@ pub(super) enum Problem<'l> {
     NotSeen(u8),
     #[error("the configuration has no table")]
     NoTable,
-    #[error("the robot refused: {0:?}")]
+    #[error("the robot refused: {0}")]
     Plant(plant::PlantRefusal),
-    #[error("the table refused: {0:?}")]
+    #[error("the table refused: {0}")]
     Table(table::TableRefusal),
     #[error("an answer with the number {0}, which is none")]
     Answer(u32),

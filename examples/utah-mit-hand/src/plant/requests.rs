@@ -1,5 +1,7 @@
 //! What the robot can be asked for.
 
+use core::fmt;
+
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 /// What a request asks for.
@@ -128,6 +130,18 @@ pub enum PlantRefusal {
     Number = 4,
     /// There is no ball.
     NoBall = 5,
+}
+
+impl fmt::Display for PlantRefusal {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Operation => "it has no such operation",
+            Self::Busy => "it is busy with another request: ask again",
+            Self::NoSuchPart => "there is no such finger, joint, sensor or tendon",
+            Self::Number => "a number is out of its range",
+            Self::NoBall => "there is no ball",
+        })
+    }
 }
 
 impl PlantRefusal {

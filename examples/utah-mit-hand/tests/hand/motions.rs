@@ -488,7 +488,7 @@ fn commands_do_what_they_say_and_errors_tell_where_and_what_was_expected() {
                 "restart 1",
                 "there is no supervisor: only a system that `condor` has brought up has one\n",
             ),
-            ("push 1 2 3", "the robot refused: NoBall\n"),
+            ("push 1 2 3", "the robot refused: there is no ball\n"),
             ("resume", ""),
         ] {
             assert_eq!(typist.says(line), said, "{line}");
@@ -568,14 +568,14 @@ fn one_joint_moves_stops_and_is_tuned_and_the_table_goes_home() {
         assert!(
             typist
                 .says("table 0.05 0 0")
-                .contains("the table refused: NotReady")
+                .contains("the table refused: it has not been home")
         );
         assert!(typist.says("table home").starts_with("table: "));
         typist.wait(8.0);
         assert!(
             typist
                 .says("table 0.05 0.0 -0.02 0.5")
-                .starts_with("table: Ready")
+                .starts_with("table: ready")
         );
         typist.wait(3.0);
         let table = typist.truth().table;

@@ -100,7 +100,7 @@ impl Type {
 
 impl fmt::Display for Type {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.pad(&format!("{:?}", self.kind).to_lowercase())
+        self.kind.fmt(f)
     }
 }
 
