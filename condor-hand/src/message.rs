@@ -34,8 +34,8 @@
 //! | operation | argument | numbers | response from word 1 on |
 //! |---|---|---|---|
 //! | `Hello` | | | version, a bit for each finger that the processor serves, joints of a finger, servo ticks in a second, names of the hand (4 words) and of the finger (4 words) |
-//! | `Mode` | [`Mode`](crate::servo::ServoMode) | | number of the order |
-//! | `Target` | [`Mode`](crate::servo::ServoMode) | tensions of flexor and extensor, N; or torque, N m; or position, velocity, acceleration, rad and s; or position, stiffness, damping, rad, N m and s | number of the order |
+//! | `Mode` | [`ServoMode`](crate::servo::ServoMode) | | number of the order |
+//! | `Target` | [`ServoMode`](crate::servo::ServoMode) | tensions of flexor and extensor, N; or torque, N m; or position, velocity, acceleration, rad and s; or position, stiffness, damping, rad, N m and s | number of the order |
 //! | `ServoStatus` | | | 16 words of [`ServoStatus`], then the ticks of the loop |
 //! | `Restart` | | | number of the order |
 //! | `Outcome` | number of an order | word 4: 0 mode or target, 1 restart | |

@@ -3,7 +3,7 @@
 //! [`Tty`] is the driver. A terminal has no address that could be probed, so the program says by
 //! [`TerminalTable`] which terminal is at which place; until it does, the start of the switch finds
 //! none. From then on `open(":tty", board, mode)` returns a descriptor, like that of any device,
-//! and `condor-dev`'s [`Stream`](condor_dev::stream::DeviceStream) and buffered standard output and input work
+//! and `condor-dev`'s [`DeviceStream`](condor_dev::stream::DeviceStream) and buffered standard output and input work
 //! over it.
 //!
 //! ```

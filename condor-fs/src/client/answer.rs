@@ -54,7 +54,7 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize>
 }
 
 impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'m, S, W, FILES> {
-    /// Returns a ticket for the result of the call that ended with [`Error::TimedOut`](super::FileError::TimedOut) and this
+    /// Returns a ticket for the result of the call that ended with [`FileError::TimedOut`](super::FileError::TimedOut) and this
     /// `receipt`. Bytes that it read into the file's own buffer are copied to `into`, which must have
     /// room for them; it may be empty for every other call.
     ///

@@ -2,7 +2,7 @@
 //!
 //! A [`FileSwitch`] is a device switch that also has the host's files. Names that begin with `fs/`
 //! are files; all others are boards. A descriptor of either is read, written and closed in the same
-//! way. The switch implements [`Descriptors`], so a [`Stream`](condor_dev::stream::DeviceStream) of a file and
+//! way. The switch implements [`Descriptors`], so a [`DeviceStream`](condor_dev::stream::DeviceStream) of a file and
 //! all of [`condor_dev::stdio`], including standard input and output, work with it.
 
 use core::fmt::Debug;

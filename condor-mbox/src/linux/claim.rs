@@ -15,7 +15,7 @@ use crate::region::{Allocator, Region};
 use crate::window::{MemoryWindow, StoreOrder};
 use crate::windows::Windows;
 
-/// A number of a [`System`](super::LinuxSystem) that this process holds, with everything that a mailbox
+/// A number of a [`LinuxSystem`](super::LinuxSystem) that this process holds, with everything that a mailbox
 /// needs.
 ///
 /// The number becomes free when the claim, its doorbells and all clones of its own `mail` are

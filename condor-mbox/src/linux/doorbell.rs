@@ -27,7 +27,7 @@ const ARMED: u32 = 4;
 /// unprivileged process can make a pipe hold.
 const DRAIN_BYTES: usize = 1 << 20;
 
-/// Rings the processors of a [`System`](super::LinuxSystem), and waits for rings of its own number.
+/// Rings the processors of a [`LinuxSystem`](super::LinuxSystem), and waits for rings of its own number.
 ///
 /// Its clock is `CLOCK_MONOTONIC`, so instants of all processes of a machine can be compared. All
 /// clones are the same doorbell.

@@ -35,7 +35,7 @@ impl fmt::Display for FileKind {
     }
 }
 
-/// An error of a [`System`](super::LinuxSystem).
+/// An error of a [`LinuxSystem`](super::LinuxSystem).
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum SystemError {

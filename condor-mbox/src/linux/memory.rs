@@ -33,7 +33,7 @@ impl ObjectPositions {
     }
 }
 
-/// A file that contains the windows of all processors of a [`System`](super::LinuxSystem). It may
+/// A file that contains the windows of all processors of a [`LinuxSystem`](super::LinuxSystem). It may
 /// contain more, for example if it is the memory of another machine.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Memory {

@@ -414,7 +414,7 @@ impl<'e, M: Machine> Setup<'e, M> {
     /// so in the background of a first setup, and then makes a second one. To other processors the
     /// second setup is a new start of the program, with a new incarnation: it keeps nothing of the
     /// first one. A terminal of the first one with
-    /// [`Settings::OUTPUT`](condor_tty::TerminalSettings::OUTPUT) leaves what is typed to the second.
+    /// [`TerminalSettings::OUTPUT`](condor_tty::TerminalSettings::OUTPUT) leaves what is typed to the second.
     ///
     /// # Errors
     /// [`ProgramError::Full`], [`ProgramError::VectorTaken`], [`ProgramError::LeftOver`], [`ProgramError::Variables`] or

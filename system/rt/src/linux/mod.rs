@@ -50,7 +50,7 @@
 //! nor each other, so long computations make loops late.
 //!
 //! With `signals` the timer's signals interrupt the background and slower loops at any instruction:
-//! see [`Signals`](condor_mos::linux::SignalPlatform). Loops must then keep the rules of a signal handler,
+//! see [`SignalPlatform`](condor_mos::linux::SignalPlatform). Loops must then keep the rules of a signal handler,
 //! so `main` has to allow it by an `unsafe` call.
 
 mod bell;

@@ -27,7 +27,7 @@ pub fn run<P: Program>(program: &P, arguments: impl IntoIterator<Item = String>)
 ///
 /// # Safety
 /// The loops of `program` keep the contract of
-/// [`Signals::new`](condor_mos::linux::SignalPlatform::new), as for [`LinuxProcess::allowing_signals`].
+/// [`SignalPlatform::new`](condor_mos::linux::SignalPlatform::new), as for [`LinuxProcess::allowing_signals`].
 #[must_use]
 pub unsafe fn run_allowing_signals<P: Program>(
     program: &P,
