@@ -176,8 +176,8 @@ impl Rules {
                 add(line, "errors", &section, &self.errors_remedy);
             }
         }
-        let item = matches!(text.kind, Kind::Function | Kind::Type | Kind::Value);
-        if item && self.is_echo(text) {
+        // A function's verb often is its name: "Clears the queue." on `clear_queue`.
+        if matches!(text.kind, Kind::Type | Kind::Value) && self.is_echo(text) {
             add(text.line, "echo", &text.summary(), &self.echo_remedy);
         }
         let covered = text.covered();
@@ -267,6 +267,10 @@ impl Rules {
 
     /// Returns true if all words of the doc are words of the item's name.
     fn is_echo(&self, text: &Text) -> bool {
+        // "1/sqrt(3)" has the words of `FRAC_1_SQRT_3` and says more.
+        if text.body.contains(|it: char| it.is_ascii_digit()) {
+            return false;
+        }
         let name = split(&text.name);
         let name: BTreeSet<_> = name.iter().map(|it| stem(it)).collect();
         let doc = split(&text.body);
