@@ -29,7 +29,30 @@ pub(super) fn read(source: &str) -> Vec<Text> {
                 body: text.to_owned(),
             }),
         }
-        open = true;
+        // A heading is one line.
+        open = !text.starts_with('#');
     }
     found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::read;
+
+    #[test]
+    fn paragraphs_rows_and_items_are_apart_and_code_is_left_out() {
+        let source = "# Title\nA text\nof two lines.\n\n```rust\nlet what = 1;\n```\n| a | b |\n| c | d |\n* item\n  goes on\n";
+        let found: Vec<_> = read(source)
+            .into_iter()
+            .map(|text| (text.line, text.body))
+            .collect();
+        let expected = [
+            (1, "# Title"),
+            (2, "A text\nof two lines."),
+            (8, "| a | b |"),
+            (9, "| c | d |"),
+            (10, "* item\ngoes on"),
+        ];
+        assert_eq!(found, expected.map(|(line, body)| (line, body.to_owned())));
+    }
 }

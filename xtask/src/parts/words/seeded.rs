@@ -1,8 +1,7 @@
 //! Bad texts, each with the rule that finds it, and good ones next to them.
 
-use super::check;
-use super::rules::Rules;
-use super::source;
+use super::rules::{Exception, Rules};
+use super::{Findings, apply_exceptions, check, source};
 
 /// A source, and the rule that refuses a text of it.
 const BAD: [(&str, &str); 20] = [
@@ -116,4 +115,22 @@ fn a_finding_names_the_line_on_which_it_stands() {
     let found = check(&rules(), "src/lib.rs", &texts);
     let lines: Vec<_> = found.iter().map(|it| (it.line, it.rule.as_str())).collect();
     assert_eq!(lines, [(6, "riddle"), (11, "opening")], "{found:#?}");
+}
+
+#[test]
+fn an_exception_takes_one_finding_and_is_refused_if_it_takes_none() {
+    let rules = rules();
+    let texts = source::read("/// What it is.\nstruct A;\n/// What it does.\nstruct B;").unwrap();
+    let mut found: Findings = [("a.rs".to_owned(), check(&rules, "a.rs", &texts))].into();
+    let exception = |text: &str| Exception {
+        path: "a.rs".to_owned(),
+        rule: "opening".to_owned(),
+        text: text.to_owned(),
+        reason: "a test".to_owned(),
+    };
+    let exceptions = [exception("it is"), exception("it was")];
+    let unused = apply_exceptions(&exceptions, &mut found);
+    assert_eq!(unused.len(), 1);
+    assert_eq!(unused[0].text, "it was");
+    assert_eq!(found["a.rs"].len(), 1);
 }
