@@ -13,7 +13,7 @@ use crate::Result;
 /// The seconds of what was run since they were taken last, and what it was.
 static TIMES: Mutex<Vec<(f64, String)>> = Mutex::new(Vec::new());
 
-/// Gives the seconds of what was run since the last call, in the order in which it ended.
+/// Returns the seconds and names of the commands run since the last call, in the order in which they ended.
 pub(crate) fn take_times() -> Vec<(f64, String)> {
     std::mem::take(&mut *TIMES.lock().unwrap_or_else(PoisonError::into_inner))
 }
@@ -75,7 +75,7 @@ impl Line {
         self.judge(status.map_err(|error| self.not_started(&error))?)
     }
 
-    /// Runs it and gives its standard output, which does not go to the log.
+    /// Runs it and returns its standard output, which does not go to the log.
     ///
     /// # Errors
     /// As [`Line::run`].
@@ -174,20 +174,20 @@ impl Line {
     }
 }
 
-/// Runs lines that each keep one core busy, as many at a time as there are cores, and gives what each
+/// Runs lines that each keep one core busy, as many at a time as there are cores, and returns what each
 /// printed to its standard output, in their order.
 ///
 /// # Errors
-/// As [`Line::run`], of the first line that fails; all are run.
+/// Returns the error of the first line that fails, as [`Line::run`] does; all are run.
 pub(crate) fn together(lines: &[Line]) -> Result<Vec<String>> {
     side_by_side(lines, Line::collect)
 }
 
-/// Does `work` for each item, for as many at a time as there are cores, and gives the results in the
+/// Does `work` for each item, for as many at a time as there are cores, and returns the results in the
 /// order of the items. What `work` runs it [collects](Line::collect), or else the log is in no order.
 ///
 /// # Errors
-/// That of the first item that has one; all are worked on.
+/// Returns the error of the first item that has one; all are worked on.
 pub(crate) fn side_by_side<T: Sync, R: Send>(
     items: &[T],
     work: impl Fn(&T) -> Result<R> + Sync,

@@ -1,4 +1,4 @@
-//! Where the workspace lies and what is in it.
+//! The place of the workspace, and its packages.
 
 use std::path::{Path, PathBuf};
 
@@ -7,22 +7,47 @@ use serde_json::Value;
 use crate::Result;
 use crate::command::Line;
 
-/// What every part is given.
+/// The settings that every part gets.
 pub(crate) struct Context {
     /// The directory of the root manifest.
     pub root: PathBuf,
-    /// How long each fuzz target runs, in seconds.
+    /// The time for which each fuzz target runs, in seconds.
     pub fuzz_seconds: u32,
-    /// Whether the suites run for as long as it takes to trust them.
+    /// True if the suites run for as long as it takes to trust them.
     pub whole: bool,
-    /// How many times `test` runs the programs of the tests beside busy loops, instead of once without.
+    /// The number of times that `test` runs the programs of the tests beside busy loops, instead of once without.
     pub again: Option<u32>,
-    /// Whether `imports` prints the floors of the packages.
+    /// True if `imports` prints the floors of the packages.
     pub picture: bool,
+    /// The options of `words`.
+    pub words: Words,
+}
+
+/// The texts that `words` checks instead of the repository's, and whether it lowers the counts.
+#[derive(clap::Args)]
+pub(crate) struct Words {
+    /// Makes `words` print all findings of the sources in FOLDER and their share, here or of another project; may be repeated
+    #[arg(long, value_name = "FOLDER")]
+    pub path: Vec<PathBuf>,
+    /// With `--path`: checks the first paragraphs of N public items of each folder alone
+    #[arg(long, value_name = "N", requires = "path")]
+    pub sample: Option<usize>,
+    /// With `--sample`: draws other items
+    #[arg(long, value_name = "SEED", requires = "sample", default_value_t = 1)]
+    pub seed: u64,
+    /// Makes `words` write the counts of findings to xtask/words.toml anew; refuses to raise one
+    #[arg(long, conflicts_with = "path")]
+    pub record: bool,
 }
 
 impl Context {
-    pub(crate) fn new(fuzz_seconds: u32, whole: bool, again: Option<u32>, picture: bool) -> Self {
+    pub(crate) fn new(
+        fuzz_seconds: u32,
+        whole: bool,
+        again: Option<u32>,
+        picture: bool,
+        words: Words,
+    ) -> Self {
         let xtask = Path::new(env!("CARGO_MANIFEST_DIR"));
         Self {
             root: xtask.parent().unwrap_or(xtask).to_owned(),
@@ -30,6 +55,7 @@ impl Context {
             whole,
             again,
             picture,
+            words,
         }
     }
 

@@ -1,4 +1,4 @@
-//! What is built for targets of its own: the firmware tests, the images of harts beside a host, and
+//! The packages that are built for targets of their own: the firmware tests, the images of harts beside a host, and
 //! the firmwares of the benchmarks.
 
 use std::collections::BTreeMap;
@@ -13,10 +13,10 @@ pub(crate) const WORKSPACE: &str = "tests/firmware";
 /// The firmwares whose instructions are counted.
 pub(crate) const COUNTED: [&str; 3] = ["calibration", "condor-loops", "rtic-loops"];
 
-/// What those are built for.
+/// The target of those firmwares.
 pub(crate) const COUNTED_TARGET: &str = CORTEX_M3;
 
-/// What the images are built for that harts run beside a host.
+/// The target of the images that harts run beside a host.
 pub(crate) const HARTS_TARGET: &str = "riscv64gc-unknown-none-elf";
 
 /// Those images.
@@ -42,7 +42,7 @@ impl Firmware {
     /// The machine, and how the firmware talks and ends there.
     pub(crate) fn machine(&self) -> &'static str {
         match self.target {
-            // What is received are bytes of any value, none of which is a command to QEMU.
+            // The received bytes have any value, none of which is a command to QEMU.
             RISCV => "-machine virt -smp 2 -bios none -display none -monitor none -serial stdio",
             // The board has the chip with 16 KiB of RAM, the firmwares want the one with 32.
             CORTEX_M0 => {
@@ -109,7 +109,7 @@ pub(crate) fn build(
     if !features.is_empty() {
         line = format!("{line} --features {}", features.join(","));
     }
-    // Where the descriptions of systems look for images.
+    // The descriptions of systems look for images there.
     context
         .command(&line)
         .dir(WORKSPACE)

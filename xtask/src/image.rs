@@ -1,4 +1,4 @@
-//! Who calls whom in a linked image, by the relocations that the linker has kept.
+//! The calls between the functions of a linked image, by the relocations that the linker has kept.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
@@ -100,7 +100,7 @@ impl Image {
         })
     }
 
-    /// How many functions it has.
+    /// The number of its functions.
     pub(crate) fn functions(&self) -> usize {
         self.functions.len()
     }

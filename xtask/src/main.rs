@@ -18,7 +18,7 @@ mod request;
 mod tests_run;
 mod tools;
 
-/// Whatever went wrong, in words for the person who reads the log.
+/// A result whose error is told in words for the person who reads the log.
 type Result<T, E = Box<dyn std::error::Error>> = std::result::Result<T, E>;
 
 fn main() -> ExitCode {
@@ -28,6 +28,7 @@ fn main() -> ExitCode {
         request.whole,
         request.again,
         request.picture,
+        request.words,
     );
     let mut parts = Vec::new();
     for asked in request.parts {

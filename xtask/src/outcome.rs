@@ -66,7 +66,7 @@ pub(crate) fn verify(context: &Context, rest: bool) -> ExitCode {
 
 /// A row for each part, below it the longest of what it ran.
 fn table(records: &[Record]) -> String {
-    /// Whatever took less is in the records alone.
+    /// Commands that took less are in the records alone.
     const LONG: f64 = 5.0;
     let mut text = String::from("\n    s  cpu s  part\n");
     let mut sums = (0.0, 0.0);
@@ -109,7 +109,7 @@ impl State {
     }
 }
 
-/// How a part ended.
+/// The outcome of a part, and its times.
 struct Record {
     name: String,
     state: State,
@@ -137,7 +137,7 @@ impl Record {
         context.root.join("target/checks").join(part)
     }
 
-    /// The columns are apart by tabulators; the first line is that of the part.
+    /// The columns are separated by tabs; the first line is that of the part.
     fn write(&self, context: &Context) -> Result<()> {
         let path = Self::path(context, &self.name);
         fs::create_dir_all(path.parent().unwrap_or(&path))?;
@@ -154,7 +154,7 @@ impl Record {
         Ok(fs::write(path, text)?)
     }
 
-    /// What an earlier call left of a part, if it is whole.
+    /// Reads the record that an earlier call left of a part, if it is whole.
     fn read(context: &Context, part: &Part) -> Option<Self> {
         Self::parse(
             part.name,
@@ -184,7 +184,7 @@ impl Record {
 }
 
 fn run(context: &Context, part: &Part) -> Record {
-    // What is left of an earlier call says nothing of this one.
+    // The record of an earlier call says nothing of this one.
     let _ = fs::remove_file(Record::path(context, part.name));
     command::take_times();
     let (start, cpu) = (Instant::now(), cpu_seconds());

@@ -30,6 +30,7 @@ mod suites;
 mod template;
 mod test;
 mod unsafe_code;
+mod words;
 
 /// One check of the workspace, and a sub-command of `cargo xtask`.
 ///
@@ -38,7 +39,7 @@ pub(crate) struct Part {
     pub name: &'static str,
     pub about: &'static str,
     pub run: fn(&Context) -> Result<Summary>,
-    /// Whether `verify` runs it, or a person alone.
+    /// True if `verify` runs it; others are run by a person alone.
     pub in_verify: bool,
 }
 
@@ -57,7 +58,7 @@ impl Part {
     }
 }
 
-/// What a part that passed has checked, and what it had to leave out.
+/// The things that a part that passed has checked, and those that it had to leave out.
 pub(crate) struct Summary {
     pub checked: String,
     pub left_out: Option<String>,
@@ -98,6 +99,7 @@ pub(crate) const PARTS: &[Part] = &[
     Part::new("fmt", "rustfmt, in every workspace", fmt::run),
     Part::new("unsafe", "the READMEs' tables of unsafe code", unsafe_code::run),
     Part::new("imports", "circles of imports, in every workspace", imports::run),
+    Part::new("words", "rules for docs, comments, READMEs, help and error texts", words::run),
     Part::new("docs", "rustdoc without warnings", docs::run),
     Part::new("lint", "clippy over all targets, in every workspace", lint::run),
     Part::new("features", "each feature, and each two, with the oldest toolchain", features::run),

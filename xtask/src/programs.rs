@@ -19,7 +19,7 @@ pub(crate) struct Program {
     /// The name of the test, or `lib` or the like for unit tests.
     pub name: String,
     pub path: PathBuf,
-    /// Where the package is.
+    /// The folder of the package.
     directory: PathBuf,
 }
 
@@ -39,7 +39,7 @@ fn package_in(id: &str) -> &str {
     }
 }
 
-/// Has `cargo test --no-run` build programs, and gives them. `line` ends with
+/// Has `cargo test --no-run` build programs, and returns them. `line` ends with
 /// `--message-format json-render-diagnostics`.
 ///
 /// # Errors
@@ -79,7 +79,7 @@ pub(crate) fn build(line: &Line) -> Result<Vec<Program>> {
     Ok(programs)
 }
 
-/// Runs programs, as many at a time as there are cores, with these arguments each, and gives the number
+/// Runs programs, as many at a time as there are cores, with these arguments each, and returns the number
 /// of tests that passed.
 ///
 /// # Errors

@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 
 use clap::Parser;
 
+use crate::context::Words;
 use crate::parts::{PARTS, Part};
 
 /// The checks of the workspace
@@ -16,7 +17,7 @@ pub(crate) struct Request {
     /// With `verify`: a part of which target/checks has the record of an earlier call counts as that says
     #[arg(long)]
     pub rest: bool,
-    /// How long each fuzz target runs, in seconds
+    /// The time for which each fuzz target runs, in seconds
     #[arg(long, default_value_t = 60)]
     pub fuzz_seconds: u32,
     /// `suites` and `full-disk` take ten and twenty minutes, instead of a short run of each
@@ -28,6 +29,8 @@ pub(crate) struct Request {
     /// Makes `imports` print the floors of the packages, from bottom to top: a package depends on lower ones alone
     #[arg(long)]
     pub picture: bool,
+    #[command(flatten)]
+    pub words: Words,
 }
 
 /// All parts, or one.

@@ -1,9 +1,9 @@
-//! How many tests a run of libtest has made.
+//! The number of tests that a run of libtest has made.
 
 use crate::Result;
 use crate::command::{Line, together};
 
-/// Runs a `cargo test` command and gives the number of tests that passed in it.
+/// Runs a `cargo test` command and returns the number of tests that passed in it.
 ///
 /// # Errors
 /// A test failed, or the run was successful because there was nothing to run.
@@ -16,10 +16,10 @@ pub(crate) fn count(tests: &Line) -> Result<u32> {
     Ok(passed)
 }
 
-/// As [`count`], of lines that each keep one core busy.
+/// Counts the tests of lines that each keep one core busy, as [`count`] does.
 ///
 /// # Errors
-/// As there, of the first that fails.
+/// Returns the error of the first line that fails.
 pub(crate) fn count_together(tests: &[Line]) -> Result<u32> {
     let mut all = 0;
     for (line, printed) in tests.iter().zip(together(tests)?) {

@@ -1,4 +1,4 @@
-//! What the parts need on the machine: found, or else installed, or else asked for in words.
+//! The tools that the parts need on the machine: found, or else installed, or else asked for in words.
 
 use std::os::unix::fs::MetadataExt as _;
 use std::path::PathBuf;
@@ -100,7 +100,7 @@ fn debian(context: &Context, packages: &str) -> Result<()> {
     install(&context.command(&apt_get))
 }
 
-/// A Python of its own, in a directory relative to the root, with these packages; gives its program.
+/// A Python of its own, in a directory relative to the root, with these packages; returns the path of its program.
 pub(crate) fn need_python(context: &Context, dir: &str, packages: &str) -> Result<String> {
     need_debian(context, "python3", "python3")?;
     let python = format!("{dir}/bin/python");
@@ -114,7 +114,7 @@ pub(crate) fn need_python(context: &Context, dir: &str, packages: &str) -> Resul
             install(&venv)?;
         }
     }
-    // What is there already is not asked for over the network.
+    // Packages that are there already are not asked for over the network.
     let line = format!("{python} -m pip install --quiet --disable-pip-version-check {packages}");
     install(&context.command(&line))?;
     Ok(python)

@@ -1,4 +1,4 @@
-//! What is wrong between features is wrong between two of them, or with all, which `lint` looks at. The
+//! Each feature and each two: a mistake between features shows with two of them, or with all, which `lint` looks at. The
 //! same builds show that the oldest toolchain suffices: the MSRV is written once, as `rust-version` of
 //! the root manifest.
 

@@ -1,4 +1,4 @@
-//! What kills servers, hosts and peers, on a disk that is filled and freed at random meanwhile
+//! The tests that kill servers, hosts and peers, on a disk that is filled and freed at random meanwhile
 //! (`suites/full-disk`).
 
 use std::time::{Duration, Instant};
@@ -10,7 +10,7 @@ use crate::parts::test;
 use crate::programs;
 use crate::tools::{is_root, need_debian};
 
-/// Where a small disk is mounted.
+/// The place where a small disk is mounted.
 const DISK: &str = "target/full-disk";
 /// The crate of each test `faults`, the kind of its disk, where that is, and what the test is told.
 #[rustfmt::skip]

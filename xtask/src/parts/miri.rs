@@ -5,11 +5,11 @@ use crate::parts::Summary;
 use crate::tests_run;
 use crate::tools::need_component;
 
-/// What Miri runs of one package: its unit tests, and the named modules of its test program.
+/// The tests of one package that Miri runs: its unit tests, and the named modules of its test program.
 struct Suite {
     package: &'static str,
     features: &'static str,
-    /// Whether it has unit tests.
+    /// True if it has unit tests.
     units: bool,
     /// The test program, without which there are no modules.
     program: &'static str,

@@ -12,9 +12,9 @@ use crate::image::{Image, Origin};
 use crate::parts::Summary;
 use crate::tools::need_target;
 
-/// What the panic handlers of the firmwares call.
+/// The function that the panic handlers of the firmwares call.
 pub(super) const PANICKED: &str = "condor_firmware_panicked";
-/// What panics in a build with the feature of that purpose.
+/// The function that panics in a build with the feature of that purpose.
 const ON_PURPOSE: &str = "may_panic";
 
 pub(crate) fn run(context: &Context) -> Result<Summary> {
@@ -35,7 +35,7 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
     )))
 }
 
-/// Searches packages, which are linked alike, and gives the number of their functions.
+/// Searches packages, which are linked alike, and returns the number of their functions.
 fn search(context: &Context, packages: &[&str], target: &str, profile: &str) -> Result<usize> {
     let build = |packages: &[&str], features: &[String]| {
         firmware::build(context, packages, target, profile, features)

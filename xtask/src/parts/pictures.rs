@@ -14,15 +14,15 @@ use crate::context::Context;
 use crate::parts::{Summary, page};
 use crate::tools::need_debian;
 
-/// Where the pictures are.
+/// The folder of the pictures.
 const PICTURES: &str = "system/cli/pictures";
-/// How long a text may take to appear.
+/// The time that a text may take to appear.
 const PATIENCE: Duration = Duration::from_secs(60);
 /// The time of a wave after which the fingers are in the midst of it.
 const WAVING: Duration = Duration::from_millis(3300);
 /// The time until plots have values everywhere, and the wave before has ended.
 const SPAN: Duration = Duration::from_secs(8);
-/// What a picture may have: the README shows it.
+/// The most bytes that a picture may have: the README shows it.
 const MOST_BYTES: usize = 200_000;
 
 const POSITIONS: &str = "index.proximal.position index.proximal.target";

@@ -9,7 +9,7 @@ use crate::parts::test;
 use crate::programs;
 use crate::tools::need_python;
 
-/// Where its Python is.
+/// The folder of its Python.
 const PLACE: &str = "target/python";
 
 pub(crate) fn run(context: &Context) -> Result<Summary> {

@@ -1,6 +1,6 @@
 //! The firmwares end QEMU by themselves; one that hangs is stopped, by the id of its process.
 //!
-//! A line `echo` with a number asks for so many bytes, of which the firmware gives each back.
+//! A line `echo` with a number asks for so many bytes, each of which the firmware sends back.
 
 use std::io::{BufRead, BufReader, Read as _, Write};
 use std::path::{Path, PathBuf};
@@ -63,7 +63,7 @@ fn check(context: &Context, firmware: &Firmware) -> Result<String> {
     }
 }
 
-/// What the firmware printed, and how QEMU ended; `None` if it had to be stopped.
+/// Returns the output of the firmware, and how QEMU ended; `None` if it had to be stopped.
 fn emulate(firmware: &Firmware, image: &Path) -> Result<(String, Option<ExitStatus>)> {
     let (qemu, machine) = (firmware.qemu(), firmware.machine());
     eprintln!("$ {qemu} {machine} -kernel {}", image.display());
@@ -93,11 +93,11 @@ fn emulate(firmware: &Firmware, image: &Path) -> Result<(String, Option<ExitStat
     Ok((printed, in_time.then_some(status)))
 }
 
-/// What the firmware prints until it ends, with a verdict in place of what it echoes.
+/// Returns the output of the firmware until it ends, with a verdict in place of the bytes that it echoes.
 fn listen(mut output: impl BufRead, mut input: impl Write + Send) -> String {
     let (mut printed, mut line) = (Vec::new(), Vec::new());
     let mut failed = false;
-    // What was read before an error is worth showing.
+    // The output read before an error is worth showing.
     while output
         .read_until(b'\n', &mut line)
         .is_ok_and(|read| read > 0)
@@ -118,7 +118,7 @@ fn listen(mut output: impl BufRead, mut input: impl Write + Send) -> String {
     String::from_utf8_lossy(&printed).into_owned()
 }
 
-/// How many bytes a line asks for.
+/// Returns the number of bytes that a line asks for.
 fn echo_wanted(line: &[u8]) -> Option<usize> {
     let line = std::str::from_utf8(line).ok()?;
     line.trim_end().strip_prefix("echo ")?.parse().ok()

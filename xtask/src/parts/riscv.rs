@@ -12,12 +12,12 @@ use crate::tools::{need_debian, need_qemu, need_target};
 
 /// By the real clock a servo is late on a machine that is busy, and a finger lets go.
 const HAND_RUNS: u32 = 3;
-/// How long the hand runs, and the harts whose time counts instructions.
+/// The seconds for which the hand runs, and the harts whose time counts instructions.
 const HAND_SECONDS: u32 = 10;
 const EXACT_SECONDS: u32 = 5;
-/// What the summary tells the tracking error of.
+/// The joints whose tracking error the summary tells.
 const JOINTS: u32 = 16;
-/// What the master says if it cannot load the motion that its description has typed. Whether a motion
+/// The master's words if it cannot load the motion that its description has typed. Whether a motion
 /// comes to its end is a question of time: a busy machine misses deadlines, which stops fingers.
 const NO_MOTION: &str = "wave.motion:";
 /// In simulated time it does, and the summary ends with a hash of all positions of the joints.
@@ -27,7 +27,7 @@ const HASH: &str = ": hash ";
 pub(crate) fn run(context: &Context) -> Result<Summary> {
     need_target(context, HARTS_TARGET)?;
     if let Err(problem) = need_qemu(context, "qemu-system-riscv64") {
-        // Whoever has no QEMU can check all else.
+        // A person without QEMU can check all else.
         if env::var_os("CI").is_some() {
             return Err(problem);
         }
@@ -79,7 +79,7 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
     )))
 }
 
-/// What the hand of a description has done in simulated time.
+/// Returns the lines of the hand of a description, run in simulated time.
 fn moved(context: &Context, description: &str) -> Result<Vec<String>> {
     let hand = format!(
         "target/debug/utah-mit-hand up examples/utah-mit-hand/{description} --clock simulated --speed max --headless --for {HAND_SECONDS}s"
@@ -93,7 +93,7 @@ fn moved(context: &Context, description: &str) -> Result<Vec<String>> {
     Ok(seen)
 }
 
-/// Whether a line has a finger, a joint, and two angles.
+/// Returns true if a line has a finger, a joint, and two angles.
 fn is_tracking(line: &str) -> bool {
     let words: Vec<&str> = line.split_whitespace().collect();
     matches!(words[..], [_, _, rms, peak] if rms.parse::<f64>().is_ok() && peak.parse::<f64>().is_ok())

@@ -1,4 +1,4 @@
-//! The test suites of file systems on what condor-fs serves, mounted by the program of `tests/suites`.
+//! The test suites of filesystems on what condor-fs serves, mounted by the program of `tests/suites`.
 
 use crate::Result;
 use crate::context::Context;
@@ -7,12 +7,12 @@ use crate::tools::is_root;
 
 /// The names of tests in `tests/suites/pjdfstest.toml` are those of its version.
 const TOOLS: &str = "fsx@0.3.2 pjdfstest@0.2.2";
-/// Where they are installed, and the files are.
+/// The place where they are installed, and where the files are.
 const PLACE: &str = "target/suites";
 
 pub(crate) fn run(context: &Context) -> Result<Summary> {
     let root = is_root();
-    // What is mounted goes with the processes that see it, however they end.
+    // A mount goes with the processes that see it, however they end.
     let alone = if root {
         "unshare --mount"
     } else {
@@ -67,7 +67,7 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
     })
 }
 
-/// How often the server was killed, if that is what a line says.
+/// Returns the number of times that the server was killed, if a line says so.
 fn killed(line: &str) -> u64 {
     let count = line.strip_prefix("the server was killed ");
     let count = count.and_then(|rest| rest.split(' ').next());

@@ -21,11 +21,11 @@ use crate::parts::test;
 use crate::programs;
 use crate::tools::{need_qemu, need_target};
 
-/// What the project is called, and its systems.
+/// The name of the project, and of its systems.
 const NAME: &str = "template-check";
 /// Lines of Rust that the template may have, without comments and empty lines.
 const LINES: usize = 150;
-/// How long it may take until the joint is where it was told to go.
+/// The time that the joint may take to its target.
 const PATIENCE: Duration = Duration::from_secs(60);
 
 pub(crate) fn run(context: &Context) -> Result<Summary> {

@@ -8,7 +8,7 @@ use crate::Result;
 use crate::context::{Context, text};
 use crate::parts::Summary;
 
-/// How often each file has the word.
+/// The number of times that each file has the word.
 type Counts = BTreeMap<String, usize>;
 
 pub(crate) fn run(context: &Context) -> Result<Summary> {
@@ -34,7 +34,7 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
     Ok(Summary::of(format!("{uses} uses in {libraries} libraries")))
 }
 
-/// What the sources below `root` have.
+/// Counts the word in the sources below `root`.
 fn counted(root: &Path) -> Result<Counts> {
     let mut files = Vec::new();
     sources(&root.join("src"), &mut files)?;
@@ -60,7 +60,7 @@ fn sources(directory: &Path, found: &mut Vec<PathBuf>) -> Result<()> {
     Ok(())
 }
 
-/// How often the code of a file has the word, comments left out.
+/// Returns the number of times that the code of a file has the word, comments left out.
 fn uses_in(text: &str) -> usize {
     text.lines()
         .map(|line| line.split("//").next().unwrap_or(line))

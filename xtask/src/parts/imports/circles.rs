@@ -19,7 +19,7 @@ pub(super) fn circles<N: Ord + Clone>(edges: &BTreeSet<(N, N)>) -> Vec<Vec<N>> {
     circles
 }
 
-/// What can be reached from a node.
+/// Returns the nodes that can be reached from a node.
 fn reached<'e, N: Ord>(edges: &'e BTreeSet<(N, N)>, node: &N) -> BTreeSet<&'e N> {
     let mut reached = BTreeSet::new();
     let mut left: Vec<&N> = Vec::new();

@@ -19,9 +19,9 @@ pub(super) struct Modules(BTreeMap<Name, Module>);
 #[derive(Default)]
 struct Module {
     file: PathBuf,
-    /// What it defines.
+    /// The names of the items that it defines.
     items: BTreeSet<String>,
-    /// What it calls by a name, and the path of that.
+    /// The names that it imports, and the path of each.
     names: BTreeMap<String, Vec<String>>,
     /// The modules of which it takes everything.
     globs: Vec<Vec<String>>,
@@ -244,7 +244,7 @@ fn attributes(item: &Item) -> &[Attribute] {
     }
 }
 
-/// Whether there is a `#[cfg(test)]`, or one of loom's.
+/// Returns true if there is a `#[cfg(test)]`, or one of loom's.
 fn is_for_tests(attributes: &[Attribute]) -> bool {
     attributes.iter().any(|attribute| {
         let Meta::List(list) = &attribute.meta else {

@@ -153,7 +153,7 @@ impl Run {
                 CELL.1
             );
         }
-        // What is far apart is written apart, so that each part stands in its columns.
+        // Words that are far apart are written apart, so that each part stands in its columns.
         let mut column = 0;
         for part in self.text.split_inclusive("  ") {
             let blanks = part.len() - part.trim_start_matches(' ').len();
