@@ -187,10 +187,8 @@ impl<P, const Q: usize, const S: usize, const R: usize, const C: usize>
         };
         // Whoever asks about a session that is gone is told so.
         let is_of_other = queue.owner(session).is_some() && !is_of_sender(queue, session);
-        let (not_yours, pending) = (
-            MotionResponse::new(Code::NotYours, 0),
-            MotionResponse::new(Code::Pending, 0),
-        );
+        let [not_yours, pending] =
+            [Code::NotYours, Code::Pending].map(|code| MotionResponse::new(code, 0));
         let operation = MotionOperation::from_number(request.operation);
         match operation.filter(|_| request.version == VERSION) {
             Some(MotionOperation::Open) => {

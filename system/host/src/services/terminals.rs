@@ -111,11 +111,8 @@ pub(super) fn serve(settings: &Settings) -> Result<(), ServiceError> {
     let mut signals = EndSignals::new().map_err(ServiceError::Events)?;
     let (claim, page) = claim(TERMINALS)?;
     let system = SystemDirectory::at(directory.parent().unwrap_or(directory).into());
-    let pen = page
-        .as_ref()
-        .map(|_| ScriptWriter::open(&system))
-        .transpose()?;
-    let pen = pen.map(Rc::new);
+    let writer = page.as_ref().map(|_| ScriptWriter::open(&system));
+    let pen = writer.transpose()?.map(Rc::new);
     // Pseudo-terminals that nobody has open would end every wait for their level.
     let ptys = epoll::create(epoll::CreateFlags::CLOEXEC).map_err(events)?;
     // And for those of files to which somebody types.
