@@ -161,7 +161,7 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
                 say(format_args!("all motion stops"));
             }
             Ok(Some(MotionsEvent::Taken(session))) => {
-                say(format_args!("session {session} is in control"))
+                say(format_args!("session {session} is in control"));
             }
             Ok(Some(MotionsEvent::Gone(session))) => say(format_args!(
                 "the client of session {session} is gone: nobody is in control"
