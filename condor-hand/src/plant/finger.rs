@@ -7,6 +7,7 @@ use super::joint::JointParameters;
 use crate::dynamics::Dynamics;
 use crate::math::abs;
 use crate::number::{not_negative, positive};
+use crate::servo::FingerReadings;
 use crate::tendon::{MomentArms, Pair, TendonPairs};
 
 /// The parameters of a finger, apart from its mechanism.
@@ -244,6 +245,16 @@ impl<M, const N: usize> SimFinger<M, N> {
     #[must_use]
     pub fn tensions(&self) -> &TendonPairs<f64, N> {
         &self.tensions
+    }
+
+    /// Returns what exact sensors of the finger say; nothing touches its tip.
+    #[must_use]
+    pub fn readings(&self) -> FingerReadings<f64, N> {
+        FingerReadings {
+            position: self.q,
+            tension: self.tensions,
+            touch: 0.0,
+        }
     }
 
     /// Returns the mechanism, the model of the finger's links.
