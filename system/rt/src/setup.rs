@@ -571,6 +571,7 @@ impl<'e, M: Machine> Setup<'e, M> {
             let settings = VariableSettings {
                 rate: (one.rate.numerator(), one.rate.denominator()),
                 rows: variables::rows(one.rate),
+                watchers: condor_vars::MOST_WATCHERS as u32,
             };
             let (catalog, first) = (Catalog::new(blocks, parameters), self.places.used());
             let exclusion = self.machine.exclusion();

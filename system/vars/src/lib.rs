@@ -38,7 +38,7 @@ pub use var::{Var, VarDescription, Vars, Watch};
 // The ends of its owner.
 pub use catalog::{Catalog, CatalogError};
 pub use cell::{CellField, CellStruct, describe};
-pub use desk::Selections;
+pub use desk::{MOST_WATCHERS, Selections};
 pub use ends::{Ends, VariableSettings};
 pub use sampler::Sampler;
 pub use server::{Respond, VariableServer, answer};
