@@ -9,11 +9,10 @@ pub const MOST_WATCHERS: usize = 4;
 
 /// The memory through which the [`VariableServer`](crate::VariableServer) of a loop hands selections to its [`Sampler`](crate::Sampler).
 ///
-/// Each loop has one, and `N` is its capacity: at most `2 * N` blocks of variables and parameters
+/// Each loop has one, and `N` is its capacity: at most `3 * N` blocks of variables and parameters
 /// (a single one is a block), and at most `N` pieces in a selection. A piece is a run of
-/// neighbouring variables of one block, or a run of neighbouring whole blocks, so a selection of
-/// single variables always has few enough. No other processor can access this memory, of
-/// `64 * N + 196` bytes.
+/// neighbouring variables of one block, or a run of neighbouring whole blocks. No other processor
+/// can access this memory, of `64 * N + 196` bytes.
 #[derive(Debug)]
 pub struct Selections<const N: usize> {
     /// Whether some handler is at work: they may interrupt each other.

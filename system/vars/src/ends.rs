@@ -54,7 +54,7 @@ impl<const N: usize> Selections<N> {
             _ => Ok(()),
         };
         at_most(MOST_WATCHERS, settings.watchers as usize, "watchers")?;
-        at_most(2 * N, catalog.blocks().count(), "blocks of variables")?;
+        at_most(3 * N, catalog.blocks().count(), "blocks of variables")?;
         let shape = catalog.shape(settings.watchers, settings.rows)?;
         let items = |body: &mut Body<'_>| catalog.each(body);
         let (table, offset, table_incarnation) =

@@ -30,7 +30,7 @@ struct Rows<'e, W, const N: usize> {
     table: Region<W>,
     shape: Shape,
     /// The words of each block of the catalog; empty ones fill the rest.
-    blocks: [[&'e [AtomicU32]; 2]; N],
+    blocks: [[&'e [AtomicU32]; 3]; N],
 }
 
 /// The ring of one watcher, as its writer knows it.
@@ -63,7 +63,7 @@ impl<'e, W: MemoryWindow, const N: usize> Sampler<'e, W, N> {
             ..Ring::default()
         });
         let rings = rings.collect();
-        let mut blocks: [[&[AtomicU32]; 2]; N] = [[&[]; 2]; N];
+        let mut blocks: [[&[AtomicU32]; 3]; N] = [[&[]; 3]; N];
         for (place, block) in blocks.as_flattened_mut().iter_mut().zip(catalog.blocks()) {
             *place = block.words();
         }
@@ -200,7 +200,7 @@ impl<W: MemoryWindow, const N: usize> Rows<'_, W, N> {
 impl<W, const N: usize> fmt::Debug for Sampler<'_, W, N> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("Sampler")
-            .field("blocks", &(2 * N))
+            .field("blocks", &(3 * N))
             .field("params", &self.params.len())
             .field("rings", &self.rings)
             .finish()

@@ -163,9 +163,9 @@ fn what_is_over_the_capacity_is_refused_with_its_number() {
         );
         opened.map(drop).map_err(|error| error.to_string())
     };
-    assert_eq!(open(&[&one, &one], 4), Ok(()));
-    let many = "3 blocks of variables; 2 is the most".to_owned();
-    assert_eq!(open(&[&one, &one, &one], 4), Err(many));
+    assert_eq!(open(&[&one, &one, &one], 4), Ok(()));
+    let many = "4 blocks of variables; 3 is the most".to_owned();
+    assert_eq!(open(&[&one, &one, &one, &one], 4), Err(many));
     let watchers = "5 watchers; 4 is the most".to_owned();
     assert_eq!(open(&[&one], 5), Err(watchers));
 }
