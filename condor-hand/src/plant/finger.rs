@@ -22,6 +22,21 @@ pub struct FingerParameters<const N: usize> {
 }
 
 /// A simulated finger: a mechanism `M` of N joints, pulled by 2 N tendons.
+///
+/// ```
+/// # use condor_hand::config::Hand;
+/// use condor_hand::plant::PlantModel;
+/// use condor_hand::tendon::Pair;
+///
+/// # let text = std::fs::read_to_string("hands/utah-mit.toml")?;
+/// # let hand = Hand::<4, 4>::from_toml(&text, "utah-mit.toml")?;
+/// let index = &hand.fingers[0];
+/// let mut finger = PlantModel::default().finger(index, index.chain(), [0.0, 0.3, 0.4, 0.4].into())?;
+/// let pull = [Pair { flexor: 30.0, extensor: 10.0 }; 4]; // N
+/// finger.step(1.0 / 400.0, 5, &pull, &hand.gravity.into())?;
+/// assert!(finger.qd()[1] > 0.0);
+/// # Ok::<_, Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct SimFinger<M, const N: usize> {
     mechanism: M,

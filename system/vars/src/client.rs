@@ -15,6 +15,23 @@ use crate::watcher::Watcher;
 /// A client of the loops of one processor: it asks for slots and selections, and sets parameters.
 ///
 /// Its calls wait for the reply, and serve messages meanwhile.
+///
+/// ```
+/// use condor_mbox::{MemoryWindow, Messenger};
+/// use condor_vars::{AnyValue, VariableClient, VariableTable};
+///
+/// /// Doubles the stiffness of a joint.
+/// fn stiffen<W: MemoryWindow>(
+///     client: &mut VariableClient<'_, impl Messenger, W>,
+///     table: &VariableTable<W>,
+/// ) -> Result<(), Box<dyn std::error::Error>> {
+///     let soon = std::time::Duration::from_secs(1);
+///     let entry = table.find("joint.stiffness")?.ok_or("no such parameter")?;
+///     let AnyValue::F64(now) = client.get(table, &entry, soon)? else { return Ok(()) };
+///     client.set(table, &entry, AnyValue::F64(now), AnyValue::F64(2.0 * now), soon)?;
+///     Ok(())
+/// }
+/// ```
 #[derive(Debug)]
 pub struct VariableClient<'m, M: Messenger + ?Sized, W> {
     exchange: Exchange<'m, M, W, Block, Block>,

@@ -13,6 +13,13 @@ pub const MOST_WATCHERS: usize = 4;
 /// (a single one is a block), and at most `N` pieces in a selection. A piece is a run of
 /// neighbouring variables of one block, or a run of neighbouring whole blocks. No other processor
 /// can access this memory, of `64 * N + 196` bytes.
+///
+/// ```
+/// use condor_vars::Selections;
+///
+/// static SERVO: Selections<16> = Selections::new();
+/// assert_eq!(size_of_val(&SERVO), 64 * 16 + 196);
+/// ```
 #[derive(Debug)]
 pub struct Selections<const N: usize> {
     /// Whether some handler is at work: they may interrupt each other.
