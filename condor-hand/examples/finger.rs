@@ -11,6 +11,7 @@ use std::array::from_fn;
 
 use condor_hand::config::{Hand, Wire};
 use condor_hand::controller::{FingerController, read_finger, write_finger};
+use condor_hand::math::max;
 use condor_hand::plant::PlantModel;
 use condor_hand::servo::ServoMode;
 use condor_hand::tendon::Pair;
@@ -92,7 +93,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         finger.step(period_s, 5, &commands, &gravity)?;
         for joint in 0..4 {
             let target = done.target[joint].unwrap_or(sensed.position[joint]);
-            worst = worst.max((target - sensed.position[joint]).abs());
+            worst = max(worst, (target - sensed.position[joint]).abs());
         }
     }
     println!(

@@ -313,7 +313,7 @@ fn a_motion_that_is_offered_again_and_again_runs_once() {
     rig.arm(|arm| {
         arm.server
             .end(RequestState::Done, RefusalReason::None)
-            .unwrap()
+            .unwrap();
     });
     let seen = client.look(of(session, 3), SOON).unwrap();
     assert_eq!(
@@ -450,7 +450,7 @@ fn control_of_a_client_that_is_gone_is_free_and_what_it_had_enqueued_goes_on() {
     rig.arm(|arm| {
         arm.server
             .end(RequestState::Done, RefusalReason::None)
-            .unwrap()
+            .unwrap();
     });
     // Its next incarnation cannot use the session.
     let mailbox = rig.mailbox(FIRST);

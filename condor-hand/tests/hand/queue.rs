@@ -242,10 +242,10 @@ impl<const N: usize> World<N> {
                     let has_run = self.starts.contains_key(&identity);
                     match state {
                         RequestState::Done | RequestState::Started => {
-                            assert!(has_run, "{identity}")
+                            assert!(has_run, "{identity}");
                         }
                         RequestState::Refused | RequestState::Lost => {
-                            assert!(!has_run, "{identity}")
+                            assert!(!has_run, "{identity}");
                         }
                         _ => {}
                     }
