@@ -12,6 +12,19 @@ use crate::sync::{AtomicBool, AtomicU8, AtomicU32, Ordering, masked};
 ///
 /// (`heapless::spsc` splits into its two ends by `&mut`, which a driver in a `static` does not
 /// have.)
+///
+/// ```
+/// use condor_dev::Ring;
+///
+/// static RECEIVED: Ring<64> = Ring::new();
+///
+/// // The handler of the interrupt:
+/// RECEIVED.writer().expect("only the handler writes").push(b'!');
+/// // The background:
+/// let mut bytes = [0; 8];
+/// let count = RECEIVED.reader().expect("only the background reads").read(&mut bytes);
+/// assert_eq!(&bytes[..count], b"!");
+/// ```
 #[derive(Debug)]
 pub struct Ring<const N: usize> {
     bytes: [AtomicU8; N],

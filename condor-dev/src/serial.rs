@@ -16,6 +16,18 @@ use crate::stdio::ClaimCell;
 /// Only one context at a time uses the wires. An access of another context meanwhile, such as an
 /// interrupt handler, is refused as [`Busy`](BusErrorKind::Busy). A transfer takes about 25 µs per
 /// byte at 400 kHz; it masks no interrupts during that time.
+///
+/// ```
+/// use condor_dev::sim::{As5600Model, I2c, SimBus};
+/// use condor_dev::{Bus, I2cBus, Width};
+///
+/// let parts = SimBus::new();
+/// parts.insert(0x3600, As5600Model::default());
+/// let bus = I2cBus::new(I2c(parts)); // or any controller that implements embedded_hal's I2c
+/// let status = bus.read(0x360B, Width::Bits8)?; // register 0x0B of the part at 0x36
+/// println!("{status:#x}");
+/// # Ok::<_, Box<dyn std::error::Error>>(())
+/// ```
 pub struct I2cBus<I> {
     i2c: ClaimCell<I>,
     first: usize,

@@ -16,6 +16,22 @@ use crate::unit::{Presence, Unit};
 /// bus `B`. They interrupt through `C`, and up to `F` descriptors can be open at a time.
 ///
 /// It allocates nothing, and calls every driver directly. A switch is usually a `static`.
+///
+/// ```
+/// use condor_dev::drivers::As5600;
+/// use condor_dev::sim::{As5600Model, I2c, SimBus};
+/// use condor_dev::{I2cBus, Location, NoInterrupts, OpenMode, Switch, device_switch};
+///
+/// device_switch! { struct Boards { angle: As5600 = [Location::i2c(As5600::ADDRESS)] } }
+///
+/// let bus = SimBus::new();
+/// bus.insert(0x3600, As5600Model::default());
+/// let devices = Switch::<_, _, _, 2>::new(I2cBus::new(I2c(bus)), NoInterrupts, Boards::new());
+/// devices.start(); // looks for the boards
+/// let (fd, mut angle) = (devices.open(":angle", 0, OpenMode::READ)?, [0; 2]);
+/// assert_eq!(devices.read(fd, &mut angle)?, 2);
+/// # Ok::<_, Box<dyn std::error::Error>>(())
+/// ```
 pub struct Switch<B, C, S, const F: usize> {
     pub(crate) bus: B,
     pub(crate) controller: C,

@@ -9,6 +9,14 @@ use crate::interrupt::{InterruptLevel, InterruptVector};
 
 /// A bus address at which a board may be, and its interrupt: an entry of the system
 /// configuration file of A. I. Memo 977.
+///
+/// ```
+/// use condor_dev::Location;
+///
+/// const UART: Location = Location::at(0x1000_0000).interrupting(10, 1);
+/// assert_eq!(UART.base(), 0x1000_0000);
+/// assert_eq!(Location::i2c(0x40).base(), 0x4000);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Location {
     base: usize,

@@ -4,6 +4,13 @@ use core::fmt;
 
 /// An error number of Linux, as a Unix program would get it. The numbers are those that Linux has on
 /// most kinds of processors.
+///
+/// ```
+/// use condor_fs::Errno;
+///
+/// assert_eq!(Errno::NOENT.name(), Some("ENOENT"));
+/// assert_eq!(Errno(2).meaning(), "No such file or directory");
+/// ```
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Errno(pub u16);
 

@@ -20,8 +20,8 @@ use condor_hand::grasp::{
 };
 use condor_hand::kinematics::{JointLimits, PlanarFinger, Redundancy};
 use condor_hand::math;
-use condor_hand::plant::{self, DriveKind, ObjectParameters, PlantModel, SimObject, SimStop};
-use condor_hand::servo::{FingerReadings, JointTarget};
+use condor_hand::plant::{self, ObjectParameters, PlantModel, SimObject, SimStop};
+use condor_hand::servo::JointTarget;
 use nalgebra::{Vector3, Vector4};
 
 const HAND: &str = include_str!("../hands/utah-mit.toml");
@@ -117,17 +117,11 @@ impl<const M: usize> Bench<M> {
     fn new(numbers: [usize; M]) -> Result<Self, Box<dyn Error>> {
         let hand = Hand::<4, 4>::from_toml(HAND, "utah-mit.toml")?;
         let machine = PlantModel {
-            actuator: DriveKind::exact,
             joint_stop: SimStop {
                 stiffness: 50.0,
                 damping: 0.1,
             },
-            axis_stop: SimStop {
-                stiffness: 0.0,
-                damping: 0.0,
-            },
             updates: 25,
-            tip_radius: 0.0,
             surface: plant::SimSurface {
                 stiffness: 5e4,
                 damping: 20.0,
@@ -135,6 +129,7 @@ impl<const M: usize> Bench<M> {
                 shear_damping: 20.0,
                 friction: 0.8,
             },
+            ..PlantModel::default()
         };
         let center = Vector3::from(CENTER_M);
         let mut plants = Vec::new();
@@ -255,12 +250,7 @@ impl<const M: usize> Bench<M> {
             .zip(&mut commands)
             .zip(&mut self.velocities)
         {
-            let sensed = FingerReadings {
-                position: *plant.q(),
-                tension: *plant.tensions(),
-                touch: 0.0,
-            };
-            let tick = finger.tick(&sensed, &gravity, period_s);
+            let tick = finger.tick(&plant.readings(), &gravity, period_s);
             if let Some(fault) = tick.fault {
                 return Err(fault.into());
             }

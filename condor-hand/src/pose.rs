@@ -4,6 +4,16 @@ use crate::math::{Real, sin_cos};
 
 /// The pose of a frame: its axes as columns of a rotation, and its origin in metres, both in the
 /// frame around it.
+///
+/// ```
+/// use condor_hand::{Pose, rotation_about};
+/// use nalgebra::Vector3;
+///
+/// let quarter = core::f64::consts::FRAC_PI_2;
+/// let palm = Pose { rotation: rotation_about(&Vector3::z(), quarter), ..Pose::at(0.1, 0.0, 0.0) };
+/// let tip = palm.transform(&Vector3::new(0.05, 0.0, 0.0));
+/// assert!((tip - Vector3::new(0.1, 0.05, 0.0)).norm() < 1e-12);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pose<T: Real = f64> {
     /// The axes of the frame, as columns.

@@ -29,16 +29,18 @@
 //! [tells](MotionQueue::take_control) so that the program can announce it.
 //!
 //! ```
-//! use condor_hand::queue::{QueueAnswer, RequestIdentity, MotionQueue, SessionOwner, RefusalReason, LedgerRow, RequestState};
+//! use condor_hand::queue::{
+//!     LedgerRow, MotionQueue, QueueAnswer, RefusalReason, RequestIdentity, RequestState, SessionOwner,
+//! };
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! // A ledger in memory; that of a program is a file, or memory that outlives it.
-//! let mut rows = vec![LedgerRow::default(); MotionQueue::<&str, 4, 2, 8>::ROWS];
+//! let mut rows = vec![LedgerRow::default(); MotionQueue::<&str, 2>::ROWS];
 //! let mut write = |row: usize, bytes: &LedgerRow| {
 //!     rows[row] = *bytes;
 //!     Ok::<_, std::io::Error>(())
 //! };
-//! let mut queue = MotionQueue::<&str, 4, 2, 8>::restore(&[], 1, &mut write)?;
+//! let mut queue = MotionQueue::<&str, 2>::restore(&[], 1, &mut write)?;
 //! let arm = SessionOwner { processor: 3, incarnation: 1 };
 //! let session = queue.open(arm, &mut write)?.expect("a place for a session");
 //! queue.take_control(session, false);
@@ -51,7 +53,7 @@
 //!
 //! // The next incarnation of the program knows it still.
 //! let bytes = rows.concat();
-//! let mut queue = MotionQueue::<&str, 4, 2, 8>::restore(&bytes, 1, |_, _| Ok::<_, std::io::Error>(()))?;
+//! let mut queue = MotionQueue::<&str, 2>::restore(&bytes, 1, |_, _| Ok::<_, std::io::Error>(()))?;
 //! assert_eq!(queue.answer(wave), QueueAnswer::Known(RequestState::Done, RefusalReason::None));
 //! # Ok(())
 //! # }

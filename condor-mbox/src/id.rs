@@ -25,6 +25,14 @@ impl fmt::Display for Processor {
 }
 
 /// The number of a vector, which selects the handler of a message.
+///
+/// ```
+/// use condor_mbox::{Processor, Vector};
+///
+/// const SERVO: Processor = Processor(1);
+/// const SET_GAINS: Vector = Vector(20);
+/// println!("{SERVO}, vector {}", SET_GAINS.0);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Vector(pub u8);
 

@@ -314,6 +314,17 @@ impl<T> fmt::Debug for Offset<T> {
 /// parts never overlap. On Linux a claim provides it (`linux::Claim::places`); on bare metal the
 /// board does. Two programs that take the same places in the same order get the same offsets; this
 /// also works at compile time.
+///
+/// ```
+/// use condor_mbox::{Allocator, Offset};
+///
+/// let mut places = Allocator::new(4096);
+/// let gains: Offset<[f32; 4]> = places.place()?;
+/// let log = places.bytes(1024)?;
+/// assert_eq!((gains.offset(), log), (0, 64));
+/// assert!(places.bytes(4096).is_err());
+/// # Ok::<_, condor_mbox::AccessError>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Allocator {
     next: u32,

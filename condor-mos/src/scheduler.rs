@@ -30,6 +30,22 @@ use crate::timer::Armed;
 /// `P` is the [`Platform`]; the [`EventTable`] has room for `L` loops and `E` entries. A scheduler
 /// is usually a `static`, so that interrupt handlers can access it: all methods take `&self`, may
 /// be called by the background, by loops and by handlers, and are short critical sections.
+///
+/// ```
+/// use condor_mos::sim::SimPlatform;
+/// use condor_mos::{LoopId, Loops, Overrun, Rate, Scheduler};
+///
+/// let processor = SimPlatform::new(Rate::hz(1_000_000));
+/// let scheduler = Scheduler::<_, 1, 1>::with_rates(processor, &[Rate::hz(400)])?;
+/// let mut ticks = 0;
+/// let mut servo = |_due| ticks += 1;
+/// scheduler.scope(|scope| {
+///     scope.assign(LoopId(0), Overrun::Skip, &mut servo)?;
+///     Ok::<_, Box<dyn std::error::Error>>(scheduler.run(|| scheduler.platform().run_until(1_000_000))?)
+/// })?;
+/// assert_eq!(ticks, 400);
+/// # Ok::<_, Box<dyn std::error::Error>>(())
+/// ```
 pub struct Scheduler<P: Platform, const L: usize, const E: usize, K: Keep = Counts> {
     platform: P,
     state: Masked<SchedulerState<P::Instant, L, E, K>>,

@@ -7,6 +7,18 @@ use crate::rate::Rate;
 /// The counts and times of a loop at one moment: `released = run + skipped + running + pending`.
 ///
 /// Counts begin with the loop, or when they were reset.
+///
+/// ```
+/// # use condor_mos::sim::SimPlatform;
+/// use condor_mos::{LoopId, Loops, Rate, Scheduler};
+///
+/// # let processor = SimPlatform::new(Rate::hz(1_000_000));
+/// let scheduler = Scheduler::<_, 1, 1>::with_rates(processor, &[Rate::hz(400)])?;
+/// let servo = scheduler.statistics(LoopId(0))?;
+/// println!("{servo}: {:.1} % of the time", 100.0 * servo.utilisation());
+/// assert_eq!(servo.released, 0);
+/// # Ok::<_, Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Statistics {
     /// The rate of the loop.

@@ -52,6 +52,13 @@ impl Characters {
 }
 
 /// The treatment of input and output by a terminal.
+///
+/// ```
+/// use condor_tty::TerminalSettings;
+///
+/// /// Typed characters are not shown, as for a secret.
+/// const SECRET: TerminalSettings = TerminalSettings { echo: false, ..TerminalSettings::COOKED };
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TerminalSettings {
     /// The form in which the program gets what is typed.

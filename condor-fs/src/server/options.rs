@@ -3,6 +3,15 @@
 use condor_mbox::{Processor, Waiting};
 
 /// The limits of a server, and the way in which it waits.
+///
+/// ```
+/// # #[cfg(target_os = "linux")] {
+/// use condor_fs::server::ServerOptions;
+///
+/// let options = ServerOptions { quota_bytes: Some(1_000_000), ..ServerOptions::default() };
+/// assert!(!options.read_only);
+/// # }
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct ServerOptions {
     /// Whether nothing in the tree can be changed; attempts get `EROFS`.

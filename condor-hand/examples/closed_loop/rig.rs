@@ -5,7 +5,7 @@ use std::error::Error;
 use condor_hand::config;
 use condor_hand::controller::{FingerController, FingerTick};
 use condor_hand::kinematics::PlanarFinger;
-use condor_hand::plant::{DriveKind, PlantModel, SimFinger, SimHand, SimStop, SimSurface};
+use condor_hand::plant::{DriveKind, PlantModel, SimFinger, SimHand};
 use condor_hand::servo::{FingerReadings, ServoMode};
 use condor_hand::tendon::{Pair, TendonPairs};
 use condor_hand::trajectory::{SetPoint, StopGuard};
@@ -49,24 +49,7 @@ impl Simulated {
     pub(crate) fn new(configuration: &Configuration) -> Result<Self> {
         let machine = PlantModel {
             actuator: DriveKind::euler,
-            joint_stop: SimStop {
-                stiffness: 5.0,
-                damping: 0.01,
-            },
-            axis_stop: SimStop {
-                stiffness: 1e5,
-                damping: 500.0,
-            },
-            updates: 5,
-            tip_radius: 0.0,
-            // Nothing is touched.
-            surface: SimSurface {
-                stiffness: 1e3,
-                damping: 1.0,
-                shear_stiffness: 1e3,
-                shear_damping: 1.0,
-                friction: 0.5,
-            },
+            ..PlantModel::default()
         };
         let fingers = each(|finger| {
             let finger = &configuration.fingers[finger];
@@ -82,11 +65,7 @@ impl Simulated {
     }
 
     fn state(&self) -> HandState {
-        self.hand.fingers().map(|finger| FingerReadings {
-            position: *finger.q(),
-            tension: *finger.tensions(),
-            touch: 0.0,
-        })
+        self.hand.fingers().map(|finger| finger.readings())
     }
 }
 

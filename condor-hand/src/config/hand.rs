@@ -13,6 +13,17 @@ pub const PROCESSORS: usize = 16;
 ///
 /// [`check`](Self::check) a value that was made or changed in code; the readers of text and of
 /// images have called it already.
+///
+/// ```
+/// use condor_hand::config::Hand;
+///
+/// let text = std::fs::read_to_string("hands/utah-mit.toml")?;
+/// let hand = Hand::<4, 4>::from_toml(&text, "utah-mit.toml")?;
+/// for finger in &hand.fingers {
+///     println!("{}: {} joints", finger.name, finger.joints.len());
+/// }
+/// # Ok::<_, Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Hand<const FINGERS: usize, const JOINTS: usize> {

@@ -21,6 +21,27 @@ const SETTLING_TICKS: u32 = 4;
 ///
 /// Call [`tick`](Self::tick) in every tick of the servo loop. After a fault it reduces all tensions
 /// to the least ones and keeps them there until [`clear`](Self::clear); its joints are off then.
+///
+/// ```
+/// # use condor_hand::config::Hand;
+/// use condor_hand::controller::FingerController;
+/// use condor_hand::servo::{FingerReadings, ServoMode};
+///
+/// # let text = std::fs::read_to_string("hands/utah-mit.toml")?;
+/// # let hand = Hand::<4, 4>::from_toml(&text, "utah-mit.toml")?;
+/// let index = &hand.fingers[0];
+/// let mut controller = FingerController::new(&hand, index, index.chain())?;
+/// controller.set_mode(0, ServoMode::Position)?;
+/// let sensed = FingerReadings {
+///     position: [0.0, 0.3, 0.4, 0.4].into(), // rad
+///     tension: index.least_tensions(),
+///     touch: 0.0,
+/// };
+/// let tick = controller.tick(&sensed, &hand.gravity.into(), 1.0 / 400.0);
+/// assert_eq!(tick.fault, None);
+/// println!("{:?} N", tick.output.command[0]);
+/// # Ok::<_, Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct FingerController<M, const N: usize> {
     servo: FingerServo<M, f64, N>,

@@ -38,6 +38,21 @@ pub struct ChainBody<T: Real = f64> {
 
 /// Any serial mechanism of N joints: the product of constant placements and of one motion each.
 /// [`new`](Self::new) makes one.
+///
+/// ```
+/// use condor_hand::Pose;
+/// use condor_hand::kinematics::{Chain, ChainBody, ChainJoint, ChainMotion, Kinematics};
+/// use nalgebra::Vector3;
+///
+/// let hinge = |x| ChainJoint {
+///     placement: Pose::at(x, 0.0, 0.0),
+///     motion: ChainMotion::Revolute(Vector3::y()),
+/// };
+/// let bodies = [ChainBody::massless(); 2];
+/// let arm = Chain::new(Pose::identity(), [hinge(0.0), hinge(0.3)], bodies, Vector3::x() * 0.2)?;
+/// assert_eq!(arm.tip(&[0.0, 0.0].into()).position.x, 0.5);
+/// # Ok::<_, condor_hand::kinematics::MechanismError>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Chain<T: Real, const N: usize> {
     pub(crate) base: Pose<T>,

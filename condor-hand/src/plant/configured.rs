@@ -12,6 +12,21 @@ use crate::math::abs;
 use crate::tendon::{ArmError, Pair};
 
 /// The parameters of a simulated machine that are not in its configuration.
+///
+/// The default has exact actuators, soft mechanical stops, five updates in a period and points as
+/// tips: a machine that touches nothing.
+///
+/// ```
+/// use condor_hand::{config::Hand, plant::PlantModel};
+///
+/// let text = std::fs::read_to_string("hands/utah-mit.toml")?;
+/// let hand = Hand::<4, 4>::from_toml(&text, "utah-mit.toml")?;
+/// let thumb = &hand.fingers[3];
+/// let model = PlantModel { updates: 25, ..PlantModel::default() };
+/// let finger = model.finger(thumb, thumb.chain(), [0.0, 0.3, 0.4, 0.4].into())?;
+/// assert_eq!(finger.readings().position[2], 0.4);
+/// # Ok::<_, Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct PlantModel {
     /// The function that returns the kind of actuator with this small-signal pole (Hz).
@@ -28,6 +43,31 @@ pub struct PlantModel {
     /// The surface between any two bodies; the configuration's friction replaces its friction, if
     /// there is one.
     pub surface: SimSurface,
+}
+
+impl Default for PlantModel {
+    fn default() -> Self {
+        Self {
+            actuator: DriveKind::exact,
+            joint_stop: SimStop {
+                stiffness: 5.0,
+                damping: 0.01,
+            },
+            axis_stop: SimStop {
+                stiffness: 1e5,
+                damping: 500.0,
+            },
+            updates: 5,
+            tip_radius: 0.0,
+            surface: SimSurface {
+                stiffness: 1e3,
+                damping: 1.0,
+                shear_stiffness: 1e3,
+                shear_damping: 1.0,
+                friction: 0.5,
+            },
+        }
+    }
 }
 
 impl DriveKind {

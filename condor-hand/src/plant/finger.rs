@@ -7,6 +7,7 @@ use super::joint::JointParameters;
 use crate::dynamics::Dynamics;
 use crate::math::abs;
 use crate::number::{not_negative, positive};
+use crate::servo::FingerReadings;
 use crate::tendon::{MomentArms, Pair, TendonPairs};
 
 /// The parameters of a finger, apart from its mechanism.
@@ -21,6 +22,21 @@ pub struct FingerParameters<const N: usize> {
 }
 
 /// A simulated finger: a mechanism `M` of N joints, pulled by 2 N tendons.
+///
+/// ```
+/// # use condor_hand::config::Hand;
+/// use condor_hand::plant::PlantModel;
+/// use condor_hand::tendon::Pair;
+///
+/// # let text = std::fs::read_to_string("hands/utah-mit.toml")?;
+/// # let hand = Hand::<4, 4>::from_toml(&text, "utah-mit.toml")?;
+/// let index = &hand.fingers[0];
+/// let mut finger = PlantModel::default().finger(index, index.chain(), [0.0, 0.3, 0.4, 0.4].into())?;
+/// let pull = [Pair { flexor: 30.0, extensor: 10.0 }; 4]; // N
+/// finger.step(1.0 / 400.0, 5, &pull, &hand.gravity.into())?;
+/// assert!(finger.qd()[1] > 0.0);
+/// # Ok::<_, Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct SimFinger<M, const N: usize> {
     mechanism: M,
@@ -244,6 +260,16 @@ impl<M, const N: usize> SimFinger<M, N> {
     #[must_use]
     pub fn tensions(&self) -> &TendonPairs<f64, N> {
         &self.tensions
+    }
+
+    /// Returns what exact sensors of the finger say; nothing touches its tip.
+    #[must_use]
+    pub fn readings(&self) -> FingerReadings<f64, N> {
+        FingerReadings {
+            position: self.q,
+            tension: self.tensions,
+            touch: 0.0,
+        }
     }
 
     /// Returns the mechanism, the model of the finger's links.

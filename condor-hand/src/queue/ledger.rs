@@ -253,11 +253,12 @@ struct Request {
     entered: u64,
 }
 
-/// The record, kept across restarts of the program, of the requests of up to `S` sessions at a
-/// time: the states of the last `R` requests, and of all earlier ones only that they were answered.
+/// The record, kept across restarts of the program, of the requests of up to `2 * N` sessions at a
+/// time: the states of the last `4 * N` requests, and of all earlier ones only that they were
+/// answered.
 ///
-/// Every change is written before it is in force. The bytes of a ledger are `1 + S + R` rows of
-/// eight little-endian words, of which the last one is the CRC-32 (ISO-HDLC) of the others. Numbers
+/// Every change is written before it is in force. The bytes of a ledger are `1 + S + R` rows, where
+/// `S` is the number of sessions and `R` that of requests, of eight little-endian words, of which the last one is the CRC-32 (ISO-HDLC) of the others. Numbers
 /// of 64 bits have two words, the low one first.
 ///
 /// | row | words |
@@ -271,18 +272,21 @@ struct Request {
 /// Rows must be written whole or not at all when the program ends. After an error of `write` the row may
 /// be there or not: store all [rows](Self::rows) anew before the next change.
 #[derive(Clone, Debug)]
-pub struct Ledger<const S: usize, const R: usize> {
-    sessions: [Session; S],
-    requests: [Option<Request>; R],
+pub struct Ledger<const N: usize> {
+    sessions: [[Session; 2]; N],
+    requests: [[Option<Request>; 4]; N],
     /// The least number of the next session.
     least: u32,
     /// Changes, which count what is newer.
     changes: u64,
 }
 
-impl<const S: usize, const R: usize> Ledger<S, R> {
+impl<const N: usize> Ledger<N> {
+    const SESSIONS: usize = 2 * N;
+    const REQUESTS: usize = 4 * N;
+
     /// The number of rows of the ledger.
-    pub const ROWS: usize = 1 + S + R;
+    pub const ROWS: usize = 1 + Self::SESSIONS + Self::REQUESTS;
 
     /// Reads the rows that an earlier run of the program has written; makes an empty ledger if
     /// there are no bytes. Requests that had not ended are [`RequestState::Lost`] or [`RequestState::BrokenOff`].
@@ -294,11 +298,11 @@ impl<const S: usize, const R: usize> Ledger<S, R> {
     ///
     /// # Errors
     /// [`LedgerError::Format`] if the bytes are not a ledger of this version, [`LedgerError::Size`]
-    /// if its `S` or `R` differs, [`LedgerError::Length`] if it is cut.
+    /// if its number of sessions or requests differs, [`LedgerError::Length`] if it is cut.
     pub fn read(bytes: &[u8], least: u32) -> Result<Self, LedgerError> {
         let mut ledger = Self {
-            sessions: [Session::default(); S],
-            requests: [None; R],
+            sessions: [[Session::default(); 2]; N],
+            requests: [[None; 4]; N],
             least,
             changes: 0,
         };
@@ -311,12 +315,12 @@ impl<const S: usize, const R: usize> Ledger<S, R> {
             if magic != MAGIC || version != VERSION {
                 return Err(LedgerError::Format { magic, version });
             }
-            if (sessions as usize, requests as usize) != (S, R) {
+            if (sessions as usize, requests as usize) != (Self::SESSIONS, Self::REQUESTS) {
                 return Err(LedgerError::Size {
                     found_sessions: sessions,
                     found_requests: requests,
-                    sessions: S,
-                    requests: R,
+                    sessions: Self::SESSIONS,
+                    requests: Self::REQUESTS,
                 });
             }
         }
@@ -326,7 +330,7 @@ impl<const S: usize, const R: usize> Ledger<S, R> {
         }
         let mut rows = rows.iter().skip(1);
         let mut is_damaged = false;
-        for (place, row) in ledger.sessions.iter_mut().zip(&mut rows) {
+        for (place, row) in ledger.sessions.as_flattened_mut().iter_mut().zip(&mut rows) {
             match unpack(row) {
                 Some(
                     [
@@ -355,7 +359,7 @@ impl<const S: usize, const R: usize> Ledger<S, R> {
                 _ => is_damaged = true,
             }
         }
-        for (place, row) in ledger.requests.iter_mut().zip(rows) {
+        for (place, row) in ledger.requests.as_flattened_mut().iter_mut().zip(rows) {
             *place = Request::unpack(row);
             if let Some(request) = place {
                 request.state = request.state.afterwards();
@@ -365,7 +369,7 @@ impl<const S: usize, const R: usize> Ledger<S, R> {
             }
         }
         if is_damaged {
-            for session in &mut ledger.sessions {
+            for session in ledger.sessions.as_flattened_mut() {
                 session.answered = u32::MAX;
             }
         }
@@ -375,9 +379,17 @@ impl<const S: usize, const R: usize> Ledger<S, R> {
     /// Returns all rows of the ledger, the first one first. Store them after [`read`](Self::read), which
     /// may have changed states.
     pub fn rows(&self) -> impl Iterator<Item = LedgerRow> + '_ {
-        let head = pack([MAGIC, VERSION, S as u32, R as u32, 0, 0, 0]);
-        let sessions = self.sessions.iter().map(Session::pack);
-        let requests = self.requests.iter();
+        let head = pack([
+            MAGIC,
+            VERSION,
+            Self::SESSIONS as u32,
+            Self::REQUESTS as u32,
+            0,
+            0,
+            0,
+        ]);
+        let sessions = self.sessions.as_flattened().iter().map(Session::pack);
+        let requests = self.requests.as_flattened().iter();
         let requests = requests.map(|it| it.map_or(pack([EMPTY; 7]), |it| it.pack()));
         core::iter::once(head).chain(sessions).chain(requests)
     }
@@ -409,10 +421,10 @@ impl<const S: usize, const R: usize> Ledger<S, R> {
         may_end: impl Fn(u32) -> bool,
     ) -> Result<Option<u32>, E> {
         let busy = |session: u32| {
-            let mut requests = self.requests.iter().flatten();
+            let mut requests = self.requests.as_flattened().iter().flatten();
             requests.any(|it| it.identity.session == session && !it.state.is_final())
         };
-        let places = self.sessions.iter().enumerate();
+        let places = self.sessions.as_flattened().iter().enumerate();
         let place = places
             .filter(|(_, it)| it.number == 0 || may_end(it.number) && !busy(it.number))
             .min_by_key(|(_, it)| (it.number != 0, !it.is_closed, it.owner != owner, it.used));
@@ -441,15 +453,19 @@ impl<const S: usize, const R: usize> Ledger<S, R> {
     fn newest(&self) -> u32 {
         // No number is given twice: that of the newest session leaves its row only for a newer one. If that
         // row is damaged, rows of its requests may have it.
-        let sessions = self.sessions.iter().map(|it| it.number);
-        let requests = self.requests.iter().flatten();
+        let sessions = self.sessions.as_flattened().iter().map(|it| it.number);
+        let requests = self.requests.as_flattened().iter().flatten();
         let all = sessions.chain(requests.map(|it| it.identity.session));
         all.max().unwrap_or(0)
     }
 
     /// Returns the sessions, and who opened them.
     pub fn sessions(&self) -> impl Iterator<Item = (u32, SessionOwner)> + '_ {
-        let sessions = self.sessions.iter().filter(|it| it.number != 0);
+        let sessions = self
+            .sessions
+            .as_flattened()
+            .iter()
+            .filter(|it| it.number != 0);
         sessions.map(|it| (it.number, it.owner))
     }
 
@@ -500,7 +516,7 @@ impl<const S: usize, const R: usize> Ledger<S, R> {
     /// row, or no longer.
     #[must_use]
     pub fn state(&self, identity: RequestIdentity) -> Option<(RequestState, RefusalReason)> {
-        let request = self.requests.iter().flatten();
+        let request = self.requests.as_flattened().iter().flatten();
         let mut request = request.filter(|it| it.identity == identity);
         request.next().map(|it| (it.state, it.reason))
     }
@@ -510,7 +526,7 @@ impl<const S: usize, const R: usize> Ledger<S, R> {
     /// it was answered and forgotten, or the client has left its number out.
     #[must_use]
     pub fn answered(&self, session: u32) -> u32 {
-        let requests = self.requests.iter().flatten();
+        let requests = self.requests.as_flattened().iter().flatten();
         let numbers = requests
             .filter(|it| it.identity.session == session)
             .map(|it| it.identity.number);
@@ -530,10 +546,10 @@ impl<const S: usize, const R: usize> Ledger<S, R> {
         reason: RefusalReason,
         mut write: impl FnMut(usize, &LedgerRow) -> Result<(), E>,
     ) -> Result<bool, E> {
-        let mut places = self.requests.iter().enumerate();
+        let mut places = self.requests.as_flattened().iter().enumerate();
         let known = places.find(|(_, it)| it.is_some_and(|it| it.identity == identity));
         let place = known.or_else(|| {
-            let places = self.requests.iter().enumerate();
+            let places = self.requests.as_flattened().iter().enumerate();
             places
                 .filter(|(_, it)| it.is_none_or(|it| it.state.is_final()))
                 .min_by_key(|(_, it)| it.map(|it| (it.state != RequestState::Refused, it.entered)))
@@ -564,13 +580,13 @@ impl<const S: usize, const R: usize> Ledger<S, R> {
                 .filter(|_| !state.is_final())
                 .map_or(self.changes.wrapping_add(1), |it| it.entered),
         };
-        write(1 + S + place, &request.pack())?;
+        write(1 + Self::SESSIONS + place, &request.pack())?;
         self.changes = self.changes.wrapping_add(1);
-        if let Some(place) = self.requests.get_mut(place) {
+        if let Some(place) = self.requests.as_flattened_mut().get_mut(place) {
             *place = Some(request);
         }
         if let Some((at, session)) = self.session(identity.session)
-            && let Some(place) = self.sessions.get_mut(at)
+            && let Some(place) = self.sessions.as_flattened_mut().get_mut(at)
         {
             *place = Session {
                 used: self.changes,
@@ -581,7 +597,7 @@ impl<const S: usize, const R: usize> Ledger<S, R> {
     }
 
     fn session(&self, number: u32) -> Option<(usize, Session)> {
-        let mut sessions = self.sessions.iter().copied().enumerate();
+        let mut sessions = self.sessions.as_flattened().iter().copied().enumerate();
         sessions.find(|(_, it)| number != 0 && it.number == number)
     }
 
@@ -593,7 +609,7 @@ impl<const S: usize, const R: usize> Ledger<S, R> {
     ) -> Result<(), E> {
         write(1 + place, &session.pack())?;
         self.changes = self.changes.max(session.used);
-        if let Some(place) = self.sessions.get_mut(place) {
+        if let Some(place) = self.sessions.as_flattened_mut().get_mut(place) {
             *place = session;
         }
         Ok(())

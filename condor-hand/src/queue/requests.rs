@@ -49,22 +49,24 @@ pub enum RestoreError<E> {
     Write(E),
 }
 
-/// A queue of up to `Q` requests that wait, from up to `S` sessions, of which it remembers the last
-/// `R`. `P` is the type of the data that the program needs to run a request.
+/// A queue of up to `N` requests that wait, from up to `2 * N` sessions; it remembers the outcomes
+/// of the last `4 * N`. `P` is the type of the data that the program needs to run a request.
+///
+/// It takes `N` times the size of `P` and about 250 bytes, and its ledger `192 * N + 32`.
 ///
 /// `write` in all methods stores one row of the ledger. After an error, store all [rows](Self::rows) anew;
 /// then the method can be called again.
 #[derive(Clone, Debug)]
-pub struct MotionQueue<P, const Q: usize, const S: usize, const R: usize> {
-    ledger: Ledger<S, R>,
-    waiting: Deque<(RequestIdentity, P), Q>,
+pub struct MotionQueue<P, const N: usize> {
+    ledger: Ledger<N>,
+    waiting: Deque<(RequestIdentity, P), N>,
     running: Option<RequestIdentity>,
     in_control: Option<u32>,
 }
 
-impl<P, const Q: usize, const S: usize, const R: usize> MotionQueue<P, Q, S, R> {
+impl<P, const N: usize> MotionQueue<P, N> {
     /// The number of rows of its ledger.
-    pub const ROWS: usize = Ledger::<S, R>::ROWS;
+    pub const ROWS: usize = Ledger::<N>::ROWS;
 
     /// Makes the queue from the bytes of the ledger that an earlier run of the program wrote; pass
     /// no bytes in the first run. Nothing waits, and no session is in control. The next session has
@@ -78,12 +80,7 @@ impl<P, const Q: usize, const S: usize, const R: usize> MotionQueue<P, Q, S, R> 
         least: u32,
         write: impl FnMut(usize, &LedgerRow) -> Result<(), E>,
     ) -> Result<Self, RestoreError<E>> {
-        const {
-            assert!(
-                R > Q + 1,
-                "a place for each request that has not ended, and one more"
-            );
-        };
+        const { assert!(N > 0, "a queue has room for a request") };
         let ledger = Ledger::read(bytes, least)?;
         ledger.write_all(write).map_err(RestoreError::Write)?;
         Ok(Self {
@@ -227,7 +224,7 @@ impl<P, const Q: usize, const S: usize, const R: usize> MotionQueue<P, Q, S, R> 
             Ok(made) => (RequestState::Accepted, RefusalReason::None, Some(made)),
             Err(reason) => (RequestState::Refused, reason, None),
         };
-        // There is a place: of more than Q + 1 requests one has ended.
+        // There is a place: of 4 * N requests at most N + 1 have not ended.
         self.ledger.set(identity, state, reason, &mut write)?;
         if let Some(made) = made {
             // It is not full.

@@ -29,6 +29,22 @@ const EVENTS: usize = 32;
 ///
 /// Guards that stop are checked here, on what [`tick`](Self::tick) is given, or [at the rate of the
 /// servos](Self::with_guards_in_servos), which say what they have [stopped](Self::stopped).
+///
+/// ```
+/// use condor_hand::trajectory::{Generator, JointLimits, Observations, motion};
+///
+/// let limits = JointLimits { low: -1.0, high: 1.0, velocity: 2.0, acceleration: 20.0, jerk: 1e4 };
+/// let mut generator = Generator::<2, 8>::new([limits; 2], [0.0; 2], 0.02)?;
+/// let text = "[[motion]]\nprofile = 'minimum-jerk'\nduration = 0.8\nto = { elbow = 0.7 }";
+/// for primitive in motion::load(text, "nod.toml", &["shoulder", "elbow"])? {
+///     generator.enqueue(primitive)?;
+/// }
+/// while !generator.is_idle() {
+///     let [_, elbow] = generator.tick(&Observations::none());
+///     println!("{:.3} rad", elbow.position);
+/// }
+/// # Ok::<_, Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Generator<const J: usize, const Q: usize, T: Real = f64> {
     limits: [ProfileLimits<T>; J],

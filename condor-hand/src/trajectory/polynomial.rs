@@ -6,6 +6,15 @@ use crate::number::positive;
 /// A polynomial of time of degree 3 or 5 between two states.
 ///
 /// It is stored in `s = t / duration`, so all its coefficients are positions.
+///
+/// ```
+/// use condor_hand::trajectory::Polynomial;
+///
+/// let reach = Polynomial::minimum_jerk(0.2_f64, 1.0, 0.5)?; // rad, rad, s
+/// let middle = reach.at(0.25);
+/// assert!((middle.position - 0.6).abs() < 1e-12 && middle.velocity > 0.0);
+/// # Ok::<_, condor_hand::trajectory::ProfileError>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Polynomial<T: Real> {
     coefficients: [T; 6],

@@ -93,6 +93,20 @@ struct Brake<const J: usize, T: Real> {
 /// fast as its limit permits, and the stream ends with [`StreamEnd::Starved`]. So the set-points of
 /// every tick are within the limits, and positions and velocities are continuous, whatever comes
 /// and whenever.
+///
+/// ```
+/// use condor_hand::trajectory::{JointLimits, JointStream, StreamPoint};
+///
+/// let limits = JointLimits { low: -1.0, high: 1.0, velocity: 2.0, acceleration: 20.0, jerk: 1e4 };
+/// let mut stream = JointStream::<1, 8>::new(0b1, [limits], [0.0], 0.02, 50)?;
+/// let point = StreamPoint { time: 0.2, positions: [0.05], velocities: [0.0] };
+/// stream.push(0, &[point], true)?; // the first batch, and the last point
+/// while stream.end().is_none() {
+///     let [joint] = stream.tick();
+///     println!("{:.3} rad", joint.position);
+/// }
+/// # Ok::<_, Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct JointStream<const J: usize, const N: usize, T: Real = f64> {
     mask: u32,

@@ -5,7 +5,7 @@ use condor_hand::controller::{FingerController, FingerTick};
 use condor_hand::dynamics::Dynamics;
 use condor_hand::kinematics::PlanarFinger;
 use condor_hand::math::{exp, max, sqrt};
-use condor_hand::plant::{DriveKind, PlantModel, SimFinger, SimStop, SimSurface};
+use condor_hand::plant::{PlantModel, SimFinger};
 use condor_hand::servo::{FingerReadings, JointTarget, PositionLaw, ServoMode, SettingError};
 use nalgebra::{SVector, Vector3};
 use proptest::prelude::*;
@@ -33,30 +33,8 @@ impl Bench {
         let hand = hand();
         let entry = &hand.fingers[0];
         let mechanism = entry.planar().unwrap();
-        let surface = SimSurface {
-            stiffness: 1e3,
-            damping: 1.0,
-            shear_stiffness: 1e3,
-            shear_damping: 1.0,
-            friction: 0.5,
-        };
-        let machine = PlantModel {
-            actuator: DriveKind::exact,
-            joint_stop: SimStop {
-                stiffness: 5.0,
-                damping: 0.01,
-            },
-            axis_stop: SimStop {
-                stiffness: 1e5,
-                damping: 500.0,
-            },
-            updates: 5,
-            tip_radius: 0.0,
-            surface,
-        };
-        let mut finger = machine.finger(entry, mechanism, posture.into()).unwrap();
-        finger
-            .reset(posture.into(), entry.least_tensions())
+        let finger = PlantModel::default()
+            .finger(entry, mechanism, posture.into())
             .unwrap();
         Self {
             controller: FingerController::new(&hand, entry, mechanism).unwrap(),
@@ -67,11 +45,7 @@ impl Bench {
     }
 
     fn tick(&mut self) -> FingerTick<4> {
-        let sensed = FingerReadings {
-            position: *self.finger.q(),
-            tension: *self.finger.tensions(),
-            touch: 0.0,
-        };
+        let sensed = self.finger.readings();
         let tick = self.controller.tick(&sensed, &self.gravity, PERIOD_S);
         for _ in 0..5 {
             let (command, load) = (&tick.output.command, &self.load);

@@ -25,10 +25,10 @@ const SECOND: Processor = Processor(2);
 const SOON: Duration = Duration::from_secs(1);
 const DATA_BYTES: u32 = 8192;
 
-type Queue = MotionQueue<Work, 3, 4, 6>;
+type Queue = MotionQueue<Work, 2>;
 type Client = MotionsClient<'static, SimMailbox<'static, 3>, SimWindow>;
-type Post = MotionsPost<Work, 3, 4, 6, 3>;
-type Server = MotionsServer<'static, Work, Rows, 3, 4, 6, 3>;
+type Post = MotionsPost<Work, 2>;
+type Server = MotionsServer<'static, Work, Rows, 2>;
 
 /// What the arm is to do.
 #[derive(Clone, Debug, PartialEq)]
@@ -585,8 +585,7 @@ fn a_ledger_that_fails_is_told_once_and_delays_everything_but_loses_nothing() {
         assert_eq!(seen.unwrap().answer, DONE);
     }
     // The rows of another queue are refused.
-    let mut other =
-        MotionQueue::<(), 1, 1, 4>::restore(&[], 1, |_, _| Ok::<_, Infallible>(())).unwrap();
+    let mut other = MotionQueue::<(), 1>::restore(&[], 1, |_, _| Ok::<_, Infallible>(())).unwrap();
     other
         .open(SessionOwner::default(), |_, _| Ok::<_, Infallible>(()))
         .unwrap();

@@ -8,7 +8,8 @@ use condor_hand::queue::{
 };
 use proptest::prelude::*;
 
-type Queue = MotionQueue<u32, 3, 2, 6>;
+/// The smallest queue: 2 sessions and 4 outcomes.
+type Queue = MotionQueue<u32, 1>;
 
 /// A write failed, or the program ended before or after it.
 #[derive(Debug)]
@@ -85,9 +86,9 @@ fn steps() -> impl Strategy<Value = Vec<Step>> {
 }
 
 /// A program that is begun again whenever it ends, and what it has told.
-struct World {
+struct World<const N: usize = 1> {
     store: Store,
-    queue: Queue,
+    queue: MotionQueue<u32, N>,
     /// The session and the last number of each client.
     clients: [Option<RequestIdentity>; 3],
     opened: Vec<u32>,
@@ -99,10 +100,10 @@ struct World {
     ends: bool,
 }
 
-impl World {
+impl<const N: usize> World<N> {
     fn new() -> Self {
         let mut store = Store::new();
-        let queue = Queue::restore(&[], 1, |row, bytes| store.write(row, bytes)).unwrap();
+        let queue = MotionQueue::restore(&[], 1, |row, bytes| store.write(row, bytes)).unwrap();
         Self {
             store,
             queue,
@@ -119,7 +120,7 @@ impl World {
         self.store.left = u32::MAX;
         let bytes = self.store.bytes.clone();
         let store = &mut self.store;
-        self.queue = Queue::restore(&bytes, 1, |row, bytes| store.write(row, bytes)).unwrap();
+        self.queue = MotionQueue::restore(&bytes, 1, |row, bytes| store.write(row, bytes)).unwrap();
         assert_eq!(
             (
                 self.queue.running(),
@@ -256,8 +257,8 @@ impl World {
 }
 
 /// Takes the steps, and asks after each one.
-fn run(steps: &[Step]) {
-    let mut world = World::new();
+fn run<const N: usize>(steps: &[Step]) {
+    let mut world = World::<N>::new();
     for &step in steps {
         if let Err(Ended) = world.go(step) {
             world.store.left = u32::MAX;
@@ -280,7 +281,7 @@ fn a_session_that_was_closed_stays_so() {
         is_done: false,
         ends,
     };
-    run(&[
+    run::<1>(&[
         Step::Open(1),
         Step::Leave(1),
         Step::Offer(1, 1, true),
@@ -295,7 +296,8 @@ fn a_session_that_was_closed_stays_so() {
 proptest! {
     #[test]
     fn nothing_runs_twice_and_answers_stay(steps in steps()) {
-        run(&steps);
+        run::<1>(&steps);
+        run::<2>(&steps);
     }
 
     #[test]
@@ -304,8 +306,8 @@ proptest! {
     }
 
     #[test]
-    fn a_ledger_with_changed_bytes_restores(at in 0..9 * ROW_BYTES, to in any::<u8>()) {
-        let mut world = World::new();
+    fn a_ledger_with_changed_bytes_restores(at in 0..Queue::ROWS * ROW_BYTES, to in any::<u8>()) {
+        let mut world = World::<1>::new();
         for step in [
             Step::Open(0),
             Step::Control(0, false),
@@ -330,7 +332,7 @@ fn the_ledger_of_something_else_is_refused_with_what_was_found() {
     };
     assert_eq!(magic, u32::from_le_bytes(*b"CNDM"));
     let mut store = Store::new();
-    MotionQueue::<(), 1, 5, 7>::restore(&[], 1, |row, bytes| store.write(row, bytes)).unwrap();
+    MotionQueue::<(), 2>::restore(&[], 1, |row, bytes| store.write(row, bytes)).unwrap();
     let other = Queue::restore(&store.bytes, 1, write);
     assert_eq!(
         other
@@ -340,13 +342,13 @@ fn the_ledger_of_something_else_is_refused_with_what_was_found() {
                 error => panic!("{error:?}"),
             })
             .unwrap(),
-        "a ledger of 5 sessions and 7 requests; this one has 2 and 6"
+        "a ledger of 4 sessions and 8 requests; this one has 2 and 4"
     );
 }
 
 #[test]
 fn control_is_taken_from_another_only_if_that_is_asked_for() {
-    let mut world = World::new();
+    let mut world = World::<1>::new();
     let mut open = || {
         let store = &mut world.store;
         let opened = world.queue.open(SessionOwner::default(), |row, bytes| {
@@ -397,7 +399,7 @@ fn sessions(world: &World) -> Vec<u32> {
 
 #[test]
 fn a_client_that_opens_many_sessions_takes_none_of_another() {
-    let mut world = World::new();
+    let mut world = World::<1>::new();
     let other = open(&mut world, 1);
     let mut last = 0;
     for _ in 0..5 {
@@ -408,7 +410,7 @@ fn a_client_that_opens_many_sessions_takes_none_of_another() {
 
 #[test]
 fn a_closed_session_ends_before_one_that_is_used() {
-    let mut world = World::new();
+    let mut world = World::<1>::new();
     let (used, gone) = (open(&mut world, 1), open(&mut world, 2));
     let store = &mut world.store;
     let write = |row: usize, bytes: &LedgerRow| store.write(row, bytes);
@@ -419,7 +421,7 @@ fn a_closed_session_ends_before_one_that_is_used() {
 
 #[test]
 fn refused_requests_of_others_leave_what_was_done_in_its_row() {
-    let mut world = World::new();
+    let mut world = World::<1>::new();
     let (mine, other) = (open(&mut world, 1), open(&mut world, 2));
     let store = &mut world.store;
     let mut write = |row: usize, bytes: &LedgerRow| store.write(row, bytes);
@@ -454,7 +456,7 @@ fn refused_requests_of_others_leave_what_was_done_in_its_row() {
 
 #[test]
 fn the_number_of_a_session_whose_row_is_damaged_is_not_given_again() {
-    let mut world = World::new();
+    let mut world = World::<1>::new();
     for step in [
         Step::Open(0),
         Step::Control(0, false),
@@ -470,7 +472,7 @@ fn the_number_of_a_session_whose_row_is_damaged_is_not_given_again() {
 
 #[test]
 fn sessions_have_new_numbers_after_the_ledger_was_deleted() {
-    let mut world = World::new();
+    let mut world = World::<1>::new();
     let before = open(&mut world, 1);
     let store = &mut world.store;
     // The time in seconds is later.
@@ -481,22 +483,22 @@ fn sessions_have_new_numbers_after_the_ledger_was_deleted() {
 
 #[test]
 fn a_ledger_that_is_cut_is_refused() {
-    let mut world = World::new();
+    let mut world = World::<1>::new();
     open(&mut world, 1);
-    for len in [1, ROW_BYTES, 3 * ROW_BYTES + 5, 9 * ROW_BYTES - 1] {
+    for len in [1, ROW_BYTES, 3 * ROW_BYTES + 5, Queue::ROWS * ROW_BYTES - 1] {
         let bytes = &world.store.bytes[..len];
         let restored = Queue::restore(bytes, 1, |_, _| Ok::<_, Ended>(()));
         let Err(RestoreError::Ledger(LedgerError::Length { found, expected })) = restored else {
             panic!("{len} bytes: {restored:?}");
         };
-        assert_eq!((found, expected), (len, 9 * ROW_BYTES));
+        assert_eq!((found, expected), (len, Queue::ROWS * ROW_BYTES));
     }
 }
 
 #[test]
 fn what_may_have_been_in_a_damaged_row_does_not_run() {
-    for row in 1..9 {
-        let mut world = World::new();
+    for row in 1..Queue::ROWS {
+        let mut world = World::<1>::new();
         for step in [
             Step::Open(0),
             Step::Control(0, false),
@@ -523,10 +525,9 @@ fn what_may_have_been_in_a_damaged_row_does_not_run() {
 
 #[test]
 fn changes_are_counted_beyond_32_bits() {
-    type Small = MotionQueue<u32, 1, 1, 3>;
     let mut store = Store::new();
     let mut write = |row: usize, bytes: &LedgerRow| store.write(row, bytes);
-    let mut queue = Small::restore(&[], 1, &mut write).unwrap();
+    let mut queue = Queue::restore(&[], 1, &mut write).unwrap();
     let session = queue
         .open(SessionOwner::default(), &mut write)
         .unwrap()
@@ -542,7 +543,7 @@ fn changes_are_counted_beyond_32_bits() {
     row[28..].copy_from_slice(&sum.to_le_bytes());
     let bytes = store.bytes.clone();
     let mut write = |row: usize, bytes: &LedgerRow| store.write(row, bytes);
-    let mut queue = Small::restore(&bytes, 1, &mut write).unwrap();
+    let mut queue = Queue::restore(&bytes, 1, &mut write).unwrap();
     queue.take_control(session, false);
     for number in 2..6 {
         let identity = RequestIdentity { session, number };
@@ -554,7 +555,7 @@ fn changes_are_counted_beyond_32_bits() {
         let done = QueueAnswer::Known(RequestState::Done, RefusalReason::None);
         assert_eq!(queue.answer(identity), done);
     }
-    let restored = Small::restore(&store.bytes, 1, |_, _| Ok::<_, Ended>(())).unwrap();
+    let restored = Queue::restore(&store.bytes, 1, |_, _| Ok::<_, Ended>(())).unwrap();
     let answer = |number| restored.answer(RequestIdentity { session, number });
     assert_eq!(answer(1), QueueAnswer::Forgotten);
     for number in 3..6 {

@@ -8,7 +8,7 @@ use condor_hand::controller::{
     write_table,
 };
 use condor_hand::math::max;
-use condor_hand::plant::{self, DriveKind, PlantModel, SimStop, SimSurface};
+use condor_hand::plant::{self, PlantModel};
 use condor_hand::servo::{FingerReadings, ServoMode};
 use condor_hand::trajectory::{
     MotionProgress, Pace, Primitive, PrimitiveError, Profile, SetPoint, Target,
@@ -28,24 +28,8 @@ fn hand() -> Hand<4, 4> {
 
 fn machine() -> PlantModel {
     PlantModel {
-        actuator: DriveKind::exact,
-        joint_stop: SimStop {
-            stiffness: 5.0,
-            damping: 0.01,
-        },
-        axis_stop: SimStop {
-            stiffness: 1e5,
-            damping: 500.0,
-        },
         updates: UPDATES,
-        tip_radius: 0.0,
-        surface: SimSurface {
-            stiffness: 1e3,
-            damping: 1.0,
-            shear_stiffness: 1e3,
-            shear_damping: 1.0,
-            friction: 0.5,
-        },
+        ..PlantModel::default()
     }
 }
 

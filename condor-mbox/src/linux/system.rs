@@ -32,6 +32,17 @@ const ATTEMPTS: u32 = 16;
 /// [module](super) lists the possible places.
 ///
 /// A `LinuxSystem` claims no processor number; [`claim`](Self::claim) does.
+///
+/// ```
+/// use condor_mbox::linux::LinuxSystem;
+/// use condor_mbox::{Messenger, PeerState, Processor};
+///
+/// let system = LinuxSystem::<2>::family(4096)?; // of this process and its children
+/// let mut host = system.claim(Processor(0))?.mailbox()?;
+/// host.join()?;
+/// assert!(!matches!(host.peer_state(Processor(1))?, PeerState::Up { .. }));
+/// # Ok::<_, Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct LinuxSystem<const N: usize> {
     place: Home,

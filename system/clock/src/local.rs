@@ -31,6 +31,21 @@ type Handler = &'static (dyn Fn() + Sync);
 ///
 /// The timer interrupts at exactly the instant for which it is armed: in waits, where the
 /// background passes time, and while a slower loop spends its declared time.
+///
+/// ```
+/// # #[cfg(feature = "linux")] {
+/// use condor_clock::linux::Futex;
+/// use condor_clock::{LOOPS, LocalClock, Page};
+///
+/// let page: Page = Page::new();
+/// let clock = LocalClock::new(0, &page, Futex::new(), [0; LOOPS]);
+/// clock.announce(0);
+/// clock.begin();
+/// clock.pass(3_600_000_000_000); // computes for an hour, which takes no time
+/// assert_eq!(clock.now(), 3_600_000_000_000);
+/// clock.leave();
+/// # }
+/// ```
 #[derive(Debug)]
 pub struct LocalClock<P, H> {
     number: u8,

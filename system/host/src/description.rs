@@ -52,6 +52,16 @@ use crate::extension::Group;
 pub use condor_toml::{Keys, Spanned, TextErrors, WholeNumber};
 
 /// The description of a system, which has passed every check.
+///
+/// ```
+/// use condor_host::{application::Programs, description::SystemDescription};
+///
+/// let text = "name = \"robot\"\nwindow_bytes = 65536\n[[processors]]\nnumber = 1\nname = \"servo\"\n\
+///     program = \"self\"\narguments = [\"servo\"]";
+/// let programs = Programs::new(&[]);
+/// let mistakes = SystemDescription::from_toml(text, "robot.toml".as_ref(), &programs).unwrap_err();
+/// println!("{mistakes}"); // there is no program `servo`
+/// ```
 #[derive(Debug)]
 pub struct SystemDescription {
     /// The file from which it was read, as an absolute path.

@@ -6,6 +6,23 @@ use crate::pairs::{NamePairs, bytes, text};
 use crate::record::{HEAD_BYTES, MAGIC, MessageHead, opcode};
 
 /// A file that is being read, record by record.
+///
+/// ```
+/// use condor_mcap::{McapReader, McapRecord, McapWriter};
+///
+/// let mut file = [0; 256];
+/// let mut writer = McapWriter::new(&mut file[..], "", "my-robot")?;
+/// writer.metadata("robot", &[("name", "hand")])?;
+/// writer.end()?;
+///
+/// let (mut reader, mut buffer) = (McapReader::new(&file[..])?, [0; 64]);
+/// while let Some(record) = reader.next(&mut buffer)? {
+///     if let McapRecord::Metadata { name, pairs } = record {
+///         assert_eq!((name, pairs.get("name")), ("robot", Some("hand")));
+///     }
+/// }
+/// # Ok::<(), Box<dyn core::error::Error>>(())
+/// ```
 #[derive(Debug)]
 pub struct McapReader<R> {
     from: R,

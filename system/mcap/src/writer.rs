@@ -5,6 +5,21 @@ use embedded_io::Write;
 use crate::record::{MAGIC, MessageHead, head_of, opcode};
 
 /// A file that is being written. Call [`end`](Self::end) after the last record.
+///
+/// ```
+/// use condor_mcap::{McapWriter, MessageHead};
+///
+/// let mut file = [0; 512];
+/// let mut writer = McapWriter::new(&mut file[..], "", "my-robot")?;
+/// writer.schema(1, "my_robot/msg/Angle", "ros2msg", b"float64 angle # rad")?;
+/// writer.channel(1, 1, "/wrist", "cdr", &[])?;
+/// let message = MessageHead { channel: 1, sequence: 0, log_time_ns: 2_500_000 };
+/// writer.message(&message, &[&[0, 1, 0, 0], &0.5_f64.to_le_bytes()])?;
+/// let left = writer.end()?.len();
+/// assert_eq!(&file[..8], b"\x89MCAP0\r\n");
+/// # assert!(left > 0);
+/// # Ok::<(), Box<dyn core::error::Error>>(())
+/// ```
 #[derive(Debug)]
 pub struct McapWriter<W> {
     to: W,

@@ -25,6 +25,12 @@ const QUATERNION: (&str, &str) = (
 );
 
 /// `builtin_interfaces/msg/Time`: a point in time, since the epoch of its clock.
+///
+/// ```
+/// use condor_ros2::Time;
+///
+/// assert_eq!(Time::from_ns(1_500_000_000).as_ns(), 1_500_000_000);
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Time {
     /// Whole seconds.
@@ -90,6 +96,20 @@ impl RosMessage for StringMessage<'_> {
 }
 
 /// `sensor_msgs/msg/JointState`. Each of the slices of numbers has an element for every name, or none.
+///
+/// ```
+/// use condor_ros2::{JointState, RosMessage, Time, encode};
+///
+/// let state = JointState {
+///     stamp: Time::from_ns(1_500_000_000),
+///     names: &["index.proximal".into()],
+///     positions: &[0.5],
+///     velocities: &[],
+///     efforts: &[],
+/// };
+/// assert_eq!(JointState::NAME, "sensor_msgs/msg/JointState");
+/// println!("{} bytes of CDR", encode(&state).len());
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct JointState<'m> {
     /// When the joints were in this state.

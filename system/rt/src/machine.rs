@@ -152,6 +152,26 @@ pub trait Machine: Sync {
 /// machines they run at the same time as the background and the handlers. Data that they share must
 /// lie in the windows, in an atomic or in a [`Latest`](crate::Latest), or be used only inside critical
 /// sections: those of the machine's [exclusion](Machine::exclusion) or of the `critical-section` crate.
+///
+/// ```
+/// use condor_rt::{Machine, Processor, Program, ProgramError, Rate, Setup, sim::VirtualSystem};
+///
+/// struct Servo;
+///
+/// impl Program for Servo {
+///     fn run<M: Machine>(&self, machine: &M) -> Result<(), ProgramError> {
+///         let mut runs = 0;
+///         Setup::new(machine)?.servo("servo", Rate::hz(400), &mut |_tick| runs += 1).run()?;
+///         println!("{runs} ticks");
+///         Ok(())
+///     }
+/// }
+///
+/// let mut system = VirtualSystem::new(16384)?;
+/// system.spawn(Processor(1), &Servo)?;
+/// system.run_until(1_000_000_000)?;
+/// # Ok::<_, condor_rt::sim::SimError>(())
+/// ```
 pub trait Program {
     /// Runs until [`Machine::is_stopping`] returns true.
     ///

@@ -53,6 +53,20 @@ pub type LoopFunction<'e> = &'e mut (dyn FnMut(&mut LoopTick<'_>) + Send);
 /// borrowed. The type of a setup does not depend on what is added, so that parts can be added in
 /// `if` and `for`. `run` and `background` report mistakes with handlers, loops and variables, such
 /// as too many of them or a vector that is used twice.
+///
+/// ```
+/// use condor_rt::{Machine, ProgramError, Rate, Setup, Var, Vector};
+///
+/// fn servo<M: Machine>(machine: &M) -> Result<(), ProgramError> {
+///     let position = Var::new("joint.position", "rad");
+///     Setup::new(machine)?
+///         .console()?
+///         .on(Vector(1), "add", &|call| call.data().wrapping_add(1))
+///         .watch(&position)
+///         .servo("servo", Rate::hz(400), &mut |_tick| position.set(0.5))
+///         .run()
+/// }
+/// ```
 pub struct Setup<'e, M: Machine> {
     machine: &'e M,
     own: Region<M::Window>,
@@ -571,6 +585,7 @@ impl<'e, M: Machine> Setup<'e, M> {
             let settings = VariableSettings {
                 rate: (one.rate.numerator(), one.rate.denominator()),
                 rows: variables::rows(one.rate),
+                watchers: condor_vars::MOST_WATCHERS as u32,
             };
             let (catalog, first) = (Catalog::new(blocks, parameters), self.places.used());
             let exclusion = self.machine.exclusion();

@@ -3,6 +3,12 @@
 use core::fmt::{self, Write as _};
 
 /// A text without a heap, cut off after `BYTES` bytes.
+///
+/// ```
+/// use condor_rt::ShortText;
+///
+/// assert_eq!(ShortText::<8>::of(&format_args!("joint {}", 12)).as_str(), "joint 12");
+/// ```
 #[derive(Clone, PartialEq, Eq)]
 pub struct ShortText<const BYTES: usize>(heapless::String<BYTES, u8>);
 

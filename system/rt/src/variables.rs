@@ -14,18 +14,16 @@ use crate::text::ShortText;
 
 /// The greatest number of variables (or blocks of variables), and of parameters, of a program.
 pub const VARIABLES: usize = 32;
-/// How many programs can watch a loop at a time.
-const WATCHERS: usize = 4;
-/// Pieces that a selection may be in.
-const PIECES: usize = 24;
+/// The capacity of a loop: all of them, and pieces that a selection may be in.
+const CAPACITY: usize = 24;
+const _: () = assert!(3 * CAPACITY >= 2 * VARIABLES, "a loop may show them all");
 /// For what part of a second a ring keeps rows of all variables.
 const KEPT: u32 = 8;
 
-pub(crate) type LoopDesk = Selections<PIECES, WATCHERS>;
+pub(crate) type LoopDesk = Selections<CAPACITY>;
 pub(crate) type LoopServer<'d, M> =
-    VariableServer<'d, <M as Machine>::Window, <M as Machine>::Exclusion, PIECES, WATCHERS>;
-pub(crate) type LoopSampler<'d, M> =
-    Sampler<'d, <M as Machine>::Window, { 2 * VARIABLES }, PIECES, WATCHERS>;
+    VariableServer<'d, <M as Machine>::Window, <M as Machine>::Exclusion, CAPACITY>;
+pub(crate) type LoopSampler<'d, M> = Sampler<'d, <M as Machine>::Window, CAPACITY>;
 
 /// How many rows of all variables a ring has room for.
 pub(crate) fn rows(rate: Rate) -> u32 {

@@ -54,6 +54,18 @@ impl From<TextError> for TextErrors {
 }
 
 /// A text with the name of its file, which collects the mistakes in it.
+///
+/// ```
+/// use condor_toml::SourceText;
+///
+/// #[derive(Debug, serde::Deserialize)]
+/// struct Joint {
+///     low: f64,
+/// }
+///
+/// let error = SourceText::new("joint.toml", "\nlow = true").read::<Joint>().unwrap_err();
+/// assert!(error.to_string().contains("joint.toml"), "{error}");
+/// ```
 #[derive(Debug)]
 pub struct SourceText<'t> {
     file: &'t str,

@@ -15,6 +15,23 @@ use crate::watcher::Watcher;
 /// A client of the loops of one processor: it asks for slots and selections, and sets parameters.
 ///
 /// Its calls wait for the reply, and serve messages meanwhile.
+///
+/// ```
+/// use condor_mbox::{MemoryWindow, Messenger};
+/// use condor_vars::{AnyValue, VariableClient, VariableTable};
+///
+/// /// Doubles the stiffness of a joint.
+/// fn stiffen<W: MemoryWindow>(
+///     client: &mut VariableClient<'_, impl Messenger, W>,
+///     table: &VariableTable<W>,
+/// ) -> Result<(), Box<dyn std::error::Error>> {
+///     let soon = std::time::Duration::from_secs(1);
+///     let entry = table.find("joint.stiffness")?.ok_or("no such parameter")?;
+///     let AnyValue::F64(now) = client.get(table, &entry, soon)? else { return Ok(()) };
+///     client.set(table, &entry, AnyValue::F64(now), AnyValue::F64(2.0 * now), soon)?;
+///     Ok(())
+/// }
+/// ```
 #[derive(Debug)]
 pub struct VariableClient<'m, M: Messenger + ?Sized, W> {
     exchange: Exchange<'m, M, W, Block, Block>,
@@ -295,32 +312,43 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow> VariableClient<'m, M, W> {
         let request = [operation, offset, expected, number, a, b, c, d];
         loop {
             let left = Duration::from_nanos(deadline.ns_since(self.messenger.now()));
-            let [code, a, b, c, d, ..] = self.exchange.call(to, self.vector, &request, left)?;
-            return Err(match code {
-                response::DONE => return Ok([a, b]),
-                response::BUSY if left <= PAUSE => RequestError::Busy { to, timeout },
-                response::BUSY => {
+            let response = self.exchange.call(to, self.vector, &request, left)?;
+            match response {
+                [response::DONE, a, b, ..] => return Ok([a, b]),
+                [response::BUSY, ..] if left > PAUSE => {
                     let served = self.messenger.serve(PAUSE);
                     served.map_err(ExchangeError::from)?;
-                    continue;
                 }
-                response::NO_TABLE => RequestError::NoTable { to, offset },
-                response::RESTARTED => VariableTableError::Restarted { found: a, expected }.into(),
-                response::NO_SLOT => RequestError::NoSlot { slots: a },
-                response::NOT_YOURS => RequestError::Displaced { slot: number },
-                response::NO_ENTRY => VariableTableError::NoEntry { number, entries: a }.into(),
-                response::SCATTERED => RequestError::Scattered { pieces: a, most: b },
-                response::NO_PARAM => RequestError::NoParam { number },
-                response::OUT_OF_BOUNDS => RequestError::OutOfBounds {
-                    least: kind.value([a, b]),
-                    greatest: kind.value([c, d]),
-                },
-                response::CONFLICT => {
-                    let present = kind.value([a, b]);
-                    RequestError::Conflict { present }
-                }
-                code => RequestError::Protocol { to, code },
-            });
+                _ => return Err(refusal(&request, &response, to, kind, timeout)),
+            }
         }
+    }
+}
+
+/// The reason that the owner of a table, the processor `to`, gave in the response to a request.
+pub(crate) fn refusal(
+    &[_, offset, expected, number, ..]: &Block,
+    &[code, a, b, c, d, ..]: &Block,
+    to: Processor,
+    kind: ValueKind,
+    timeout: Duration,
+) -> RequestError {
+    match code {
+        response::BUSY => RequestError::Busy { to, timeout },
+        response::NO_TABLE => RequestError::NoTable { to, offset },
+        response::RESTARTED => VariableTableError::Restarted { found: a, expected }.into(),
+        response::NO_SLOT => RequestError::NoSlot { slots: a },
+        response::NOT_YOURS => RequestError::Displaced { slot: number },
+        response::NO_ENTRY => VariableTableError::NoEntry { number, entries: a }.into(),
+        response::SCATTERED => RequestError::Scattered { pieces: a, most: b },
+        response::NO_PARAM => RequestError::NoParam { number },
+        response::OUT_OF_BOUNDS => RequestError::OutOfBounds {
+            least: kind.value([a, b]),
+            greatest: kind.value([c, d]),
+        },
+        response::CONFLICT => RequestError::Conflict {
+            present: kind.value([a, b]),
+        },
+        code => RequestError::Protocol { to, code },
     }
 }

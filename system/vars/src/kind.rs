@@ -7,6 +7,13 @@ use core::mem::discriminant;
 ///
 /// The value of a variable is stored in one 32-bit word, or in two for 64 bits, the lower first.
 /// Narrow integers are extended to a word with their sign; `false` is 0.
+///
+/// ```
+/// use condor_vars::{AnyValue, ValueKind};
+///
+/// assert_eq!(ValueKind::I16.value([u32::MAX, 0]), AnyValue::Int(-1));
+/// assert_eq!(ValueKind::from_code(ValueKind::F64 as u32), Some(ValueKind::F64));
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum ValueKind {
@@ -56,6 +63,14 @@ impl fmt::Display for ValueKind {
 }
 
 /// A value whose type is known only at run time.
+///
+/// ```
+/// use condor_vars::{AnyValue, ValueKind};
+///
+/// let angle = AnyValue::F32(0.5);
+/// assert_eq!(angle.to_string(), "0.5");
+/// assert_eq!(ValueKind::F32.words_of(angle), Some([0.5_f32.to_bits(), 0]));
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum AnyValue {
     /// A value of [`ValueKind::F32`].

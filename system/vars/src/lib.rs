@@ -40,7 +40,7 @@ pub use catalog::{Catalog, CatalogError};
 pub use cell::{CellField, CellStruct, describe};
 pub use ends::{Ends, VariableSettings};
 pub use sampler::Sampler;
-pub use selections::Selections;
+pub use selections::{MOST_WATCHERS, Selections};
 pub use server::{Respond, VariableServer, answer};
 
 // The end of whoever watches and sets.

@@ -1,15 +1,15 @@
 //! [`Sampler`]: takes over parameters and writes rows, in the loop.
 
-use core::array;
 use core::fmt;
 use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
 use condor_mbox::{AccessError, Instant, MemoryWindow, Region, StoreOrder};
 
+use crate::catalog::Catalog;
 use crate::kind::split;
 use crate::layout::{Shape, row_bytes, slot};
 use crate::param::Tune;
-use crate::selections::{Part, Plan, Selections};
+use crate::selections::{MOST_WATCHERS, Part, Plan, Selections};
 use crate::sync::{Ordering, fence};
 
 /// The loop's part of a [`Selections`]. Call [`begin`](Self::begin) before the body of a tick and
@@ -17,18 +17,20 @@ use crate::sync::{Ordering, fence};
 ///
 /// It neither waits nor locks. A tick costs some instructions for each slot and each parameter, and
 /// one copy of the selected values for each watcher.
-pub struct Sampler<'e, W, const BLOCKS: usize, const PIECES: usize, const SLOTS: usize> {
-    desk: &'e Selections<PIECES, SLOTS>,
-    rows: Rows<'e, W, BLOCKS>,
+pub struct Sampler<'e, W, const N: usize> {
+    desk: &'e Selections<N>,
+    rows: Rows<'e, W, N>,
     params: &'e [&'e dyn Tune],
-    rings: [Ring; SLOTS],
+    /// As many as the table has slots.
+    rings: heapless::Vec<Ring, MOST_WATCHERS>,
 }
 
 /// What rows are made of, and where they go.
-struct Rows<'e, W, const BLOCKS: usize> {
+struct Rows<'e, W, const N: usize> {
     table: Region<W>,
     shape: Shape,
-    blocks: heapless::Vec<&'e [AtomicU32], BLOCKS>,
+    /// The words of each block of the catalog; empty ones fill the rest.
+    blocks: [[&'e [AtomicU32]; 3]; N],
 }
 
 /// The ring of one watcher, as its writer knows it.
@@ -49,20 +51,22 @@ struct Ring {
     wait: u32,
 }
 
-impl<'e, W: MemoryWindow, const BLOCKS: usize, const PIECES: usize, const SLOTS: usize>
-    Sampler<'e, W, BLOCKS, PIECES, SLOTS>
-{
+impl<'e, W: MemoryWindow, const N: usize> Sampler<'e, W, N> {
     pub(crate) fn new(
-        desk: &'e Selections<PIECES, SLOTS>,
+        desk: &'e Selections<N>,
         table: Region<W>,
         shape: Shape,
-        blocks: heapless::Vec<&'e [AtomicU32], BLOCKS>,
-        params: &'e [&'e dyn Tune],
+        catalog: &Catalog<'e>,
     ) -> Self {
-        let rings = array::from_fn(|number| Ring {
-            at: shape.slot(number as u32),
+        let rings = (0..shape.slots).take(MOST_WATCHERS).map(|number| Ring {
+            at: shape.slot(number),
             ..Ring::default()
         });
+        let rings = rings.collect();
+        let mut blocks: [[&[AtomicU32]; 3]; N] = [[&[]; 3]; N];
+        for (place, block) in blocks.as_flattened_mut().iter_mut().zip(catalog.blocks()) {
+            *place = block.words();
+        }
         let rows = Rows {
             table,
             shape,
@@ -71,7 +75,7 @@ impl<'e, W: MemoryWindow, const BLOCKS: usize, const PIECES: usize, const SLOTS:
         Self {
             desk,
             rows,
-            params,
+            params: catalog.params(),
             rings,
         }
     }
@@ -124,15 +128,10 @@ impl<'e, W: MemoryWindow, const BLOCKS: usize, const PIECES: usize, const SLOTS:
     }
 }
 
-impl<W: MemoryWindow, const BLOCKS: usize> Rows<'_, W, BLOCKS> {
+impl<W: MemoryWindow, const N: usize> Rows<'_, W, N> {
     /// Takes over a selection, of which there are no rows yet.
     #[cold]
-    fn take<const PIECES: usize>(
-        &self,
-        ring: &mut Ring,
-        selection: u32,
-        plan: &Plan<PIECES>,
-    ) -> Result<(), AccessError> {
+    fn take(&self, ring: &mut Ring, selection: u32, plan: &Plan<N>) -> Result<(), AccessError> {
         let words = plan.words.load(Relaxed);
         let rows = self.shape.rows(words);
         *ring = Ring {
@@ -157,10 +156,10 @@ impl<W: MemoryWindow, const BLOCKS: usize> Rows<'_, W, BLOCKS> {
 
     // Inlined, it would make ticks without a row longer.
     #[inline(never)]
-    fn write<const PIECES: usize>(
+    fn write(
         &self,
         ring: &mut Ring,
-        plan: &Plan<PIECES>,
+        plan: &Plan<N>,
         tick: u64,
         released: Instant,
     ) -> Result<(), AccessError> {
@@ -180,7 +179,7 @@ impl<W: MemoryWindow, const BLOCKS: usize> Rows<'_, W, BLOCKS> {
         let ([a, b], [c, d]) = (split(tick), split(released.as_ns()));
         put(&[&[a, b, c, d].map(AtomicU32::new)], 4)?;
         for (run, part) in plan.pieces() {
-            let blocks = self.blocks.get(run).unwrap_or_default();
+            let blocks = self.blocks.as_flattened().get(run).unwrap_or_default();
             match part {
                 Part::Whole { words } => put(blocks, words)?,
                 Part::Words(range) => {
@@ -198,12 +197,10 @@ impl<W: MemoryWindow, const BLOCKS: usize> Rows<'_, W, BLOCKS> {
     }
 }
 
-impl<W, const BLOCKS: usize, const PIECES: usize, const SLOTS: usize> fmt::Debug
-    for Sampler<'_, W, BLOCKS, PIECES, SLOTS>
-{
+impl<W, const N: usize> fmt::Debug for Sampler<'_, W, N> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("Sampler")
-            .field("blocks", &self.rows.blocks.len())
+            .field("blocks", &(3 * N))
             .field("params", &self.params.len())
             .field("rings", &self.rings)
             .finish()

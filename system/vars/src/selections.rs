@@ -4,22 +4,32 @@ use core::ops::Range;
 
 use crate::sync::{AtomicU32, Ordering, array_of, const_unless_loom};
 
+/// The greatest number of watchers of one loop.
+pub const MOST_WATCHERS: usize = 4;
+
 /// The memory through which the [`VariableServer`](crate::VariableServer) of a loop hands selections to its [`Sampler`](crate::Sampler).
 ///
-/// Each loop has one, with `SLOTS` slots for watchers. A selection has at most `PIECES` pieces; a
-/// piece is a run of neighbouring variables of one block, or a run of neighbouring whole blocks. So
-/// half the number of variables plus one is always enough. No other processor can access this
-/// memory.
+/// Each loop has one, and `N` is its capacity: at most `3 * N` blocks of variables and parameters
+/// (a single one is a block), and at most `N` pieces in a selection. A piece is a run of
+/// neighbouring variables of one block, or a run of neighbouring whole blocks. No other processor
+/// can access this memory, of `64 * N + 196` bytes.
+///
+/// ```
+/// use condor_vars::Selections;
+///
+/// static SERVO: Selections<16> = Selections::new();
+/// assert_eq!(size_of_val(&SERVO), 64 * 16 + 196);
+/// ```
 #[derive(Debug)]
-pub struct Selections<const PIECES: usize, const SLOTS: usize> {
+pub struct Selections<const N: usize> {
     /// Whether some handler is at work: they may interrupt each other.
     pub(crate) is_taken: AtomicU32,
-    pub(crate) slots: [Slot<PIECES>; SLOTS],
+    pub(crate) slots: [Slot<N>; MOST_WATCHERS],
 }
 
 /// A watcher, as its owner knows it. The handler writes all but `taken`.
 #[derive(Debug)]
-pub(crate) struct Slot<const PIECES: usize> {
+pub(crate) struct Slot<const N: usize> {
     /// The number of the last claim.
     pub(crate) claim: AtomicU32,
     /// The processor that claimed it, and its incarnation; 0 when the slot is free.
@@ -31,33 +41,33 @@ pub(crate) struct Slot<const PIECES: usize> {
     pub(crate) asked: AtomicU32,
     /// The number of the selection that the loop has taken over. The loop's.
     pub(crate) taken: AtomicU32,
-    pub(crate) plans: [Plan<PIECES>; 2],
+    pub(crate) plans: [Plan<N>; 2],
 }
 
 /// A selection that has been checked, as pieces of the loop's memory.
 #[derive(Debug)]
-pub(crate) struct Plan<const PIECES: usize> {
+pub(crate) struct Plan<const N: usize> {
     pub(crate) count: AtomicU32,
     /// Words of a row's values; 0 selects nothing.
     pub(crate) words: AtomicU32,
     /// A row every so many ticks.
     pub(crate) every: AtomicU32,
     /// Of each piece the first block and the end of its blocks, 16 bits each.
-    pub(crate) blocks: [AtomicU32; PIECES],
+    pub(crate) blocks: [AtomicU32; N],
     /// Of each piece the first word and the end of its words in its only block, 16 bits each; of whole blocks
     /// how many words they have, and 0.
-    pub(crate) parts: [AtomicU32; PIECES],
+    pub(crate) parts: [AtomicU32; N],
 }
 
-impl<const PIECES: usize> Plan<PIECES> {
+impl<const N: usize> Plan<N> {
     const_unless_loom! {
         fn new() -> Self {
             Self {
                 count: AtomicU32::new(0),
                 words: AtomicU32::new(0),
                 every: AtomicU32::new(0),
-                blocks: array_of!(AtomicU32::new(0); PIECES),
-                parts: array_of!(AtomicU32::new(0); PIECES),
+                blocks: array_of!(AtomicU32::new(0); N),
+                parts: array_of!(AtomicU32::new(0); N),
             }
         }
     }
@@ -73,7 +83,7 @@ pub(crate) enum Part {
     Words(Range<usize>),
 }
 
-impl<const PIECES: usize> Plan<PIECES> {
+impl<const N: usize> Plan<N> {
     /// Iterates over the pieces: their blocks, and how much of them.
     pub(crate) fn pieces(&self) -> impl Iterator<Item = (Range<usize>, Part)> {
         let unpack = |range: u32| ((range & 0xffff) as usize, (range >> 16) as usize);
@@ -90,7 +100,7 @@ impl<const PIECES: usize> Plan<PIECES> {
     }
 }
 
-impl<const PIECES: usize> Slot<PIECES> {
+impl<const N: usize> Slot<N> {
     const_unless_loom! {
         fn new() -> Self {
             Self {
@@ -106,7 +116,7 @@ impl<const PIECES: usize> Slot<PIECES> {
     }
 
     /// Returns the plan of a selection.
-    pub(crate) fn plan(&self, selection: u32) -> &Plan<PIECES> {
+    pub(crate) fn plan(&self, selection: u32) -> &Plan<N> {
         let [even, odd] = &self.plans;
         if selection.is_multiple_of(2) {
             even
@@ -133,20 +143,20 @@ impl<const PIECES: usize> Slot<PIECES> {
     }
 }
 
-impl<const PIECES: usize, const SLOTS: usize> Selections<PIECES, SLOTS> {
+impl<const N: usize> Selections<N> {
     const_unless_loom! {
-        /// Makes a desk without claims or selections.
+        /// Makes the memory, without claims or selections.
         #[must_use]
         pub fn new() -> Self {
             Self {
                 is_taken: AtomicU32::new(0),
-                slots: array_of!(Slot::new(); SLOTS),
+                slots: array_of!(Slot::new(); MOST_WATCHERS),
             }
         }
     }
 }
 
-impl<const PIECES: usize, const SLOTS: usize> Default for Selections<PIECES, SLOTS> {
+impl<const N: usize> Default for Selections<N> {
     fn default() -> Self {
         Self::new()
     }

@@ -2,20 +2,25 @@
 
 use core::fmt;
 use core::ops::Range;
+use core::time::Duration;
 
 use condor_mbox::{
     AccessError, Call, Exclusion, LoadOrder, MemoryWindow, Processor, Region, StoreOrder,
 };
 
 use crate::catalog::Catalog;
+use crate::client::{RequestError, refusal};
+use crate::kind::ValueKind;
 use crate::layout::{Block, Shape, operation, response, slot};
 use crate::param::{ParamRefusal, Tune};
 use crate::selections::{Plan, Selections, Slot};
 use crate::sync::Ordering::Relaxed;
+use crate::table::VariableTable;
+use crate::watcher::Watcher;
 
 /// The part of a [`Selections`] that answers requests; see [`answer`].
-pub struct VariableServer<'e, W, X, const PIECES: usize, const SLOTS: usize> {
-    pub(crate) desk: &'e Selections<PIECES, SLOTS>,
+pub struct VariableServer<'e, W, X, const N: usize> {
+    pub(crate) desk: &'e Selections<N>,
     pub(crate) table: Region<W>,
     pub(crate) offset: u32,
     pub(crate) table_incarnation: u32,
@@ -75,8 +80,7 @@ const fn refused_with<T>(code: u32, first: u32, second: u32) -> Result<T, Refusa
     refused(code, [[first, second], [0; 2]])
 }
 
-impl<W, X, const PIECES: usize, const SLOTS: usize> Respond
-    for VariableServer<'_, W, X, PIECES, SLOTS>
+impl<W, X, const N: usize> Respond for VariableServer<'_, W, X, N>
 where
     W: MemoryWindow + Sync,
     X: Exclusion + Sync,
@@ -93,9 +97,59 @@ where
     }
 }
 
-impl<'e, W: MemoryWindow, X: Exclusion, const PIECES: usize, const SLOTS: usize>
-    VariableServer<'e, W, X, PIECES, SLOTS>
+impl<W, X, const N: usize> VariableServer<'_, W, X, N>
+where
+    W: MemoryWindow + Sync,
+    X: Exclusion + Sync,
 {
+    /// Makes a watcher in a program that can call the server itself, the one on the processor
+    /// `own`: it claims a slot of `table` and selects entries by number, as
+    /// [`VariableClient`](crate::VariableClient) does by message. The first row is that of the next
+    /// tick.
+    ///
+    /// # Errors
+    /// [`RequestError::NoSlot`] if all slots are taken, [`RequestError::Scattered`] if the
+    /// selection has too many pieces, [`RequestError::Table`] if an entry does not exist or the
+    /// table was made anew, [`RequestError::Busy`] if another request is being answered.
+    pub fn watch<V: MemoryWindow + Clone>(
+        &self,
+        table: &VariableTable<V>,
+        own: Processor,
+        entries: &[u32],
+        every: u32,
+    ) -> Result<Watcher<V>, RequestError> {
+        let ask = |operation, number, claim, every| {
+            let incarnation = table.incarnation();
+            let request = [
+                operation,
+                self.offset,
+                incarnation,
+                number,
+                claim,
+                every,
+                0,
+                0,
+            ];
+            match self.respond(own, &request) {
+                [response::DONE, a, b, ..] => Ok((a, b)),
+                response => {
+                    let (kind, timeout) = (ValueKind::U32, Duration::ZERO);
+                    Err(refusal(&request, &response, own, kind, timeout))
+                }
+            }
+        };
+        let (slot, claim) = ask(operation::CLAIM, 0, 0, 0)?;
+        let (to, code) = (own, response::DONE);
+        let watcher = Watcher::new(table.clone(), slot, claim);
+        let mut watcher = watcher.ok_or(RequestError::Protocol { to, code })?;
+        watcher.choose(entries)?;
+        let (selection, words) = ask(operation::SELECT, slot, claim, every)?;
+        watcher.follow(selection, words);
+        Ok(watcher)
+    }
+}
+
+impl<'e, W: MemoryWindow, X: Exclusion, const N: usize> VariableServer<'e, W, X, N> {
     fn outcome(
         &self,
         sender: Processor,
@@ -135,15 +189,15 @@ impl<'e, W: MemoryWindow, X: Exclusion, const PIECES: usize, const SLOTS: usize>
     }
 
     fn claim(&self, sender: Processor) -> Outcome {
-        let is_free = |slot: &Slot<PIECES>| {
+        let is_free = |slot: &Slot<N>| {
             // A processor's number was stored, so it fits.
             let owner = Processor(slot.owner.load(Relaxed) as u8);
             let incarnation = slot.incarnation.load(Relaxed);
             incarnation == 0 || incarnation != (self.incarnation)(owner)
         };
-        let mut slots = (0..).zip(&self.desk.slots);
+        let mut slots = (0..self.shape.slots).zip(&self.desk.slots);
         let Some((number, slot)) = slots.find(|(_, slot)| is_free(slot)) else {
-            return refused_with(response::NO_SLOT, SLOTS as u32, 0);
+            return refused_with(response::NO_SLOT, self.shape.slots, 0);
         };
         let claim = slot.claim.load(Relaxed).checked_add(1).unwrap_or(1);
         self.set_claim(number, claim)?;
@@ -214,9 +268,10 @@ impl<'e, W: MemoryWindow, X: Exclusion, const PIECES: usize, const SLOTS: usize>
         refused_with(response::NO_PARAM, 0, 0)
     }
 
-    fn claimed(&self, number: u32, claim: u32) -> Result<&'e Slot<PIECES>, RefusalBlock> {
-        let slot = self.desk.slots.get(number as usize);
-        let is_claimed = |slot: &&Slot<PIECES>| {
+    fn claimed(&self, number: u32, claim: u32) -> Result<&'e Slot<N>, RefusalBlock> {
+        let slots = self.desk.slots.get(..self.shape.slots as usize);
+        let slot = slots.and_then(|slots| slots.get(number as usize));
+        let is_claimed = |slot: &&Slot<N>| {
             slot.incarnation.load(Relaxed) != 0 && slot.claim.load(Relaxed) == claim
         };
         match slot.filter(is_claimed) {
@@ -232,7 +287,7 @@ impl<'e, W: MemoryWindow, X: Exclusion, const PIECES: usize, const SLOTS: usize>
     }
 
     /// Makes a plan of the mask in a slot, each of whose words is read once; returns the words of a row.
-    fn plan(&self, number: u32, plan: &Plan<PIECES>) -> Result<u32, RefusalBlock> {
+    fn plan(&self, number: u32, plan: &Plan<N>) -> Result<u32, RefusalBlock> {
         let mask = self.shape.slot(number) + slot::MASK;
         let (mut entry, mut bits, mut words) = (0, 0, 0);
         let mut pieces = Pieces {
@@ -264,8 +319,8 @@ impl<'e, W: MemoryWindow, X: Exclusion, const PIECES: usize, const SLOTS: usize>
         if used != 0 && bits >> used != 0 {
             return refused_with(response::NO_ENTRY, self.shape.entries, 0);
         }
-        if pieces.count > PIECES {
-            return refused_with(response::SCATTERED, pieces.count as u32, PIECES as u32);
+        if pieces.count > N {
+            return refused_with(response::SCATTERED, pieces.count as u32, N as u32);
         }
         plan.count.store(pieces.count as u32, Relaxed);
         Ok(words)
@@ -273,15 +328,15 @@ impl<'e, W: MemoryWindow, X: Exclusion, const PIECES: usize, const SLOTS: usize>
 }
 
 /// Puts the pieces of a plan together: as few as there can be.
-struct Pieces<'p, const PIECES: usize> {
-    plan: &'p Plan<PIECES>,
+struct Pieces<'p, const N: usize> {
+    plan: &'p Plan<N>,
     /// How many there are, whether or not they had room.
     count: usize,
     /// The last whole blocks: the first, the end, and their words.
     whole: (usize, usize, usize),
 }
 
-impl<const PIECES: usize> Pieces<'_, PIECES> {
+impl<const N: usize> Pieces<'_, N> {
     /// Adds some words of a block that has `len`.
     fn put(&mut self, block: usize, part: Range<usize>, len: usize) {
         if part.is_empty() {
@@ -312,9 +367,7 @@ impl<const PIECES: usize> Pieces<'_, PIECES> {
     }
 }
 
-impl<W, X, const PIECES: usize, const SLOTS: usize> fmt::Debug
-    for VariableServer<'_, W, X, PIECES, SLOTS>
-{
+impl<W, X, const N: usize> fmt::Debug for VariableServer<'_, W, X, N> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("Server")
             .field("offset", &self.offset)

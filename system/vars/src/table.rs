@@ -13,6 +13,20 @@ use crate::sync::{Ordering, fence};
 /// published cell.
 ///
 /// Opening it and reading it write nothing, so the window can be mapped read-only.
+///
+/// ```
+/// use condor_mbox::{MemoryWindow, Region};
+/// use condor_vars::{VariableTable, VariableTableError};
+///
+/// /// Prints the variables and parameters of a table of the processor whose data this is.
+/// fn list(data: &Region<impl MemoryWindow + Clone>, offset: u32) -> Result<(), VariableTableError> {
+///     for entry in VariableTable::open(data, offset)?.entries() {
+///         let entry = entry?;
+///         println!("{} in {}: {}", entry.name, entry.unit, entry.about);
+///     }
+///     Ok(())
+/// }
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct VariableTable<W> {
     region: Region<W>,

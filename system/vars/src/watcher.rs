@@ -12,6 +12,20 @@ use crate::table::{VariableTable, VariableTableError};
 /// Dropping a watcher keeps the slot claimed: give it back with
 /// [`VariableClient::release`](crate::VariableClient::release). If a program ends without doing so, its slot goes
 /// to the next program that claims one.
+///
+/// ```
+/// use condor_mbox::MemoryWindow;
+/// use condor_vars::{ValueKind, WatchError, Watcher};
+///
+/// /// Prints the rows that have come, of a selection of one variable of 64 bits.
+/// fn show(watcher: &mut Watcher<impl MemoryWindow>) -> Result<(), WatchError> {
+///     let mut words = [0; 2];
+///     while let Some(row) = watcher.read(&mut words)? {
+///         println!("tick {}: {:?}, {} rows lost", row.tick, ValueKind::F64.value(words), row.lost);
+///     }
+///     Ok(())
+/// }
+/// ```
 #[derive(Debug)]
 pub struct Watcher<W> {
     table: VariableTable<W>,

@@ -21,12 +21,9 @@ pub enum Offer<'a> {
 
 /// The state that the handler of [`MOTIONS`](super::MOTIONS) and the background of a controller share.
 ///
-/// It serves requests from the processors with numbers below `C`. The other parameters are those of its
-/// [`MotionQueue`].
+/// It serves requests from all processors. The parameters are those of its [`MotionQueue`].
 #[derive(Debug)]
-pub struct MotionsPost<P, const Q: usize, const S: usize, const R: usize, const C: usize>(
-    Mutex<RefCell<MotionsState<P, Q, S, R, C>>>,
-);
+pub struct MotionsPost<P, const N: usize>(Mutex<RefCell<MotionsState<P, N>>>);
 
 /// The state of the abort for which the session in control has asked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -58,13 +55,13 @@ impl Abort {
 
 /// State shared by the handler and the background.
 #[derive(Debug)]
-pub(super) struct MotionsState<P, const Q: usize, const S: usize, const R: usize, const C: usize> {
+pub(super) struct MotionsState<P, const N: usize> {
     /// `None` while the background works on it.
-    pub(super) queue: Option<MotionQueue<P, Q, S, R>>,
+    pub(super) queue: Option<MotionQueue<P, N>>,
     /// At most one offer of each processor.
     pub(super) inbox: Deque<(SessionOwner, MotionRequest), INBOX>,
     /// For each processor the session that was opened for it, or 0 if it is still to be.
-    opened: [Option<u32>; C],
+    opened: [Option<u32>; Processor::MAX_COUNT],
     /// The processor that is the first to get a session.
     next: usize,
     /// The session that took control, of which the controller is to be told.
@@ -74,14 +71,14 @@ pub(super) struct MotionsState<P, const Q: usize, const S: usize, const R: usize
     pub(super) progress: u32,
 }
 
-impl<P, const Q: usize, const S: usize, const R: usize, const C: usize> MotionsPost<P, Q, S, R, C> {
+impl<P, const N: usize> MotionsPost<P, N> {
     /// Makes a post without a queue: a [`MotionsServer`](super::MotionsServer) restores that.
     #[must_use]
     pub const fn new() -> Self {
         Self(Mutex::new(RefCell::new(MotionsState {
             queue: None,
             inbox: Deque::new(),
-            opened: [None; C],
+            opened: [None; Processor::MAX_COUNT],
             next: 0,
             taken_by: None,
             abort: Abort::No,
@@ -117,10 +114,7 @@ impl<P, const Q: usize, const S: usize, const R: usize, const C: usize> MotionsP
     }
 
     /// Runs `work` on the shared state; returns `None` if it is already borrowed.
-    pub(super) fn with<T>(
-        &self,
-        work: impl FnOnce(&mut MotionsState<P, Q, S, R, C>) -> T,
-    ) -> Option<T> {
+    pub(super) fn with<T>(&self, work: impl FnOnce(&mut MotionsState<P, N>) -> T) -> Option<T> {
         critical_section::with(|section| {
             let mut desk = self.0.borrow(section).try_borrow_mut().ok()?;
             Some(work(&mut desk))
@@ -128,9 +122,7 @@ impl<P, const Q: usize, const S: usize, const R: usize, const C: usize> MotionsP
     }
 }
 
-impl<P, const Q: usize, const S: usize, const R: usize, const C: usize> Default
-    for MotionsPost<P, Q, S, R, C>
-{
+impl<P, const N: usize> Default for MotionsPost<P, N> {
     fn default() -> Self {
         Self::new()
     }
@@ -156,15 +148,13 @@ impl MotionRequest {
     }
 }
 
-impl<P, const Q: usize, const S: usize, const R: usize, const C: usize>
-    MotionsState<P, Q, S, R, C>
-{
+impl<P, const N: usize> MotionsState<P, N> {
     /// The processor whose turn it is to get a session, if any asks for one.
     pub(super) fn next_to_open(&mut self) -> Option<Processor> {
         let places = self.opened.iter().enumerate().cycle();
-        let mut places = places.skip(self.next).take(C);
+        let mut places = places.skip(self.next).take(Processor::MAX_COUNT);
         let (place, _) = places.find(|(_, it)| **it == Some(0))?;
-        self.next = (place + 1) % C;
+        self.next = (place + 1) % Processor::MAX_COUNT;
         Some(Processor(place as u8))
     }
 
@@ -182,13 +172,13 @@ impl<P, const Q: usize, const S: usize, const R: usize, const C: usize>
         };
         let (identity, session) = (request.identity(), request.session);
         let done = |session: Option<u32>| MotionResponse::new(Code::Done, session.unwrap_or(0));
-        let is_of_sender = |queue: &MotionQueue<P, Q, S, R>, session| {
+        let is_of_sender = |queue: &MotionQueue<P, N>, session| {
             queue.owner(session) == Some(sender) && !queue.is_closed(session)
         };
         // Whoever asks about a session that is gone is told so.
         let is_of_other = queue.owner(session).is_some() && !is_of_sender(queue, session);
-        let [not_yours, pending] =
-            [Code::NotYours, Code::Pending].map(|code| MotionResponse::new(code, 0));
+        let answer = |code| MotionResponse::new(code, 0);
+        let (not_yours, pending) = (answer(Code::NotYours), answer(Code::Pending));
         let operation = MotionOperation::from_number(request.operation);
         match operation.filter(|_| request.version == VERSION) {
             Some(MotionOperation::Open) => {

@@ -74,8 +74,8 @@ enum Condition {
 /// it is done. Until then nothing begins, nothing is decided, and clients that want something new are told
 /// to ask again.
 #[derive(Debug)]
-pub struct MotionsServer<'p, P, L, const Q: usize, const S: usize, const R: usize, const C: usize> {
-    post: &'p MotionsPost<P, Q, S, R, C>,
+pub struct MotionsServer<'p, P, L, const N: usize> {
+    post: &'p MotionsPost<P, N>,
     store: L,
     condition: Condition,
     /// When a store that could not be read or written is tried again.
@@ -88,11 +88,9 @@ pub struct MotionsServer<'p, P, L, const Q: usize, const S: usize, const R: usiz
     aborting: Option<RefusalReason>,
 }
 
-impl<'p, P, L: LedgerStore, const Q: usize, const S: usize, const R: usize, const C: usize>
-    MotionsServer<'p, P, L, Q, S, R, C>
-{
+impl<'p, P, L: LedgerStore, const N: usize> MotionsServer<'p, P, L, N> {
     /// Makes the server of a post, with a ledger that [`attend`](Self::attend) reads.
-    pub const fn new(post: &'p MotionsPost<P, Q, S, R, C>, store: L) -> Self {
+    pub const fn new(post: &'p MotionsPost<P, N>, store: L) -> Self {
         Self {
             post,
             store,
@@ -167,8 +165,7 @@ impl<'p, P, L: LedgerStore, const Q: usize, const S: usize, const R: usize, cons
             let (sender, request) = offered;
             let identity = request.identity();
             let (post, incarnation) = (self.post, incarnation(sender.processor));
-            let is_there =
-                |desk: &MotionsState<P, Q, S, R, C>| desk.inbox.front() == Some(&offered);
+            let is_there = |desk: &MotionsState<P, N>| desk.inbox.front() == Some(&offered);
             let decided = self.change(|queue, write| {
                 if post.with(|desk| is_there(desk)) != Some(true) {
                     // An abort has come meanwhile.
@@ -250,7 +247,7 @@ impl<'p, P, L: LedgerStore, const Q: usize, const S: usize, const R: usize, cons
     }
 
     /// Looks at the queue; returns `None` if the ledger has not been read.
-    pub fn look<T>(&self, work: impl FnOnce(&MotionQueue<P, Q, S, R>) -> T) -> Option<T> {
+    pub fn look<T>(&self, work: impl FnOnce(&MotionQueue<P, N>) -> T) -> Option<T> {
         self.post
             .with(|desk| desk.queue.as_ref().map(work))
             .flatten()
@@ -266,7 +263,7 @@ impl<'p, P, L: LedgerStore, const Q: usize, const S: usize, const R: usize, cons
     pub fn change<T>(
         &mut self,
         work: impl FnOnce(
-            &mut MotionQueue<P, Q, S, R>,
+            &mut MotionQueue<P, N>,
             &mut dyn FnMut(usize, &LedgerRow) -> Result<(), L::Error>,
         ) -> Result<T, L::Error>,
     ) -> Result<Option<T>, L::Error> {

@@ -6,7 +6,7 @@ use condor_hand::queue::{
     SessionOwner,
 };
 use condor_mbox::{Clock, PeerState, Processor};
-use condor_rt::{Background, FilesOf, Machine, MailboxOf, PROCESSORS};
+use condor_rt::{Background, FilesOf, Machine, MailboxOf};
 
 use super::drive::ALL;
 use super::play::Title;
@@ -16,18 +16,14 @@ mod ledger;
 
 use ledger::LedgerFile;
 
-/// Requests that wait for their turn.
-const WAITING: usize = 4;
-/// Clients with a session, the terminal among them.
-const SESSIONS: usize = 16;
-/// Requests whose outcome is known.
-const REMEMBERED: usize = 32;
+/// Requests that wait for their turn; the outcomes of four times as many are known. Twice as many
+/// clients have a session, the terminal among them.
+const WAITING: usize = 8;
 
-type Queue = MotionQueue<Work, WAITING, SESSIONS, REMEMBERED>;
+type Queue = MotionQueue<Work, WAITING>;
 /// Where the handler of messages about the queue and the background meet.
-pub(super) type Post = MotionsPost<Work, WAITING, SESSIONS, REMEMBERED, PROCESSORS>;
-type Server<'r, M> =
-    MotionsServer<'r, Work, LedgerFile<'r, M>, WAITING, SESSIONS, REMEMBERED, PROCESSORS>;
+pub(super) type Post = MotionsPost<Work, WAITING>;
+type Server<'r, M> = MotionsServer<'r, Work, LedgerFile<'r, M>, WAITING>;
 
 /// What a request is to do.
 #[derive(Clone, Debug)]

@@ -3,8 +3,10 @@
 use std::sync::Arc;
 
 use condor_mbox::window::{WindowError, WindowErrorKind, check_access};
-use condor_mbox::{Exclusion, LoadOrder, MemoryWindow, Places, Processor, Region, StoreOrder};
-use condor_vars::{Catalog, Desk, Respond, Sampler, Server, Settings, Table, Watcher};
+use condor_mbox::{Allocator, Exclusion, LoadOrder, MemoryWindow, Processor, Region, StoreOrder};
+use condor_vars::{
+    Catalog, Respond, Sampler, Selections, VariableServer, VariableSettings, VariableTable, Watcher,
+};
 use loom::sync::Mutex;
 use loom::sync::atomic::{AtomicU32, Ordering};
 
@@ -79,8 +81,8 @@ impl Exclusion for Section {
     }
 }
 
-pub(crate) type Loop = Sampler<'static, Memory, 2, 2, 1>;
-pub(crate) type Handler = Server<'static, Memory, Section, 2, 1>;
+pub(crate) type Loop = Sampler<'static, Memory, 2>;
+pub(crate) type Handler = VariableServer<'static, Memory, Section, 2>;
 
 /// Opens a table of 2 rows of everything for one watcher, who has claimed its slot.
 pub(crate) fn open(
@@ -89,10 +91,14 @@ pub(crate) fn open(
     incarnation: &'static (dyn Fn(Processor) -> u32 + Sync),
 ) -> (Handler, Loop, Watcher<Memory>) {
     let region = Region::whole(memory.clone());
-    let mut places = Places::new(BYTES);
-    let desk = Box::leak(Box::new(Desk::new()));
+    let mut places = Allocator::new(BYTES);
+    let desk = Box::leak(Box::new(Selections::new()));
     let rate = (400, 1);
-    let settings = Settings { rate, rows: 2 };
+    let settings = VariableSettings {
+        rate,
+        rows: 2,
+        watchers: 1,
+    };
     let section = Section(Mutex::new(()));
     let (server, sampler) = desk
         .open(
@@ -104,7 +110,7 @@ pub(crate) fn open(
             incarnation,
         )
         .unwrap();
-    let table = Table::open(&region, 0).unwrap();
+    let table = VariableTable::open(&region, 0).unwrap();
     let [code, slot, claim, ..] = ask(&server, [1, 0, table.incarnation(), 0, 0, 0, 0, 0]);
     assert_eq!(code, 0);
     (server, sampler, Watcher::new(table, slot, claim).unwrap())

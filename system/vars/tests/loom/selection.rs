@@ -116,9 +116,9 @@ fn a_displaced_watcher_gets_no_row_of_the_next() {
         let is_seen = |offset| (192..208).contains(&offset) || offset == 336;
         let memory = Memory::new(is_seen);
         let incarnation: &'static AtomicU32 = Box::leak(Box::new(AtomicU32::new(1)));
-        let incarnation = Box::leak(Box::new(|_| incarnation.load(Ordering::Relaxed)));
+        let incarnation_of = Box::leak(Box::new(|_| incarnation.load(Ordering::Relaxed)));
         let (server, mut sampler, mut former) =
-            open(Catalog::new(shown, &[]), &memory, incarnation);
+            open(Catalog::new(shown, &[]), &memory, incarnation_of);
         let (selection, words) = select(&server, &mut former, &[0]).unwrap();
         former.follow(selection, words);
         sampler.begin().unwrap();

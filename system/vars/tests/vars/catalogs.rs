@@ -9,7 +9,7 @@ use condor_mbox::{
 };
 use condor_vars::{
     Catalog, CatalogError, Param, Respond, Selections, Tune, ValueKind, Var, VarDescription,
-    VariableSettings, VariableTable, Vars, Watch, Watcher,
+    VariableSettings, VariableTable, Vars, Watch,
 };
 
 const LONG: &str = "a name of more than sixty-four bytes, which is longer than any table can hold";
@@ -139,18 +139,50 @@ fn every_selection_is_copied() {
     }
 }
 
+#[test]
+fn what_is_over_the_capacity_is_refused_with_its_number() {
+    let memory: Box<StaticMemory<8192>> = Box::default();
+    let region: Region<StaticWindow<'_>> = Region::whole(memory.window());
+    let one = Var::<u32>::new("one", "");
+    let open = |shown: &[&dyn Watch], watchers| {
+        let settings = VariableSettings {
+            rate: (400, 1),
+            rows: 2,
+            watchers,
+        };
+        let mut places = Allocator::new(region.size());
+        let catalog = Catalog::new(shown, &[]);
+        let mut memory = Selections::<1>::new();
+        let opened = memory.open(
+            catalog,
+            &region,
+            &mut places,
+            &settings,
+            CriticalSection,
+            &|_| 1,
+        );
+        opened.map(drop).map_err(|error| error.to_string())
+    };
+    assert_eq!(open(&[&one, &one, &one], 4), Ok(()));
+    let many = "4 blocks of variables; 3 is the most".to_owned();
+    assert_eq!(open(&[&one, &one, &one, &one], 4), Err(many));
+    let watchers = "5 watchers; 4 is the most".to_owned();
+    assert_eq!(open(&[&one], 5), Err(watchers));
+}
+
 /// The words of a row of these entries.
 fn sample(shown: &[&dyn Watch], entries: &[u32]) -> Vec<u32> {
     let memory: Box<StaticMemory<8192>> = Box::default();
     let region: Region<StaticWindow<'_>> = Region::whole(memory.window());
-    let mut desk = Selections::<40, 1>::new();
+    let mut desk = Selections::<40>::new();
     let settings = VariableSettings {
         rate: (400, 1),
         rows: 2,
+        watchers: 1,
     };
     let mut places = Allocator::new(region.size());
     let (server, mut sampler) = desk
-        .open::<_, _, 32>(
+        .open(
             Catalog::new(shown, &[]),
             &region,
             &mut places,
@@ -159,18 +191,11 @@ fn sample(shown: &[&dyn Watch], entries: &[u32]) -> Vec<u32> {
             &|_| 1,
         )
         .unwrap();
-    let [code, slot, claim, ..] = server.respond(Processor(1), &[1, 0, 1, 0, 0, 0, 0, 0]);
-    assert_eq!(code, 0);
-    let table = VariableTable::open(&region, 0).unwrap();
-    let mut watcher = Watcher::new(table, slot, claim).unwrap();
-    let words = watcher.choose(entries).unwrap();
-    let [code, selection, found, ..] =
-        server.respond(Processor(1), &[2, 0, 1, slot, claim, 1, 0, 0]);
-    assert_eq!((code, found), (0, words));
-    watcher.follow(selection, words);
+    let table = VariableTable::open(&region, server.offset()).unwrap();
+    let mut watcher = server.watch(&table, Processor(0), entries, 1).unwrap();
     sampler.begin().unwrap();
     sampler.end(0, Instant::from_ns(0)).unwrap();
-    let mut values = vec![0; words as usize];
+    let mut values = vec![0; watcher.words()];
     watcher.read(&mut values).unwrap().unwrap();
     values
 }

@@ -83,8 +83,8 @@ impl MemoryWindow for Haunted<'_> {
     }
 }
 
-type Handler<'e> = VariableServer<'e, SimWindow, CriticalSection, 2, 2>;
-type Loop<'e> = Sampler<'e, SimWindow, 3, 2, 2>;
+type Handler<'e> = VariableServer<'e, SimWindow, CriticalSection, 2>;
+type Loop<'e> = Sampler<'e, SimWindow, 2>;
 
 /// Runs a script.
 ///
@@ -104,7 +104,7 @@ pub(crate) fn run(bytes: &[u8]) {
     let param = Param::<i8>::new("param", "", 0, -5..=5);
     let (watched, params): ([&dyn Watch; 2], [&dyn Tune; 1]) = ([&pair, &long], [&param]);
     let catalog = Catalog::new(&watched, &params);
-    let mut desk = Selections::<2, 2>::new();
+    let mut desk = Selections::<2>::new();
     let own = Region::whole(window.clone());
     let table_bytes = catalog.bytes(2, 2).unwrap();
     for at in (OFFSET..OFFSET + table_bytes).step_by(4) {
@@ -115,6 +115,7 @@ pub(crate) fn run(bytes: &[u8]) {
     let settings = VariableSettings {
         rate: (400, 1),
         rows: 2,
+        watchers: 2,
     };
     let (server, sampler): (Handler<'_>, Loop<'_>) = desk
         .open(

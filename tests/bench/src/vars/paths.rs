@@ -13,7 +13,7 @@ use crate::Result;
 /// How many variables a tick sets.
 pub(super) const SET: usize = 16;
 
-type Loop = Sampler<'static, StaticWindow<'static>, SET, 8, 4>;
+type Loop = Sampler<'static, StaticWindow<'static>, SET>;
 
 static NARROW: [Var<f32>; SET] = [const { Var::new("narrow", "rad") }; SET];
 static WIDE: [Var<f64>; SET] = [const { Var::new("wide", "rad") }; SET];
@@ -96,6 +96,7 @@ fn begin() -> Result<Loop> {
     let settings = VariableSettings {
         rate: (1000, 1),
         rows: 8,
+        watchers: 4,
     };
     let mut places = Allocator::new(region.size());
     let lives = &|_| 1;

@@ -6,8 +6,7 @@ use std::sync::atomic::Ordering;
 use condor_mbox::linux::{LinuxSystem, LinuxWindow};
 use condor_mbox::{Allocator, CriticalSection, Instant, MemoryWindow as _, Processor};
 use condor_vars::{
-    Catalog, Respond as _, Sampler, Scalar, Selections, Var, VariableSettings, VariableTable, Vars,
-    Watch, Watcher,
+    Catalog, Sampler, Scalar, Selections, Var, VariableSettings, VariableTable, Vars, Watch,
 };
 
 use crate::Result;
@@ -38,7 +37,7 @@ const TICKS: usize = 300;
 /// Room for the table and the ring of 2 500 variables of 64 bits.
 const BYTES: u32 = 640_000;
 
-type Loop<const SOURCES: usize> = Sampler<'static, LinuxWindow, SOURCES, 32, 1>;
+type Loop<const SOURCES: usize> = Sampler<'static, LinuxWindow, SOURCES>;
 
 /// A ring of plain memory.
 struct Plain {
@@ -124,26 +123,22 @@ fn begin<V: Watch, const SOURCES: usize>(variables: &'static [V]) -> Result<Loop
         .claim(Processor(0))?
         .region(Processor(0))?;
     let desk = Box::leak(Box::new(Selections::new()));
-    let rate = (1000, 1);
-    let rows = ROWS as u32;
+    let settings = VariableSettings {
+        rate: (1000, 1),
+        rows: ROWS as u32,
+        watchers: 1,
+    };
     let (server, mut sampler) = desk.open(
         catalog,
         &region,
         &mut Allocator::new(region.size()),
-        &VariableSettings { rate, rows },
+        &settings,
         CriticalSection,
         &|_| 1,
     )?;
     let table = VariableTable::open(&region, 0)?;
-    let ask = |request| match server.respond(Processor(1), &request) {
-        [0, first, second, ..] => Ok((first, second)),
-        [code, ..] => Err(format!("response {code}")),
-    };
-    let (slot, claim) = ask([1, 0, table.incarnation(), 0, 0, 0, 0, 0])?;
     let all: Vec<u32> = (0..table.len()).collect();
-    let mut watcher = Watcher::new(table, slot, claim).ok_or("no slot")?;
-    watcher.choose(&all)?;
-    ask([2, 0, watcher.table().incarnation(), slot, claim, 1, 0, 0])?;
+    server.watch(&table, Processor(0), &all, 1)?;
     sampler.begin()?;
     Ok(sampler)
 }

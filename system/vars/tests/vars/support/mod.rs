@@ -17,15 +17,15 @@ use condor_vars::{
 pub(crate) const OWNER: Processor = Processor(0);
 pub(crate) const PROCESSORS: usize = 4;
 pub(crate) const SLOTS: usize = 2;
-pub(crate) const PIECES: usize = 8;
+const CAPACITY: usize = 8;
 pub(crate) const TIMEOUT: Duration = Duration::from_millis(5);
 const BYTES: u32 = 1 << 14;
 
 pub(crate) type Window = SimWindow;
 pub(crate) type Post = SimMailbox<'static, PROCESSORS>;
 pub(crate) type Asker<'m> = VariableClient<'m, Post, Window>;
-pub(crate) type Loop = Sampler<'static, Window, 8, PIECES, SLOTS>;
-type Handler = VariableServer<'static, Window, CriticalSection, PIECES, SLOTS>;
+pub(crate) type Loop = Sampler<'static, Window, CAPACITY>;
+type Handler = VariableServer<'static, Window, CriticalSection, CAPACITY>;
 
 /// A system in virtual time. What its owner's mailbox borrows is never freed.
 pub(crate) struct Rig {
@@ -78,7 +78,12 @@ impl Rig {
         let mut places = Allocator::new(own.size());
         let desk = Box::leak(Box::new(Selections::new()));
         let rate = (400, 1);
-        let settings = VariableSettings { rate, rows };
+        let watchers = SLOTS as u32;
+        let settings = VariableSettings {
+            rate,
+            rows,
+            watchers,
+        };
         let (server, sampler) = desk
             .open(
                 catalog,
