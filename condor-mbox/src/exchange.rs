@@ -23,10 +23,10 @@ const REFUSED: u32 = 0;
 /// Sends requests of type `Q` and gets responses of type `R`, through a block in the sender's own
 /// `data`.
 ///
-/// The block contains the request and, at the next cache line, the response; the message is the
-/// block's offset. A block holds one request at a time. After a time-out the receiver may still
-/// write to the block, so the exchange refuses further requests until the late reply has come or
-/// the receiver is known to have ended. The receiver calls [`answer`].
+/// The block contains the request and, at the next cache line, the response; the message is the block's offset.
+/// A block holds one request at a time. After a timeout the receiver may still write to the block, so the
+/// exchange refuses further requests until the late reply has come or the receiver is known to have ended. The
+/// receiver calls [`answer`].
 ///
 /// ```
 /// use std::time::Duration;

@@ -336,12 +336,13 @@ impl OpenDirectory {
     }
 }
 
-/// Gives a new file its size in bytes, and its memory now: where that runs short later, whoever maps the file dies of
-/// a bus error. Where the file system cannot allocate memory in advance, the file only gets its size.
+/// Sets the size of a new file to `bytes` and reserves its memory now: if memory ran short later, every program
+/// that maps the file would be killed by a bus error. If the filesystem cannot allocate memory in advance, only
+/// the size is set.
 ///
 /// # Errors
-/// The error of the operating system, of the kind [`StorageFull`](io::ErrorKind::StorageFull) if there is too little
-/// memory.
+/// Returns the error of the operating system if the size cannot be set, of the kind
+/// [`StorageFull`](io::ErrorKind::StorageFull) if there is too little memory.
 pub fn allocate(file: impl AsFd, bytes: u64) -> io::Result<()> {
     Ok(fill(file, bytes)?)
 }

@@ -79,9 +79,8 @@ impl<const N: usize> LinuxSystem<N> {
     /// system is [passed](Self::pass_to) may run in another directory. The last part of `path` must
     /// not be a symbolic link.
     ///
-    /// Files get the permissions of the directory, except execution. The file system must support
-    /// locks, shared mappings and unnamed files (`O_TMPFILE`), as tmpfs and the usual disk file
-    /// systems do.
+    /// Files get the permissions of the directory, except execution. The filesystem must support locks, shared
+    /// mappings and unnamed files (`O_TMPFILE`), as tmpfs and the usual disk filesystems do.
     ///
     /// # Errors
     /// [`SystemError::BadDataSize`] if the size is not one of whole words,
@@ -95,11 +94,10 @@ impl<const N: usize> LinuxSystem<N> {
     /// Returns the system whose windows lie in one file, which may contain more: for example the
     /// memory of another machine.
     ///
-    /// The directory `path`, which is created if it does not exist, has everything else that
-    /// processes need: the files that are locked, the bells, and a file `system`, which says where
-    /// the windows are. From then on [`at`](Self::at) finds the system there, in this process and
-    /// in any other. Call this before any program uses `path` by `at`: a system that began with
-    /// files of its own keeps them.
+    /// The directory `path`, which is created if it does not exist, has everything else that processes need:
+    /// the files that are locked, the doorbells, and a file `system`, which says where the windows are. From
+    /// then on [`at`](Self::at) finds the system there, in this process and in any other. Call this before any
+    /// program uses `path` by `at`: a system that began with files of its own keeps them.
     ///
     /// If others may write the directory, a `system` file that names a memory is accepted only if
     /// this user, root or the owner of the directory wrote it, because it tells this process which

@@ -76,7 +76,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
     /// messages arrive.
     ///
     /// # Errors
-    /// [`MailboxError::Window`] if the own memory cannot be accessed.
+    /// [`MailboxError::Window`] if this mailbox's own memory cannot be accessed.
     pub fn join(&mut self) -> Result<(), MailboxError> {
         let own = self.own()?;
         own.store(
@@ -123,7 +123,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
     /// to another number ends.
     ///
     /// # Errors
-    /// [`MailboxError::Window`] if the own memory cannot be accessed.
+    /// [`MailboxError::Window`] if this mailbox's own memory cannot be accessed.
     pub fn leave(&mut self) -> Result<(), MailboxError> {
         self.incarnation.set(0);
         let own = self.own()?;

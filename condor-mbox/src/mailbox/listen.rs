@@ -63,9 +63,9 @@ impl<const N: usize> Listening<N> {
 }
 
 impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
-    /// Makes this mailbox listen to `number`: from the return of this call on, it gets every
-    /// message to `number` beside the holder of that number. The own handler for the vector runs,
-    /// if there is one, and its result is dropped; only the holder replies.
+    /// Makes this mailbox listen to `number`: from the return of this call on, it receives every message to
+    /// `number`, as the holder of that number does. This mailbox's handler for the vector runs, if there is
+    /// one, and its result is dropped; only the holder replies.
     ///
     /// Senders wait for a listener as they wait for the holder, within their deadline. A listener
     /// that does not keep up loses messages, which [`missed`](Self::missed) counts; servo loops do
@@ -113,9 +113,10 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
     ///
     /// # Errors
     /// [`MailboxError::NoSuchProcessor`] if there is no such number, [`MailboxError::ListensToItself`] if it is
-    /// the own one, [`MailboxError::NotJoined`] if this mailbox has not joined; [`MailboxError::TimedOut`] or
-    /// [`MailboxError::Stalled`] if the holder does not admit this mailbox in time; [`MailboxError::PeerDied`],
-    /// [`MailboxError::PeerLeft`] or [`MailboxError::PeerRestarted`] if the holder ends.
+    /// this mailbox's number, [`MailboxError::NotJoined`] if this mailbox has not joined;
+    /// [`MailboxError::TimedOut`] or [`MailboxError::Stalled`] if the holder does not admit this mailbox in
+    /// time; [`MailboxError::PeerDied`], [`MailboxError::PeerLeft`] or [`MailboxError::PeerRestarted`] if the
+    /// holder ends.
     pub fn listen(
         &mut self,
         number: Option<Processor>,

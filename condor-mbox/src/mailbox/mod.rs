@@ -102,18 +102,18 @@ pub struct Mailbox<'v, B: Backend, const N: usize> {
 /// The state of another processor, as far as it is known at this moment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PeerState {
-    /// It has never joined, or has left.
+    /// The processor has never joined, or has left.
     Absent,
-    /// It is beginning a new incarnation.
+    /// The processor is beginning a new incarnation.
     Joining,
-    /// It has joined, and has not been seen to die.
+    /// The processor has joined, and has not been seen to die.
     Up {
         /// Its present incarnation: a number that changes each time it joins.
         incarnation: u32,
         /// Whether both sides have acknowledged each other, so that messages pass.
         connected: bool,
     },
-    /// It joined, and its program ended without leaving.
+    /// The processor joined, and its program ended without leaving.
     Dead {
         /// The incarnation that has ended.
         incarnation: u32,

@@ -163,12 +163,11 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         })
     }
 
-    /// Increments the heartbeat, which shows others that this processor is not stuck. Every call
-    /// that serves or waits does so. A background that does neither, because an interrupt serves,
-    /// calls this.
+    /// Increments the heartbeat, which shows others that this processor is not stuck. Every call that serves or
+    /// waits does so. Call this from a background that does neither, because an interrupt serves.
     ///
     /// # Errors
-    /// [`MailboxError::Window`] if the own memory is gone.
+    /// [`MailboxError::Window`] if this mailbox's own memory is gone.
     #[inline(always)]
     pub fn beat(&self) -> Result<(), MailboxError> {
         let beat = self.beats.get().wrapping_add(1);

@@ -88,15 +88,14 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         self.waiting = waiting;
     }
 
-    /// Asks senders to ring the doorbell for every message, even if nobody waits here; `false` ends
-    /// this.
+    /// Asks senders to ring the doorbell for every message, even if nothing waits here; `false` ends this.
     ///
-    /// It is for a processor that [serves](super::Messenger::serve) from its mailbox interrupt, and
-    /// for a program that watches its doorbell's descriptor in an event loop. The own doorbell is
-    /// rung once at once, for messages that were sent before.
+    /// Call it on a processor that [serves](super::Messenger::serve) from its mailbox interrupt, and in a
+    /// program that watches its doorbell's descriptor in an event loop. This processor's own doorbell is rung
+    /// once at once, for messages that were sent before.
     ///
     /// # Errors
-    /// [`MailboxError::Window`] if the own memory cannot be accessed.
+    /// [`MailboxError::Window`] if this mailbox's own memory cannot be accessed.
     pub fn ring_always(&mut self, always: bool) -> Result<(), MailboxError> {
         let step = match (self.always, always) {
             (false, true) => 1,
@@ -114,8 +113,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
     /// Waits until `peer` has joined and messages pass both ways, for at most `timeout`, and serves
     /// meanwhile; returns the peer's incarnation.
     ///
-    /// With `former`, it waits for an incarnation other than that one: for a peer that is to
-    /// restart.
+    /// With `former`, it waits for an incarnation other than that one: for a peer that is about to restart.
     ///
     /// # Errors
     /// [`MailboxError::NotConnected`] after `timeout`; [`MailboxError::NoSuchProcessor`] if there is no such

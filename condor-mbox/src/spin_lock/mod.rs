@@ -322,7 +322,7 @@ pub trait TestAndSet {
     /// Begins to compete; returns `false` if another context of this processor competes already.
     ///
     /// # Errors
-    /// The kind of the window's error.
+    /// Returns the kind of the window's error if an access fails.
     fn compete(
         &self,
         me: LockOwner,
@@ -337,7 +337,7 @@ pub trait TestAndSet {
     /// `withdraw` is called.
     ///
     /// # Errors
-    /// The kind of the window's error.
+    /// Returns the kind of the window's error if an access fails.
     fn take(
         &self,
         from: Option<LockOwner>,
@@ -348,7 +348,7 @@ pub trait TestAndSet {
     /// Stops competing for `me`, which has not got the lock.
     ///
     /// # Errors
-    /// The kind of the window's error.
+    /// Returns the kind of the window's error if an access fails.
     fn withdraw(&self, me: LockOwner) -> Result<(), WindowErrorKind> {
         let _ = me;
         Ok(())
@@ -357,7 +357,7 @@ pub trait TestAndSet {
     /// Releases the lock if `me` is still its owner.
     ///
     /// # Errors
-    /// The kind of the window's error.
+    /// Returns the kind of the window's error if an access fails.
     fn release(&self, me: LockOwner) -> Result<(), WindowErrorKind>;
 }
 
