@@ -111,7 +111,7 @@ pub struct Unit<D> {
     pub(crate) place: Location,
     pub(crate) driver: D,
     presence: AtomicU8,
-    /// How many descriptors are open, with [`EXCLUSIVE`] and [`CHANGING`].
+    /// The number of open descriptors, with [`EXCLUSIVE`] and [`CHANGING`].
     opens: AtomicU16,
 }
 

@@ -83,7 +83,7 @@ impl As5600 {
     /// Returns the angle in 4096ths of a turn, whatever the range is.
     ///
     /// # Errors
-    /// The bus's error if an access fails.
+    /// Returns the bus's error if an access fails.
     pub fn raw_angle<B: Bus>(&self, registers: Registers<'_, B>) -> Result<u16, B::Error> {
         Self::word(registers, register::RAW_ANGLE)
     }
@@ -93,7 +93,7 @@ impl As5600 {
     /// 22, "Angle Programming").
     ///
     /// # Errors
-    /// The bus's error if an access fails.
+    /// Returns the bus's error if an access fails.
     pub fn set_range<B: Bus>(
         &self,
         registers: Registers<'_, B>,
@@ -113,7 +113,7 @@ impl As5600 {
     /// Returns the state of the chip's magnet.
     ///
     /// # Errors
-    /// The bus's error if an access fails.
+    /// Returns the bus's error if an access fails.
     pub fn magnet<B: Bus>(&self, registers: Registers<'_, B>) -> Result<Magnet, B::Error> {
         let status = registers.read8(register::STATUS)?;
         Ok(Magnet {

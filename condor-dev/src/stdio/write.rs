@@ -146,7 +146,7 @@ impl<W: Write, const N: usize> BufWriter<W, N> {
                 Err(error) => break error,
             }
         };
-        // What is left moves to the front.
+        // The remaining bytes move to the front.
         for at in written..self.held {
             let byte = self.buffer.get(at).copied().unwrap_or_default();
             if let Some(place) = self.buffer.get_mut(at - written) {
