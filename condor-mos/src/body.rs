@@ -32,8 +32,8 @@ impl<I: CounterReading> LoopBody<I> {
 
     /// A function that is given `context` for as long as it is called.
     pub(crate) fn of_function<C: Send>(function: fn(&mut C, I), context: &mut C) -> Self {
-        // SAFETY: `&mut C` and `*mut ()` are ABI-compatible, as `C` is `Sized`; whoever calls
-        // gives a pointer to a `C`, and calls an unsafe function.
+        // SAFETY: `&mut C` and `*mut ()` are ABI-compatible, as `C` is `Sized`; every caller passes a pointer
+        // to a `C`, and calls an unsafe function.
         let call =
             unsafe { core::mem::transmute::<fn(&mut C, I), unsafe fn(*mut (), I)>(function) };
         Self {
