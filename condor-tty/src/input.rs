@@ -28,7 +28,7 @@ pub enum InputResult {
     Full,
 }
 
-/// What is shown for a character: the first bytes of `text`, so many times.
+/// The echo of a character: the first bytes of `text`, so many times.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Echo {
     text: [u8; 4],
@@ -340,7 +340,7 @@ impl<const N: usize> Input<N> {
                 return (count + 1, true);
             }
         }
-        // What ends the line here is not the end of the file to the next read.
+        // A mark that ends the line here is not the end of the file to the next read.
         let ends = self.next().is_some_and(|next| next & END_OF_FILE != 0);
         self.read.set(self.read.get().wrapping_add(u32::from(ends)));
         (into.len(), ends)
