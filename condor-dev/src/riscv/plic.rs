@@ -158,7 +158,7 @@ impl<B: Bus> InterruptController for Plic<B> {
 
     fn disable(&self, vector: InterruptVector) {
         if self.is_source(vector) {
-            // As above.
+            // A PLIC that does not answer has no interrupts to stop.
             let _ = critical_section::with(|_| self.switch(vector, false));
         }
     }
@@ -173,7 +173,7 @@ impl<B: Bus> InterruptController for Plic<B> {
 
     fn complete(&self, vector: InterruptVector) {
         if self.is_source(vector) {
-            // As above.
+            // A PLIC that does not answer has nothing to complete.
             let _ = critical_section::with(|_| self.try_complete(vector));
         }
     }

@@ -67,7 +67,7 @@ impl<W: Write, const N: usize> BufferedOutput<W, N> {
     /// Sets the writer, which stays for the whole program.
     ///
     /// # Errors
-    /// Returns the given writer if the output has one already, or if another context is using it.
+    /// Returns `writer` if the output has one already, or if another context is using it.
     pub fn open(&self, writer: W) -> Result<(), W> {
         match self.writer.claim() {
             Some(mut place) if place.is_none() => {
