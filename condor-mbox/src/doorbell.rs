@@ -49,7 +49,7 @@ pub trait Doorbell: Clock {
     /// time to pass, or for any processor.
     fn wait(&self, seen: Self::Seen, until: Instant, whom: Option<Processor>);
 
-    /// Returns whether rings can be relied upon: every message rings, no ring is lost, and the end of
+    /// Returns true if rings can be relied upon: every message rings, no ring is lost, and the end of
     /// a program rings the processors that may wait for it. The result never changes.
     ///
     /// A mailbox then rings for every message, whether its receiver waits or not, and sleeps until
@@ -58,7 +58,7 @@ pub trait Doorbell: Clock {
         false
     }
 
-    /// Returns whether a message of `sender` ends [`Messenger::serve`](crate::Messenger::serve).
+    /// Returns true if a message of `sender` ends [`Messenger::serve`](crate::Messenger::serve).
     ///
     /// It does not where a program must run alike whenever `sender` sends: the message is served,
     /// and the wait goes on.

@@ -208,7 +208,7 @@ where
     }
 }
 
-/// Where the response begins in a block at `offset`: on the line after the request.
+/// Returns the offset of the response in a block at `offset`: it begins on the line after the request.
 const fn response_at<Q>(offset: u32) -> u32 {
     // A block that would reach past the end of all windows is refused at its first access.
     offset.saturating_add((size_of::<Q>() as u32).div_ceil(LINE).saturating_mul(LINE))

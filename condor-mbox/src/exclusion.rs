@@ -23,7 +23,7 @@ pub trait Exclusion {
     /// Runs `body` as a critical section.
     fn with<R>(&self, body: impl FnOnce() -> R) -> R;
 
-    /// Returns whether the calling context may take messages. While it runs a handler, it may call
+    /// Returns true if the calling context may take messages. While it runs a handler, it may call
     /// this again; it calls [`end_serving`](Self::end_serving) once for each time that this
     /// returned true.
     fn begin_serving(&self) -> bool {

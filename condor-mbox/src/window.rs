@@ -175,7 +175,7 @@ pub trait MemoryWindow {
         None
     }
 
-    /// Returns whether all processors see the same memory without [`clean`](Self::clean) and
+    /// Returns true if all processors see the same memory without [`clean`](Self::clean) and
     /// [`invalidate`](Self::invalidate). The answer never changes.
     fn is_coherent(&self) -> bool {
         true

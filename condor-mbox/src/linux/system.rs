@@ -25,7 +25,7 @@ use crate::layout;
 
 /// The environment variable in which a system is passed to a child.
 const VARIABLE: &str = "CONDOR_SYSTEM";
-/// How often a claim begins anew because the directory was removed under it.
+/// The number of times that a claim begins anew because the directory was removed under it.
 const ATTEMPTS: u32 = 16;
 
 /// A system of `N` processors, at most [`Processor::MAX_COUNT`], and the place of its memory. The
@@ -43,7 +43,7 @@ enum Home {
     Directory {
         path: PathBuf,
         own: bool,
-        /// Where the windows are, if not in files of the directory; boxed, as most have none.
+        /// The place of the windows, if not in files of the directory; boxed, as most have none.
         memory: Option<Box<Memory>>,
     },
     Family(Arc<Family>),

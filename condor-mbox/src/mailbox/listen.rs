@@ -22,7 +22,7 @@ use crate::mail::{At, Entry};
 use crate::time::{Clock as _, Instant};
 use crate::window::{LoadOrder, StoreOrder};
 
-/// What a mailbox remembers of the number it listens to.
+/// The notes of a mailbox about the number that it listens to.
 pub(super) struct Listening<const N: usize> {
     /// That number plus one; 0 while it listens to none.
     to: Word,
@@ -39,7 +39,7 @@ struct ListenerProgress {
     missed: Word,
 }
 
-/// What a look for the next message of one sender found.
+/// The result of a look for the next message of one sender.
 enum Look {
     Heard(Entry),
     /// The sender was faster; what is still there comes next.
@@ -169,9 +169,9 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
             heard.missed.set(0);
             // A sender whose memory is gone sends nothing; it is heard from its next incarnation on.
             let present = sender.load_present().unwrap_or(JOINING);
-            // What the holder has taken by now was sent before. Its count is of this incarnation of
-            // the sender only once it has acknowledged that. Acquire: pairs with the Release store
-            // in `acknowledge`.
+            // The messages that the holder has taken by now were sent before. Its count is of this incarnation
+            // of the sender only once it has acknowledged that. Acquire: pairs with the Release store in
+            // `acknowledge`.
             let word = |offset| peer.mail().load(offset, LoadOrder::Acquire);
             let taken = if word(sender.ours.acknowledged())? == present {
                 word(sender.ours.taken())?
@@ -270,8 +270,8 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         keep_up
     }
 
-    /// How many requests in `epoch` up to `sequence` the listener has not taken; 0 if it has not
-    /// begun to hear this epoch, or its memory is gone.
+    /// Returns the number of requests in `epoch` up to `sequence` that the listener has not taken; 0 if it has
+    /// not begun to hear this epoch, or its memory is gone.
     fn untaken_by(&self, listener: &Peer<B::Window, N>, epoch: u32, sequence: u32) -> u32 {
         let at = At::heard_epoch(self.me);
         // Acquire: pairs with the Release stores in `start_hearing` and `hear_alone`.

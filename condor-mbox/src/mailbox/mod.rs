@@ -70,8 +70,8 @@ use peer::{Peer, Word};
 /// |---|---|
 /// | background | everything |
 /// | handler | everything in its [`Call`], whose waits end with the wait that serves it |
-/// | interrupt | [`serve`](Messenger::serve), [`send`](Messenger::send) with a time-out of zero |
-/// | servo loop | [`send`](Messenger::send) and [`begin`](Messenger::begin) with a time-out of zero, and [`MessageTicket::poll`] |
+/// | interrupt | [`serve`](Messenger::serve), [`send`](Messenger::send) with a timeout of zero |
+/// | servo loop | [`send`](Messenger::send) and [`begin`](Messenger::begin) with a timeout of zero, and [`MessageTicket::poll`] |
 pub struct Mailbox<'v, B: Backend, const N: usize> {
     me: Processor,
     doorbell: B::Doorbell,
@@ -213,7 +213,7 @@ impl<B: Backend, const N: usize> Incarnations for Mailbox<'_, B, N> {
         let Some(Ok(peer)) = owner.processor().map(|number| self.peer(number)) else {
             return false;
         };
-        // Memory that is gone is no evidence that the program is.
+        // Memory that is gone does not show that the program is.
         match peer.load_present() {
             Ok(present) if !owner.is_incarnation(present) => false,
             _ => self.doorbell.evidence(peer.number) != Evidence::Dead,

@@ -31,9 +31,9 @@ impl Word {
 pub(super) struct Peer<W, const N: usize> {
     pub(super) number: Processor,
     pub(super) windows: Windows<W>,
-    /// Where our pair with the peer begins in our `mail`.
+    /// The place where our pair with the peer begins in our `mail`.
     pub(super) ours: Pair<N>,
-    /// Where its pair with us begins in its `mail`.
+    /// The place where its pair with us begins in its `mail`.
     pub(super) theirs: Pair<N>,
     /// The incarnation of the peer that everything below belongs to; 0 while it has none.
     pub(super) incarnation: Word,
@@ -165,7 +165,7 @@ impl<W: MemoryWindow, const N: usize> Peer<W, N> {
         }
     }
 
-    /// Gives up reply cell `cell` of a call in the present epoch.
+    /// Frees reply cell `cell` of a call in the present epoch.
     #[inline(always)]
     pub(super) fn release(&self, cell: u32) {
         let kept = !(1 << (cell % SLOTS));

@@ -15,13 +15,13 @@ use crate::sync::{Ordering, fence};
 use crate::time::{Clock as _, Instant};
 use crate::window::{LoadOrder, StoreOrder};
 
-/// How often a waiter asks the platform whether the peer it waits for is alive.
+/// The interval at which a waiter asks the platform whether the peer it waits for is alive.
 const WATCH: Duration = Duration::from_micros(250);
-/// How long a waiter waits before it feels the pulse of its peer for the first time: reading the
+/// The time for which a waiter waits before it feels the pulse of its peer for the first time: reading the
 /// heartbeat takes the line from the peer, which quick answers need not pay for.
 const PULSE: Duration = Duration::from_micros(20);
 
-/// How many rings are glanced at between two readings of the clock while spinning: a fraction of a
+/// The number of rings that are glanced at between two readings of the clock while spinning: a fraction of a
 /// microsecond.
 pub(super) const GLANCES: usize = if cfg!(condor_loom) { 1 } else { 32 };
 
@@ -68,9 +68,9 @@ pub(super) struct Watch {
     pub(super) incarnation: Option<u32>,
 }
 
-/// How a wait ended.
+/// The way in which a wait ended.
 pub(super) enum End<T> {
-    /// What was waited for came.
+    /// The event that was waited for came.
     Came(T),
     /// The deadline passed; `stalled` if the peer's heart did not beat meanwhile.
     Expired { stalled: bool },
@@ -182,7 +182,8 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
                 if request.is_some() {
                     break;
                 }
-                // Whoever looks all the time keeps taking the line from who is about to write it.
+                // A processor that looks all the time keeps taking the line from the one that is about to write
+                // it.
                 core::hint::spin_loop();
             }
             if request.is_some_and(|peer| self.serve_next(peer, deadline, &mut now))
@@ -214,7 +215,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
                 });
             }
             if let Some(end) = end {
-                // What came just before the end still counts.
+                // A message that came just before the end still counts.
                 return Ok(look(true)?.map_or(end, End::Came));
             }
             if first_beat.is_none() && now >= feel_at {
@@ -302,7 +303,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
     }
 }
 
-/// While it lives, senders ring this processor.
+/// Makes senders ring this processor until it is dropped.
 struct Rings<'r, 'v, B: Backend, const N: usize> {
     mailbox: &'r Mailbox<'v, B, N>,
 }

@@ -182,7 +182,7 @@ impl<L: TestAndSet> SpinLock<L> {
     }
 }
 
-/// Why an attempt ended without the lock.
+/// The reason why an attempt ended without the lock.
 enum AttemptEnd {
     Enough(Option<LockOwner>),
     For(SpinLockError),
@@ -229,7 +229,7 @@ impl<L: TestAndSet> fmt::Debug for SpinLockGuard<'_, L> {
 impl<L: TestAndSet> Drop for SpinLockGuard<'_, L> {
     fn drop(&mut self) {
         if self.held {
-            // Whoever wants the lock next meets the same lost memory, and is told.
+            // The processor that wants the lock next meets the same lost memory, and gets the error.
             let _ = self.memory.release(self.me);
         }
     }
@@ -295,7 +295,7 @@ pub enum Attempt {
 }
 
 impl Attempt {
-    /// What it means to find one word where another was expected.
+    /// Returns the meaning of finding one word where another was expected.
     fn of(found: u32, expected: u32) -> Self {
         if found == expected {
             return Self::Taken;
