@@ -30,7 +30,7 @@ pub trait Exclusion {
         true
     }
 
-    /// Ends what [`begin_serving`](Self::begin_serving) began; returns whether another context was
+    /// Ends one call of [`begin_serving`](Self::begin_serving); returns true if another context was
     /// refused meanwhile. If so, the mailbox rings its own doorbell, so that the refused context
     /// looks again.
     fn end_serving(&self) -> bool {

@@ -229,7 +229,7 @@ impl<'w, W: MemoryWindow, const N: usize> Mail<'w, W, N> {
         self.set(at, self.look(at, LoadOrder::Relaxed).wrapping_add(1));
     }
 
-    /// Whether the entry at `at` carries `sequence`: one load, for waiting.
+    /// Returns true if the entry at `at` carries `sequence`: one load, for waiting.
     #[inline(always)]
     pub(crate) fn carries(&self, at: EntryAt<N>, sequence: u32) -> bool {
         // Acquire: pairs with the Release store of the sequence number in `write`.
@@ -269,7 +269,7 @@ impl<'w, W: MemoryWindow, const N: usize> Mail<'w, W, N> {
         }
     }
 
-    /// Whether this `mail` is laid out as this build expects.
+    /// Checks that this `mail` is laid out as this build expects.
     pub(crate) fn check_layout(&self, data_bytes: u32) -> Result<(), MailboxError> {
         let expected = [
             (LayoutField::Magic, header::MAGIC, layout::MAGIC),

@@ -74,7 +74,7 @@ impl OpenDirectory {
         })
     }
 
-    /// Whether the directory's path still leads to it.
+    /// Returns true if the directory's path still leads to it.
     pub(super) fn is_current(&self) -> Result<bool, SystemError> {
         match rustix::fs::lstat(&self.path) {
             Ok(stat) => Ok(identity(&stat) == self.device_and_inode),

@@ -64,7 +64,7 @@ pub enum SystemError {
     WrongSize {
         /// The file.
         path: PathBuf,
-        /// Its size in bytes.
+        /// The size of the file, in bytes.
         found: u64,
         /// The size it should have, in bytes.
         expected: u64,

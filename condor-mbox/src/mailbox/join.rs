@@ -248,7 +248,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         own.store(peer.ours.acknowledged(), present, StoreOrder::Release)
     }
 
-    /// Whether both sides have acknowledged each other's present incarnation.
+    /// Returns true if both sides have acknowledged each other's present incarnation.
     pub(super) fn is_connected(&self, peer: &Peer<B::Window, N>) -> bool {
         if peer.connected.get() != 0 {
             return true;

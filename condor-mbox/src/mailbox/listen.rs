@@ -220,7 +220,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
             .ok_or_else(|| Self::no_such(sender))
     }
 
-    /// Whether the holder of the number has set our bit.
+    /// Returns true if the holder of the number has set our bit.
     fn is_admitted(&self, holder: &Peer<B::Window, N>) -> Result<bool, MailboxError> {
         // Acquire: pairs with the Release store in `admit_listener`.
         let bits = holder
@@ -246,7 +246,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         })
     }
 
-    /// Whether every listener in the set `listeners` has taken what request `sequence` overwrites.
+    /// Returns true if every listener in the set `listeners` has taken what request `sequence` overwrites.
     #[cold]
     pub(super) fn listeners_keep_up(
         &self,

@@ -76,7 +76,7 @@ pub trait Messenger {
     /// Sends `data` to `vector` of `to`, and returns a ticket for the reply.
     ///
     /// # Errors
-    /// The errors of [`send`](Self::send), if the message was not sent. Errors of its handler come
+    /// Returns the errors of [`send`](Self::send) if the message was not sent. Errors of its handler come
     /// with the reply.
     fn begin(
         &self,
@@ -210,7 +210,7 @@ impl<'m> MessageTicket<'m> {
     /// After [`MailboxError::TimedOut`] or [`MailboxError::Stalled`] the ticket can still get its reply.
     ///
     /// # Errors
-    /// The errors of [`Messenger::send_with_reply`].
+    /// Returns the errors of [`Messenger::send_with_reply`] if no reply has come in time, or none will come.
     pub fn wait(&mut self, timeout: Duration) -> Result<Option<u32>, MailboxError> {
         let Some(pending) = &self.pending else {
             return Ok(None);

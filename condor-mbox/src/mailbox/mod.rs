@@ -108,7 +108,7 @@ pub enum PeerState {
     Joining,
     /// The processor has joined, and has not been seen to die.
     Up {
-        /// Its present incarnation: a number that changes each time it joins.
+        /// The processor's present incarnation: a number that changes each time it joins.
         incarnation: u32,
         /// Whether both sides have acknowledged each other, so that messages pass.
         connected: bool,

@@ -110,12 +110,12 @@ impl<W: MemoryWindow, const N: usize> Peer<W, N> {
         self.mail().check_layout(data_bytes)
     }
 
-    /// Whether the peer has joined, as far as its own `mail` says.
+    /// Returns true if the peer has joined, as far as its own `mail` says.
     pub(super) fn has_joined(&self) -> bool {
         !matches!(self.present(), 0 | JOINING)
     }
 
-    /// Whether the ring from the peer to here seems to hold a request.
+    /// Returns true if the ring from the peer to here seems to hold a request.
     #[inline(always)]
     pub(super) fn has_request(&self) -> bool {
         // Nothing is taken in epoch 0, and most of a large system may never have joined.

@@ -261,7 +261,8 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         }
     }
 
-    /// Whether the peer of `watch` ended or began an incarnation; asks the platform too if `ask`.
+    /// Returns the end of the wait if the peer of `watch` ended or began an incarnation; asks the platform too if
+    /// `ask`.
     fn fate<T>(&self, watch: Watch, ask: bool) -> Result<Option<End<T>>, MailboxError> {
         let Some(incarnation) = watch.incarnation else {
             return Ok(None);

@@ -317,7 +317,7 @@ impl Attempt {
 ///
 /// Every method must return after a bounded number of accesses. A processor may stop for ever
 /// between any two of them; once its incarnation is over, this must not keep others from the lock.
-/// What an owner wrote before `release` must be visible after the next `take` that succeeds.
+/// All that an owner wrote before `release` must be visible after the next `take` that succeeds.
 pub trait TestAndSet {
     /// Begins to compete; returns `false` if another context of this processor competes already.
     ///

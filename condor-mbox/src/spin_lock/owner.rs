@@ -53,7 +53,7 @@ impl LockOwner {
         self.0.get() & INCARNATION_MASK == incarnation & INCARNATION_MASK
     }
 
-    /// Whether it may own something now; garbage may not.
+    /// Returns true if it may own something now; garbage may not.
     pub(super) fn is_alive(self, incarnations: &dyn Incarnations) -> bool {
         self.processor().is_some() && incarnations.is_current(self)
     }
