@@ -44,7 +44,7 @@ impl Location {
     /// at `first`, which is made by [`I2cBus::from`](crate::I2cBus::from).
     ///
     /// # Panics
-    /// As [`i2c`](Self::i2c) does.
+    /// If the I2C specification reserves the address; see [`i2c`](Self::i2c).
     #[must_use]
     pub const fn i2c_from(first: usize, address: u8) -> Self {
         assert!(

@@ -15,7 +15,7 @@ use crate::driver::{DeviceError, Driver};
 /// an AS5600 from a part that reads the same there, such as one that reads as 0 everywhere.
 ///
 /// `init` sets the whole turn as range and 0 in all named bits of CONF: always on, no hysteresis, an
-/// analog output, the slowest filter, no watchdog. So what a former program set there is gone;
+/// analog output, the slowest filter, no watchdog. So the settings of a former program are gone;
 /// positions that were burned into the chip hold again after the next power-on.
 ///
 /// `read` reads [`angle`](Self::angle) as two bytes in the byte order of the processor.

@@ -20,7 +20,7 @@ use crate::driver::{DeviceError, Driver};
 /// the prescaler of power-on (200 Hz). One thing outlives it: an external clock, which only
 /// power-on or a software reset ends. [`set_frequency`](Self::set_frequency) reports it. The driver
 /// never sends that reset (0x06 to address 0), since it resets every chip of the bus that
-/// knows the call, whoever uses it. A program may send it before it starts its switch.
+/// knows the call, also chips that other programs use. A program may send it before it starts its switch.
 ///
 /// Opening the chip wakes it; closing it switches all outputs off and lets it sleep. `write` sets the
 /// duties of the first channels, two bytes each, in the byte order of the processor, as

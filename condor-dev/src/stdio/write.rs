@@ -17,7 +17,7 @@ pub enum Buffering {
 }
 
 impl Buffering {
-    /// Whether what is written leaves the buffer before it is full; `line` is whether there is a newline
+    /// Returns true if the written text leaves the buffer before it is full; `line` is whether there is a newline
     /// in it.
     pub(super) const fn leaves(self, line: bool) -> bool {
         match self {
