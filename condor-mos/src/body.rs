@@ -25,7 +25,7 @@ impl<I: CounterReading> LoopBody<I> {
         }
     };
 
-    /// Whether it is [`NOTHING`](Self::NOTHING): all others have a context.
+    /// Returns true if this body is [`NOTHING`](Self::NOTHING): all others have a context.
     pub(crate) const fn is_nothing(&self) -> bool {
         self.context.is_null()
     }

@@ -25,7 +25,7 @@ pub trait Platform: Timer {
 
     /// Pends the vectors of `ranks`; bit *n* stands for rank *n*.
     ///
-    /// It is called only if [`VECTORS`](Self::VECTORS) is true.
+    /// Called only if [`VECTORS`](Self::VECTORS) is true.
     fn pend(&self, ranks: u32) {
         let _ = ranks;
     }

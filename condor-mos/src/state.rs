@@ -153,13 +153,13 @@ impl<I: CounterReading, const L: usize, const E: usize, K: Record> SchedulerStat
         self.due
     }
 
-    /// Whether an event was due before `now`, which is when the fastest loop ends, and could not come.
+    /// Returns true if an event was due before `now`, which is when the fastest loop ends, and could not come.
     #[inline(always)]
     pub(crate) fn is_overdue(&self, now: I) -> bool {
         now.has_reached(self.due.after(1)) && self.started
     }
 
-    /// Whether the loop runs that nothing interrupts where ranks have vectors.
+    /// Returns true if the loop runs that nothing interrupts where ranks have vectors.
     pub(crate) fn runs_fastest(&self) -> bool {
         self.unfinished & !self.runnable & 1 != 0
     }

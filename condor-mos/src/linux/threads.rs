@@ -31,8 +31,8 @@ use crate::statistics::Statistics;
 /// `CLOCK_MONOTONIC`, so it never drifts. If the kernel grants `SCHED_FIFO` (see [`RealTime`]),
 /// faster loops interrupt slower ones; otherwise the kernel schedules them as it likes. The
 /// methods, the overrun policies and the statistics are those of a [`Scheduler`](crate::Scheduler);
-/// every thread may call them, including those of the loops. Run times are what the kernel charges
-/// to the loop's thread, including its waking.
+/// every thread may call them, including those of the loops. Run times are the processor time that the kernel
+/// charges to the loop's thread, including its waking.
 ///
 /// A loop that panics is disabled and [`faulted`](Statistics::faulted); the others go on.
 ///

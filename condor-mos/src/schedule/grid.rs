@@ -68,7 +68,7 @@ impl Grid {
         self.whole + self.carry()
     }
 
-    /// Whether no tick is ever carried.
+    /// Returns true if no tick is ever carried.
     #[inline]
     pub(super) const fn is_whole(&self) -> bool {
         self.remainder == 0

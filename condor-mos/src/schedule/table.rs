@@ -392,7 +392,7 @@ impl<const L: usize, const E: usize> EventTable<L, E> {
         self.next = index + 1;
     }
 
-    /// Whether [`turn`](Self::turn) must be called before the next event.
+    /// Returns true if [`turn`](Self::turn) must be called before the next event.
     #[inline]
     pub(crate) fn is_at_turn(&self) -> bool {
         self.next >= self.end
@@ -490,7 +490,7 @@ impl<const L: usize, const E: usize> EventTable<L, E> {
         }
     }
 
-    /// Whether rates that were asked for have not taken effect yet.
+    /// Returns true if rates that were asked for have not taken effect yet.
     pub(crate) fn is_changing(&self) -> bool {
         self.change != Change::None
     }

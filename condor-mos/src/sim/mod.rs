@@ -221,7 +221,7 @@ impl SimPlatform {
         self.machine.now.store(instant.max(self.now()), Relaxed);
     }
 
-    /// Whether the timer can interrupt what is in progress.
+    /// Returns true if the timer can interrupt what is in progress.
     #[cfg(all(test, not(condor_loom)))]
     pub(crate) fn is_interruptible(&self) -> bool {
         self.machine.enabled.load(Relaxed)
