@@ -222,7 +222,7 @@ impl<W: MemoryWindow, X: Exclusion, M: Messenger, const IN: usize> Write
 impl<W: MemoryWindow, X: Exclusion, M: Messenger, const IN: usize> WriteReady
     for Console<'_, W, X, M, IN>
 {
-    /// Whether a write of one byte would not wait.
+    /// Returns true if a write of one byte would not wait.
     fn write_ready(&mut self) -> Result<bool, ConsoleError> {
         let room = self.terminal.output().room()?;
         Ok(room >= room_for(b"\n") || self.terminal.waits()?.is_none())

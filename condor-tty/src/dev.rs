@@ -163,7 +163,7 @@ where
         Ok(Some(from.len()))
     }
 
-    /// Whether the host has dealt with everything, or is not waited for.
+    /// Returns true if the host has dealt with everything, or is not waited for.
     fn is_read(&self) -> Result<bool, AccessError> {
         Ok(self.terminal.unread()? == 0 || self.terminal.waits()?.is_none())
     }

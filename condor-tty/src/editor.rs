@@ -6,11 +6,11 @@ use core::fmt::{self, Write};
 const WIDTH: usize = 79;
 
 /// The editor of the lines that a person types at a program's terminal: it takes one byte at a time,
-/// and writes what the person is to see.
+/// and writes the text that the person sees.
 ///
 /// `LINE` is the length of the longest line in bytes, and `LINES` the number of lines that are kept
 /// as history. Use it with a terminal of the settings
-/// [`TerminalSettings::CBREAK`](crate::TerminalSettings::CBREAK), whose program echoes what is typed.
+/// [`TerminalSettings::CBREAK`](crate::TerminalSettings::CBREAK), whose program echoes typed characters.
 ///
 /// | key | effect |
 /// |---|---|
@@ -23,8 +23,8 @@ const WIDTH: usize = 79;
 /// | ^L | shows the line again |
 /// | Enter | ends the line |
 ///
-/// Other control characters and escape sequences have no effect. Nor has the Escape key alone: what
-/// is typed after it, however much later, is taken as it is, unless it is the `[` or `O` with which
+/// Other control characters and escape sequences have no effect. Nor has the Escape key alone: a
+/// character that is typed after it, however much later, is taken as it is, unless it is the `[` or `O` with which
 /// the sequence of another key goes on. A line begins in the first column;
 /// of a line that is longer than 79 columns, a part is shown while it is edited. Each character
 /// counts as one column.
@@ -227,11 +227,11 @@ impl<const LINE: usize, const LINES: usize> LineEditor<LINE, LINES> {
         (self.cursor, self.left, self.back) = (0, 0, 0);
     }
 
-    /// Takes a byte that was typed, and writes to `out` what it changes on the terminal. Returns the
-    /// line when the byte ends it. `complete` offers what the word before the cursor may become.
+    /// Takes a byte that was typed, and writes the resulting changes of the terminal to `out`. Returns the
+    /// line when the byte ends it. `complete` offers the words that the word before the cursor may become.
     ///
     /// # Errors
-    /// The error of `out`. The byte has been taken nevertheless.
+    /// Returns the error of `out` if it fails; the byte has been taken nevertheless.
     pub fn feed(
         &mut self,
         byte: u8,

@@ -316,7 +316,7 @@ impl<const N: usize> Input<N> {
             .then(|| self.element(typed.wrapping_sub(1)).to_le_bytes()[0])
     }
 
-    /// Whether there is something for the program to read.
+    /// Returns true if there is something for the program to read.
     pub(crate) fn is_ready(&self) -> bool {
         self.read.get() != self.committed.get()
     }
@@ -350,12 +350,12 @@ impl<const N: usize> Input<N> {
         self.is_ready().then(|| self.element(self.read.get()))
     }
 
-    /// Whether a character has been refused, and nothing taken out since.
+    /// Returns true if a character has been refused, and nothing taken out since.
     pub(crate) fn is_full(&self) -> bool {
         self.refused.get() != 0
     }
 
-    /// Whether there were interrupts since the last time.
+    /// Returns true if there were interrupts since the last time.
     pub(crate) fn take_interrupt(&self) -> bool {
         let interrupted = self.is_interrupted();
         self.interrupts.set(0);

@@ -16,7 +16,7 @@ use super::sink::{Piece, Sink};
 
 /// A pseudo-terminal to which any terminal program attaches, such as `screen` or `picocom`.
 ///
-/// It is raw: the processor does echo and editing. If a program has it open and does not read, the
+/// The pseudo-terminal is raw: the processor does echo and editing. If a program has it open and does not read, the
 /// kernel's buffer fills, and then output stays in the terminal's ring. While no program has it open,
 /// it takes everything and counts it; a host that keeps output for the next program does not serve
 /// the terminal until [`is_watched`](Self::is_watched).
