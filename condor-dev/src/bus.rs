@@ -187,7 +187,7 @@ pub trait Bus {
         Ok(())
     }
 
-    /// Returns whether something answers a read at `address`. Probes use this before anything
+    /// Returns true if something answers a read at `address`. Probes use this before anything
     /// relies on the address.
     fn answers(&self, address: usize, width: Width) -> bool {
         self.read(address, width).is_ok()

@@ -10,7 +10,7 @@ use crate::set::{DeviceSet, Link, Visitor};
 use crate::switch::Switch;
 use crate::unit::{Presence, Unit};
 
-/// How many interrupts one entry serves before it looks who does not stop asking.
+/// The number of interrupts that one entry serves before it looks for a source that does not stop asking.
 const CALM: u32 = 1000;
 
 impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Switch<B, C, S, F> {

@@ -31,7 +31,7 @@ pub trait Driver: Sync + Sized + 'static {
     /// [`device_switch!`](crate::device_switch) refuses others.
     const I2C_ADDRESSES: u128 = u128::MAX;
 
-    /// Returns whether the board is there, before anything else is done to it. It only reads: at the
+    /// Returns true if the board is there, before anything else is done to it. It only reads: at the
     /// address may be another board, which a write would change. The default checks whether a byte
     /// at its first address answers.
     #[must_use]
@@ -43,7 +43,7 @@ pub trait Driver: Sync + Sized + 'static {
     /// and whatever a former program set.
     ///
     /// # Errors
-    /// The bus's error if an access fails; the board is not used then.
+    /// Returns the bus's error if an access fails; the board is not used then.
     fn init<B: Bus>(&self, _: Registers<'_, B>) -> Result<(), B::Error> {
         Ok(())
     }
@@ -52,7 +52,7 @@ pub trait Driver: Sync + Sized + 'static {
     /// returns.
     ///
     /// # Errors
-    /// The bus's error if an access fails; the board is not open then.
+    /// Returns the bus's error if an access fails; the board is not open then.
     fn open<B: Bus>(&self, _: Registers<'_, B>) -> Result<(), B::Error> {
         Ok(())
     }
@@ -60,7 +60,7 @@ pub trait Driver: Sync + Sized + 'static {
     /// Closes the board, after its last descriptor was closed: it must not interrupt after this.
     ///
     /// # Errors
-    /// The bus's error if an access fails.
+    /// Returns the bus's error if an access fails.
     fn close<B: Bus>(&self, _: Registers<'_, B>) -> Result<(), B::Error> {
         Ok(())
     }
@@ -89,26 +89,26 @@ pub trait Driver: Sync + Sized + 'static {
         Err(DeviceError::no_bytes(from.len()))
     }
 
-    /// Returns whether all bytes that were written have left the board.
+    /// Returns true if all bytes that were written have left the board.
     ///
     /// # Errors
-    /// The bus's error if an access fails.
+    /// Returns the bus's error if an access fails.
     fn is_flushed<B: Bus>(&self, _: Registers<'_, B>) -> Result<bool, B::Error> {
         Ok(true)
     }
 
-    /// Returns whether [`read`](Self::read) would read something.
+    /// Returns true if [`read`](Self::read) would read something.
     ///
     /// # Errors
-    /// The bus's error if an access fails.
+    /// Returns the bus's error if an access fails.
     fn read_ready<B: Bus>(&self, _: Registers<'_, B>) -> Result<bool, B::Error> {
         Ok(false)
     }
 
-    /// Returns whether [`write`](Self::write) would write something.
+    /// Returns true if [`write`](Self::write) would write something.
     ///
     /// # Errors
-    /// The bus's error if an access fails.
+    /// Returns the bus's error if an access fails.
     fn write_ready<B: Bus>(&self, _: Registers<'_, B>) -> Result<bool, B::Error> {
         Ok(false)
     }
@@ -117,7 +117,7 @@ pub trait Driver: Sync + Sized + 'static {
     /// whether it had.
     ///
     /// # Errors
-    /// The bus's error if an access fails; the board then counts as one that did not ask.
+    /// Returns the bus's error if an access fails; the board then counts as one that did not ask.
     fn interrupt<B: Bus>(&self, _: Registers<'_, B>) -> Result<Attention, B::Error> {
         Ok(Attention::NotMine)
     }

@@ -112,8 +112,8 @@ pub enum FdError {
     },
 }
 
-/// What a place of the table holds, in one word, from the top: slot, whether it is open, how, and
-/// generation. What a descriptor is compared with is at the bottom, and the slot, which leads to the
+/// The contents of a place of the table, in one word, from the top: slot, whether it is open, its mode, and
+/// generation. The bits with which a descriptor is compared are at the bottom, and the slot, which leads to the
 /// driver, is one shift away.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Entry(u32);
@@ -131,7 +131,7 @@ impl Entry {
         Self((slot as u32) << SLOT | Self::wanted(generation, mode))
     }
 
-    /// What all entries of a generation have that are open, and for `mode`.
+    /// The bits of all entries of a generation that are open, and for `mode`.
     const fn wanted(generation: u16, mode: OpenMode) -> u32 {
         OPEN | (mode.bits() as u32) << MODE | generation as u32
     }
@@ -155,7 +155,7 @@ impl Entry {
 /// A use is one load and two comparisons; opening and closing are critical sections of the switch.
 pub(crate) struct FdTable<const F: usize> {
     entries: [AtomicU32; F],
-    /// How many hold the device of each descriptor.
+    /// The number of holders of the device of each descriptor.
     holders: [AtomicU32; F],
 }
 
@@ -190,7 +190,7 @@ impl<const F: usize> FdTable<F> {
         None
     }
 
-    /// What `fd` is open for, if it is open for `wanted`.
+    /// Returns the entry of `fd`, if it is open for `wanted`.
     #[inline(always)]
     pub(crate) fn get(&self, fd: Fd, wanted: OpenMode) -> Result<Entry, FdError> {
         if let Some(place) = self.entries.get(usize::from(fd.index)) {
@@ -204,7 +204,7 @@ impl<const F: usize> FdTable<F> {
         Err(self.misuse(fd, wanted))
     }
 
-    /// Gives a place back, in a critical section.
+    /// Frees the place of `fd`, in a critical section.
     pub(crate) fn remove(&self, fd: Fd) -> Result<Entry, FdError> {
         let entry = self.get(fd, OpenMode::empty())?;
         let index = usize::from(fd.index);

@@ -16,7 +16,7 @@ use core::ffi::c_void;
 
 use crate::bus::Width;
 
-/// What an access gave; two registers in the conventions of all processors here.
+/// The result of an access; two registers in the conventions of all processors here.
 #[repr(C)]
 struct Answer {
     value: usize,

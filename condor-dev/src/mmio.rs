@@ -16,7 +16,7 @@ use crate::bus::{Bus, BusAccessError, BusErrorKind, Width};
 /// Arm), as it is for registers.
 #[derive(Clone, Copy, Debug)]
 pub struct Mmio {
-    /// Where `first` is reached.
+    /// The place where `first` is reached.
     memory: *mut u8,
     first: usize,
     len: usize,
@@ -61,7 +61,7 @@ impl Mmio {
         Self { memory, first, len }
     }
 
-    /// Where the register at a bus address is reached: inside the range, and aligned.
+    /// The pointer by which the register at a bus address is reached: inside the range, and aligned.
     #[inline(always)]
     pub(crate) fn register(
         &self,

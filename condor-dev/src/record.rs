@@ -1,4 +1,4 @@
-//! What the entry of interrupts notes: a [`VectorRecord`] for each vector of boards, and [`Interrupts`].
+//! The notes of the entry of interrupts: a [`VectorRecord`] for each vector of boards, and [`Interrupts`].
 
 use core::num::NonZeroU32;
 #[cfg(condor_loom)]
@@ -9,12 +9,12 @@ use crate::interrupt::InterruptVector;
 use crate::sync::AtomicU32;
 use crate::sync::{Ordering::Relaxed, masked};
 
-/// How often in a row a vector may interrupt without any of its boards having asked for it.
+/// The number of times in a row that a vector may interrupt without any of its boards having asked for it.
 const PATIENCE: u32 = 16;
-/// How many interrupts of one vector are served in a storm, and how many boards are polled for one
+/// The number of interrupts of one vector that are served in a storm, and of boards that are polled for one
 /// interrupt.
 pub(crate) const ENDLESS: u32 = 10_000;
-/// How many different vectors without a driver are told apart.
+/// The number of different vectors without a driver that are told apart.
 const STRANGERS: usize = 8;
 
 /// Counts of interrupts by outcome. They wrap.
@@ -38,13 +38,13 @@ pub struct InterruptCounts {
 /// Only the context that has claimed the vector writes the record, until it completes the vector.
 #[derive(Debug)]
 pub struct VectorRecord {
-    /// Who of its boards is polled first the next time.
+    /// The number of the board that is polled first the next time.
     turn: AtomicU32,
     served: AtomicU32,
     unclaimed: AtomicU32,
-    /// How often in a row none of its boards had asked.
+    /// The number of times in a row that none of its boards had asked.
     unclaimed_in_a_row: AtomicU32,
-    /// How often it came since its entry has lost its calm.
+    /// The number of times it came since its entry has lost its calm.
     storm: AtomicU32,
     stuck: AtomicU32,
 }
@@ -67,7 +67,7 @@ impl VectorRecord {
         }
     }
 
-    /// Gives the one of its boards that is polled first, and takes the one behind it the next time.
+    /// Returns the board that is polled first, and takes the one behind it the next time.
     #[inline]
     pub(crate) fn next(&self, boards: NonZeroU32) -> usize {
         let turn = self.turn.load(Relaxed) % boards;
@@ -101,24 +101,24 @@ impl VectorRecord {
         stuck
     }
 
-    /// How often the vector was disabled.
+    /// The number of times the vector was disabled.
     pub(crate) fn stuck(&self) -> u32 {
         self.stuck.load(Relaxed)
     }
 }
 
-/// What the entry notes of everything else. Any context may write: in critical sections.
+/// The entry's notes of everything else. Any context may write: in critical sections.
 pub(crate) struct Interrupts {
     spurious: AtomicU32,
     /// Vector + 1 and count of each vector that no board has.
     strangers: [(AtomicU32, AtomicU32); STRANGERS],
-    /// How often others came for whom there was no place.
+    /// The number of interrupts by vectors for which there was no place.
     others: AtomicU32,
-    /// How often a stranger was disabled.
+    /// The number of times a stranger was disabled.
     stuck: AtomicU32,
 }
 
-/// Adds one and gives the sum.
+/// Adds one and returns the sum.
 fn count(word: &AtomicU32) -> u32 {
     let sum = word.load(Relaxed).wrapping_add(1);
     word.store(sum, Relaxed);
@@ -190,11 +190,11 @@ impl InterruptCounts {
     }
 }
 
-/// Who of a vector's boards had asked.
+/// The boards of a vector that had asked.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Answer {
     Nobody,
     Somebody,
-    /// Somebody, again and again.
+    /// At least one board, again and again.
     Endless,
 }

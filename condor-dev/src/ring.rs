@@ -95,14 +95,14 @@ impl<const N: usize> Ring<N> {
         (written.wrapping_sub(read) as usize).min(N)
     }
 
-    /// Returns whether there is nothing to read at this moment.
+    /// Returns true if there is nothing to read at this moment.
     #[inline]
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// Returns whether there is no room at this moment.
+    /// Returns true if there is no room at this moment.
     #[inline]
     #[must_use]
     pub fn is_full(&self) -> bool {
@@ -134,7 +134,7 @@ fn claim(taken: &AtomicBool) -> bool {
     })
 }
 
-/// The writer of a [`Ring`].
+/// The end of a [`Ring`] that puts bytes in; only one context at a time has it.
 #[derive(Debug)]
 pub struct RingWriter<'r, const N: usize>(&'r Ring<N>);
 
@@ -182,7 +182,7 @@ impl<const N: usize> Drop for RingWriter<'_, N> {
     }
 }
 
-/// The reader of a [`Ring`].
+/// The end of a [`Ring`] that takes bytes out; only one context at a time has it.
 #[derive(Debug)]
 pub struct RingReader<'r, const N: usize>(&'r Ring<N>);
 

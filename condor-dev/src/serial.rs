@@ -111,11 +111,11 @@ impl<I: I2c> Bus for I2cBus<I> {
 
 /// The registers of one part on an SPI bus, through any [`SpiDevice`] of embedded-hal.
 ///
-/// A transfer begins with a command byte: the number of the register, and bits for reading or
-/// writing, which the data sheet gives. As with [`I2cBus`], registers have 8 bits, wider accesses
-/// and blocks move several of them in one transfer, and an access while another context uses the
-/// wires is refused as [`Busy`](BusErrorKind::Busy). SPI has no acknowledgement: an absent part
-/// reads as ones or zeros, so a driver's probe must check an identification.
+/// A transfer begins with a command byte: the number of the register, and bits for reading or writing, which
+/// the data sheet defines. As with [`I2cBus`], registers have 8 bits, wider accesses and blocks move several of
+/// them in one transfer, and an access while another context uses the wires is refused as
+/// [`Busy`](BusErrorKind::Busy). SPI has no acknowledgement: an absent part reads as ones or zeros, so a
+/// driver's probe must check an identification.
 pub struct SpiBus<S> {
     spi: ClaimCell<S>,
     first: usize,

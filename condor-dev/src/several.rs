@@ -4,7 +4,7 @@ use crate::bus::{Bus, BusAccessError, BusErrorKind, Width};
 
 type Answer<T> = Result<T, BusAccessError>;
 
-/// What `next` says, if `answer` is that the address is of another bus.
+/// The answer of `next`, if `answer` is that the address is of another bus.
 #[inline]
 fn or_else<T>(answer: Answer<T>, next: impl FnOnce() -> Answer<T>) -> Answer<T> {
     match answer {

@@ -41,20 +41,20 @@ pub trait Descriptors {
     /// the device or the bus.
     fn write(&self, fd: Fd, from: &[u8]) -> Result<usize, IoError<Self::Error>>;
 
-    /// Returns whether [`read`](Self::read) would read something, as [`Switch::read_ready`] does.
+    /// Returns true if [`read`](Self::read) would read something, as [`Switch::read_ready`] does.
     ///
     /// # Errors
     /// [`IoError::Fd`] if the descriptor is refused, [`IoError::Bus`] if the bus fails.
     fn read_ready(&self, fd: Fd) -> Result<bool, IoError<Self::Error>>;
 
-    /// Returns whether [`write`](Self::write) would write something, as [`Switch::write_ready`]
+    /// Returns true if [`write`](Self::write) would write something, as [`Switch::write_ready`]
     /// does.
     ///
     /// # Errors
     /// [`IoError::Fd`] if the descriptor is refused, [`IoError::Bus`] if the bus fails.
     fn write_ready(&self, fd: Fd) -> Result<bool, IoError<Self::Error>>;
 
-    /// Returns whether all bytes that were written have left the device, as [`Switch::is_flushed`]
+    /// Returns true if all bytes that were written have left the device, as [`Switch::is_flushed`]
     /// does.
     ///
     /// # Errors
@@ -144,7 +144,7 @@ impl<E: BusError> embedded_io::Error for IoError<E> {
             Self::Fd(FdError::Direction { .. }) => ErrorKind::PermissionDenied,
             Self::Fd(FdError::Closed { .. }) => ErrorKind::NotConnected,
             Self::Fd(FdError::WrongType { .. }) | Self::Length { .. } => ErrorKind::InvalidInput,
-            // What a look that is not followed by another one found.
+            // The finding of a look that is not followed by another one.
             Self::WouldBlock => ErrorKind::TimedOut,
             Self::Fd(FdError::InUse { .. }) | Self::End | Self::Device(_) => ErrorKind::Other,
             Self::Bus(error) => match error.kind() {

@@ -173,7 +173,7 @@ impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Switch<B, C, 
         self.visit(fd, entry, Write(&self.bus, from))?
     }
 
-    /// Returns whether [`read`](Self::read) would read something.
+    /// Returns true if [`read`](Self::read) would read something.
     ///
     /// # Errors
     /// [`IoError::Fd`] if the descriptor is refused, [`IoError::Bus`] if the bus fails.
@@ -181,7 +181,7 @@ impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Switch<B, C, 
         self.ask(fd, OpenMode::READ, Question::Read)
     }
 
-    /// Returns whether [`write`](Self::write) would write something.
+    /// Returns true if [`write`](Self::write) would write something.
     ///
     /// # Errors
     /// [`IoError::Fd`] if the descriptor is refused, [`IoError::Bus`] if the bus fails.
@@ -189,7 +189,7 @@ impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Switch<B, C, 
         self.ask(fd, OpenMode::WRITE, Question::Write)
     }
 
-    /// Returns whether all bytes that were written have left the board.
+    /// Returns true if all bytes that were written have left the board.
     ///
     /// # Errors
     /// [`IoError::Fd`] if the descriptor is refused, [`IoError::Bus`] if the bus fails.

@@ -1,5 +1,5 @@
-//! What the interrupt's half of a driver and the other half share, in one place, so that loom and
-//! the tests' interrupts meet the shipped code.
+//! Atomics that the interrupt's half of a driver shares with the other half, in one place, so that loom and the
+//! tests' interrupts meet the shipped code.
 //!
 //! Under `--cfg condor_loom` the atomics are loom's; in unit tests an interrupt may come before and
 //! behind each access; otherwise they are `core`'s. Only loads and stores are used: the crate runs on processors

@@ -52,7 +52,7 @@ impl Location {
     /// at `first`, which is made by [`I2cBus::from`](crate::I2cBus::from).
     ///
     /// # Panics
-    /// As [`i2c`](Self::i2c) does.
+    /// If the I2C specification reserves the address; see [`i2c`](Self::i2c).
     #[must_use]
     pub const fn i2c_from(first: usize, address: u8) -> Self {
         assert!(
@@ -119,7 +119,7 @@ pub struct Unit<D> {
     pub(crate) place: Location,
     pub(crate) driver: D,
     presence: AtomicU8,
-    /// How many descriptors are open, with [`EXCLUSIVE`] and [`CHANGING`].
+    /// The number of open descriptors, with [`EXCLUSIVE`] and [`CHANGING`].
     opens: AtomicU16,
 }
 

@@ -20,7 +20,7 @@ pub enum Evidence {
 ///
 /// # For users
 ///
-/// A mailbox calls it; programs rarely do. A ring carries no data, and a doorbell may lose,
+/// The mailbox calls these methods; programs rarely do. A ring carries no data, and a doorbell may lose,
 /// repeat or invent rings: a mailbox then is slower, never wrong.
 ///
 /// # For implementers
@@ -29,12 +29,12 @@ pub enum Evidence {
 ///   may be called from any context that sends, including interrupts.
 /// * A waiter calls `prepare`, looks for messages, and then calls `wait` with the result of
 ///   `prepare`. A ring between `prepare` and `wait` must make `wait` return at once. To ensure
-///   this, compare with the value seen (a futex), or keep the ring until somebody waits for it (an
+///   this, compare with the value seen (a futex), or keep the ring until a wait takes it (an
 ///   eventfd, or a pending interrupt bit that `prepare` does not clear).
 /// * `wait` may return early for any reason, and must return at `until` at the latest.
 /// * Call [`conformance::doorbell`](conformance/fn.doorbell.html) from one test.
 pub trait Doorbell: Clock {
-    /// The result of `prepare`; `()` for a doorbell that keeps rings until somebody waits.
+    /// The result of `prepare`; `()` for a doorbell that keeps rings until a wait takes them.
     type Seen;
 
     /// Raises the mailbox interrupt of `processor`; a number that does not exist is ignored.
@@ -49,7 +49,7 @@ pub trait Doorbell: Clock {
     /// time to pass, or for any processor.
     fn wait(&self, seen: Self::Seen, until: Instant, whom: Option<Processor>);
 
-    /// Returns whether rings can be relied upon: every message rings, no ring is lost, and the end of
+    /// Returns true if rings can be relied upon: every message rings, no ring is lost, and the end of
     /// a program rings the processors that may wait for it. The result never changes.
     ///
     /// A mailbox then rings for every message, whether its receiver waits or not, and sleeps until
@@ -58,16 +58,16 @@ pub trait Doorbell: Clock {
         false
     }
 
-    /// Returns whether a message of `sender` ends [`Messenger::serve`](crate::Messenger::serve).
+    /// Returns true if a message of `sender` ends [`Messenger::serve`](crate::Messenger::serve).
     ///
-    /// It does not where a program must run alike whenever `sender` sends: the message is served,
+    /// Return false where a program must run alike whenever `sender` sends: the message is then served,
     /// and the wait goes on.
     fn ends_serving(&self, sender: Processor) -> bool {
         let _ = sender;
         true
     }
 
-    /// Returns what the platform knows about the program that holds `processor`.
+    /// Returns the state, as far as the platform knows it, of the program that holds `processor`.
     ///
     /// A mailbox calls it about every 250 µs while it waits for that processor.
     fn evidence(&self, processor: Processor) -> Evidence {

@@ -1,4 +1,4 @@
-//! What can go wrong, with the values that went wrong.
+//! Errors of mailboxes, each with the values that caused it.
 
 use core::fmt;
 
@@ -51,7 +51,7 @@ pub enum LayoutField {
 pub enum ProtocolWord {
     /// The count of our requests that the peer has taken.
     Taken,
-    /// The status of a reply.
+    /// The word that tells whether the handler of a request succeeded.
     ReplyStatus,
 }
 
@@ -88,7 +88,7 @@ impl fmt::Display for SendProgress {
     }
 }
 
-/// An error of a mailbox.
+/// The error of an operation of a [`Mailbox`](crate::Mailbox) or another messenger.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum MailboxError {
@@ -194,7 +194,7 @@ pub enum MailboxError {
         to: Processor,
         /// The vector of the request.
         vector: Vector,
-        /// How far the request had come.
+        /// The state that the request had reached.
         progress: SendProgress,
     },
     /// The deadline passed, and the receiver's heartbeat stood still all the while.
@@ -206,7 +206,7 @@ pub enum MailboxError {
         to: Processor,
         /// The vector of the request.
         vector: Vector,
-        /// How far the request had come.
+        /// The state that the request had reached.
         progress: SendProgress,
     },
     /// The program that held the receiver's number ended.
@@ -214,7 +214,7 @@ pub enum MailboxError {
     PeerDied {
         /// The processor to which the message was sent.
         to: Processor,
-        /// How far the request had come.
+        /// The state that the request had reached.
         progress: SendProgress,
     },
     /// The receiver left the system in an orderly way, or was reset by the host.
@@ -222,7 +222,7 @@ pub enum MailboxError {
     PeerLeft {
         /// The processor to which the message was sent.
         to: Processor,
-        /// How far the request had come.
+        /// The state that the request had reached.
         progress: SendProgress,
     },
     /// The receiver has joined anew, with a new incarnation, since the request was sent. The
@@ -231,7 +231,7 @@ pub enum MailboxError {
     PeerRestarted {
         /// The processor to which the message was sent.
         to: Processor,
-        /// How far the request had come.
+        /// The state that the request had reached.
         progress: SendProgress,
     },
     /// A handler waited for a reply although [`Call::MAX_DEPTH`](crate::Call::MAX_DEPTH) handlers

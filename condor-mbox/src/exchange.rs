@@ -23,10 +23,10 @@ const REFUSED: u32 = 0;
 /// Sends requests of type `Q` and gets responses of type `R`, through a block in the sender's own
 /// `data`.
 ///
-/// The block contains the request and, at the next cache line, the response; the message is the
-/// block's offset. A block holds one request at a time. After a time-out the receiver may still
-/// write to the block, so the exchange refuses further requests until the late reply has come or
-/// the receiver is known to have ended. The receiver calls [`answer`].
+/// The block contains the request and, at the next cache line, the response; the message is the block's offset.
+/// A block holds one request at a time. After a timeout the receiver may still write to the block, so the
+/// exchange refuses further requests until the late reply has come or the receiver is known to have ended. The
+/// receiver calls [`answer`].
 ///
 /// ```
 /// use std::time::Duration;
@@ -208,7 +208,7 @@ where
     }
 }
 
-/// Where the response begins in a block at `offset`: on the line after the request.
+/// Returns the offset of the response in a block at `offset`: it begins on the line after the request.
 const fn response_at<Q>(offset: u32) -> u32 {
     // A block that would reach past the end of all windows is refused at its first access.
     offset.saturating_add((size_of::<Q>() as u32).div_ceil(LINE).saturating_mul(LINE))

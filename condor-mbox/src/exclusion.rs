@@ -23,14 +23,14 @@ pub trait Exclusion {
     /// Runs `body` as a critical section.
     fn with<R>(&self, body: impl FnOnce() -> R) -> R;
 
-    /// Returns whether the calling context may take messages. While it runs a handler, it may call
+    /// Returns true if the calling context may take messages. While it runs a handler, it may call
     /// this again; it calls [`end_serving`](Self::end_serving) once for each time that this
     /// returned true.
     fn begin_serving(&self) -> bool {
         true
     }
 
-    /// Ends what [`begin_serving`](Self::begin_serving) began; returns whether another context was
+    /// Ends one call of [`begin_serving`](Self::begin_serving); returns true if another context was
     /// refused meanwhile. If so, the mailbox rings its own doorbell, so that the refused context
     /// looks again.
     fn end_serving(&self) -> bool {

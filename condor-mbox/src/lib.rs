@@ -42,7 +42,7 @@ pub mod riscv;
 #[cfg(all(feature = "sim", not(target_os = "none")))]
 pub mod sim;
 
-// What is longer than a word; each has types of its own beside the one below.
+// Messages longer than a word; each of these modules has types of its own beside the one below.
 pub mod exchange;
 pub mod published;
 pub mod spin_lock;

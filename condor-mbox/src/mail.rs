@@ -29,7 +29,7 @@ impl<const N: usize> At<N> {
         Self::of(layout::listen(sender.0 as u32 % N as u32))
     }
 
-    /// How many of its requests the owner has heard.
+    /// The number of its requests that the owner has heard.
     pub(crate) const fn heard_count(sender: Processor) -> Self {
         Self(Self::heard_epoch(sender).0 + 1)
     }
@@ -79,7 +79,7 @@ impl<const N: usize> Pair<N> {
         At(self.0)
     }
 
-    /// How many of its requests have been taken.
+    /// The number of its requests that have been taken.
     #[inline(always)]
     pub(crate) const fn taken(self) -> At<N> {
         At(self.0 + At::<N>::of(layout::taken_in(0)).0)
@@ -201,7 +201,7 @@ impl<'w, W: MemoryWindow, const N: usize> Mail<'w, W, N> {
         }
     }
 
-    /// Whose it is.
+    /// Returns the processor whose `mail` this is.
     #[inline(always)]
     pub(crate) fn owner(&self) -> Processor {
         *self.owner
@@ -214,7 +214,7 @@ impl<'w, W: MemoryWindow, const N: usize> Mail<'w, W, N> {
         self.look(At::header(header::INCARNATION), LoadOrder::Acquire)
     }
 
-    /// Writes a word of the own `mail`, after all that was written before.
+    /// Writes a word of the processor's own `mail`, after all that was written before.
     #[inline(always)]
     pub(crate) fn set(&self, at: At<N>, value: u32) {
         match self.words {
@@ -223,13 +223,13 @@ impl<'w, W: MemoryWindow, const N: usize> Mail<'w, W, N> {
         }
     }
 
-    /// Adds one to a statistics word of the own `mail`.
+    /// Adds one to a statistics word of the processor's own `mail`.
     #[inline(always)]
     pub(crate) fn count(&self, at: At<N>) {
         self.set(at, self.look(at, LoadOrder::Relaxed).wrapping_add(1));
     }
 
-    /// Whether the entry at `at` carries `sequence`: one load, for waiting.
+    /// Returns true if the entry at `at` carries `sequence`: one load, for waiting.
     #[inline(always)]
     pub(crate) fn carries(&self, at: EntryAt<N>, sequence: u32) -> bool {
         // Acquire: pairs with the Release store of the sequence number in `write`.
@@ -255,7 +255,7 @@ impl<'w, W: MemoryWindow, const N: usize> Mail<'w, W, N> {
         }
     }
 
-    /// Writes the entry at `at` of the own `mail`. A reader that finds `sequence` there finds the
+    /// Writes the entry at `at` of the processor's own `mail`. A reader that finds `sequence` there finds the
     /// whole entry.
     #[inline(always)]
     pub(crate) fn put(&self, at: EntryAt<N>, sequence: u32, new: Entry) {
@@ -269,7 +269,7 @@ impl<'w, W: MemoryWindow, const N: usize> Mail<'w, W, N> {
         }
     }
 
-    /// Whether this `mail` is laid out as this build expects.
+    /// Checks that this `mail` is laid out as this build expects.
     pub(crate) fn check_layout(&self, data_bytes: u32) -> Result<(), MailboxError> {
         let expected = [
             (LayoutField::Magic, header::MAGIC, layout::MAGIC),

@@ -376,7 +376,7 @@ impl Allocator {
         if let Err(kind) = check_access(self.size, offset, len) {
             return Err(AccessError::new(offset, len, self.size, kind));
         }
-        // What does not fit in a `u32` has failed the check.
+        // A block that does not fit in a `u32` has failed the check.
         let end = offset.wrapping_add(len as u32);
         self.next = match end.checked_next_multiple_of(LINE) {
             Some(next) if next < self.size => next,

@@ -71,7 +71,7 @@ impl<const N: usize> MsipDoorbell<N> {
 
     fn take_ring(&self) {
         self.clint.set_msip(self.hart, false);
-        // Whoever rang before this had stored its message before: the looks that follow see it.
+        // A processor that rang before this had stored its message before: the looks that follow see it.
         ::riscv::asm::fence();
         // A wait that was prepared before the ring and has not begun must not sleep.
         let rings = self.rings.load(Ordering::Relaxed);

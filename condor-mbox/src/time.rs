@@ -58,7 +58,7 @@ pub(crate) const fn whole_ns(span: Duration) -> u64 {
 /// # For implementers
 ///
 /// `now` is called once per look of a spinning wait, so it should cost tens of nanoseconds.
-/// It must never run backwards as seen by one processor.
+/// The clock must never run backwards as seen by one processor.
 pub trait Clock {
     /// Returns the present instant.
     fn now(&self) -> Instant;

@@ -154,13 +154,14 @@ pub trait MemoryWindow {
     /// Reads the word at `offset` bytes.
     ///
     /// # Errors
-    /// The error in the table above.
+    /// Returns the window's error if the access fails: `OutOfBounds`, `Misaligned` or `Lost`, see the table
+    /// above.
     fn load(&self, offset: u32, order: LoadOrder) -> Result<u32, Self::Error>;
 
     /// Writes the word at `offset` bytes.
     ///
     /// # Errors
-    /// The error in the table above.
+    /// Returns the window's error if the access fails: any kind in the table above.
     fn store(&self, offset: u32, value: u32, order: StoreOrder) -> Result<(), Self::Error>;
 
     /// Returns all of the memory as little-endian words, if plain loads and stores can access it
@@ -174,7 +175,7 @@ pub trait MemoryWindow {
         None
     }
 
-    /// Returns whether all processors see the same memory without [`clean`](Self::clean) and
+    /// Returns true if all processors see the same memory without [`clean`](Self::clean) and
     /// [`invalidate`](Self::invalidate). The answer never changes.
     fn is_coherent(&self) -> bool {
         true
@@ -205,7 +206,8 @@ pub trait MemoryWindow {
     /// Bytes that a peer writes at the same time may be old or new, word by word.
     ///
     /// # Errors
-    /// The error in the table above.
+    /// Returns the window's error if an access fails: `OutOfBounds`, `Misaligned` or `Lost`, see the table
+    /// above.
     fn read(&self, offset: u32, into: &mut [u8]) -> Result<(), Self::Error> {
         self.check(offset, into.len())?;
         let mut at = offset;
@@ -225,7 +227,7 @@ pub trait MemoryWindow {
     /// not share a word.
     ///
     /// # Errors
-    /// The error in the table above.
+    /// Returns the window's error if an access fails: any kind in the table above.
     fn write(&self, offset: u32, from: &[u8]) -> Result<(), Self::Error> {
         self.check(offset, from.len())?;
         let mut at = offset;
@@ -250,7 +252,7 @@ pub trait MemoryWindow {
     /// If there are fewer words than `len` bytes, the rest of the window stays as it is.
     ///
     /// # Errors
-    /// The error in the table above for an access of that many bytes.
+    /// Returns the window's error if an access of that many bytes fails: any kind in the table above.
     fn write_words(
         &self,
         offset: u32,
@@ -398,7 +400,8 @@ impl<T: Deref<Target: CompareExchange>> CompareExchange for T {
 /// Backends implement [`MemoryWindow::check`] by it.
 ///
 /// # Errors
-/// `Misaligned` or `OutOfBounds`.
+/// [`WindowErrorKind::Misaligned`] if `offset` is not a multiple of four; [`WindowErrorKind::OutOfBounds`] if
+/// the access reaches past the end of the window.
 pub const fn check_access(size: u32, offset: u32, len: usize) -> Result<(), WindowErrorKind> {
     if !offset.is_multiple_of(4) {
         Err(WindowErrorKind::Misaligned)
@@ -415,7 +418,8 @@ pub const fn check_access(size: u32, offset: u32, len: usize) -> Result<(), Wind
 /// The result is that of [`check_access`] for as many bytes, in a single comparison.
 ///
 /// # Errors
-/// `Misaligned` or `OutOfBounds`.
+/// [`WindowErrorKind::Misaligned`] if `offset` is not a multiple of four; [`WindowErrorKind::OutOfBounds`] if
+/// the access reaches past the end of the window.
 #[inline(always)]
 pub const fn check_words(size: u32, offset: u32, words: u32) -> Result<(), WindowErrorKind> {
     // Rotated, a misaligned offset is larger than the number of words of any window.

@@ -165,7 +165,7 @@ impl<const L: usize> Analysis<L> {
         Self::new(frequency, loops.each_ref().map(Load::measured))
     }
 
-    /// Returns whether every loop always ends within its period and its deadline.
+    /// Returns true if every loop always ends within its period and its deadline.
     #[must_use]
     pub const fn is_schedulable(&self) -> bool {
         self.first_late().is_none()

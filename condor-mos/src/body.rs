@@ -25,15 +25,15 @@ impl<I: CounterReading> LoopBody<I> {
         }
     };
 
-    /// Whether it is [`NOTHING`](Self::NOTHING): all others have a context.
+    /// Returns true if this body is [`NOTHING`](Self::NOTHING): all others have a context.
     pub(crate) const fn is_nothing(&self) -> bool {
         self.context.is_null()
     }
 
     /// A function that is given `context` for as long as it is called.
     pub(crate) fn of_function<C: Send>(function: fn(&mut C, I), context: &mut C) -> Self {
-        // SAFETY: `&mut C` and `*mut ()` are ABI-compatible, as `C` is `Sized`; whoever calls
-        // gives a pointer to a `C`, and calls an unsafe function.
+        // SAFETY: `&mut C` and `*mut ()` are ABI-compatible, as `C` is `Sized`; every caller passes a pointer
+        // to a `C`, and calls an unsafe function.
         let call =
             unsafe { core::mem::transmute::<fn(&mut C, I), unsafe fn(*mut (), I)>(function) };
         Self {

@@ -33,7 +33,7 @@ use crate::instant::CounterReading;
 use crate::rate::Rate;
 use crate::timer::{Armed, Timer};
 
-/// How often an attempt that was disturbed is made again.
+/// The number of times that a disturbed attempt is made again.
 const ATTEMPTS: u32 = 100;
 
 /// The failure of a timer's check.
@@ -48,7 +48,7 @@ pub struct TimerFailure {
     pub expected: u32,
 }
 
-/// What a check that cannot go on gives.
+/// The result of a check, which ends at its first failure.
 type Verdict<T = ()> = Result<T, TimerFailure>;
 
 /// Whether an attempt was fast enough to tell.

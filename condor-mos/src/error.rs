@@ -47,7 +47,7 @@ pub enum RateError {
 }
 
 impl RateError {
-    /// What is wrong, for an error of compilation, which cannot print values.
+    /// Returns the fault in words, for an error of compilation, which cannot print values.
     pub(crate) const fn message(self) -> &'static str {
         match self {
             Self::TooFast { .. } => "a rate is faster than the timer's ticks",

@@ -1,4 +1,4 @@
-//! How a timer's interrupt keeps up with events, and never loses the next one.
+//! The way in which a timer's interrupt keeps up with events, and never loses the next one.
 
 use crate::instant::CounterReading;
 use crate::timer::{Armed, Timer};
@@ -6,9 +6,9 @@ use crate::timer::{Armed, Timer};
 /// Events that one interrupt catches up with before the background gets a chance.
 const MOST_EVENTS: u32 = 1024;
 
-/// Passes events, the first of which is due, and arms the timer for the first that is ahead.
-/// `pass_event` gives the instant of the one after. Returns an instant that is no earlier than any
-/// event that was passed: a reading from before would be.
+/// Passes events, the first of which is due, and arms the timer for the first that is ahead. `pass_event`
+/// returns the instant of the event after the one that it passes. Returns an instant that is not earlier than
+/// any event that was passed: an earlier reading would be.
 #[cold]
 pub(crate) fn catch_up<T: Timer>(
     timer: &T,

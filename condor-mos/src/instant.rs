@@ -26,7 +26,7 @@ pub trait CounterReading: Sealed + Copy + Send + Sync + 'static {
     #[must_use]
     fn since(self, earlier: Self) -> u32;
 
-    /// Returns whether this instant is `due` or later.
+    /// Returns true if this instant is `due` or later.
     #[must_use]
     fn has_reached(self, due: Self) -> bool;
 }

@@ -97,7 +97,7 @@ impl<T> Latest<T> {
     }
 }
 
-/// The writer of a [`Latest`].
+/// The end of a [`Latest`] that writes values, on one context or thread.
 pub struct LatestWriter<'l, T> {
     cell: &'l Latest<T>,
 }
@@ -121,7 +121,7 @@ impl<T> LatestWriter<'_, T> {
             .with_mut(|value| unsafe { &mut *value })
     }
 
-    /// Makes what [`buffer`](Self::buffer) holds the latest value.
+    /// Makes the contents of [`buffer`](Self::buffer) the latest value.
     pub fn publish(&mut self) {
         let [back, _] = &self.cell.ends;
         let middle = &self.cell.middle;
@@ -135,7 +135,7 @@ impl<T> LatestWriter<'_, T> {
     }
 }
 
-/// The reader of a [`Latest`].
+/// The end of a [`Latest`] that reads its latest value, on one context or thread.
 pub struct LatestReader<'l, T> {
     cell: &'l Latest<T>,
 }
@@ -160,7 +160,7 @@ impl<T> LatestReader<'_, T> {
         self.cell.buffer(index).with(|value| unsafe { &*value })
     }
 
-    /// Returns whether [`read`](Self::read) will return a value that it has not returned before.
+    /// Returns true if [`read`](Self::read) will return a value that it has not returned before.
     #[must_use]
     pub fn is_fresh(&self) -> bool {
         // Relaxed: only advises; the exchange that follows is what takes the value. The writer never

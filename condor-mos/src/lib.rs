@@ -44,7 +44,7 @@ pub mod riscv;
 #[cfg(all(feature = "sim", not(target_os = "none")))]
 pub mod sim;
 
-// How often.
+// Rates and instants.
 mod clock;
 mod instant;
 mod rate;

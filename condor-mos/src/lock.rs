@@ -82,7 +82,7 @@ impl<T> LoopLock<T> {
     }
 }
 
-/// Gives the lock back, also when its user unwinds.
+/// Releases the lock when it is dropped, also when its user unwinds.
 struct Unlock<'l, L: Loops + ?Sized> {
     loops: &'l L,
     gate: &'l Gate,

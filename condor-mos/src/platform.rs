@@ -25,21 +25,21 @@ pub trait Platform: Timer {
 
     /// Pends the vectors of `ranks`; bit *n* stands for rank *n*.
     ///
-    /// It is called only if [`VECTORS`](Self::VECTORS) is true.
+    /// Called only if [`VECTORS`](Self::VECTORS) is true.
     fn pend(&self, ranks: u32) {
         let _ = ranks;
     }
 
-    /// Returns whether the caller runs on the stack on which loops nest by calls. If not, it makes
-    /// an interrupt come soon on that stack.
+    /// Returns true if the caller runs on the stack on which loops nest by calls. Otherwise makes an interrupt
+    /// come soon on that stack, and returns false.
     ///
     /// The default returns true: a bare-metal processor has only one such stack.
     fn is_loops_stack(&self) -> bool {
         true
     }
 
-    /// Returns whether the timer's interrupt has a handler; true if that cannot be known. Without
-    /// one no loop would ever be released, so the schedule does not start.
+    /// Returns true if the timer's interrupt has a handler, or if that cannot be known. Without a handler no
+    /// loop would ever be released, so the schedule does not start.
     fn has_handler(&self) -> bool {
         true
     }

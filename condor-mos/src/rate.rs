@@ -91,7 +91,7 @@ impl Rate {
         f64::from(self.numerator) / f64::from(self.denominator)
     }
 
-    /// Returns whether this rate is greater than `other`; it also works in constants.
+    /// Returns true if this rate is greater than `other`; it also works in constants.
     #[must_use]
     pub const fn is_faster_than(self, other: Self) -> bool {
         self.numerator as u64 * other.denominator as u64
@@ -124,7 +124,7 @@ impl fmt::Display for Rate {
     }
 }
 
-/// What a rate looks like, so that it can be padded.
+/// The printed form of a rate, so that it can be padded.
 #[derive(Default)]
 struct Text {
     bytes: [u8; "4294967295/4294967295 Hz".len()],

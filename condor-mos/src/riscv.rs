@@ -200,7 +200,7 @@ mod float {
     #[inline]
     pub(super) fn preserving<F: FnOnce()>(status: usize, handler: F) {
         extern "C" fn call<F: FnOnce()>(handler: *mut ()) {
-            // SAFETY: `preserving` gives its handler, and does not use it any more.
+            // SAFETY: `preserving` passes its handler, and does not use it any more.
             unsafe { ManuallyDrop::take(&mut *handler.cast::<ManuallyDrop<F>>())() }
         }
         let mut handler = ManuallyDrop::new(handler);

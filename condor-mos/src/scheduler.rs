@@ -91,8 +91,8 @@ impl<P: Platform, const L: usize, const E: usize, K: Keep> Scheduler<P, L, E, K>
         &self.platform
     }
 
-    /// Gives a loop its body for good, and enables it. `body` is called with `context` and the
-    /// instant at which the loop was due.
+    /// Sets the body of a loop for good, and enables the loop. `body` is called with `context` and the instant
+    /// at which the loop was due.
     ///
     /// # Errors
     /// [`LoopError::NoSuchLoop`] if there is no such loop, [`LoopError::Taken`] if it has a body.
@@ -133,7 +133,7 @@ impl<P: Platform, const L: usize, const E: usize, K: Keep> Scheduler<P, L, E, K>
         Ok(())
     }
 
-    /// Returns whether a change of rates has not taken effect yet.
+    /// Returns true if a change of rates has not taken effect yet.
     #[must_use]
     pub fn is_changing(&self) -> bool {
         self.with_state(|state| state.schedule.is_changing())
@@ -278,7 +278,7 @@ impl<P: Platform, const L: usize, const E: usize, K: Keep> Scheduler<P, L, E, K>
             running.busy = state.busy;
             state.end(0, running, now)
         });
-        // What is due just now comes after it, and its interrupt may not come by itself.
+        // An event that is due just now comes after it, and its interrupt may not come by itself.
         waits || late && !overdue
     }
 
@@ -545,7 +545,7 @@ impl<P: Platform, const L: usize, const E: usize, K: Keep> Runner for Scheduler<
 
     fn enter(&self, gate: &Gate) -> Result<u32, LoopLockError> {
         section(|section| {
-            // What is taken is left alone. Pairs with the store of whoever had it.
+            // A lock that is taken is left alone. Pairs with the store of its last holder.
             if gate.taken.load(Ordering::Relaxed) || gate.taken.swap(true, Ordering::Acquire) {
                 return Err(LoopLockError::Taken);
             }

@@ -44,11 +44,11 @@ pub(crate) struct Start<I> {
     pub(crate) running: Running<I>,
 }
 
-/// What is asked for at the end of a loop that has started.
+/// The data that are needed at the end of a loop that has started.
 #[derive(Clone, Copy)]
 pub(crate) struct Running<I> {
     pub(crate) since: I,
-    /// What loops had taken then, unless none can interrupt this one.
+    /// The time that loops had taken then, unless none can interrupt this one.
     pub(crate) busy: u32,
 }
 
@@ -106,14 +106,14 @@ impl<I: CounterReading, const L: usize, const E: usize, K: Record> SchedulerStat
     /// was due, and its index. All else is left to [`pass_event`](Self::pass_event).
     #[inline(always)]
     pub(crate) fn peek_event(&self, now: I) -> Option<(I, ScheduleEvent, usize)> {
-        // Where nothing is started, the schedule is at a turn.
+        // If nothing is started, the schedule is at a turn.
         let (event, index) = self.schedule.peek()?;
         let may_start = event.ranks & (self.unfinished | self.held) == 0;
         (now.has_reached(self.due) && may_start).then_some((self.due, event, index))
     }
 
-    /// Takes the event at that index, and gives when the next one is due. Its loops are unfinished from
-    /// here on; who takes them begins them or makes them runnable.
+    /// Takes the event at that index, and returns the instant at which the next one is due. Its loops are
+    /// unfinished from here on; the context that takes them begins them or makes them runnable.
     #[inline(always)]
     pub(crate) fn take_event(&mut self, due: I, event: ScheduleEvent, index: usize) -> I {
         self.schedule.pass(index);
@@ -138,7 +138,7 @@ impl<I: CounterReading, const L: usize, const E: usize, K: Record> SchedulerStat
         }
     }
 
-    /// Passes the event that is due, and gives when the next one is due.
+    /// Passes the event that is due, and returns the instant at which the next one is due.
     #[cold]
     pub(crate) fn pass_event(&mut self) -> I {
         if self.schedule.is_at_turn() {
@@ -153,13 +153,13 @@ impl<I: CounterReading, const L: usize, const E: usize, K: Record> SchedulerStat
         self.due
     }
 
-    /// Whether an event was due before `now`, which is when the fastest loop ends, and could not come.
+    /// Returns true if an event was due before `now`, which is when the fastest loop ends, and could not come.
     #[inline(always)]
     pub(crate) fn is_overdue(&self, now: I) -> bool {
         now.has_reached(self.due.after(1)) && self.started
     }
 
-    /// Whether the loop runs that nothing interrupts where ranks have vectors.
+    /// Returns true if the loop runs that nothing interrupts where ranks have vectors.
     pub(crate) fn runs_fastest(&self) -> bool {
         self.unfinished & !self.runnable & 1 != 0
     }
@@ -246,7 +246,7 @@ impl<I: CounterReading, const L: usize, const E: usize, K: Record> SchedulerStat
         self.runnable & self.unlocked
     }
 
-    /// Starts the fastest loop that may start, and gives its rank.
+    /// Starts the fastest loop that may start, and returns its rank.
     #[inline(always)]
     pub(crate) fn begin_fastest(&mut self, now: I) -> Option<(u32, Start<I>)> {
         match self.ready() {
@@ -348,7 +348,7 @@ impl<I: CounterReading, const L: usize, const E: usize, K: Record> SchedulerStat
         waits
     }
 
-    /// Lets only loops start that are faster than all in `users`, a bit for each number; gives what
+    /// Lets only loops start that are faster than all in `users`, a bit for each number; returns the ranks that
     /// might start before, or `None` if a faster one is in progress.
     pub(crate) fn lock(&mut self, users: u32) -> Option<u32> {
         let is_user = |number: &u8| users & 1_u32.unbounded_shl(u32::from(*number)) != 0;
@@ -370,7 +370,7 @@ impl<I: CounterReading, const L: usize, const E: usize, K: Record> SchedulerStat
         self.hold();
     }
 
-    /// Gives a loop that has none a body, and enables it; says whether it had none.
+    /// Sets the body of a loop that has none, and enables the loop; returns true if it had none.
     pub(crate) fn assign(&mut self, number: usize, overrun: Overrun, body: LoopBody<I>) -> bool {
         let Some(rank) = self.rank(number) else {
             return false;

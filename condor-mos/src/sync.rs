@@ -1,4 +1,5 @@
-//! What contexts share, in one place, so that loom can check the shipped code.
+//! Atomics, cells and critical sections that contexts share, in one place, so that loom can check the shipped
+//! code.
 //!
 //! Under `--cfg condor_loom` the atomics, the cells and the critical sections are loom's.
 
@@ -7,7 +8,7 @@ pub(crate) use portable_atomic::Ordering;
 #[cfg(not(any(test, condor_loom)))]
 pub(crate) use portable_atomic::{AtomicBool, AtomicU8};
 
-// Whoever interrupts can come at each of their accesses.
+// An interrupting context can come at each of their accesses.
 #[cfg(all(test, not(condor_loom)))]
 pub(crate) use interrupt_injector::{AtomicBool, AtomicU8};
 
@@ -59,7 +60,7 @@ macro_rules! const_unless_loom {
         $(#[$attribute])*
         $visibility const fn $($rest)*
 
-        // What is `const` elsewhere cannot convert by `From`.
+        // A function that is `const` elsewhere cannot convert by `From`.
         #[cfg(condor_loom)]
         #[allow(clippy::cast_lossless)]
         $(#[$attribute])*

@@ -45,8 +45,8 @@ impl<W: MemoryWindow, X: Exclusion, const IN: usize> Terminal<W, X, IN> {
 ///
 /// * [`Write`]: follows the terminal's [`Policy`](crate::Policy). Under
 ///   [`Policy::Block`](crate::Policy::Block), `write` loses nothing; `write_all` and formatted
-///   writes have one time-out for all their bytes, and drop and count the rest after it. `flush`
-///   waits, under the conditions of a write, until the host has acknowledged everything.
+///   writes have one timeout for all their bytes, and drop and count the rest after it. `flush` waits, under
+///   the conditions of a write, until the host has acknowledged everything.
 /// * [`Read`], [`BufRead`]: return at least one byte, and in cooked mode at most a line; 0 bytes
 ///   mean that the character for the end of the file was typed. They wait as long as
 ///   [`with_read_timeout`](Self::with_read_timeout) says.
@@ -59,7 +59,7 @@ pub struct Console<'t, W, X, M, const IN: usize> {
     messenger: &'t M,
     read_timeout: Duration,
     held: [u8; HELD],
-    /// Where in `held` there is something.
+    /// The index in `held` of the first byte that has not been consumed.
     begin: usize,
     end: usize,
 }
@@ -222,7 +222,7 @@ impl<W: MemoryWindow, X: Exclusion, M: Messenger, const IN: usize> Write
 impl<W: MemoryWindow, X: Exclusion, M: Messenger, const IN: usize> WriteReady
     for Console<'_, W, X, M, IN>
 {
-    /// Whether a write of one byte would not wait.
+    /// Returns true if a write of one byte would not wait.
     fn write_ready(&mut self) -> Result<bool, ConsoleError> {
         let room = self.terminal.output().room()?;
         Ok(room >= room_for(b"\n") || self.terminal.waits()?.is_none())
@@ -248,7 +248,7 @@ impl<W: MemoryWindow, X: Exclusion, M: Messenger, const IN: usize> Read
         Ok(count)
     }
 
-    // What `embedded-io` does by itself, without its path that panics.
+    // The default of `embedded-io`, without its path that panics.
     fn read_exact(&mut self, into: &mut [u8]) -> Result<(), ReadExactError<ConsoleError>> {
         let mut rest = into;
         while !rest.is_empty() {
@@ -374,7 +374,7 @@ pub(crate) fn ring<W: MemoryWindow, X: Exclusion, M: Messenger + ?Sized, const I
     messenger: &M,
 ) -> Result<(), AccessError> {
     terminal.ring(|to: Processor, vector: Vector, data: u32| {
-        // What the message would say, the cursors say.
+        // The cursors in shared memory already tell what the message would tell.
         let _ = messenger.send(to, vector, data, Duration::ZERO);
     })
 }

@@ -163,7 +163,7 @@ where
         Ok(Some(from.len()))
     }
 
-    /// Whether the host has dealt with everything, or is not waited for.
+    /// Returns true if the host has dealt with everything, or is not waited for.
     fn is_read(&self) -> Result<bool, AccessError> {
         Ok(self.terminal.unread()? == 0 || self.terminal.waits()?.is_none())
     }
@@ -185,7 +185,7 @@ where
 mod sealed {
     use super::{AccessError, DeviceError};
 
-    /// What [`Tty`](super::Tty) does with a terminal, before it is known of which bus its switch is.
+    /// The operations of [`Tty`](super::Tty) on a terminal, before it is known of which bus its switch is.
     pub trait Transfers {
         fn read(&self, into: &mut [u8]) -> Result<usize, DeviceError<AccessError>>;
         fn write(&self, from: &[u8]) -> Result<usize, DeviceError<AccessError>>;
@@ -314,7 +314,7 @@ impl<T: TerminalTable> Driver for Tty<T> {
     }
 
     fn is_flushed<B: Bus>(&self, registers: Registers<'_, B>) -> Result<bool, B::Error> {
-        // Where there is nothing to wait for, nobody waits; the next write says why.
+        // If there is nothing to wait for, no program waits; the next write returns the reason.
         let terminal = T::terminal(registers.base());
         Ok(terminal.is_none_or(|terminal| terminal.is_flushed().unwrap_or(true)))
     }

@@ -6,11 +6,11 @@ use core::fmt::{self, Write};
 const WIDTH: usize = 79;
 
 /// The editor of the lines that a person types at a program's terminal: it takes one byte at a time,
-/// and writes what the person is to see.
+/// and writes the text that the person sees.
 ///
 /// `LINE` is the length of the longest line in bytes, and `LINES` the number of lines that are kept
 /// as history. Use it with a terminal of the settings
-/// [`TerminalSettings::CBREAK`](crate::TerminalSettings::CBREAK), whose program echoes what is typed.
+/// [`TerminalSettings::CBREAK`](crate::TerminalSettings::CBREAK), whose program echoes typed characters.
 ///
 /// | key | effect |
 /// |---|---|
@@ -23,8 +23,8 @@ const WIDTH: usize = 79;
 /// | ^L | shows the line again |
 /// | Enter | ends the line |
 ///
-/// Other control characters and escape sequences have no effect. Nor has the Escape key alone: what
-/// is typed after it, however much later, is taken as it is, unless it is the `[` or `O` with which
+/// Other control characters and escape sequences have no effect. Nor has the Escape key alone: a
+/// character that is typed after it, however much later, is taken as it is, unless it is the `[` or `O` with which
 /// the sequence of another key goes on. A line begins in the first column;
 /// of a line that is longer than 79 columns, a part is shown while it is edited. Each character
 /// counts as one column.
@@ -49,15 +49,15 @@ const WIDTH: usize = 79;
 #[derive(Clone, Debug)]
 pub struct LineEditor<const LINE: usize, const LINES: usize> {
     line: InputLine<LINE>,
-    /// Where the next character goes, in bytes.
+    /// The place of the next character, in bytes.
     cursor: usize,
     /// The first character that is shown.
     left: usize,
     /// The newest line is the first one.
     history: [InputLine<LINE>; LINES],
-    /// How many lines the history has.
+    /// The number of lines that the history has.
     kept: usize,
-    /// Which line of the history is shown, from 1; 0 for the new one.
+    /// The number of the line of the history that is shown, from 1; 0 for the new one.
     back: usize,
     /// The new line, while another one is shown.
     draft: InputLine<LINE>,
@@ -82,7 +82,7 @@ impl<const LINE: usize> PartialEq for InputLine<LINE> {
 
 impl<const LINE: usize> Eq for InputLine<LINE> {}
 
-/// How much of an escape sequence has come.
+/// The part of an escape sequence that has come.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Escape {
     None,
@@ -98,10 +98,10 @@ enum Escape {
     },
 }
 
-/// What a byte is.
+/// The meaning of a byte.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Meaning {
-    /// It has no effect, or none yet.
+    /// The byte has no effect, or none yet.
     Nothing,
     /// A part of a character.
     Character,
@@ -126,8 +126,8 @@ enum Key {
     Enter,
 }
 
-/// What the word before the cursor may become: the callback gets the line up to the cursor, and
-/// calls the function that it gets with each whole word that may stand at its end.
+/// A callback that completes the word before the cursor. It gets the line up to the cursor and a function, and
+/// calls this function with each whole word that may stand at the line's end.
 pub type Complete<'c> = dyn FnMut(&str, &mut dyn FnMut(&str)) + 'c;
 
 impl<const LINE: usize> InputLine<LINE> {
@@ -227,11 +227,11 @@ impl<const LINE: usize, const LINES: usize> LineEditor<LINE, LINES> {
         (self.cursor, self.left, self.back) = (0, 0, 0);
     }
 
-    /// Takes a byte that was typed, and writes to `out` what it changes on the terminal. Returns the
-    /// line when the byte ends it. `complete` offers what the word before the cursor may become.
+    /// Takes a byte that was typed, and writes the resulting changes of the terminal to `out`. Returns the
+    /// line when the byte ends it. `complete` offers the words that the word before the cursor may become.
     ///
     /// # Errors
-    /// The error of `out`. The byte has been taken nevertheless.
+    /// Returns the error of `out` if it fails; the byte has been taken nevertheless.
     pub fn feed(
         &mut self,
         byte: u8,
@@ -261,7 +261,7 @@ impl<const LINE: usize, const LINES: usize> LineEditor<LINE, LINES> {
         Ok(None)
     }
 
-    /// What a byte means.
+    /// Returns the meaning of a byte.
     fn meaning(&mut self, byte: u8) -> Meaning {
         let escape = core::mem::replace(&mut self.escape, Escape::None);
         let meaning = match (escape, byte) {
@@ -286,7 +286,7 @@ impl<const LINE: usize, const LINES: usize> LineEditor<LINE, LINES> {
                 } else {
                     number
                 };
-                // What is no digit ends the number, and not the sequence.
+                // A byte that is not a digit ends the number, and not the sequence.
                 let ended = !goes_on;
                 self.escape = Escape::Control { number, ended };
                 Meaning::Nothing
@@ -361,7 +361,7 @@ impl<const LINE: usize, const LINES: usize> LineEditor<LINE, LINES> {
             self.kept = self.kept.saturating_add(1).min(LINES);
         }
         if is_cut {
-            // What is ended is shown as a whole.
+            // A line that is ended is shown as a whole.
             write!(out, "\r{}", line.as_str())?;
         }
         out.write_str("\n")?;
@@ -485,7 +485,7 @@ impl<const LINE: usize, const LINES: usize> LineEditor<LINE, LINES> {
     }
 }
 
-/// What an escape sequence means by its last byte, and by the first number in it.
+/// Returns the meaning of an escape sequence by its last byte, and by the first number in it.
 fn sequence(number: u8, last: u8) -> Meaning {
     let key = match (last, number) {
         (b'A', _) => Key::Former,
@@ -500,7 +500,7 @@ fn sequence(number: u8, last: u8) -> Meaning {
     Meaning::Key(key)
 }
 
-/// What a byte outside of a sequence means.
+/// Returns the meaning of a byte outside of a sequence.
 fn control(byte: u8) -> Meaning {
     let key = match byte {
         b'\r' | b'\n' => Key::Enter,

@@ -28,7 +28,7 @@ pub enum InputResult {
     Full,
 }
 
-/// What is shown for a character: the first bytes of `text`, so many times.
+/// The echo of a character: the first bytes of `text`, so many times.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Echo {
     text: [u8; 4],
@@ -316,7 +316,7 @@ impl<const N: usize> Input<N> {
             .then(|| self.element(typed.wrapping_sub(1)).to_le_bytes()[0])
     }
 
-    /// Whether there is something for the program to read.
+    /// Returns true if there is something for the program to read.
     pub(crate) fn is_ready(&self) -> bool {
         self.read.get() != self.committed.get()
     }
@@ -340,7 +340,7 @@ impl<const N: usize> Input<N> {
                 return (count + 1, true);
             }
         }
-        // What ends the line here is not the end of the file to the next read.
+        // A mark that ends the line here is not the end of the file to the next read.
         let ends = self.next().is_some_and(|next| next & END_OF_FILE != 0);
         self.read.set(self.read.get().wrapping_add(u32::from(ends)));
         (into.len(), ends)
@@ -350,12 +350,12 @@ impl<const N: usize> Input<N> {
         self.is_ready().then(|| self.element(self.read.get()))
     }
 
-    /// Whether a character has been refused, and nothing taken out since.
+    /// Returns true if a character has been refused, and nothing taken out since.
     pub(crate) fn is_full(&self) -> bool {
         self.refused.get() != 0
     }
 
-    /// Whether there were interrupts since the last time.
+    /// Returns true if there were interrupts since the last time.
     pub(crate) fn take_interrupt(&self) -> bool {
         let interrupted = self.is_interrupted();
         self.interrupts.set(0);

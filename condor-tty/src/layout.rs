@@ -132,13 +132,13 @@ pub const fn input_data(offset: u32, character: u8) -> u32 {
     (offset / ALIGNMENT) << 8 | character as u32
 }
 
-/// Returns whether a terminal can begin at `offset`: a multiple of a line, below 1 GiB.
+/// Returns true if a terminal can begin at `offset`: a multiple of a line, below 1 GiB.
 #[must_use]
 pub const fn is_offset(offset: u32) -> bool {
     offset.is_multiple_of(ALIGNMENT) && offset / ALIGNMENT < 1 << 24
 }
 
-/// Returns whether a ring can have `capacity` bytes.
+/// Returns true if a ring can have `capacity` bytes.
 #[must_use]
 pub const fn is_capacity(capacity: u32) -> bool {
     capacity.is_power_of_two() && capacity >= MIN_CAPACITY && capacity <= MAX_CAPACITY

@@ -41,5 +41,5 @@ pub use terminal::Terminal;
 // The host's end, anywhere.
 pub use reader::{FetchedOutput, TerminalReader, TerminalReaderError, TerminalStatus};
 
-// Both.
+// Both ends.
 pub use layout::TerminalVectors;

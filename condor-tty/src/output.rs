@@ -105,8 +105,8 @@ impl<W: MemoryWindow, X: Exclusion> Output<W, X> {
         self.store(words::INCARNATION, self.incarnation, StoreOrder::Release)
     }
 
-    /// What lives are counted from: a program that makes its terminal at another place than before
-    /// begins another incarnation there, too.
+    /// The number from which incarnations are counted: a program that makes its terminal at another place than
+    /// before begins another incarnation there, too.
     const fn first_incarnation(&self) -> u32 {
         (self.offset / ALIGNMENT) << 8
     }
@@ -190,7 +190,7 @@ impl<W: MemoryWindow, X: Exclusion> Output<W, X> {
         self.write_partly(end.wrapping_sub(last.len() as u32), last)?;
         self.reserved.set(end);
         self.writers.set(self.writers.get().wrapping_add(1));
-        // What the host will never see again is no longer waited for.
+        // Bytes that the host will never see again are no longer waited for.
         if end.wrapping_sub(self.tail.get()) > self.capacity {
             self.tail.set(end.wrapping_sub(self.capacity));
         }
@@ -245,7 +245,7 @@ impl<W: MemoryWindow, X: Exclusion> Output<W, X> {
 
     fn room_alone(&self) -> Result<u32, AccessError> {
         let oldest = if self.policy.get() == policy::DROP_OLD {
-            // What is being written by the contexts that this one interrupts stays theirs.
+            // The space that interrupted contexts are writing stays theirs.
             self.head.get()
         } else {
             self.tail_alone()?

@@ -1,4 +1,4 @@
-//! [`Policy`]: what happens to output for which there is no room.
+//! [`Policy`]: the treatment of output for which there is no room.
 
 use core::time::Duration;
 

@@ -42,12 +42,13 @@ pub struct TerminalReader<W> {
     incarnation: u32,
     /// The word by which this host is marked as attached.
     attached: u32,
-    /// What has been acknowledged, as in shared memory.
+    /// The position up to which output has been acknowledged, as in shared memory.
     tail: u32,
     overwritten: u32,
-    /// Which record is that of `tail`.
+    /// The number of the record that is that of `tail`.
     record: usize,
-    /// Where the last fetch began and ended, after what it found overwritten.
+    /// The position where the last fetch began, after the overwritten bytes that it found; `end` is where it
+    /// ended.
     begin: u32,
     end: u32,
     skipped: u32,
@@ -326,7 +327,7 @@ impl<W: MemoryWindow> TerminalReader<W> {
     }
 
     /// Acknowledges the next `count` bytes of the last fetch, and bytes that were overwritten
-    /// before them. Returns whether the processor waits for room; the caller then sends it a
+    /// before them. Returns true if the processor waits for room; the caller then sends it a
     /// message to [`TerminalVectors::room`](crate::layout::TerminalVectors::room).
     ///
     /// # Errors

@@ -1,6 +1,6 @@
 //! [`TerminalSettings`]: the treatment of input and output by a terminal.
 
-/// The form in which a program gets what is typed.
+/// The form in which a program gets typed characters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum InputMode {
     /// The program gets whole lines, after a person has edited them; [`Characters`] have their
@@ -11,7 +11,7 @@ pub enum InputMode {
     /// The program gets every character at once, but those of [`Characters`] that interrupt, stop
     /// and start have their effects.
     Cbreak,
-    /// The program gets nothing: the host keeps what is typed until the mode is another one, or a
+    /// The program gets nothing: the host keeps typed characters until the mode changes, or a
     /// program makes the terminal anew.
     Closed,
 }
@@ -61,7 +61,7 @@ impl Characters {
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TerminalSettings {
-    /// The form in which the program gets what is typed.
+    /// The form in which the program gets typed characters.
     pub mode: InputMode,
     /// Whether typed characters are written to the output, so that they are shown.
     pub echo: bool,

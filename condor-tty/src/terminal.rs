@@ -121,7 +121,7 @@ impl<W: MemoryWindow, X: Exclusion, const IN: usize> Terminal<W, X, IN> {
     /// character interrupts.
     pub fn receive_and(&self, call: &Call<'_>, on_interrupt: impl FnOnce()) -> u32 {
         if call.vector() == self.vectors.room {
-            // It has ended the wait of whom it was for.
+            // The message has ended the wait of the context that it was for.
             return reply::ACCEPTED;
         }
         let [character, ..] = call.data().to_le_bytes();
@@ -129,7 +129,7 @@ impl<W: MemoryWindow, X: Exclusion, const IN: usize> Terminal<W, X, IN> {
             return reply::NO_TERMINAL;
         }
         let post = |to, vector, data| {
-            // What a doorbell would say, the cursors say.
+            // The cursors in shared memory already tell what the message would tell.
             let _ = call.send(to, vector, data, Duration::ZERO);
         };
         // A terminal whose memory is gone has nothing to show, but still takes what is typed.
@@ -301,7 +301,7 @@ impl<W: MemoryWindow, X: Exclusion, const IN: usize> Terminal<W, X, IN> {
         self.output.policy()
     }
 
-    /// Returns whether the character that interrupts was typed since this method, or a read, last
+    /// Returns true if the character that interrupts was typed since this method, or a read, last
     /// reported it.
     pub fn take_interrupt(&self) -> bool {
         self.exclusive(|| self.input.take_interrupt())

@@ -17,7 +17,7 @@ pub struct BusMemory {
 /// An access of the suite.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BusAccess {
-    /// A read.
+    /// A read of one register.
     Read,
     /// A write of this value.
     Write(u32),
@@ -183,7 +183,7 @@ impl<B: Bus> Suite<'_, B> {
         Ok(())
     }
 
-    /// Fills the memory, and gives its bytes.
+    /// Fills the memory, and returns the bytes that it then holds.
     fn lay_background(&self, check: &'static str) -> Result<[u8; 8], BusFailure> {
         let mut bytes = [0; 8];
         let (words, _) = bytes.as_chunks_mut::<4>();

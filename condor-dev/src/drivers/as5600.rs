@@ -15,7 +15,7 @@ use crate::driver::{DeviceError, Driver};
 /// an AS5600 from a part that reads the same there, such as one that reads as 0 everywhere.
 ///
 /// `init` sets the whole turn as range and 0 in all named bits of CONF: always on, no hysteresis, an
-/// analog output, the slowest filter, no watchdog. So what a former program set there is gone;
+/// analog output, the slowest filter, no watchdog. So the settings of a former program are gone;
 /// positions that were burned into the chip hold again after the next power-on.
 ///
 /// `read` reads [`angle`](Self::angle) as two bytes in the byte order of the processor.
@@ -83,7 +83,7 @@ impl As5600 {
     /// Returns the angle in 4096ths of a turn, whatever the range is.
     ///
     /// # Errors
-    /// The bus's error if an access fails.
+    /// Returns the bus's error if an access fails.
     pub fn raw_angle<B: Bus>(&self, registers: Registers<'_, B>) -> Result<u16, B::Error> {
         Self::word(registers, register::RAW_ANGLE)
     }
@@ -93,7 +93,7 @@ impl As5600 {
     /// 22, "Angle Programming").
     ///
     /// # Errors
-    /// The bus's error if an access fails.
+    /// Returns the bus's error if an access fails.
     pub fn set_range<B: Bus>(
         &self,
         registers: Registers<'_, B>,
@@ -113,7 +113,7 @@ impl As5600 {
     /// Returns the state of the chip's magnet.
     ///
     /// # Errors
-    /// The bus's error if an access fails.
+    /// Returns the bus's error if an access fails.
     pub fn magnet<B: Bus>(&self, registers: Registers<'_, B>) -> Result<Magnet, B::Error> {
         let status = registers.read8(register::STATUS)?;
         Ok(Magnet {

@@ -20,7 +20,7 @@ use crate::driver::{DeviceError, Driver};
 /// the prescaler of power-on (200 Hz). One thing outlives it: an external clock, which only
 /// power-on or a software reset ends. [`set_frequency`](Self::set_frequency) reports it. The driver
 /// never sends that reset (0x06 to address 0), since it resets every chip of the bus that
-/// knows the call, whoever uses it. A program may send it before it starts its switch.
+/// knows the call, also chips that other programs use. A program may send it before it starts its switch.
 ///
 /// Opening the chip wakes it; closing it switches all outputs off and lets it sleep. `write` sets the
 /// duties of the first channels, two bytes each, in the byte order of the processor, as
@@ -90,7 +90,7 @@ mod mode1 {
     pub(super) const EXTERNAL_CLOCK: u8 = 1 << 6;
     pub(super) const AUTO_INCREMENT: u8 = 1 << 5;
     pub(super) const SLEEP: u8 = 1 << 4;
-    /// What a chip that this driver uses does: it has no other addresses.
+    /// The mode of a chip that this driver uses: it has no other addresses.
     pub(super) const AWAKE: u8 = AUTO_INCREMENT;
 }
 
@@ -164,7 +164,7 @@ impl Pca9685 {
         if registers.read8(register::PRE_SCALE)? < 3 || !is(register::MODE2, MODE2_RESERVED)? {
             return Ok(false);
         }
-        // One at a time: a chip that does not advance its register number gives one of them again.
+        // One at a time: a chip that does not advance its register number returns one of them again.
         for other in 0..OTHER_ADDRESSES.len() {
             if !is(register::SUBADR1 + other, 1)? || !is(register::ALL_LED + other, 0xff)? {
                 return Ok(false);

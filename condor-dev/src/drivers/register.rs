@@ -22,10 +22,10 @@ impl ShadowRegister {
     }
 
     /// Calls `wanted`, and writes its value with `write` if the register has another one, all in one
-    /// critical section. Returns whether it wrote. A write that failed is made again by the next call.
+    /// critical section. Returns true if it wrote. A write that failed is made again by the next call.
     ///
     /// # Errors
-    /// The error of `write`.
+    /// Returns the error of `write` if it fails.
     pub fn update<E>(
         &self,
         wanted: impl FnOnce() -> u16,

@@ -98,7 +98,8 @@ const AT_ONCE: usize = 64;
 /// Reasons that one interrupt is served for; the board interrupts again for more.
 const ROUNDS: u32 = 4;
 
-/// How the FIFOs are run: an interrupt for 8 received bytes, or for fewer that wait for 4 characters.
+/// The way in which the FIFOs are run: an interrupt for 8 received bytes, or for fewer that wait for 4
+/// characters.
 const FIFOS: FCR = FCR::FIFO_ENABLE.set_fifo_trigger_level(FifoTriggerLevel::Eight);
 
 impl<const STRIDE: usize, const BUFFER: usize, const DIVISOR: u16>
@@ -122,7 +123,7 @@ impl<const STRIDE: usize, const BUFFER: usize, const DIVISOR: u16>
         registers.write8(register * STRIDE, value)
     }
 
-    /// Gives the first two registers back their meaning, if setting the speed was broken off.
+    /// Restores the meaning of the first two registers, if setting the speed was broken off.
     fn restore_line<B: Bus>(&self, registers: Registers<'_, B>) -> Result<(), B::Error> {
         let write = |value: u16| Self::put(registers, offsets::LCR, value as u8);
         let wanted = || self.format.load(Relaxed).into();
@@ -227,7 +228,7 @@ impl<const STRIDE: usize, const BUFFER: usize, const DIVISOR: u16>
     /// `divisor`, and the format. Characters that are sent or received meanwhile are garbled.
     ///
     /// # Errors
-    /// The bus's error if an access fails; the speed is unknown then, so set it again.
+    /// Returns the bus's error if an access fails; the speed is unknown then, so set it again.
     pub fn configure<B: Bus>(
         &self,
         registers: Registers<'_, B>,
@@ -395,7 +396,7 @@ impl<const STRIDE: usize, const BUFFER: usize, const DIVISOR: u16>
     /// or whose vector has been disabled.
     ///
     /// # Errors
-    /// The bus's error if an access fails.
+    /// Returns the bus's error if an access fails.
     pub fn poll<B: Bus>(&self, registers: Registers<'_, B>) -> Result<(), B::Error> {
         masked(|| self.serve(registers)).map(drop)
     }

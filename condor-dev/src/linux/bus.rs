@@ -100,7 +100,7 @@ fn system<E: Into<io::Error>>(doing: &'static str) -> impl FnOnce(E) -> BusMapEr
 pub struct LinuxBus {
     registers: Mmio,
     access: MapAccess,
-    /// What a bus error means.
+    /// The kind of error that a bus error means.
     silence: BusErrorKind,
     /// Keeps `registers` mapped.
     _mapping: Arc<Mapping>,
@@ -306,7 +306,7 @@ impl UioMemory {
         let (address, size, within) = (number("addr")?, number("size")?, number("offset")?);
         let page = rustix::param::page_size() as u64;
         let offset = u64::from(map) * page + within % page;
-        // What `addr` names is the page-aligned beginning in newer kernels, the memory itself in
+        // The address that `addr` names is the page-aligned beginning in newer kernels, the memory itself in
         // older ones; the offset within a page is the same either way.
         let base = address - address % page + within % page;
         match (usize::try_from(base), usize::try_from(size)) {

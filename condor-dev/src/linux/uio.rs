@@ -40,7 +40,7 @@ pub struct UioInterrupts {
     lines: Vec<Line>,
 }
 
-/// How many devices there can be: a wait has its list of them on the stack.
+/// The largest number of devices: a wait has its list of them on the stack.
 const MOST: usize = 64;
 
 #[derive(Debug)]
@@ -88,7 +88,7 @@ impl UioInterrupts {
     /// pending.
     ///
     /// # Errors
-    /// The error of the operating system, except interruptions by signals.
+    /// Returns the error of the operating system if `poll` fails, except if a signal interrupted it.
     pub fn wait(&self, deadline: Instant) -> io::Result<bool> {
         loop {
             let left = deadline.saturating_duration_since(Instant::now());
@@ -101,7 +101,7 @@ impl UioInterrupts {
         }
     }
 
-    /// Returns whether the device of a vector has failed; it will not interrupt again then.
+    /// Returns true if the device of a vector has failed; it will not interrupt again then.
     #[must_use]
     pub fn is_lost(&self, vector: InterruptVector) -> bool {
         self.line(vector)
@@ -183,7 +183,7 @@ impl InterruptController for UioInterrupts {
     fn enable(&self, vector: InterruptVector, level: InterruptLevel) {
         if let Some(line) = self.line(vector) {
             line.level.store(level.0, Ordering::Relaxed);
-            // What is being served is let in by `complete`.
+            // A vector that is being served is let in by `complete`.
             if !line.claimed.load(Ordering::Relaxed) {
                 line.allow(level.0 > 0);
             }

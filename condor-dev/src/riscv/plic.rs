@@ -82,7 +82,7 @@ impl<B: Bus> Plic<B> {
     /// Disables all sources of the context, whatever ran before, and lets all levels through.
     ///
     /// # Errors
-    /// The bus's error if an access fails.
+    /// Returns the bus's error if an access fails.
     pub fn reset(&self) -> Result<(), B::Error> {
         for word in 0..=usize::from(self.sources / 32) {
             self.registers().write32(self.enable_word(word), 0)?;
@@ -93,7 +93,7 @@ impl<B: Bus> Plic<B> {
     /// Sets the threshold: only vectors of a higher level than `level` interrupt.
     ///
     /// # Errors
-    /// The bus's error if an access fails.
+    /// Returns the bus's error if an access fails.
     pub fn set_threshold(&self, level: InterruptLevel) -> Result<(), B::Error> {
         let level = level.min(self.highest);
         self.registers()
@@ -158,7 +158,7 @@ impl<B: Bus> InterruptController for Plic<B> {
 
     fn disable(&self, vector: InterruptVector) {
         if self.is_source(vector) {
-            // As above.
+            // A PLIC that does not answer has no interrupts to stop.
             let _ = critical_section::with(|_| self.switch(vector, false));
         }
     }
@@ -173,7 +173,7 @@ impl<B: Bus> InterruptController for Plic<B> {
 
     fn complete(&self, vector: InterruptVector) {
         if self.is_source(vector) {
-            // As above.
+            // A PLIC that does not answer has nothing to complete.
             let _ = critical_section::with(|_| self.try_complete(vector));
         }
     }

@@ -16,7 +16,7 @@ pub struct SimBus {
 struct Inside {
     /// By base address.
     boards: BTreeMap<usize, Arc<Mutex<dyn Model>>>,
-    /// Accesses until one fails, for each fault that is to come.
+    /// Accesses until one fails, for each coming fault.
     faults: Vec<u64>,
     accesses: u64,
 }

@@ -50,13 +50,13 @@ impl Controller {
         self.inside().raised.insert(vector, raised);
     }
 
-    /// Returns whether [`claim`](InterruptController::claim) would return a vector.
+    /// Returns true if [`claim`](InterruptController::claim) would return a vector.
     #[must_use]
     pub fn is_pending(&self) -> bool {
         self.most_urgent().is_some()
     }
 
-    /// Returns whether a vector may interrupt.
+    /// Returns true if a vector may interrupt.
     #[must_use]
     pub fn is_enabled(&self, vector: InterruptVector) -> bool {
         self.inside().enabled.contains_key(&vector)

@@ -54,7 +54,7 @@ pub trait Model: Send {
         None
     }
 
-    /// Returns whether the board asks for its interrupt.
+    /// Returns true if the board asks for its interrupt.
     fn interrupts(&self) -> bool {
         false
     }

@@ -174,7 +174,7 @@ impl<const STRIDE: usize> Model for UartModel<STRIDE> {
             offsets::DLL if divisor => self.divisor[0] = value,
             offsets::DLM if divisor => self.divisor[1] = value,
             offsets::DATA => {
-                // What comes on top of a full FIFO is lost.
+                // A byte that comes on top of a full FIFO is lost.
                 if self.to_send.len() < self.depth() {
                     self.to_send.push_back(value);
                 }

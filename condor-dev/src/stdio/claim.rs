@@ -4,8 +4,8 @@ use core::cell::UnsafeCell;
 use core::ops::{Deref, DerefMut};
 use core::sync::atomic::{AtomicBool, Ordering};
 
-/// A value in a `static` that one context at a time claims, uses and gives back. Meanwhile a claim
-/// by another context fails.
+/// A value in a `static` that one context at a time claims, uses and releases. Meanwhile a claim by another
+/// context fails.
 ///
 /// ```
 /// use condor_dev::stdio::ClaimCell;
@@ -47,7 +47,7 @@ impl<T> ClaimCell<T> {
             }
             free
         });
-        // Made only if it is free: even one that is dropped at once gives the value back.
+        // Made only if it is free: even one that is dropped at once releases the value.
         free.then(|| ClaimGuard { claim: self })
     }
 }
@@ -68,7 +68,7 @@ impl<T> Deref for ClaimGuard<'_, T> {
 
 impl<T> DerefMut for ClaimGuard<'_, T> {
     fn deref_mut(&mut self) -> &mut T {
-        // SAFETY: as above; and `self` is borrowed as long as the reference lives.
+        // SAFETY: as above; and `self` is borrowed as long as the reference exists.
         unsafe { &mut *self.claim.value.get() }
     }
 }

@@ -48,7 +48,7 @@ impl<R, const N: usize> BufferedInput<R, N> {
     /// Sets the reader, which stays for the whole program.
     ///
     /// # Errors
-    /// The given reader, if the input has one already, or if another context is using the input.
+    /// Returns `reader` if the input has one already, or if another context is using the input.
     pub fn open(&self, reader: R) -> Result<(), R> {
         match self.0.claim() {
             Some(mut place) if place.is_none() => {

@@ -67,7 +67,7 @@ impl<W: Write, const N: usize> BufferedOutput<W, N> {
     /// Sets the writer, which stays for the whole program.
     ///
     /// # Errors
-    /// The given writer, if the output has one already, or if another context is using it.
+    /// Returns `writer` if the output has one already, or if another context is using it.
     pub fn open(&self, writer: W) -> Result<(), W> {
         match self.writer.claim() {
             Some(mut place) if place.is_none() => {
@@ -97,7 +97,7 @@ impl<W: Write, const N: usize> BufferedOutput<W, N> {
             return Ok(());
         }
         let written = writer.write(bytes).map_err(failed)?.min(peeked);
-        // They leave the ring once they are written: an error loses nothing.
+        // The bytes leave the ring once they are written: an error loses nothing.
         self.ring.consume(written);
         if written == 0 {
             return Err(StdioError::Failed(ErrorKind::WriteZero));
@@ -107,7 +107,7 @@ impl<W: Write, const N: usize> BufferedOutput<W, N> {
 
     /// Writes all that is held, and what is printed by others meanwhile.
     fn drain(&self) -> Result<(), StdioError> {
-        // Who interrupts between the last claim and the last look finds the writer free.
+        // A context that interrupts between the last claim and the last look finds the writer free.
         while self.ring.held() != 0 {
             self.write_some()?;
         }
@@ -123,10 +123,10 @@ fn failed(error: impl embedded_io::Error) -> StdioError {
 impl<W: Write + Send, const N: usize> StandardOutput for BufferedOutput<W, N> {
     fn print(&self, text: fmt::Arguments<'_>) {
         let mut print = self.text(true);
-        // What is in front of a value whose formatting fails is out.
+        // The text in front of a value whose formatting fails is out.
         let _ = fmt::write(&mut print, text);
         if self.buffering.leaves(print.line) && print.may_wait {
-            // What is not written now stays held, for the next print or flush.
+            // Text that is not written now stays held, for the next print or flush.
             let _ = self.drain();
         }
     }

@@ -182,7 +182,7 @@ pub trait ReadLine: BufRead {
 
 impl<R: BufRead + ?Sized> ReadLine for R {}
 
-/// What was read up to a newline, as a line.
+/// The bytes that were read up to a newline, as a line.
 pub(super) fn line<E>(
     read: Result<usize, UntilError<E>>,
     into: &[u8],

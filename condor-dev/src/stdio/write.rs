@@ -17,7 +17,7 @@ pub enum Buffering {
 }
 
 impl Buffering {
-    /// Whether what is written leaves the buffer before it is full; `line` is whether there is a newline
+    /// Returns true if the written text leaves the buffer before it is full; `line` is whether there is a newline
     /// in it.
     pub(super) const fn leaves(self, line: bool) -> bool {
         match self {
@@ -146,7 +146,7 @@ impl<W: Write, const N: usize> BufWriter<W, N> {
                 Err(error) => break error,
             }
         };
-        // What is left moves to the front.
+        // The remaining bytes move to the front.
         for at in written..self.held {
             let byte = self.buffer.get(at).copied().unwrap_or_default();
             if let Some(place) = self.buffer.get_mut(at - written) {

@@ -18,7 +18,7 @@ pub struct DoorbellFailure {
     pub until: Instant,
 }
 
-/// How long a ring that was given may take to end a wait; only a lost one takes as long.
+/// The longest time in which a ring must end a wait; only a lost ring takes as long.
 const LOST: Duration = Duration::from_secs(20);
 /// The duration of a wait that no ring ends.
 const UNDISTURBED: Duration = Duration::from_millis(2);
@@ -114,7 +114,7 @@ fn ended_by<D: Doorbell>(
     }
 }
 
-/// Numbers that do not exist are ignored, and nobody lives there.
+/// Numbers that do not exist are ignored, and no program is alive under them.
 fn nobody<D: Doorbell>(mine: &D) -> Result<(), DoorbellFailure> {
     for number in [Processor(Processor::MAX_COUNT as u8), Processor(u8::MAX)] {
         mine.ring(number);

@@ -1,4 +1,4 @@
-//! What an access to a window gave, against what it should give.
+//! The outcome of an access to a window, against the expected one.
 
 use core::sync::atomic::AtomicU32;
 

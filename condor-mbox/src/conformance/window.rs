@@ -10,7 +10,7 @@ use super::limits::{
 };
 use super::outcome::{WindowFailure, done, expect, load, read, store, write, write_words};
 
-/// Checks a window that can be read and written, and that nobody else touches meanwhile.
+/// Checks a window that can be read and written, and that no other context touches meanwhile.
 ///
 /// Its contents are overwritten. It must have at least [`LEAST_BYTES`](super::LEAST_BYTES) bytes.
 ///
@@ -130,7 +130,7 @@ pub fn shared<A: MemoryWindow, B: MemoryWindow>(a: &A, b: &B) -> Result<(), Wind
     Ok(())
 }
 
-/// Checks the compare-and-swap of a window that nobody else touches meanwhile.
+/// Checks the compare-and-swap of a window that no other context touches meanwhile.
 ///
 /// One processor cannot check that the operation is indivisible for every other processor.
 ///

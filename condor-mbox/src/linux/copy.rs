@@ -69,7 +69,7 @@ fn copy(words: &[AtomicU32], from: &[AtomicU32]) {
     copy_words(&words[done..], &from[done..]);
 }
 
-/// How many words there are before the first that is aligned to 16 bytes.
+/// Returns the number of words before the first that is aligned to 16 bytes.
 fn unaligned(words: &[AtomicU32]) -> usize {
     words.as_ptr().align_offset(16).min(words.len())
 }
@@ -100,7 +100,7 @@ mod blocks {
     /// Words of a move.
     const WORDS: usize = 4;
 
-    /// How many moves can be made, each of `bytes` for its words.
+    /// Returns the number of moves that can be made, each of `bytes` for its words.
     fn count(words: &[AtomicU32], bytes: usize) -> usize {
         let count = words.len().min(bytes / 4) / WORDS;
         let aligned = words.as_ptr().addr().is_multiple_of(16);

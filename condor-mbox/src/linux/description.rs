@@ -12,9 +12,9 @@ use super::memory::{Memory, ObjectPositions};
 
 /// The name of the file.
 pub(super) const NAME: &str = "system";
-/// How it begins: magic and version.
+/// The beginning of the text: magic and version.
 const HEAD: &str = "condor-mbox system 1";
-/// What it ends with if the windows are files of the directory.
+/// The end of the text if the windows are files of the directory.
 const FILES: &[u8] = b"files\n";
 
 /// The text from which [`memory_of`] makes the memory again.
@@ -36,8 +36,8 @@ pub(super) fn text_of(processors: usize, user_bytes: u32, memory: Option<&Memory
     text
 }
 
-/// What the file at `path` says to a system of so many processors and bytes: where the memory lies,
-/// or `None` if the windows are files of the directory.
+/// Returns the place of the memory according to the file at `path`, for a system of so many processors and
+/// bytes; `None` if the windows are files of the directory.
 pub(super) fn memory_of(
     text: &[u8],
     path: &Path,

@@ -74,7 +74,7 @@ impl OpenDirectory {
         })
     }
 
-    /// Whether the directory's path still leads to it.
+    /// Returns true if the directory's path still leads to it.
     pub(super) fn is_current(&self) -> Result<bool, SystemError> {
         match rustix::fs::lstat(&self.path) {
             Ok(stat) => Ok(identity(&stat) == self.device_and_inode),
@@ -151,8 +151,8 @@ impl OpenDirectory {
         reopen(node.as_fd(), WindowAccess::ReadWrite).map_err(SystemError::os("open", path))
     }
 
-    /// What the file `name` says, with the file's status; if there is none, it is created and says
-    /// `text`. `None` if the directory was removed meanwhile.
+    /// Returns the contents of the file `name`, with the file's status; if there is none, it is created with
+    /// the contents `text`. `None` if the directory was removed meanwhile.
     pub(super) fn text_or(
         &self,
         name: &str,
@@ -169,7 +169,7 @@ impl OpenDirectory {
             }
             Ok(())
         };
-        // It is never written again.
+        // The file is never written again.
         let mode = self.mode & Mode::from_raw_mode(0o444);
         match self.create_with(name, mode, written) {
             Ok(()) | Err(Errno::EXIST) => self.text(name),
@@ -177,7 +177,7 @@ impl OpenDirectory {
         }
     }
 
-    /// What the file `name` says; `None` if there is none.
+    /// Returns the contents of the file `name`; `None` if there is none.
     fn text(&self, name: &str) -> Result<Option<(Vec<u8>, Stat)>, SystemError> {
         let path = self.path_of(name);
         let file = match self.open_file(name, WindowAccess::ReadOnly) {
@@ -292,8 +292,7 @@ impl OpenDirectory {
         open_again(&self.descriptor, name, access, OFlags::NOFOLLOW)
     }
 
-    /// `None` if the reason is that the directory was removed, for which file systems have
-    /// several errors.
+    /// `None` if the reason is that the directory was removed, for which filesystems have several errors.
     fn not_created<T>(&self, path: &Path, errno: Errno) -> Result<Option<T>, SystemError> {
         if self.is_current()? {
             return Err(SystemError::os("create", path)(errno));
@@ -336,12 +335,13 @@ impl OpenDirectory {
     }
 }
 
-/// Gives a new file its size in bytes, and its memory now: where that runs short later, whoever maps the file dies of
-/// a bus error. Where the file system cannot allocate memory in advance, the file only gets its size.
+/// Sets the size of a new file to `bytes` and reserves its memory now: if memory ran short later, every program
+/// that maps the file would be killed by a bus error. If the filesystem cannot allocate memory in advance, only
+/// the size is set.
 ///
 /// # Errors
-/// The error of the operating system, of the kind [`StorageFull`](io::ErrorKind::StorageFull) if there is too little
-/// memory.
+/// Returns the error of the operating system if the size cannot be set, of the kind
+/// [`StorageFull`](io::ErrorKind::StorageFull) if there is too little memory.
 pub fn allocate(file: impl AsFd, bytes: u64) -> io::Result<()> {
     Ok(fill(file, bytes)?)
 }

@@ -1,8 +1,8 @@
 //! [`LinuxDoorbell`]: a futex, and a pipe for programs that poll descriptors.
 //!
-//! The bell of a processor is the first line of its `data`. Word 0 counts rings; threads sleep on
-//! it as a futex. Word 1 is not 0 if the processor also wants its rings to be readable from its
-//! pipe. Any program may overwrite both words; then a wait ends early, or at its deadline.
+//! The doorbell of a processor is the first line of its `data`. Word 0 counts rings; threads sleep on it as a
+//! futex. Word 1 is not 0 if the processor also wants its rings to be readable from its pipe. Any program may
+//! overwrite both words; then a wait ends early, or at its deadline.
 
 use core::num::NonZeroU32;
 use core::sync::atomic::{Ordering, fence};
@@ -173,13 +173,13 @@ impl<const N: usize> Doorbell for LinuxDoorbell<N> {
 
 /// A descriptor that is readable when a processor has been rung.
 ///
-/// Drain it first, then look for messages, then poll: a ring after the drain makes it readable
-/// again. Only one thread should poll it; if several do, one may drain the ring of another. All
-/// clones are the same descriptor, which stays open as long as one of them lives.
+/// Drain it first, then look for messages, then poll: a ring after the drain makes it readable again. Only one
+/// thread should poll it; if several do, one may drain the ring of another. All clones are the same descriptor,
+/// which stays open until the last of them is dropped.
 ///
-/// It is the reading end of a pipe, so tokio's `pipe::Receiver` takes a duplicate of it; see the
-/// example `await_tokio`. Call [`Mailbox::ring_always`](crate::Mailbox::ring_always), so that peers
-/// ring although nobody waits inside of the mailbox.
+/// The descriptor is the reading end of a pipe, so tokio's `pipe::Receiver` takes a duplicate of it; see the
+/// example `await_tokio`. Call [`Mailbox::ring_always`](crate::Mailbox::ring_always), so that peers ring
+/// although nothing waits inside the mailbox.
 #[derive(Clone, Debug)]
 pub struct PollableBell {
     pipe: Arc<OwnedFd>,
@@ -187,7 +187,7 @@ pub struct PollableBell {
 }
 
 impl PollableBell {
-    /// Empties it without blocking, so that it is readable again only after the next ring.
+    /// Empties the pipe without blocking, so that it is readable again only after the next ring.
     ///
     /// Returns false if it is still readable, because peers ring as fast as it is drained. A
     /// program that waits for *changes* of readiness, as edge-triggered epoll does, must then drain

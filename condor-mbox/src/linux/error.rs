@@ -1,4 +1,4 @@
-//! What can go wrong with a [`System`](super::System).
+//! Errors of a [`LinuxSystem`](super::LinuxSystem), and the kinds of files.
 
 use core::fmt;
 use std::io;
@@ -15,7 +15,7 @@ pub enum FileKind {
     File,
     /// A FIFO, or an unnamed pipe.
     Fifo,
-    /// A directory.
+    /// A directory, such as that of a system's files.
     Directory,
     /// A symbolic link; none is followed at the end of a path.
     Symlink,
@@ -64,7 +64,7 @@ pub enum SystemError {
     WrongSize {
         /// The file.
         path: PathBuf,
-        /// Its size in bytes.
+        /// The size of the file, in bytes.
         found: u64,
         /// The size it should have, in bytes.
         expected: u64,
@@ -72,7 +72,7 @@ pub enum SystemError {
     /// A path leads to a file of the wrong kind.
     #[error("{path:?} is {found}, expected {expected}")]
     WrongKind {
-        /// The path.
+        /// The path of the file that was found.
         path: PathBuf,
         /// The kind that was found.
         found: FileKind,

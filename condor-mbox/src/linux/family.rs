@@ -104,7 +104,7 @@ impl Family {
     }
 }
 
-/// What stands for a path in errors.
+/// Returns the name that stands for a path in errors.
 pub(super) fn label(number: usize, object: &str) -> PathBuf {
     PathBuf::from(format!("condor-{number}.{object}"))
 }

@@ -14,7 +14,7 @@ use std::io;
 use condor_platform::linux::{MemoryFault, on_bus_error};
 use rustix::mm::{MapFlags, ProtFlags, mmap_anonymous};
 
-/// How many mappings one process may have: 32 numbers with 64 objects each, twice over.
+/// The largest number of mappings of one process: 32 numbers with 64 objects each, twice over.
 pub(super) const SLOTS: usize = 4096;
 
 static TABLE: [Slot; SLOTS] = [const { Slot::new() }; SLOTS];
@@ -81,7 +81,7 @@ pub(super) struct Guarded {
     index: usize,
 }
 
-/// Why a mapping could not be guarded.
+/// The reason why a mapping could not be guarded.
 pub(super) enum GuardError {
     /// All slots are in use.
     Full,

@@ -21,7 +21,7 @@ pub(super) fn take(mail: impl AsFd) -> io::Result<bool> {
     }
 }
 
-/// Whether somebody holds the number that belongs to `mail`, by another open file description
+/// Returns true if a process holds the number that belongs to `mail`, by another open file description
 /// than this one; it may be open for reading only.
 pub(super) fn is_held(mail: impl AsFd) -> io::Result<bool> {
     let lock = control(mail, libc::F_OFD_GETLK)?;

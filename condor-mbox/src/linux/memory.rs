@@ -46,7 +46,7 @@ pub struct Memory {
     pub data: ObjectPositions,
 }
 
-/// What a system needs of its memory.
+/// The memory that a system needs.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Needs {
     pub(super) processors: usize,
@@ -55,7 +55,7 @@ pub(super) struct Needs {
 }
 
 impl Memory {
-    /// Refuses what overlaps, or lies at no word.
+    /// Refuses objects that overlap, or do not lie at a word.
     pub(super) fn check(&self, needs: Needs) -> Result<(), SystemError> {
         let refused = |reason: String| SystemError::BadLayout {
             path: self.file.clone(),
@@ -136,12 +136,12 @@ impl Memory {
         Ok(file)
     }
 
-    /// Where the `mail` of `number` begins, if [`check`](Self::check) found nothing.
+    /// Returns the offset at which the `mail` of `number` begins, if [`check`](Self::check) found nothing.
     pub(super) fn mail_at(&self, number: usize) -> u64 {
         self.mail.at(number).unwrap_or(u64::MAX)
     }
 
-    /// Where the `data` of `number` begins, if [`check`](Self::check) found nothing.
+    /// Returns the offset at which the `data` of `number` begins, if [`check`](Self::check) found nothing.
     pub(super) fn data_at(&self, number: usize) -> u64 {
         self.data.at(number).unwrap_or(u64::MAX)
     }

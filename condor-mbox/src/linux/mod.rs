@@ -8,9 +8,9 @@
 //! | a device, or a file with a layout of its own | [`LinuxWindow::map`], [`LinuxWindow::uio`] and your own doorbell |
 //!
 //! A [`LinuxSystem`] has *N* numbers. [`LinuxSystem::claim`] takes one of them for this process and returns a
-//! [`Claim`], which has the windows of all processors and a [`LinuxDoorbell`]. Each processor has
-//! two pieces of shared memory, `mail` and `data` (see [`layout`](crate::layout)), and a pipe, its
-//! *bell*, for programs that poll.
+//! [`Claim`], which has the windows of all processors and a [`LinuxDoorbell`]. Each processor has two pieces of
+//! shared memory, `mail` and `data` (see [`layout`](crate::layout)), and the pipe of its doorbell, for programs
+//! that poll.
 //!
 //! ```
 //! # use condor_mbox::Processor;

@@ -15,7 +15,7 @@ use crate::layout::header;
 pub(super) enum Objects<'a> {
     Directory {
         place: OpenDirectory,
-        /// Where the windows are, if not in files of the directory.
+        /// The place of the windows, if not in files of the directory.
         memory: Option<OpenMemory>,
     },
     Family(&'a Family),

@@ -25,7 +25,7 @@ use crate::layout;
 
 /// The environment variable in which a system is passed to a child.
 const VARIABLE: &str = "CONDOR_SYSTEM";
-/// How often a claim begins anew because the directory was removed under it.
+/// The number of times that a claim begins anew because the directory was removed under it.
 const ATTEMPTS: u32 = 16;
 
 /// A system of `N` processors, at most [`Processor::MAX_COUNT`], and the place of its memory. The
@@ -54,7 +54,7 @@ enum Home {
     Directory {
         path: PathBuf,
         own: bool,
-        /// Where the windows are, if not in files of the directory; boxed, as most have none.
+        /// The place of the windows, if not in files of the directory; boxed, as most have none.
         memory: Option<Box<Memory>>,
     },
     Family(Arc<Family>),
@@ -90,9 +90,8 @@ impl<const N: usize> LinuxSystem<N> {
     /// system is [passed](Self::pass_to) may run in another directory. The last part of `path` must
     /// not be a symbolic link.
     ///
-    /// Files get the permissions of the directory, except execution. The file system must support
-    /// locks, shared mappings and unnamed files (`O_TMPFILE`), as tmpfs and the usual disk file
-    /// systems do.
+    /// Files get the permissions of the directory, except execution. The filesystem must support locks, shared
+    /// mappings and unnamed files (`O_TMPFILE`), as tmpfs and the usual disk filesystems do.
     ///
     /// # Errors
     /// [`SystemError::BadDataSize`] if the size is not one of whole words,
@@ -106,11 +105,10 @@ impl<const N: usize> LinuxSystem<N> {
     /// Returns the system whose windows lie in one file, which may contain more: for example the
     /// memory of another machine.
     ///
-    /// The directory `path`, which is created if it does not exist, has everything else that
-    /// processes need: the files that are locked, the bells, and a file `system`, which says where
-    /// the windows are. From then on [`at`](Self::at) finds the system there, in this process and
-    /// in any other. Call this before any program uses `path` by `at`: a system that began with
-    /// files of its own keeps them.
+    /// The directory `path`, which is created if it does not exist, has everything else that processes need:
+    /// the files that are locked, the doorbells, and a file `system`, which says where the windows are. From
+    /// then on [`at`](Self::at) finds the system there, in this process and in any other. Call this before any
+    /// program uses `path` by `at`: a system that began with files of its own keeps them.
     ///
     /// If others may write the directory, a `system` file that names a memory is accepted only if
     /// this user, root or the owner of the directory wrote it, because it tells this process which

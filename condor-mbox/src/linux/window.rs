@@ -302,7 +302,7 @@ impl LinuxWindow {
         self.access
     }
 
-    /// Returns whether the memory behind the window was found to be gone.
+    /// Returns true if the memory behind the window was found to be gone.
     #[must_use]
     #[inline(always)]
     pub fn is_lost(&self) -> bool {
@@ -312,8 +312,8 @@ impl LinuxWindow {
 
     /// The word at `offset`, for one access, or for the kernel's use of it as a futex.
     ///
-    /// Words hold little-endian values. A window that is mapped read-only gives words that must
-    /// not be stored to: the caller has asked `check_store`.
+    /// Words hold little-endian values. A window that is mapped read-only returns words that must not be stored
+    /// to: the caller has asked `check_store`.
     #[inline(always)]
     pub(super) fn word(&self, offset: u32) -> Result<&AtomicU32, LinuxWindowError> {
         if let Err(kind) = check_words(self.size, offset, 1) {
@@ -404,7 +404,7 @@ impl MemoryWindow for LinuxWindow {
         self.check_lost(offset, 4)
     }
 
-    /// Where memory has gone, zeros are mapped.
+    /// If memory has gone, zeros are mapped there.
     #[inline(always)]
     fn words(&self) -> Option<WindowWords<'_>> {
         // SAFETY: the words are inside the mapping and aligned, as pages are; else as in `word`. They

@@ -15,8 +15,8 @@ fn mail(window: &SimWindow) -> Mail<'_, SimWindow, 1> {
     Mail::new(window, &OWNER)
 }
 
-/// One thread puts `entries`, each with its sequence, after the first; others `get` the sequence
-/// `wanted`. Gives every outcome to `check`.
+/// One thread puts `entries`, each with its sequence, after the first; others `get` the sequence `wanted`.
+/// Passes every outcome to `check`.
 fn race(entries: &'static [(u32, Entry)], wanted: u32, check: fn(Option<Entry>)) {
     let executions = Arc::new(std::sync::atomic::AtomicUsize::new(0));
     let counted = Arc::clone(&executions);

@@ -76,7 +76,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
     /// messages arrive.
     ///
     /// # Errors
-    /// [`MailboxError::Window`] if the own memory cannot be accessed.
+    /// [`MailboxError::Window`] if this mailbox's own memory cannot be accessed.
     pub fn join(&mut self) -> Result<(), MailboxError> {
         let own = self.own()?;
         own.store(
@@ -123,7 +123,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
     /// to another number ends.
     ///
     /// # Errors
-    /// [`MailboxError::Window`] if the own memory cannot be accessed.
+    /// [`MailboxError::Window`] if this mailbox's own memory cannot be accessed.
     pub fn leave(&mut self) -> Result<(), MailboxError> {
         self.incarnation.set(0);
         let own = self.own()?;
@@ -248,7 +248,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         own.store(peer.ours.acknowledged(), present, StoreOrder::Release)
     }
 
-    /// Whether both sides have acknowledged each other's present incarnation.
+    /// Returns true if both sides have acknowledged each other's present incarnation.
     pub(super) fn is_connected(&self, peer: &Peer<B::Window, N>) -> bool {
         if peer.connected.get() != 0 {
             return true;

@@ -22,7 +22,7 @@ use crate::mail::{At, Entry};
 use crate::time::{Clock as _, Instant};
 use crate::window::{LoadOrder, StoreOrder};
 
-/// What a mailbox remembers of the number it listens to.
+/// The notes of a mailbox about the number that it listens to.
 pub(super) struct Listening<const N: usize> {
     /// That number plus one; 0 while it listens to none.
     to: Word,
@@ -39,7 +39,7 @@ struct ListenerProgress {
     missed: Word,
 }
 
-/// What a look for the next message of one sender found.
+/// The result of a look for the next message of one sender.
 enum Look {
     Heard(Entry),
     /// The sender was faster; what is still there comes next.
@@ -63,9 +63,9 @@ impl<const N: usize> Listening<N> {
 }
 
 impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
-    /// Makes this mailbox listen to `number`: from the return of this call on, it gets every
-    /// message to `number` beside the holder of that number. The own handler for the vector runs,
-    /// if there is one, and its result is dropped; only the holder replies.
+    /// Makes this mailbox listen to `number`: from the return of this call on, it receives every message to
+    /// `number`, as the holder of that number does. This mailbox's handler for the vector runs, if there is
+    /// one, and its result is dropped; only the holder replies.
     ///
     /// Senders wait for a listener as they wait for the holder, within their deadline. A listener
     /// that does not keep up loses messages, which [`missed`](Self::missed) counts; servo loops do
@@ -113,9 +113,10 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
     ///
     /// # Errors
     /// [`MailboxError::NoSuchProcessor`] if there is no such number, [`MailboxError::ListensToItself`] if it is
-    /// the own one, [`MailboxError::NotJoined`] if this mailbox has not joined; [`MailboxError::TimedOut`] or
-    /// [`MailboxError::Stalled`] if the holder does not admit this mailbox in time; [`MailboxError::PeerDied`],
-    /// [`MailboxError::PeerLeft`] or [`MailboxError::PeerRestarted`] if the holder ends.
+    /// this mailbox's number, [`MailboxError::NotJoined`] if this mailbox has not joined;
+    /// [`MailboxError::TimedOut`] or [`MailboxError::Stalled`] if the holder does not admit this mailbox in
+    /// time; [`MailboxError::PeerDied`], [`MailboxError::PeerLeft`] or [`MailboxError::PeerRestarted`] if the
+    /// holder ends.
     pub fn listen(
         &mut self,
         number: Option<Processor>,
@@ -168,9 +169,9 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
             heard.missed.set(0);
             // A sender whose memory is gone sends nothing; it is heard from its next incarnation on.
             let present = sender.load_present().unwrap_or(JOINING);
-            // What the holder has taken by now was sent before. Its count is of this incarnation of
-            // the sender only once it has acknowledged that. Acquire: pairs with the Release store
-            // in `acknowledge`.
+            // The messages that the holder has taken by now were sent before. Its count is of this incarnation
+            // of the sender only once it has acknowledged that. Acquire: pairs with the Release store in
+            // `acknowledge`.
             let word = |offset| peer.mail().load(offset, LoadOrder::Acquire);
             let taken = if word(sender.ours.acknowledged())? == present {
                 word(sender.ours.taken())?
@@ -219,7 +220,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
             .ok_or_else(|| Self::no_such(sender))
     }
 
-    /// Whether the holder of the number has set our bit.
+    /// Returns true if the holder of the number has set our bit.
     fn is_admitted(&self, holder: &Peer<B::Window, N>) -> Result<bool, MailboxError> {
         // Acquire: pairs with the Release store in `admit_listener`.
         let bits = holder
@@ -245,7 +246,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         })
     }
 
-    /// Whether every listener in the set `listeners` has taken what request `sequence` overwrites.
+    /// Returns true if every listener in the set `listeners` has taken what request `sequence` overwrites.
     #[cold]
     pub(super) fn listeners_keep_up(
         &self,
@@ -269,8 +270,8 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         keep_up
     }
 
-    /// How many requests in `epoch` up to `sequence` the listener has not taken; 0 if it has not
-    /// begun to hear this epoch, or its memory is gone.
+    /// Returns the number of requests in `epoch` up to `sequence` that the listener has not taken; 0 if it has
+    /// not begun to hear this epoch, or its memory is gone.
     fn untaken_by(&self, listener: &Peer<B::Window, N>, epoch: u32, sequence: u32) -> u32 {
         let at = At::heard_epoch(self.me);
         // Acquire: pairs with the Release stores in `start_hearing` and `hear_alone`.

@@ -23,9 +23,9 @@ pub type Handler<'v> = &'v (dyn Fn(&Call<'_>) -> u32 + Sync);
 /// sends messages takes a `&dyn Messenger`, or is generic over it, and does not depend on a
 /// backend.
 ///
-/// Waits have a time-out and serve incoming requests meanwhile, on the same stack, so that two
-/// processors may call each other. With a time-out of zero nothing waits and nothing is served;
-/// servo loops and interrupts use this.
+/// Waits have a timeout and serve incoming requests meanwhile, on the same stack, so that two processors may
+/// call each other. With a timeout of zero nothing waits and nothing is served; servo loops and interrupts use
+/// this.
 pub trait Messenger {
     /// Returns the number of this processor.
     fn number(&self) -> Processor;
@@ -76,7 +76,7 @@ pub trait Messenger {
     /// Sends `data` to `vector` of `to`, and returns a ticket for the reply.
     ///
     /// # Errors
-    /// The errors of [`send`](Self::send), if the message was not sent. Errors of its handler come
+    /// Returns the errors of [`send`](Self::send) if the message was not sent. Errors of its handler come
     /// with the reply.
     fn begin(
         &self,
@@ -88,22 +88,22 @@ pub trait Messenger {
 
     /// Serves the messages that have come, and returns their number.
     ///
-    /// If none has come, it waits until one has been served, for at most `timeout`; with a time-out
-    /// of zero it does not wait. It serves at most as many messages of each sender as a ring has
-    /// slots, so no sender can keep an interrupt busy for ever. If there are more, and rings are
+    /// If none has come, this call waits until one has been served, for at most `timeout`; with a timeout of
+    /// zero it does not wait. It serves at most as many messages of each sender as a ring has slots, so no
+    /// sender can keep an interrupt busy for ever. If there are more, and rings are
     /// [always](super::Mailbox::ring_always) wanted, it rings this processor again.
     ///
     /// # Errors
-    /// [`MailboxError::NotJoined`] if this mailbox has not joined; [`MailboxError::Window`] if the own memory
+    /// [`MailboxError::NotJoined`] if this mailbox has not joined; [`MailboxError::Window`] if its own memory
     /// cannot be accessed.
     fn serve(&self, timeout: Duration) -> Result<usize, MailboxError>;
 
-    /// Serves as [`serve`](Self::serve) does, while the caller waits for an action of `whom`: for
-    /// example that a file server comes back, or that a terminal gets room. It may end
-    /// early where rings are certain ([`Doorbell::rings_always`](crate::Doorbell::rings_always)).
+    /// Serves as [`serve`](Self::serve) does, while the caller waits for an action of `whom`: for example until
+    /// a file server comes back, or until a terminal has room. The call may end early where rings are certain
+    /// ([`Doorbell::rings_always`](crate::Doorbell::rings_always)).
     ///
     /// # Errors
-    /// [`MailboxError::NotJoined`] if this mailbox has not joined; [`MailboxError::Window`] if the own memory
+    /// [`MailboxError::NotJoined`] if this mailbox has not joined; [`MailboxError::Window`] if its own memory
     /// cannot be accessed.
     fn serve_for(&self, whom: Processor, timeout: Duration) -> Result<usize, MailboxError> {
         let _ = whom;
@@ -113,16 +113,16 @@ pub trait Messenger {
     /// Returns the reply to `pending` if it has come. Programs call [`MessageTicket::poll`] instead.
     ///
     /// # Errors
-    /// The errors of [`MessageTicket::poll`].
+    /// Returns the errors of [`MessageTicket::poll`] if there will be no reply.
     fn poll_pending(&self, pending: &PendingReply) -> Result<Option<u32>, MailboxError>;
 
     /// Waits for the reply to `pending`. Programs call [`MessageTicket::wait`] instead.
     ///
     /// # Errors
-    /// The errors of [`MessageTicket::wait`].
+    /// Returns the errors of [`MessageTicket::wait`] if no reply has come in time or none will come.
     fn wait_pending(&self, pending: &PendingReply, timeout: Duration) -> Result<u32, MailboxError>;
 
-    /// Gives up `pending`. Its reply is dropped when it comes.
+    /// Drops the reply to `pending`, now or when it comes.
     fn abandon(&self, pending: &PendingReply);
 
     /// Wakes `waker` when the next [`serve`](Self::serve) ends. Without the feature `async` this is
@@ -210,7 +210,7 @@ impl<'m> MessageTicket<'m> {
     /// After [`MailboxError::TimedOut`] or [`MailboxError::Stalled`] the ticket can still get its reply.
     ///
     /// # Errors
-    /// The errors of [`Messenger::send_with_reply`].
+    /// Returns the errors of [`Messenger::send_with_reply`] if no reply has come in time, or none will come.
     pub fn wait(&mut self, timeout: Duration) -> Result<Option<u32>, MailboxError> {
         let Some(pending) = &self.pending else {
             return Ok(None);
@@ -228,9 +228,9 @@ impl<'m> MessageTicket<'m> {
     /// Returns the reply once it has come; `None` before, and again after it was returned.
     ///
     /// # Errors
-    /// The errors of [`Messenger::send_with_reply`], except time-outs. This call reads only memory:
-    /// if a peer died without a trace there, the error comes only when another program has joined
-    /// in its place. After an error the ticket is used up.
+    /// The errors of [`Messenger::send_with_reply`], except timeouts. This call reads only memory: if a peer
+    /// died without a trace there, the error comes only when another program has joined in its place. After an
+    /// error the ticket is used up.
     pub fn poll(&mut self) -> Result<Option<u32>, MailboxError> {
         let Some(pending) = &self.pending else {
             return Ok(None);

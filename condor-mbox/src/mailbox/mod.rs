@@ -70,8 +70,8 @@ use peer::{Peer, Word};
 /// |---|---|
 /// | background | everything |
 /// | handler | everything in its [`Call`], whose waits end with the wait that serves it |
-/// | interrupt | [`serve`](Messenger::serve), [`send`](Messenger::send) with a time-out of zero |
-/// | servo loop | [`send`](Messenger::send) and [`begin`](Messenger::begin) with a time-out of zero, and [`MessageTicket::poll`] |
+/// | interrupt | [`serve`](Messenger::serve), [`send`](Messenger::send) with a timeout of zero |
+/// | servo loop | [`send`](Messenger::send) and [`begin`](Messenger::begin) with a timeout of zero, and [`MessageTicket::poll`] |
 pub struct Mailbox<'v, B: Backend, const N: usize> {
     me: Processor,
     doorbell: B::Doorbell,
@@ -102,18 +102,18 @@ pub struct Mailbox<'v, B: Backend, const N: usize> {
 /// The state of another processor, as far as it is known at this moment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PeerState {
-    /// It has never joined, or has left.
+    /// The processor has never joined, or has left.
     Absent,
-    /// It is beginning a new incarnation.
+    /// The processor is beginning a new incarnation.
     Joining,
-    /// It has joined, and has not been seen to die.
+    /// The processor has joined, and has not been seen to die.
     Up {
-        /// Its present incarnation: a number that changes each time it joins.
+        /// The processor's present incarnation: a number that changes each time it joins.
         incarnation: u32,
         /// Whether both sides have acknowledged each other, so that messages pass.
         connected: bool,
     },
-    /// It joined, and its program ended without leaving.
+    /// The processor joined, and its program ended without leaving.
     Dead {
         /// The incarnation that has ended.
         incarnation: u32,
@@ -213,7 +213,7 @@ impl<B: Backend, const N: usize> Incarnations for Mailbox<'_, B, N> {
         let Some(Ok(peer)) = owner.processor().map(|number| self.peer(number)) else {
             return false;
         };
-        // Memory that is gone is no evidence that the program is.
+        // Memory that is gone does not show that the program is.
         match peer.load_present() {
             Ok(present) if !owner.is_incarnation(present) => false,
             _ => self.doorbell.evidence(peer.number) != Evidence::Dead,

@@ -5,7 +5,7 @@ use core::time::Duration;
 use crate::doorbell::Doorbell;
 use crate::time::Instant;
 
-/// How long a sleep lasts at most, so that a lost ring only delays.
+/// The longest duration of a sleep, so that a lost ring only delays.
 const NAP: Duration = Duration::from_millis(10);
 
 /// The rules of waiting that follow from [`Doorbell::rings_always`].
@@ -21,13 +21,13 @@ impl Pace {
         Self { rings_always }
     }
 
-    /// Returns whether a message rings, if its receiver has `asked` for that or not.
+    /// Returns true if a message rings, where `asked` tells whether its receiver has asked for rings.
     #[inline(always)]
     pub(super) const fn rings(self, asked: bool) -> bool {
         asked || self.rings_always
     }
 
-    /// Returns whether a wait begins with serving all requests that are there.
+    /// Returns true if a wait begins with serving all requests that are there.
     ///
     /// Without polls the number of looks may depend on how fast another processor is. What is
     /// served before its answer then does not.
@@ -36,7 +36,7 @@ impl Pace {
         self.rings_always
     }
 
-    /// Returns whether a wait asks for the state of its peer now, if it does so at `ask_at` at the
+    /// Returns true if a wait asks for the state of its peer now, if it does so at `ask_at` at the
     /// latest. Without polls each look follows a ring, which may be that of the peer's end.
     #[inline(always)]
     pub(super) fn asks(self, now: Instant, ask_at: Instant) -> bool {
@@ -57,7 +57,7 @@ impl Pace {
         ask_at.unwrap_or_else(|| now.after(NAP)).min(deadline)
     }
 
-    /// Returns whether a heart that did not beat during a wait tells of a stalled program.
+    /// Returns true if a heart that did not beat during a wait tells of a stalled program.
     #[inline(always)]
     pub(super) const fn feels_hearts(self) -> bool {
         !self.rings_always

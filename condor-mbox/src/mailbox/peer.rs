@@ -31,9 +31,9 @@ impl Word {
 pub(super) struct Peer<W, const N: usize> {
     pub(super) number: Processor,
     pub(super) windows: Windows<W>,
-    /// Where our pair with the peer begins in our `mail`.
+    /// The place where our pair with the peer begins in our `mail`.
     pub(super) ours: Pair<N>,
-    /// Where its pair with us begins in its `mail`.
+    /// The place where its pair with us begins in its `mail`.
     pub(super) theirs: Pair<N>,
     /// The incarnation of the peer that everything below belongs to; 0 while it has none.
     pub(super) incarnation: Word,
@@ -110,12 +110,12 @@ impl<W: MemoryWindow, const N: usize> Peer<W, N> {
         self.mail().check_layout(data_bytes)
     }
 
-    /// Whether the peer has joined, as far as its own `mail` says.
+    /// Returns true if the peer has joined, as far as its own `mail` says.
     pub(super) fn has_joined(&self) -> bool {
         !matches!(self.present(), 0 | JOINING)
     }
 
-    /// Whether the ring from the peer to here seems to hold a request.
+    /// Returns true if the ring from the peer to here seems to hold a request.
     #[inline(always)]
     pub(super) fn has_request(&self) -> bool {
         // Nothing is taken in epoch 0, and most of a large system may never have joined.
@@ -165,7 +165,7 @@ impl<W: MemoryWindow, const N: usize> Peer<W, N> {
         }
     }
 
-    /// Gives up reply cell `cell` of a call in the present epoch.
+    /// Frees reply cell `cell` of a call in the present epoch.
     #[inline(always)]
     pub(super) fn release(&self, cell: u32) {
         let kept = !(1 << (cell % SLOTS));

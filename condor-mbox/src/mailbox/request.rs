@@ -23,7 +23,7 @@ use crate::sync::{Ordering, fence};
 use crate::time::{Clock as _, Instant};
 use crate::window::{LoadOrder, MemoryWindow};
 
-/// Why a request did not enter the ring.
+/// The reason why a request did not enter the ring.
 pub(super) enum Refusal {
     /// The two ends have not acknowledged each other.
     NotConnected,
@@ -110,7 +110,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
             peer.head.set(sequence);
             if vector.index() < Vector::COUNT {
                 let at = At::<N>::vector(vector, SENT);
-                // The access of a message that says when the own memory is gone.
+                // The access of a message that shows when this mailbox's own memory is gone.
                 let sent = own.load(at, LoadOrder::Relaxed)?;
                 own.set(at, sent.wrapping_add(1));
             }
@@ -373,7 +373,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         }
     }
 
-    /// Why there is no reply.
+    /// Returns the error that says why there is no reply.
     #[cold]
     #[inline(never)]
     fn no_reply(
@@ -420,7 +420,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         if present == pending.incarnation {
             return Ok(None);
         }
-        // What came just before the end still counts.
+        // A reply that came just before the end still counts.
         if let Some(reply) = self.take_reply(peer, pending) {
             return reply.map(Some);
         }
@@ -507,12 +507,12 @@ impl<W: MemoryWindow, const N: usize> Peer<W, N> {
         Err(Refusal::NoSlot)
     }
 
-    /// How far a request had come when its sender gave up; `over` is the receiver's incarnation word
-    /// if nothing runs there any more.
+    /// Returns the state that a request had reached when its sender gave up; `over` is the receiver's
+    /// incarnation word if nothing runs there any more.
     fn progress(&self, pending: &PendingReply, over: Option<u32>) -> SendProgress {
         let at = self.theirs.taken();
         let taken = self.mail().load(at, LoadOrder::Acquire);
-        // What the private cursor knows is true even if the receiver has forgotten it since.
+        // The private cursor's knowledge is true even if the receiver has forgotten it since.
         let known = |count: u32| count.wrapping_sub(pending.sequence) <= u32::MAX / 2;
         if known(self.taken.get()) && self.epoch_out.get() == pending.epoch {
             return SendProgress::Taken;
@@ -526,7 +526,7 @@ impl<W: MemoryWindow, const N: usize> Peer<W, N> {
     }
 }
 
-/// The error for a reply that is no value.
+/// The error for a reply that is not a value.
 #[cold]
 fn without_value(pending: &PendingReply, reply: Entry) -> MailboxError {
     let PendingReply { to, vector, .. } = *pending;

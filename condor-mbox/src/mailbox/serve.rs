@@ -163,12 +163,11 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         })
     }
 
-    /// Increments the heartbeat, which shows others that this processor is not stuck. Every call
-    /// that serves or waits does so. A background that does neither, because an interrupt serves,
-    /// calls this.
+    /// Increments the heartbeat, which shows others that this processor is not stuck. Every call that serves or
+    /// waits does so. Call this from a background that does neither, because an interrupt serves.
     ///
     /// # Errors
-    /// [`MailboxError::Window`] if the own memory is gone.
+    /// [`MailboxError::Window`] if this mailbox's own memory is gone.
     #[inline(always)]
     pub fn beat(&self) -> Result<(), MailboxError> {
         let beat = self.beats.get().wrapping_add(1);
@@ -221,8 +220,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
     /// Serves the next request of `peer`, if it is there; `now` is the latest reading of the clock,
     /// before and after.
     ///
-    /// An incarnation of `peer` that has not been noticed is no harm: its requests have another
-    /// epoch.
+    /// An incarnation of `peer` that has not been noticed does no harm: its requests have another epoch.
     #[inline(never)]
     pub(super) fn serve_next(
         &self,
@@ -296,7 +294,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
     #[inline(never)]
     fn serve_otherwise(&self, peer: &Peer<B::Window, N>, kind: u32) {
         if kind == kind::LISTEN || kind == kind::IGNORE {
-            // If the own memory is gone, the next look says so.
+            // If this mailbox's own memory is gone, the next look says so.
             let _ = self.admit_listener(peer, kind == kind::LISTEN);
         }
         // The sender may wait for the slot.
@@ -341,8 +339,8 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         Some((taken, entry.value, depth + 1))
     }
 
-    /// Replies, if a reply is wanted and its sender still lives the incarnation in which it asked,
-    /// and counts what was handled.
+    /// Replies, if a reply is wanted and its sender is still in the incarnation in which it asked, and counts
+    /// what was handled.
     #[inline(always)]
     fn finish<const PANICKED: bool>(
         &self,
@@ -378,7 +376,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
             self.notify(peer.mail());
         }
         if deepest {
-            // What came meanwhile was refused for want of depth, and its ring was taken.
+            // A request that came meanwhile was refused for want of depth, and its ring was taken.
             self.ring_again();
         }
     }

@@ -5,7 +5,7 @@ use core::task::Waker;
 
 use critical_section::Mutex;
 
-/// How many tasks are remembered; those beyond are woken at once, and look again and again.
+/// The number of tasks that are remembered; those beyond are woken at once, and look again and again.
 const ROOM: usize = 8;
 
 /// The tasks to be woken when something has been served.

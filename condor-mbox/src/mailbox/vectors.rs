@@ -49,9 +49,9 @@ impl<'v, B: Backend, const N: usize> Mailbox<'v, B, N> {
     /// may be set at any time; messages that are served before find no handler.
     ///
     /// # Errors
-    /// [`MailboxError::NoSuchVector`] if the number is too large, [`MailboxError::VectorTaken`] if the vector has
-    /// a handler, [`MailboxError::NameTooLong`] if the name is longer than [`NAME_BYTES`] bytes,
-    /// [`MailboxError::Window`] if the own memory cannot be accessed.
+    /// [`MailboxError::NoSuchVector`] if the number is too large, [`MailboxError::VectorTaken`] if the vector
+    /// has a handler, [`MailboxError::NameTooLong`] if the name is longer than [`NAME_BYTES`] bytes,
+    /// [`MailboxError::Window`] if this mailbox's own memory cannot be accessed.
     pub fn set_vector(
         &mut self,
         vector: Vector,
@@ -78,8 +78,8 @@ impl<'v, B: Backend, const N: usize> Mailbox<'v, B, N> {
     /// Removes the handler of `vector`.
     ///
     /// # Errors
-    /// [`MailboxError::NoSuchVector`] if the number is too large; [`MailboxError::Window`] if the own memory
-    /// cannot be accessed.
+    /// [`MailboxError::NoSuchVector`] if the number is too large; [`MailboxError::Window`] if this mailbox's
+    /// own memory cannot be accessed.
     pub fn clear_vector(&mut self, vector: Vector) -> Result<(), MailboxError> {
         let entry = self
             .handlers

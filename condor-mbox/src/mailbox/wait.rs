@@ -15,13 +15,13 @@ use crate::sync::{Ordering, fence};
 use crate::time::{Clock as _, Instant};
 use crate::window::{LoadOrder, StoreOrder};
 
-/// How often a waiter asks the platform whether the peer it waits for is alive.
+/// The interval at which a waiter asks the platform whether the peer it waits for is alive.
 const WATCH: Duration = Duration::from_micros(250);
-/// How long a waiter waits before it feels the pulse of its peer for the first time: reading the
+/// The time for which a waiter waits before it feels the pulse of its peer for the first time: reading the
 /// heartbeat takes the line from the peer, which quick answers need not pay for.
 const PULSE: Duration = Duration::from_micros(20);
 
-/// How many rings are glanced at between two readings of the clock while spinning: a fraction of a
+/// The number of rings that are glanced at between two readings of the clock while spinning: a fraction of a
 /// microsecond.
 pub(super) const GLANCES: usize = if cfg!(condor_loom) { 1 } else { 32 };
 
@@ -68,9 +68,9 @@ pub(super) struct Watch {
     pub(super) incarnation: Option<u32>,
 }
 
-/// How a wait ended.
+/// The way in which a wait ended.
 pub(super) enum End<T> {
-    /// What was waited for came.
+    /// The event that was waited for came.
     Came(T),
     /// The deadline passed; `stalled` if the peer's heart did not beat meanwhile.
     Expired { stalled: bool },
@@ -88,15 +88,14 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         self.waiting = waiting;
     }
 
-    /// Asks senders to ring the doorbell for every message, even if nobody waits here; `false` ends
-    /// this.
+    /// Asks senders to ring the doorbell for every message, even if nothing waits here; `false` ends this.
     ///
-    /// It is for a processor that [serves](super::Messenger::serve) from its mailbox interrupt, and
-    /// for a program that watches its doorbell's descriptor in an event loop. The own doorbell is
-    /// rung once at once, for messages that were sent before.
+    /// Call it on a processor that [serves](super::Messenger::serve) from its mailbox interrupt, and in a
+    /// program that watches its doorbell's descriptor in an event loop. This processor's own doorbell is rung
+    /// once at once, for messages that were sent before.
     ///
     /// # Errors
-    /// [`MailboxError::Window`] if the own memory cannot be accessed.
+    /// [`MailboxError::Window`] if this mailbox's own memory cannot be accessed.
     pub fn ring_always(&mut self, always: bool) -> Result<(), MailboxError> {
         let step = match (self.always, always) {
             (false, true) => 1,
@@ -114,8 +113,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
     /// Waits until `peer` has joined and messages pass both ways, for at most `timeout`, and serves
     /// meanwhile; returns the peer's incarnation.
     ///
-    /// With `former`, it waits for an incarnation other than that one: for a peer that is to
-    /// restart.
+    /// With `former`, it waits for an incarnation other than that one: for a peer that is about to restart.
     ///
     /// # Errors
     /// [`MailboxError::NotConnected`] after `timeout`; [`MailboxError::NoSuchProcessor`] if there is no such
@@ -184,7 +182,8 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
                 if request.is_some() {
                     break;
                 }
-                // Whoever looks all the time keeps taking the line from who is about to write it.
+                // A processor that looks all the time keeps taking the line from the one that is about to write
+                // it.
                 core::hint::spin_loop();
             }
             if request.is_some_and(|peer| self.serve_next(peer, deadline, &mut now))
@@ -216,7 +215,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
                 });
             }
             if let Some(end) = end {
-                // What came just before the end still counts.
+                // A message that came just before the end still counts.
                 return Ok(look(true)?.map_or(end, End::Came));
             }
             if first_beat.is_none() && now >= feel_at {
@@ -262,7 +261,8 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         }
     }
 
-    /// Whether the peer of `watch` ended or began an incarnation; asks the platform too if `ask`.
+    /// Returns the end of the wait if the peer of `watch` ended or began an incarnation; asks the platform too if
+    /// `ask`.
     fn fate<T>(&self, watch: Watch, ask: bool) -> Result<Option<End<T>>, MailboxError> {
         let Some(incarnation) = watch.incarnation else {
             return Ok(None);
@@ -304,7 +304,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
     }
 }
 
-/// While it lives, senders ring this processor.
+/// Makes senders ring this processor until it is dropped.
 struct Rings<'r, 'v, B: Backend, const N: usize> {
     mailbox: &'r Mailbox<'v, B, N>,
 }

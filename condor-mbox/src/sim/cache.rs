@@ -119,7 +119,7 @@ fn hold<'l>(memory: &[AtomicU32], lines: &'l mut [Line], at: usize) -> &'l mut L
     line
 }
 
-/// What a cache may do at any time: evict a line of this memory, or fetch one.
+/// Does something that a cache may do at any time: evicts a line of this memory, or fetches one.
 fn mischief(memory: &[AtomicU32], lines: &mut [Line], near: usize, chance: u64) {
     // Mostly the lines around, which are the ones in use.
     let at = if chance & 8 == 0 {

@@ -15,7 +15,7 @@ use crate::mailbox::Waiting;
 use crate::time::{Clock, Instant};
 use crate::windows::Windows;
 
-/// What a processor does while another one waits, in virtual time.
+/// The work of a processor while another one waits, in virtual time.
 type Body = Arc<dyn Fn() + Send + Sync>;
 
 /// `N` simulated processors. All clones are the same system.
@@ -94,7 +94,7 @@ struct Bell {
     program: Option<Body>,
 }
 
-/// How far virtual time moves when somebody reads the clock.
+/// The step of virtual time at each reading of the clock.
 const TICK_NS: u64 = 100;
 
 impl<const N: usize> SimSystem<N> {

@@ -109,8 +109,8 @@ impl<W: MemoryWindow, X: Exclusion> Bakery<W, X> {
 
     /// Draws a ticket for `number`; `false` if there is no larger one.
     fn draw(&self, number: u8, incarnations: &dyn Incarnations) -> Result<bool, WindowErrorKind> {
-        // Against the same fence below, of any other processor: either it sees here a ticket
-        // drawn before, or that processor sees this entry when it looks who is before it.
+        // Against the same fence below, of any other processor: either it sees here a ticket drawn before, or
+        // that processor sees this entry when it looks for tickets before its own.
         fence(Ordering::SeqCst);
         let mut largest: u32 = 0;
         for other in (0..self.processors).filter(|other| *other != number) {

@@ -182,7 +182,7 @@ impl<L: TestAndSet> SpinLock<L> {
     }
 }
 
-/// Why an attempt ended without the lock.
+/// The reason why an attempt ended without the lock.
 enum AttemptEnd {
     Enough(Option<LockOwner>),
     For(SpinLockError),
@@ -229,7 +229,7 @@ impl<L: TestAndSet> fmt::Debug for SpinLockGuard<'_, L> {
 impl<L: TestAndSet> Drop for SpinLockGuard<'_, L> {
     fn drop(&mut self) {
         if self.held {
-            // Whoever wants the lock next meets the same lost memory, and is told.
+            // The processor that wants the lock next meets the same lost memory, and gets the error.
             let _ = self.memory.release(self.me);
         }
     }
@@ -295,7 +295,7 @@ pub enum Attempt {
 }
 
 impl Attempt {
-    /// What it means to find one word where another was expected.
+    /// Returns the meaning of finding one word where another was expected.
     fn of(found: u32, expected: u32) -> Self {
         if found == expected {
             return Self::Taken;
@@ -317,12 +317,12 @@ impl Attempt {
 ///
 /// Every method must return after a bounded number of accesses. A processor may stop for ever
 /// between any two of them; once its incarnation is over, this must not keep others from the lock.
-/// What an owner wrote before `release` must be visible after the next `take` that succeeds.
+/// All that an owner wrote before `release` must be visible after the next `take` that succeeds.
 pub trait TestAndSet {
     /// Begins to compete; returns `false` if another context of this processor competes already.
     ///
     /// # Errors
-    /// The kind of the window's error.
+    /// Returns the kind of the window's error if an access fails.
     fn compete(
         &self,
         me: LockOwner,
@@ -337,7 +337,7 @@ pub trait TestAndSet {
     /// `withdraw` is called.
     ///
     /// # Errors
-    /// The kind of the window's error.
+    /// Returns the kind of the window's error if an access fails.
     fn take(
         &self,
         from: Option<LockOwner>,
@@ -348,7 +348,7 @@ pub trait TestAndSet {
     /// Stops competing for `me`, which has not got the lock.
     ///
     /// # Errors
-    /// The kind of the window's error.
+    /// Returns the kind of the window's error if an access fails.
     fn withdraw(&self, me: LockOwner) -> Result<(), WindowErrorKind> {
         let _ = me;
         Ok(())
@@ -357,7 +357,7 @@ pub trait TestAndSet {
     /// Releases the lock if `me` is still its owner.
     ///
     /// # Errors
-    /// The kind of the window's error.
+    /// Returns the kind of the window's error if an access fails.
     fn release(&self, me: LockOwner) -> Result<(), WindowErrorKind>;
 }
 

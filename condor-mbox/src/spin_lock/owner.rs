@@ -47,18 +47,18 @@ impl LockOwner {
         }
     }
 
-    /// Returns whether `incarnation` is this owner's incarnation.
+    /// Returns true if `incarnation` is this owner's incarnation.
     #[must_use]
     pub const fn is_incarnation(self, incarnation: u32) -> bool {
         self.0.get() & INCARNATION_MASK == incarnation & INCARNATION_MASK
     }
 
-    /// Whether it may own something now; garbage may not.
+    /// Returns true if it may own something now; garbage may not.
     pub(super) fn is_alive(self, incarnations: &dyn Incarnations) -> bool {
         self.processor().is_some() && incarnations.is_current(self)
     }
 
-    /// What a word of shared memory says.
+    /// Returns the owner that a word of shared memory names.
     pub(super) const fn from_word(word: u32) -> Option<Self> {
         match NonZeroU32::new(word) {
             Some(word) => Some(Self(word)),
@@ -96,7 +96,7 @@ impl fmt::Display for LockOwner {
 /// answer takes a lock away from its owner. An incarnation that is newer than any seen so far is
 /// current, so read the processor's own word for its present incarnation each time, not a copy.
 pub trait Incarnations {
-    /// Returns whether `owner`'s incarnation may still go on; `false` only if it is known to have
+    /// Returns true if `owner`'s incarnation may still go on; `false` only if it is known to have
     /// ended.
     fn is_current(&self, owner: LockOwner) -> bool;
 }

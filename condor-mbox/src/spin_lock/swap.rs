@@ -98,7 +98,7 @@ pub struct SemaphoreSwap<W, S, X> {
     exclusion: X,
 }
 
-/// How often a busy semaphore is asked for before the lock counts as busy.
+/// The number of times that a busy semaphore is asked for before the lock counts as busy.
 const SEMAPHORE_TRIES: u32 = 64;
 
 impl<W: MemoryWindow, S: HardwareSemaphore, X: Exclusion> SemaphoreSwap<W, S, X> {
@@ -118,8 +118,8 @@ impl<W: MemoryWindow, S: HardwareSemaphore, X: Exclusion> SemaphoreSwap<W, S, X>
         })
     }
 
-    /// Writes `new` if the word is `current`; gives the word that was there, or `None` if the
-    /// semaphore stayed busy.
+    /// Writes `new` if the word is `current`; returns the word that was there, or `None` if the semaphore
+    /// stayed busy.
     fn swap(&self, current: u32, new: u32) -> Result<Option<u32>, W::Error> {
         self.exclusion.with(|| {
             for _ in 0..SEMAPHORE_TRIES {

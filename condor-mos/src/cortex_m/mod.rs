@@ -1,10 +1,9 @@
 //! Cortex-M: loops in interrupt vectors of the NVIC, and the core's own counter as a timer.
 //!
-//! A core of this family does not let an interrupt interrupt its own priority, so loops cannot nest
-//! by a call from the timer's handler. [`VectorPlatform`] gives each rank an interrupt that the chip does
-//! not use, except the fastest rank, which runs in the timer's handler. It makes a
-//! [`Platform`](crate::Platform) of any [`Alarm`](crate::Alarm): a timer of the chip, or the one
-//! here.
+//! A core of this family does not let an interrupt interrupt its own priority, so loops cannot nest by a call
+//! from the timer's handler. [`VectorPlatform`] assigns to each rank an interrupt that the chip does not use,
+//! except to the fastest rank, which runs in the timer's handler. It makes a [`Platform`](crate::Platform) of
+//! any [`Alarm`](crate::Alarm): a timer of the chip, or the one here.
 //!
 //! [`Ticks`] is a timer that every core has: it counts periods of `SysTick` without loss. (If
 //! `SysTick` were restarted for each release, the cycles between reading and restarting it would be

@@ -11,7 +11,7 @@ use crate::platform::Platform;
 use crate::rate::Rate;
 use crate::timer::{Alarm, Armed, Timer};
 
-/// How many interrupts there can be: the register block of ARMv6-M ends behind 32 priorities.
+/// The largest number of interrupts: the register block of ARMv6-M ends behind 32 priorities.
 const INTERRUPTS: u16 = if size_of::<RegisterBlock>() > 0x400 {
     256
 } else {
@@ -36,7 +36,7 @@ pub struct VectorPlatform<T, const N: usize> {
 #[derive(Clone, Copy)]
 struct Vector {
     number: u16,
-    /// Where it is pended: a bit of ISPR.
+    /// The register that pends it: `bit` of ISPR.
     register: *const u32,
     bit: u32,
 }
@@ -111,7 +111,7 @@ impl<T: Alarm, const N: usize> VectorPlatform<T, N> {
         &self.timer
     }
 
-    /// Gives the interrupts their priorities and enables them. Call it before
+    /// Sets the priorities of the interrupts of the ranks, and enables these interrupts. Call it before
     /// [`Loops::start`](crate::Loops::start).
     ///
     /// # Safety

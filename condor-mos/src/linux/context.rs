@@ -1,11 +1,11 @@
-//! What a thread and its signal handlers know of each other.
+//! State that a thread and its signal handlers share.
 
 use core::cell::Cell;
 use core::sync::atomic::{AtomicBool, Ordering, compiler_fence};
 
 use condor_platform::linux;
 
-/// What a signal calls, as long as the thread is connected.
+/// The function that a signal calls, as long as the thread is connected.
 #[derive(Clone, Copy)]
 pub(super) struct Service {
     /// Never called while a critical section is held, or by two contexts at a time.
@@ -58,7 +58,7 @@ impl Context {
         self.closed.load(Ordering::Relaxed)
     }
 
-    /// What a signal does: serves, or leaves it to whom it has interrupted.
+    /// Serves a signal, or leaves it to the section that it has interrupted.
     #[inline]
     pub(super) fn on_signal(&self) {
         if linux::is_held() || self.closed.load(Ordering::Relaxed) {

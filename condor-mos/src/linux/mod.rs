@@ -9,7 +9,7 @@
 //! | faster before slower | by `SCHED_FIFO`, where granted | always |
 //! | a panic | disables its loop | ends the program |
 //!
-//! A [`RealTime`] says what is asked of the kernel; the kernel's answers are [`Privileges`], which
+//! A [`RealTime`] lists the privileges that are asked of the kernel; the kernel's answers are [`Privileges`], which
 //! can be printed. Code that takes a `&impl` [`Loops`](crate::Loops) runs on both, on bare
 //! processors and in virtual time: see the example `two_rates`.
 //!

@@ -1,4 +1,4 @@
-//! [`RealTime`]: what a program asks of the kernel for its loops; and [`Privileges`]: the answers.
+//! [`RealTime`]: the privileges that a program asks of the kernel for its loops; and [`Privileges`]: the answers.
 
 use core::fmt;
 use core::num::NonZeroU64;

@@ -50,9 +50,9 @@ struct Port {
     /// handler arms. With two, the handler only adds an event behind the next one.
     timers: Option<[PosixTimer; 2]>,
     owner: u32,
-    /// What the scheduler has armed.
+    /// The instant that the scheduler has armed.
     wanted: u64,
-    /// What of that the kernel was given last.
+    /// The value of `wanted` that the kernel was given last.
     given: u64,
     /// When the kernel's timers are, or were, to signal.
     set: [u64; 2],
@@ -102,7 +102,7 @@ impl SignalPlatform {
         section(|section| self.port.with(section, f))
     }
 
-    /// Gives the kernel what was armed in the handler.
+    /// Passes to the kernel the instant that was armed in the handler.
     #[inline]
     fn flush(&self) {
         self.with_port(Port::give);
@@ -244,7 +244,7 @@ impl Platform for SignalPlatform {
     }
 }
 
-/// What the handler is given: a platform, and the program's part of the handler.
+/// The data of the handler: a platform, and the program's part of the handler.
 struct Handler<'h, H> {
     signals: &'h SignalPlatform,
     handler: &'h H,
@@ -302,7 +302,7 @@ impl<'h, H: Fn() + Sync> Connected<'h, H> {
         signals.with_port(|port| {
             port.timers = Some(timers);
             port.owner = thread_number();
-            // What was armed before anybody was connected.
+            // The instant that was armed before any thread was connected.
             if port.wanted != NEVER {
                 port.give_alone();
             }

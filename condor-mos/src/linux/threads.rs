@@ -31,8 +31,8 @@ use crate::statistics::Statistics;
 /// `CLOCK_MONOTONIC`, so it never drifts. If the kernel grants `SCHED_FIFO` (see [`RealTime`]),
 /// faster loops interrupt slower ones; otherwise the kernel schedules them as it likes. The
 /// methods, the overrun policies and the statistics are those of a [`Scheduler`](crate::Scheduler);
-/// every thread may call them, including those of the loops. Run times are what the kernel charges
-/// to the loop's thread, including its waking.
+/// every thread may call them, including those of the loops. Run times are the processor time that the kernel
+/// charges to the loop's thread, including its waking.
 ///
 /// A loop that panics is disabled and [`faulted`](Statistics::faulted); the others go on.
 ///
@@ -62,7 +62,7 @@ use crate::statistics::Statistics;
 #[derive(Debug)]
 pub struct Threads<K: Keep = Counts>(Arc<Shared<K>>);
 
-/// What the loops' threads and their callers share.
+/// The state that the loops' threads and their callers share.
 #[derive(Debug)]
 struct Shared<K> {
     wishes: RealTime,
@@ -106,7 +106,7 @@ impl<K: Keep> LoopThread<K> {
 
     /// The run that was started has taken `ticks`.
     fn finish(&mut self, running: Running<u64>, now: u64, ticks: u64) {
-        // What has become due meanwhile finds the loop unfinished.
+        // An event that has become due meanwhile finds the loop unfinished.
         self.advance(now);
         let ended = running.since.saturating_add(ticks);
         self.state.end(0, running, ended);
@@ -155,7 +155,7 @@ impl<K: Keep> Slot<K> {
             }
         }
         thread.number = None;
-        // It is not in progress.
+        // No run is in progress.
         let _ = thread.state.withdraw(1);
     }
 
@@ -176,7 +176,7 @@ impl<K: Keep> Slot<K> {
     }
 }
 
-/// What the calling thread has used of processors, in nanoseconds.
+/// Returns the processor time that the calling thread has used, in nanoseconds.
 fn cpu_time() -> u64 {
     time::nanoseconds(clock_gettime(ClockId::ThreadCPUTime))
 }
@@ -231,8 +231,8 @@ impl<K: Keep> Threads<K> {
         })))
     }
 
-    /// Gives a loop its body for good, and enables it. `body` is called with `context` and the
-    /// instant, in nanoseconds, at which the loop was due.
+    /// Sets the body of a loop for good, and enables the loop. `body` is called with `context` and the instant,
+    /// in nanoseconds, at which the loop was due.
     ///
     /// # Errors
     /// [`LoopError::NoSuchLoop`] if there is no such loop, [`LoopError::Taken`] if it has a body,
@@ -306,7 +306,7 @@ impl<K: Keep> Shared<K> {
         }
     }
 
-    /// What a loop's thread does: asks for its privileges, tells of that, and runs.
+    /// Runs as a loop's thread: asks for its privileges, reports the answer, and runs the loop.
     fn run(&self, number: usize, ready: &mpsc::Sender<()>) {
         let rates = self.rates();
         let rank = rank(&rates, number);
@@ -326,7 +326,7 @@ impl<K: Keep> Shared<K> {
     }
 }
 
-/// How many loops are faster.
+/// Returns the number of loops that are faster.
 fn rank(rates: &[Rate], number: usize) -> usize {
     let before = |(other, rate): &(usize, &Rate)| {
         rates
@@ -432,7 +432,7 @@ impl<K: Keep> Runner for Threads<K> {
         match spawned {
             Ok(handle) => thread.handle = Some(handle),
             Err(error) => {
-                // It has not begun.
+                // No run is in progress.
                 let _ = thread.state.withdraw(1);
                 let os_error = error.raw_os_error().unwrap_or(0);
                 return Err(LoopError::NoThread { id, os_error });
@@ -453,7 +453,7 @@ impl<K: Keep> Runner for Threads<K> {
         }
         for slot in slots() {
             let handle = slot.thread.lock().handle.take();
-            // What a body panics with was caught.
+            // The panic of a body was caught.
             let _ = handle.map(JoinHandle::join);
         }
     }

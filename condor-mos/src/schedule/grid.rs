@@ -10,7 +10,7 @@ use crate::rate::{Rate, greatest_common_divisor};
 pub(crate) struct Grid {
     /// Whole ticks of a period.
     whole: u64,
-    /// What a period has beyond them, in `parts` of a tick.
+    /// The part of a period beyond the whole ticks, in `parts` of a tick.
     remainder: u64,
     parts: u64,
     /// Carried from the instants before, less than `parts`.
@@ -68,7 +68,7 @@ impl Grid {
         self.whole + self.carry()
     }
 
-    /// Whether no tick is ever carried.
+    /// Returns true if no tick is ever carried.
     #[inline]
     pub(super) const fn is_whole(&self) -> bool {
         self.remainder == 0

@@ -1,4 +1,4 @@
-//! How an [`EventTable`] looks.
+//! The printed form of an [`EventTable`].
 
 use core::fmt;
 

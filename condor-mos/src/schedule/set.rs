@@ -5,7 +5,7 @@ use crate::clock::ClockSpec;
 use crate::error::RateError;
 use crate::rate::{Rate, greatest_common_divisor};
 
-/// Up to `L` loops: their rates and phases by number, and who is how fast.
+/// Up to `L` loops: their rates and phases by number, and their ranks by speed.
 ///
 /// Ranks number the loops from the fastest, 0, on; loops of one rate in their own order.
 #[derive(Clone, Copy, Debug)]

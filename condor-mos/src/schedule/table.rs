@@ -7,7 +7,7 @@ use crate::clock::ClockSpec;
 use crate::error::RateError;
 use crate::rate::Rate;
 
-/// How many entries are counted one by one, for an error or a constant.
+/// The largest number of entries that are counted one by one, for an error or a constant.
 const MOST_COUNTED: usize = 1 << 15;
 
 /// The events of one hyperperiod, after which the releases of up to `L` loops repeat, in at most
@@ -82,7 +82,7 @@ pub struct EventTable<const L: usize, const E: usize> {
 /// ```
 pub type Scan<const L: usize> = EventTable<L, 0>;
 
-/// How far a change of rates is.
+/// The progress of a change of rates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Change {
     None,
@@ -281,7 +281,7 @@ impl<const L: usize, const E: usize> EventTable<L, E> {
         }
     }
 
-    /// Returns whether the schedule is a [`Scan`], which computes events when they are due.
+    /// Returns true if the schedule is a [`Scan`], which computes events when they are due.
     #[must_use]
     pub const fn is_scan(&self) -> bool {
         self.begin >= 2 * E
@@ -304,7 +304,7 @@ impl<const L: usize, const E: usize> EventTable<L, E> {
         &self.set
     }
 
-    /// Why there is no table for a set.
+    /// Returns the reason why there is no table for a set.
     pub(crate) const fn too_many(set: &Set<L>, clock: ClockSpec) -> RateError {
         RateError::TooManyEvents {
             needed: needed(set, clock),
@@ -324,7 +324,7 @@ impl<const L: usize, const E: usize> EventTable<L, E> {
         self.change = Change::Building;
     }
 
-    /// Adds an entry for the wanted rates; gives the change up if there is no place.
+    /// Adds an entry for the wanted rates; abandons the change if there is no place.
     const fn add_entry(&mut self) {
         let spare = self.active & 1 ^ 1;
         let len = self.halves[spare].len;
@@ -392,7 +392,7 @@ impl<const L: usize, const E: usize> EventTable<L, E> {
         self.next = index + 1;
     }
 
-    /// Whether [`turn`](Self::turn) must be called before the next event.
+    /// Returns true if [`turn`](Self::turn) must be called before the next event.
     #[inline]
     pub(crate) fn is_at_turn(&self) -> bool {
         self.next >= self.end
@@ -490,7 +490,7 @@ impl<const L: usize, const E: usize> EventTable<L, E> {
         }
     }
 
-    /// Whether rates that were asked for have not taken effect yet.
+    /// Returns true if rates that were asked for have not taken effect yet.
     pub(crate) fn is_changing(&self) -> bool {
         self.change != Change::None
     }

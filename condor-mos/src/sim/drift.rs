@@ -61,8 +61,8 @@ pub fn worst_release_error<const L: usize, const E: usize>(
     worst
 }
 
-/// How often the first loop is due in a hyperperiod, the inverse of the rates' greatest common
-/// divisor.
+/// Returns the number of times that the first loop is due in a hyperperiod, the inverse of the rates' greatest
+/// common divisor.
 fn releases_of_first(rates: &[Rate]) -> u64 {
     let (mut numerator, mut denominator) = (0, 1);
     for rate in rates {

@@ -68,9 +68,9 @@ struct Machine {
     enabled: AtomicBool,
     /// Whether the timer's interrupt was pended, due or not.
     pended: AtomicBool,
-    /// What the timer's interrupt calls.
+    /// The function that the timer's interrupt calls.
     handler: Mutex<Option<Connected>>,
-    /// What vectors of ranks call.
+    /// The function that vectors of ranks call.
     vectors: Mutex<Option<Connected>>,
     /// Vectors that are pending, by rank, and the priority in progress.
     pending: AtomicU32,
@@ -82,7 +82,7 @@ const NEVER: u64 = u64::MAX;
 /// The priority of the background.
 const BACKGROUND: u32 = u32::MAX;
 
-/// What interrupts call with a rank, in truth there as long as [`SimPlatform::with_handler`] or
+/// The function that interrupts call with a rank, in truth there as long as [`SimPlatform::with_handler`] or
 /// [`SimPlatform::with_vectors`] runs; on the thread that does so alone.
 struct Connected {
     thread: ThreadId,
@@ -221,7 +221,7 @@ impl SimPlatform {
         self.machine.now.store(instant.max(self.now()), Relaxed);
     }
 
-    /// Whether the timer can interrupt what is in progress.
+    /// Returns true if the timer can interrupt what is in progress.
     #[cfg(all(test, not(condor_loom)))]
     pub(crate) fn is_interruptible(&self) -> bool {
         self.machine.enabled.load(Relaxed)
@@ -295,7 +295,7 @@ fn connect<R>(
     program()
 }
 
-/// What is connected, if by this thread.
+/// Returns the connected function, if this thread connected it.
 fn connected(place: &Mutex<Option<Connected>>) -> Option<&'static (dyn Fn(u32) + Sync)> {
     let connected = lock(place);
     let connected = connected.as_ref()?;

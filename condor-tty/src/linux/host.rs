@@ -28,7 +28,7 @@ pub struct TerminalHost<W> {
     buffer: Box<[u8]>,
     fetched: FetchedOutput,
     taken: usize,
-    /// Characters of the sink that are to be sent.
+    /// Characters of the sink that have not been sent yet.
     typed: VecDeque<u8>,
     /// Whether no character of a former host is under way any more.
     settled: bool,
@@ -79,7 +79,7 @@ impl From<AccessError> for HostError {
 const BUFFER: usize = 64 * 1024;
 /// Characters that are taken from the sink at once.
 const PIECE: usize = 256;
-/// How often one call looks at the ring.
+/// The number of times that one call looks at the ring.
 const LOOKS: usize = 16;
 
 impl<W: MemoryWindow + Clone> TerminalHost<W> {
@@ -236,8 +236,8 @@ impl<W: MemoryWindow + Clone> TerminalHost<W> {
         }
         let status = self.reader.status()?;
         if status.full && status.interrupt.is_none() {
-            // It takes nothing; the sink keeps what may be for the next incarnation. The processor sends a
-            // message when its program has read.
+            // The terminal takes nothing; the sink keeps characters that may be for the next incarnation. The
+            // processor sends a message when its program has read.
             return Ok(());
         }
         self.tell(sink)?;
@@ -327,9 +327,8 @@ impl<W: MemoryWindow + Clone> TerminalHost<W> {
         self.typed.len() + usize::from(sent)
     }
 
-    /// Detaches: from now on no program waits for this host. If a host is dropped without this,
-    /// writers with [`Policy::Block`](crate::Policy::Block) go on to wait for it, up to their
-    /// time-outs.
+    /// Detaches: from now on no program waits for this host. If a host is dropped without this, writers with
+    /// [`Policy::Block`](crate::Policy::Block) go on to wait for it, up to their timeouts.
     ///
     /// # Errors
     /// [`TerminalReaderError::Displaced`] if another host has attached, [`TerminalReaderError::Restarted`] if the

@@ -27,7 +27,7 @@ pub struct TerminalLog<S, T, C> {
     pub sink: S,
     to: T,
     clock: C,
-    /// What has been taken, and could not be written yet.
+    /// The bytes that have been taken, and could not be written yet.
     pending: Vec<u8>,
     in_line: bool,
     /// A carriage return that may belong to a newline.
@@ -48,10 +48,10 @@ impl<S: Sink, T: Write, C: FnMut() -> Duration> TerminalLog<S, T, C> {
         }
     }
 
-    /// Writes everything that is still to be written, and returns the sink and the writer.
+    /// Writes everything that has not been written yet, and returns the sink and the writer.
     ///
     /// # Errors
-    /// The writer's error if it fails.
+    /// Returns the writer's error if it fails.
     pub fn into_inner(mut self) -> io::Result<(S, T)> {
         self.write_pending()?;
         Ok((self.sink, self.to))
@@ -102,7 +102,7 @@ impl<S: Sink, T: Write, C: FnMut() -> Duration> Sink for TerminalLog<S, T, C> {
         for byte in piece.bytes.iter().take(taken) {
             self.compose(*byte);
         }
-        // What cannot be written now has been taken, and goes first next time.
+        // Bytes that cannot be written now have been taken, and go first next time.
         let _ = self.write_pending();
         Ok(taken)
     }

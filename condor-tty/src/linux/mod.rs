@@ -5,7 +5,7 @@
 //! user interfaces, your own types, and a [`TerminalLog`] around any of these, with the time of each line.
 //!
 //! Bytes that a sink has taken are acknowledged. Other bytes stay in the ring; when it is full, the
-//! terminal's policy says what happens. So nothing is lost here, even if the host is killed: the
+//! terminal's policy decides about new output. So nothing is lost here, even if the host is killed: the
 //! next host continues, and repeats at most what the killed one had not acknowledged.
 
 mod host;

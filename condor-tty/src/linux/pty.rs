@@ -16,7 +16,7 @@ use super::sink::{Piece, Sink};
 
 /// A pseudo-terminal to which any terminal program attaches, such as `screen` or `picocom`.
 ///
-/// It is raw: the processor does echo and editing. If a program has it open and does not read, the
+/// The pseudo-terminal is raw: the processor does echo and editing. If a program has it open and does not read, the
 /// kernel's buffer fills, and then output stays in the terminal's ring. While no program has it open,
 /// it takes everything and counts it; a host that keeps output for the next program does not serve
 /// the terminal until [`is_watched`](Self::is_watched).
@@ -31,7 +31,8 @@ impl Pty {
     /// Opens a new pseudo-terminal.
     ///
     /// # Errors
-    /// The error of the operating system, for example if no pseudo-terminal is left.
+    /// Returns the error of the operating system if a call fails, for example because no pseudo-terminal is
+    /// left.
     pub fn open() -> io::Result<Self> {
         let controller =
             rustix::pty::openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC)?;
@@ -55,13 +56,13 @@ impl Pty {
         &self.path
     }
 
-    /// Returns whether a program has it open.
+    /// Returns true if a program has the terminal open.
     ///
     /// # Errors
-    /// The error of the operating system, if it cannot report the state.
+    /// Returns the error of the operating system if it cannot report the state.
     pub fn is_watched(&self) -> io::Result<bool> {
         let mut polled = [PollFd::new(&self.controller, PollFlags::OUT)];
-        // It does not wait, so no signal ends it.
+        // The poll does not wait, so no signal ends it.
         rustix::event::poll(&mut polled, Some(&Timespec::default()))?;
         let [polled] = &polled;
         Ok(!polled.revents().contains(PollFlags::HUP))

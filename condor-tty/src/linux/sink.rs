@@ -17,7 +17,7 @@ pub struct Piece<'a> {
 }
 
 impl<'a, T: AsRef<[u8]> + ?Sized> From<&'a T> for Piece<'a> {
-    /// Makes a piece of bytes that are no terminal's.
+    /// Makes a piece of bytes that do not come from a terminal.
     fn from(bytes: &'a T) -> Self {
         Self {
             bytes: bytes.as_ref(),
@@ -33,29 +33,29 @@ impl<'a, T: AsRef<[u8]> + ?Sized> From<&'a T> for Piece<'a> {
 /// host compares positions: bytes that it took last may not have been acknowledged, and are offered
 /// again then.
 pub trait Sink {
-    /// Takes the first bytes of `piece`, and returns their number. The bytes that were overwritten
+    /// Takes the first bytes of `piece`, and returns their number. The overwritten bytes that `piece` counts
     /// before them are not reported again.
     ///
     /// # Errors
-    /// The sink's error; it must have taken nothing then.
+    /// Returns the sink's error if it fails; it must have taken nothing then.
     fn take(&mut self, piece: Piece<'_>) -> io::Result<usize>;
 
     /// Copies characters that have been typed here into `into`, and returns their number.
     ///
     /// # Errors
-    /// The sink's error.
+    /// Returns the sink's error if it fails.
     fn typed(&mut self, into: &mut [u8]) -> io::Result<usize> {
         let _ = into;
         Ok(0)
     }
 
-    /// Returns whether the host may send `character` now. The host calls this just before it sends,
+    /// Returns true if the host may send `character` now. The host calls this just before it sends,
     /// so a sink that records when characters are sent does so here. `character` is the first of
     /// the last `waiting` characters that [`typed`](Self::typed) has returned. If the processor
     /// does not take the character, the host asks again.
     ///
     /// # Errors
-    /// The sink's error; the character is not sent then.
+    /// Returns the sink's error if it fails; the character is not sent then.
     fn sends(&mut self, character: u8, waiting: usize) -> io::Result<bool> {
         let _ = (character, waiting);
         Ok(true)
@@ -69,7 +69,7 @@ pub trait Sink {
     /// its input outlives its host.
     ///
     /// # Errors
-    /// The sink's error; the host sends no input until this call succeeds.
+    /// Returns the sink's error if it fails; the host sends no input until this call succeeds.
     fn typing(&mut self, incarnation: u32, taken: u32, waiting: usize) -> io::Result<()> {
         let _ = (incarnation, taken, waiting);
         Ok(())
