@@ -73,7 +73,8 @@ impl SystemDescription {
 /// application has none.
 ///
 /// # Errors
-/// Every mistake of the description, or what the application says is wrong with the robot.
+/// Returns [`TextErrors`] with every mistake of the description; the application's error if the robot's
+/// configuration is wrong.
 pub fn robot_of(
     file: &Path,
     application: &dyn Application,
@@ -85,7 +86,7 @@ pub fn robot_of(
     }
 }
 
-/// Where the description stands, and for which application.
+/// The file of the description, and the application that it is for.
 struct Own<'o> {
     file: &'o Path,
     application: &'o dyn Application,

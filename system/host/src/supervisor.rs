@@ -230,22 +230,22 @@ struct Supervisor<'d> {
     journal: Journal,
     /// Requests that are answered when they have been carried out.
     promises: Vec<Promise>,
-    /// How fast the simulated time passes.
+    /// The speed of the simulated time.
     pace: Pace,
     since: Instant,
     /// All programs have been given the chance to join.
     is_up: bool,
-    /// Which processes there are stands in their file.
+    /// The file of processes lists all processes that there are.
     is_noted: bool,
     down: Option<Down>,
     /// When it began to go down.
     down_since: Option<Instant>,
-    /// Who asked for the end, and is answered when it has come.
+    /// The clients that asked for the end, and are answered when it has come.
     down_asked_by: Vec<Asker>,
     place: RunDirectory,
 }
 
-/// How far the end has come.
+/// The stage of the end of the system.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Down {
     /// The processors are ending; services are there for them.

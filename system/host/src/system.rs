@@ -13,7 +13,7 @@
 //! | `typing` | is the record of what is typed in simulated time, see [`Script`](crate::services::terminals::Script); that of the last run stays |
 //! | `replay` | is the record that is typed again |
 //! | `control` | is the socket of the [control protocol](crate::control) |
-//! | `lock` | is locked (`flock`) by the supervisor as long as it lives |
+//! | `lock` | is locked (`flock`) by the supervisor as long as it runs |
 //! | `pids` | lists the supervisor's process, and then those that it started |
 //! | `log` | lists events with their times; `log.old` is the log of the previous run, or of this run before the log reached 1 MiB |
 //! | `tty/` | has the terminals, see [`services`](crate::services) |
@@ -45,7 +45,7 @@ pub enum FindError {
     /// No system of that name runs.
     #[error("no system `{name}` is running; {}", Running(running))]
     NotRunning {
-        /// The name.
+        /// The name that was asked for.
         name: String,
         /// The names of the running systems.
         running: Vec<String>,
@@ -202,7 +202,7 @@ impl SystemDirectory {
         SystemWindows::at(self.mailbox(), window_bytes)
     }
 
-    /// Returns whether its supervisor accepts connections.
+    /// Returns true if its supervisor accepts connections.
     #[must_use]
     pub fn is_running(&self) -> bool {
         self.connect().is_ok()

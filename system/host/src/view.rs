@@ -98,11 +98,11 @@ impl core::fmt::Display for Holders<'_> {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum MailboxState {
-    /// It has never joined, or has left.
+    /// The processor has never joined, or has left.
     Absent,
-    /// It is about to join.
+    /// The processor is about to join.
     Joining,
-    /// It has joined the mailbox system, and takes messages.
+    /// The processor has joined the mailbox system, and takes messages.
     Up,
     /// Its program ended without leaving.
     Dead,
@@ -134,7 +134,7 @@ pub struct Heart {
 /// A visitor that reads the shared memory (the windows) of all processors of a system.
 pub struct View {
     post: Post,
-    /// What is free of the visitor's own memory.
+    /// The allocator of the free part of the visitor's own memory.
     places: RefCell<Allocator>,
     /// The simulated clock, if the system has one.
     clock: Option<MappedPage>,
@@ -192,7 +192,7 @@ impl View {
         }
     }
 
-    /// Returns whether the system has a simulated clock, which all processors share.
+    /// Returns true if the system has a simulated clock, which all processors share.
     pub(crate) const fn is_simulated(&self) -> bool {
         self.clock.is_some()
     }

@@ -36,7 +36,8 @@ pub struct Variable<'s> {
 /// Returns the `variables` that `vars list --json` prints, or with `names` those that `vars get --json` prints.
 ///
 /// # Errors
-/// An error that says which name is unknown, or which value cannot be had.
+/// Returns an error if a table cannot be read, if a name is unknown, or if a value cannot be read; the text
+/// says which one.
 pub fn variables(
     status: &SystemStatus,
     view: &View,
@@ -80,7 +81,7 @@ pub fn all_values(known: &mut VariableCatalog, clients: &mut Clients<'_>) -> Vec
 /// Returns the present values of some variables, parameters and fields.
 ///
 /// # Errors
-/// An error that says which value cannot be had.
+/// Returns an error if a value cannot be read; the text names the variable or the loop.
 pub fn values(
     clients: &mut Clients<'_>,
     chosen: &[&CatalogEntry],

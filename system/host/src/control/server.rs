@@ -26,7 +26,7 @@ pub(crate) struct Server {
     is_deaf: bool,
     connections: Vec<Connection>,
     next: u64,
-    /// Whose turn it is.
+    /// The place of the connection whose turn it is.
     turn: usize,
 }
 

@@ -34,7 +34,7 @@ struct Running {
 #[derive(Debug)]
 struct Output {
     pipe: PipeReader,
-    /// What is not a whole line yet.
+    /// The begin of a line whose end has not come yet.
     begun: Vec<u8>,
 }
 

@@ -81,7 +81,7 @@ const BEAT: Timespec = Timespec {
 /// What the service is told by the supervisor.
 #[derive(Serialize, Deserialize)]
 pub(crate) struct Settings {
-    /// Where the sockets and logs of the terminals are.
+    /// The directory with the sockets and logs of the terminals.
     directory: PathBuf,
     /// The processors that have terminals, each with its name.
     processors: Vec<(u8, String)>,
@@ -280,15 +280,15 @@ pub(crate) fn begin(
     write(directory.replay(), script.text())
 }
 
-/// The file to which is added what is typed at the terminal of the processor `name`.
+/// Opens the file to which the characters typed at the terminal of the processor `name` are added.
 ///
 /// # Errors
-/// The error of the operating system if the file cannot be opened.
+/// Returns the operating system's error if the file cannot be opened.
 pub fn keyboard(directory: &SystemDirectory, name: &str) -> io::Result<Keyboard> {
     Keyboard::open(&log(&directory.terminals(), name))
 }
 
-/// The file in the directory of terminals that has what that of the processor `name` has written.
+/// Returns the path, in the directory of terminals, of the log with the output of the processor `name`.
 #[must_use]
 pub fn log(directory: &Path, name: &str) -> PathBuf {
     directory.join(format!("{name}.log"))

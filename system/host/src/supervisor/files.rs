@@ -1,4 +1,4 @@
-//! The directory of a system, held by the supervisor that lives.
+//! The directory of a system, which its running supervisor holds.
 
 use core::fmt::Write as _;
 use std::fs::File;

@@ -132,7 +132,7 @@ fn old(path: &Path) -> PathBuf {
     path.with_extension("old")
 }
 
-/// Returns whether a line can be written without waiting for its reader: a terminal may be stopped,
+/// Returns true if a line can be written without waiting for its reader: a terminal may be stopped,
 /// and the other end of a pipe may not be read.
 fn takes_more(output: &impl std::os::fd::AsFd) -> bool {
     let mut polled = [PollFd::new(output, PollFlags::OUT)];

@@ -82,7 +82,7 @@ pub(super) struct Member {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Phase {
     Stopped,
-    /// It waits for its turn, if the system is being brought up.
+    /// The member waits for its turn if the system is being brought up (`in_turn`).
     Waiting {
         in_turn: bool,
     },
@@ -187,7 +187,7 @@ impl Member {
             .filter(|_| self.hearing.is_open(now))
     }
 
-    /// Returns whether the program has failed: it does not run, was not stopped, and has not ended
+    /// Returns true if the program has failed: it does not run, was not stopped, and has not ended
     /// well. The program of a processor that has just been restarted after several failures counts
     /// as failed, too.
     pub(super) fn has_failed(&self) -> bool {
@@ -203,7 +203,7 @@ impl Member {
         }
     }
 
-    /// Returns whether the members after this one may be started.
+    /// Returns true if the members after this one may be started.
     pub(super) fn lets_pass(&self) -> bool {
         self.has_joined || self.has_entered || matches!(self.phase, Phase::Stopped | Phase::Failed)
     }

@@ -31,14 +31,14 @@ use crate::signals::EndSignals;
 /// children.
 ///
 /// # Errors
-/// The error of the operating system if the supervisor cannot be started or waited for.
+/// Returns the operating system's error if the supervisor cannot be started or waited for.
 pub fn keep(mut supervisor: Command) -> Result<ExitStatus, Error> {
     adopt()?;
     let mut told = EndSignals::new()?;
     let mut children = EndSignals::of(&[SIGCHLD])?;
     // ^C is passed on, once; and a session has no terminal that could stop it when it writes there.
     die_with_parent(&mut supervisor, Signal::TERM, true);
-    // Nobody but this thread waits for it, so that its number stays its own until then.
+    // Only this thread waits for the supervisor, so its number stays its own until then.
     let supervisor = Pid::from_child(&supervisor.spawn()?);
     let status = loop {
         if let Some(status) = reap(supervisor)? {

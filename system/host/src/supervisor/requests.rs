@@ -1,4 +1,4 @@
-//! What others ask of the supervisor.
+//! The requests that others make of the supervisor.
 
 use condor_mbox::Processor;
 

@@ -64,7 +64,7 @@ impl SupervisorMailbox<'_> {
         Ok(())
     }
 
-    /// Returns whether the supervisor has the turn and the instant `end`, at which the system ends,
+    /// Returns true if the supervisor has the turn and the instant `end`, at which the system ends,
     /// has come. If the supervisor has the turn before that instant, it gives the turn back.
     pub(super) fn is_at_end(&self, end: Option<Duration>) -> bool {
         self.clock().is_some_and(|clock| {

@@ -38,7 +38,7 @@ pub struct ScriptError(pub Vec<String>);
 struct Piece {
     at: u64,
     name: String,
-    /// How many characters were typed at this terminal before them.
+    /// The number of characters that were typed at this terminal before these.
     place: u64,
     characters: Vec<u8>,
 }
@@ -163,7 +163,7 @@ pub(super) struct ScriptWriter {
     /// The piece to which the next character may belong: its instant, its name, and the place of
     /// that character.
     last: RefCell<(u64, String, u64)>,
-    /// How many of the characters that are typed at each terminal have been recorded.
+    /// The number of typed characters of each terminal that have been recorded.
     recorded: RefCell<HashMap<String, u64>>,
     /// The characters of the script, the next one last.
     script: RefCell<Vec<(u64, String)>>,
@@ -234,7 +234,7 @@ impl ScriptWriter {
     }
 
     /// Records the character at `place` of those that are typed at a terminal, unless it has been
-    /// recorded; returns whether it may be sent.
+    /// recorded; returns true if it may be sent.
     pub(super) fn sends(&self, name: &str, place: u64, character: u8) -> io::Result<bool> {
         let is_recorded = place < self.recorded_of(name);
         match self.turn.get() {

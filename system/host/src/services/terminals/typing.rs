@@ -25,7 +25,8 @@ pub(super) struct Typing {
     file: File,
     mark_path: PathBuf,
     mark: Option<Mark>,
-    /// Where the next characters are read; none as long as some of a former service may be under way.
+    /// The offset at which the next characters are read; `None` while characters of a previous service may
+    /// still be under way.
     next: Option<u64>,
     /// The name of the terminal and its record, in simulated time.
     pen: Option<(String, Rc<ScriptWriter>)>,
@@ -41,7 +42,7 @@ pub(super) fn file_of(log: &Path) -> PathBuf {
 pub struct Keyboard {
     pub(crate) file: File,
     mark_path: PathBuf,
-    /// How far the terminal has taken the characters, as far as this was looked for.
+    /// The number of characters that the terminal had taken when this was last looked for.
     taken: u64,
 }
 
@@ -68,10 +69,10 @@ impl Keyboard {
         Ok(usize::try_from(room(self.taken)).unwrap_or(0))
     }
 
-    /// Types as many of the characters as there is room for; returns their number.
+    /// Types as many of the characters as there is room for, and returns their number.
     ///
     /// # Errors
-    /// The error of the operating system if the file cannot be written.
+    /// Returns the operating system's error if the file of typed characters cannot be read or written.
     pub fn type_in(&mut self, characters: &[u8]) -> io::Result<usize> {
         let count = self.room(characters.len())?.min(characters.len());
         let characters = characters.get(..count).unwrap_or_default();
@@ -178,7 +179,7 @@ impl Typing {
         }
     }
 
-    /// Returns whether `character` may be sent. It is the first of the last `waiting` characters
+    /// Returns true if `character` may be sent. It is the first of the last `waiting` characters
     /// that were read.
     pub(super) fn sends(&mut self, character: u8, waiting: usize) -> io::Result<bool> {
         self.move_mark(waiting);

@@ -18,7 +18,7 @@ const PIECE: usize = 16 * 1024;
 pub(super) struct Cursor(pub(super) u64);
 
 impl Cursor {
-    /// Passes the bytes that follow to `write`, until that takes no more; returns whether all were
+    /// Passes the bytes that follow to `write`, until that takes no more; returns true if all were
     /// taken.
     pub(super) fn advance(
         &mut self,
@@ -47,7 +47,7 @@ pub(super) struct Viewer {
     stream: UnixStream,
     cursor: Cursor,
     behind: bool,
-    /// It takes no more output; what it has typed before is still to be read.
+    /// The viewer takes no more output; characters that it has typed before must still be read.
     deaf: bool,
     pub(super) gone: bool,
 }
