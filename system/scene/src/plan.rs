@@ -350,7 +350,7 @@ impl Player {
     }
 }
 
-/// What a finger takes to move.
+/// The dynamics of a finger: the torques that a motion takes, and the tendons that produce them.
 struct Model<const JOINTS: usize> {
     joints: usize,
     chain: Chain<f64, JOINTS>,
