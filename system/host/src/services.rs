@@ -79,7 +79,7 @@ pub(crate) fn words(name: &str, settings: &impl Serialize) -> serde_json::Result
     Ok(vec![WORD.into(), name.into(), settings])
 }
 
-/// What [`words`] said after the name.
+/// Reads the settings that [`words`] wrote after the name.
 fn settings<T: DeserializeOwned>(arguments: &[String]) -> Result<T, AnyError> {
     let [settings] = arguments else {
         return Err("expected the settings of the service, as one argument".into());

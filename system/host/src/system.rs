@@ -35,7 +35,7 @@ use condor_rt::linux::{FileRange, MappedPage, ProcessError};
 use condor_rt::numbers::PROCESSORS;
 use serde::{Deserialize, Serialize};
 
-/// How long a supervisor may take to answer what it answers at once.
+/// The time that a supervisor may take to answer a request that it answers at once.
 pub(crate) const ANSWER: Duration = Duration::from_secs(15);
 
 /// The reason for which a running system is not found.

@@ -9,7 +9,7 @@ use super::{ControlAnswer, ControlRequest, DOWN, SystemEvent, SystemStatus};
 use crate::error::AnyError;
 use crate::system::{ANSWER, NamedFileError, SystemDirectory};
 
-/// How long it may take to do something; programs may have to end, and others to join.
+/// The time that a request may take to take effect; programs may have to end, and others to join.
 const DONE: Duration = Duration::from_secs(120);
 
 /// The reason for which a request was not carried out, or not answered.

@@ -64,21 +64,21 @@ use serde::{Deserialize, Serialize};
 use station::Station;
 pub use typing::Keyboard;
 
-/// How many turns of simulated time a service has to find out what a former one left: processors
+/// The number of turns of simulated time that a service has to find the traces of a previous one: processors
 /// answer in between, and no time passes.
 const FIRST_TURNS: u32 = 8;
 
-/// How often a service that is to end looks for what programs wrote before that: a program that goes
-/// on writing does not keep it.
+/// The number of times that an ending service looks for the earlier output of programs: a program that goes on
+/// writing does not keep it.
 const LAST_LOOKS: u32 = 256;
 
-/// How long to wait for events at most: the own heart must beat.
+/// The longest wait for events: the service's own heartbeat must go on.
 const BEAT: Timespec = Timespec {
     tv_sec: 0,
     tv_nsec: 500_000_000,
 };
 
-/// What the service is told by the supervisor.
+/// The settings that the supervisor passes to the service.
 #[derive(Serialize, Deserialize)]
 pub(crate) struct Settings {
     /// The directory with the sockets and logs of the terminals.
@@ -195,7 +195,7 @@ pub(super) fn serve(settings: &Settings) -> Result<(), ServiceError> {
                 break;
             }
         }
-        // Nobody rings where it gives itself the turn, as it asks or kicks.
+        // The doorbell does not ring where the service takes the turn itself, as it asks or kicks.
         more |= doorbell.clock().is_some_and(HostClock::has_turn);
         // Nobody rings if it has got the turn at once.
         let goes_on = more || clock.is_some_and(|(clock, _)| clock.has_turn());
@@ -228,7 +228,7 @@ fn wait(own: [&dyn AsFd; 4], stations: &[Station], limit: &Timespec) -> Result<(
     }
 }
 
-/// Asks for the next turn, if there is to be one, and gives back the present one.
+/// Asks for the next turn, if one is needed, and returns the present one.
 fn ask(clock: &HostClock, has_turn: bool, next: Option<u64>) {
     if has_turn {
         clock.postpone(next.unwrap_or(NEVER));

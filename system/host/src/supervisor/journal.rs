@@ -34,7 +34,7 @@ pub(super) struct Journal {
     news: Vec<SystemEvent>,
 }
 
-/// How the supervisor calls itself.
+/// The source of events of the supervisor itself.
 pub(super) const CONDOR: &str = "condor";
 
 impl Journal {
@@ -55,7 +55,7 @@ impl Journal {
         })
     }
 
-    /// Writes an event. A log that cannot be written is no reason to stop a robot.
+    /// Writes an event. A robot does not stop because its log cannot be written.
     pub(super) fn tell(
         &mut self,
         source: &str,

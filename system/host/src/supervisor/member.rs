@@ -15,11 +15,11 @@ use crate::launch::{Exit, Launch, LaunchError, ProgramImage, RunState, StopMetho
 use condor_rt::linux::Environment;
 use condor_rt::numbers::MISTAKE;
 
-/// How long a program may take to join.
+/// The time that a program may take to join.
 const JOIN: Duration = Duration::from_secs(10);
-/// How long a program may take to end before it is not asked any more.
+/// The time that a program may take to end before it is killed.
 const END: Duration = Duration::from_secs(2);
-/// How long a heart may stand still before the program counts as stalled.
+/// The time without a heartbeat after which a program counts as stalled.
 const STALL: Duration = Duration::from_secs(2);
 /// The time between two looks at a heart.
 pub(super) const LOOK: Duration = Duration::from_millis(500);
@@ -568,7 +568,7 @@ impl Member {
         let lived = self.started.map(|started| now.duration_since(started));
         let pause = match lived {
             Some(lived) if lived >= SHORT => Duration::ZERO,
-            // Who fails at once is given longer and longer, up to a second and a half.
+            // A program that fails at once waits longer and longer, up to a second and a half.
             _ => Duration::from_millis(100) * u32::try_from(count.min(15)).unwrap_or(15),
         };
         self.phase = Phase::Pausing { until: now + pause };

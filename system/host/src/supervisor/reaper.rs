@@ -84,7 +84,7 @@ pub(super) fn adopt() -> Result<(), Error> {
 pub(super) fn reap_adopted(is_own: impl Fn(u32) -> bool) {
     for child in stat::children_of_this_thread() {
         if !is_own(child.as_raw_pid().cast_unsigned()) {
-            // It runs on, or it is gone now.
+            // The child runs on, or it is gone now.
             let _ = rustix::process::waitpid(Some(child), WaitOptions::NOHANG);
         }
     }
@@ -94,7 +94,7 @@ pub(super) fn reap_adopted(is_own: impl Fn(u32) -> bool) {
 pub(super) fn end_children() -> Result<(), Error> {
     loop {
         for child in stat::children(std::process::id())? {
-            // It may have ended.
+            // The child may have ended.
             let _ = rustix::process::kill_process(child, Signal::KILL);
         }
         match rustix::process::wait(WaitOptions::empty()) {

@@ -7,7 +7,7 @@ use condor_vars::AnyValue;
 use super::{CatalogEntry, Clients, RowSource, Rows};
 use crate::error::AnyError;
 
-/// How long no row may come, at least.
+/// The shortest wait for rows before a loop counts as silent.
 const SILENCE: Duration = Duration::from_secs(2);
 
 /// Returns the time to wait for rows of loops of which every `every`th tick is read.

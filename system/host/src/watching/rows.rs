@@ -317,8 +317,8 @@ impl<'v> Rows<'v> {
         let lost_before = &mut source.lost_before;
         let read = match &mut source.supply {
             Supply::Loop(supply) => supply.read(fields, |row| {
-                // What runs here shares this host's clock, and all share a simulated one. Others share
-                // another: their first row counts as released now.
+                // Programs that run here share this host's clock, and all share a simulated one. Others share
+                // another clock: their first row counts as released now.
                 let released_ns = row.released.as_ns();
                 let ahead_ns = if shares_clock {
                     0
@@ -379,7 +379,7 @@ impl<'v> Rows<'v> {
         let told = match supply {
             Ok(supply) => {
                 if let Some(source) = self.sources.get_mut(number) {
-                    // What the same program did before it answered for the first time was never to be read.
+                    // Ticks of the same program before it answered for the first time were never to be read.
                     source.is_back =
                         source.last_tick.is_some() || incarnation != source.incarnation;
                     if incarnation != source.incarnation {
@@ -489,7 +489,7 @@ impl<'v> Rows<'v> {
     fn release(&mut self) {
         let answer = self.clients.timeout();
         for mut source in self.sources.drain(..) {
-            // What is not given back belongs to nobody as soon as this process has ended.
+            // Slots that are not released are free as soon as this process has ended.
             if let Supply::Loop(supply) = &mut source.supply
                 && let Ok(client) = self.clients.of(&source.member)
             {
@@ -621,7 +621,7 @@ fn kept(rows: u64, lost: u64, skipped: u64) -> String {
 }
 
 /// Returns where the values of the entries `wanted`, which are sorted, are in a row of entries, of which
-/// `all` gives the numbers and the words.
+/// `all` has the numbers and the words.
 fn words_of(all: &[(u32, usize)], wanted: &[u32]) -> Vec<Range<usize>> {
     let mut at = 0;
     let ranges = all.iter().map(|(number, words)| {

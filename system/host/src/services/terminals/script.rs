@@ -90,7 +90,7 @@ impl Script {
     }
 }
 
-/// What each line says; the first one and empty ones have no piece.
+/// Reads the piece of each line; the first line and empty ones have none.
 fn pieces(text: &str) -> impl Iterator<Item = Result<Option<Piece>, String>> {
     // A blank at the end of a line may be a character.
     text.split('\n')
@@ -144,7 +144,7 @@ fn unescape(text: &str) -> Option<Vec<u8>> {
     Some(characters)
 }
 
-/// What a terminal may type now.
+/// The characters that a terminal may send now.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Turn {
     /// Nothing: the service does not have the turn.
@@ -222,7 +222,8 @@ impl ScriptWriter {
         self.script.borrow().last().map(|(at, _)| *at)
     }
 
-    /// How many of `count` characters from `place` on may be read of what is typed at a terminal.
+    /// Returns how many of the `count` characters from `place` on, of those that are typed at a terminal, may
+    /// be read.
     pub(super) fn readable(&self, name: &str, place: u64, count: usize) -> usize {
         let recorded = self.recorded_of(name).saturating_sub(place);
         let Some((at, next)) = self.script.borrow().last().cloned() else {

@@ -126,9 +126,9 @@ impl Typing {
         Ok(self.file.metadata()?.len().saturating_sub(taken) < WAITING)
     }
 
-    /// Moves the mark on when the terminal has taken much since, and gives the room of what was
-    /// taken back to the file system. No character is under way, and the last `waiting` of the
-    /// characters that were read come next.
+    /// Moves the mark on when the terminal has taken many characters since, and returns the room of those
+    /// characters to the filesystem. No character is under way, and the last `waiting` of the characters that
+    /// were read come next.
     fn move_mark(&mut self, waiting: usize) {
         let (Some(next), Some(mark)) = (self.next, &self.mark) else {
             return;
@@ -148,8 +148,8 @@ impl Typing {
         // Without the new mark the former one is right, too.
         if mark.write(&self.mark_path).is_ok() {
             self.mark = Some(mark);
-            // A recorder that is late may still read a little behind; a file system that cannot do
-            // this keeps the file as it is.
+            // A recorder that is late may still read a little behind; a filesystem that cannot punch holes
+            // keeps the file as it is.
             let flags = FallocateFlags::PUNCH_HOLE | FallocateFlags::KEEP_SIZE;
             if let Some(past @ 1..) = offset.checked_sub(WAITING) {
                 let _ = fallocate(&self.file, flags, 0, past);
@@ -157,7 +157,7 @@ impl Typing {
         }
     }
 
-    /// What comes next.
+    /// Reads the next characters into `into`; returns their number.
     pub(super) fn read(&mut self, into: &mut [u8]) -> io::Result<usize> {
         let Some(next) = &mut self.next else {
             return Ok(0);
