@@ -21,14 +21,14 @@ pub trait Application: Sync {
     /// `program = "self"` and its name as the first argument.
     fn programs(&self) -> &[(&'static str, ProgramFunction)];
 
-    /// Returns the file of the description that commands use if none is named; `None` if there is
-    /// no such file.
+    /// Returns the file of the description that commands use if the user names none; `None` if there is no such
+    /// file.
     fn description(&self) -> Option<PathBuf> {
         None
     }
 
-    /// Returns further commands of the binary: the name of each, what the help says of it, and the
-    /// function that gets its arguments.
+    /// Returns further commands of the binary: the name of each, its line in the help, and the function that
+    /// gets its arguments.
     fn commands(&self) -> &[(&'static str, &'static str, ProgramFunction)] {
         &[]
     }

@@ -1,4 +1,4 @@
-//! [`EventCollector`]: what happens in a system, for recordings and live viewers.
+//! [`EventCollector`]: the events of a system, for recordings and live viewers.
 
 use std::collections::HashMap;
 use std::fs::File;

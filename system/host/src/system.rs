@@ -10,7 +10,7 @@
 //! | `shared` | is the memory that belongs to no processor |
 //! | `clock` | says in which file the page of the simulated clock is: in `clock.page`, or in the memory of an extension |
 //! | others | are made by an [extension](crate::extension), such as the memory of a machine of harts |
-//! | `typing` | is the record of what is typed in simulated time, see [`Script`](crate::services::terminals::Script); that of the last run stays |
+//! | `typing` | is the record of the characters that are typed in simulated time, see [`Script`](crate::services::terminals::Script); that of the last run stays |
 //! | `replay` | is the record that is typed again |
 //! | `control` | is the socket of the [control protocol](crate::control) |
 //! | `lock` | is locked (`flock`) by the supervisor as long as it runs |
@@ -145,7 +145,7 @@ impl SystemDirectory {
         place.map(|it| MappedPage::open(&it.range())).transpose()
     }
 
-    /// Returns the path of the record of what is typed in simulated time.
+    /// Returns the path of the record of the characters that are typed in simulated time.
     #[must_use]
     pub fn typing(&self) -> PathBuf {
         self.0.join("typing")
@@ -202,7 +202,7 @@ impl SystemDirectory {
         SystemWindows::at(self.mailbox(), window_bytes)
     }
 
-    /// Returns true if its supervisor accepts connections.
+    /// Returns true if the supervisor of the system accepts connections.
     #[must_use]
     pub fn is_running(&self) -> bool {
         self.connect().is_ok()

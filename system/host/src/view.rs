@@ -39,7 +39,7 @@ pub type Post = HostMailbox<'static>;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ViewError {
-    /// The object table of a processor, the list of what it shows, has another version.
+    /// The object table of a processor, the list of its loops, variables and terminals, has another version.
     #[error(
         "{processor} has an object table of version {found}, and this program reads version {expected}",
         expected = objects::VERSION
@@ -153,8 +153,8 @@ impl View {
     /// have `window_bytes` bytes each.
     ///
     /// # Errors
-    /// [`ViewError::Full`] if there is none, [`ViewError::Windows`] if the windows cannot be
-    /// opened, [`ViewError::Clock`] if the simulated clock cannot.
+    /// Returns [`ViewError::Full`] if no such number is free; [`ViewError::Windows`] if the windows cannot be
+    /// opened; [`ViewError::Clock`] if the simulated clock cannot be opened.
     pub fn open(directory: &SystemDirectory, window_bytes: u32) -> Result<Self, ViewError> {
         let mut claim = claim(&directory.system(window_bytes)?)?;
         let places = RefCell::new(claim.places()?);

@@ -1,4 +1,4 @@
-//! The answers to `condor vars list` and `condor vars get`: variables with what is known of them, and their values.
+//! The answers to `condor vars list` and `condor vars get`: variables with their properties and values.
 
 use std::collections::BTreeSet;
 
@@ -95,7 +95,7 @@ pub fn values(
     Ok(values)
 }
 
-/// Returns what is known of a variable, with its value if there is one.
+/// Returns the report on a variable, with its value if there is one.
 #[must_use]
 pub fn variable(one: &CatalogEntry, value: Option<AnyValue>) -> Variable<'_> {
     let owner = Some(&*one.owner);

@@ -13,10 +13,10 @@ use crate::error::AnyError;
 /// their order, in radians or metres; points are in metres, in the frame of the base. All results can be
 /// written as JSON, with the names of their fields.
 ///
-/// The document of a composed motion is the text of the robot's motion file: whoever composes one keeps the
-/// texts, with as many former ones as it wants to undo, and has a plan made of the present one.
-/// [`steps`](Self::steps) returns the contents of a text for editing, and [`text`](Self::text) the text of edited
-/// contents. What is saved or enqueued is that text.
+/// The document of a composed motion is the text of the robot's motion file. A program that composes one keeps
+/// the texts, with as many previous ones as it wants to undo, and requests a plan of the present one.
+/// [`steps`](Self::steps) returns the contents of a text for editing, and [`text`](Self::text) the text of
+/// edited contents. That text is the one to save or enqueue.
 ///
 /// # For implementers
 ///

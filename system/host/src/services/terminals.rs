@@ -8,7 +8,7 @@
 //! | `NAME.old.log` | holds the previous log, from before the last rotation |
 //! | `NAME.sock` | a socket: a client gets the end of the log and then new output; bytes that it writes are typed |
 //! | `NAME` | a link to a pseudo-terminal, which gets new output; bytes that are written to it are typed |
-//! | `NAME.typed` | holds what is typed; bytes that are appended to it are typed, see [`type_in`]; what the program has taken is a hole |
+//! | `NAME.typed` | holds the typed characters; bytes that are appended to it are typed, see [`type_in`]; characters that the program has taken become a hole |
 //! | `NAME.mark`, `NAME.typed.mark` | say which byte of the output, and of the input, is at which place in the file |
 //!
 //! The terminal of a processor is the object `console` in its [object table](condor_rt::objects),
@@ -237,14 +237,14 @@ fn ask(clock: &HostClock, has_turn: bool, next: Option<u64>) {
     }
 }
 
-/// Adds characters to the file of what is typed at the terminal of the processor `name`, and
-/// returns. The service passes them on: the program gets every character exactly once, even if the
-/// service is killed meanwhile or does not run yet. Whether there is such a processor is not checked.
+/// Adds characters to the file of those typed at the terminal of the processor `name`, and returns. The service
+/// passes them on: the program gets every character exactly once, even if the service is killed meanwhile or
+/// does not run yet. Whether there is such a processor is not checked.
 ///
 /// # Errors
-/// An error of the kind [`WouldBlock`](io::ErrorKind::WouldBlock) if so many characters wait for the
-/// program that there is no room for these; none of them is typed. The error of the operating system
-/// if the file cannot be written.
+/// Returns an error of the kind [`WouldBlock`](io::ErrorKind::WouldBlock) if so many characters wait for the
+/// program that there is no room for these; none of them is typed. Returns the operating system's error if the
+/// file cannot be written.
 pub fn type_in(directory: &SystemDirectory, name: &str, characters: &[u8]) -> io::Result<()> {
     let mut keyboard = keyboard(directory, name)?;
     if keyboard.room(characters.len())? < characters.len() {

@@ -58,13 +58,13 @@ impl CatalogEntry {
         })
     }
 
-    /// Returns true if it is a field of a published cell.
+    /// Returns true if this entry is a field of a published cell.
     #[must_use]
     pub fn is_field(&self) -> bool {
         self.table.cell().is_some()
     }
 
-    /// Returns true if it is a parameter.
+    /// Returns true if this entry is a parameter.
     #[must_use]
     pub const fn can_be_set(&self) -> bool {
         self.entry.bounds.is_some()
@@ -86,9 +86,9 @@ impl VariableName for CatalogEntry {
 /// The variables, parameters and fields of some processors.
 #[derive(Default)]
 pub struct VariableCatalog {
-    /// All of them, in the order of the processors.
+    /// All variables, parameters and fields, in the order of the processors.
     pub all: Vec<CatalogEntry>,
-    /// Texts that say what could not be read.
+    /// A text for each table that could not be read, with the reason.
     pub troubles: Vec<String>,
 }
 
@@ -154,7 +154,7 @@ impl VariableCatalog {
         Ok(())
     }
 
-    /// Prints what is wrong with what cannot be watched or set, on standard error.
+    /// Prints the [`troubles`](Self::troubles) on standard error.
     pub fn tell_troubles(&self) {
         for trouble in &self.troubles {
             eprintln!("{}: {}", me(), plain(trouble));

@@ -186,9 +186,9 @@ impl<'v> Rows<'v> {
         Ok(rows)
     }
 
-    /// Asks for rows of further variables, whose loops and cells are no sources yet. Each loop and cell becomes a
-    /// new source, and the columns of its fields are places in `columns`. [`changes`](Self::changes) tells which
-    /// have rows.
+    /// Asks for rows of further variables, whose loops and cells are not sources yet. Each loop and cell
+    /// becomes a new source, and the columns of its fields are places in `columns`. [`changes`](Self::changes)
+    /// tells which of them have rows.
     pub fn extend(&mut self, columns: &[&CatalogEntry]) {
         for of_source in by_source(columns) {
             let number = self.sources.len();

@@ -1,4 +1,5 @@
-//! [`Script`]: what was typed in simulated time, and at which instants; and [`ScriptWriter`], which records it.
+//! [`Script`]: a record of typed characters with their instants of simulated time; and [`ScriptWriter`], which
+//! records it.
 
 use core::cell::{Cell, RefCell};
 use core::fmt::Write as _;
@@ -16,7 +17,7 @@ use crate::system::SystemDirectory;
 /// The line with which a record of typing begins.
 pub(super) const HEAD: &str = "condor typing 1";
 
-/// A record of what was typed in a system with a simulated clock, from which a run is repeated.
+/// A record of the characters that were typed in a system with a simulated clock, by which a run is repeated.
 ///
 /// It is a text of lines. After `condor typing 1`, each has four parts with a blank between them:
 /// the instant in nanoseconds, the name of the processor, the number of characters that were typed at
