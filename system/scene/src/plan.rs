@@ -1,4 +1,5 @@
-//! The motion that a hand makes of a text: the set-points of its master, and what they take.
+//! The motion that a hand makes of a text: the set-points of its master, and the torques and tensions that they
+//! take.
 
 use condor_hand::config;
 use condor_hand::dynamics::{DriveDynamics, Dynamics};

@@ -169,7 +169,7 @@ impl RecordingReader {
         self.sources.push(source);
     }
 
-    /// Returns what the metadata `condor` says: see [the format](super).
+    /// Returns the content of the metadata `condor`: see [the format](super).
     #[must_use]
     pub const fn about(&self) -> &BTreeMap<String, String> {
         &self.about
@@ -182,7 +182,7 @@ impl RecordingReader {
     }
 
     /// Returns the time of the first message, and the time just after the last, in nanoseconds since
-    /// 1970; an empty range if there is none.
+    /// 1970; an empty range if there is no message.
     #[must_use]
     pub fn span(&self) -> Range<u64> {
         match &self.summary.stats {
@@ -199,8 +199,8 @@ impl RecordingReader {
         &self.columns
     }
 
-    /// Finds the variables for which names and patterns stand, each once, in their order; all of them if
-    /// there is no name. Names and patterns are those of `condor vars watch`.
+    /// Finds the variables with these names and patterns, each once, in the order of `names`; all variables if
+    /// `names` is empty. Names and patterns are those of `condor vars watch`.
     ///
     /// # Errors
     /// Returns [`RecordingError::Name`] if a name stands for no variable, or for several.
@@ -214,14 +214,14 @@ impl RecordingReader {
         })
     }
 
-    /// Returns the shortest name of each column that no other has.
+    /// Returns the shortest name of each column that no other column has.
     #[must_use]
     pub fn labels(&self, columns: &[&Column]) -> Vec<String> {
         names::labels(&self.columns, columns)
     }
 
-    /// Hands over the rows of some sources in a span of time, in the order of time: the index of the
-    /// source, the time in nanoseconds since 1970, and the row.
+    /// Hands over the rows of some sources in a span of time, in the order of time: the index of the source,
+    /// the time in nanoseconds since 1970, and the row.
     ///
     /// # Errors
     /// Returns the error of `take` if that fails; [`RecordingError::File`], [`RecordingError::Mcap`],
