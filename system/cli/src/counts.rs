@@ -8,7 +8,7 @@ use crate::table::{Left, Right, TextTable, or_dash};
 use condor_host::control::Member;
 use condor_host::view::{LoopRates, LoopSample, VectorCounts, View, ViewError};
 
-/// What is counted of a loop or a vector, and the processor or service that has it.
+/// The counts of a loop or a vector, and the processor or service that has it.
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct Row<C> {
     pub(crate) processor: String,
@@ -25,7 +25,7 @@ impl<C> Row<C> {
     }
 }
 
-/// What was counted at the last look, by the numbers of processors.
+/// The counts of the last look, by the numbers of processors.
 #[derive(Default)]
 pub(crate) struct LastLook(HashMap<u8, LoopSample>);
 

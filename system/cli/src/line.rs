@@ -121,7 +121,7 @@ pub fn main(application: &dyn Application) -> ExitCode {
         let own = clap::Command::new(*name).about(*about).arg(arguments);
         command = command.subcommand(own.disable_help_flag(true));
     }
-    // It exits by itself, with 2, if they cannot be understood.
+    // clap exits by itself, with 2, if the arguments cannot be understood.
     let matches = command.get_matches();
     if let Some((name, own)) = matches.subcommand()
         && let Some((.., run)) = application.commands().iter().find(|it| it.0 == name)
@@ -132,7 +132,7 @@ pub fn main(application: &dyn Application) -> ExitCode {
     let line = Line::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
     match run(line, application) {
         Ok(status) => status,
-        // Whoever reads the output has seen enough of it.
+        // The reader of the output has seen enough of it.
         Err(error) if is_broken_pipe(&*error) => ExitCode::SUCCESS,
         Err(error) => {
             // Names that programs have chosen may be in it.

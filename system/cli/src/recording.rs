@@ -30,14 +30,15 @@
 //!
 //! Messages are written in chunks, one each second, or each mebibyte if there is more. After the
 //! recorder was killed at any moment, [`complete`] makes a complete file of all whole chunks. Beside an
-//! incomplete `FILE` lies `FILE.taken`: the number of the recording, and how many messages of each
-//! channel were taken. It is written before they are, so the difference is the exact number of messages that were dropped. If
-//! the machine loses power, the file is complete up to what the operating system had written, which it
-//! does within about half a minute, and the count of dropped messages may be too small.
+//! incomplete `FILE` lies `FILE.taken`: the number of the recording, and the number of messages of each channel
+//! that were taken. It is written before these messages are, so the difference is the exact number of messages
+//! that were dropped. If the machine loses power, the file is complete up to the data that the operating system
+//! had written, which it does within about half a minute, and the count of dropped messages may be too small.
 //!
-//! [`complete`] also leaves out what is damaged: chunks whose checksums are wrong, and what is no record. It goes on with
-//! the next chunk whose checksum is right. [`RecordingReader`] refuses a damaged chunk, and reads those that other programs have
-//! compressed by lz4 or zstd. Neither holds more than 256 MiB of a chunk in memory.
+//! [`complete`] also leaves out damaged parts: chunks whose checksums are wrong, and bytes that are not a
+//! record. It goes on with the next chunk whose checksum is right. [`RecordingReader`] refuses a damaged chunk,
+//! and reads chunks that other programs have compressed by lz4 or zstd. Neither holds more than 256 MiB of a
+//! chunk in memory.
 
 mod completion;
 mod message_counts;
@@ -66,7 +67,7 @@ pub use reader::{Column, RecordedSource, RecordingReader};
 pub(crate) use completion::Former;
 pub(crate) use writer::{AttachedFile, Origin, TopicCounts, Writer};
 
-/// The version of what a recording has beside MCAP.
+/// The version of the format of a recording's own parts, beside MCAP.
 pub const FORMAT: u32 = 1;
 
 const ABOUT: &str = "condor";
@@ -79,7 +80,7 @@ const CHUNK_BYTES: u64 = 1 << 20;
 /// The messages of a topic in a recording.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RecordedTopic {
-    /// Its name.
+    /// The name of the topic, such as `/servo_a/servo`.
     pub name: String,
     /// The number of its messages in the file.
     pub messages: u64,
@@ -137,7 +138,7 @@ pub enum RecordingError {
         /// The file.
         path: PathBuf,
     },
-    /// A chunk is compressed in a way of which nothing is known here.
+    /// A chunk is compressed by a method that this program does not know.
     #[error(
         "{} is compressed by `{compression}`, and only lz4 and zstd can be read; \
          `mcap compress --compression none {} -o COPY.mcap` writes a copy that is not compressed",
@@ -149,7 +150,7 @@ pub enum RecordingError {
         /// The name of the compression.
         compression: String,
     },
-    /// What the recording has beside MCAP has another version.
+    /// The format of the recording's own parts, beside MCAP, has another version.
     #[error("{} has format {found}, and this program reads {FORMAT}", path.display())]
     Format {
         /// The file.
@@ -207,8 +208,8 @@ impl RecordingError {
     }
 }
 
-/// A file to which MCAP is written, from its beginning to its end: whatever is there when the writer is
-/// killed is the beginning of a whole file.
+/// A file to which MCAP is written, from its beginning to its end: if the writer is killed, the file is the
+/// beginning of a complete file.
 type Mcap = mcap::Writer<NoSeek<BufWriter<File>>>;
 
 /// Begins to write MCAP.

@@ -121,7 +121,7 @@ pub(crate) fn popup(
     Paragraph::new(lines).block(block).render(area, buffer);
 }
 
-/// Returns whether the person wants colours: the environment variable `NO_COLOR` is not set, or empty.
+/// Returns true if the person wants colours: the environment variable `NO_COLOR` is not set, or empty.
 pub(crate) fn has_colors() -> bool {
     std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty())
 }

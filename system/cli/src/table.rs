@@ -4,7 +4,7 @@ use core::fmt;
 
 use condor_host::plain::plain;
 
-/// Where a column has its text.
+/// The side of a column at which its text is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Side {
     Left,

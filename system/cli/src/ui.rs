@@ -60,7 +60,7 @@ pub enum UiError {
 /// of `extensions`.
 ///
 /// # Errors
-/// [`UiError`] if the supervisor or the terminal fails; the terminal is restored then.
+/// Returns [`UiError`] if the supervisor or the terminal fails; the terminal is restored then.
 pub fn run(
     directory: &SystemDirectory,
     tools: Vec<Tool>,

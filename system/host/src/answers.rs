@@ -1,4 +1,4 @@
-//! What commands answer with `--json`, for programs that hand it on.
+//! The answers of commands with `--json`, for programs that serve them by other means.
 
 mod processors;
 mod variables;

@@ -1,4 +1,4 @@
-//! [`Application`]: what a binary adds to `condor`.
+//! [`Application`]: the parts that a binary adds to `condor`.
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -21,14 +21,14 @@ pub trait Application: Sync {
     /// `program = "self"` and its name as the first argument.
     fn programs(&self) -> &[(&'static str, ProgramFunction)];
 
-    /// Returns the file of the description that commands use if none is named; `None` if there is
-    /// no such file.
+    /// Returns the file of the description that commands use if the user names none; `None` if there is no such
+    /// file.
     fn description(&self) -> Option<PathBuf> {
         None
     }
 
-    /// Returns further commands of the binary: the name of each, what the help says of it, and the
-    /// function that gets its arguments.
+    /// Returns further commands of the binary: the name of each, its line in the help, and the function that
+    /// gets its arguments.
     fn commands(&self) -> &[(&'static str, &'static str, ProgramFunction)] {
         &[]
     }
@@ -42,7 +42,7 @@ pub trait Application: Sync {
     /// The default refuses every file.
     ///
     /// # Errors
-    /// An error that says what is wrong with it.
+    /// Returns an error if the configuration is wrong; the text says where.
     fn check_robot(&self, robot: &Path) -> Result<(), AnyError> {
         Err(format!(
             "{} does not use a robot's configuration, such as {}; remove the key `robot`",
@@ -56,7 +56,7 @@ pub trait Application: Sync {
     /// The default returns `None`: nothing is drawn.
     ///
     /// # Errors
-    /// An error that says what is wrong with the file.
+    /// Returns an error if the file is wrong or cannot be read; the text says where.
     fn robot(&self, robot: &Path) -> Result<Option<Box<dyn Robot>>, AnyError> {
         let _ = robot;
         Ok(None)
@@ -66,7 +66,7 @@ pub trait Application: Sync {
     /// that of the system that runs, if one does. The default returns `None`: no files are offered.
     ///
     /// # Errors
-    /// An error that says why there are none.
+    /// Returns an error if the motion files cannot be provided; the text says why.
     fn motions(
         &self,
         robot: &Path,
@@ -76,11 +76,11 @@ pub trait Application: Sync {
         Ok(None)
     }
 
-    /// Returns the way to have the robot of the system that runs in `directory` make composed motions. The
-    /// default returns `None`: there is no such way.
+    /// Returns a sender of composed motions to the robot of the system that runs in `directory`. The default
+    /// returns `None`: composed motions cannot be sent.
     ///
     /// # Errors
-    /// An error that says why there is none.
+    /// Returns an error if the sender cannot be made; the text says why.
     fn motion_queue(
         &self,
         description: &SystemDescription,
@@ -94,7 +94,7 @@ pub trait Application: Sync {
     /// `condor up` calls it before it starts them; no other run of the system is alive then.
     ///
     /// # Errors
-    /// An error that says what cannot be made; the system is not started then.
+    /// Returns an error if something cannot be made; the system is not started then. The text says what it is.
     fn prepare(&self, description: &SystemDescription) -> Result<(), AnyError> {
         let _ = description;
         Ok(())
@@ -105,7 +105,7 @@ pub trait Application: Sync {
     /// programs are stopped.
     ///
     /// # Errors
-    /// An error that says why there is no summary.
+    /// Returns an error if there is no summary; the text says why.
     fn summarize(
         &self,
         description: &SystemDescription,
@@ -153,7 +153,7 @@ impl Application for Programs<'_> {
     }
 }
 
-/// What the programs are called.
+/// Returns the names of the programs of `application`.
 pub fn names(application: &dyn Application) -> Vec<&'static str> {
     let programs = application.programs().iter();
     programs.map(|(name, _)| *name).collect()

@@ -142,18 +142,18 @@ impl SystemStatus {
         self.processors.iter().chain(&self.services)
     }
 
-    /// Returns the processor or service of a name or number.
+    /// Returns the processor or service with this name or number.
     ///
     /// # Errors
-    /// [`UnknownMember`] if there is none.
+    /// Returns [`UnknownMember`] if no processor or service has this name or number.
     pub fn member(&self, text: &str) -> Result<&Member, UnknownMember> {
         find(self.members(), text)
     }
 
-    /// Returns the processor of a name or number, which is no service.
+    /// Returns the processor with this name or number. Services are not found.
     ///
     /// # Errors
-    /// [`UnknownMember`] if there is none.
+    /// Returns [`UnknownMember`] if no processor has this name or number.
     pub fn processor(&self, text: &str) -> Result<&Member, UnknownMember> {
         find(self.processors.iter(), text)
     }
@@ -219,7 +219,7 @@ impl core::fmt::Display for ClockStatus {
 pub struct Member {
     /// Its number in the system.
     pub number: u8,
-    /// Its name.
+    /// The name of the processor or service, unique in the system.
     pub name: String,
     /// Its kind: `service`, `process`, or the word of another kind of processors.
     pub kind: String,
@@ -235,7 +235,7 @@ pub struct Member {
     pub state: MemberState,
     /// The number of restarts after failures, since the start of the system.
     pub restarts: u32,
-    /// How its program ended last, such as `exit status: 1` or `killed by SIGKILL`; `None` if it
+    /// The way in which its program ended last, such as `exit status: 1` or `killed by SIGKILL`; `None` if it
     /// has not ended yet.
     pub last_exit: Option<String>,
 }
@@ -253,7 +253,8 @@ impl Member {
 #[serde(rename_all = "lowercase")]
 #[non_exhaustive]
 pub enum MemberState {
-    /// It waits for its turn to be started, or its program has not joined the mailbox system yet.
+    /// The processor or service waits for its turn to be started, or its program has not joined the mailbox
+    /// system yet.
     Starting,
     /// Its program has joined the mailbox system, and its heartbeat goes on.
     Running,

@@ -89,7 +89,7 @@ pub struct SystemDescription {
     pub service_restarts: u32,
     /// The processors, in the order in which they are started.
     pub processors: Vec<ProcessorEntry>,
-    /// What extensions have in the system, in the order of the application.
+    /// The entries of extensions in the system, in the order of the application.
     pub(crate) groups: Vec<Entry>,
 }
 
@@ -180,7 +180,7 @@ impl ClockSpeed {
     }
 }
 
-/// What an extension has in the system.
+/// The entry of an extension in a system.
 #[derive(Debug)]
 pub(crate) struct Entry {
     /// The name of the extension.
@@ -311,7 +311,8 @@ pub fn beside(file: &Path, path: &str) -> PathBuf {
 /// directory of the running program, then in `PATH`.
 ///
 /// # Errors
-/// A sentence for people, which says where the program was searched, or that it cannot be run.
+/// Returns an error, a sentence for people, if no such program is found, or if the first file that is found is
+/// not executable. The sentence names that file, or the places that were searched.
 pub fn find_program(file: &Path, name: &str) -> Result<PathBuf, String> {
     let mut looked = vec![beside(file, name)];
     if let Ok(own) = std::env::current_exe() {

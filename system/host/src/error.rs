@@ -1,4 +1,4 @@
-//! What people are told when something fails.
+//! Errors that are shown to people.
 
 use std::path::{Path, PathBuf};
 
@@ -18,7 +18,7 @@ pub struct NamedFileError {
 }
 
 impl NamedFileError {
-    /// Returns what makes an error of the refused operation `doing` on the file at `path`.
+    /// Returns a function that makes the error of the refused operation `doing` on the file at `path`.
     pub fn at(doing: &'static str, path: impl AsRef<Path>) -> impl FnOnce(std::io::Error) -> Self {
         let path = path.as_ref().to_owned();
         move |source| Self {
@@ -29,7 +29,7 @@ impl NamedFileError {
     }
 }
 
-/// How this program was called, for what people may type next.
+/// Returns the name by which this program was called, for hints that tell people what to type next.
 #[must_use]
 pub fn me() -> String {
     let called = std::env::args_os().next().unwrap_or_default();

@@ -1,4 +1,4 @@
-//! [`EventCollector`]: what happens in a system, for recordings and live viewers.
+//! [`EventCollector`]: the events of a system, for recordings and live viewers.
 
 use std::collections::HashMap;
 use std::fs::File;
@@ -34,21 +34,22 @@ pub struct EventCollector<'s> {
 #[derive(Default)]
 struct Counts(HashMap<(String, u8), (u32, VectorCounts)>);
 
-/// What is typed at a terminal.
+/// The characters that are typed at the terminal of one processor.
 struct Keyboard {
     processor: String,
     file: File,
-    /// How much of the file was read.
+    /// The number of bytes of the file that were read.
     offset: u64,
     /// The line that is not complete yet.
     line: Vec<u8>,
 }
 
 impl<'s> EventCollector<'s> {
-    /// Takes the events from now on.
+    /// Begins to collect the events that happen from now on.
     ///
     /// # Errors
-    /// An error of the supervisor, of a file to which people type, or of the memory of a processor.
+    /// Returns an error if the supervisor cannot be asked, if a file of typed characters cannot be opened, or
+    /// if the memory of a processor cannot be read.
     pub fn of(
         directory: &SystemDirectory,
         status: &'s SystemStatus,
@@ -56,7 +57,7 @@ impl<'s> EventCollector<'s> {
     ) -> Result<Self, AnyError> {
         let (_, news) = follow(directory, 0)?;
         let (sender, log) = channel();
-        // It ends with the system, or with this process.
+        // The thread ends with the system, or with this process.
         std::thread::spawn(move || {
             for event in news {
                 if sender.send(event).is_err() {
@@ -85,11 +86,12 @@ impl<'s> EventCollector<'s> {
         Ok(events)
     }
 
-    /// Hands over what has happened: how bad it is, what it comes from, and what it is. Returns whether the system
-    /// still runs.
+    /// Hands over the events since the last call: the level, the source and the text of each. Returns true if
+    /// the system still runs.
     ///
     /// # Errors
-    /// An error of the supervisor, of a file to which people type, or of the memory of a processor.
+    /// Returns an error if the connection to the supervisor breaks, if a file of typed characters cannot be
+    /// read, or if the memory of a processor cannot be read.
     pub fn look(
         &mut self,
         view: &View,
@@ -139,7 +141,8 @@ impl Counts {
             let processor = member.processor();
             let incarnation = view.heart(processor)?.incarnation;
             let vectors = view.vectors(processor)?;
-            // Those of a program that begins just now may be of both lives: the next look has them.
+            // Counts of a program that begins just now may mix two incarnations: the next look reads them
+            // again.
             if view.heart(processor)?.incarnation != incarnation {
                 continue;
             }

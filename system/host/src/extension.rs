@@ -46,7 +46,7 @@ pub trait Extension: Sync {
         None
     }
 
-    /// Returns whether the programs of such processors run on this machine. If so, `program` may be
+    /// Returns true if the programs of such processors run on this machine. If so, `program` may be
     /// `"self"`, and is also searched in `PATH`; otherwise it is a file.
     fn runs_here(&self) -> bool {
         false
@@ -64,7 +64,7 @@ pub trait Extension: Sync {
     /// `doorbell` rings processors.
     ///
     /// # Errors
-    /// An error that says why it cannot be debugged.
+    /// Returns an error if the program cannot be debugged; the text says why.
     fn debuggee(
         &self,
         directory: &SystemDirectory,
@@ -79,7 +79,7 @@ pub trait Extension: Sync {
     /// are the [`arguments`](Service::arguments) of the [`Service`].
     ///
     /// # Errors
-    /// An error that says why it does not serve.
+    /// Returns an error if the service cannot start, or fails later; the text says why.
     fn serve(&self, arguments: &[String]) -> Result<(), AnyError> {
         let _ = arguments;
         Err("this extension has no service".into())
@@ -129,7 +129,8 @@ pub trait Group: Debug {
     /// memory says there where that memory lies. Only one in a system may do so.
     ///
     /// # Errors
-    /// An error that says what cannot be made; the system does not come up then.
+    /// Returns an error if something cannot be made; the system does not come up then. The text says what it
+    /// is.
     fn furnish(&self, directory: &SystemDirectory) -> Result<Box<dyn StartingExtension>, AnyError>;
 }
 
@@ -152,7 +153,7 @@ pub trait StartingExtension {
         None
     }
 
-    /// Returns the service of the extension; `None` if none is to run.
+    /// Returns the service of the extension; `None` if it has none to run.
     fn service(&self) -> Option<Service> {
         None
     }
@@ -161,7 +162,7 @@ pub trait StartingExtension {
     /// Completes `environment`, the settings of these programs. `doorbell` is the supervisor's.
     ///
     /// # Errors
-    /// An error that says why there is no such processor.
+    /// Returns an error if the processor cannot be provided; the text says why.
     fn launch(
         &self,
         number: Processor,
@@ -214,7 +215,7 @@ pub(crate) fn furnish<'g>(
     Ok(all)
 }
 
-/// What is in a directory: name, number and time of the last change of each file.
+/// The content of a directory: name, number and time of the last change of each file.
 fn entries(directory: &Path) -> Result<BTreeSet<(OsString, u64, SystemTime)>, NamedFileError> {
     let entries = std::fs::read_dir(directory).and_then(|entries| {
         let entries = entries.map(|entry| {
@@ -259,7 +260,7 @@ impl Extension for Processes {
     }
 }
 
-/// How a process runs.
+/// The way in which a process runs.
 #[derive(Clone, Copy, Debug)]
 struct Settings {
     number: Option<u8>,

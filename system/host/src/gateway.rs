@@ -63,7 +63,7 @@ impl Extension for Gateway {
         let [program, config] = arguments else {
             return Err("expected a program and its configuration".into());
         };
-        // It takes the place of this process, with its number and environment.
+        // The gateway takes the place of this process, with its number and environment.
         let error = Command::new(Path::new(program)).arg(config).exec();
         Err(format!("cannot run {program}: {error}").into())
     }

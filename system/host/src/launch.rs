@@ -52,7 +52,7 @@ pub trait Launch {
     /// [`LaunchError`] if the program cannot be reached.
     fn stop(&mut self, how: StopMethod) -> Result<(), LaunchError>;
 
-    /// Returns whether a program can be started now: false while the machine that has this
+    /// Returns true if a program can be started now: false while the machine that has this
     /// processor is off. The supervisor waits until it is true.
     fn is_ready(&self) -> bool {
         true
@@ -61,7 +61,7 @@ pub trait Launch {
     /// Returns the state of the program.
     fn state(&mut self) -> RunState;
 
-    /// Returns whether a debugger holds the program, apart from one of this machine that traces its
+    /// Returns true if a debugger holds the program, apart from one of this machine that traces its
     /// [`process`](Self::process).
     fn is_held(&self) -> bool {
         false

@@ -1,4 +1,4 @@
-//! What rows become as messages of ROS 2, in recordings and for live viewers.
+//! Rows of variables as messages of ROS 2, for recordings and live viewers.
 
 mod pose;
 
@@ -18,7 +18,7 @@ pub const STATIC_FRAMES: &str = "/tf_static";
 /// The topic of the frames of a robot that sources move.
 pub const FRAMES: &str = "/tf";
 
-/// The topic of what happens in a system.
+/// The topic of the events of a system.
 pub const EVENTS: &str = "/events";
 
 /// Returns the field of a row that shows a variable.
@@ -33,7 +33,7 @@ pub fn field(one: &CatalogEntry) -> RosField {
     }
 }
 
-/// The time of the wall clock, in nanoseconds since 1970.
+/// Returns the time of the wall clock, in nanoseconds since 1970; 0 if the clock is before 1970.
 #[must_use]
 pub fn wall_ns() -> u64 {
     let now = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);

@@ -23,7 +23,7 @@ pub trait VariableName {
         ]
     }
 
-    /// Returns whether `name` is one of its [`names`](Self::names).
+    /// Returns true if `name` is one of its [`names`](Self::names).
     fn is_called(&self, name: &str) -> bool {
         let [processor, owner, own] = self.parts();
         let Some(before) = name.strip_suffix(own) else {
@@ -37,11 +37,12 @@ pub trait VariableName {
     }
 }
 
-/// Finds what a name stands for. A name that several have begins with the processor and a colon, or
-/// with the processor and the loop. The error for a name that nothing has ends with `hint`.
+/// Finds the variable with a name. A name that several variables have must begin with the processor and a
+/// colon, or with the processor and the loop, to tell them apart. The error for a name that nothing has ends
+/// with `hint`.
 ///
 /// # Errors
-/// A text that says that nothing has the name, with similar ones, or that several have it.
+/// Returns an error if no variable has the name, with similar names, or if several variables have it.
 pub fn find<'a, T: VariableName>(all: &'a [T], name: &str, hint: &str) -> Result<&'a T, String> {
     let mut found = all.iter().filter(|one| one.is_called(name));
     match (found.next(), found.next()) {
@@ -68,11 +69,12 @@ pub fn find<'a, T: VariableName>(all: &'a [T], name: &str, hint: &str) -> Result
     }
 }
 
-/// Finds what names and patterns stand for, each once, in their order. In a pattern, `*` stands for
-/// any characters, and `?` for one. The error if there is nothing ends with `hint`.
+/// Finds the variables with these names and patterns, each once, in the order of `patterns`. In a pattern, `*`
+/// stands for any characters, and `?` for one. The error if nothing is found ends with `hint`.
 ///
 /// # Errors
-/// A text that names the first pattern that nothing matches.
+/// Returns an error if a name stands for no variable or for several, or if a pattern matches nothing. The text
+/// names the first such name or pattern.
 pub fn matching<'a, T: VariableName>(
     all: &'a [T],
     patterns: &[String],
@@ -97,7 +99,7 @@ pub fn matching<'a, T: VariableName>(
     Ok(found)
 }
 
-/// Returns the shortest name of each that no other variable has.
+/// Returns the shortest name of each chosen variable that no other variable has.
 pub fn labels<T: VariableName>(all: &[T], chosen: &[&T]) -> Vec<String> {
     let mut counts = BTreeMap::new();
     for name in all.iter().flat_map(VariableName::names) {
@@ -112,7 +114,7 @@ pub fn labels<T: VariableName>(all: &[T], chosen: &[&T]) -> Vec<String> {
     chosen.iter().map(label).collect()
 }
 
-/// Tells the names that are most like `name`; `None` if there are no names.
+/// Returns a sentence with the names that are most like `name`; `None` if there are no names.
 pub fn nearest<'n, T: VariableName + 'n>(
     name: &str,
     all: impl IntoIterator<Item = &'n T>,
@@ -134,11 +136,11 @@ pub fn nearest<'n, T: VariableName + 'n>(
     (!names.is_empty()).then_some(text)
 }
 
-/// A word: decimal, or hexadecimal after `0x`; after `-`, the two's complement of a number of up to
-/// 2³¹.
+/// Reads a number as a 32-bit word: decimal, or hexadecimal after `0x`. After `-`, the word is the two's
+/// complement of a number of up to 2³¹.
 ///
 /// # Errors
-/// A text that names what is no such number, and the range.
+/// Returns an error if `text` is not such a number; the error names `text` and the range.
 pub fn word(text: &str) -> Result<u32, String> {
     let number = whole(text);
     let signed = || number.and_then(|number| i32::try_from(number).ok());
@@ -154,8 +156,8 @@ pub fn word(text: &str) -> Result<u32, String> {
         })
 }
 
-/// A whole number, decimal, or hexadecimal after `0x`, with `_` anywhere between its digits; `None` if it is none, or
-/// is longer than 64 bits.
+/// Reads a whole number: decimal, or hexadecimal after `0x`, with `_` anywhere between its digits. Returns
+/// `None` if `text` is not a whole number, or if it needs more than 64 bits beside its sign.
 #[must_use]
 pub fn whole(text: &str) -> Option<i128> {
     let digits = text.replace('_', "");
@@ -167,7 +169,7 @@ pub fn whole(text: &str) -> Option<i128> {
         .strip_prefix("0x")
         .or_else(|| digits.strip_prefix("0X"));
     let (digits, radix) = hexadecimal.map_or((digits, 10), |digits| (digits, 16));
-    // Another sign is no digit.
+    // A second sign is refused.
     let begins = digits.starts_with(|it: char| it.is_ascii_hexdigit());
     let number = u64::from_str_radix(digits, radix).ok().filter(|_| begins)?;
     Some(sign * i128::from(number))

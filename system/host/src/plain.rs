@@ -27,16 +27,17 @@ pub fn plain(text: &str) -> Cow<'_, str> {
     Cow::Owned(plain)
 }
 
-/// The same of a text that may have several lines; their ends stay.
+/// Returns a text of several lines with the same characters spelled out as by [`plain`]; the lines stay
+/// separate.
 pub fn plain_lines(text: &str) -> String {
     let lines: Vec<_> = text.lines().map(plain).collect();
     lines.join("\n")
 }
 
-/// The same of JSON, whose strings keep what they say.
+/// Writes `value` as JSON and escapes the same characters as [`plain`] in it; strings keep their meaning.
 ///
 /// # Errors
-/// The error of serde if the value cannot be JSON.
+/// Returns the serializer's error if `value` cannot be written as JSON.
 pub fn plain_json(value: &impl serde::Serialize) -> serde_json::Result<String> {
     let json = serde_json::to_string(value)?;
     let mut plain = String::with_capacity(json.len());

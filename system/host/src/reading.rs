@@ -73,7 +73,8 @@ impl SystemDescription {
 /// application has none.
 ///
 /// # Errors
-/// Every mistake of the description, or what the application says is wrong with the robot.
+/// Returns [`TextErrors`] with every mistake of the description; the application's error if the robot's
+/// configuration is wrong.
 pub fn robot_of(
     file: &Path,
     application: &dyn Application,
@@ -85,7 +86,7 @@ pub fn robot_of(
     }
 }
 
-/// Where the description stands, and for which application.
+/// The file of the description, and the application that it is for.
 struct Own<'o> {
     file: &'o Path,
     application: &'o dyn Application,
@@ -216,7 +217,7 @@ fn clock(mut keys: Keys<'_, '_>) -> Option<ClockKind> {
     })
 }
 
-/// What a table says that has the key `bytes` alone.
+/// Reads the number in a table that has only the key `bytes`.
 fn bytes_of(mut keys: Keys<'_, '_>) -> Option<u32> {
     let bytes: Option<Pages> = keys.need("bytes", "a multiple of 4096");
     keys.finish();
@@ -260,7 +261,7 @@ fn robot(keys: &Keys<'_, '_>, robot: &Spanned<String>, own: &Own<'_>) -> PathBuf
     path
 }
 
-/// How often a service is started again.
+/// Reads the number of restarts of a service.
 fn services(mut keys: Keys<'_, '_>) -> Option<u32> {
     let restarts: Option<Restarts> = keys.get("restarts");
     keys.finish();
@@ -272,7 +273,7 @@ fn terminals(mut keys: Keys<'_, '_>) -> TerminalSizes {
     let replay_bytes: Option<Bytes> = keys.get("replay_bytes");
     let replay_bytes = replay_bytes.map_or(default.replay_bytes, |bytes| bytes.0);
     let log_bytes: Option<Spanned<Bytes>> = keys.get("log_bytes");
-    // What is shown of the past must be there, even when a new log has just begun.
+    // The output that is shown of the past must exist even when a new log has just begun.
     let least = replay_bytes.max(PAGE as u32);
     let log_bytes = match log_bytes {
         Some(log_bytes) => {

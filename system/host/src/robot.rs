@@ -1,9 +1,9 @@
 //! [`Robot`]: a robot as people look at it.
 //!
-//! `condor` knows no robot. An application that does returns it by
+//! `condor` knows nothing of any robot. An application for a robot returns it by
 //! [`Application::robot`](crate::application::Application::robot): plots then draw it, and recordings and
 //! viewers get its joints and frames. A robot with a [`Simulator`] is also computed without any processor;
-//! [`MotionFiles`] are its motion files, and a [`MotionSender`] has a running system make what was composed.
+//! [`MotionFiles`] are its motion files, and a [`MotionSender`] sends composed motions to a running system.
 
 mod motions;
 mod simulator;
@@ -34,8 +34,8 @@ pub trait Robot: Send + Sync {
         &[]
     }
 
-    /// Returns what the robot handles. `observed` are the values of [`observed`](Self::observed), in that order; NaN
-    /// if they are not known.
+    /// Returns the objects that the robot handles. `observed` are the values of the variables of
+    /// [`observed`](Self::observed), in that order; NaN if they are not known.
     fn objects(&self, positions: &[f64], observed: &[f64]) -> Vec<RobotObject> {
         let _ = (positions, observed);
         Vec::new()
@@ -47,16 +47,16 @@ pub trait Robot: Send + Sync {
         None
     }
 
-    /// Returns what computes the robot's motions; `None` if there is nothing.
+    /// Returns the simulator of the robot's motions; `None` if there is none.
     fn simulator(&self) -> Option<&dyn Simulator> {
         None
     }
 }
 
-/// A joint.
+/// A joint as people look at it: its name, its variables and its limits.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RobotJoint {
-    /// Its name.
+    /// The name of the joint, unique in the robot.
     pub name: String,
     /// The variable that has its position, in radians or metres.
     pub position: String,
@@ -77,11 +77,11 @@ pub struct RobotLine {
     pub points: Vec<[f64; 3]>,
     /// Half the thickness of the part, in metres; 0 for a thread.
     pub radius_m: f64,
-    /// The variable that has its tension, in N; `None` for a part that is no tendon.
+    /// The variable that has its tension, in N; `None` for a part that is not a tendon.
     pub tension: Option<String>,
 }
 
-/// Where a link is.
+/// The place and the orientation of a link.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Frame {
     /// The name of the link.
@@ -97,13 +97,13 @@ pub struct Frame {
 /// A ball that the robot handles.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RobotObject {
-    /// Its name.
+    /// The name of the object, for people.
     pub name: String,
     /// Its centre, in metres.
     pub center: [f64; 3],
     /// Its radius, in metres.
     pub radius_m: f64,
-    /// Where parts of the robot touch it.
+    /// The places where parts of the robot touch it.
     pub contacts: Vec<RobotContact>,
 }
 

@@ -19,7 +19,7 @@ use condor_rt::numbers::PROCESSORS;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-/// The first argument of a program that is to run a service.
+/// The first argument of a program that must run a service.
 pub const WORD: &str = "service";
 /// The names of the services that every system may have.
 pub(crate) const FILES: &str = "files";
@@ -52,11 +52,13 @@ pub enum ServiceError {
     Events(std::io::Error),
 }
 
-/// Runs the service that `words` name until SIGTERM. A program that has an [`Application`] calls it if the first of
-/// its arguments is [`WORD`]; `words` are the others. The supervisor starts it so.
+/// Runs the service that `words` name until SIGTERM. A program that has an [`Application`] calls this function
+/// if its first argument is [`WORD`], by which the supervisor starts a service; `words` are the other
+/// arguments.
 ///
 /// # Errors
-/// [`ServiceError`], an error of the extension whose service it is, or one that says what is wrong with the words.
+/// Returns [`ServiceError`] if the file or the terminal service fails; the extension's error if its service
+/// fails; an error that names the mistake if the words are wrong.
 pub fn run(words: &[String], application: &dyn Application) -> Result<(), AnyError> {
     let (name, arguments) = words.split_first().ok_or("no service is named")?;
     match name.as_str() {
@@ -77,7 +79,7 @@ pub(crate) fn words(name: &str, settings: &impl Serialize) -> serde_json::Result
     Ok(vec![WORD.into(), name.into(), settings])
 }
 
-/// What [`words`] said after the name.
+/// Reads the settings that [`words`] wrote after the name.
 fn settings<T: DeserializeOwned>(arguments: &[String]) -> Result<T, AnyError> {
     let [settings] = arguments else {
         return Err("expected the settings of the service, as one argument".into());

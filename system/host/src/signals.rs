@@ -11,8 +11,8 @@ use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 
 const ENDING: [i32; 3] = [SIGHUP, SIGINT, SIGTERM];
 
-/// A receiver of the signals that ask a program to end. They do not end this process as long as
-/// this value lives, so a service can clean up before it ends.
+/// A receiver of the signals that ask a program to end. They do not end this process as long as this value
+/// exists, so a service can clean up before it ends.
 #[derive(Debug)]
 pub struct EndSignals {
     reader: UnixStream,
@@ -23,15 +23,15 @@ impl EndSignals {
     /// Takes over the signals that ask a program to end: SIGHUP, SIGINT and SIGTERM.
     ///
     /// # Errors
-    /// The error of the operating system if they cannot be handled.
+    /// Returns the operating system's error if the signals cannot be handled.
     pub fn new() -> std::io::Result<Self> {
         Self::of(&ENDING)
     }
 
-    /// These signals.
+    /// Takes over the signals `signals` in the same way.
     ///
     /// # Errors
-    /// The error of the operating system if they cannot be handled.
+    /// Returns the operating system's error if the signals cannot be handled.
     pub fn of(signals: &[i32]) -> std::io::Result<Self> {
         let (reader, writer) = UnixStream::pair()?;
         reader.set_nonblocking(true)?;
@@ -61,7 +61,7 @@ impl EndSignals {
 /// Returns a flag that SIGHUP, SIGINT and SIGTERM set instead of ending this process.
 ///
 /// # Errors
-/// The error of the operating system if the signals cannot be handled.
+/// Returns the operating system's error if the signals cannot be handled.
 pub fn flag() -> std::io::Result<Arc<AtomicBool>> {
     let flag = Arc::new(AtomicBool::new(false));
     for signal in ENDING {

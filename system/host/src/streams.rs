@@ -1,4 +1,4 @@
-//! What a program hands on of a running system: rows and events as messages of ROS 2 ([`Streams`]).
+//! Rows and events of a running system as messages of ROS 2 ([`Streams`]), for programs that pass them on.
 //!
 //! Topics, types and bytes are those of a recording and of `condor view`.
 
@@ -54,7 +54,8 @@ impl<'s> Streams<'s> {
     /// understands them, and for the events. `view` has [joined](View::join).
     ///
     /// # Errors
-    /// An error that says which name is unknown, or why the system cannot be asked.
+    /// Returns an error if a name is unknown, or if the system cannot be asked; the text says which name, or
+    /// why.
     pub fn open(
         directory: &SystemDirectory,
         status: &'s SystemStatus,
@@ -126,10 +127,10 @@ impl<'s> Streams<'s> {
         &self.topics
     }
 
-    /// Hands over all messages that there are. Returns whether the system still runs.
+    /// Hands over all messages that there are. Returns true if the system still runs.
     ///
     /// # Errors
-    /// An error that says why the system cannot be read.
+    /// Returns an error if the system cannot be read; the text says why.
     pub fn read(&mut self, mut take: impl FnMut(StreamMessage)) -> Result<bool, AnyError> {
         let (layouts, ahead_ns) = (&self.layouts, self.ahead_ns);
         self.rows.read(|source, row| {
@@ -171,10 +172,10 @@ impl<'s> Streams<'s> {
         Ok(is_alive)
     }
 
-    /// Waits until there may be more, some milliseconds at most.
+    /// Waits until there may be more messages, for some milliseconds at most.
     ///
     /// # Errors
-    /// An error of the mailbox.
+    /// Returns the mailbox's error if it fails.
     pub fn pause(&self) -> Result<(), AnyError> {
         self.rows.pause()
     }

@@ -48,7 +48,7 @@ use orders::Orders;
 use requests::{Asker, Promise};
 use time::Pace;
 
-/// How long the end waits for the turn of a simulated time, and how often it asks for it.
+/// The longest wait of the end for the turn of a simulated time, and the time between two requests for it.
 const PATIENCE: Duration = Duration::from_secs(2);
 const ASK: Duration = Duration::from_millis(10);
 
@@ -205,7 +205,7 @@ pub fn run(
         place,
     };
     let outcome = supervisor.keep(started, ending);
-    // What still runs is killed as it is dropped.
+    // Programs that still run are killed as they are dropped.
     supervisor.members.clear();
     if supervisor.options.adopts {
         reaper::end_children().map_err(UpError::Events)?;
@@ -230,22 +230,22 @@ struct Supervisor<'d> {
     journal: Journal,
     /// Requests that are answered when they have been carried out.
     promises: Vec<Promise>,
-    /// How fast the simulated time passes.
+    /// The speed of the simulated time.
     pace: Pace,
     since: Instant,
     /// All programs have been given the chance to join.
     is_up: bool,
-    /// Which processes there are stands in their file.
+    /// The file of processes lists all processes that there are.
     is_noted: bool,
     down: Option<Down>,
     /// When it began to go down.
     down_since: Option<Instant>,
-    /// Who asked for the end, and is answered when it has come.
+    /// The clients that asked for the end, and are answered when it has come.
     down_asked_by: Vec<Asker>,
     place: RunDirectory,
 }
 
-/// How far the end has come.
+/// The stage of the end of the system.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Down {
     /// The processors are ending; services are there for them.
@@ -526,7 +526,7 @@ impl Supervisor<'_> {
         let asks = self.down == Some(Down::Processors) && self.eye.clock().is_some();
         let end = end.or(asks.then(|| now + ASK));
         let dues = self.members.iter().filter_map(|member| member.due(now));
-        // Without anybody to look at, the own heart still beats.
+        // Even without anybody to look at, the supervisor's own heartbeat goes on.
         let most = if self.server.has_more() {
             now
         } else {

@@ -10,10 +10,10 @@
 //! | `shared` | is the memory that belongs to no processor |
 //! | `clock` | says in which file the page of the simulated clock is: in `clock.page`, or in the memory of an extension |
 //! | others | are made by an [extension](crate::extension), such as the memory of a machine of harts |
-//! | `typing` | is the record of what is typed in simulated time, see [`Script`](crate::services::terminals::Script); that of the last run stays |
+//! | `typing` | is the record of the characters that are typed in simulated time, see [`Script`](crate::services::terminals::Script); that of the last run stays |
 //! | `replay` | is the record that is typed again |
 //! | `control` | is the socket of the [control protocol](crate::control) |
-//! | `lock` | is locked (`flock`) by the supervisor as long as it lives |
+//! | `lock` | is locked (`flock`) by the supervisor as long as it runs |
 //! | `pids` | lists the supervisor's process, and then those that it started |
 //! | `log` | lists events with their times; `log.old` is the log of the previous run, or of this run before the log reached 1 MiB |
 //! | `tty/` | has the terminals, see [`services`](crate::services) |
@@ -35,7 +35,7 @@ use condor_rt::linux::{FileRange, MappedPage, ProcessError};
 use condor_rt::numbers::PROCESSORS;
 use serde::{Deserialize, Serialize};
 
-/// How long a supervisor may take to answer what it answers at once.
+/// The time that a supervisor may take to answer a request that it answers at once.
 pub(crate) const ANSWER: Duration = Duration::from_secs(15);
 
 /// The reason for which a running system is not found.
@@ -45,7 +45,7 @@ pub enum FindError {
     /// No system of that name runs.
     #[error("no system `{name}` is running; {}", Running(running))]
     NotRunning {
-        /// The name.
+        /// The name that was asked for.
         name: String,
         /// The names of the running systems.
         running: Vec<String>,
@@ -145,7 +145,7 @@ impl SystemDirectory {
         place.map(|it| MappedPage::open(&it.range())).transpose()
     }
 
-    /// Returns the path of the record of what is typed in simulated time.
+    /// Returns the path of the record of the characters that are typed in simulated time.
     #[must_use]
     pub fn typing(&self) -> PathBuf {
         self.0.join("typing")
@@ -202,7 +202,7 @@ impl SystemDirectory {
         SystemWindows::at(self.mailbox(), window_bytes)
     }
 
-    /// Returns whether its supervisor accepts connections.
+    /// Returns true if the supervisor of the system accepts connections.
     #[must_use]
     pub fn is_running(&self) -> bool {
         self.connect().is_ok()

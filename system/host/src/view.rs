@@ -39,7 +39,7 @@ pub type Post = HostMailbox<'static>;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ViewError {
-    /// The object table of a processor, the list of what it shows, has another version.
+    /// The object table of a processor, the list of its loops, variables and terminals, has another version.
     #[error(
         "{processor} has an object table of version {found}, and this program reads version {expected}",
         expected = objects::VERSION
@@ -98,11 +98,11 @@ impl core::fmt::Display for Holders<'_> {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum MailboxState {
-    /// It has never joined, or has left.
+    /// The processor has never joined, or has left.
     Absent,
-    /// It is about to join.
+    /// The processor is about to join.
     Joining,
-    /// It has joined the mailbox system, and takes messages.
+    /// The processor has joined the mailbox system, and takes messages.
     Up,
     /// Its program ended without leaving.
     Dead,
@@ -134,7 +134,7 @@ pub struct Heart {
 /// A visitor that reads the shared memory (the windows) of all processors of a system.
 pub struct View {
     post: Post,
-    /// What is free of the visitor's own memory.
+    /// The allocator of the free part of the visitor's own memory.
     places: RefCell<Allocator>,
     /// The simulated clock, if the system has one.
     clock: Option<MappedPage>,
@@ -153,8 +153,8 @@ impl View {
     /// have `window_bytes` bytes each.
     ///
     /// # Errors
-    /// [`ViewError::Full`] if there is none, [`ViewError::Windows`] if the windows cannot be
-    /// opened, [`ViewError::Clock`] if the simulated clock cannot.
+    /// Returns [`ViewError::Full`] if no such number is free; [`ViewError::Windows`] if the windows cannot be
+    /// opened; [`ViewError::Clock`] if the simulated clock cannot be opened.
     pub fn open(directory: &SystemDirectory, window_bytes: u32) -> Result<Self, ViewError> {
         let mut claim = claim(&directory.system(window_bytes)?)?;
         let places = RefCell::new(claim.places()?);
@@ -192,7 +192,7 @@ impl View {
         }
     }
 
-    /// Returns whether the system has a simulated clock, which all processors share.
+    /// Returns true if the system has a simulated clock, which all processors share.
     pub(crate) const fn is_simulated(&self) -> bool {
         self.clock.is_some()
     }

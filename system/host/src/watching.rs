@@ -1,7 +1,8 @@
 //! The variables of a running system: their names, and their values while programs run.
 //!
-//! [`VariableCatalog`] finds names, and [`NewPrograms`] those of programs that come later; [`Rows`] reads what loops write for this visitor, and what is published;
-//! [`Clients`] gets and sets parameters. The commands `vars`, `plot`, `record` and `view` are made of these.
+//! [`VariableCatalog`] finds names, and [`NewPrograms`] those of programs that come later. [`Rows`] reads the
+//! rows that loops write for this visitor, and the values of published cells. [`Clients`] gets and sets
+//! parameters. The commands `vars`, `plot`, `record` and `view` are made of these.
 //!
 //! ```no_run
 //! use condor_host::control::ControlClient;

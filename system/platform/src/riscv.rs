@@ -112,7 +112,7 @@ unsafe fn read_u64(address: usize) -> u64 {
     }
 }
 
-/// Writes a 64-bit compare register by halves; what it holds in between is never too early.
+/// Writes a 64-bit compare register by halves; the values that it holds in between are never too early.
 ///
 /// # Safety
 /// `address` is that of such a register.

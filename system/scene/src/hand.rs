@@ -13,7 +13,7 @@ pub(crate) const PALM: &str = "palm";
 /// The name of the ball.
 const BALL: &str = "ball";
 
-/// A hand as people look at it, and as it moves without any processor. Its base is the palm.
+/// A hand as people look at it, and its motion without any processor. Its base is the palm.
 #[derive(Clone, Debug)]
 pub struct HandView<const FINGERS: usize, const JOINTS: usize> {
     pub(crate) hand: Hand<FINGERS, JOINTS>,
@@ -23,14 +23,15 @@ pub struct HandView<const FINGERS: usize, const JOINTS: usize> {
     ball: Vec<String>,
 }
 
-/// The variables that tell of a ball in a hand.
+/// The names of the variables that describe a ball in a hand.
 #[derive(Clone, Copy, Debug)]
 pub struct Ball<'v> {
-    /// The coordinates of its centre in the palm, m; not finite without a ball.
+    /// The variables that have the coordinates of its centre in the frame of the palm, m; not finite without a
+    /// ball.
     pub center: [&'v str; 3],
-    /// Its radius, m.
+    /// The variable that has its radius, m.
     pub radius_m: &'v str,
-    /// A bit for each finger that touches it.
+    /// The variable that has a bit for each finger that touches it.
     pub touching: &'v str,
 }
 
@@ -206,9 +207,9 @@ fn frame(name: &str, parent: &str, pose: &Pose) -> Frame {
     }
 }
 
-/// Returns whether a bit of a whole number is set.
+/// Returns true if a bit of a whole number is set.
 fn has_bit(number: f64, bit: usize) -> bool {
-    // It saturates, and NaN becomes 0.
+    // The cast saturates, and NaN becomes 0.
     #[expect(clippy::cast_sign_loss, reason = "less than 0 has no bits")]
     let word = number as u64;
     u32::try_from(bit).is_ok_and(|bit| word.checked_shr(bit).unwrap_or(0) & 1 != 0)

@@ -1,4 +1,5 @@
-//! The motion that a hand makes of a text: the set-points of its master, and what they take.
+//! The motion that a hand makes of a text: the set-points of its master, and the torques and tensions that they
+//! take.
 
 use condor_hand::config;
 use condor_hand::dynamics::{DriveDynamics, Dynamics};
@@ -350,7 +351,7 @@ impl Player {
     }
 }
 
-/// What a finger takes to move.
+/// The dynamics of a finger: the torques that a motion takes, and the tendons that produce them.
 struct Model<const JOINTS: usize> {
     joints: usize,
     chain: Chain<f64, JOINTS>,

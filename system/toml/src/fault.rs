@@ -125,7 +125,7 @@ impl de::Error for Misreading {
             Unexpected::Map => "a table".into(),
             other => other.to_string(),
         };
-        // What serde says is for those who know Rust's types.
+        // The texts of serde are for readers who know Rust's types.
         let expected = match expected.to_string().as_str() {
             "f64" => "a number".into(),
             "u8" => format!("a whole number from 0 to {}", u8::MAX),
@@ -147,7 +147,7 @@ impl de::Error for Misreading {
 
     fn invalid_length(length: usize, expected: &dyn Expected) -> Self {
         let expected = expected.to_string();
-        // What heapless says of the first entry for which a list has no room.
+        // This is the text of heapless for the first entry for which a list has no room.
         if expected == "a sequence" {
             let problem = Problem::TooLong(length.saturating_sub(1));
             return Self {

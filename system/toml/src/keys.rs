@@ -7,13 +7,13 @@ use toml::de::{DeTable, DeValue};
 
 use crate::{Misreading, SourceText, read};
 
-/// A reader of one table, which is asked for the keys one by one. It notes mistakes in the
+/// A reader of one table, which returns the values of its keys one by one. It notes mistakes in the
 /// [`SourceText`], and returns `None` for a wrong value.
 #[derive(Debug)]
 pub struct Keys<'a, 't> {
     text: &'a SourceText<'t>,
     entries: &'a DeTable<'t>,
-    /// Where a missing key is missing.
+    /// The byte range of the table, at which missing keys are reported.
     span: Range<usize>,
     known: Vec<&'static str>,
 }
@@ -58,7 +58,7 @@ impl<'a, 't> Keys<'a, 't> {
         self.entries.get(key)
     }
 
-    /// As `value`, for a required key.
+    /// Returns the value of a required key; notes a mistake if the key is missing.
     fn needed(&mut self, key: &'static str, what: &str) -> Option<&'a Spanned<DeValue<'t>>> {
         let value = self.value(key);
         if value.is_none() {
@@ -74,7 +74,7 @@ impl<'a, 't> Keys<'a, 't> {
 
     /// Returns the value of a key; `None` if the key is missing, or if its value is wrong, which is
     /// noted as a mistake. A [`Spanned`] value comes with its byte range; a [`WholeNumber`](crate::WholeNumber)
-    /// number is checked against its bounds.
+    /// is checked against its bounds.
     pub fn get<T: Deserialize<'a>>(&mut self, key: &'static str) -> Option<T> {
         let value = self.value(key)?;
         self.read(value)
@@ -87,9 +87,9 @@ impl<'a, 't> Keys<'a, 't> {
         self.read(value)
     }
 
-    /// Returns the value that belongs to the word under a key; `choices` are all allowed words with
-    /// their values. Returns `None` if the key is missing, or if its word is no choice, which is
-    /// noted as a mistake.
+    /// Returns the value that belongs to the word under a key; `choices` are all allowed words with their
+    /// values. Returns `None` if the key is missing, or if its word is not one of the choices, which is noted
+    /// as a mistake.
     pub fn word<T: Copy>(&mut self, key: &'static str, choices: &[(&'static str, T)]) -> Option<T> {
         let word: Spanned<String> = self.get(key)?;
         let choice = choices.iter().find(|(choice, _)| choice == word.get_ref());
@@ -101,8 +101,8 @@ impl<'a, 't> Keys<'a, 't> {
         choice.map(|(_, choice)| *choice)
     }
 
-    /// Returns a reader of the table under a key; `None` if the key is missing, or if its value is
-    /// no table, which is noted as a mistake.
+    /// Returns a reader of the table under a key; `None` if the key is missing, or if its value is not a table,
+    /// which is noted as a mistake.
     pub fn table(&mut self, key: &'static str) -> Option<Keys<'a, 't>> {
         let value = self.value(key)?;
         self.text.keys(value)
@@ -110,7 +110,7 @@ impl<'a, 't> Keys<'a, 't> {
 
     /// Returns a reader of each table in the list under the required key `key`; `what` describes
     /// that list in error messages. If the list is missing or has another type, that is noted as a
-    /// mistake and the result is empty. Entries that are no tables are noted and left out.
+    /// mistake and the result is empty. Entries that are not tables are noted and left out.
     pub fn tables(&mut self, key: &'static str, what: &str) -> Vec<Keys<'a, 't>> {
         let Some(value) = self.needed(key, what) else {
             return Vec::new();

@@ -1,4 +1,4 @@
-//! A value as a deserializer whose errors know where they are.
+//! A value as a deserializer whose errors have their places in the text.
 
 use core::convert::Infallible;
 use core::fmt;

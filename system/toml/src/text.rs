@@ -28,7 +28,7 @@ pub struct TextError {
     pub column: usize,
     /// The wrong text, up to the end of its line.
     pub text: String,
-    /// The problem, and what would be right.
+    /// The problem, and the remedy.
     pub problem: String,
 }
 

@@ -29,9 +29,9 @@ use condor_host::error::{AnyError, me};
 use condor_host::system::SystemDirectory;
 use condor_host::view::View;
 
-/// How long a debugger may take to say something, once it has connected.
+/// The time that a debugger has to send something, once it has connected.
 const HELLO: Duration = Duration::from_secs(10);
-/// How often the gateway looks whether its debugger has ended.
+/// The time between two looks of the gateway whether its debugger has ended.
 const LOOK: Timespec = Timespec {
     tv_sec: 0,
     tv_nsec: 200_000_000,
@@ -251,7 +251,7 @@ impl ProgramHost for SupervisedPrograms {
     fn start(&self, file: Option<(&str, Vec<&str>)>) -> Result<Receiver<String>, String> {
         let processor = self.processor.clone();
         let request = if let Some((file, arguments)) = file {
-            // Whose file cannot be read stops nothing.
+            // If the file cannot be read, no program is stopped.
             ControlRequest::Load {
                 processor,
                 program: file.into(),
@@ -349,7 +349,7 @@ fn serve_while(
     Ok(())
 }
 
-/// Where debuggers connect.
+/// The socket to which debuggers connect.
 struct Listener {
     socket: Socket,
     /// As GDB has it.

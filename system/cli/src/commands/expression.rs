@@ -34,7 +34,7 @@ struct PrintedValue<'s> {
     value: String,
 }
 
-/// What an argument asks for.
+/// The request of an argument.
 struct ParsedArgument<'a, 'n, 'f> {
     expression: &'a str,
     value: NamedValue<'n, 'f>,

@@ -59,7 +59,7 @@ pub(crate) struct Plot {
     which: SystemChoice,
 }
 
-/// An event for the plot.
+/// An event for the plot: of the keyboard, or of the source of values.
 enum PlotEvent {
     Input(Event),
     /// The keyboard is gone.
@@ -94,7 +94,7 @@ impl Plot {
             feed = PlotFeed::start(&running.directory, application.extensions(), tell);
         }
         feed.wish(plot.wish());
-        // What cannot be plotted at all is told without a picture.
+        // If nothing can be plotted, the reason is told without a picture.
         match heard.recv() {
             Ok(PlotEvent::Plot(FeedEvent::Trouble(text))) => return Err(text.into()),
             Ok(PlotEvent::Plot(news)) => plot.hear(news),

@@ -67,7 +67,7 @@ impl Record {
             end.load(Ordering::Relaxed) || self.limit.is_some_and(is_over)
         };
         let followed = recorder.follow(ends);
-        // Whatever has happened, the file is completed.
+        // The file is completed even after an error.
         let written = match recorder.writer.end() {
             Ok(written) => written,
             Err(error) => return followed.and(Err(error.into())),
@@ -353,7 +353,7 @@ impl Recorder<'_> {
         }
     }
 
-    /// Records what there is; returns whether the system still runs.
+    /// Records what there is; returns true if the system still runs.
     fn look(&mut self) -> Result<bool, AnyError> {
         let Self {
             channels,
@@ -391,7 +391,7 @@ impl Recorder<'_> {
         let is_alive = self.events.look(self.view, |level, source, text| {
             writer.event(now, level, source, text);
         });
-        // Whatever has failed, the rows that were read are written.
+        // The rows that were read are written even after an error.
         self.writer.commit()?;
         failed?;
         read?;

@@ -45,7 +45,7 @@ impl Running {
         self.status.member(text)
     }
 
-    /// The processor of a name or number, which is no service.
+    /// Returns the processor with this name or number. Services are not found.
     pub(super) fn processor(&self, text: &str) -> Result<&Member, UnknownMember> {
         self.status.processor(text)
     }

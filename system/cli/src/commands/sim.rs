@@ -61,7 +61,7 @@ fn position(text: &str) -> Result<(String, f64), String> {
 }
 
 impl Sim {
-    /// Returns whether the robot can make the motion, and nothing meets; if none is to be checked, serves the page.
+    /// Returns true if the robot can make the motion, and nothing meets; if none is to be checked, serves the page.
     pub(crate) fn run(&self, application: &dyn Application) -> Result<bool, AnyError> {
         let robot = application.robot(&self.robot)?;
         let simulator = robot.as_ref().and_then(|robot| robot.simulator());
@@ -118,7 +118,7 @@ fn no_joint(name: &str, robot: &dyn Robot) -> String {
     format!("no joint is called {name:?}; {}", suggest(name, &names))
 }
 
-/// Returns whether the robot can make all steps, and nothing meets.
+/// Returns true if the robot can make all steps, and nothing meets.
 fn is_possible(plan: &Plan) -> bool {
     let is_refused = |what: &What| matches!(what, What::Refused { .. } | What::Waits);
     let is_whole = !plan.events.iter().any(|event| is_refused(&event.what));

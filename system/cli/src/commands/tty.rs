@@ -19,13 +19,13 @@ use condor_host::services::terminals::{Keyboard, keyboard};
 /// Ctrl-], as telnet has it.
 const LEAVE: u8 = 0x1d;
 
-/// How long a terminal is quiet when it has answered piped input.
+/// The time for which a terminal is quiet when it has answered piped input.
 const QUIET: Duration = Duration::from_secs(2);
-/// How long to wait for the end of the answer at most.
+/// The longest wait for the end of the answer.
 const ANSWER: Duration = Duration::from_secs(30);
-/// How long to wait until there may be room for more typed characters.
+/// The wait until there may be room for more typed characters.
 const ROOM: Duration = Duration::from_millis(20);
-/// How many characters of a person may wait here for room: Ctrl-] is found in them.
+/// The number of typed characters of a person that may wait here for room: Ctrl-] is found in them.
 const PENDING: usize = 64 * 1024;
 
 #[derive(Debug, Args)]
@@ -49,7 +49,7 @@ struct Output<'o> {
     output: &'o str,
 }
 
-/// The terminal in raw mode, as long as this lives.
+/// The terminal in raw mode, as long as this value exists.
 struct Raw;
 
 impl Raw {
@@ -102,7 +102,7 @@ impl Tty {
     ) -> Result<(), AnyError> {
         let end = self.limit.map(|limit| Instant::now() + limit);
         let mut input = Some(std::io::stdin().lock());
-        // What was read and not yet typed; and until when answers are waited for.
+        // The characters that were read and not yet typed, and the time until which answers are waited for.
         let (mut pending, mut last) = (Vec::new(), None);
         let mut quiet = Instant::now();
         let mut bytes = [0; 4096];
@@ -136,7 +136,7 @@ impl Tty {
                 left = Some(left.map_or(ROOM, |left| left.min(ROOM)));
             }
             let limit = left.and_then(|left| Timespec::try_from(left).ok());
-            // Whoever writes to a pipe waits while the terminal is full.
+            // The writer of a pipe waits while the terminal is full.
             let most = if is_person { PENDING } else { 1 };
             let reads = pending.len() < most;
             let mut polled = vec![PollFd::new(stream, PollFlags::IN)];

@@ -57,10 +57,10 @@ impl ClockOptions {
         Ok(())
     }
 
-    /// What is typed in the system, if that is known before.
+    /// Returns the characters that are typed in the system, if they are known before.
     ///
     /// # Errors
-    /// The record cannot be read or has mistakes, or the system has a real clock.
+    /// Returns an error if the record cannot be read or has mistakes, or if the system has a real clock.
     pub(super) fn script(
         &self,
         description: &SystemDescription,

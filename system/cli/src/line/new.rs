@@ -11,12 +11,12 @@ use tempfile::Builder;
 
 use super::AnyError;
 
-/// Where the template is in Condor's source tree, and its name.
+/// The place of the template in Condor's source tree, and its name.
 const TEMPLATE: &str = "examples/two-processors";
 const NAME: &str = "two-processors";
-/// What is made there when it is built or run.
+/// The files that are made there when it is built or run.
 const MADE: [&str; 3] = ["target", "Cargo.lock", ".condor-fs"];
-/// What only a package outside of another workspace has.
+/// The text that only the manifest of a package outside of another workspace has.
 const WORKSPACE: &str = "
 [workspace]
 members = [\"hart\"]
@@ -62,7 +62,7 @@ impl NewArguments {
             }
             _ => format!("`{directory}`: {error}"),
         };
-        // It gets its name when it is complete.
+        // The directory gets its name when it is complete.
         let parent = self.directory.parent();
         let parent = parent.filter(|it| !it.as_os_str().is_empty());
         let part = Builder::new()
@@ -91,7 +91,7 @@ impl NewArguments {
             RenameFlags::NOREPLACE,
         );
         named.map_err(|error| io(error.into()))?;
-        // It has its own name now, and nothing is left to remove.
+        // The directory has its own name now, and nothing is left to remove.
         let _ = part.keep();
         println!(
             "`{directory}` is made. Its README.md says what to do next:\n\n    cd {directory}\n    \

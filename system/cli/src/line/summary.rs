@@ -10,7 +10,7 @@ use condor_host::plain::plain_json;
 use condor_host::system::SystemDirectory;
 use condor_host::view::{LoopRates, VectorCounts, View};
 
-/// What the windows said before the programs were stopped.
+/// The counts that the windows had before the programs were stopped.
 #[derive(Default)]
 pub(super) struct Summary {
     loops: Vec<Row<LoopRates>>,

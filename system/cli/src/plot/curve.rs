@@ -64,7 +64,7 @@ impl Pane {
     }
 }
 
-/// The names of what is to be fetched.
+/// The names of the variables to fetch.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Wish {
     /// For each pane its names, or patterns with `*` and `?`.

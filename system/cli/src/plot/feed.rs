@@ -61,7 +61,7 @@ impl PlotFeed {
     }
 }
 
-/// Why values are not fetched any more.
+/// The reason why values are not fetched any more.
 enum End {
     /// The plot wishes other variables.
     Wished(Wish),

@@ -8,7 +8,7 @@ pub(crate) enum FeedEvent {
     /// The curves that the latest wish names.
     Chosen(ChosenCurves),
     Samples(Vec<Sample>),
-    /// Why there are no values, or not all.
+    /// The reason why values are missing, all or some.
     Trouble(String),
 }
 

@@ -13,7 +13,7 @@ use condor_host::watching::float;
 /// The number of values after which a plot hears of them.
 const PIECE: usize = 50_000;
 
-/// Why reading has stopped.
+/// The reason why reading has stopped.
 enum Stop {
     /// Nobody hears it.
     Unheard,

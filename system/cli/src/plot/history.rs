@@ -104,7 +104,7 @@ impl History {
         let mut reaching = reaching.filter(|(_, level)| level.reaches(from_ns));
         let chosen = reaching.find(|(_, level)| count(level) <= most);
         let place = chosen.map_or(LEVELS - 1, |(place, _)| place);
-        // What is too new for a whole span of this level is in the parts, the coarsest first.
+        // Values that are too new for a whole span of this level are in the parts, the coarsest first.
         let parts = self.levels.iter().take(place + 1).rev();
         let parts = parts.filter_map(|level| level.part).map(|(part, _)| part);
         let level = self.levels.get(place);

@@ -1,4 +1,4 @@
-//! What keys do to a [`Plot`].
+//! The actions of keys on a [`Plot`].
 
 use crossterm::event::{KeyCode, KeyEvent, KeyModifiers};
 
@@ -128,7 +128,7 @@ fn open(plot: &mut Plot, prompt: Prompt) -> Option<PlotRequest> {
         Prompt::NewPane | Prompt::Help => String::new(),
     };
     plot.prompt = Some(prompt);
-    // It tells which names there are.
+    // The answer tells which names there are.
     plot.known.is_empty().then_some(PlotRequest::Fetch)
 }
 

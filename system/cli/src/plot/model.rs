@@ -17,7 +17,7 @@ const BEFORE: u64 = 4;
 /// The part of the time, or of a range of values, by which a key moves.
 const MOVE: f64 = 0.125;
 
-/// What is in front, and mostly what is being typed.
+/// The prompt in front of the plot, mostly a text that is being typed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Prompt {
     /// The names of the pane in focus.
@@ -55,8 +55,8 @@ pub(crate) struct Plot {
     pub(crate) typed: String,
     /// The names that may be typed.
     pub(crate) known: Vec<String>,
-    /// What went wrong, until the next key. It is drawn with what is typed; else whoever shows the plot
-    /// does so.
+    /// The description of the last failure, until the next key. It is drawn with the text that is typed, or
+    /// otherwise by the owner of the plot.
     pub(crate) notice: Option<String>,
     /// Whether colours distinguish curves; letters and widths of lines do so always.
     pub(crate) has_colors: bool,
@@ -95,7 +95,7 @@ impl Plot {
         }
     }
 
-    /// Returns the names of all that is to be fetched.
+    /// Returns the names of all variables to fetch.
     pub(crate) fn wish(&self) -> Wish {
         let mut besides: Vec<String> = Vec::new();
         if let Some(armed) = &self.trigger {
@@ -131,7 +131,7 @@ impl Plot {
         for (pane, curves) in self.panes.iter_mut().zip(chosen.panes) {
             pane.curves = curves;
         }
-        // What was not fetched meanwhile is not known.
+        // Values that were not fetched meanwhile are not known.
         for curve in &mut self.curves {
             if let Some(newest) = curve.history.newest_ns() {
                 curve.history.push(newest, f64::NAN);

@@ -1,4 +1,4 @@
-//! What is typed into a [`Plot`]: names, and the condition of the trigger.
+//! The texts that are typed into a [`Plot`]: names, and the condition of the trigger.
 
 use super::model::{Plot, Prompt};
 

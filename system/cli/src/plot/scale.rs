@@ -12,7 +12,7 @@ impl Scale {
     /// Returns the scale that has all of a range and ends at marks, of which there are about `marks`.
     pub(crate) fn around(low: f64, high: f64, marks: u16) -> Self {
         let size = low.abs().max(high.abs());
-        // What differs by rounding alone, and what is constant, is in the middle.
+        // Values that differ only by rounding, and constant ones, are in the middle.
         let (low, high) = if high - low > 1e-9 * size && high > low {
             (low, high)
         } else {

@@ -10,14 +10,14 @@ pub(crate) enum Edge {
     Falling,
 }
 
-/// What is waited for: `NAME>LEVEL` for a rising edge, `NAME<LEVEL` for a falling one; `~WIDTH` after
+/// The condition of a trigger: `NAME>LEVEL` for a rising edge, `NAME<LEVEL` for a falling one; `~WIDTH` after
 /// it is the hysteresis.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Condition {
     pub(crate) name: String,
     pub(crate) edge: Edge,
     pub(crate) level: f64,
-    /// How far the variable must have been on the other side of the level.
+    /// The distance that the variable must have been beyond the level, on its other side.
     pub(crate) hysteresis: f64,
 }
 
@@ -87,7 +87,7 @@ impl Trigger {
         }
     }
 
-    /// Takes the next value, and returns whether it is the first one beyond the level. What is not
+    /// Takes the next value, and returns true if it is the first one beyond the level. What is not
     /// finite, as after lost rows, disarms: nobody knows when the level was passed.
     pub(crate) fn fires(&mut self, value: f64) -> bool {
         let Condition {

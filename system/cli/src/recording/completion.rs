@@ -23,23 +23,23 @@ use super::{
 /// The result of completing a recording.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RecordingCompletion {
-    /// Whether it was complete, and without damage, before.
+    /// Whether the recording was complete, and without damage, before.
     pub was_complete: bool,
     /// The topics, in the order of their channels; none if the file of another program is complete
     /// without a summary.
     pub topics: Vec<RecordedTopic>,
-    /// What was damaged and is left out.
+    /// The damage that is left out.
     pub damage: Damage,
-    /// Where the damaged file is kept as it was; `None` if nothing was damaged.
+    /// The path at which the damaged file is kept unchanged; `None` if nothing was damaged.
     pub kept: Option<PathBuf>,
 }
 
-/// The parts of a file that are no records, or not as they were written.
+/// The parts of a file that are not records, or not as they were written.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Damage {
     /// The number of places.
     pub places: u64,
-    /// Their bytes, all together.
+    /// The number of bytes in all these places together.
     pub bytes: u64,
 }
 
@@ -50,16 +50,17 @@ impl Damage {
     }
 }
 
-/// Completes a recording whose recorder was killed, or that is damaged: all whole chunks stay, and the number of
-/// messages that were dropped is added. One that is complete and sound stays as it is.
+/// Completes a recording whose recorder was killed, or that is damaged: all whole chunks stay, and the number
+/// of messages that were dropped is added. A recording that is complete and sound stays as it is.
 ///
-/// The new file is written beside the old one as `FILE.new`, and then takes its place: there must be
-/// room for both. An old file with damage is kept under a numbered name, for who knows more of it.
+/// The new file is written beside the old one as `FILE.new`, and then takes its place: there must be room for
+/// both. An old file with damage is kept under a numbered name, since another program may be able to read more
+/// of it.
 ///
 /// # Errors
-/// [`RecordingError::NotMcap`] if it is no recording, [`RecordingError::InUse`] if it is being
-/// recorded, [`RecordingError::Compression`] if a chunk cannot be unpacked, [`RecordingError::File`] if it
-/// cannot be read or written. The file then stays as it is.
+/// Returns [`RecordingError::NotMcap`] if the file is not a recording; [`RecordingError::InUse`] if it is being
+/// recorded; [`RecordingError::Compression`] if a chunk cannot be unpacked; [`RecordingError::File`] if the
+/// file cannot be read or written. The file then stays as it is.
 pub fn complete(path: &Path) -> Result<RecordingCompletion, RecordingError> {
     completed(path, locked(path)?, true).map(|(_, completed)| completed)
 }
@@ -99,7 +100,7 @@ fn completed(
     let (number, out, topics, damage, kept) = match renamed {
         Ok(copied) => copied,
         Err(error) => {
-            // What is left of it takes room, and nothing more: the first error counts.
+            // A new file that stays takes room, and nothing more: the first error counts.
             let _ = std::fs::remove_file(&new);
             return Err(error);
         }
@@ -114,7 +115,7 @@ fn completed(
     Ok((out, completed))
 }
 
-/// Gives a file a second name that is free, and returns it.
+/// Links a file under a second name that is free, and returns that name.
 fn aside(path: &Path) -> Result<PathBuf, NamedFileError> {
     let mut number = 1;
     loop {
@@ -158,7 +159,7 @@ fn copied(
         copy.describe(whole).map_err(RecordingError::mcap(new))?;
     }
     copy.all(path, file, new)?;
-    // What a complete file has was taken, too.
+    // The messages of a complete file were taken, too.
     let taken = match summary {
         Some(whole) => Some(whole.taken()),
         None => (copy
@@ -221,8 +222,8 @@ impl Former {
     /// Completes the recording at `path`, if there is one and it can be completed.
     ///
     /// # Errors
-    /// [`RecordingError::NotMcap`] if there is a file that is no recording, [`RecordingError::InUse`] if it is being
-    /// recorded, [`RecordingError::File`] if it cannot be opened.
+    /// Returns [`RecordingError::NotMcap`] if the file is not a recording; [`RecordingError::InUse`] if it is
+    /// being recorded; [`RecordingError::File`] if it cannot be opened.
     pub(crate) fn complete(path: &Path) -> Result<Option<Self>, RecordingError> {
         if !path.exists() {
             return Ok(None);
@@ -232,7 +233,7 @@ impl Former {
         let own = file.try_clone().map_err(NamedFileError::at("open", path))?;
         let (file, trouble) = match completed(path, own, false) {
             Ok((file, _)) => (file, None),
-            // It is in nobody's way under another name.
+            // The file is in nobody's way under another name.
             Err(error) => (file, Some(error)),
         };
         Ok(Some(Self {
@@ -242,7 +243,7 @@ impl Former {
         }))
     }
 
-    /// Gives it another name, so that the next one can have its own. Returns that name: `FILE` becomes
+    /// Renames the recording, so that the next one can have its name. Returns the new name: `FILE` becomes
     /// `FILE.1` before its ending, or the next number.
     pub(crate) fn keep(self) -> Result<PathBuf, RecordingError> {
         let path = &self.path;
@@ -251,7 +252,7 @@ impl Former {
             let kept = numbered(path, number);
             match renameat_with(CWD, path, CWD, &kept, RenameFlags::NOREPLACE) {
                 Ok(()) => {
-                    // What could not be completed may be so later.
+                    // A recording that could not be completed may be so later.
                     MessageCounts::keep(path, &kept)?;
                     return Ok(kept);
                 }
@@ -279,7 +280,8 @@ fn locked(path: &Path) -> Result<File, RecordingError> {
     }
 }
 
-/// Refuses what is no recording. Its recorder may have been killed before it wrote anything.
+/// Refuses a file that is not a recording. An empty or zeroed one passes: its recorder may have been killed
+/// before it wrote anything.
 fn check_magic(path: &Path, file: &mut File) -> Result<(), RecordingError> {
     let mut start = Vec::new();
     rewind(path, file)?;
@@ -432,7 +434,7 @@ fn walk<'f>(path: &Path, file: &'f File) -> Result<Walk<'f>, NamedFileError> {
     Ok(Walk::new(file, MAGIC.len() as u64, metadata.len()))
 }
 
-/// Returns whether all data of a complete file is as it was written, as far as there are checksums.
+/// Returns true if all data of a complete file is as it was written, as far as there are checksums.
 fn is_sound(path: &Path, file: &File) -> Result<bool, NamedFileError> {
     let mut walk = walk(path, file)?;
     while let Some(step) = walk.next().map_err(NamedFileError::at("read", path))? {

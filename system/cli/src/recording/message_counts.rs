@@ -96,7 +96,7 @@ impl MessageCounts {
     }
 }
 
-/// Returns whether a file can be one with counts. After a power loss, what was not on the disk yet is missing or 0.
+/// Returns true if a file can be one with counts. After a power loss, what was not on the disk yet is missing or 0.
 fn is_ours(bytes: &[u8]) -> bool {
     bytes.starts_with(MAGIC) || bytes.iter().all(|byte| *byte == 0)
 }

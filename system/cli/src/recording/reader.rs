@@ -57,7 +57,7 @@ pub struct Column {
     pub source: usize,
     /// The index of its field in a row.
     pub field: usize,
-    /// The variable.
+    /// The name, type and unit of the variable, as a field of its row.
     pub variable: RosField,
     processor: String,
     owner: String,
@@ -73,9 +73,10 @@ impl RecordingReader {
     /// Opens a recording.
     ///
     /// # Errors
-    /// [`RecordingError::Incomplete`] if the recorder has not completed it,
-    /// [`RecordingError::NotMcap`], [`RecordingError::NoIndex`] and [`RecordingError::Format`] if it is none
-    /// that can be read, [`RecordingError::File`] and [`RecordingError::Schema`] if it cannot be read.
+    /// Returns [`RecordingError::Incomplete`] if the recorder has not completed it; [`RecordingError::NotMcap`]
+    /// if it is not an MCAP file; [`RecordingError::NoIndex`] if it has no index; [`RecordingError::Format`] if
+    /// its format has another version; [`RecordingError::File`] if it cannot be opened or read;
+    /// [`RecordingError::Schema`] if the schema of a channel cannot be read.
     pub fn open(path: &Path) -> Result<Self, RecordingError> {
         let mut file = open_regular(path).map_err(NamedFileError::at("open", path))?;
         let Some(whole) = whole(path, &mut file)? else {
@@ -103,7 +104,7 @@ impl RecordingReader {
                 found: found.to_owned(),
             });
         }
-        // What is inserted into the reader of `mcap` is unpacked before.
+        // Chunks are unpacked before they are inserted into the reader of `mcap`.
         for index in &mut summary.chunk_indexes {
             index.compression.clear();
             index.compressed_size = index.uncompressed_size;
@@ -168,7 +169,7 @@ impl RecordingReader {
         self.sources.push(source);
     }
 
-    /// Returns what the metadata `condor` says: see [the format](super).
+    /// Returns the content of the metadata `condor`: see [the format](super).
     #[must_use]
     pub const fn about(&self) -> &BTreeMap<String, String> {
         &self.about
@@ -181,7 +182,7 @@ impl RecordingReader {
     }
 
     /// Returns the time of the first message, and the time just after the last, in nanoseconds since
-    /// 1970; an empty range if there is none.
+    /// 1970; an empty range if there is no message.
     #[must_use]
     pub fn span(&self) -> Range<u64> {
         match &self.summary.stats {
@@ -198,11 +199,11 @@ impl RecordingReader {
         &self.columns
     }
 
-    /// Finds the variables for which names and patterns stand, each once, in their order; all of them if
-    /// there is no name. Names and patterns are those of `condor vars watch`.
+    /// Finds the variables with these names and patterns, each once, in the order of `names`; all variables if
+    /// `names` is empty. Names and patterns are those of `condor vars watch`.
     ///
     /// # Errors
-    /// [`RecordingError::Name`] if a name stands for no variable, or for several.
+    /// Returns [`RecordingError::Name`] if a name stands for no variable, or for several.
     pub fn columns(&self, names: &[String]) -> Result<Vec<&Column>, RecordingError> {
         if names.is_empty() {
             return Ok(self.columns.iter().collect());
@@ -213,18 +214,19 @@ impl RecordingReader {
         })
     }
 
-    /// Returns the shortest name of each column that no other has.
+    /// Returns the shortest name of each column that no other column has.
     #[must_use]
     pub fn labels(&self, columns: &[&Column]) -> Vec<String> {
         names::labels(&self.columns, columns)
     }
 
-    /// Hands over the rows of some sources in a span of time, in the order of time: the index of the
-    /// source, the time in nanoseconds since 1970, and the row.
+    /// Hands over the rows of some sources in a span of time, in the order of time: the index of the source,
+    /// the time in nanoseconds since 1970, and the row.
     ///
     /// # Errors
-    /// The error of `take`; [`RecordingError::File`], [`RecordingError::Mcap`] and
-    /// [`RecordingError::Message`] if the file cannot be read.
+    /// Returns the error of `take` if that fails; [`RecordingError::File`], [`RecordingError::Mcap`],
+    /// [`RecordingError::Damaged`], [`RecordingError::Compression`] or [`RecordingError::Message`] if the file
+    /// cannot be read.
     pub fn rows<E: From<RecordingError>>(
         &self,
         sources: &[usize],
@@ -250,8 +252,8 @@ impl RecordingReader {
     /// Returns the events in a span of time, each with its time in nanoseconds since 1970.
     ///
     /// # Errors
-    /// [`RecordingError::File`], [`RecordingError::Mcap`] and [`RecordingError::Message`] if the file
-    /// cannot be read.
+    /// Returns [`RecordingError::File`], [`RecordingError::Mcap`], [`RecordingError::Damaged`],
+    /// [`RecordingError::Compression`] or [`RecordingError::Message`] if the file cannot be read.
     pub fn events(&self, span: Range<u64>) -> Result<Vec<(u64, Log)>, RecordingError> {
         let channels = self.summary.channels.values();
         let is_log = |it: &&std::sync::Arc<Channel<'_>>| {
@@ -334,7 +336,7 @@ impl RecordingReader {
     }
 }
 
-/// What a complete file says about itself at its end.
+/// The summary that a complete file has at its end.
 pub(super) struct FileSummary {
     pub(super) summary: Summary,
     metadata: BTreeMap<String, BTreeMap<String, String>>,
@@ -372,7 +374,7 @@ impl FileSummary {
         taken.collect()
     }
 
-    /// Returns whether all messages are found by the index.
+    /// Returns true if all messages are found by the index.
     pub(super) fn has_index(&self) -> bool {
         let chunks = self.summary.chunk_indexes.len();
         self.summary.stats.as_ref().is_some_and(|stats| {
@@ -410,7 +412,7 @@ pub(super) fn whole(path: &Path, file: &mut File) -> Result<Option<FileSummary>,
                 let at = file.seek(to);
                 reader.notify_seeked(at.map_err(NamedFileError::at("read", path))?);
             }
-            // It does not end as a complete file does.
+            // The file does not end as a complete one does.
             Err(_) => return Ok(None),
         }
     }
@@ -426,7 +428,7 @@ pub(super) fn whole(path: &Path, file: &mut File) -> Result<Option<FileSummary>,
     Ok(metadata.map(|metadata| FileSummary { summary, metadata }))
 }
 
-/// Returns whether all records of the summary are as long as they say, if there is one.
+/// Returns true if all records of the summary are as long as they say, if there is one.
 fn is_sound(file: &File, length: u64) -> io::Result<bool> {
     const END: u64 = records::HEAD + 20 + MAGIC.len() as u64;
     let Some(footer) = length.checked_sub(END) else {
@@ -448,7 +450,7 @@ fn is_sound(file: &File, length: u64) -> io::Result<bool> {
     Ok(is_ended)
 }
 
-/// Returns whether the file ends as a complete one without a summary does: with the end of the data, the footer
+/// Returns true if the file ends as a complete one without a summary does: with the end of the data, the footer
 /// and the magic.
 pub(super) fn is_ended(path: &Path, mut file: &File) -> Result<bool, NamedFileError> {
     const CRC: usize = 4;

@@ -46,9 +46,9 @@ pub(super) struct Walk<'f> {
 /// The reason for which a chunk has no content.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum ChunkError {
-    /// It does not say what a chunk says, or is too long.
+    /// The record lacks fields of a chunk, or is too long.
     Invalid,
-    /// Its content is not what was written.
+    /// The content of the chunk is not as it was written.
     Damaged,
     /// Nothing is known here of its compression.
     Unknown(String),
@@ -105,7 +105,7 @@ impl<'f> Walk<'f> {
         Ok(Some(step))
     }
 
-    /// Returns whether a message, which is not in a chunk, is another record whose opcode is damaged: the header, with
+    /// Returns true if a message, which is not in a chunk, is another record whose opcode is damaged: the header, with
     /// which a file begins, or a message index.
     fn is_other(&self, body: &[u8]) -> bool {
         let is_index = || surplus(op::MESSAGE_INDEX, body).is_some_and(<[u8]>::is_empty);
@@ -152,7 +152,7 @@ impl<'f> Walk<'f> {
         Ok(None)
     }
 
-    /// Returns whether there is a chunk with a checksum, which is right.
+    /// Returns true if there is a chunk with a checksum, which is right.
     fn is_sure_chunk(&self, at: u64) -> io::Result<bool> {
         let left = self.end.saturating_sub(at);
         let begin = part(self.file, at, left.min(HEAD + CHUNK_FIXED as u64 + 4))?;
@@ -171,7 +171,7 @@ impl<'f> Walk<'f> {
     }
 }
 
-/// Returns whether a chunk with this body has a checksum, which may be wrong.
+/// Returns true if a chunk with this body has a checksum, which may be wrong.
 fn has_checksum(body: &[u8]) -> bool {
     let checksum = body.get(CHUNK_FIXED - 4..CHUNK_FIXED);
     checksum.is_some_and(|it| it != [0; 4])
@@ -268,13 +268,13 @@ enum Part {
     Texts,
     /// Bytes with their count, in 64 bits, before them.
     Long,
-    /// What the record is about: all that is left.
+    /// The content of the record: all bytes that are left.
     Data,
-    /// Fields of which nothing is known here: all that is left.
+    /// Fields that are not known here: all bytes that are left.
     Rest,
 }
 
-/// Returns whether a record has the fields of its kind, with lengths that it has room for: only then the crate
+/// Returns true if a record has the fields of its kind, with lengths that it has room for: only then the crate
 /// `mcap` takes no more memory for them than the record has.
 pub(super) fn fits(opcode: u8, body: &[u8]) -> bool {
     surplus(opcode, body).is_some()

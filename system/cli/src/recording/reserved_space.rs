@@ -15,7 +15,7 @@ const STEP: u64 = 8 << 20;
 pub(super) struct ReservedSpace {
     file: File,
     bytes: u64,
-    /// Whether the file system can do it.
+    /// Whether the filesystem can allocate in advance.
     is_possible: bool,
 }
 
@@ -33,8 +33,8 @@ impl ReservedSpace {
         &self.file
     }
 
-    /// Makes sure that the file can have `bytes` bytes. Where a file system cannot allocate in
-    /// advance, a full disk shows when the file is written.
+    /// Makes sure that the file can have `bytes` bytes. Where a filesystem cannot allocate in advance, a full
+    /// disk shows when the file is written.
     pub(super) fn ensure(&mut self, bytes: u64) -> Result<(), Errno> {
         if bytes <= self.bytes || !self.is_possible {
             return Ok(());
@@ -61,7 +61,7 @@ impl ReservedSpace {
         Ok(())
     }
 
-    /// Gives back what was allocated beyond the end of the file.
+    /// Releases the room that was allocated beyond the end of the file.
     pub(super) fn give_back(file: &File) -> io::Result<()> {
         file.set_len(file.metadata()?.len())
     }

@@ -33,7 +33,7 @@ pub(crate) struct Origin<'o> {
     /// The name of the system.
     pub(crate) system: &'o str,
     pub(crate) is_simulated: bool,
-    /// How far the wall clock is ahead of the clock of the system.
+    /// The time by which the wall clock is ahead of the clock of the system.
     pub(crate) ahead_ns: u64,
     /// The number of ticks from one row to the next.
     pub(crate) every: u32,
@@ -290,8 +290,8 @@ impl Writer {
     /// Writes what was collected, and the open chunk if it is due.
     ///
     /// # Errors
-    /// [`RecordingError::Full`] if there is no room; [`end`](Self::end) then completes the file, without
-    /// what was collected.
+    /// Returns [`RecordingError::Full`] if there is no room; [`end`](Self::end) then completes the file,
+    /// without the collected messages.
     pub(crate) fn commit(&mut self) -> Result<(), RecordingError> {
         if !self.collected.is_empty() {
             self.write()?;

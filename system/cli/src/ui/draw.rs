@@ -45,7 +45,7 @@ fn draw_tabs(frame: &mut Frame<'_>, model: &Model, layout: &Layout) {
     }
 }
 
-/// How the processor of a window is.
+/// Returns the state of the processor of a window.
 fn state(model: &Model, window: &Window) -> Option<MemberState> {
     let mut members = model.members.iter();
     let member = members.find(|member| member.number == window.processor);

@@ -1,4 +1,4 @@
-//! What comes from outside: threads that listen, each to one thing, and connect again when it ends.
+//! The sources of events: threads that each listen to one thing, and connect again when it ends.
 
 use std::io::{self, Read};
 use std::os::unix::net::UnixStream;
@@ -37,7 +37,7 @@ pub(super) enum UiEvent {
     Opened(WindowId, Input),
     Output(WindowId, Vec<u8>),
     Closed(WindowId),
-    /// What became of something that was asked for.
+    /// The outcome of a request.
     Notice(String),
     Plot(plot::FeedEvent),
 }
@@ -104,7 +104,7 @@ fn supervisor(directory: &SystemDirectory, news: &Sender<UiEvent>) {
 
 fn log(directory: &SystemDirectory, news: &Sender<UiEvent>) {
     loop {
-        // Why it cannot be followed, the thread of the states tells.
+        // The thread of the states tells why the log cannot be followed.
         if let Ok(false) = follow(directory, news) {
             return;
         }

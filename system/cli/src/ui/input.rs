@@ -1,4 +1,4 @@
-//! What a key, the mouse or a paste asks for.
+//! The actions that keys, the mouse and pastes ask for.
 
 use crossterm::event::{
     Event, KeyCode, KeyEvent, KeyEventKind, KeyModifiers, MouseButton, MouseEvent, MouseEventKind,
@@ -12,7 +12,7 @@ const WHEEL: i32 = 3;
 /// Lines that a page has, for scrolling.
 const PAGE: i32 = 15;
 
-/// What the meaning of an event depends on.
+/// The state on which the meaning of an event depends.
 #[derive(Clone, Debug)]
 pub(super) struct Situation {
     pub(super) focus: Page,
@@ -39,7 +39,7 @@ impl Situation {
     }
 }
 
-/// What a person wants.
+/// An action that a person asks for.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Action {
     Type(Vec<u8>),
@@ -74,7 +74,7 @@ pub(super) enum Action {
     Draw,
 }
 
-/// What an event asks for; nothing for most.
+/// Returns the action that an event asks for; `None` for most events.
 pub(super) fn action(situation: &Situation, event: &Event) -> Option<Action> {
     match event {
         Event::Key(key) if key.kind != KeyEventKind::Release => self::key(situation, key),
@@ -171,7 +171,7 @@ fn mouse(situation: &Situation, mouse: MouseEvent) -> Option<Action> {
     }
 }
 
-/// What a terminal sends for a key, as xterm does.
+/// Returns the bytes that a terminal sends for a key, as xterm does.
 fn bytes(key: &KeyEvent, application_cursor: bool) -> Option<Vec<u8>> {
     let cursor = |letter: char| {
         let lead = if application_cursor { 'O' } else { '[' };

@@ -1,4 +1,4 @@
-//! Where windows and tables are.
+//! The places of windows and tables.
 
 use ratatui::layout::{Constraint, Layout as Split, Rect};
 use ratatui::widgets::{Block, Borders};
@@ -11,7 +11,7 @@ const HIGH: u16 = 40;
 /// Columns of the tables beside windows.
 const TABLES: u16 = 84;
 
-/// Where everything is.
+/// The places of all parts of the screen.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Layout {
     pub(super) tabs: Vec<(Page, String, Rect)>,
@@ -29,7 +29,7 @@ impl Layout {
         })
     }
 
-    /// What is at a place.
+    /// Returns the page at a place of the screen.
     pub(super) fn page_at(&self, column: u16, row: u16) -> Option<Page> {
         let place = ratatui::layout::Position::new(column, row);
         let mut tabs = self.tabs.iter();
@@ -69,7 +69,7 @@ pub(super) fn layout(area: Rect, model: &Model) -> Layout {
     }
 }
 
-/// Gives the windows the sizes that they have on a screen of this size.
+/// Sets the sizes of the windows for a screen of this size.
 pub(super) fn resize(model: &mut Model, columns: u16, rows: u16) {
     model.area = Rect::new(0, 0, columns, rows);
     for (page, inner) in layout(model.area, model).insides() {

@@ -17,7 +17,7 @@ use condor_host::error::me;
 use condor_host::extension::Extension;
 use condor_host::system::SystemDirectory;
 
-/// What can be done to a processor, before the clock's orders and its tools.
+/// The actions on a processor, which come before those on the clock and the tools.
 const ORDERS: [&str; 4] = ["stop", "start", "restart", LOAD];
 /// Another program, which is typed.
 const LOAD: &str = "load …";
@@ -29,9 +29,9 @@ pub(super) enum Entry {
     Order(&'static str),
     /// The simulated clock stops.
     Pause,
-    /// It goes on.
+    /// The time goes on.
     Resume,
-    /// It goes on for a time that is typed.
+    /// The time goes on for a time that is typed.
     Step,
     Tool(Tool),
 }

@@ -35,11 +35,11 @@ impl Page {
     pub(super) const TABLES: [Self; 4] = [Self::Loops, Self::Messages, Self::Files, Self::Log];
 }
 
-/// What is in front of everything.
+/// The popup in front of everything.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Popup {
     Help,
-    /// What can be done to the processor of this place, and which of it is chosen.
+    /// The actions on the processor of this place, and the chosen one of them.
     Menu {
         member: usize,
         entry: usize,
@@ -53,7 +53,7 @@ pub(super) enum Popup {
     Leave,
 }
 
-/// How a person leaves.
+/// The way in which a person leaves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Leaving {
     /// The system goes on.
@@ -62,7 +62,7 @@ pub(super) enum Leaving {
     Down,
 }
 
-/// What is known of the file service beside its vectors.
+/// The state of the file service beside the counts of its vectors.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct FileServiceState {
     pub(super) messages: u32,
@@ -76,7 +76,7 @@ pub(super) struct Model {
     /// The simulated clock, if the system has one.
     pub(super) clock: Option<ClockStatus>,
     pub(super) files_root: Option<String>,
-    /// Why nothing is heard of the supervisor.
+    /// The reason why the supervisor does not answer.
     pub(super) gone: Option<String>,
     /// Processors, then services.
     pub(super) members: Vec<Member>,
@@ -85,16 +85,16 @@ pub(super) struct Model {
     pub(super) loops: Vec<Row<LoopRates>>,
     pub(super) vectors: Vec<Row<VectorCounts>>,
     pub(super) served: FileServiceState,
-    /// Why there are no counts.
+    /// The reason why there are no counts.
     pub(super) blind: Option<String>,
     pub(super) log: VecDeque<String>,
     pub(super) focus: Page,
     pub(super) zoomed: bool,
     pub(super) popup: Option<Popup>,
     pub(super) notice: Option<String>,
-    /// What is typed into the popup in front.
+    /// The text that is typed into the popup in front.
     pub(super) typed: String,
-    /// How far each table is scrolled.
+    /// The number of lines by which each table is scrolled.
     pub(super) scrolled: [usize; 4],
     pub(super) tools: Vec<Tool>,
     pub(super) plot: Plot,
@@ -234,7 +234,7 @@ impl Model {
         }
     }
 
-    /// How many lines of a table are above what is shown.
+    /// Returns the number of lines of a table that are above the visible ones.
     pub(super) fn scroll_of(&self, page: Page) -> usize {
         let place = Page::TABLES.iter().position(|table| *table == page);
         let scrolled = place.and_then(|place| self.scrolled.get(place));

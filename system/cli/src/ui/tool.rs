@@ -13,7 +13,7 @@ use super::feed::{UiEvent, pass_on};
 use super::window::WindowId;
 use condor_host::control::Member;
 
-/// What stands for a process.
+/// The text that stands for the number of a process.
 const PID: &str = "{pid}";
 
 /// A program that can be started on a processor.
@@ -100,7 +100,7 @@ pub(super) fn start(command: &str, id: WindowId, news: &Sender<UiEvent>) -> io::
         if heard.is_ok() {
             pass_on(reader, id, &news);
         }
-        // It ends with its terminal; nobody asks how.
+        // The tool ends with its terminal; nobody asks how.
         let _ = child.wait();
     });
     Ok(())

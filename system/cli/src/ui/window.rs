@@ -124,7 +124,7 @@ impl Window {
     /// Sends what waits, as far as possible now.
     fn pass_on(&mut self) {
         if let (Some(input), false) = (&mut self.input, self.early.is_empty()) {
-            // What cannot be written is kept for the next service.
+            // Characters that cannot be written are kept for the next service.
             let taken = input.take(&self.early).unwrap_or(0);
             self.early.drain(..taken);
         }

@@ -10,7 +10,7 @@ use crate::view::{Heart, TerminalCounts, View, ViewError};
 pub struct ProcessorReport<'s> {
     /// The name of the system.
     pub system: &'s str,
-    /// How long it has run, in seconds.
+    /// The time since the system was started, in seconds.
     pub uptime: f64,
     /// The process of its supervisor.
     pub pid: u32,
@@ -23,7 +23,7 @@ pub struct ProcessorReport<'s> {
 /// A processor or a service.
 #[derive(Serialize)]
 pub struct ProcessorRow<'s> {
-    /// What the supervisor knows of it.
+    /// The state of the processor or service, as the supervisor reports it.
     #[serde(flatten)]
     pub member: &'s Member,
     /// Whether it is a service.

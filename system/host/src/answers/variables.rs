@@ -1,4 +1,4 @@
-//! The answers to `condor vars list` and `condor vars get`: variables with what is known of them, and their values.
+//! The answers to `condor vars list` and `condor vars get`: variables with their properties and values.
 
 use std::collections::BTreeSet;
 
@@ -36,7 +36,8 @@ pub struct Variable<'s> {
 /// Returns the `variables` that `vars list --json` prints, or with `names` those that `vars get --json` prints.
 ///
 /// # Errors
-/// An error that says which name is unknown, or which value cannot be had.
+/// Returns an error if a table cannot be read, if a name is unknown, or if a value cannot be read; the text
+/// says which one.
 pub fn variables(
     status: &SystemStatus,
     view: &View,
@@ -80,7 +81,7 @@ pub fn all_values(known: &mut VariableCatalog, clients: &mut Clients<'_>) -> Vec
 /// Returns the present values of some variables, parameters and fields.
 ///
 /// # Errors
-/// An error that says which value cannot be had.
+/// Returns an error if a value cannot be read; the text names the variable or the loop.
 pub fn values(
     clients: &mut Clients<'_>,
     chosen: &[&CatalogEntry],
@@ -94,7 +95,7 @@ pub fn values(
     Ok(values)
 }
 
-/// Returns what is known of a variable, with its value if there is one.
+/// Returns the report on a variable, with its value if there is one.
 #[must_use]
 pub fn variable(one: &CatalogEntry, value: Option<AnyValue>) -> Variable<'_> {
     let owner = Some(&*one.owner);

@@ -9,7 +9,7 @@ use super::{ControlAnswer, ControlRequest, DOWN, SystemEvent, SystemStatus};
 use crate::error::AnyError;
 use crate::system::{ANSWER, NamedFileError, SystemDirectory};
 
-/// How long it may take to do something; programs may have to end, and others to join.
+/// The time that a request may take to take effect; programs may have to end, and others to join.
 const DONE: Duration = Duration::from_secs(120);
 
 /// The reason for which a request was not carried out, or not answered.
@@ -32,7 +32,7 @@ pub enum ControlClientError {
         after.as_secs_f64()
     )]
     TimedOut {
-        /// The time-out.
+        /// The timeout that has passed.
         after: Duration,
     },
     /// The supervisor has ended before it answered.
@@ -41,7 +41,7 @@ pub enum ControlClientError {
     /// A line came that is not an answer.
     #[error("cannot understand the answer {line:?} of the supervisor: {source}")]
     NoAnswer {
-        /// The line.
+        /// The line that came from the supervisor.
         line: String,
         /// The reason for which it is not an answer.
         source: serde_json::Error,
@@ -71,10 +71,10 @@ impl ControlClient {
         })
     }
 
-    /// Sets the time-out for all answers; `None` means to wait for ever.
+    /// Sets the timeout for all answers; `None` means to wait forever.
     ///
     /// # Errors
-    /// [`ControlClientError::Broken`] if `timeout` is zero, which the operating system refuses.
+    /// Returns [`ControlClientError::Broken`] if `timeout` is zero, which the operating system refuses.
     pub fn set_timeout(&mut self, timeout: Option<Duration>) -> Result<(), ControlClientError> {
         self.stream.get_ref().set_read_timeout(timeout)?;
         self.has_timeout = true;
@@ -145,7 +145,7 @@ impl ControlClient {
         Ok(ControlEvents(self))
     }
 
-    /// Sets the time-out of the next read to `patience`, unless the caller has chosen a time-out.
+    /// Sets the timeout of the next read to `patience`, unless the caller has chosen a timeout.
     fn wait_for(&self, patience: Duration) -> Result<(), ControlClientError> {
         if !self.has_timeout {
             self.stream.get_ref().set_read_timeout(Some(patience))?;
@@ -228,7 +228,8 @@ impl Iterator for ControlEvents {
 /// this program. A name without a slash stays as it is: the supervisor searches for it.
 ///
 /// # Errors
-/// The error of the operating system if there is no working directory, or a text that says that the path is not UTF-8.
+/// Returns the operating system's error if there is no working directory; an error that names the path if the
+/// path is not UTF-8.
 pub fn from_here(program: String) -> Result<String, AnyError> {
     if !program.contains('/') {
         return Ok(program);

@@ -26,7 +26,7 @@ pub(crate) struct Server {
     is_deaf: bool,
     connections: Vec<Connection>,
     next: u64,
-    /// Whose turn it is.
+    /// The place of the connection whose turn it is.
     turn: usize,
 }
 
@@ -102,7 +102,7 @@ impl Server {
             let stream = match self.listener.accept() {
                 Ok((stream, _)) => stream,
                 Err(error) => {
-                    // What else there is, such as a lack of descriptors, would be told again and again.
+                    // Another error, such as a lack of descriptors, would be told again and again.
                     self.is_deaf = !matches!(
                         error.kind(),
                         ErrorKind::WouldBlock

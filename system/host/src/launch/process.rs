@@ -34,7 +34,7 @@ struct Running {
 #[derive(Debug)]
 struct Output {
     pipe: PipeReader,
-    /// What is not a whole line yet.
+    /// The begin of a line whose end has not come yet.
     begun: Vec<u8>,
 }
 
@@ -104,7 +104,7 @@ impl Launch for ChildProcess {
             StopMethod::Force => Signal::KILL,
         };
         match rustix::process::pidfd_send_signal(&running.pidfd, signal) {
-            // It has ended, and will be noticed.
+            // The process has ended, and that will be noticed.
             Ok(()) | Err(rustix::io::Errno::SRCH) => Ok(()),
             Err(error) => {
                 let file = self.image.as_ref().map(|image| image.file.clone());
@@ -132,7 +132,7 @@ impl Launch for ChildProcess {
         let Some(output) = &mut self.output else {
             return false;
         };
-        // Who has ended writes no more.
+        // A process that has ended writes no more.
         let mut left = if self.running.is_some() {
             AT_ONCE
         } else {
@@ -183,7 +183,7 @@ impl Running {
         }
     }
 
-    /// How it ended, if it has; then its group has, too.
+    /// Returns the way in which it ended, if it has; then its group has ended, too.
     fn exit(&mut self) -> Option<Exit> {
         let flags = WaitIdOptions::EXITED | WaitIdOptions::NOHANG | WaitIdOptions::NOWAIT;
         let process = Pid::from_child(&self.child);
@@ -213,7 +213,7 @@ pub(crate) fn die_with_parent(command: &mut Command, signal: Signal, session: bo
             rustix::process::setsid()?;
         }
         rustix::process::set_parent_process_death_signal(Some(signal))?;
-        // It may have died before this was arranged.
+        // The parent may have died before this was arranged.
         if rustix::process::getppid() != Some(parent) {
             return Err(rustix::io::Errno::SRCH.into());
         }
@@ -227,7 +227,7 @@ pub(crate) fn die_with_parent(command: &mut Command, signal: Signal, session: bo
 /// Kills a process and its group.
 fn end(child: &mut Child) {
     end_group(Pid::from_child(child));
-    // It may have ended already.
+    // The child may have ended already.
     let _ = child.kill();
     let _ = child.wait();
 }
@@ -258,7 +258,7 @@ impl Output {
 impl Drop for ChildProcess {
     fn drop(&mut self) {
         if let Some(running) = &mut self.running {
-            // Who drops it without having stopped it has failed.
+            // The owner has failed if it drops a program that was not stopped.
             end(&mut running.child);
         }
     }

@@ -5,7 +5,7 @@ use condor_ros2::{JointState, Time, Transform};
 use crate::robot::{Frame, Robot};
 use crate::watching::{CatalogEntry, RowSource, SourceRow, VariableCatalog, float};
 
-/// How far a joint is moved to find the frames that move with it, in radians or metres.
+/// The distance by which a joint is moved to find the frames that move with it, in radians or metres.
 const STEP: f64 = 0.1;
 
 /// The joints and frames of a robot that moves. A row of a loop makes one message of the joints whose positions it

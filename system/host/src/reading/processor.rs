@@ -13,7 +13,7 @@ use crate::extension::{Extension, FoundProcessor};
 
 type Number = WholeNumber<u8, { *PROGRAMS.start() as i64 }, { *PROGRAMS.end() as i64 }>;
 
-/// What all processors have; of one that is wrong, some may be missing.
+/// The keys that all processors have; some may be missing if the processor is wrong.
 pub(super) struct Common {
     number: Option<Spanned<Number>>,
     name: Option<Spanned<String>>,

@@ -14,24 +14,25 @@ pub trait MotionFiles {
     /// Returns the names of the files, in alphabetical order.
     ///
     /// # Errors
-    /// An error that says why the files cannot be listed.
+    /// Returns an error if the files cannot be listed; the text says why.
     fn list(&self) -> Result<Vec<String>, AnyError>;
 
     /// Returns the text of a file.
     ///
     /// # Errors
-    /// An error that names the file, and says why it cannot be read.
+    /// Returns an error if the name is refused, or if the file cannot be read; the text names the file and says
+    /// why.
     fn read(&self, file: &str) -> Result<String, AnyError>;
 
-    /// Writes a file. Only with `replaces` may there be one of this name.
+    /// Writes a file. If there is a file of this name, it is replaced only if `replaces` is true.
     ///
     /// # Errors
-    /// An error that says what is wrong with the name or the text, that there is such a file, or why it
-    /// cannot be written.
+    /// Returns an error if the name or the text is wrong, if there is such a file and `replaces` is false, or
+    /// if the file cannot be written; the text says which.
     fn write(&mut self, file: &str, text: &str, replaces: bool) -> Result<(), AnyError>;
 }
 
-/// The way to have the robot of a running system make composed motions.
+/// A sender of composed motions to the robot of a running system.
 ///
 /// # For users
 ///
@@ -41,17 +42,18 @@ pub trait MotionSender {
     /// somebody else is in control of the robot, the motion is enqueued only with `takes_control`.
     ///
     /// # Errors
-    /// An error that says what is wrong with the text, who is in control, or why the system cannot be asked.
+    /// Returns an error if the text is wrong, if somebody else is in control, or if the system cannot be asked.
+    /// The text of the error says what is wrong, or names the user in control.
     fn enqueue(&mut self, text: &str, takes_control: bool) -> Result<u64, AnyError>;
 
-    /// Returns what has become of an enqueued motion.
+    /// Returns the present state of an enqueued motion.
     ///
     /// # Errors
-    /// An error that says that there is no such number, or why the system cannot be asked.
+    /// Returns an error if there is no motion with this number, or if the system cannot be asked.
     fn outcome(&mut self, id: u64) -> Result<MotionOutcome, AnyError>;
 }
 
-/// What has become of an enqueued motion.
+/// The state of an enqueued motion.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "camelCase")]
 pub struct MotionOutcome {
@@ -59,8 +61,8 @@ pub struct MotionOutcome {
     pub state: String,
     /// The reason for which it is refused or has ended early.
     pub reason: Option<String>,
-    /// How much of it is done, in 0..=1; `None` if nobody knows.
+    /// The part of the motion that is done, in 0..=1; `None` if it is not known.
     pub progress: Option<f64>,
-    /// Whether nothing changes any more.
+    /// Whether the motion is over, so that this state does not change any more.
     pub is_final: bool,
 }

@@ -13,10 +13,10 @@ use crate::error::AnyError;
 /// their order, in radians or metres; points are in metres, in the frame of the base. All results can be
 /// written as JSON, with the names of their fields.
 ///
-/// The document of a composed motion is the text of the robot's motion file: whoever composes one keeps the
-/// texts, with as many former ones as it wants to undo, and has a plan made of the present one.
-/// [`steps`](Self::steps) returns the contents of a text for editing, and [`text`](Self::text) the text of edited
-/// contents. What is saved or enqueued is that text.
+/// The document of a composed motion is the text of the robot's motion file. A program that composes one keeps
+/// the texts, with as many previous ones as it wants to undo, and requests a plan of the present one.
+/// [`steps`](Self::steps) returns the contents of a text for editing, and [`text`](Self::text) the text of
+/// edited contents. That text is the one to save or enqueue.
 ///
 /// # For implementers
 ///
@@ -31,11 +31,12 @@ pub trait Simulator: Send + Sync {
     /// Joints that do not carry the frame stay.
     ///
     /// # Errors
-    /// An error that names the frame, if there is none of this name, or the number that is not possible.
+    /// Returns an error if there is no frame of this name, or if a number is not possible; the text names the
+    /// frame or the number.
     fn dragged(&self, positions: &[f64], frame: &str, to: [f64; 3])
     -> Result<DragResult, AnyError>;
 
-    /// Returns how near parts of the robot are to each other that must not meet.
+    /// Returns the distances between parts of the robot that must not meet.
     fn clearances(&self, positions: &[f64]) -> Vec<Clearance>;
 
     /// Returns the motion that the robot makes of the text of a motion file, from rest at `from`. Sensors
@@ -43,20 +44,21 @@ pub trait Simulator: Send + Sync {
     /// in errors.
     ///
     /// # Errors
-    /// An error that says where the text is wrong, which position of `from` is, or that the plan is too long.
+    /// Returns an error if the text is wrong, if a position of `from` is not possible, or if the plan is too
+    /// long; the text says where.
     fn plan(&self, from: &[f64], motion: &str, file: &str) -> Result<Plan, AnyError>;
 
     /// Returns the contents of a motion file as JSON: tables, lists and values with the names that they have
     /// in the text. Comments are lost.
     ///
     /// # Errors
-    /// An error that says where the text is wrong.
+    /// Returns an error if the text is wrong; the text of the error says where.
     fn steps(&self, motion: &str, file: &str) -> Result<Json, AnyError>;
 
     /// Returns the text of a motion file with these contents.
     ///
     /// # Errors
-    /// An error that says what the robot cannot read in it.
+    /// Returns an error if the robot cannot read these contents; the text says what is wrong.
     fn text(&self, steps: &Json) -> Result<String, AnyError>;
 }
 
@@ -110,11 +112,11 @@ pub struct Plan {
     pub period_s: f64,
     /// All joints of the robot, in their order.
     pub joints: Vec<JointPlan>,
-    /// What becomes of each step of the motion.
+    /// The events of the steps of the motion, such as begin and end.
     pub events: Vec<PlanEvent>,
-    /// Where tendons cannot give the torque that the motion takes.
+    /// The times in which tendons cannot produce the torque that the motion takes.
     pub overloads: Vec<Overload>,
-    /// Where parts meet.
+    /// The times in which parts of the robot meet.
     pub collisions: Vec<Collision>,
 }
 
@@ -143,19 +145,19 @@ pub struct JointPlan {
     pub tendons: Vec<TendonPlan>,
 }
 
-/// The greatest part of each of its limits that a motion takes of a joint: 1 is all of it.
+/// The greatest fraction of each limit of a joint that a motion uses: 1 is the whole limit.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct MotionPeaks {
-    /// Of the speed.
+    /// The fraction of the greatest speed.
     pub velocity: f64,
-    /// Of the torque, on its side.
+    /// The fraction of the least or the greatest torque, whichever has the sign of the torque.
     pub torque: f64,
-    /// Of the tension of its tendons; `None` without tendons.
+    /// The fraction of the greatest tension of its tendons; `None` without tendons.
     pub tension: Option<f64>,
 }
 
 impl JointPlan {
-    /// Returns the greatest part of each limit.
+    /// Returns the greatest fraction of each limit that the motion uses.
     #[must_use]
     pub fn peaks(&self) -> MotionPeaks {
         let [least, most] = self.torque_limits;
@@ -171,7 +173,7 @@ impl JointPlan {
     }
 }
 
-/// Returns the largest magnitude; 0 of no values.
+/// Returns the largest magnitude of the values; 0 if there are none.
 #[must_use]
 pub fn largest(values: &[f64]) -> f64 {
     values.iter().fold(0.0, |most, value| value.abs().max(most))
@@ -195,7 +197,7 @@ pub struct PlanEvent {
     pub at_s: f64,
     /// The step, from 1, in the order of the text.
     pub step: usize,
-    /// What happens to it.
+    /// The change of the state of the step.
     #[serde(flatten)]
     pub what: What,
 }
@@ -204,50 +206,50 @@ pub struct PlanEvent {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case", tag = "what")]
 pub enum What {
-    /// It begins.
+    /// The step begins.
     Begins,
-    /// It begins in a changed form, since the limits do not permit it from the state of the joints.
+    /// The step begins in a changed form, since the limits do not permit it from the state of the joints.
     BeginsAdjusted,
-    /// It has reached its targets.
+    /// The step has reached its targets.
     Reached,
-    /// Its time has stopped it.
+    /// The step has stopped because its time is over.
     Stopped,
-    /// Another step has taken its last joint.
+    /// The step has ended because another step has taken its last joint.
     Superseded,
-    /// It was dropped, since another step is refused.
+    /// The step was dropped because another step is refused.
     Dropped,
-    /// It cannot be; all motion slows down and ends.
+    /// The step is not possible; all motion slows down and ends.
     Refused {
-        /// The reason.
+        /// The reason for the refusal, for people.
         reason: String,
     },
-    /// It waits for a condition that no simulation has; the plan ends here.
+    /// The step waits for a condition that no simulation has; the plan ends here.
     Waits,
-    /// Nothing follows it before somebody lets the motion go on; the plan goes on at once.
+    /// The robot would hold here until somebody lets the motion go on; the plan goes on at once.
     Holds,
 }
 
-/// A time in which tendons cannot give the torque that a motion takes of a joint.
+/// A time in which tendons cannot produce the torque that a motion takes of a joint.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Overload {
     /// The name of the joint.
     pub joint: String,
-    /// The first of these ticks, s since the start.
+    /// The time of the first of these ticks, s since the start.
     pub from_s: f64,
-    /// The last of them, s since the start.
+    /// The time of the last of these ticks, s since the start.
     pub to_s: f64,
-    /// The torque that is farthest from what can be given, N m.
+    /// The torque that is farthest beyond the possible one, N m.
     pub torque: f64,
-    /// The torque that the tendons give then, N m.
+    /// The torque that the tendons can produce then, N m.
     pub possible: f64,
 }
 
 /// A time in which two parts meet.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Collision {
-    /// The first of these ticks, s since the start.
+    /// The time of the first of these ticks, s since the start.
     pub from_s: f64,
-    /// The last of them, s since the start.
+    /// The time of the last of these ticks, s since the start.
     pub to_s: f64,
     /// The parts where they are deepest in each other.
     #[serde(flatten)]

@@ -8,7 +8,7 @@
 //! | `NAME.old.log` | holds the previous log, from before the last rotation |
 //! | `NAME.sock` | a socket: a client gets the end of the log and then new output; bytes that it writes are typed |
 //! | `NAME` | a link to a pseudo-terminal, which gets new output; bytes that are written to it are typed |
-//! | `NAME.typed` | holds what is typed; bytes that are appended to it are typed, see [`type_in`]; what the program has taken is a hole |
+//! | `NAME.typed` | holds the typed characters; bytes that are appended to it are typed, see [`type_in`]; characters that the program has taken become a hole |
 //! | `NAME.mark`, `NAME.typed.mark` | say which byte of the output, and of the input, is at which place in the file |
 //!
 //! The terminal of a processor is the object `console` in its [object table](condor_rt::objects),
@@ -64,24 +64,24 @@ use serde::{Deserialize, Serialize};
 use station::Station;
 pub use typing::Keyboard;
 
-/// How many turns of simulated time a service has to find out what a former one left: processors
+/// The number of turns of simulated time that a service has to find the traces of a previous one: processors
 /// answer in between, and no time passes.
 const FIRST_TURNS: u32 = 8;
 
-/// How often a service that is to end looks for what programs wrote before that: a program that goes
-/// on writing does not keep it.
+/// The number of times that an ending service looks for the earlier output of programs: a program that goes on
+/// writing does not keep it.
 const LAST_LOOKS: u32 = 256;
 
-/// How long to wait for events at most: the own heart must beat.
+/// The longest wait for events: the service's own heartbeat must go on.
 const BEAT: Timespec = Timespec {
     tv_sec: 0,
     tv_nsec: 500_000_000,
 };
 
-/// What the service is told by the supervisor.
+/// The settings that the supervisor passes to the service.
 #[derive(Serialize, Deserialize)]
 pub(crate) struct Settings {
-    /// Where the sockets and logs of the terminals are.
+    /// The directory with the sockets and logs of the terminals.
     directory: PathBuf,
     /// The processors that have terminals, each with its name.
     processors: Vec<(u8, String)>,
@@ -192,7 +192,7 @@ pub(super) fn serve(settings: &Settings) -> Result<(), ServiceError> {
                 break;
             }
         }
-        // Nobody rings where it gives itself the turn, as it asks or kicks.
+        // The doorbell does not ring where the service takes the turn itself, as it asks or kicks.
         more |= doorbell.clock().is_some_and(HostClock::has_turn);
         // Nobody rings if it has got the turn at once.
         let goes_on = more || clock.is_some_and(|(clock, _)| clock.has_turn());
@@ -225,7 +225,7 @@ fn wait(own: [&dyn AsFd; 4], stations: &[Station], limit: &Timespec) -> Result<(
     }
 }
 
-/// Asks for the next turn, if there is to be one, and gives back the present one.
+/// Asks for the next turn, if one is needed, and returns the present one.
 fn ask(clock: &HostClock, has_turn: bool, next: Option<u64>) {
     if has_turn {
         clock.postpone(next.unwrap_or(NEVER));
@@ -234,14 +234,14 @@ fn ask(clock: &HostClock, has_turn: bool, next: Option<u64>) {
     }
 }
 
-/// Adds characters to the file of what is typed at the terminal of the processor `name`, and
-/// returns. The service passes them on: the program gets every character exactly once, even if the
-/// service is killed meanwhile or does not run yet. Whether there is such a processor is not checked.
+/// Adds characters to the file of those typed at the terminal of the processor `name`, and returns. The service
+/// passes them on: the program gets every character exactly once, even if the service is killed meanwhile or
+/// does not run yet. Whether there is such a processor is not checked.
 ///
 /// # Errors
-/// An error of the kind [`WouldBlock`](io::ErrorKind::WouldBlock) if so many characters wait for the
-/// program that there is no room for these; none of them is typed. The error of the operating system
-/// if the file cannot be written.
+/// Returns an error of the kind [`WouldBlock`](io::ErrorKind::WouldBlock) if so many characters wait for the
+/// program that there is no room for these; none of them is typed. Returns the operating system's error if the
+/// file cannot be written.
 pub fn type_in(directory: &SystemDirectory, name: &str, characters: &[u8]) -> io::Result<()> {
     let mut keyboard = keyboard(directory, name)?;
     if keyboard.room(characters.len())? < characters.len() {
@@ -277,15 +277,15 @@ pub(crate) fn begin(
     write(directory.replay(), script.text())
 }
 
-/// The file to which is added what is typed at the terminal of the processor `name`.
+/// Opens the file to which the characters typed at the terminal of the processor `name` are added.
 ///
 /// # Errors
-/// The error of the operating system if the file cannot be opened.
+/// Returns the operating system's error if the file cannot be opened.
 pub fn keyboard(directory: &SystemDirectory, name: &str) -> io::Result<Keyboard> {
     Keyboard::open(&log(&directory.terminals(), name))
 }
 
-/// The file in the directory of terminals that has what that of the processor `name` has written.
+/// Returns the path, in the directory of terminals, of the log with the output of the processor `name`.
 #[must_use]
 pub fn log(directory: &Path, name: &str) -> PathBuf {
     directory.join(format!("{name}.log"))

@@ -1,4 +1,4 @@
-//! The directory of a system, held by the supervisor that lives.
+//! The directory of a system, which its running supervisor holds.
 
 use core::fmt::Write as _;
 use std::fs::File;
@@ -26,7 +26,7 @@ pub(super) struct RunDirectory {
     _lock: File,
 }
 
-/// What is made before programs start.
+/// The files that are made before programs start.
 pub(super) struct SystemFiles {
     pub(super) listener: UnixListener,
     /// That of extensions, in the order of the description's groups.
@@ -38,7 +38,7 @@ pub(super) struct SystemFiles {
     pub(super) clock: Option<FileRange>,
 }
 
-/// How long a process of the run before may take to die, s.
+/// The time that a process of the previous run may take to die, s.
 const DYING_S: i64 = 10;
 
 impl RunDirectory {
@@ -82,7 +82,7 @@ impl RunDirectory {
                 continue;
             };
             let Ok(pidfd) = rustix::process::pidfd_open(process, PidfdFlags::empty()) else {
-                // It has died, and may have left others in its group; but the number may have gone to
+                // The process has died, and may have left others in its group; but the number may have gone to
                 // another process since, which has left a group, too.
                 self.end_group(pid);
                 continue;
@@ -92,7 +92,7 @@ impl RunDirectory {
                 continue;
             }
             let _ = rustix::process::kill_process_group(process, Signal::KILL);
-            // It may have ended just now.
+            // The process may have ended just now.
             let _ = rustix::process::pidfd_send_signal(&pidfd, Signal::KILL);
             let limit = Timespec {
                 tv_sec: DYING_S,
@@ -216,8 +216,8 @@ impl RunDirectory {
             }
         }
         let path = self.directory.pids();
-        // It is for the next supervisor if this one is killed. A loss of power ends all of these processes, so
-        // nobody waits for the disk.
+        // The file is for the next supervisor if this one is killed. A loss of power ends all of these
+        // processes, so nobody waits for the disk.
         replace(&path, &text).map_err(NamedFileError::at("write", &path))
     }
 }

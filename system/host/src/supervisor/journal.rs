@@ -34,7 +34,7 @@ pub(super) struct Journal {
     news: Vec<SystemEvent>,
 }
 
-/// How the supervisor calls itself.
+/// The source of events of the supervisor itself.
 pub(super) const CONDOR: &str = "condor";
 
 impl Journal {
@@ -55,7 +55,7 @@ impl Journal {
         })
     }
 
-    /// Writes an event. A log that cannot be written is no reason to stop a robot.
+    /// Writes an event. A robot does not stop because its log cannot be written.
     pub(super) fn tell(
         &mut self,
         source: &str,
@@ -132,7 +132,7 @@ fn old(path: &Path) -> PathBuf {
     path.with_extension("old")
 }
 
-/// Returns whether a line can be written without waiting for its reader: a terminal may be stopped,
+/// Returns true if a line can be written without waiting for its reader: a terminal may be stopped,
 /// and the other end of a pipe may not be read.
 fn takes_more(output: &impl std::os::fd::AsFd) -> bool {
     let mut polled = [PollFd::new(output, PollFlags::OUT)];

@@ -21,7 +21,7 @@ pub(super) struct LogShare {
 }
 
 impl LogShare {
-    /// Returns whether the next line is logged.
+    /// Returns true if the next line is logged.
     pub(super) fn takes_line(&mut self, now: Instant) -> bool {
         self.since.get_or_insert(now);
         if self.told < LINES {

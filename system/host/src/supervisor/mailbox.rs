@@ -83,7 +83,7 @@ impl<'v> SupervisorMailbox<'v> {
         self.word(number, layout::header::LAST_INCARNATION)
     }
 
-    /// Returns whether a program has joined with another incarnation than `incarnation_before`.
+    /// Returns true if a program has joined with another incarnation than `incarnation_before`.
     pub(super) fn is_up_after(&self, number: Processor, incarnation_before: u32) -> bool {
         matches!(
             self.mailbox.peer_state(number),

@@ -15,11 +15,11 @@ use crate::launch::{Exit, Launch, LaunchError, ProgramImage, RunState, StopMetho
 use condor_rt::linux::Environment;
 use condor_rt::numbers::MISTAKE;
 
-/// How long a program may take to join.
+/// The time that a program may take to join.
 const JOIN: Duration = Duration::from_secs(10);
-/// How long a program may take to end before it is not asked any more.
+/// The time that a program may take to end before it is killed.
 const END: Duration = Duration::from_secs(2);
-/// How long a heart may stand still before the program counts as stalled.
+/// The time without a heartbeat after which a program counts as stalled.
 const STALL: Duration = Duration::from_secs(2);
 /// The time between two looks at a heart.
 pub(super) const LOOK: Duration = Duration::from_millis(500);
@@ -82,7 +82,7 @@ pub(super) struct Member {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Phase {
     Stopped,
-    /// It waits for its turn, if the system is being brought up.
+    /// The member waits for its turn if the system is being brought up (`in_turn`).
     Waiting {
         in_turn: bool,
     },
@@ -187,7 +187,7 @@ impl Member {
             .filter(|_| self.hearing.is_open(now))
     }
 
-    /// Returns whether the program has failed: it does not run, was not stopped, and has not ended
+    /// Returns true if the program has failed: it does not run, was not stopped, and has not ended
     /// well. The program of a processor that has just been restarted after several failures counts
     /// as failed, too.
     pub(super) fn has_failed(&self) -> bool {
@@ -203,7 +203,7 @@ impl Member {
         }
     }
 
-    /// Returns whether the members after this one may be started.
+    /// Returns true if the members after this one may be started.
     pub(super) fn lets_pass(&self) -> bool {
         self.has_joined || self.has_entered || matches!(self.phase, Phase::Stopped | Phase::Failed)
     }
@@ -568,7 +568,7 @@ impl Member {
         let lived = self.started.map(|started| now.duration_since(started));
         let pause = match lived {
             Some(lived) if lived >= SHORT => Duration::ZERO,
-            // Who fails at once is given longer and longer, up to a second and a half.
+            // A program that fails at once waits longer and longer, up to a second and a half.
             _ => Duration::from_millis(100) * u32::try_from(count.min(15)).unwrap_or(15),
         };
         self.phase = Phase::Pausing { until: now + pause };

@@ -35,13 +35,13 @@ struct Latest {
     stage: Stage,
 }
 
-/// How far a request has come.
+/// The stage that a request has reached.
 #[derive(Default)]
 enum Stage {
     /// There was none.
     #[default]
     None,
-    /// It waits for the supervisor's turn.
+    /// The request waits for the supervisor's turn.
     Asked(ControlRequest),
     Begun,
     Done,

@@ -17,7 +17,7 @@ use crate::system::SystemDirectory;
 use condor_rt::linux::{Environment, FileRange, LoopContext};
 use condor_rt::numbers::{EXTENSIONS, FILES, TERMINALS};
 
-/// How long the heart of a service may stand still.
+/// The time without a heartbeat after which a service counts as stalled.
 const SERVICE_STALL: Duration = Duration::from_secs(10);
 
 /// The services, then the processors in the order of the description.
@@ -92,7 +92,7 @@ pub(super) fn members(
     Ok(members)
 }
 
-/// What all programs of a system are told.
+/// The settings that all programs of a system are told.
 struct System<'s> {
     own: std::path::PathBuf,
     description: &'s SystemDescription,

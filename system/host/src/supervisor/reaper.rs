@@ -31,14 +31,14 @@ use crate::signals::EndSignals;
 /// children.
 ///
 /// # Errors
-/// The error of the operating system if the supervisor cannot be started or waited for.
+/// Returns the operating system's error if the supervisor cannot be started or waited for.
 pub fn keep(mut supervisor: Command) -> Result<ExitStatus, Error> {
     adopt()?;
     let mut told = EndSignals::new()?;
     let mut children = EndSignals::of(&[SIGCHLD])?;
     // ^C is passed on, once; and a session has no terminal that could stop it when it writes there.
     die_with_parent(&mut supervisor, Signal::TERM, true);
-    // Nobody but this thread waits for it, so that its number stays its own until then.
+    // Only this thread waits for the supervisor, so its number stays its own until then.
     let supervisor = Pid::from_child(&supervisor.spawn()?);
     let status = loop {
         if let Some(status) = reap(supervisor)? {
@@ -84,7 +84,7 @@ pub(super) fn adopt() -> Result<(), Error> {
 pub(super) fn reap_adopted(is_own: impl Fn(u32) -> bool) {
     for child in stat::children_of_this_thread() {
         if !is_own(child.as_raw_pid().cast_unsigned()) {
-            // It runs on, or it is gone now.
+            // The child runs on, or it is gone now.
             let _ = rustix::process::waitpid(Some(child), WaitOptions::NOHANG);
         }
     }
@@ -94,7 +94,7 @@ pub(super) fn reap_adopted(is_own: impl Fn(u32) -> bool) {
 pub(super) fn end_children() -> Result<(), Error> {
     loop {
         for child in stat::children(std::process::id())? {
-            // It may have ended.
+            // The child may have ended.
             let _ = rustix::process::kill_process(child, Signal::KILL);
         }
         match rustix::process::wait(WaitOptions::empty()) {

@@ -1,4 +1,4 @@
-//! What others ask of the supervisor.
+//! The requests that others make of the supervisor.
 
 use condor_mbox::Processor;
 
@@ -17,7 +17,7 @@ pub(super) struct Promise {
     what: Wish,
 }
 
-/// Who gets the answer to a request.
+/// The client or processor that gets the answer to a request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Asker {
     Client(From),
@@ -81,7 +81,7 @@ impl Supervisor<'_> {
         };
         match answer {
             Ok(Some(answer)) => self.answer(from, answer),
-            // It is answered later.
+            // The request is answered later.
             Ok(None) => {}
             Err(error) => self.answer(from, refused(error)),
         }

@@ -1,4 +1,4 @@
-//! What the kernel says of processes in `/proc`.
+//! The data of the kernel on processes in `/proc`.
 
 use std::ffi::OsStr;
 use std::os::unix::ffi::OsStrExt;
@@ -16,7 +16,8 @@ pub(super) fn has_ended(process: u32) -> bool {
     field(process, 3).is_none_or(|state| state == "Z" || state == "X")
 }
 
-/// The process that started it, or has it instead of that.
+/// Returns the number of the parent of `process`: the process that started it, or the one that adopted it.
+/// `None` if there is no such process.
 #[must_use]
 pub fn parent(process: u32) -> Option<u32> {
     field(process, 4)?.parse().ok()

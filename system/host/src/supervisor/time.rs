@@ -16,13 +16,13 @@ use crate::description::{ClockSpeed, SystemDescription};
 use crate::error::NamedFileError;
 use crate::system::{MemoryFile, SystemDirectory};
 
-/// How long the turn may be waited for, in looks of 10 ms.
+/// The longest wait for the turn, in looks of 10 ms.
 const LOOKS: u32 = 100;
 const LOOK_NS: u64 = 10_000_000;
-/// How long after the end of a program the next program of its processor enters, in simulated time. A
-/// restart that took no time would hide the end from every watchdog.
+/// The simulated time from the end of a program to the start of the next program of its processor. A restart
+/// that took no time would hide the end from every watchdog.
 const RESTART_NS: u64 = 100_000_000;
-/// How far back the present speed is measured, and how often.
+/// The time over which the present speed is measured, and the time between two samples.
 const SPAN: Duration = Duration::from_secs(3);
 const SAMPLE: Duration = Duration::from_millis(200);
 
@@ -56,7 +56,7 @@ impl SupervisorMailbox<'_> {
         };
         let (page, by) = (clock.page(), clock.handover());
         self.with_turn(clock, end, |page| page.set_speed(speed.0, by))?;
-        // It has what is typed taken before any time passes.
+        // The terminal service takes the typed characters before any time passes.
         page.count_ring(TERMINALS.0);
         self.doorbell().ring(TERMINALS);
         page.release(SUPERVISOR.0);
@@ -64,8 +64,8 @@ impl SupervisorMailbox<'_> {
         Ok(())
     }
 
-    /// Returns whether the supervisor has the turn and the instant `end`, at which the system ends,
-    /// has come. If the supervisor has the turn before that instant, it gives the turn back.
+    /// Returns true if the supervisor has the turn and the instant `end`, at which the system ends,
+    /// has come. If the supervisor has the turn before that instant, it returns the turn.
     pub(super) fn is_at_end(&self, end: Option<Duration>) -> bool {
         self.clock().is_some_and(|clock| {
             let is_over = clock.page().now() >= instant(end);
@@ -181,8 +181,7 @@ impl SupervisorMailbox<'_> {
         })
     }
 
-    /// Has all programs stop at the present instant, at which the supervisor has the turn, and gives
-    /// it back.
+    /// Stops all programs at the present instant, at which the supervisor has the turn, and returns the turn.
     pub(super) fn stop_all(&self) {
         if let Some(clock) = self.clock().filter(|clock| clock.has_turn()) {
             let page = clock.page();
@@ -231,7 +230,7 @@ impl SupervisorMailbox<'_> {
                 clock.postpone(instant(end));
                 return Ok(());
             }
-            // Who has the turn may wait for the answer to a request.
+            // The program that has the turn may wait for the answer to a request.
             self.serve().map_err(|error| error.to_string())?;
         }
         let waits_for = page.standing(by);
@@ -253,7 +252,7 @@ pub(super) enum Change {
     Speed { thousandths: u64 },
 }
 
-/// How fast the simulated time passes.
+/// The speed of the simulated time.
 #[derive(Debug, Default)]
 pub(super) struct Pace {
     began: Option<(Instant, u64)>,

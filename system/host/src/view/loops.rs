@@ -21,7 +21,7 @@ pub struct LoopSample {
 /// The activity of a servo loop between two samples, or since it began.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct LoopRates {
-    /// Its name.
+    /// The name of the loop in its processor.
     pub name: String,
     /// The rate that is set, in Hz.
     pub rate_hz: f64,

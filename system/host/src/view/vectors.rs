@@ -54,8 +54,8 @@ impl View {
     /// Returns the vector of `member` that `text` names, by its name or its number.
     ///
     /// # Errors
-    /// [`ViewError::NoVector`] if there is none, [`ViewError::Mailbox`] if the memory of the processor
-    /// cannot be read.
+    /// Returns [`ViewError::NoVector`] if there is no such vector; [`ViewError::Mailbox`] if the memory of the
+    /// processor cannot be read.
     pub fn vector(&self, member: &Member, text: &str) -> Result<Vector, ViewError> {
         let there = self.vectors(member.processor())?;
         vector(text, &member.name, &there).map_err(ViewError::NoVector)

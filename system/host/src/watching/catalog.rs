@@ -58,13 +58,13 @@ impl CatalogEntry {
         })
     }
 
-    /// Returns whether it is a field of a published cell.
+    /// Returns true if this entry is a field of a published cell.
     #[must_use]
     pub fn is_field(&self) -> bool {
         self.table.cell().is_some()
     }
 
-    /// Returns whether it is a parameter.
+    /// Returns true if this entry is a parameter.
     #[must_use]
     pub const fn can_be_set(&self) -> bool {
         self.entry.bounds.is_some()
@@ -86,17 +86,18 @@ impl VariableName for CatalogEntry {
 /// The variables, parameters and fields of some processors.
 #[derive(Default)]
 pub struct VariableCatalog {
-    /// All of them, in the order of the processors.
+    /// All variables, parameters and fields, in the order of the processors.
     pub all: Vec<CatalogEntry>,
-    /// Texts that say what could not be read.
+    /// A text for each table that could not be read, with the reason.
     pub troubles: Vec<String>,
 }
 
 impl VariableCatalog {
-    /// Reads the tables of processors of a system; one that cannot be read hides no other.
+    /// Reads the tables of the processors of a system. A table that cannot be read is noted, and the others are
+    /// read all the same.
     ///
     /// # Errors
-    /// An error that says that there is nothing, and what could not be read.
+    /// Returns an error if there is no variable at all; the text names the tables that could not be read.
     pub fn all(view: &View, members: &[Member]) -> Result<Self, AnyError> {
         let mut known = Self::default();
         for member in members {
@@ -153,38 +154,40 @@ impl VariableCatalog {
         Ok(())
     }
 
-    /// Prints what is wrong with what cannot be watched or set, on standard error.
+    /// Prints the [`troubles`](Self::troubles) on standard error.
     pub fn tell_troubles(&self) {
         for trouble in &self.troubles {
             eprintln!("{}: {}", me(), plain(trouble));
         }
     }
 
-    /// Finds what a name stands for. A name that several have begins with the processor and a colon, or
-    /// with the processor and the loop or cell.
+    /// Finds the variable with a name. A name that several variables have must begin with the processor and a
+    /// colon, or with the processor and the loop or cell, to tell them apart.
     ///
     /// # Errors
-    /// A text that says that there is no such name, with similar ones, or that there are several.
+    /// Returns an error if no variable has the name, with similar names, or if several variables have it.
     pub fn find(&self, name: &str) -> Result<&CatalogEntry, String> {
         names::find(&self.all, name, &self.hint())
     }
 
-    /// Finds what names and patterns stand for, each once, in their order. In a pattern, `*` stands for
-    /// any characters, and `?` for one.
+    /// Finds the variables with these names and patterns, each once, in the order of `patterns`. In a pattern,
+    /// `*` stands for any characters, and `?` for one.
     ///
     /// # Errors
-    /// A text that says which name or pattern stands for nothing.
+    /// Returns an error if a name stands for no variable or for several, or if a pattern matches nothing; the
+    /// text names it.
     pub fn matching(&self, patterns: &[String]) -> Result<Vec<&CatalogEntry>, String> {
         names::matching(&self.all, patterns, &self.hint())
     }
 
-    /// Returns the shortest name of each that no other variable has.
+    /// Returns the shortest name of each chosen variable that no other variable has.
     #[must_use]
     pub fn labels(&self, chosen: &[&CatalogEntry]) -> Vec<String> {
         names::labels(&self.all, chosen)
     }
 
-    /// Returns what errors about names end with: what shows all, and what could not be read.
+    /// Returns the end of errors about names: the command that shows all names, and the tables that could not
+    /// be read.
     #[must_use]
     pub fn hint(&self) -> String {
         let mut text = format!("; {ALL}");
@@ -194,10 +197,11 @@ impl VariableCatalog {
         text
     }
 
-    /// Finds the parameter that a name stands for.
+    /// Finds the parameter with a name.
     ///
     /// # Errors
-    /// A text that says that there is no such name, or that it is not that of a parameter.
+    /// Returns an error if no variable or several variables have the name, or if the variable is not a
+    /// parameter.
     pub fn parameter(&self, name: &str) -> Result<&CatalogEntry, String> {
         let one = self.find(name)?;
         if one.can_be_set() {

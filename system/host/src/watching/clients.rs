@@ -1,4 +1,4 @@
-//! [`Clients`]: asks the loops of several processors.
+//! [`Clients`]: requests to the loops of several processors.
 
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
@@ -15,7 +15,7 @@ use crate::view::{Post, View, ViewError};
 /// The time that a loop has to answer, unless somebody has chosen another one.
 const ANSWER: Duration = Duration::from_secs(2);
 
-/// A client for each processor that was asked. Loops have 2 s to answer.
+/// The clients for parameters of all processors that were asked. Loops have 2 s to answer.
 pub struct Clients<'v> {
     view: &'v View,
     all: BTreeMap<u8, VariableClient<'v, Post, LinuxWindow>>,
@@ -78,8 +78,8 @@ impl<'v> Clients<'v> {
     /// only in rows.
     ///
     /// # Errors
-    /// [`RequestError`] if a parameter cannot be had, [`CellError`](condor_vars::CellError) if a field
-    /// cannot, [`ViewError`] if the memory of the processor cannot be accessed.
+    /// Returns [`RequestError`] if a parameter cannot be read; [`CellError`](condor_vars::CellError) if a field
+    /// cannot be read; [`ViewError`] if the memory of the processor cannot be accessed.
     pub fn value(&mut self, one: &CatalogEntry) -> Result<Option<AnyValue>, AnyError> {
         if one.is_field() {
             let region = self.view.region(one.member.processor())?;
@@ -96,15 +96,15 @@ impl<'v> Clients<'v> {
         Ok(Some(value))
     }
 
-    /// Sets a parameter to `new` if it is `from`, or if it is still what it is now. Returns the value
-    /// that it had.
+    /// Sets a parameter to `new` if its value is `from`; with `None`, if its value is still the one that this
+    /// call has read. Returns the previous value.
     ///
     /// The owner checks the value.
     ///
     /// # Errors
-    /// [`SetError`] if the owner refuses the value or does not answer; it calls the parameter `name`, as the
-    /// user does. [`RequestError`] if the present value cannot be had, [`ViewError`] if the memory of the
-    /// processor cannot be accessed.
+    /// Returns [`SetError`] if the owner refuses the value or does not answer; its text calls the parameter
+    /// `name`, as the user does. Returns [`RequestError`] if the present value cannot be read; [`ViewError`] if
+    /// the memory of the processor cannot be accessed.
     pub fn set(
         &mut self,
         name: &str,

@@ -1,4 +1,4 @@
-//! [`NewPrograms`]: loops and cells that were not there at first.
+//! [`NewPrograms`]: loops and cells of programs that come later.
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -14,7 +14,7 @@ use crate::view::{MailboxState, View};
 /// The time between two looks.
 const LOOK: Duration = Duration::from_millis(500);
 
-/// Finds the loops and cells of programs that are loaded or started while a program looks at the system.
+/// A finder of the loops and cells of programs that are loaded or started while the system is watched.
 pub struct NewPrograms {
     members: Vec<Arc<Member>>,
     /// Patterns of the wanted variables; none if all are wanted.
@@ -26,8 +26,8 @@ pub struct NewPrograms {
 }
 
 impl NewPrograms {
-    /// Finds from now on what is not in `known`. Of the texts in `patterns`, those with `*` or `?` may stand for
-    /// variables that come later; without any text, all variables are wanted.
+    /// Makes a finder of the loops and cells that are not in `known`. Of the texts in `patterns`, those with
+    /// `*` or `?` may stand for variables that come later; without any text, all variables are wanted.
     #[must_use]
     pub fn after(known: &VariableCatalog, members: &[Member], patterns: &[String]) -> Self {
         let open = patterns.iter().filter(|text| text.contains(['*', '?']));
@@ -40,8 +40,8 @@ impl NewPrograms {
         }
     }
 
-    /// Returns the wanted variables of loops and cells that have come since the last call; it looks for them every
-    /// 500 ms. What cannot be read yet is looked for again.
+    /// Returns the wanted variables of loops and cells that have come since the last call; it looks for them
+    /// every 500 ms. A table that cannot be read yet is looked for again.
     pub fn look(&mut self, view: &View) -> Vec<CatalogEntry> {
         if self.looked.elapsed() < LOOK {
             return Vec::new();

@@ -7,10 +7,10 @@ use condor_vars::AnyValue;
 use super::{CatalogEntry, Clients, RowSource, Rows};
 use crate::error::AnyError;
 
-/// How long no row may come, at least.
+/// The shortest wait for rows before a loop counts as silent.
 const SILENCE: Duration = Duration::from_secs(2);
 
-/// Returns how long to wait for rows of loops of which every `every`th tick is read.
+/// Returns the time to wait for rows of loops of which every `every`th tick is read.
 #[must_use]
 pub fn patience(sources: &[RowSource], every: u32) -> Duration {
     let periods = sources.iter().map(|source| source.period_s(every));
@@ -18,7 +18,7 @@ pub fn patience(sources: &[RowSource], every: u32) -> Duration {
     several.unwrap_or(Duration::MAX).max(SILENCE)
 }
 
-/// Returns what to say of loops that write no rows.
+/// Returns the error text for loops that write no rows.
 #[must_use]
 pub fn silence(silent: &[String]) -> String {
     let silent = silent.join(", ");
@@ -28,7 +28,7 @@ pub fn silence(silent: &[String]) -> String {
 /// Returns the present values of the variables among `chosen`, in its order; `None` for the others.
 ///
 /// # Errors
-/// An error that says which loop writes no rows, or has ended.
+/// Returns an error if a loop writes no rows, cannot be asked, or has ended; the text names the loop.
 pub fn present(
     clients: &mut Clients<'_>,
     chosen: &[&CatalogEntry],

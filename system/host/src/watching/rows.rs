@@ -23,7 +23,8 @@ use crate::view::{MailboxState, View, ViewError};
 const LOOK: Duration = Duration::from_millis(5);
 /// The time between two attempts to find the variables of a program that was restarted.
 const AGAIN: Duration = Duration::from_millis(200);
-/// What people are told when the first rows of a source come, and when rows come again after its program was gone.
+/// The texts for people when the first rows of a source come, and when rows come again after its program was
+/// gone.
 const BEGINS: &str = "its rows begin";
 const GOES_ON: &str = "its rows go on";
 /// The time that a program which comes later has to answer: others lose rows meanwhile.
@@ -39,8 +40,8 @@ pub struct Rows<'v> {
     /// The sources, in the order of processors and of their tables.
     pub sources: Vec<RowSource>,
     every: u32,
-    /// How far this host's clock is ahead of that of all harts, in real time; `None` before the first row
-    /// of one.
+    /// The time by which this host's clock is ahead of the clock of all harts, in real time; `None` before the
+    /// first row of a hart.
     ahead_ns: Option<u64>,
     changes: Vec<Change>,
 }
@@ -66,11 +67,11 @@ pub struct RowSource {
     rate: (u32, u32),
 }
 
-/// Where the rows of a source come from.
+/// The origin of the rows of a source.
 enum Supply {
     Loop(LoopSupply),
     Cell(CellSupply),
-    /// What was read belongs to a former incarnation of the program.
+    /// The rows that were read belong to a previous incarnation of the program.
     Gone {
         looked: time::Instant,
         /// The reason for which its variables were not found then; empty before the first look.
@@ -110,11 +111,12 @@ pub struct RowField {
 pub struct SourceRow<'r> {
     /// The number of the tick; the sequence number of the value of a cell.
     pub tick: u64,
-    /// When the tick was released, on the clock of the system; when the value of a cell was read.
+    /// The time at which the tick was released, on the clock of the system; for a cell, the time at which the
+    /// value was read.
     pub released: Instant,
-    /// The number of rows that were lost between the one before and this one; 0 for a cell, which is sampled.
+    /// The number of rows that were lost between the previous row and this one; 0 for a cell, which is sampled.
     pub lost: u32,
-    /// What the values are, in their order.
+    /// The fields of the values, in their order.
     pub fields: &'r [RowField],
     /// The values of the fields, one after the other.
     pub words: &'r [u32],
@@ -137,7 +139,7 @@ impl<'r> SourceRow<'r> {
 pub struct Change {
     /// The number of the source.
     pub source: usize,
-    /// What happened, with the name of the source.
+    /// The description of the change, with the name of the source.
     pub text: String,
 }
 
@@ -146,16 +148,18 @@ impl<'v> Rows<'v> {
     /// have 2 s to answer.
     ///
     /// # Errors
-    /// An error that names the loop or the cell, and says why it cannot have rows for this visitor. One that only
-    /// does not answer is no error: [`changes`](Self::changes) names it, and its rows begin when it does.
+    /// Returns an error if a loop or a cell cannot have rows for this visitor; the text names it and says why.
+    /// A loop that does not answer in time is not an error: [`changes`](Self::changes) names it, and its rows
+    /// begin when it answers.
     pub fn of(view: &'v View, columns: &[&CatalogEntry], every: u32) -> Result<Self, AnyError> {
         Self::with(Clients::new(view), columns, every)
     }
 
-    /// Does the same by way of `clients`, which say how long a loop has to answer.
+    /// Asks for the same rows as [`of`](Self::of) by way of `clients`, which set the time that a loop has to
+    /// answer.
     ///
     /// # Errors
-    /// As for [`of`](Self::of).
+    /// Returns an error if a loop or a cell cannot have rows for this visitor, as [`of`](Self::of) does.
     pub fn with(
         clients: Clients<'v>,
         columns: &[&CatalogEntry],
@@ -182,9 +186,9 @@ impl<'v> Rows<'v> {
         Ok(rows)
     }
 
-    /// Asks for rows of further variables, whose loops and cells are no sources yet. Each loop and cell becomes a
-    /// new source, and the columns of its fields are places in `columns`. [`changes`](Self::changes) tells which
-    /// have rows.
+    /// Asks for rows of further variables, whose loops and cells are not sources yet. Each loop and cell
+    /// becomes a new source, and the columns of its fields are places in `columns`. [`changes`](Self::changes)
+    /// tells which of them have rows.
     pub fn extend(&mut self, columns: &[&CatalogEntry]) {
         for of_source in by_source(columns) {
             let number = self.sources.len();
@@ -285,7 +289,7 @@ impl<'v> Rows<'v> {
     /// [`changes`](Self::changes) tells of both.
     ///
     /// # Errors
-    /// An error that names the source, if its memory cannot be read.
+    /// Returns an error if the memory of a source cannot be read; the text names the source.
     pub fn read(&mut self, mut take: impl FnMut(usize, &SourceRow<'_>)) -> Result<(), AnyError> {
         for number in 0..self.sources.len() {
             self.read_source(number, &mut take)?;
@@ -313,8 +317,8 @@ impl<'v> Rows<'v> {
         let lost_before = &mut source.lost_before;
         let read = match &mut source.supply {
             Supply::Loop(supply) => supply.read(fields, |row| {
-                // What runs here shares this host's clock, and all share a simulated one. Others share
-                // another: their first row counts as released now.
+                // Programs that run here share this host's clock, and all share a simulated one. Others share
+                // another clock: their first row counts as released now.
                 let released_ns = row.released.as_ns();
                 let ahead_ns = if shares_clock {
                     0
@@ -375,7 +379,7 @@ impl<'v> Rows<'v> {
         let told = match supply {
             Ok(supply) => {
                 if let Some(source) = self.sources.get_mut(number) {
-                    // What the same program did before it answered for the first time was never to be read.
+                    // Ticks of the same program before it answered for the first time were never to be read.
                     source.is_back =
                         source.last_tick.is_some() || incarnation != source.incarnation;
                     if incarnation != source.incarnation {
@@ -466,7 +470,7 @@ impl<'v> Rows<'v> {
     /// Waits until there may be more rows.
     ///
     /// # Errors
-    /// An error of the visitor's mailbox.
+    /// Returns the mailbox's error if the mailbox of the visitor fails.
     pub fn pause(&self) -> Result<(), AnyError> {
         self.view.post().serve(LOOK)?;
         Ok(())
@@ -474,8 +478,8 @@ impl<'v> Rows<'v> {
 }
 
 impl<'v> Rows<'v> {
-    /// Gives the slots back, and returns the clients for further use: they have blocks of the visitor's
-    /// memory.
+    /// Releases the slots of the loops, and returns the clients for further use: they have blocks of the
+    /// visitor's memory.
     #[must_use]
     pub fn end(mut self) -> Clients<'v> {
         self.release();
@@ -485,7 +489,7 @@ impl<'v> Rows<'v> {
     fn release(&mut self) {
         let answer = self.clients.timeout();
         for mut source in self.sources.drain(..) {
-            // What is not given back belongs to nobody as soon as this process has ended.
+            // Slots that are not released are free as soon as this process has ended.
             if let Supply::Loop(supply) = &mut source.supply
                 && let Ok(client) = self.clients.of(&source.member)
             {
@@ -617,7 +621,7 @@ fn kept(rows: u64, lost: u64, skipped: u64) -> String {
 }
 
 /// Returns where the values of the entries `wanted`, which are sorted, are in a row of entries, of which
-/// `all` gives the numbers and the words.
+/// `all` has the numbers and the words.
 fn words_of(all: &[(u32, usize)], wanted: &[u32]) -> Vec<Range<usize>> {
     let mut at = 0;
     let ranges = all.iter().map(|(number, words)| {
@@ -744,7 +748,7 @@ impl SupplyError {
         }
     }
 
-    /// Returns whether what is read belongs to a former incarnation of the program, or to another watcher now.
+    /// Returns true if what is read belongs to a former incarnation of the program, or to another watcher now.
     const fn is_of_former_incarnation(&self) -> bool {
         matches!(
             self,
@@ -759,12 +763,12 @@ impl SupplyError {
         )
     }
 
-    /// Returns whether the error may end by itself, for instance when the program is started.
+    /// Returns true if the error may end by itself, for instance when the program is started.
     const fn may_end(&self) -> bool {
         !self.stays() && !matches!(self, Self::View(_))
     }
 
-    /// Returns whether the error stays until somebody changes something.
+    /// Returns true if the error stays until somebody changes something.
     const fn stays(&self) -> bool {
         matches!(
             self,

@@ -10,14 +10,14 @@ use crate::names::whole;
 /// The type of a variable, and the labels of its values if it is a choice.
 #[derive(Clone, Debug)]
 pub struct Type {
-    /// What it is stored as.
+    /// The form in which its values are stored.
     pub kind: ValueKind,
     /// The labels of a choice, by their numbers; otherwise empty.
     pub labels: Vec<String>,
 }
 
 impl Type {
-    /// Returns a value as exactly as it is.
+    /// Returns the exact text of a value; a choice is shown by its label.
     #[must_use]
     pub fn text(&self, value: AnyValue) -> String {
         match value {
@@ -28,7 +28,7 @@ impl Type {
         }
     }
 
-    /// Returns a value with five decimal places at most, for columns.
+    /// Returns the text of a value with at most five decimal places, for columns.
     #[must_use]
     pub fn brief(&self, value: AnyValue) -> String {
         let number = match value {
@@ -44,7 +44,7 @@ impl Type {
         }
     }
 
-    /// Returns a value for JSON: a number, a boolean or a label, and `null` if it is no number.
+    /// Returns a value for JSON: a number, a boolean or a label; `null` if a number is infinite or NaN.
     #[must_use]
     pub fn json(&self, value: AnyValue) -> Json {
         match value {
@@ -65,7 +65,8 @@ impl Type {
     /// hexadecimal, such as `0x10` and `-0x10`.
     ///
     /// # Errors
-    /// A text that names `text`, and says what would be a value.
+    /// Returns an error if `text` is not a value of this type; the text of the error names `text`, and says
+    /// which values are possible.
     pub fn parse(&self, text: &str) -> Result<AnyValue, String> {
         let value = match self.kind {
             ValueKind::F32 => text.parse().ok().map(AnyValue::F32),

@@ -1,4 +1,5 @@
-//! What is done on SIGBUS: the memory under a mapping is gone, or nothing answers at an address.
+//! The handling of SIGBUS, which the kernel sends if the memory under a mapping is gone, or if nothing answers
+//! at an address.
 //!
 //! The kernel has one handler for a process. This handler calls each registered [`Repair`] in turn.
 //! A bus error that none of them handles goes to the previous handler of SIGBUS.
@@ -12,13 +13,13 @@ use core::sync::atomic::{AtomicPtr, Ordering};
 use std::io;
 use std::sync::OnceLock;
 
-/// How many may register: the crates of Condor that reach memory, and some more.
+/// The number of functions that may register: the crates of Condor that access memory, and some more.
 const REPAIRS: usize = 8;
 
-/// A function that handles bus errors. It returns whether it handled this one; if so, the access is
-/// repeated, or the program goes on at another instruction.
+/// A function that handles bus errors. It returns true if it handled this one; then the access is repeated, or
+/// the program goes on at another instruction.
 ///
-/// It runs in a signal handler, in the middle of anything: it may only do what is async-signal-safe.
+/// It runs in a signal handler, which may interrupt any code: it may only call async-signal-safe functions.
 pub type Repair = fn(&mut MemoryFault<'_>) -> bool;
 
 /// Each is null or a [`Repair`].
@@ -27,7 +28,7 @@ static TABLE: [AtomicPtr<()>; REPAIRS] = [const { AtomicPtr::new(ptr::null_mut()
 /// Whether the handler is in place.
 static INSTALLED: OnceLock<Result<(), i32>> = OnceLock::new();
 
-/// What was done on SIGBUS before.
+/// The previous handling of SIGBUS.
 static PREVIOUS: OnceLock<libc::sigaction> = OnceLock::new();
 
 type Handler = extern "C" fn(c_int, *mut libc::siginfo_t, *mut c_void);
@@ -102,14 +103,14 @@ counter!("x86_64", libc::greg_t, gregs[libc::REG_RIP as usize]);
 counter!("aarch64", libc::c_ulonglong, pc);
 counter!("riscv64", libc::c_ulong, __gregs[libc::REG_PC as usize]);
 
-/// Registers `repair`, which is called at each bus error from now on, for as long as the process
-/// lives. Registering the same function again has no effect.
+/// Registers `repair`, which is called at each bus error from now on, until the process ends. Registering the
+/// same function again has no effect.
 ///
 /// A program that installs its own handler for SIGBUS later must pass other bus errors on to the
 /// previous handler. The kernel kills a thread that blocks SIGBUS at a bus error.
 ///
 /// # Errors
-/// The error of the system if it refuses the handler; an error of kind
+/// Returns the operating system's error if it refuses the handler; an error of kind
 /// [`Other`](io::ErrorKind::Other) if eight other functions are registered already.
 pub fn on_bus_error(repair: Repair) -> io::Result<()> {
     let repair = repair as *mut ();
@@ -160,11 +161,11 @@ fn set_action(action: &libc::sigaction) -> Result<(), i32> {
 }
 
 extern "C" fn handle(signal: c_int, info: *mut libc::siginfo_t, context: *mut c_void) {
-    // SAFETY: the kernel gives a valid `siginfo_t` to a handler with SA_SIGINFO.
+    // SAFETY: the kernel passes a valid `siginfo_t` to a handler with SA_SIGINFO.
     let code = unsafe { (*info).si_code };
     // A signal that a program sent has a code of zero or less, and no address.
     let sent = code <= 0;
-    // SAFETY: the kernel gives the interrupted context to a handler with SA_SIGINFO, and nobody else
+    // SAFETY: the kernel passes the interrupted context to a handler with SA_SIGINFO, and nobody else
     // uses it meanwhile.
     let interrupted = unsafe { context.cast::<libc::ucontext_t>().as_mut() };
     if let (false, Some(interrupted)) = (sent, interrupted) {

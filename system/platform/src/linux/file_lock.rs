@@ -16,11 +16,11 @@ pub const LOCK_PATIENCE: Duration = Duration::from_secs(1);
 /// The time between two attempts.
 const AGAIN: Duration = Duration::from_millis(5);
 
-/// Calls `attempt`, and calls it again as long as `is_held` says of its result that somebody holds the lock and
-/// `patience` is not over. Returns the last result.
+/// Calls `attempt`, and repeats the call as long as `is_held` returns true for its result and `patience` is not
+/// over. Returns the last result.
 ///
-/// The kernel waits for such a lock only without a deadline, so this function sleeps for 5 ms between two attempts.
-/// [`LOCK_PATIENCE`] is enough for the locks of a program that has ended.
+/// The kernel cannot wait for such a lock with a deadline, so this function sleeps for 5 ms between two
+/// attempts. [`LOCK_PATIENCE`] is enough for the locks of a program that has ended.
 pub fn while_held<R>(
     patience: Duration,
     is_held: impl Fn(&R) -> bool,
@@ -36,11 +36,11 @@ pub fn while_held<R>(
     }
 }
 
-/// Takes the exclusive lock of a file (`flock`), which lasts as long as the file is open; waits up to `patience` while
-/// somebody holds it. Returns whether it was taken; if not, somebody holds it still.
+/// Takes the exclusive lock of a file (`flock`), which lasts as long as the file is open; waits up to
+/// `patience` while another open file holds it. Returns true if the lock was taken, false if it is still held.
 ///
 /// # Errors
-/// The error of the operating system if the file cannot be locked.
+/// Returns the operating system's error if the file cannot be locked.
 pub fn lock_file(file: impl AsFd, patience: Duration) -> rustix::io::Result<bool> {
     let is_held = |result: &_| matches!(result, Ok(false));
     while_held(patience, is_held, || {

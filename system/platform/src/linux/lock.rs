@@ -7,8 +7,8 @@ use rustix::thread::futex;
 
 use super::thread_number;
 
-/// How often a thread looks for the end of the holder's section before it asks the kernel to wait: most
-/// sections are shorter than a system call.
+/// The number of times that a thread looks for the end of the holder's section before it asks the kernel to
+/// wait: most sections are shorter than a system call.
 const LOOKS: u32 = 100;
 
 /// A lock that stores the kernel's number of the thread that holds it, so that the kernel lends
@@ -50,7 +50,7 @@ impl PiLock {
             // Relaxed: `take` orders.
             match self.0.load(Ordering::Relaxed) {
                 0 if self.take(me) => return,
-                // Who waits in the kernel comes first.
+                // A thread that waits in the kernel comes first.
                 holder if holder & libc::FUTEX_WAITERS != 0 => break,
                 _ => {}
             }
@@ -83,7 +83,7 @@ impl PiLock {
         }
     }
 
-    /// Returns whether the calling thread holds the lock.
+    /// Returns true if the calling thread holds the lock.
     #[must_use]
     pub fn is_mine(&self) -> bool {
         // Relaxed: a thread finds its own number if it has stored it, and nobody else stores it.

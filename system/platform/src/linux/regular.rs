@@ -10,12 +10,12 @@ use std::vec::Vec;
 
 /// Opens a regular file for reading.
 ///
-/// The open of a FIFO waits until somebody writes to it, and the open of a device can have an effect. So this
-/// function opens nothing but regular files.
+/// Opening a FIFO waits until somebody writes to it, and opening a device can have an effect. So this function
+/// opens only regular files.
 ///
 /// # Errors
-/// An error of the kind [`InvalidInput`](ErrorKind::InvalidInput) that says what `path` is, if it is no regular file;
-/// the error of the operating system if it cannot be opened.
+/// Returns an error of the kind [`InvalidInput`](ErrorKind::InvalidInput) that says what `path` is, if it is
+/// not a regular file; the operating system's error if it cannot be opened.
 pub fn open_regular(path: impl AsRef<Path>) -> io::Result<File> {
     let path = path.as_ref();
     check_regular(&path.metadata()?)?;
@@ -32,7 +32,8 @@ pub fn open_regular(path: impl AsRef<Path>) -> io::Result<File> {
 /// Reads a regular file.
 ///
 /// # Errors
-/// As for [`open_regular`], or the error of the operating system if the file cannot be read.
+/// Returns an error if the file cannot be opened, as [`open_regular`] does; the operating system's error if it
+/// cannot be read.
 pub fn read_regular(path: impl AsRef<Path>) -> io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
     open_regular(path)?.read_to_end(&mut bytes)?;
@@ -42,7 +43,8 @@ pub fn read_regular(path: impl AsRef<Path>) -> io::Result<Vec<u8>> {
 /// Reads a regular file that is a text in UTF-8.
 ///
 /// # Errors
-/// As for [`read_regular`], or an error of the kind [`InvalidData`](ErrorKind::InvalidData) if it is no such text.
+/// Returns an error if the file cannot be opened or read, as [`read_regular`] does; one of the kind
+/// [`InvalidData`](ErrorKind::InvalidData) if it is not UTF-8.
 pub fn read_text(path: impl AsRef<Path>) -> io::Result<String> {
     let mut text = String::new();
     open_regular(path)?.read_to_string(&mut text)?;

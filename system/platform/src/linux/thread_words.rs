@@ -1,4 +1,4 @@
-//! What a thread and its signal handlers know of the thread's critical section.
+//! The data of a thread and its signal handlers on the thread's critical section.
 
 use core::cell::Cell;
 #[cfg(all(feature = "critical-section", not(miri)))]
@@ -22,7 +22,7 @@ thread_local! {
     };
 }
 
-/// Returns whether the calling thread is in a critical section of this crate.
+/// Returns true if the calling thread is in a critical section of this crate.
 ///
 /// A signal handler that finds the section held must not enter it. It records its work instead, and
 /// the function that was given to [`on_leaving`] does that work later.

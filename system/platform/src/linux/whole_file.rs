@@ -1,4 +1,4 @@
-//! [`WholeFile`]: a file that is there as a whole, or not at all.
+//! [`WholeFile`]: a file that exists complete, or not at all.
 
 use std::format;
 use std::fs::{self, File};
@@ -42,8 +42,8 @@ impl WholeFile {
     /// the permissions of the former one.
     ///
     /// # Errors
-    /// An error of the kind [`InvalidInput`](ErrorKind::InvalidInput) if `path` is there and is no regular file; the error
-    /// of the operating system if no file can be made in its directory.
+    /// Returns an error of the kind [`InvalidInput`](ErrorKind::InvalidInput) if `path` exists and is not a
+    /// regular file; the operating system's error if no file can be made in its directory.
     pub fn create(path: impl AsRef<Path>) -> io::Result<Self> {
         static NEXT: AtomicU32 = AtomicU32::new(0);
         let path = path.as_ref();
@@ -71,22 +71,22 @@ impl WholeFile {
         Ok(this)
     }
 
-    /// Writes `content` as the whole file `path`, and replaces a former one.
+    /// Writes `content` as the whole file `path`, and replaces a previous one.
     ///
     /// # Errors
-    /// As for [`create`](Self::create) and [`finish`](Self::finish), or the error of the operating system if the content
-    /// cannot be written.
+    /// Returns an error if the file cannot be made or named, as [`create`](Self::create) and
+    /// [`finish`](Self::finish) do; the operating system's error if the content cannot be written.
     pub fn write(path: impl AsRef<Path>, content: impl AsRef<[u8]>) -> io::Result<()> {
         let mut file = Self::create(path)?;
         file.write_all(content.as_ref())?;
         file.finish()
     }
 
-    /// Gives the file its name once its content is on the disk, and replaces a former file.
+    /// Puts the file under its name once its content is on the disk, and replaces a previous file.
     ///
     /// # Errors
-    /// The error of the operating system. Unless only the sync of the directory has failed, the former file is as it
-    /// was.
+    /// Returns the operating system's error if the file cannot be synced or named. The previous file is then
+    /// unchanged, unless only the sync of the directory has failed.
     pub fn finish(mut self) -> io::Result<()> {
         self.file.sync_all()?;
         fs::rename(&self.part, &self.path)?;
@@ -95,11 +95,11 @@ impl WholeFile {
         sync_name(&self.path)
     }
 
-    /// Gives the file its name once its content is on the disk, unless there is a file of this name.
+    /// Puts the file under its name once its content is on the disk, unless there is a file of this name.
     ///
     /// # Errors
-    /// An error of the kind [`AlreadyExists`](ErrorKind::AlreadyExists) if there is a file of this name; the error of the
-    /// operating system if the file cannot be synced or named.
+    /// Returns an error of the kind [`AlreadyExists`](ErrorKind::AlreadyExists) if there is a file of this
+    /// name; the operating system's error if the file cannot be synced or named.
     pub fn finish_new(self) -> io::Result<()> {
         self.file.sync_all()?;
         fs::hard_link(&self.part, &self.path)?;
@@ -123,10 +123,10 @@ impl Drop for WholeFile {
     }
 }
 
-/// Syncs the directory of `path`: a name that was given or changed there outlives a loss of power.
+/// Syncs the directory of `path`: a file name that was added or changed there then survives a loss of power.
 ///
 /// # Errors
-/// The error of the operating system.
+/// Returns the operating system's error if the directory cannot be opened or synced.
 pub fn sync_name(path: impl AsRef<Path>) -> io::Result<()> {
     File::open(directory(path.as_ref()))?.sync_all()
 }

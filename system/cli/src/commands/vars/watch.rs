@@ -18,7 +18,7 @@ use condor_host::watching::{
     self, CatalogEntry, NewPrograms, RowSource, Rows, SourceRow, VariableCatalog, patience, silence,
 };
 
-/// How long the rows of a loop wait for those of one that is silent.
+/// The time for which the rows of a loop wait for those of a silent one.
 const HORIZON: Duration = Duration::from_millis(200);
 
 #[derive(Debug, Args)]

@@ -1,4 +1,4 @@
-//! What is in front of a plot: help, and what is being typed.
+//! The popups in front of a plot: help, and the text that is being typed.
 
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;

@@ -173,7 +173,7 @@ fn letter(curve: usize) -> char {
         .map_or('?', char::from)
 }
 
-/// Where curves are drawn, and with which axes.
+/// The area in which curves are drawn, and its axes.
 #[derive(Clone, Copy)]
 struct Graph {
     area: Rect,
@@ -302,7 +302,7 @@ impl Trace<'_> {
     /// Returns the dots of a span: from left to right, and from below to above.
     fn dots(&self, span: &Span) -> [f64; 4] {
         let height = |value| {
-            // What is far outside is as far as lines can be drawn.
+            // Values that are far outside are drawn as far away as lines can be.
             (self.graph.scale.part(value) * self.top).clamp(-1e4, 1e4)
         };
         let time = self.graph.time;

@@ -1,4 +1,4 @@
-//! What is in front: help, actions, the way out.
+//! The popups in front: help, actions, and the ways to leave.
 
 use ratatui::Frame;
 use ratatui::style::Stylize;

@@ -9,7 +9,7 @@ use crate::ui::log;
 use crate::ui::model::{Model, Page};
 use condor_rt::numbers::FILES;
 
-/// What stays above a table, and its rows in so many columns.
+/// Returns the lines that stay above a table, and its rows, for a table of `width` columns.
 pub(super) fn lines(model: &Model, page: Page, width: u16) -> (Vec<Line<'_>>, Vec<Line<'_>>) {
     if page == Page::Log {
         let rows = log::rows(&model.log, width).into_iter();

@@ -208,7 +208,7 @@ fn open(log: &Path) -> io::Result<File> {
     options.read(true).append(true).create(true).open(log)
 }
 
-/// Where the log is kept that was full before.
+/// Returns the path of the previous log, which was full.
 fn old(log: &Path) -> PathBuf {
     log.with_extension("old.log")
 }

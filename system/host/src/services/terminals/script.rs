@@ -1,4 +1,5 @@
-//! [`Script`]: what was typed in simulated time, and at which instants; and [`ScriptWriter`], which records it.
+//! [`Script`]: a record of typed characters with their instants of simulated time; and [`ScriptWriter`], which
+//! records it.
 
 use core::cell::{Cell, RefCell};
 use core::fmt::Write as _;
@@ -16,7 +17,7 @@ use crate::system::SystemDirectory;
 /// The line with which a record of typing begins.
 pub(super) const HEAD: &str = "condor typing 1";
 
-/// A record of what was typed in a system with a simulated clock, from which a run is repeated.
+/// A record of the characters that were typed in a system with a simulated clock, by which a run is repeated.
 ///
 /// It is a text of lines. After `condor typing 1`, each has four parts with a blank between them:
 /// the instant in nanoseconds, the name of the processor, the number of characters that were typed at
@@ -38,7 +39,7 @@ pub struct ScriptError(pub Vec<String>);
 struct Piece {
     at: u64,
     name: String,
-    /// How many characters were typed at this terminal before them.
+    /// The number of characters that were typed at this terminal before these.
     place: u64,
     characters: Vec<u8>,
 }
@@ -90,7 +91,7 @@ impl Script {
     }
 }
 
-/// What each line says; the first one and empty ones have no piece.
+/// Reads the piece of each line; the first line and empty ones have none.
 fn pieces(text: &str) -> impl Iterator<Item = Result<Option<Piece>, String>> {
     // A blank at the end of a line may be a character.
     text.split('\n')
@@ -144,7 +145,7 @@ fn unescape(text: &str) -> Option<Vec<u8>> {
     Some(characters)
 }
 
-/// What a terminal may type now.
+/// The characters that a terminal may send now.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Turn {
     /// Nothing: the service does not have the turn.
@@ -163,7 +164,7 @@ pub(super) struct ScriptWriter {
     /// The piece to which the next character may belong: its instant, its name, and the place of
     /// that character.
     last: RefCell<(u64, String, u64)>,
-    /// How many of the characters that are typed at each terminal have been recorded.
+    /// The number of typed characters of each terminal that have been recorded.
     recorded: RefCell<HashMap<String, u64>>,
     /// The characters of the script, the next one last.
     script: RefCell<Vec<(u64, String)>>,
@@ -222,7 +223,8 @@ impl ScriptWriter {
         self.script.borrow().last().map(|(at, _)| *at)
     }
 
-    /// How many of `count` characters from `place` on may be read of what is typed at a terminal.
+    /// Returns how many of the `count` characters from `place` on, of those that are typed at a terminal, may
+    /// be read.
     pub(super) fn readable(&self, name: &str, place: u64, count: usize) -> usize {
         let recorded = self.recorded_of(name).saturating_sub(place);
         let Some((at, next)) = self.script.borrow().last().cloned() else {
@@ -234,7 +236,7 @@ impl ScriptWriter {
     }
 
     /// Records the character at `place` of those that are typed at a terminal, unless it has been
-    /// recorded; returns whether it may be sent.
+    /// recorded; returns true if it may be sent.
     pub(super) fn sends(&self, name: &str, place: u64, character: u8) -> io::Result<bool> {
         let is_recorded = place < self.recorded_of(name);
         match self.turn.get() {

@@ -23,7 +23,7 @@ use crate::services::ServiceError;
 use condor_rt::numbers::TERMINALS;
 use condor_rt::objects::{self, ObjectKind};
 
-/// How long a terminal that could not be served is left alone.
+/// The time for which a terminal that could not be served is left alone.
 const REST: Duration = Duration::from_millis(100);
 
 pub(super) struct Station {
@@ -258,7 +258,7 @@ impl Station {
         }
         self.viewers.retain(|viewer| !viewer.gone);
         let pty = &mut self.pty;
-        // It is there for who looks; the log has everything.
+        // The pseudo-terminal is for people who look; the log has everything.
         let _ = self
             .pty_cursor
             .advance(record, |bytes| pty.take(bytes.into()));

@@ -25,7 +25,8 @@ pub(super) struct Typing {
     file: File,
     mark_path: PathBuf,
     mark: Option<Mark>,
-    /// Where the next characters are read; none as long as some of a former service may be under way.
+    /// The offset at which the next characters are read; `None` while characters of a previous service may
+    /// still be under way.
     next: Option<u64>,
     /// The name of the terminal and its record, in simulated time.
     pen: Option<(String, Rc<ScriptWriter>)>,
@@ -41,7 +42,7 @@ pub(super) fn file_of(log: &Path) -> PathBuf {
 pub struct Keyboard {
     pub(crate) file: File,
     mark_path: PathBuf,
-    /// How far the terminal has taken the characters, as far as this was looked for.
+    /// The number of characters that the terminal had taken when this was last looked for.
     taken: u64,
 }
 
@@ -68,10 +69,10 @@ impl Keyboard {
         Ok(usize::try_from(room(self.taken)).unwrap_or(0))
     }
 
-    /// Types as many of the characters as there is room for; returns their number.
+    /// Types as many of the characters as there is room for, and returns their number.
     ///
     /// # Errors
-    /// The error of the operating system if the file cannot be written.
+    /// Returns the operating system's error if the file of typed characters cannot be read or written.
     pub fn type_in(&mut self, characters: &[u8]) -> io::Result<usize> {
         let count = self.room(characters.len())?.min(characters.len());
         let characters = characters.get(..count).unwrap_or_default();
@@ -125,9 +126,9 @@ impl Typing {
         Ok(self.file.metadata()?.len().saturating_sub(taken) < WAITING)
     }
 
-    /// Moves the mark on when the terminal has taken much since, and gives the room of what was
-    /// taken back to the file system. No character is under way, and the last `waiting` of the
-    /// characters that were read come next.
+    /// Moves the mark on when the terminal has taken many characters since, and returns the room of those
+    /// characters to the filesystem. No character is under way, and the last `waiting` of the characters that
+    /// were read come next.
     fn move_mark(&mut self, waiting: usize) {
         let (Some(next), Some(mark)) = (self.next, &self.mark) else {
             return;
@@ -147,8 +148,8 @@ impl Typing {
         // Without the new mark the former one is right, too.
         if mark.write(&self.mark_path).is_ok() {
             self.mark = Some(mark);
-            // A recorder that is late may still read a little behind; a file system that cannot do
-            // this keeps the file as it is.
+            // A recorder that is late may still read a little behind; a filesystem that cannot punch holes
+            // keeps the file as it is.
             let flags = FallocateFlags::PUNCH_HOLE | FallocateFlags::KEEP_SIZE;
             if let Some(past @ 1..) = offset.checked_sub(WAITING) {
                 let _ = fallocate(&self.file, flags, 0, past);
@@ -156,7 +157,7 @@ impl Typing {
         }
     }
 
-    /// What comes next.
+    /// Reads the next characters into `into`; returns their number.
     pub(super) fn read(&mut self, into: &mut [u8]) -> io::Result<usize> {
         let Some(next) = &mut self.next else {
             return Ok(0);
@@ -178,7 +179,7 @@ impl Typing {
         }
     }
 
-    /// Returns whether `character` may be sent. It is the first of the last `waiting` characters
+    /// Returns true if `character` may be sent. It is the first of the last `waiting` characters
     /// that were read.
     pub(super) fn sends(&mut self, character: u8, waiting: usize) -> io::Result<bool> {
         self.move_mark(waiting);

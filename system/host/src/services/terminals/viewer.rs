@@ -18,7 +18,7 @@ const PIECE: usize = 16 * 1024;
 pub(super) struct Cursor(pub(super) u64);
 
 impl Cursor {
-    /// Passes the bytes that follow to `write`, until that takes no more; returns whether all were
+    /// Passes the bytes that follow to `write`, until that takes no more; returns true if all were
     /// taken.
     pub(super) fn advance(
         &mut self,
@@ -27,7 +27,7 @@ impl Cursor {
     ) -> std::io::Result<bool> {
         let mut piece = [0; PIECE];
         loop {
-            // What is in no log any more has been missed.
+            // Output that is not in any log any more has been missed.
             let (offset, count) = log.read_at(&mut piece, self.0)?;
             self.0 = offset;
             if count == 0 {
@@ -47,7 +47,7 @@ pub(super) struct Viewer {
     stream: UnixStream,
     cursor: Cursor,
     behind: bool,
-    /// It takes no more output; what it has typed before is still to be read.
+    /// The viewer takes no more output; characters that it has typed before must still be read.
     deaf: bool,
     pub(super) gone: bool,
 }
@@ -65,8 +65,8 @@ impl Viewer {
         })
     }
 
-    /// What to wait for, if anything. If there is no room for what is typed, its end would wake the
-    /// service again and again.
+    /// Returns the descriptor and the events to wait for, if any. If there is no room for typed characters, the
+    /// end of the stream would wake the service again and again.
     pub(super) fn descriptor(&self, has_room: bool) -> Option<(BorrowedFd<'_>, PollFlags)> {
         let mut flags = PollFlags::empty();
         flags.set(PollFlags::IN, has_room);
@@ -92,10 +92,10 @@ impl Viewer {
         self.gone |= !matches!(read, Ok(1..) | Err(Errno::AGAIN | Errno::INTR));
     }
 
-    /// What was typed there.
+    /// Reads the characters that were typed there; returns their number.
     pub(super) fn typed(&mut self, into: &mut [u8]) -> usize {
         let read = match self.stream.read(into) {
-            // It has ended.
+            // The connection has ended.
             Ok(0) => Err(ErrorKind::UnexpectedEof.into()),
             read => moved(read),
         };
