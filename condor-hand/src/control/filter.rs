@@ -127,8 +127,8 @@ impl<T: Real, const L: usize> LowPass<T, L> {
 /// The rates of L sampled signals, per second, through first-order low-pass filters: "dirty"
 /// derivatives.
 ///
-/// The rate of a ramp is exact once the filter has settled. The first sample gives zero. After
-/// samples that were not finite, the difference is taken over the time that has passed.
+/// The rate of a ramp is exact once the filter has settled. The first sample yields zero. After samples that
+/// were not finite, the difference is taken over the time that has passed.
 #[derive(Clone, Copy, Debug)]
 pub struct Derivative<T: Real, const L: usize> {
     alpha: [T; L],

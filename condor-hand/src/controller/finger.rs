@@ -188,12 +188,12 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
         self.servo.arms()
     }
 
-    /// Gives a joint another mode, in which it keeps its present position, torque or tensions. A
-    /// joint that is in that mode already does not change, even if it follows the master.
+    /// Sets another mode of a joint, in which it keeps its present position, torque or tensions. A joint that
+    /// is in that mode already does not change, even if it follows the master.
     ///
     /// # Errors
-    /// [`SettingError::NoJoint`] if the finger does not have the joint,
-    /// [`SettingError::AfterFault`] if it has a fault.
+    /// Returns [`SettingError::NoJoint`] if the finger does not have the joint; [`SettingError::AfterFault`] if
+    /// the finger has a fault or rests after one.
     pub fn set_mode(&mut self, joint: usize, mode: ServoMode) -> Result<(), SettingError> {
         self.refuse_after_fault()?;
         self.check_joint(joint)?;
@@ -203,14 +203,15 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
         self.servo.set_mode(joint, mode)
     }
 
-    /// Gives a joint a constant target, and the mode of that target. The rate and acceleration of a
-    /// position are used as feed-forward as long as the target lasts, so they must be zero for a
-    /// position to hold. A position in the zone of a stop, where no joint rests, becomes the end of
-    /// the zone.
+    /// Sets a constant target of a joint, and the mode of that target. The rate and acceleration of a position
+    /// are used as feed-forward as long as the target lasts, so they must be zero for a position to hold. A
+    /// position in the zone of a stop, where no joint rests, becomes the end of the zone.
     ///
     /// # Errors
-    /// [`SettingError`] if the joint cannot have the target, or the finger has a fault; the joint
-    /// keeps its target then.
+    /// After an error the joint keeps its target. Returns [`SettingError::AfterFault`] if the finger has a
+    /// fault or rests after one; [`SettingError::NoJoint`] if it does not have the joint;
+    /// [`SettingError::Target`] if the target exceeds the limits of the joint or its tendons;
+    /// [`SettingError::Joint`] if a rate or acceleration is not finite.
     pub fn set_target(
         &mut self,
         joint: usize,

@@ -53,26 +53,26 @@ struct DrivenAxis {
     bad: u16,
 }
 
-/// The state of a table.
+/// The state of a table: on its way home, ready for motions, or not driven.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum TableState {
-    /// Its drives are off.
+    /// The drives of the table are off.
     Off,
-    /// It goes home from the next tick on, at this fraction of its limits of velocity.
+    /// The table begins to go home in the next tick, at this fraction of its limits of velocity.
     Starting {
         /// The fraction, above 0 and at most 1.
         speed: f64,
     },
-    /// It is on its way home.
+    /// The table is on its way home.
     Homing,
-    /// It has been stopped on its way home, and stays where it is.
+    /// The table was stopped on its way home, and stays where it is.
     Stopped,
-    /// It has been home, and takes motions.
+    /// The table has been home, and takes motions.
     Ready,
-    /// Its ticks were late for too long; its drives are off until [`TableController::clear`].
+    /// The ticks of the table were late for too long; its drives are off until [`TableController::clear`].
     Late,
-    /// A sensor has failed; its drives are off until [`TableController::clear`].
+    /// A sensor of the table has failed; its drives are off until [`TableController::clear`].
     Failed {
         /// The axis, from 0.
         axis: usize,

@@ -113,7 +113,7 @@ pub struct GraspOutput<T: Real, const M: usize, const N: usize> {
     pub overload: Option<TorqueExcess<T>>,
 }
 
-/// The law that gives a held object a stiffness: M >= 3 fingers of N joints each.
+/// The law by which M >= 3 fingers of N joints each hold an object with a stiffness.
 ///
 /// The tips determine the displacement dx and the velocity v of the object. From these follow the
 /// wrench `w = K dx - D v + w_ff`, the forces of the fingers that produce it, and the torques

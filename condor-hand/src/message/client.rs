@@ -22,8 +22,8 @@ const PAUSE: Duration = Duration::from_micros(200);
 
 /// A client of the servos of another processor, for the background of this one.
 ///
-/// Fingers and joints are counted from 0. Each call ends at its time-out. If a call returns without
-/// an error, the servo loop has processed its order.
+/// Fingers and joints are counted from 0. Each call ends at its timeout. If a call returns without an error,
+/// the servo loop has processed its order.
 #[derive(Debug)]
 pub struct ServoClient<'m, M: Messenger + ?Sized, W, const F: usize, const N: usize> {
     exchange: Exchange<'m, M, Region<W>, Request, Response>,
@@ -150,14 +150,14 @@ where
         })
     }
 
-    /// Gives a joint, or all joints, another mode, in which they keep their present positions,
-    /// torques or tensions.
+    /// Sets another mode of a joint, or of all joints, in which they keep their present positions, torques or
+    /// tensions.
     ///
     /// # Errors
-    /// [`ServoClientError::Refused`] if the servo refuses the request; [`ServoClientError::NotDone`] if its
-    /// loop has not processed the request in time; [`ServoClientError::Superseded`] if a later one
-    /// replaced it; [`ServoClientError::Exchange`], [`ServoClientError::Busy`] or [`ServoClientError::Protocol`]
-    /// if there is no valid response.
+    /// Returns [`ServoClientError::Refused`] if the servo refuses the request; [`ServoClientError::NotDone`] if
+    /// its loop has not processed the request in time; [`ServoClientError::Superseded`] if a later one replaced
+    /// it; [`ServoClientError::Exchange`], [`ServoClientError::Busy`] or [`ServoClientError::Protocol`] if
+    /// there is no valid response.
     pub fn enable(
         &mut self,
         finger: u32,
@@ -173,7 +173,7 @@ where
     /// Switches a joint, or all joints, off.
     ///
     /// # Errors
-    /// The errors of [`enable`](Self::enable).
+    /// Returns the same variants as [`enable`](Self::enable) if the servo does not carry out the request.
     pub fn disable(
         &mut self,
         finger: u32,
@@ -183,11 +183,11 @@ where
         self.enable(finger, joint, ServoMode::Off, timeout)
     }
 
-    /// Gives a joint a constant target, and the mode of that target.
+    /// Sets a constant target of a joint, and the mode of that target.
     ///
     /// # Errors
-    /// The errors of [`enable`](Self::enable); [`ServoClientError::Refused`] also if the joint cannot
-    /// have the target.
+    /// Returns [`ServoClientError::Refused`] if the joint cannot have the target, and otherwise the same
+    /// variants as [`enable`](Self::enable) if the servo does not carry out the request.
     pub fn set_target(
         &mut self,
         finger: u32,
@@ -223,7 +223,7 @@ where
     /// [rest](ServoStatus::is_resting) any more.
     ///
     /// # Errors
-    /// The errors of [`enable`](Self::enable).
+    /// Returns the same variants as [`enable`](Self::enable) if the servo does not carry out the request.
     pub fn restart(&mut self, finger: u32, timeout: Duration) -> Result<(), ServoClientError> {
         let request = request(ServoOperation::Restart, finger, ALL_JOINTS, 0);
         self.order(&request, Part::Restart, timeout)

@@ -112,7 +112,7 @@ pub struct TargetError {
     pub high: f64,
 }
 
-/// A quantity of a target.
+/// The quantity of a [`JointTarget`](super::JointTarget) that exceeds its limits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum TargetQuantity {

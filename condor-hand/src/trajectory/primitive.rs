@@ -356,7 +356,7 @@ pub enum PrimitiveError {
     /// The joint does not exist.
     #[error("joint {joint} does not exist: there are {joints}")]
     Joint {
-        /// The joint.
+        /// The joint that was named.
         joint: usize,
         /// The number of joints.
         joints: usize,
@@ -367,9 +367,9 @@ pub enum PrimitiveError {
     /// A joint would go to a position, or reach a rate, that is not possible.
     #[error("joint {joint}: {error}")]
     Goal {
-        /// The joint.
+        /// The joint that cannot have the position or rate.
         joint: usize,
-        /// The number.
+        /// The number that is not possible.
         error: NumberError,
     },
     /// There are via points, but the profile does not pass any.
@@ -392,7 +392,7 @@ pub enum PrimitiveError {
     /// There is no such profile for a joint.
     #[error("joint {joint}: {error}")]
     Profile {
-        /// The joint.
+        /// The joint that cannot have the profile.
         joint: usize,
         /// The reason.
         error: ProfileError,

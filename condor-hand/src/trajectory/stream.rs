@@ -19,7 +19,7 @@ pub struct StreamPoint<const J: usize, T: Real = f64> {
     pub velocities: [T; J],
 }
 
-/// How a stream has ended. Its joints are at rest then.
+/// The end of a stream, at which its joints are at rest.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StreamEnd {
     /// The joints have come to the last point.
@@ -62,11 +62,11 @@ pub enum JointStreamError {
     /// A joint would leave one of its limits, at a point, on the way to it, or if it brakes there.
     #[error("joint {joint} at {} s: {error}", Decimal(*.time))]
     Joint {
-        /// The joint.
+        /// The joint that would leave a limit.
         joint: usize,
         /// The time of the point, s.
         time: f64,
-        /// What is wrong.
+        /// The number that would be out of its limits.
         error: NumberError,
     },
 }
@@ -80,7 +80,7 @@ struct Brake<const J: usize, T: Real> {
     end: StreamEnd,
 }
 
-/// Set-points of some of J joints from points with time stamps, which come while the joints move.
+/// Set-points of some of J joints from points with timestamps, which come while the joints move.
 ///
 /// Points come in numbered batches; the stream has room for up to N points that are ahead of its
 /// time. Its time begins with the first batch, from rest. Between two points each joint moves along
@@ -213,7 +213,8 @@ impl<const J: usize, const N: usize, T: Real> JointStream<J, N, T> {
         Ok(())
     }
 
-    /// Brakes, and ends.
+    /// Brakes all joints to rest, and ends the stream then with [`StreamEnd::Aborted`]. A stream that brakes
+    /// already, or has ended, does not change.
     pub fn abort(&mut self) {
         if self.brake.is_none() && self.end.is_none() {
             self.brake = Some(Brake {

@@ -1,4 +1,4 @@
-//! Where a mistake is.
+//! The place of a mistake in a configuration.
 
 use core::fmt::{self, Write};
 

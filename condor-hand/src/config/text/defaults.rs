@@ -1,4 +1,4 @@
-//! Where a value comes from that a joint or a finger leaves out.
+//! The sources of the values that a joint or a finger leaves out.
 
 use core::ops::Range;
 use std::vec::Vec;

@@ -17,7 +17,7 @@ pub struct GraspOrder<const F: usize> {
     pub stiffness: [[f64; 6]; 6],
     /// The damping of the object about its middle, in the units of the stiffness times s.
     pub damping: [[f64; 6]; 6],
-    /// Where the middle of the object is to be, m.
+    /// The desired position of the middle of the object, m.
     pub center: [f64; 3],
     /// The force on its middle in addition, such as that which bears its weight, N.
     pub force: [f64; 3],

@@ -57,7 +57,7 @@ impl GraspReason {
 pub struct GraspReport<const F: usize> {
     /// The number of the order that the report is about.
     pub order: u64,
-    /// The state.
+    /// The state of the grasp at the processor that reports.
     pub state: GraspState,
     /// The reason, if the grasp was refused or left.
     pub reason: GraspReason,
