@@ -213,8 +213,8 @@ impl<const J: usize, const N: usize, T: Real> JointStream<J, N, T> {
         Ok(())
     }
 
-    /// Brakes all joints to rest, and ends the stream then with [`StreamEnd::Aborted`]. A stream that brakes
-    /// already, or has ended, does not change.
+    /// Stops all joints as fast as their limits permit, and ends the stream then with [`StreamEnd::Aborted`]. A
+    /// stream that brakes already, or has ended, does not change.
     pub fn abort(&mut self) {
         if self.brake.is_none() && self.end.is_none() {
             self.brake = Some(Brake {

@@ -103,8 +103,8 @@ impl TickTime for Joints {
     }
 }
 
-/// The tips of all fingers with their joints here (rad), m in the axes of the palm; `None` for a hand
-/// whose fingers are not planar ones of four joints.
+/// Returns the tips of all fingers (m, in the axes of the palm) for the positions `joints` (rad); `None` for a
+/// hand whose fingers are not planar ones of four joints.
 #[must_use]
 pub fn tips(hand: &UtahMit, joints: &[[f64; JOINTS]; FINGERS]) -> Option<[[f64; 3]; FINGERS]> {
     let mut tips = [[0.0; 3]; FINGERS];
@@ -121,8 +121,8 @@ pub fn tips(hand: &UtahMit, joints: &[[f64; JOINTS]; FINGERS]) -> Option<[[f64; 
     Some(tips)
 }
 
-/// The joints of all fingers, from what servo processors published: `published` gives that of a
-/// processor. `None` while one has published nothing.
+/// Returns the joints of all fingers from the values that servo processors publish; `published` returns the
+/// value of one processor. `None` while a processor has published nothing.
 #[must_use]
 pub fn joints(
     hand: &UtahMit,

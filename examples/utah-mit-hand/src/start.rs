@@ -1,4 +1,4 @@
-//! What all programs of the hand begin with: the configuration, and the boards.
+//! The start of all programs of the hand: the configuration, and the boards.
 
 use core::time::Duration;
 

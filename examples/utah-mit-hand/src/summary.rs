@@ -1,5 +1,5 @@
-//! What is said of a run at its end, beside loops and messages: how well the joints have followed, in the
-//! whole run and in each motion.
+//! The summary of a run at its end, beside loops and messages: how well the joints have followed, in the whole
+//! run and in each motion.
 
 use std::error::Error;
 

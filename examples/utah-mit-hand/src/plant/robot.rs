@@ -36,7 +36,7 @@ const BEYOND_RAD: f64 = 0.3;
 const INPUTS: usize = (3 * JOINTS + 1) * FINGERS + AXES;
 const AXES: usize = 3;
 
-/// What the configuration does not say of the robot, with one update for each tick.
+/// The properties of the simulated robot that its configuration does not have, with one update for each tick.
 pub const MACHINE: PlantModel = PlantModel {
     actuator: DriveKind::exact,
     joint_stop: SimStop {

@@ -1,4 +1,4 @@
-//! What the word at the cursor may become, by the list of commands.
+//! The completions of the word at the cursor, by the list of commands.
 
 use core::fmt::Write as _;
 

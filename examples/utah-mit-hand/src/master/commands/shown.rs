@@ -1,4 +1,4 @@
-//! What `status` shows, in lines of at most 80 columns.
+//! The lines that `status` shows, of at most 80 columns.
 
 use core::fmt::{self, Display, Write as _};
 
