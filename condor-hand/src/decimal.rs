@@ -180,7 +180,7 @@ fn scaled(mut value: f64, exponent: i32) -> f64 {
     value
 }
 
-/// Whether there is a minus, and what follows the sign.
+/// Returns true if the text has a minus, and the rest of the text after its sign.
 fn sign(text: &str) -> (bool, &str) {
     match text.strip_prefix('-') {
         Some(rest) => (true, rest),

@@ -42,7 +42,7 @@ impl<T: Real> Elapsed<T> {
     }
 }
 
-/// Whether all are finite; false also where their sum overflows.
+/// Returns true if all values are finite; false also where their sum overflows.
 #[inline(always)]
 pub(crate) fn sum_is_finite<T: Real, const L: usize>(values: &[T; L]) -> bool {
     is_finite(values.iter().fold(T::zero(), |sum, &value| sum + value))

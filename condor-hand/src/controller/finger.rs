@@ -25,19 +25,19 @@ const SETTLING_TICKS: u32 = 4;
 pub struct FingerController<M, const N: usize> {
     servo: FingerServo<M, f64, N>,
     interpolator: Interpolator<N>,
-    /// How many joints there are; the places after them are empty.
+    /// The number of joints; the places after them are empty.
     joints: usize,
     /// Joints that follow the master's set-points, or would if a guard had not stopped them, a bit each.
     following: u32,
     watch: Watch<N>,
     /// The time since the last of them came, s.
     age_s: f64,
-    /// What of a period is over since the set-points were moved on.
+    /// The fraction of a period that has passed since the set-points were moved on.
     over: f64,
     monitor: FingerMonitor<f64, N>,
     ramp: Option<SafeRamp<f64, N>>,
-    /// How far the tensions were, at the fault, from those with which the ramp begins, N; and after how
-    /// many more ticks nothing of that is left.
+    /// The differences of the tensions at the fault from those with which the ramp begins, N; and the number of
+    /// ticks until they have vanished.
     beside: (TendonPairs<f64, N>, u32),
     least: TendonPairs<f64, N>,
     low: [f64; N],
@@ -421,7 +421,7 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
         }
     }
 
-    /// Gives these joints, which follow, their set-points.
+    /// Applies their set-points to these joints, which follow.
     #[inline(always)]
     fn lead(&mut self, led: u32) {
         let points = self.interpolator.set_points();

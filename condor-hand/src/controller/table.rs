@@ -18,7 +18,7 @@ use crate::trajectory::{
 /// The greatest number of axes of a table.
 pub const AXES: usize = 3;
 
-/// How many motions of the table can wait.
+/// The number of motions of the table that can wait.
 const QUEUE: usize = 8;
 
 /// The table of a configuration: motions of its axes, and their servos. It tells the fingers how
@@ -47,9 +47,9 @@ pub struct TableController {
 #[derive(Clone, Debug)]
 struct DrivenAxis {
     servo: AxisServo,
-    /// What its converter can read, m.
+    /// The positions that its converter can read, m.
     range: (f64, f64),
-    /// How many readings in a row were not finite or none that it has.
+    /// The number of readings in a row that were not finite or out of its range.
     bad: u16,
 }
 
@@ -80,7 +80,7 @@ pub enum TableState {
 }
 
 impl TableState {
-    /// Whether nothing drives it until [`TableController::clear`].
+    /// Returns true if the drives are off until [`TableController::clear`].
     const fn is_failure(self) -> bool {
         matches!(self, Self::Failed { .. } | Self::Late)
     }
@@ -172,7 +172,7 @@ impl TableController {
         };
         let first_hz = table.axes.first().map_or(hand.servo_hz, rate);
         let sample_hz = f64::from(first_hz);
-        // Where there is no axis, nothing is moved.
+        // Without an axis, nothing is moved.
         let mut limits = [ProfileLimits {
             low: -1.0,
             high: 1.0,
@@ -360,7 +360,7 @@ impl TableController {
         }
     }
 
-    /// Whether its drives hold or move it.
+    /// Returns true if the drives hold or move the table.
     fn is_driven(&self) -> bool {
         matches!(
             self.state,
@@ -412,7 +412,7 @@ impl TableController {
         };
     }
 
-    /// Whether the way home is over, and where it has ended.
+    /// Ends the way home if it is over: the table is ready if it is at home, and stopped elsewhere.
     fn look_home(&mut self) {
         let Some(homing) = self.homing else { return };
         if self.generator.progress(homing).is_some() {

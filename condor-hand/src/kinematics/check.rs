@@ -89,7 +89,7 @@ impl Part {
     }
 }
 
-/// How far an entry of an orthonormal matrix may be off: people write ten digits, and `f32` has seven.
+/// The largest error of an entry of an orthonormal matrix: people write ten digits, and `f32` has seven.
 fn tolerance<T: Real>() -> f64 {
     if T::of(1.0 + 1e-9).to_f64() > 1.0 {
         1e-9

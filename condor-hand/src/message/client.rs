@@ -16,8 +16,8 @@ use crate::config::ShortName;
 use crate::decimal::Decimal;
 use crate::servo::{JointTarget, ServoMode};
 
-/// How long a servo processor is left alone that has not come to what it was asked: an order is done
-/// at the next tick of its loop.
+/// The pause between two questions to a servo processor that has not processed an order: an order is done at
+/// the next tick of its loop.
 const PAUSE: Duration = Duration::from_micros(200);
 
 /// A client of the servos of another processor, for the background of this one.
@@ -229,7 +229,7 @@ where
         self.order(&request, Part::Restart, timeout)
     }
 
-    /// Gives an order, and asks what became of it until the loop has come to it.
+    /// Sends an order, and asks for its outcome until the loop has processed it.
     fn order(
         &mut self,
         request: &Request,
@@ -291,14 +291,14 @@ where
         Duration::from_nanos(deadline.ns_since(self.messenger.now()))
     }
 
-    /// Gives the servo processor time.
+    /// Waits a moment, for the servo processor.
     fn pause(&self, deadline: Instant) -> Result<(), ServoClientError> {
         let pause = self.left(deadline).min(PAUSE);
         self.messenger.serve(pause).map_err(ExchangeError::from)?;
         Ok(())
     }
 
-    /// What follows in a response if all is well.
+    /// Returns the words after the state in a response without a refusal.
     fn check<'r>(&self, response: &'r Response) -> Result<WordReader<'r>, ServoClientError> {
         let (&[state], rest) = response.split_at(1) else {
             return Err(self.protocol(0));

@@ -44,7 +44,7 @@ pub enum FingerRequest<const N: usize> {
     },
 }
 
-/// What a word 0 says.
+/// The meanings of word 0.
 mod kind {
     pub(super) const RESTART: u32 = 0;
     pub(super) const MODE: u32 = 1;

@@ -355,7 +355,7 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
         }
     }
 
-    /// The positions that the sensors say, filtered, and their rates.
+    /// Returns the filtered positions that the sensors measure, and their rates.
     #[inline(always)]
     fn sense_positions(
         &mut self,
@@ -376,7 +376,8 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
         (positions.into(), velocities.into())
     }
 
-    /// The same where a position is no reading, or was none in the last tick.
+    /// Returns the same positions and rates if a reading is not finite or not believed, or was so in the last
+    /// tick.
     #[cold]
     #[inline(never)]
     fn sense_each(
@@ -498,7 +499,7 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
         gravity: &Vector3<T>,
         period: T,
     ) -> SVector<T, N> {
-        // What no law asks for is not computed.
+        // Terms that no law asks for are not computed.
         let (mut computed, mut falls, mut moves, mut turns) = (false, false, false, false);
         let mut acceleration = SVector::<T, N>::zeros();
         let mut asked = SVector::<T, N>::zeros();

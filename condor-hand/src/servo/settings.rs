@@ -168,7 +168,7 @@ impl TargetQuantity {
 }
 
 impl<T: Real> JointGains<T> {
-    /// Whether the law's numbers make sense.
+    /// Checks that the law's numbers are possible.
     pub(super) fn check(&self) -> Result<(), NumberError> {
         match self.law {
             PositionLaw::Pd {

@@ -202,7 +202,7 @@ fn write<'m, const J: usize>(
     Ok(HEADER_BYTES + end)
 }
 
-/// What of a primitive does not depend on its joints.
+/// The part of a primitive that does not depend on its joints.
 #[derive(Serialize, Deserialize)]
 struct Head {
     mask: u32,

@@ -317,12 +317,12 @@ impl<const J: usize, const N: usize, T: Real> JointStream<J, N, T> {
         self.points.back().unwrap_or(&self.former)
     }
 
-    /// Whether a point has the time of the one before it.
+    /// Returns true if a point has the time of the one before it.
     fn repeats(&self, from: &StreamPoint<J, T>, to: &StreamPoint<J, T>) -> bool {
         abs(to.time - from.time) <= tolerance(self.tick)
     }
 
-    /// Whether a point that has the time of the one before it agrees with that one.
+    /// Checks that a point with the time of the one before it agrees with that one.
     fn check_repeated(
         &self,
         from: &StreamPoint<J, T>,
@@ -348,7 +348,7 @@ impl<const J: usize, const N: usize, T: Real> JointStream<J, N, T> {
         self.mask >> joint & 1 == 1
     }
 
-    /// Whether all joints can go from one point to a later one, and brake there.
+    /// Checks that all joints can go from one point to a later one, and brake there.
     fn check(
         &self,
         from: &StreamPoint<J, T>,
@@ -378,7 +378,7 @@ impl<const J: usize, const N: usize, T: Real> JointStream<J, N, T> {
             if self.mask >> joint & 1 == 0 {
                 continue;
             }
-            // It was made once, when the point came.
+            // The polynomial was possible when the point came.
             if let Ok(path) = Polynomial::cubic(&from.at(joint), &to.at(joint), duration) {
                 *state = path.at(now - from.time);
             }
@@ -464,7 +464,7 @@ pub(crate) const QUANTITIES: [&str; 11] = [
     REPEATED_VELOCITY,
 ];
 
-/// Whether a joint can go from one state to the next one in a time (s), and brake there.
+/// Checks that a joint can go from one state to the next one in a time (s), and brake there.
 fn check_joint<T: Real>(
     limits: &ProfileLimits<T>,
     from: &SetPoint<T>,
@@ -500,7 +500,7 @@ fn check_joint<T: Real>(
     )
 }
 
-/// Whether a number is what it was before.
+/// Checks that a number is equal to its former value.
 fn agrees<T: Real>(what: &'static str, is: T, was: T, scale: T) -> Result<(), NumberError> {
     let was = was.to_f64();
     check_motion(what, is, Requirement::AtLeast(was), scale)?;

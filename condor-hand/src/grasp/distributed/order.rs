@@ -61,7 +61,7 @@ impl<const F: usize> GraspOrder<F> {
         (0..F).filter(move |&finger| fingers >> finger & 1 != 0)
     }
 
-    /// Whether a grasp can be like that.
+    /// Checks that a grasp can have these numbers.
     pub(super) fn check(&self) -> Result<(), GraspReason> {
         if self.fingers >> F != 0 || self.fingers.count_ones() < LEAST_FINGERS {
             return Err(GraspReason::Fingers);
