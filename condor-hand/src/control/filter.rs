@@ -43,7 +43,7 @@ pub struct LowPass<T: Real, const L: usize> {
     output: [T; L],
     exists: [bool; L],
     primed: [bool; L],
-    /// How many there are, and whether all L have had a sample.
+    /// The number of samples, and true once all L have had one.
     count: usize,
     running: bool,
 }

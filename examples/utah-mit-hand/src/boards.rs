@@ -168,7 +168,7 @@ pub fn check<const F: usize, const N: usize>(hand: &Hand<F, N>) -> Result<(), Bo
             }
         };
         let bits = bits.unwrap_or(0);
-        // What is as wide as the register fits if zero is in its middle.
+        // A channel as wide as the register fits if zero is in its middle.
         let fits = bits <= most || (bits == 16 && zero == 1 << 15);
         if !fits {
             return Err(BoardError::Bits {

@@ -219,7 +219,7 @@ impl Program for Plant {
                     ball.set_all(&now.ball);
                     touching.set(now.touching);
                     resting.set(now.resting);
-                    // Who reads finds the former one.
+                    // After an error the reader finds the former value.
                     let _ = truth.publish(&now);
                     if let Some(picture) = picture {
                         let _ = seen.publish(&picture);

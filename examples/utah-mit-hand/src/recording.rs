@@ -57,7 +57,7 @@ pub const INPUTS: usize = INPUTS_OF_FINGER * FINGERS;
 /// Outputs of a servo processor: two tensions of each joint.
 pub const OUTPUTS: usize = 2 * JOINTS * FINGERS;
 
-/// What the converters of a servo processor's sensors show.
+/// The counts of the converters of a servo processor's sensors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
 pub(crate) struct Inputs {
@@ -80,7 +80,7 @@ impl Inputs {
     }
 }
 
-/// What the controllers are given in a tick besides what is measured and what messages ask for.
+/// The inputs of the controllers in a tick besides measurements and requests by message.
 #[derive(Clone, Debug)]
 pub(crate) struct TickInputs {
     /// The time since the last tick, s; for the first one, a period.
@@ -103,7 +103,7 @@ pub struct ServoOutputs {
     pub command: [f64; OUTPUTS],
 }
 
-/// What ends a tick.
+/// The message that ends a tick.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
 pub(crate) struct TickEnd {

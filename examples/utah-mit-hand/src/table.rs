@@ -232,7 +232,7 @@ type SharedTable = Mutex<RefCell<DrivenTable>>;
 
 struct DrivenTable {
     controller: TableController,
-    /// How many axes there are.
+    /// The number of axes.
     axes: usize,
 }
 

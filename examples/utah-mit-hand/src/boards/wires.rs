@@ -39,7 +39,7 @@ pub struct Wires<'s, B: Bus> {
 struct Converters<D, L> {
     device: D,
     lines: [L; Adc16::CHANNELS],
-    /// How many of the lines, from 0, may have a wire.
+    /// The number of the lines, from 0, that may have a wire.
     used: usize,
 }
 

@@ -17,7 +17,7 @@ pub(crate) struct Tape<'f, 'm, 'r, S: Messenger + ?Sized, W: MemoryWindow, const
     /// The number of the tick whose messages come next.
     tick: u32,
     region: Region<W>,
-    /// Where the ring begins.
+    /// The place where the ring begins.
     offset: u32,
     ring: &'r Ring,
 }

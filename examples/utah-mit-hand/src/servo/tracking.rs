@@ -40,7 +40,7 @@ pub struct Figures {
     squares: [[f64; JOINTS]; FINGERS],
     /// The largest distance, rad.
     peak: [[f64; JOINTS]; FINGERS],
-    /// How many ticks count.
+    /// The number of ticks that count.
     ticks: [[u64; JOINTS]; FINGERS],
 }
 
@@ -96,7 +96,7 @@ pub struct Worst {
     pub rms_rad: f64,
 }
 
-/// What a tick adds to [`Tracking`].
+/// The state with which each tick adds to [`Tracking`].
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Tracker {
     pub(super) tracking: Tracking,
@@ -164,7 +164,7 @@ impl Tracker {
         let tracking = &mut self.tracking;
         let is_new = tracking.motion != motion;
         if is_new {
-            // What is between two motions is none.
+            // The time between two motions is not a motion.
             if tracking.motion != 0 {
                 (tracking.last_motion, tracking.last) = (tracking.motion, tracking.present);
             }

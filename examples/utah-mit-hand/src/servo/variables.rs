@@ -45,7 +45,7 @@ const FINGER: [(&str, &str, &str); 3] = [
 ];
 const OF_FINGER: usize = JOINTS * JOINT.len() + FINGER.len();
 
-/// What the servo loop shows of its fingers, under names such as `index.proximal.flexor.tension`.
+/// The variables of the servo loop about its fingers, under names such as `index.proximal.flexor.tension`.
 pub(super) struct Variables<'h> {
     fingers: ServedFingers<'h>,
     words: [AtomicU32; FINGERS * OF_FINGER],
@@ -146,7 +146,7 @@ impl Watch for Variables<'_> {
     }
 }
 
-/// What the variable of a number is of its finger.
+/// The part of its finger that a variable is about.
 enum Part {
     Joint(usize, &'static (&'static str, &'static str, &'static str)),
     Finger(&'static (&'static str, &'static str, &'static str)),
