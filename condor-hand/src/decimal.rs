@@ -99,7 +99,7 @@ impl fmt::Display for Decimal {
     }
 }
 
-/// So many significant digits as there are to show.
+/// Writes as many significant digits as there are to show.
 fn short(f: &mut fmt::Formatter<'_>, magnitude: f64) -> fmt::Result {
     if magnitude == 0.0 {
         return f.write_char('0');

@@ -13,7 +13,7 @@ pub(crate) struct Elapsed<T> {
 }
 
 impl<T: Real> Elapsed<T> {
-    /// So many seconds; what is not finite or not above zero counts as a nominal period.
+    /// Makes the time from `seconds`; a time that is not finite or not above zero counts as a nominal period.
     #[inline(always)]
     pub(crate) fn new(seconds: T, sample_hz: T) -> Self {
         let periods = seconds * sample_hz;

@@ -43,7 +43,7 @@ pub struct LowPass<T: Real, const L: usize> {
     output: [T; L],
     exists: [bool; L],
     primed: [bool; L],
-    /// The number of samples, and true once all L have had one.
+    /// The number of filters that exist; `running` is true once all L of them have had a sample.
     count: usize,
     running: bool,
 }

@@ -249,7 +249,7 @@ impl<T: Real> Composite<T> {
         (force, moment)
     }
 
-    /// The same bodies in the frame of the link before.
+    /// Returns the same bodies in the frame of the link before.
     #[inline(always)]
     fn before(&self, link: &Link<T>) -> Self {
         let Pose { rotation, position } = &link.pose;

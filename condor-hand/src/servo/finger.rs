@@ -303,7 +303,7 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
         self.tick_after(sensed, gravity, Elapsed::new(period_s, self.sample_hz))
     }
 
-    /// The same, so long after the last tick.
+    /// Runs one tick, like [`tick`](Self::tick), `elapsed` after the last one.
     #[inline(always)]
     pub(crate) fn tick_after(
         &mut self,

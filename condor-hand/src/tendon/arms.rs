@@ -14,7 +14,7 @@ use crate::math::{Real, is_finite};
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MomentArms<T: Real, const N: usize> {
     rows: [TendonPairs<T, N>; N],
-    /// Of each joint's own tendons, so that the servo divides once and not in each tick.
+    /// The reciprocals for each joint's own tendons, so that the servo divides once and not in each tick.
     reciprocals: TendonPairs<T, N>,
 }
 

@@ -45,7 +45,7 @@ struct Joint<'a, T: Real> {
 }
 
 impl<'a, const J: usize, T: Real> Planner<'a, J, T> {
-    /// As the primitive says, or the first joint that cannot do it.
+    /// Returns the plan as the primitive asks for it, or the error of the first joint that cannot do it.
     pub(super) fn asked(&self) -> Result<Plan<T>, PrimitiveError> {
         self.targets()?;
         let plan = Plan {
@@ -59,8 +59,8 @@ impl<'a, const J: usize, T: Real> Planner<'a, J, T> {
         self.check(plan)
     }
 
-    /// As the primitive says; else slower; else with segments, which always keep the limits if no
-    /// via points ask for more.
+    /// Returns the plan as the primitive asks for it; else a slower one; else one with segments, which always
+    /// keep the limits if no via points ask for more.
     pub(super) fn possible(&self) -> Result<Plan<T>, PrimitiveError> {
         let refused = match self.asked() {
             Ok(plan) => return Ok(plan),

@@ -28,13 +28,13 @@ pub const JOINTS_NAME: &str = "joints";
 
 /// The joints that a servo processor measures, published in every tick: a `Published<Joints>`.
 ///
-/// Fingers are those of the hand; what is of a finger that the processor does not serve does not count.
+/// Fingers are those of the hand; the values of a finger that the processor does not serve do not count.
 #[derive(Clone, Copy, Debug, PartialEq, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
 pub struct Joints {
-    /// As measured in this tick, rad; NaN for what no sensor said.
+    /// The measured positions of the joints in this tick, rad; NaN if a sensor has no reading.
     pub position: [[f64; JOINTS]; FINGERS],
-    /// Filtered, of the tick before, rad/s.
+    /// The filtered rates of the joints in the previous tick, rad/s.
     pub velocity: [[f64; JOINTS]; FINGERS],
     /// The number of the grasp order in force for each finger; 0 for none.
     pub order: [u64; FINGERS],

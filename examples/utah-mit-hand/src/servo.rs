@@ -233,7 +233,7 @@ struct Partners<W> {
 }
 
 impl<W: MemoryWindow + Clone> Partners<W> {
-    /// Of a processor; itself stands for one that is not there.
+    /// Finds the partners of a processor; the processor itself stands for one that is not there.
     fn new<M: Machine<Window = W>>(
         machine: &M,
         hand: &UtahMit,

@@ -18,10 +18,10 @@ use crate::pose::{Pose, rotation_of};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum GraspAxes {
-    /// Those of the palm.
+    /// The axes of the palm.
     #[default]
     Palm,
-    /// Those of the object, as it is measured when the order is made.
+    /// The axes of the object, as it is measured when the order is made.
     Object,
 }
 

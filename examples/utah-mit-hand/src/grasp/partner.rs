@@ -47,10 +47,10 @@ impl<W: MemoryWindow + Clone> Partner<W> {
         }
     }
 
-    /// Looks where it is now.
+    /// Looks up the place at which the value is published now.
     ///
     /// # Errors
-    /// The memory's.
+    /// Returns [`AccessError`] if the memory cannot be accessed.
     pub(crate) fn look(&self) -> Result<(), AccessError> {
         let object = objects::find(&self.region, self.name, ObjectKind::Other)?;
         let offset = object.map_or(NOWHERE, |object| object.offset);

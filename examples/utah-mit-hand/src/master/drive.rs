@@ -96,7 +96,7 @@ pub(super) struct ServoListener<W> {
 }
 
 impl<W: MemoryWindow + Clone> ServoListener<W> {
-    /// Of the processor with this region.
+    /// Makes a listener to the processor with this region.
     pub(super) fn new(region: &Region<W>) -> Self {
         let partner = |name| Partner::new(region.clone(), name);
         Self {
@@ -106,10 +106,10 @@ impl<W: MemoryWindow + Clone> ServoListener<W> {
         }
     }
 
-    /// Looks where what it publishes is.
+    /// Looks up the places of the values that the processor publishes.
     ///
     /// # Errors
-    /// The memory's.
+    /// Returns [`AccessError`] if the memory cannot be accessed.
     pub(super) fn look(&self) -> Result<(), AccessError> {
         self.joints.look()?;
         self.felt.look()?;
@@ -168,7 +168,7 @@ pub(super) struct Drive<'p, W> {
 pub(super) type SharedDrive<'p, W> = Mutex<RefCell<Drive<'p, W>>>;
 
 impl<'p, W: MemoryWindow + Clone> Drive<'p, W> {
-    /// With all fingers loose, and no links.
+    /// Makes the state with all fingers loose, and no links.
     pub(super) fn new(
         generator: Generator<ALL, QUEUE>,
         seats: FingerServos,

@@ -103,7 +103,7 @@ pub(super) struct Requests<'r, M: Machine> {
 }
 
 impl<'r, M: Machine> Requests<'r, M> {
-    /// With a ledger that [`attend`](Self::attend) reads.
+    /// Makes the requests with a ledger that [`attend`](Self::attend) reads.
     pub(super) fn new(
         post: &'r Post,
         files: &'r FilesOf<'r, M>,

@@ -164,7 +164,7 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
         self.has_lost
     }
 
-    /// The same, once.
+    /// Takes the flag of [`has_lost`](Self::has_lost), which is false then.
     pub(super) fn take_lost(&mut self) -> bool {
         core::mem::take(&mut self.has_lost)
     }

@@ -64,7 +64,7 @@ pub(super) struct Robot {
     gravity: Vector3<f64>,
     period_s: f64,
     ticks: u64,
-    /// Of all positions so far.
+    /// The hash of all positions so far.
     hash: Fnv,
     boards: [OutputBoard; address::DAC.len()],
     inputs: heapless::Vec<Sensor, INPUTS>,

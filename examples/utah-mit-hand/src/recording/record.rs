@@ -72,7 +72,7 @@ impl Ring {
         (taken, put.wrapping_sub(taken))
     }
 
-    /// So many bytes have been taken out.
+    /// Tells the loop that this many bytes have been taken out.
     pub(crate) fn take(&self, bytes: u32) {
         // Relaxed: only the background changes it. Release: after they were read.
         let taken = self.taken.load(Ordering::Relaxed);

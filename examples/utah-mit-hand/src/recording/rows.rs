@@ -25,7 +25,7 @@ const ASKED: usize = FINGERS * (2 * JOINTS + 2);
 pub(crate) struct Row {
     pub(crate) inputs: Inputs,
     pub(crate) given: TickInputs,
-    /// With the finger.
+    /// The requests, each with the number of its finger.
     pub(crate) asked: heapless::Vec<(usize, FingerRequest<JOINTS>), ASKED>,
     pub(crate) done: TickEnd,
 }

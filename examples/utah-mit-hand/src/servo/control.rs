@@ -38,7 +38,7 @@ pub(crate) struct Control<'r> {
     hand: &'r UtahMit,
     served: [bool; FINGERS],
     grasp: DistributedGrasp<PlanarFinger, FINGERS, JOINTS>,
-    /// Of the last tick, rad/s.
+    /// The rates of the last tick, rad/s.
     velocity: [[f64; JOINTS]; FINGERS],
 }
 

@@ -20,15 +20,15 @@ const SETTLING_S: f64 = 0.5;
 #[derive(Clone, Copy, Debug, Default, PartialEq, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
 pub struct Tracking {
-    /// Since the loop began.
+    /// The tracking errors since the loop began.
     pub whole: Figures,
     /// The number of the motion that runs, as the master publishes it; 0 for none.
     motion: u64,
-    /// Since then.
+    /// The tracking errors since that motion began.
     present: Figures,
     /// The number of the motion before; 0 for none.
     last_motion: u64,
-    /// Of that.
+    /// The tracking errors of the motion before.
     last: Figures,
 }
 

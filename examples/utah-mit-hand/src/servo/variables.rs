@@ -11,7 +11,7 @@ use super::ServedFingers;
 use super::control::OfFingers;
 use crate::{FINGERS, JOINTS};
 
-/// Of each joint: name, unit, and what it is.
+/// The variables of each joint: name, unit and description.
 const JOINT: [(&str, &str, &str); 11] = [
     ("position", "rad", "Filtered."),
     ("velocity", "rad/s", "The rate of the filtered position."),
@@ -25,7 +25,7 @@ const JOINT: [(&str, &str, &str); 11] = [
     ("extensor.desired", "N", "What it is to have."),
     ("extensor.command", "N", "What its actuator gets."),
 ];
-/// Of each finger after its joints.
+/// The variables of each finger, after those of its joints.
 const FINGER: [(&str, &str, &str); 3] = [
     (
         "touch",

@@ -18,9 +18,9 @@ use crate::{file, objects};
 
 /// The stiffness of a ball, N/m, unless the command has one.
 const STIFFNESS: f64 = 200.0;
-/// Of the damping to the stiffness, s.
+/// The ratio of the damping to the stiffness, s.
 const DAMPING: f64 = 0.02;
-/// Of the stiffness about an axis to that along one, m²: a lever of about the ball's radius.
+/// The ratio of the stiffness about an axis to that along one, m²: a lever of about the ball's radius.
 const TURNING: f64 = 5e-4;
 /// After the ramp, the time in which the fingers come to rest on the ball, s.
 const REST_S: f64 = 0.5;
