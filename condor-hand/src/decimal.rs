@@ -99,7 +99,7 @@ impl fmt::Display for Decimal {
     }
 }
 
-/// So many significant digits as there are to show.
+/// Writes as many significant digits as there are to show.
 fn short(f: &mut fmt::Formatter<'_>, magnitude: f64) -> fmt::Result {
     if magnitude == 0.0 {
         return f.write_char('0');
@@ -180,7 +180,7 @@ fn scaled(mut value: f64, exponent: i32) -> f64 {
     value
 }
 
-/// Whether there is a minus, and what follows the sign.
+/// Returns true if the text has a minus, and the rest of the text after its sign.
 fn sign(text: &str) -> (bool, &str) {
     match text.strip_prefix('-') {
         Some(rest) => (true, rest),

@@ -124,7 +124,7 @@ impl Format {
     }
 }
 
-/// Of all but the last four bytes of the header.
+/// Returns the checksum of the body and of all but the last four bytes of the header.
 fn checksum(header: &[u8; HEADER_BYTES], body: &[u8]) -> u32 {
     let [fields @ .., _, _, _, _] = header;
     let mut digest = CRC.digest();

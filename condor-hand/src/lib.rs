@@ -35,7 +35,7 @@ pub mod servo;
 pub mod tendon;
 pub mod trajectory;
 
-// What they are made of, useful without a hand.
+// The building blocks, useful without a hand.
 pub mod control;
 pub mod decimal;
 pub mod dynamics;

@@ -126,7 +126,7 @@ pub(crate) type Request = [u32; REQUEST_WORDS];
 /// A response as it lies in its block.
 pub(crate) type Response = [u32; REQUEST_WORDS];
 
-/// What an order changes.
+/// The part of the finger that an order changes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 enum Part {
@@ -134,7 +134,7 @@ enum Part {
     Restart = 1,
 }
 
-/// Word 0 of a response that is no refusal.
+/// Word 0 of a response that is not a refusal.
 mod state {
     pub(crate) const DONE: u32 = 0;
     pub(crate) const BUSY: u32 = 1;

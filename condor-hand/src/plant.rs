@@ -41,16 +41,16 @@ pub use finger::{FingerParameters, SimFinger};
 pub use joint::{JointParameters, SimStop};
 pub use pneumatic::{Elastic, Pneumatic};
 
-// What a configuration says of them.
+// Hands from a configuration.
 pub use configured::PlantModel;
 
-// What they touch, and what carries them.
+// The objects that they touch, and the table that carries them.
 pub use contact::{SimContact, SimGround, SimSurface};
 pub use hand::{HandParameters, SimHand};
 pub use object::{ObjectParameters, SimObject};
 pub use table::{AxisParameters, SimTable};
 
-// What is measured of them.
+// Their sensors.
 pub use noise::Noise;
 pub use sensor::{Sensor, SensorBank, SensorFault, SensorFaultKind};
 

@@ -1,4 +1,4 @@
-//! The servos of a finger: from set points of its joints to commands of its actuators.
+//! The servos of a finger: from set-points of its joints to commands of its actuators.
 //!
 //! One [`FingerServo`] runs the two lower levels of the controller in every tick of the servo loop:
 //! joint servos compute torques, the tendons' level turns them into tensions, and a servo for each

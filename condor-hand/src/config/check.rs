@@ -15,8 +15,8 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
     /// Checks whether a controller can be made of this hand.
     ///
     /// # Errors
-    /// The first mistake: first the processors, then the fingers in order, the table, and last the
-    /// rules for several of them together, which are channels and load.
+    /// Returns the first [`Mistake`] if the hand has one, in this order: the processors, each finger, the
+    /// table, and the rules for several of them together, which are channels and load.
     pub fn check(&self) -> Result<(), Mistake> {
         self.examine(&mut Path::new())
     }

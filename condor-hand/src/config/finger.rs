@@ -115,9 +115,9 @@ pub struct Mount {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum JointMotion {
-    /// It rotates about this axis, rad.
+    /// The joint rotates about this axis; its position is in rad.
     Revolute([f64; 3]),
-    /// It slides along this axis, m.
+    /// The joint slides along this axis; its position is in m.
     Prismatic([f64; 3]),
 }
 
@@ -125,7 +125,7 @@ pub enum JointMotion {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LinkBody {
-    /// The mass, kg.
+    /// The mass of the link, kg.
     pub mass_kg: f64,
     /// The centre of mass, m.
     pub center: [f64; 3],

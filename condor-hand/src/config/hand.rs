@@ -47,7 +47,7 @@ pub struct Hand<const FINGERS: usize, const JOINTS: usize> {
     pub processors: Vec<ControlProcessor, PROCESSORS>,
     /// The table that moves the palm; `None` if there is none.
     pub table: Option<TableSettings>,
-    /// The fingers.
+    /// The fingers, in the order of their indices, from 0.
     pub fingers: Vec<Finger<JOINTS>, FINGERS>,
 }
 
@@ -91,7 +91,7 @@ pub enum ProcessorKind {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TableSettings {
-    /// The axes.
+    /// The axes, in the order of their indices, from 0.
     pub axes: Vec<Axis, 3>,
 }
 

@@ -71,7 +71,7 @@ pub enum Problem {
         Decimal(*.most),
     )]
     Restless {
-        /// The bandwidth, Hz.
+        /// The bandwidth that was configured, Hz.
         bandwidth_hz: f64,
         /// The greatest bandwidth at which the joint is stable, Hz.
         most: f64,
@@ -164,7 +164,7 @@ pub enum Problem {
     /// Two wires have the same channel.
     #[error("is {channel}, as is one of {first}")]
     SameChannel {
-        /// The channel.
+        /// The channel that two wires have.
         channel: Channel,
         /// The owner of the other wire.
         first: MistakeOwner,

@@ -16,7 +16,8 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
     /// `file` is the name in error messages; no file is opened.
     ///
     /// # Errors
-    /// The first problem, with its line and column.
+    /// Returns an error with the line and column of the first problem if the text is not TOML, lacks a value,
+    /// or has one that a hand cannot have.
     pub fn from_toml(text: &str, file: &str) -> Result<Self, TextError> {
         let text = SourceText::new(file, text);
         read(text.parse()?).map_err(|fault| text.error(fault))
@@ -26,7 +27,8 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
     /// the same hand.
     ///
     /// # Errors
-    /// No error is known: TOML has a form for every value of a hand.
+    /// Returns the error of the TOML serializer if it fails. No such case is known: TOML has a form for every
+    /// value of a hand.
     pub fn to_toml(&self) -> Result<String, toml::ser::Error> {
         toml::to_string(self)
     }

@@ -315,7 +315,7 @@ impl<const JOINTS: usize> Joint<JOINTS> {
             .map_or_else(kinematics::ChainBody::massless, |body| body.rigid_body())
     }
 
-    /// How the joint sits on the link before it; fixed without a mount.
+    /// Returns the placement of the joint on the link before it; fixed without a mount.
     fn mounted(&self) -> kinematics::ChainJoint {
         let fixed = kinematics::ChainJoint {
             placement: Pose::identity(),

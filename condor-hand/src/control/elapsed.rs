@@ -13,7 +13,7 @@ pub(crate) struct Elapsed<T> {
 }
 
 impl<T: Real> Elapsed<T> {
-    /// So many seconds; what is not finite or not above zero counts as a nominal period.
+    /// Makes the time from `seconds`; a time that is not finite or not above zero counts as a nominal period.
     #[inline(always)]
     pub(crate) fn new(seconds: T, sample_hz: T) -> Self {
         let periods = seconds * sample_hz;
@@ -42,7 +42,7 @@ impl<T: Real> Elapsed<T> {
     }
 }
 
-/// Whether all are finite; false also where their sum overflows.
+/// Returns true if all values are finite; false also where their sum overflows.
 #[inline(always)]
 pub(crate) fn sum_is_finite<T: Real, const L: usize>(values: &[T; L]) -> bool {
     is_finite(values.iter().fold(T::zero(), |sum, &value| sum + value))

@@ -43,7 +43,7 @@ pub struct LowPass<T: Real, const L: usize> {
     output: [T; L],
     exists: [bool; L],
     primed: [bool; L],
-    /// How many there are, and whether all L have had a sample.
+    /// The number of filters that exist; `running` is true once all L of them have had a sample.
     count: usize,
     running: bool,
 }
@@ -127,8 +127,8 @@ impl<T: Real, const L: usize> LowPass<T, L> {
 /// The rates of L sampled signals, per second, through first-order low-pass filters: "dirty"
 /// derivatives.
 ///
-/// The rate of a ramp is exact once the filter has settled. The first sample gives zero. After
-/// samples that were not finite, the difference is taken over the time that has passed.
+/// The rate of a ramp is exact once the filter has settled. The first sample yields zero. After samples that
+/// were not finite, the difference is taken over the time that has passed.
 #[derive(Clone, Copy, Debug)]
 pub struct Derivative<T: Real, const L: usize> {
     alpha: [T; L],

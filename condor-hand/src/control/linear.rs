@@ -1,6 +1,6 @@
-//! Small linear algebra that gives the same bits on every target.
+//! Small linear algebra with the same bits in the result on every target.
 //!
-//! Only additions, multiplications and divisions, in an order that is written down here.
+//! Only additions, multiplications and divisions are used, in the order in which they are written here.
 
 mod ldl;
 mod symmetric;

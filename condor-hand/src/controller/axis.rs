@@ -67,7 +67,7 @@ impl AxisServo {
         let high = if position > limits.high { 0.0 } else { max_n };
         let increment = servo.ki * error * elapsed.seconds;
         let force = self.integrator.update(rest, increment, low, high);
-        // What has overflowed pulls with all there is, to the side of its error.
+        // After an overflow the axis pulls with its full force, to the side of its error.
         force.unwrap_or_else(|| clamp(error * max_n, low, high))
     }
 

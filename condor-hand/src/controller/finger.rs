@@ -46,19 +46,19 @@ const SETTLING_TICKS: u32 = 4;
 pub struct FingerController<M, const N: usize> {
     servo: FingerServo<M, f64, N>,
     interpolator: Interpolator<N>,
-    /// How many joints there are; the places after them are empty.
+    /// The number of joints; the places after them are empty.
     joints: usize,
     /// Joints that follow the master's set-points, or would if a guard had not stopped them, a bit each.
     following: u32,
     watch: Watch<N>,
     /// The time since the last of them came, s.
     age_s: f64,
-    /// What of a period is over since the set-points were moved on.
+    /// The fraction of a period that has passed since the set-points were moved on.
     over: f64,
     monitor: FingerMonitor<f64, N>,
     ramp: Option<SafeRamp<f64, N>>,
-    /// How far the tensions were, at the fault, from those with which the ramp begins, N; and after how
-    /// many more ticks nothing of that is left.
+    /// The differences of the tensions at the fault from those with which the ramp begins, N; and the number of
+    /// ticks until they have vanished.
     beside: (TendonPairs<f64, N>, u32),
     least: TendonPairs<f64, N>,
     low: [f64; N],
@@ -209,12 +209,12 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
         self.servo.arms()
     }
 
-    /// Gives a joint another mode, in which it keeps its present position, torque or tensions. A
-    /// joint that is in that mode already does not change, even if it follows the master.
+    /// Sets another mode of a joint, in which it keeps its present position, torque or tensions. A joint that
+    /// is in that mode already does not change, even if it follows the master.
     ///
     /// # Errors
-    /// [`SettingError::NoJoint`] if the finger does not have the joint,
-    /// [`SettingError::AfterFault`] if it has a fault.
+    /// Returns [`SettingError::NoJoint`] if the finger does not have the joint; [`SettingError::AfterFault`] if
+    /// the finger has a fault or rests after one.
     pub fn set_mode(&mut self, joint: usize, mode: ServoMode) -> Result<(), SettingError> {
         self.refuse_after_fault()?;
         self.check_joint(joint)?;
@@ -224,14 +224,15 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
         self.servo.set_mode(joint, mode)
     }
 
-    /// Gives a joint a constant target, and the mode of that target. The rate and acceleration of a
-    /// position are used as feed-forward as long as the target lasts, so they must be zero for a
-    /// position to hold. A position in the zone of a stop, where no joint rests, becomes the end of
-    /// the zone.
+    /// Sets a constant target of a joint, and the mode of that target. The rate and acceleration of a position
+    /// are used as feed-forward as long as the target lasts, so they must be zero for a position to hold. A
+    /// position in the zone of a stop, where no joint rests, becomes the end of the zone.
     ///
     /// # Errors
-    /// [`SettingError`] if the joint cannot have the target, or the finger has a fault; the joint
-    /// keeps its target then.
+    /// After an error the joint keeps its target. Returns [`SettingError::AfterFault`] if the finger has a
+    /// fault or rests after one; [`SettingError::NoJoint`] if it does not have the joint;
+    /// [`SettingError::Target`] if the target exceeds the limits of the joint or its tendons;
+    /// [`SettingError::Joint`] if a rate or acceleration is not finite.
     pub fn set_target(
         &mut self,
         joint: usize,
@@ -441,7 +442,7 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
         }
     }
 
-    /// Gives these joints, which follow, their set-points.
+    /// Applies their set-points to these joints, which follow.
     #[inline(always)]
     fn lead(&mut self, led: u32) {
         let points = self.interpolator.set_points();

@@ -91,7 +91,7 @@ impl<const N: usize> Finger<N> {
                 samples: policy.sensor_samples,
             },
         };
-        // Where there is no joint, all checks are off.
+        // All checks are off for a joint that does not exist.
         FaultLimits {
             tendons: core::array::from_fn(|place| {
                 let pair = self.joints.get(place).map(|joint| Pair {
@@ -132,8 +132,8 @@ impl<const N: usize> Finger<N> {
     }
 }
 
-/// What is asked of the sensor behind a converter, which is stuck while its set-point goes so far for
-/// so many samples.
+/// Returns the limits of the sensor behind a converter. It is stuck while its set-point goes this far for this
+/// many samples.
 fn sensor(
     input: &InputChannel,
     policy: &FaultPolicy,
@@ -163,7 +163,7 @@ impl<const N: usize> Joint<N> {
         let joint = self;
         let (min_n, max_n) = joint.tension_range();
         let servo = &joint.servo;
-        // How far from its set-point friction can hold a joint that has nothing but its drive.
+        // The distance from its set-point at which friction can hold a joint that has nothing but its drive.
         let w = core::f64::consts::TAU * servo.bandwidth_hz;
         let held_rad = match (joint.friction.coulomb, servo.law) {
             (0.0, _) => 0.0,
@@ -215,7 +215,7 @@ impl<const N: usize> Joint<N> {
     }
 }
 
-/// Where a finger has no joint.
+/// The settings of a joint that the finger does not have.
 fn absent(sample_hz: f64) -> JointSettings<f64> {
     JointSettings {
         gains: JointGains {

@@ -18,7 +18,7 @@ use crate::trajectory::{
 /// The greatest number of axes of a table.
 pub const AXES: usize = 3;
 
-/// How many motions of the table can wait.
+/// The number of motions of the table that can wait.
 const QUEUE: usize = 8;
 
 /// The table of a configuration: motions of its axes, and their servos. It tells the fingers how
@@ -47,32 +47,32 @@ pub struct TableController {
 #[derive(Clone, Debug)]
 struct DrivenAxis {
     servo: AxisServo,
-    /// What its converter can read, m.
+    /// The positions that its converter can read, m.
     range: (f64, f64),
-    /// How many readings in a row were not finite or none that it has.
+    /// The number of readings in a row that were not finite or out of its range.
     bad: u16,
 }
 
-/// The state of a table.
+/// The state of a table: on its way home, ready for motions, or not driven.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum TableState {
-    /// Its drives are off.
+    /// The drives of the table are off.
     Off,
-    /// It goes home from the next tick on, at this fraction of its limits of velocity.
+    /// The table begins to go home in the next tick, at this fraction of its limits of velocity.
     Starting {
         /// The fraction, above 0 and at most 1.
         speed: f64,
     },
-    /// It is on its way home.
+    /// The table is on its way home.
     Homing,
-    /// It has been stopped on its way home, and stays where it is.
+    /// The table was stopped on its way home, and stays where it is.
     Stopped,
-    /// It has been home, and takes motions.
+    /// The table has been home, and takes motions.
     Ready,
-    /// Its ticks were late for too long; its drives are off until [`TableController::clear`].
+    /// The ticks of the table were late for too long; its drives are off until [`TableController::clear`].
     Late,
-    /// A sensor has failed; its drives are off until [`TableController::clear`].
+    /// A sensor of the table has failed; its drives are off until [`TableController::clear`].
     Failed {
         /// The axis, from 0.
         axis: usize,
@@ -80,7 +80,7 @@ pub enum TableState {
 }
 
 impl TableState {
-    /// Whether nothing drives it until [`TableController::clear`].
+    /// Returns true if the drives are off until [`TableController::clear`].
     const fn is_failure(self) -> bool {
         matches!(self, Self::Failed { .. } | Self::Late)
     }
@@ -172,7 +172,7 @@ impl TableController {
         };
         let first_hz = table.axes.first().map_or(hand.servo_hz, rate);
         let sample_hz = f64::from(first_hz);
-        // Where there is no axis, nothing is moved.
+        // Without an axis, nothing is moved.
         let mut limits = [ProfileLimits {
             low: -1.0,
             high: 1.0,
@@ -360,7 +360,7 @@ impl TableController {
         }
     }
 
-    /// Whether its drives hold or move it.
+    /// Returns true if the drives hold or move the table.
     fn is_driven(&self) -> bool {
         matches!(
             self.state,
@@ -412,7 +412,7 @@ impl TableController {
         };
     }
 
-    /// Whether the way home is over, and where it has ended.
+    /// Ends the way home if it is over: the table is ready if it is at home, and stopped elsewhere.
     fn look_home(&mut self) {
         let Some(homing) = self.homing else { return };
         if self.generator.progress(homing).is_some() {

@@ -88,7 +88,7 @@ impl<const N: usize> Watch<N> {
         }
     }
 
-    /// Whether one of these joints has a condition to check.
+    /// Returns true if one of these joints has a condition to check.
     #[inline]
     pub(super) const fn watches(&self, following: u32) -> bool {
         self.armed & following & !self.stopped != 0
@@ -111,7 +111,7 @@ impl<const N: usize> Watch<N> {
             if self.armed & following & !self.stopped & 1 << joint == 0 {
                 continue;
             }
-            // What is no number is kept.
+            // A tension that is not finite is kept.
             let tension = if pair.flexor >= pair.extensor || !is_finite(pair.flexor) {
                 pair.flexor
             } else {

@@ -121,7 +121,7 @@ impl<T: Real, const N: usize> Chain<T, N> {
         for i in (0..N).rev() {
             composite.add(&self.bodies[i]);
             let link = &links[i];
-            // The wrench that gives the unit acceleration to this joint and all beyond it.
+            // The wrench that accelerates this joint, and all beyond it, by one unit.
             let (mut force, mut moment) = composite.wrench(&link.turns, &link.slides);
             mass[(i, i)] = link.torque(&force, &moment);
             for j in (0..i).rev() {
@@ -185,7 +185,7 @@ impl<T: Real> Link<T> {
         }
     }
 
-    /// What the joint takes of a force and a moment about the origin of this link: N m, or N.
+    /// The torque (N m) or force (N) of the joint from a force and a moment about the origin of this link.
     #[inline(always)]
     fn torque(&self, force: &Vector3<T>, moment: &Vector3<T>) -> T {
         self.turns.dot(moment) + self.slides.dot(force)
@@ -249,7 +249,7 @@ impl<T: Real> Composite<T> {
         (force, moment)
     }
 
-    /// The same bodies in the frame of the link before.
+    /// Returns the same bodies in the frame of the link before.
     #[inline(always)]
     fn before(&self, link: &Link<T>) -> Self {
         let Pose { rotation, position } = &link.pose;

@@ -163,7 +163,7 @@ impl<T: Real> PlanarFinger<T> {
             let (s, c, body, length) = (sine[k], cosine[k], &bodies[k], lengths[k]);
             rate += qd[k + 1];
             acceleration += qdd[k + 1];
-            // What a metre along the link adds to each.
+            // The change of each quantity per metre along the link.
             let drift = -rate * s;
             let swing_out = -acceleration * s - rate * rate * c;
             let swing_up = rate * rate * s - acceleration * c;

@@ -54,7 +54,7 @@ pub(super) fn values<T: Real>(vector: &Vector3<T>) -> [f64; 3] {
     [vector.x.to_f64(), vector.y.to_f64(), vector.z.to_f64()]
 }
 
-/// Refuses vectors with a component that is no number.
+/// Refuses vectors with a component that is infinite or NaN.
 pub(super) fn check<T: Real, const M: usize>(
     vectors: &[Vector3<T>; M],
     quantity: GraspQuantity,
@@ -63,7 +63,7 @@ pub(super) fn check<T: Real, const M: usize>(
     vectors.try_for_each(|(finger, vector)| check_list(finger, quantity, vector.as_slice()))
 }
 
-/// Refuses a list of a finger with what is no number.
+/// Refuses a finger's list with an entry that is infinite or NaN.
 pub(super) fn check_list<T: Real>(
     finger: usize,
     quantity: GraspQuantity,
@@ -270,8 +270,8 @@ fn not_finite<T: Real>(wrench: &Wrench<T>, about: &Vector3<T>) -> GraspError {
     }
 }
 
-/// Why there is no inverse. It computes the inertia again, so that where there is one it stays in
-/// registers.
+/// Returns the reason for which there is no inverse. It computes the inertia again, so that where there is an
+/// inverse the inertia stays in registers.
 #[cold]
 fn explain<T: Real, const M: usize>(points: &[Vector3<T>; M]) -> GraspError {
     if M == 0 {

@@ -7,10 +7,10 @@
 //! rate of the law is that of the servos, and the result is the same whichever processor serves
 //! which finger.
 //!
-//! A master gives every processor the same [`GraspOrder`], which names the fingers, the places of
-//! their tips and the stiffness; [`GraspSettings`] make it, for a ball that was measured. A finger takes its present tip as the desired one, so nothing
-//! jumps. In the time `ramp_s` it passes to the ordered tips, squeeze and feed-forward; a later
-//! order for the same fingers ramps from what is in force. After a release the joints hold their
+//! A master publishes one [`GraspOrder`] to all processors. It names the fingers, the places of their tips and
+//! the stiffness; [`GraspSettings`] make it for a ball that was measured. A finger takes its present tip as the
+//! desired one, so nothing jumps. In the time `ramp_s` it passes to the ordered tips, squeeze and feed-forward;
+//! a later order for the same fingers ramps from the values in force. After a release the joints hold their
 //! positions.
 //!
 //! A finger leaves a grasp, and its joints hold their positions, if another finger leaves it or is

@@ -20,13 +20,13 @@ pub enum GraspQuantity {
     GravityTorque,
     /// The direction of the self-motion of a finger.
     SelfMotion,
-    /// The position of a joint.
+    /// The position of a joint, rad.
     JointPosition,
-    /// The rate of a joint.
+    /// The rate of a joint, rad/s.
     JointRate,
     /// The force of a finger.
     Force,
-    /// The direction of a squeeze.
+    /// The direction in which a squeeze pushes.
     SqueezeDirection,
     /// The torque of a joint.
     Torque,
@@ -59,11 +59,11 @@ pub enum GraspError {
     /// A number of one finger is infinite or NaN.
     #[error("the {quantity} of finger {finger} is {value}")]
     NotFinite {
-        /// The finger.
+        /// The finger, from 0.
         finger: usize,
-        /// The quantity.
+        /// The quantity that is infinite or NaN.
         quantity: GraspQuantity,
-        /// The number.
+        /// The value of the quantity.
         value: f64,
     },
     /// A wrench, or the point it is about, is infinite or NaN.
@@ -118,7 +118,7 @@ pub enum GraspError {
     /// A normal has no direction.
     #[error("the normal of contact {contact} has the length {length}")]
     Normal {
-        /// The contact.
+        /// The contact, from 0.
         contact: usize,
         /// The length that was given.
         length: f64,
@@ -177,9 +177,9 @@ pub enum GraspError {
     /// The lower limit of a joint's torque is above zero, or the upper one is below zero.
     #[error("joint {joint} of finger {finger} has the torque limits {low} to {high} N m")]
     TorqueLimits {
-        /// The finger.
+        /// The finger, from 0.
         finger: usize,
-        /// The joint.
+        /// The joint, from 0.
         joint: usize,
         /// The lower limit, N m.
         low: f64,

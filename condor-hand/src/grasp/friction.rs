@@ -136,7 +136,7 @@ impl<T: Real> ContactFriction<T> {
             return Err(GraspError::TooLarge { quantity });
         }
         let greatest = range.high.map(|high| high * unit);
-        // What is beyond the range of numbers is no bound.
+        // A value beyond the range of numbers is not a bound.
         let greatest = greatest.filter(|&greatest| is_finite(greatest));
         Ok(SqueezeRange { least, greatest })
     }

@@ -53,7 +53,7 @@ impl<T: Real, const N: usize> FingerState<T, N> {
         }
     }
 
-    /// Refuses what is no number; the tip is checked with the contacts.
+    /// Refuses numbers that are infinite or NaN; the tip is checked with the contacts.
     fn check(&self, finger: usize) -> Result<(), GraspError> {
         let none = SVector::zeros();
         let lists = [
@@ -113,7 +113,7 @@ pub struct GraspOutput<T: Real, const M: usize, const N: usize> {
     pub overload: Option<TorqueExcess<T>>,
 }
 
-/// The law that gives a held object a stiffness: M >= 3 fingers of N joints each.
+/// The law by which M >= 3 fingers of N joints each hold an object with a stiffness.
 ///
 /// The tips determine the displacement dx and the velocity v of the object. From these follow the
 /// wrench `w = K dx - D v + w_ff`, the forces of the fingers that produce it, and the torques
@@ -215,8 +215,8 @@ impl<T: Real, const M: usize, const N: usize> GraspStiffness<T, M, N> {
         let tuning = &self.tuning;
         let contacts = Contacts::new(fingers.each_ref().map(|finger| finger.tip))?;
         let deviation = self.deviation(&contacts)?;
-        // Where the middle of the object is. What bears its weight acts there: about another point its
-        // weight would turn an object that has been pushed aside.
+        // The present middle of the object. The force that bears its weight acts there: about another point
+        // the weight would turn an object that has been pushed aside.
         let middle = tuning.center - deviation.linear;
         let velocities = fingers.each_ref().map(|finger| finger.velocity);
         let velocity = contacts.object_motion(&velocities, &middle)?;

@@ -76,7 +76,7 @@ pub(super) fn check_limits<T: Real, const M: usize, const N: usize>(
     Ok(())
 }
 
-/// How much of a squeeze the joints can bear beside the torques of a load.
+/// The part of a squeeze that the joints can bear beside the torques of a load.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Fit<T: Real> {
     /// The part of the squeeze, 0 to 1.

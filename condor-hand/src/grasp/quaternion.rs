@@ -55,7 +55,7 @@ impl<T: Real> Rotation<T> {
         };
         let two = T::one() + T::one();
         let sine = sqrt(v.norm_squared());
-        // Where the sine's square vanishes, so does the difference of the angle to it.
+        // If the square of the sine vanishes, so does the difference of the angle to the sine.
         if sine > T::zero() {
             v * (two * atan2(sine, w) / sine)
         } else {

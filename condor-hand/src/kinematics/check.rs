@@ -1,4 +1,4 @@
-//! What a mechanism must be made of, so that its equations hold.
+//! The conditions on a mechanism under which its equations hold.
 
 use core::fmt;
 
@@ -61,13 +61,13 @@ pub enum MechanismError {
 /// A part of a mechanism, for errors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Part {
-    /// The base.
+    /// The base of the finger in the palm.
     Base,
     /// The placement of a joint, from 0.
     Placement(usize),
     /// A link and its body, from 0.
     Link(usize),
-    /// The tip.
+    /// The tip of the finger on its last link.
     Tip,
 }
 
@@ -89,7 +89,7 @@ impl Part {
     }
 }
 
-/// How far an entry of an orthonormal matrix may be off: people write ten digits, and `f32` has seven.
+/// The largest error of an entry of an orthonormal matrix: people write ten digits, and `f32` has seven.
 fn tolerance<T: Real>() -> f64 {
     if T::of(1.0 + 1e-9).to_f64() > 1.0 {
         1e-9

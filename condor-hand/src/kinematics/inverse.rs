@@ -43,7 +43,7 @@ pub enum InverseError {
     NotFinite {
         /// The name of the argument.
         what: &'static str,
-        /// Its value.
+        /// The value of the argument.
         value: f64,
     },
     /// The links are too short or too long to compute with.

@@ -122,7 +122,7 @@ impl<T: Real, const N: usize> JointLimits<T, N> {
         })
     }
 
-    /// What rounding may put outside the limits, rad.
+    /// The distance by which rounding may exceed the limits, rad.
     pub(super) fn slack() -> T {
         max(real::<T>(1e-9), real::<T>(64.0) * T::default_epsilon())
     }

@@ -60,7 +60,7 @@ impl<T: Real, const N: usize> Chain<T, N> {
         }
         let middle = (limits.lower() + limits.upper()) * real::<T>(0.5);
         let second = self.descend(target, middle, limits);
-        // A little nearer is no reason to jump.
+        // A slightly nearer posture is not worth a jump.
         Ok(if second.distance + reached() < first.distance {
             second
         } else {

@@ -65,7 +65,7 @@ pub(super) fn null_direction<T: Real, const N: usize>(
     unit.iter().all(|&rate| is_finite(rate)).then_some(unit)
 }
 
-/// How each joint moves the tip.
+/// The motion of the tip with each joint.
 fn tips<T: Real, const N: usize>(
     jacobian: &SMatrix<T, 3, N>,
 ) -> impl Iterator<Item = Vector3<T>> + '_ {

@@ -7,7 +7,7 @@ use super::{Chain, ChainMotion, Jacobian, Kinematics};
 use crate::Real;
 use crate::pose::{Pose, rotation_about};
 
-/// How one joint moves the links beyond it, in the palm.
+/// The motion of the links beyond a joint with that joint, in the palm.
 #[derive(Clone, Copy)]
 enum Screw<T: Real> {
     Turn {

@@ -16,14 +16,14 @@ use crate::config::ShortName;
 use crate::decimal::Decimal;
 use crate::servo::{JointTarget, ServoMode};
 
-/// How long a servo processor is left alone that has not come to what it was asked: an order is done
-/// at the next tick of its loop.
+/// The pause between two questions to a servo processor that has not processed an order: an order is done at
+/// the next tick of its loop.
 const PAUSE: Duration = Duration::from_micros(200);
 
 /// A client of the servos of another processor, for the background of this one.
 ///
-/// Fingers and joints are counted from 0. Each call ends at its time-out. If a call returns without
-/// an error, the servo loop has processed its order.
+/// Fingers and joints are counted from 0. Each call ends at its timeout. If a call returns without an error,
+/// the servo loop has processed its order.
 #[derive(Debug)]
 pub struct ServoClient<'m, M: Messenger + ?Sized, W, const F: usize, const N: usize> {
     exchange: Exchange<'m, M, Region<W>, Request, Response>,
@@ -150,14 +150,14 @@ where
         })
     }
 
-    /// Gives a joint, or all joints, another mode, in which they keep their present positions,
-    /// torques or tensions.
+    /// Sets another mode of a joint, or of all joints, in which they keep their present positions, torques or
+    /// tensions.
     ///
     /// # Errors
-    /// [`ServoClientError::Refused`] if the servo refuses the request; [`ServoClientError::NotDone`] if its
-    /// loop has not processed the request in time; [`ServoClientError::Superseded`] if a later one
-    /// replaced it; [`ServoClientError::Exchange`], [`ServoClientError::Busy`] or [`ServoClientError::Protocol`]
-    /// if there is no valid response.
+    /// Returns [`ServoClientError::Refused`] if the servo refuses the request; [`ServoClientError::NotDone`] if
+    /// its loop has not processed the request in time; [`ServoClientError::Superseded`] if a later one replaced
+    /// it; [`ServoClientError::Exchange`], [`ServoClientError::Busy`] or [`ServoClientError::Protocol`] if
+    /// there is no valid response.
     pub fn enable(
         &mut self,
         finger: u32,
@@ -173,7 +173,7 @@ where
     /// Switches a joint, or all joints, off.
     ///
     /// # Errors
-    /// The errors of [`enable`](Self::enable).
+    /// Returns the same variants as [`enable`](Self::enable) if the servo does not carry out the request.
     pub fn disable(
         &mut self,
         finger: u32,
@@ -183,11 +183,11 @@ where
         self.enable(finger, joint, ServoMode::Off, timeout)
     }
 
-    /// Gives a joint a constant target, and the mode of that target.
+    /// Sets a constant target of a joint, and the mode of that target.
     ///
     /// # Errors
-    /// The errors of [`enable`](Self::enable); [`ServoClientError::Refused`] also if the joint cannot
-    /// have the target.
+    /// Returns [`ServoClientError::Refused`] if the joint cannot have the target, and otherwise the same
+    /// variants as [`enable`](Self::enable) if the servo does not carry out the request.
     pub fn set_target(
         &mut self,
         finger: u32,
@@ -223,13 +223,13 @@ where
     /// [rest](ServoStatus::is_resting) any more.
     ///
     /// # Errors
-    /// The errors of [`enable`](Self::enable).
+    /// Returns the same variants as [`enable`](Self::enable) if the servo does not carry out the request.
     pub fn restart(&mut self, finger: u32, timeout: Duration) -> Result<(), ServoClientError> {
         let request = request(ServoOperation::Restart, finger, ALL_JOINTS, 0);
         self.order(&request, Part::Restart, timeout)
     }
 
-    /// Gives an order, and asks what became of it until the loop has come to it.
+    /// Sends an order, and asks for its outcome until the loop has processed it.
     fn order(
         &mut self,
         request: &Request,
@@ -291,14 +291,14 @@ where
         Duration::from_nanos(deadline.ns_since(self.messenger.now()))
     }
 
-    /// Gives the servo processor time.
+    /// Waits a moment, for the servo processor.
     fn pause(&self, deadline: Instant) -> Result<(), ServoClientError> {
         let pause = self.left(deadline).min(PAUSE);
         self.messenger.serve(pause).map_err(ExchangeError::from)?;
         Ok(())
     }
 
-    /// What follows in a response if all is well.
+    /// Returns the words after the state in a response without a refusal.
     fn check<'r>(&self, response: &'r Response) -> Result<WordReader<'r>, ServoClientError> {
         let (&[state], rest) = response.split_at(1) else {
             return Err(self.protocol(0));

@@ -25,14 +25,14 @@ pub enum FingerRequest<const N: usize> {
     Target {
         /// The joint, from 0.
         joint: usize,
-        /// The target.
+        /// The target that was asked for.
         target: JointTarget<f64>,
     },
     /// Sets other gains of a joint.
     Gains {
         /// The joint, from 0.
         joint: usize,
-        /// The gains.
+        /// The gains that were asked for.
         gains: JointGains<f64>,
     },
     /// Sets what the master wants of the joints.
@@ -44,7 +44,7 @@ pub enum FingerRequest<const N: usize> {
     },
 }
 
-/// What a word 0 says.
+/// The meanings of word 0.
 mod kind {
     pub(super) const RESTART: u32 = 0;
     pub(super) const MODE: u32 = 1;

@@ -137,11 +137,11 @@ impl<const F: usize> GraspLayout<F> {
         }
     }
 
-    /// Gives an order, as the master; returns its number, which the reports about it have. There
-    /// must be only one master at a time.
+    /// Publishes an order, as the master, and returns its number, by which reports name the order. There must
+    /// be only one master at a time.
     ///
     /// # Errors
-    /// [`AccessError`] if the places are not in the region, or if the memory cannot be written.
+    /// Returns [`AccessError`] if the places are not in the region, or if the memory cannot be written.
     pub fn give<W: MemoryWindow + Clone>(
         &self,
         order: &GraspOrder<F>,

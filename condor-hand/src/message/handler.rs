@@ -33,7 +33,7 @@ pub struct HandIdentity<const F: usize> {
     pub servo_hz: u32,
 }
 
-/// Why there is nothing else in a response.
+/// The reason for which a response has no other content.
 enum EmptyResponse {
     Refused(ServoRefusal),
     State(u32),
@@ -45,7 +45,7 @@ impl From<ServoRefusal> for EmptyResponse {
     }
 }
 
-/// What is read from memory of the object is whole but for a loop on another core that is too fast.
+/// A read from the memory of the object is whole, unless a loop on another core writes too fast.
 const BUSY: EmptyResponse = EmptyResponse::State(state::BUSY);
 
 impl<const F: usize> HandIdentity<F> {
@@ -232,7 +232,7 @@ impl<const N: usize> FingerMemory<N> {
         Ok(number)
     }
 
-    /// Replaces what joints are to do; gives the number of the order.
+    /// Replaces the orders of joints; returns the number of the order.
     fn order(&self, joint: u32, fill: impl Fn(&mut WordWriter<'_>)) -> Result<u32, EmptyResponse> {
         let chosen = self.chosen(joint)?;
         let number = self.next_order()?;
@@ -246,7 +246,7 @@ impl<const N: usize> FingerMemory<N> {
         self.announce(number)
     }
 
-    /// What became of an order, if not that it was done.
+    /// Returns the outcome of an order as an error, unless the order was done.
     fn outcome(&self, joint: u32, part: Part, number: u32) -> Result<(), EmptyResponse> {
         let chosen = self.chosen(joint)?;
         let (cell, window) = self.report();

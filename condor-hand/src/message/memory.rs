@@ -5,7 +5,7 @@ use condor_mbox::{Published, Region, StaticMemory, StaticWindow};
 use super::refusal;
 use super::status::Report;
 
-/// What both ends know of one finger.
+/// The memory of one finger that both ends share.
 #[derive(Debug)]
 pub(super) struct FingerMemory<const N: usize> {
     words: StaticMemory<16>,
@@ -13,20 +13,20 @@ pub(super) struct FingerMemory<const N: usize> {
     pub(super) joints: [JointMemory; N],
 }
 
-/// What both ends know of one joint.
+/// The memory of one joint that both ends share.
 #[derive(Debug)]
 pub(super) struct JointMemory {
     order: StaticMemory<{ Published::<Order>::BYTES as usize / 4 }>,
     outcome: StaticMemory<{ Published::<Outcome>::BYTES as usize / 4 }>,
 }
 
-/// What a joint is to do: the number of the order, a [`kind`], mode and three numbers.
+/// The order to a joint: its number, a [`kind`], mode and three numbers.
 pub(super) type Order = [u32; 9];
 
-/// What became of it: the number of the order and a refusal.
+/// The outcome of an order: the number of the order and a refusal.
 pub(super) type Outcome = [u32; 1 + refusal::WORDS];
 
-/// What a joint's order asks for.
+/// The kinds of a joint's orders.
 pub(super) mod kind {
     pub(in super::super) const MODE: u32 = 1;
     pub(in super::super) const TARGET: u32 = 2;
@@ -36,7 +36,7 @@ pub(super) mod kind {
 pub(super) mod word {
     /// The number of the last order; stored after all that belongs to it.
     pub(in super::super) const ORDERS: u32 = 0;
-    /// How many restarts were asked for.
+    /// The number of restarts that were asked for.
     pub(in super::super) const RESTARTS: u32 = 4;
     /// The ticks of the loop.
     pub(in super::super) const TICKS: u32 = 8;

@@ -131,7 +131,7 @@ impl ServoRefusal {
         })
     }
 
-    /// What the servo of `joint` said.
+    /// The refusal for an error from the servo of `joint`.
     pub(super) fn of_servo(joint: u32, error: &SettingError) -> Self {
         match *error {
             SettingError::AfterFault => Self::AfterFault,

@@ -230,7 +230,7 @@ impl<'o, M: Dynamics<f64, N>, W: MemoryWindow, const N: usize> FingerLoop<'o, M,
         outcome.map_err(|error| ServoRefusal::of_servo(joint as u32, &error))
     }
 
-    /// Gives the controller the master's next set-points.
+    /// Sets the master's next set-points in the controller.
     #[inline]
     fn follow(&mut self, tell: &mut impl FnMut(&FingerRequest<N>)) {
         if let Ok(latest) = self.points.read()

@@ -134,7 +134,8 @@ pub(super) fn take_target(
 /// Words of what the master wants of a joint.
 pub(super) const WANTED: usize = 12;
 
-/// What the master wants of a joint: a set-point, the number of a motion, and what stops that.
+/// Writes the wish of the master for a joint: a set-point, the number of a motion, and the conditions that stop
+/// it.
 pub(super) fn put_wanted(point: &SetPoint<f64>, guard: &StopGuard, put: &mut WordWriter<'_>) {
     put.numbers(&[point.position, point.velocity, point.acceleration]);
     put.words(&[guard.motion, u32::from(guard.contact)]);

@@ -34,7 +34,7 @@ impl<'a> WordWriter<'a> {
         Self(words.iter_mut())
     }
 
-    /// How many words have room.
+    /// The number of words for which there is room.
     pub(super) fn room(&self) -> usize {
         self.0.len()
     }

@@ -47,10 +47,10 @@ pub struct SimContact {
     shear: Vector3<f64>,
 }
 
-/// Where two bodies overlap, seen by the first.
+/// The overlap of two bodies, seen by the first.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Overlap {
-    /// How far, m; not above zero where they do not touch.
+    /// The depth of the overlap, m; not above zero where the bodies do not touch.
     pub(super) depth: f64,
     /// The unit vector into the first.
     pub(super) normal: Vector3<f64>,

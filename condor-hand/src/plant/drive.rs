@@ -30,7 +30,7 @@ pub enum DriveKind {
     Pneumatic(Pneumatic),
 }
 
-/// The state of one drive.
+/// The state of a drive between two updates.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum DriveState {
     Tension(f64),

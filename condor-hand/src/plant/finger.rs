@@ -209,8 +209,8 @@ impl<M: Dynamics<f64, N>, const N: usize> SimFinger<M, N> {
         (states, tensions)
     }
 
-    /// How far the joints let the tendons in: the negative of their lengths, from all joints at
-    /// zero, m.
+    /// The lengths by which the joints let the tendons in, m: the negative of their elongation, from all joints
+    /// at zero.
     fn excursions(&self, q: &SVector<f64, N>) -> TendonPairs<f64, N> {
         let lengths = self.parameters.arms.length_rates(q);
         lengths.map(|pair| pair.map(|length| -length))

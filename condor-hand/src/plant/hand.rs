@@ -47,7 +47,7 @@ pub struct SimHand<M, const F: usize, const N: usize> {
     steps: u64,
 }
 
-/// What a tip touches, and what pushes it besides.
+/// The contacts of a tip, and the forces that push it besides.
 #[derive(Clone, Copy, Debug)]
 struct Tip {
     object: SimContact,

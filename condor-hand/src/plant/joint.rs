@@ -55,7 +55,7 @@ impl JointParameters {
         self.stop.check()
     }
 
-    /// Of springs, friction and stops; `load` is what the joint's own tendons pull with, N m.
+    /// Returns the torques of springs, friction and stops; `load` is the pull of the joint's own tendons, N m.
     pub(super) fn passive(&self, q: f64, qd: f64, load: f64) -> Passive {
         let mut passive = Passive {
             torque: -self.stiffness * (q - self.rest) - self.damping * qd,

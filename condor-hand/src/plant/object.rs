@@ -148,7 +148,7 @@ impl SimObject {
         self.velocity + self.angular_velocity().cross(&(point - self.position))
     }
 
-    /// With a sphere, which is the first body of the two.
+    /// Returns the overlap with a sphere, which is the first body of the two.
     pub(super) fn overlap(&self, center: &Vector3<f64>, radius: f64) -> Overlap {
         let between = center - self.position;
         let distance = sqrt(between.norm_squared());

@@ -157,11 +157,13 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
         held.or_else(|| Some(self.joints.get(joint)?.target.mode()))
     }
 
-    /// Gives a joint a target, from the next tick on, and the mode of that target. A position in
-    /// the zone of a stop, where no joint rests, becomes the end of the zone.
+    /// Sets a target of a joint, from the next tick on, and the mode of that target. A position in the zone of
+    /// a stop, where no joint rests, becomes the end of the zone.
     ///
     /// # Errors
-    /// [`SettingError`] if the joint cannot have the target; it keeps its target then.
+    /// After an error the joint keeps its target. Returns [`SettingError::NoJoint`] if the finger does not have
+    /// the joint; [`SettingError::Target`] if the target exceeds the limits of the joint or its tendons;
+    /// [`SettingError::Joint`] if a rate or acceleration is not finite.
     pub fn set_target(&mut self, joint: usize, target: JointTarget<T>) -> Result<(), SettingError> {
         let servo = self
             .joints
@@ -189,12 +191,12 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
         }
     }
 
-    /// Gives a joint another mode, from the next tick on, in which it keeps its present position, or its
-    /// [mean](crate::servo#changes-of-mode) torque or tensions. A joint that is in that mode already keeps
-    /// its target.
+    /// Sets another mode of a joint, from the next tick on, in which it keeps its present position, or its
+    /// [mean](crate::servo#changes-of-mode) torque or tensions. A joint that is in that mode already keeps its
+    /// target.
     ///
     /// # Errors
-    /// [`SettingError::NoJoint`] if the finger does not have the joint.
+    /// Returns [`SettingError::NoJoint`] if the finger does not have the joint.
     pub fn set_mode(&mut self, joint: usize, mode: ServoMode) -> Result<(), SettingError> {
         let there_is_none = SettingError::NoJoint { joint, joints: N };
         let same = self.mode(joint).ok_or(there_is_none)? == mode;
@@ -301,7 +303,7 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
         self.tick_after(sensed, gravity, Elapsed::new(period_s, self.sample_hz))
     }
 
-    /// The same, so long after the last tick.
+    /// Runs one tick, like [`tick`](Self::tick), `elapsed` after the last one.
     #[inline(always)]
     pub(crate) fn tick_after(
         &mut self,
@@ -353,7 +355,7 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
         }
     }
 
-    /// The positions that the sensors say, filtered, and their rates.
+    /// Returns the filtered positions that the sensors measure, and their rates.
     #[inline(always)]
     fn sense_positions(
         &mut self,
@@ -374,7 +376,8 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
         (positions.into(), velocities.into())
     }
 
-    /// The same where a position is no reading, or was none in the last tick.
+    /// Returns the same positions and rates if a reading is not finite or not believed, or was so in the last
+    /// tick.
     #[cold]
     #[inline(never)]
     fn sense_each(
@@ -496,7 +499,7 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
         gravity: &Vector3<T>,
         period: T,
     ) -> SVector<T, N> {
-        // What no law asks for is not computed.
+        // Terms that no law asks for are not computed.
         let (mut computed, mut falls, mut moves, mut turns) = (false, false, false, false);
         let mut acceleration = SVector::<T, N>::zeros();
         let mut asked = SVector::<T, N>::zeros();

@@ -9,7 +9,7 @@ use crate::math::{Real, min, real};
 /// A spring and a damper at a joint.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Impedance<T> {
-    /// Where the spring has no torque, rad.
+    /// The position at which the spring has no torque, rad.
     pub(super) position: T,
     /// N m/rad.
     pub(super) stiffness: T,

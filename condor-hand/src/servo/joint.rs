@@ -22,19 +22,19 @@ pub(super) struct JointServo<T: Real> {
     /// Its position has been a number once; until then nothing is done about it.
     pub(super) seen: bool,
     stop: SoftStop<T>,
-    /// What its own tendons can give, N m.
+    /// The torques that its own tendons can produce, N m.
     torque: (T, T),
     tension: (T, T),
     integrator: Integrator<T>,
     /// The spring and damper that act; the target's, but for a change that is under way.
     impedance: Impedance<T>,
-    /// How much of that change is left, from 1.
+    /// The part of that change that is left, from 1.
     left: T,
     /// The least inertia of the joint, kg m².
     inertia: T,
 }
 
-/// What of the finger a joint's law uses.
+/// The state of the finger that a joint's law uses.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Felt<T> {
     pub(super) position: T,
@@ -47,7 +47,7 @@ pub(super) struct Felt<T> {
     pub(super) gravity: T,
     /// The friction of the drive at the asked-for rate, N m.
     pub(super) friction: T,
-    /// What keeps joints from their limits, N m.
+    /// The torques that keep joints from their limits, N m.
     pub(super) stop: T,
     /// Since the last tick, s.
     pub(super) period: T,
@@ -85,7 +85,7 @@ impl<T: Real> JointServo<T> {
         })
     }
 
-    /// Whether the joint can have this target.
+    /// Checks that the joint can have this target.
     pub(super) fn check(&self, joint: usize, target: &JointTarget<T>) -> Result<(), SettingError> {
         let within = |quantity: TargetQuantity, value: T, (low, high): (T, T)| {
             if low <= value && value <= high {
@@ -129,7 +129,7 @@ impl<T: Real> JointServo<T> {
         Ok(())
     }
 
-    /// Where it is to be, rad; NaN if it follows nothing.
+    /// The desired position, rad; NaN if the joint follows nothing.
     #[inline(always)]
     pub(super) fn target_position(&self) -> T {
         match self.target {
@@ -138,7 +138,7 @@ impl<T: Real> JointServo<T> {
         }
     }
 
-    /// Whether nothing but the set-point changes, and that to one which the joint can have.
+    /// Returns true if only the set-point changes, and to one that the joint can have.
     #[inline(always)]
     pub(super) fn may_go_on(&self, point: &SetPoint<T>) -> bool {
         // Zero times each: the sum is NaN if one of them is not finite.

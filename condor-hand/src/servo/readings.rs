@@ -53,8 +53,8 @@ impl<T: Real, const N: usize> Readings<T, N> {
         }
     }
 
-    /// Whether all are to be believed, after a tick in which all were; if so, they are taken. `targets`
-    /// are where the joints are to be, NaN for those that follow nothing.
+    /// Returns true if all readings are believed, after a tick in which all were; they are taken then.
+    /// `targets` are the desired positions, NaN for joints that follow nothing.
     #[inline(always)]
     #[allow(clippy::needless_bitwise_bool, reason = "lanes have no branches")]
     pub(super) fn take(
@@ -90,8 +90,8 @@ impl<T: Real, const N: usize> Readings<T, N> {
         believed
     }
 
-    /// Takes what is believed, one by one, of joints that were `seen` once, and puts where the joint would
-    /// be in the place of what is not. Gives the rates of those whose sensors turn out to have stood.
+    /// Takes the believed readings, one by one, of joints that were `seen` once, and replaces the others by the
+    /// position that the joint would have. Returns the rates of joints whose sensors turn out to have stood.
     pub(super) fn take_each(
         &mut self,
         positions: &mut [T; N],
@@ -146,7 +146,7 @@ impl<T: Real, const N: usize> Readings<T, N> {
             if seen[lane] {
                 self.lost |= 1 << lane;
                 if is_frozen && self.away[lane] < still {
-                    // It has said nothing for longer than it seemed.
+                    // The sensor has shown no change for longer than it seemed.
                     self.away[lane] = still;
                     // As fast as it went, but no faster than it was to go.
                     let to_go = led / still;
@@ -160,8 +160,8 @@ impl<T: Real, const N: usize> Readings<T, N> {
         unseen
     }
 
-    /// What the next tick would go by, but for what stands: where joints would be in the place of what is
-    /// not believed.
+    /// Returns the position that the next tick would use, without regard to sensors that stand: the reading,
+    /// or, if it is not believed, the position that the joint would have.
     pub(super) fn plausible(
         &self,
         lane: usize,
@@ -183,8 +183,8 @@ impl<T: Real, const N: usize> Readings<T, N> {
         self.lost = 0;
     }
 
-    /// Whether a joint can have moved so far, or be so far from its way, in this time, s. What is not
-    /// finite is near nothing.
+    /// Returns true if a joint can have moved this far, or be this far from its way, in this time, s. False for
+    /// numbers that are not finite.
     #[inline(always)]
     #[allow(clippy::needless_bitwise_bool, reason = "lanes have no branches")]
     fn is_near(&self, lane: usize, moved: T, way: T, seconds: T) -> bool {
@@ -192,7 +192,7 @@ impl<T: Real, const N: usize> Readings<T, N> {
         (abs(moved - way) <= reach) | (abs(moved) <= reach)
     }
 
-    /// Whether the sensor shows the same as before.
+    /// Returns true if the sensor shows the same as before.
     #[inline(always)]
     fn stands(&self, lane: usize, gone: T) -> bool {
         abs(gone) < real::<T>(0.5) * self.resolution[lane]

@@ -112,7 +112,7 @@ pub struct TargetError {
     pub high: f64,
 }
 
-/// A quantity of a target.
+/// The quantity of a [`JointTarget`](super::JointTarget) that exceeds its limits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum TargetQuantity {
@@ -168,7 +168,7 @@ impl TargetQuantity {
 }
 
 impl<T: Real> JointGains<T> {
-    /// Whether the law's numbers make sense.
+    /// Checks that the law's numbers are possible.
     pub(super) fn check(&self) -> Result<(), NumberError> {
         match self.law {
             PositionLaw::Pd {

@@ -81,7 +81,7 @@ impl<T: Real> TensionAllocation<T> {
             flexor: low + u * reciprocal.flexor,
             extensor: low - (u - net) * reciprocal.extensor,
         };
-        // What rounding has put beyond the limits.
+        // Undoes rounding beyond the limits.
         (pair.map(|tension| clamp(tension, low, high)), net)
     }
 
@@ -308,7 +308,8 @@ impl<T: Real, const N: usize> MomentArms<T, N> {
 }
 
 impl<T: Real> Rectification<T> {
-    /// What the flexor turns beyond its minimum for a net torque, N m; limits are the caller's.
+    /// The torque of the flexor beyond that of its minimum, for a net torque, N m; the caller applies the
+    /// limits.
     #[inline(always)]
     fn agonist(&self, net: T, low: T, own: &Pair<T>) -> T {
         match *self {

@@ -8,13 +8,13 @@ use crate::math::{Real, is_finite};
 /// The moment arms of the tendons of one finger: the matrix P of `torque = P tension`, whose
 /// tendons cross the joints proximal to their own.
 ///
-/// Row j has the arms at joint j of the tendons of joint k, `k >= j`: metres, positive where the
-/// tendon pulls joint j to positive angles. The matrix is block upper triangular, and the own arms
-/// are `+r` of the flexor and `-r` of the extensor.
+/// Row j has the arms at joint j of the tendons of joint k, `k >= j`: metres, positive where the tendon pulls
+/// joint j to positive angles. The matrix is block upper triangular. At its own joint a flexor has the arm
+/// `+r`, and an extensor `-r`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MomentArms<T: Real, const N: usize> {
     rows: [TendonPairs<T, N>; N],
-    /// Of each joint's own tendons, so that the servo divides once and not in each tick.
+    /// The reciprocals for each joint's own tendons, so that the servo divides once and not in each tick.
     reciprocals: TendonPairs<T, N>,
 }
 

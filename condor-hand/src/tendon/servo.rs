@@ -142,7 +142,7 @@ impl<T: Real, const L: usize> TensionServos<T, L> {
             next.desired[i] = desired;
             next.last_error[i] = error;
             command[i] = clamp(output, zero, max_n);
-            // Whatever is not finite above is so here.
+            // This sum is not finite if a value above is not.
             test[i] = asked[i] + increment + output;
         }
         if !(self.has_last.iter().all(|&has| has) && sum_is_finite(&test)) {

@@ -416,7 +416,7 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
         let _ = self.events.push_back(MotionEvent { ticket, happening });
     }
 
-    /// Where the joints will rest after all that runs and waits.
+    /// The set-points at which the joints will rest after all motions that run and wait.
     fn foreseen(&self) -> [SetPoint<T>; J] {
         let mut ends = self
             .set_points()
@@ -572,7 +572,7 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
         self.end(&running, ended);
     }
 
-    /// What ran is over; so is its motion, unless other joints of that still return or slow down.
+    /// Ends a motion whose part `running` is over, unless other joints of the motion still return or slow down.
     fn end(&mut self, running: &Running<T>, ended: MotionEnd) {
         let ticket = running.ticket;
         let mut others = self.running.iter().flatten();

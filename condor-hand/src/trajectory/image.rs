@@ -93,7 +93,7 @@ impl<'a, const J: usize> MotionSequence<'a, J> {
         }
     }
 
-    /// The same without a look at the primitives.
+    /// Opens an image without a check of its primitives.
     fn unchecked(image: &'a [u8]) -> Result<Self, MotionImageError> {
         let ([j0, j1, count @ ..], body) = FORMAT.open(image)?;
         let found = u16::from_le_bytes([j0, j1]);
@@ -202,7 +202,7 @@ fn write<'m, const J: usize>(
     Ok(HEADER_BYTES + end)
 }
 
-/// What of a primitive does not depend on its joints.
+/// The part of a primitive that does not depend on its joints.
 #[derive(Serialize, Deserialize)]
 struct Head {
     mask: u32,

@@ -43,7 +43,7 @@ struct PathPart<T> {
     acceleration: [T; 2],
 }
 
-/// What is between a joint and the motion of the ticks.
+/// The difference between a joint and the motion of the ticks.
 #[derive(Clone, Debug)]
 struct Gap<T: Real> {
     way: Segments<T>,
@@ -263,7 +263,7 @@ impl<const J: usize, T: Real> Interpolator<J, T> {
         self.ways.each_ref().map(|way| way.at(s))
     }
 
-    /// What comes after the last tick: the velocity is held for a while, and braked then.
+    /// The set-points after the last tick: the velocity is held for a while, and braked then.
     fn without_ticks(&self) -> [SetPoint<T>; J] {
         let held = self.late.min(self.substeps);
         let (holding, braking) = (self.seconds(held), self.seconds(self.late - held));
@@ -275,7 +275,7 @@ impl<const J: usize, T: Real> Interpolator<J, T> {
     }
 }
 
-/// What becomes of a set-point while its velocity is held and then braked, for so many seconds each.
+/// The set-point after its velocity was held for `holding` and then braked for `braking`, in seconds.
 fn braked<T: Real>(
     &SetPoint {
         position, velocity, ..

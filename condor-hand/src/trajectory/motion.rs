@@ -21,8 +21,8 @@
 //! joints = { "index.1" = 0.7, "index.2" = 0.0 }
 //! ```
 //!
-//! A profile, a pace and a joint are required; everything else has a default. The caller gives the
-//! names of the joints, in the order of their numbers.
+//! A profile, a pace and a joint are required; everything else has a default. The caller passes the names of
+//! the joints, in the order of their numbers.
 
 use core::ops::Range;
 use std::collections::BTreeMap;

@@ -19,7 +19,7 @@ pub(super) struct Planner<'a, const J: usize, T: Real> {
     pub(super) tick: T,
 }
 
-/// How the joints of a primitive will move.
+/// The planned motion of the joints of a primitive.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Plan<T> {
     shape: Shape,
@@ -45,7 +45,7 @@ struct Joint<'a, T: Real> {
 }
 
 impl<'a, const J: usize, T: Real> Planner<'a, J, T> {
-    /// As the primitive says, or the first joint that cannot do it.
+    /// Returns the plan as the primitive asks for it, or the error of the first joint that cannot do it.
     pub(super) fn asked(&self) -> Result<Plan<T>, PrimitiveError> {
         self.targets()?;
         let plan = Plan {
@@ -59,8 +59,8 @@ impl<'a, const J: usize, T: Real> Planner<'a, J, T> {
         self.check(plan)
     }
 
-    /// As the primitive says; else slower; else with segments, which always keep the limits if no
-    /// via points ask for more.
+    /// Returns the plan as the primitive asks for it; else a slower one; else one with segments, which always
+    /// keep the limits if no via points ask for more.
     pub(super) fn possible(&self) -> Result<Plan<T>, PrimitiveError> {
         let refused = match self.asked() {
             Ok(plan) => return Ok(plan),
@@ -215,7 +215,7 @@ impl<T: Real> Joint<'_, T> {
         }
     }
 
-    /// What a profile of segments may use; `None` for one that has none.
+    /// The limits of a profile of segments; `None` for one that has none.
     fn bounds(&self, profile: Profile, speed: T) -> Option<Bounds<T>> {
         let jerk = match profile {
             Profile::Cubic | Profile::MinimumJerk => return None,
@@ -269,7 +269,7 @@ impl<T: Real> Joint<'_, T> {
         self.keeps((limits.low, limits.high), (self.end, self.end))
     }
 
-    /// Whether a path keeps the limits; a joint may come back from outside of its range.
+    /// Checks that a path keeps the limits; a joint may come back from outside of its range.
     fn check(&self, path: &Path<T>) -> Result<(), PrimitiveError> {
         let peaks = path.peaks();
         let limits = self.limits;
@@ -291,7 +291,7 @@ impl<T: Real> Joint<'_, T> {
         Ok(())
     }
 
-    /// Whether the least and the greatest position are in a range.
+    /// Checks that the least and the greatest position are in a range.
     fn keeps(&self, (low, high): (T, T), (least, greatest): (T, T)) -> Result<(), PrimitiveError> {
         let (at_least, at_most) = (
             Requirement::AtLeast(low.to_f64()),

@@ -93,7 +93,7 @@ impl<T: Real> Polynomial<T> {
         })
     }
 
-    /// Those of a cubic, lowest power first.
+    /// Returns the coefficients of a cubic, lowest power first.
     #[inline(always)]
     pub(super) fn cubic_coefficients(&self) -> [T; 4] {
         let [c0, c1, c2, c3, _, _] = self.coefficients;

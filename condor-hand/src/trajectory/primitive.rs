@@ -192,7 +192,7 @@ impl<T: Real> Guards<T> {
         self.torque.is_none() && self.tension.is_none() && self.time.is_none() && !self.contact
     }
 
-    /// The first condition that holds for certain: a sensor that gives no number starts nothing.
+    /// The first condition that holds for certain: a reading that is not finite starts nothing.
     pub(super) fn holds<const J: usize>(
         &self,
         mask: u32,
@@ -202,7 +202,7 @@ impl<T: Real> Guards<T> {
         self.first(mask, elapsed, seen, |value, limit| value > limit)
     }
 
-    /// The first condition that does not fail for certain: a sensor that gives no number stops.
+    /// The first condition that does not fail for certain: a reading that is not finite stops the motion.
     pub(super) fn may_hold<const J: usize>(
         &self,
         mask: u32,
@@ -239,7 +239,7 @@ impl<T: Real> Guards<T> {
         self.is_over(elapsed).then_some(MotionGuard::Time)
     }
 
-    /// Whether the time has passed.
+    /// Returns true if the time has passed.
     pub(super) fn is_over(&self, elapsed: T) -> bool {
         self.time.is_some_and(|time| elapsed >= time)
     }
@@ -283,7 +283,7 @@ impl<const J: usize, T: Real> Primitive<J, T> {
         all.filter(|(joint, _)| self.mask >> joint & 1 == 1)
     }
 
-    /// What can be told without the joints' states and limits.
+    /// Checks the primitive as far as the joints' states and limits do not matter.
     pub(super) fn check(&self) -> Result<(), PrimitiveError> {
         let beyond = u32::try_from(J).ok().and_then(|n| u32::MAX.checked_shl(n));
         if self.mask & beyond.unwrap_or(0) != 0 || self.mask == 0 {
@@ -356,7 +356,7 @@ pub enum PrimitiveError {
     /// The joint does not exist.
     #[error("joint {joint} does not exist: there are {joints}")]
     Joint {
-        /// The joint.
+        /// The joint that was named.
         joint: usize,
         /// The number of joints.
         joints: usize,
@@ -367,9 +367,9 @@ pub enum PrimitiveError {
     /// A joint would go to a position, or reach a rate, that is not possible.
     #[error("joint {joint}: {error}")]
     Goal {
-        /// The joint.
+        /// The joint that cannot have the position or rate.
         joint: usize,
-        /// The number.
+        /// The number that is not possible.
         error: NumberError,
     },
     /// There are via points, but the profile does not pass any.
@@ -392,7 +392,7 @@ pub enum PrimitiveError {
     /// There is no such profile for a joint.
     #[error("joint {joint}: {error}")]
     Profile {
-        /// The joint.
+        /// The joint that cannot have the profile.
         joint: usize,
         /// The reason.
         error: ProfileError,

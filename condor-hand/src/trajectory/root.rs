@@ -64,7 +64,7 @@ pub(super) fn derivative<T: Real>(coefficients: &[T; 6]) -> [T; 6] {
     ]
 }
 
-/// Where a polynomial of the given degree changes its sign within 0..=1.
+/// The places where a polynomial of the given degree changes its sign within 0..=1.
 ///
 /// Between two neighbouring extremes there is at most one zero, so the zeros of the derivative
 /// bracket those of the polynomial.

@@ -22,10 +22,10 @@ pub(super) struct Running<T> {
     pub(super) ticks: u32,
     pub(super) stop: Guards<T>,
     pub(super) on_end: OnEnd,
-    /// It stops, for this reason.
+    /// The reason for which it stops; `None` if it does not stop.
     pub(super) ending: Option<MotionEnd>,
-    /// How it will have ended at the end of its path: other than reached if it only returns to where
-    /// a servo has stopped its joints.
+    /// The end of the motion when its path is over: not `Reached` if it only returns to the place at which a
+    /// servo has stopped its joints.
     pub(super) outcome: MotionEnd,
     /// Its end has been told.
     pub(super) is_told: bool,
@@ -56,7 +56,7 @@ impl<T: Real> Mover<T> {
 /// The greatest change of the rate in one tick: a stop is spread over a few ticks even where the limits
 /// would allow less.
 const GREATEST_CHANGE: f64 = 0.25;
-/// How often the change is halved before the rate is left alone for this tick.
+/// The number of times that the change is halved before the rate is left alone for this tick.
 const HALVINGS: u8 = 40;
 
 impl<T: Real> Running<T> {
@@ -64,12 +64,12 @@ impl<T: Real> Running<T> {
         self.mask >> joint & 1 == 1
     }
 
-    /// Whether it only returns to where a servo has stopped its joints.
+    /// Returns true if it only returns to the place at which a servo has stopped its joints.
     pub(super) fn returns(&self) -> bool {
         self.outcome != MotionEnd::Reached
     }
 
-    /// What is left of the path at full rate, s.
+    /// The rest of the path at full rate, s.
     pub(super) fn remaining(&self) -> T {
         max(self.duration - self.at, T::zero())
     }

@@ -146,7 +146,7 @@ struct Case<'a, T: Real> {
     distance: T,
 }
 
-/// How far and how long to reach a velocity and then to brake to rest.
+/// The distance and the time to reach a velocity and then to brake to rest.
 struct Via<T> {
     distance: T,
     duration: T,
@@ -394,7 +394,7 @@ impl<T: Real> Segments<T> {
             let end = piece.end(&state);
             peaks.include(&ProfilePeaks::of(&beginning));
             peaks.include(&ProfilePeaks::of(&end));
-            // Where acceleration, or velocity, is zero within the segment.
+            // The places where acceleration, or velocity, is zero within the segment.
             let half = real::<T>(0.5);
             let (a, j) = (piece.acceleration, piece.jerk);
             let turn = sqrt(a * a - real::<T>(2.0) * j * state.velocity);
@@ -418,7 +418,7 @@ impl<T: Real> Segments<T> {
 impl<T: Real> Case<'_, T> {
     fn cruise(&self, peak: T) -> T {
         let left = self.distance - self.via(peak).distance;
-        // What rounding leaves of a way is not worth a time.
+        // A remaining distance from rounding is not worth a time.
         let noise = T::default_epsilon() * real::<T>(8.0) * abs(self.distance);
         if peak > T::zero() && left > noise {
             left / peak

@@ -19,7 +19,7 @@ pub struct StreamPoint<const J: usize, T: Real = f64> {
     pub velocities: [T; J],
 }
 
-/// How a stream has ended. Its joints are at rest then.
+/// The end of a stream, at which its joints are at rest.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StreamEnd {
     /// The joints have come to the last point.
@@ -62,11 +62,11 @@ pub enum JointStreamError {
     /// A joint would leave one of its limits, at a point, on the way to it, or if it brakes there.
     #[error("joint {joint} at {} s: {error}", Decimal(*.time))]
     Joint {
-        /// The joint.
+        /// The joint that would leave a limit.
         joint: usize,
         /// The time of the point, s.
         time: f64,
-        /// What is wrong.
+        /// The number that would be out of its limits.
         error: NumberError,
     },
 }
@@ -80,7 +80,7 @@ struct Brake<const J: usize, T: Real> {
     end: StreamEnd,
 }
 
-/// Set-points of some of J joints from points with time stamps, which come while the joints move.
+/// Set-points of some of J joints from points with timestamps, which come while the joints move.
 ///
 /// Points come in numbered batches; the stream has room for up to N points that are ahead of its
 /// time. Its time begins with the first batch, from rest. Between two points each joint moves along
@@ -227,7 +227,8 @@ impl<const J: usize, const N: usize, T: Real> JointStream<J, N, T> {
         Ok(())
     }
 
-    /// Brakes, and ends.
+    /// Stops all joints as fast as their limits permit, and ends the stream then with [`StreamEnd::Aborted`]. A
+    /// stream that brakes already, or has ended, does not change.
     pub fn abort(&mut self) {
         if self.brake.is_none() && self.end.is_none() {
             self.brake = Some(Brake {
@@ -330,12 +331,12 @@ impl<const J: usize, const N: usize, T: Real> JointStream<J, N, T> {
         self.points.back().unwrap_or(&self.former)
     }
 
-    /// Whether a point has the time of the one before it.
+    /// Returns true if a point has the time of the one before it.
     fn repeats(&self, from: &StreamPoint<J, T>, to: &StreamPoint<J, T>) -> bool {
         abs(to.time - from.time) <= tolerance(self.tick)
     }
 
-    /// Whether a point that has the time of the one before it agrees with that one.
+    /// Checks that a point with the time of the one before it agrees with that one.
     fn check_repeated(
         &self,
         from: &StreamPoint<J, T>,
@@ -361,7 +362,7 @@ impl<const J: usize, const N: usize, T: Real> JointStream<J, N, T> {
         self.mask >> joint & 1 == 1
     }
 
-    /// Whether all joints can go from one point to a later one, and brake there.
+    /// Checks that all joints can go from one point to a later one, and brake there.
     fn check(
         &self,
         from: &StreamPoint<J, T>,
@@ -391,7 +392,7 @@ impl<const J: usize, const N: usize, T: Real> JointStream<J, N, T> {
             if self.mask >> joint & 1 == 0 {
                 continue;
             }
-            // It was made once, when the point came.
+            // The polynomial was possible when the point came.
             if let Ok(path) = Polynomial::cubic(&from.at(joint), &to.at(joint), duration) {
                 *state = path.at(now - from.time);
             }
@@ -477,7 +478,7 @@ pub(crate) const QUANTITIES: [&str; 11] = [
     REPEATED_VELOCITY,
 ];
 
-/// Whether a joint can go from one state to the next one in a time (s), and brake there.
+/// Checks that a joint can go from one state to the next one in a time (s), and brake there.
 fn check_joint<T: Real>(
     limits: &ProfileLimits<T>,
     from: &SetPoint<T>,
@@ -513,7 +514,7 @@ fn check_joint<T: Real>(
     )
 }
 
-/// Whether a number is what it was before.
+/// Checks that a number is equal to its former value.
 fn agrees<T: Real>(what: &'static str, is: T, was: T, scale: T) -> Result<(), NumberError> {
     let was = was.to_f64();
     check_motion(what, is, Requirement::AtLeast(was), scale)?;

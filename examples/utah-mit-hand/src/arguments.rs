@@ -4,14 +4,14 @@ use condor_rt::{Machine, ShortText};
 
 use crate::failure::Failure;
 
-/// What a servo processor is to record.
+/// The file and the ticks that a servo processor records.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Record<'m> {
     pub(crate) file: &'m str,
     pub(crate) ticks: u32,
 }
 
-/// What is to be replayed.
+/// The files that a replay reads and writes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Replay<'m> {
     pub(crate) from: &'m str,

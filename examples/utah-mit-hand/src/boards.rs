@@ -19,7 +19,7 @@ mod wires;
 pub use rack::{Boards as SeenBoards, Rack, RackError};
 pub use wires::{Panel, Wires, WiresError, open};
 
-/// Where the boards begin on the bus.
+/// The addresses on the bus at which the boards begin.
 pub mod address {
     /// The analog-to-digital boards.
     pub const ADC: [usize; 4] = [0x0000, 0x0100, 0x0200, 0x0300];
@@ -29,7 +29,7 @@ pub mod address {
     pub const ENCODER: usize = 0x2000;
     /// Bytes of the bus on which all of them are.
     pub const BUS_BYTES: usize = 0x4000;
-    /// How many bytes of the bus each board has for itself.
+    /// The number of bytes of the bus that each board has for itself.
     pub const BOARD_BYTES: usize = 0x100;
 }
 
@@ -74,7 +74,7 @@ pub enum Board {
 /// One channel of a board.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Socket {
-    /// The board.
+    /// The board that has the channel.
     pub board: Board,
     /// The channel, from 0.
     pub line: u8,
@@ -90,7 +90,7 @@ pub enum BoardError {
         channel.converter, channel.board, channel.channel
     )]
     NoSocket {
-        /// The channel.
+        /// The channel that the rack does not have.
         channel: Channel,
     },
     /// Counts that do not fit into a register.
@@ -99,7 +99,7 @@ pub enum BoardError {
         channel.converter, channel.board, channel.channel
     )]
     Bits {
-        /// The channel.
+        /// The channel whose counts do not fit.
         channel: Channel,
         /// Its width.
         bits: u8,
@@ -120,7 +120,7 @@ pub enum BoardError {
     },
 }
 
-/// The socket of a channel of the configuration.
+/// Returns the socket of a channel of the configuration; `None` if the rack does not have the channel.
 #[must_use]
 pub fn socket(channel: Channel) -> Option<Socket> {
     let Channel {
@@ -146,10 +146,11 @@ pub fn socket(channel: Channel) -> Option<Socket> {
     exists.then_some(Socket { board, line })
 }
 
-/// Whether the boards of the rack can serve a hand.
+/// Checks whether the boards of the rack can serve a hand.
 ///
 /// # Errors
-/// See [`BoardError`].
+/// Returns [`BoardError::NoSocket`] if the rack does not have a channel; [`BoardError::Bits`] if the counts of
+/// a channel do not fit into its register; [`BoardError::Shared`] if two processors write the same board.
 pub fn check<const F: usize, const N: usize>(hand: &Hand<F, N>) -> Result<(), BoardError> {
     let mut owners = [None; address::DAC.len()];
     for (channel, wire) in hand.wires() {
@@ -167,7 +168,7 @@ pub fn check<const F: usize, const N: usize>(hand: &Hand<F, N>) -> Result<(), Bo
             }
         };
         let bits = bits.unwrap_or(0);
-        // What is as wide as the register fits if zero is in its middle.
+        // A channel as wide as the register fits if zero is in its middle.
         let fits = bits <= most || (bits == 16 && zero == 1 << 15);
         if !fits {
             return Err(BoardError::Bits {
@@ -195,7 +196,8 @@ pub fn check<const F: usize, const N: usize>(hand: &Hand<F, N>) -> Result<(), Bo
     Ok(())
 }
 
-/// The processor that serves what is at the end of a wire.
+/// Returns the processor that serves the joint, finger or axis at the end of a wire; `None` if the hand does
+/// not have it.
 #[must_use]
 pub fn processor<const F: usize, const N: usize>(hand: &Hand<F, N>, wire: Wire) -> Option<u8> {
     match wire {
@@ -212,37 +214,38 @@ pub fn processor<const F: usize, const N: usize>(hand: &Hand<F, N>, wire: Wire) 
     }
 }
 
-/// The counts of an output at which its register is 0.
+/// Returns the counts of an output at which its register is 0.
 #[must_use]
 pub fn zero_of(output: &OutputChannel) -> u32 {
     output.counts(0.0)
 }
 
-/// What the register of an output holds for so many counts.
+/// Returns the content of an output's register for `counts`, if the register is 0 at `zero` counts.
 #[must_use]
 pub const fn output_register(zero: u32, counts: u32) -> i16 {
     (counts.wrapping_sub(zero) as u16).cast_signed()
 }
 
-/// The counts of an output whose register holds this.
+/// Returns the counts of an output from the content of its register, which is 0 at `zero` counts.
 #[must_use]
 pub const fn output_counts(zero: u32, register: i16) -> u32 {
     zero.saturating_add_signed(register as i32)
 }
 
-/// What the register of an input holds for so many counts.
+/// Returns the content of an input's register for `counts`.
 #[must_use]
 pub const fn input_register(counts: u32) -> i16 {
     (counts as u16).cast_signed()
 }
 
-/// The counts in the register of an input.
+/// Returns the counts of an input from the content of its register.
 #[must_use]
 pub const fn input_counts(register: i16) -> u32 {
     register.cast_unsigned() as u32
 }
 
-/// The counts in a counter of the encoder board; none for a position that the input does not have.
+/// Returns the counts of an input from a counter of the encoder board; `None` for a position that the input
+/// does not have.
 #[must_use]
 pub fn encoder_counts(input: &InputChannel, counter: i32) -> Option<u32> {
     u32::try_from(counter)

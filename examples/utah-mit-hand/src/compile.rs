@@ -1,4 +1,4 @@
-//! What people write, the hand's configuration, motions and grasps, as the files that programs load.
+//! Compiles the text files of the hand's configuration, motions and grasps to the files that programs load.
 
 use std::format;
 use std::fs;
@@ -21,19 +21,19 @@ use crate::{FINGERS, IMAGE, JOINTS, UtahMit, boards};
 /// Bytes of a sequence that the master has room for.
 const BYTES: usize = crate::master::MOTION_BYTES;
 
-/// Why a configuration, a motion or a grasp is not compiled.
+/// The reason for which a configuration, a motion or a grasp is not compiled.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum CompileError {
-    /// A file or directory.
+    /// A file or directory cannot be read, made or written.
     #[error("{}: {error}", path.display())]
     Io {
-        /// Which one.
+        /// The file or directory.
         path: PathBuf,
-        /// Why not.
+        /// The reason.
         error: io::Error,
     },
-    /// What is written of the hand or of a motion.
+    /// The text of the configuration, of a motion or of a grasp has a mistake.
     #[error(transparent)]
     Text(#[from] TextError),
     /// A problem without a place, such as a sequence that is too long for the master.
@@ -41,12 +41,12 @@ pub enum CompileError {
     Whole {
         /// The file.
         path: PathBuf,
-        /// What is wrong.
+        /// The problem in words.
         problem: String,
     },
 }
 
-/// The names of all joints, FINGER.JOINT, in the order of their numbers.
+/// Returns the names of all joints, FINGER.JOINT, in the order of their numbers.
 #[must_use]
 pub fn joint_names(hand: &UtahMit) -> Vec<String> {
     let fingers = hand.fingers.iter();
@@ -60,8 +60,8 @@ pub fn joint_names(hand: &UtahMit) -> Vec<String> {
 /// Reads the configuration of the hand.
 ///
 /// # Errors
-/// [`CompileError::Io`], [`CompileError::Text`]; [`CompileError::Whole`] for a hand that the boards of
-/// the rack cannot serve.
+/// Returns [`CompileError::Io`] if the file cannot be read; [`CompileError::Text`] if it has a mistake;
+/// [`CompileError::Whole`] if the boards of the rack cannot serve the hand.
 pub fn read_hand(path: &Path) -> Result<UtahMit, CompileError> {
     let text = read_text(path).map_err(io(path))?;
     let hand = UtahMit::from_toml(&text, &path.to_string_lossy())?;
@@ -74,7 +74,9 @@ pub fn read_hand(path: &Path) -> Result<UtahMit, CompileError> {
 /// directories of the same names in `files`.
 ///
 /// # Errors
-/// The first mistake; the files before it have been written.
+/// Returns the first error; the files before it have been written. It is [`CompileError::Io`] if a file cannot
+/// be read or written; [`CompileError::Text`] if a text has a mistake; [`CompileError::Whole`] if a result is
+/// too long, or the boards cannot serve the hand.
 pub fn compile_all(hand: &Path, texts: &Path, files: &Path) -> Result<(), CompileError> {
     fs::create_dir_all(files).map_err(io(files))?;
     let configuration = read_hand(hand)?;
@@ -116,7 +118,9 @@ fn whole<E: ToString>(path: &Path) -> impl FnOnce(E) -> CompileError + use<E> {
 /// alone.
 ///
 /// # Errors
-/// The first mistake, with file and line; the files before it have been written.
+/// Returns the first error; the files before it have been written. It is [`CompileError::Io`] if a file cannot
+/// be read or written; [`CompileError::Text`] if a text has a mistake; [`CompileError::Whole`] if a sequence is
+/// too long for the master.
 pub fn compile_motions(
     directory: &Path,
     out: &Path,
@@ -131,7 +135,9 @@ pub fn compile_motions(
 /// [`compile_motions`] does with motions.
 ///
 /// # Errors
-/// The first mistake, with file and line; the files before it have been written.
+/// Returns the first error; the files before it have been written. It is [`CompileError::Io`] if a file cannot
+/// be read or written; [`CompileError::Text`] if a text has a mistake; [`CompileError::Whole`] if the settings
+/// cannot be encoded.
 pub fn compile_grasps(directory: &Path, out: &Path) -> Result<Vec<String>, CompileError> {
     compile_texts(directory, out, "grasp", compile_grasp)
 }

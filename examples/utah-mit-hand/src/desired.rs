@@ -10,19 +10,19 @@ use crate::{FINGERS, JOINTS};
 /// The name of the published [`DesiredPositions`], with the version of its layout.
 pub const WANTED_NAME: &str = "wanted-2";
 
-/// Where the joints are to be, published in every tick of the trajectories.
+/// The desired positions and velocities of all joints, published in every tick of the trajectories.
 #[derive(Clone, Copy, Debug, PartialEq, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
 pub struct DesiredPositions {
-    /// Ticks of the trajectories.
+    /// The number of ticks of the trajectories so far.
     pub ticks: u64,
     /// A bit for each finger that does not follow: its set-points are where it is.
     pub loose: u64,
     /// The motion that runs, 0 for none: the number of its request, with its session in the upper half.
     pub motion: u64,
-    /// Where the joints are to be at the next tick, rad.
+    /// The desired positions of the joints at the next tick, rad.
     pub position: [[f64; JOINTS]; FINGERS],
-    /// How fast they are to be there, rad/s.
+    /// The desired velocities of the joints at the next tick, rad/s.
     pub velocity: [[f64; JOINTS]; FINGERS],
 }
 

@@ -1,4 +1,4 @@
-//! [`Failure`]: why a program of the hand ended before it was told to.
+//! [`Failure`]: the reason for which a program of the hand ended before it was told to.
 
 use condor_fs::FileError;
 use condor_hand::controller::{ControllerError, TableError};
@@ -9,28 +9,29 @@ use thiserror::Error;
 use crate::boards::{BoardError, WiresError};
 use crate::recording::ServoRecordingError;
 
-/// What something else says, as much of it as fits.
+/// The text of an error from elsewhere, cut to 80 bytes.
 pub type FailureText = condor_rt::ShortText<80>;
 
-/// The name of a file, as much of it as fits.
+/// The name of a file, cut to 32 bytes.
 pub type FileName = condor_rt::ShortText<32>;
 
-/// Why a program of the hand ended before it was told to, as far as only this hand knows.
+/// The reason for which a program of the hand ended before it was told to, if it is one that only this hand
+/// has.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum Failure {
-    /// The file of the configuration.
+    /// The file of the configuration cannot be read.
     #[error("{name}: {error}")]
     File {
-        /// Its name.
+        /// The name of the file.
         name: &'static str,
-        /// Why it cannot be read.
+        /// The reason.
         error: FileError,
     },
     /// The file of the configuration holds no valid image.
     #[error("{name}: {error}")]
     Image {
-        /// Its name.
+        /// The name of the file.
         name: &'static str,
         /// The text of the reader's error.
         error: FailureText,
@@ -44,61 +45,61 @@ pub enum Failure {
     /// The bus did not answer the simulated robot.
     #[error("the bus at address {address:#x}: {kind}")]
     Bus {
-        /// Where.
+        /// The address on the bus.
         address: usize,
-        /// What was wrong.
+        /// The kind of the error.
         kind: condor_dev::BusErrorKind,
     },
-    /// A configuration that gives a servo processor no finger.
+    /// The configuration assigns no finger to a servo processor.
     #[error("the configuration has no finger for processor {processor}")]
     NoFinger {
-        /// The processor.
+        /// The number of the processor.
         processor: u8,
     },
-    /// A configuration without this processor.
+    /// The configuration does not have this processor.
     #[error("the configuration has no processor {processor}")]
     NoProcessor {
-        /// The processor.
+        /// The number of the processor.
         processor: u8,
     },
-    /// A finger whose form has no closed solution.
+    /// The form of a finger has no closed solution.
     #[error("finger {finger} is not a planar one of four joints")]
     Form {
         /// The finger, from 0.
         finger: usize,
     },
-    /// A hand of another number of fingers than the simulated robot has.
+    /// The hand has another number of fingers than the simulated robot.
     #[error("the configuration has {fingers} fingers, the simulated robot {simulated}")]
     Hand {
-        /// How many it has.
+        /// The number of fingers in the configuration.
         fingers: usize,
-        /// How many there are.
+        /// The number of fingers of the simulated robot.
         simulated: usize,
     },
-    /// A finger that cannot be controlled.
+    /// A finger cannot be controlled.
     #[error("finger {finger}: {error}")]
     Controller {
         /// The finger, from 0.
         finger: usize,
-        /// Why not.
+        /// The reason.
         error: ControllerError,
     },
-    /// The table.
+    /// The table cannot be controlled.
     #[error(transparent)]
     Table(#[from] TableError),
-    /// The limits of the trajectories.
+    /// The limits of the trajectories are not possible.
     #[error(transparent)]
     Trajectory(#[from] condor_hand::trajectory::TrajectoryError),
-    /// The limits of a finger's joints.
+    /// The limits of a finger's joints are not possible.
     #[error(transparent)]
     Limits(#[from] JointLimitsError),
-    /// A robot that cannot be.
+    /// The simulated robot is not possible.
     #[error(transparent)]
     Plant(#[from] PlantError),
-    /// The moment arms of a finger.
+    /// The moment arms of a finger are not possible.
     #[error(transparent)]
     Arms(#[from] condor_hand::tendon::ArmError),
-    /// An argument of the program.
+    /// The program does not know an argument.
     #[error("unknown argument \"{argument}\"; the program takes {known}")]
     Argument {
         /// The argument that was given.
@@ -106,18 +107,18 @@ pub enum Failure {
         /// The arguments that the program takes.
         known: &'static str,
     },
-    /// An argument that a program cannot do without.
+    /// A necessary argument of the program is missing.
     #[error("the argument {wanted} is missing")]
     NoArgument {
-        /// The argument.
+        /// The missing argument.
         wanted: &'static str,
     },
-    /// A recording of a servo processor.
+    /// The recording of a servo processor cannot be made or replayed.
     #[error("{name}: {error}")]
     Recording {
         /// The name of its file.
         name: FileName,
-        /// What is wrong.
+        /// The reason.
         error: ServoRecordingError,
     },
 }

@@ -28,13 +28,13 @@ pub const JOINTS_NAME: &str = "joints";
 
 /// The joints that a servo processor measures, published in every tick: a `Published<Joints>`.
 ///
-/// Fingers are those of the hand; what is of a finger that the processor does not serve does not count.
+/// Fingers are those of the hand; the values of a finger that the processor does not serve do not count.
 #[derive(Clone, Copy, Debug, PartialEq, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
 pub struct Joints {
-    /// As measured in this tick, rad; NaN for what no sensor said.
+    /// The measured positions of the joints in this tick, rad; NaN if a sensor has no reading.
     pub position: [[f64; JOINTS]; FINGERS],
-    /// Filtered, of the tick before, rad/s.
+    /// The filtered rates of the joints in the previous tick, rad/s.
     pub velocity: [[f64; JOINTS]; FINGERS],
     /// The number of the grasp order in force for each finger; 0 for none.
     pub order: [u64; FINGERS],
@@ -103,8 +103,8 @@ impl TickTime for Joints {
     }
 }
 
-/// The tips of all fingers with their joints here (rad), m in the axes of the palm; `None` for a hand
-/// whose fingers are not planar ones of four joints.
+/// Returns the tips of all fingers (m, in the axes of the palm) for the positions `joints` (rad); `None` for a
+/// hand whose fingers are not planar ones of four joints.
 #[must_use]
 pub fn tips(hand: &UtahMit, joints: &[[f64; JOINTS]; FINGERS]) -> Option<[[f64; 3]; FINGERS]> {
     let mut tips = [[0.0; 3]; FINGERS];
@@ -121,8 +121,8 @@ pub fn tips(hand: &UtahMit, joints: &[[f64; JOINTS]; FINGERS]) -> Option<[[f64; 
     Some(tips)
 }
 
-/// The joints of all fingers, from what servo processors published: `published` gives that of a
-/// processor. `None` while one has published nothing.
+/// Returns the joints of all fingers from the values that servo processors publish; `published` returns the
+/// value of one processor. `None` while a processor has published nothing.
 #[must_use]
 pub fn joints(
     hand: &UtahMit,

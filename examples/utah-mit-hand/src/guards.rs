@@ -1,9 +1,9 @@
-//! What servo processors measure and stop for the guards of motions.
+//! The measurements and stops of servo processors for the guards of motions.
 //!
-//! A [motion](condor_hand::trajectory::Primitive) may begin, and stop, on torque, tension and contact.
-//! What stops it is checked by the servos in each of their ticks, and each servo processor publishes in
-//! [`Stops`] which joints rest for that. What it begins on is checked by the master in each of its own
-//! ticks, on [`Felt`], which keeps what was greatest in between.
+//! A [motion](condor_hand::trajectory::Primitive) may begin, and stop, on torque, tension and contact. The
+//! servos check in each of their ticks the conditions that stop it, and each servo processor publishes in
+//! [`Stops`] the joints that rest since then. The master checks in each of its own ticks the conditions on
+//! which a motion begins. It reads [`Felt`], which keeps the greatest values in between.
 
 use core::mem::offset_of;
 
@@ -19,8 +19,8 @@ pub const FELT_NAME: &str = "felt";
 /// The name of the published [`Stops`].
 pub const STOPS_NAME: &str = "stops";
 
-/// What the joints of a servo processor felt, at most, since a tick of the trajectories ago or a little
-/// longer, published in every tick of the servos: a `Published<Felt>`.
+/// The greatest torques and tensions of the joints of a servo processor within the last tick of the
+/// trajectories or a little longer. It is published in every tick of the servos, as a `Published<Felt>`.
 ///
 /// Fingers are those of the hand; the values of a finger that the processor does not serve are 0. A reading
 /// that is not a number is left out.
@@ -51,14 +51,15 @@ impl CellStruct for Felt {
     ];
 }
 
-/// Which joints of a servo processor rest since a guard has stopped their motion, published when that
-/// changes: a `Published<Stops>`.
+/// The joints of a servo processor that rest since a guard stopped their motion, published when that changes: a
+/// `Published<Stops>`.
 #[derive(Clone, Copy, Debug, PartialEq, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
 pub struct Stops {
     /// The number of the motion that was stopped; 0 for a joint that no guard has stopped.
     pub motion: [[u32; JOINTS]; FINGERS],
-    /// What stopped it: 1 torque, 2 tension, 3 contact; and the joint of the finger times 256.
+    /// The quantity that stopped the motion: 1 torque, 2 tension, 3 contact; plus 256 times the number of the
+    /// joint in the finger.
     pub guard: [[u32; JOINTS]; FINGERS],
     /// The torque, tension or force that was measured, N m or N.
     pub value: [[f64; JOINTS]; FINGERS],

@@ -5,12 +5,12 @@
 // The robot's wires.
 pub mod boards;
 
-// What processors say to each other.
+// The messages between processors.
 pub mod grasp;
 pub mod guards;
 pub mod objects;
 
-// What a servo processor was given, as a file.
+// The inputs of a servo processor, as a file.
 pub mod recording;
 
 // The programs.

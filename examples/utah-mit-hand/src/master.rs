@@ -58,11 +58,11 @@ use queue::{Post, Requests};
 use sequence::Store;
 use servos::Servos;
 
-/// How often the background looks at the servos.
+/// The time between two looks of the background at the servos.
 const WATCH_NS: u64 = 100_000_000;
-/// How long the first line that is typed waits for the fingers, so that it may be `enable`.
+/// The time for which the first line that is typed waits for the fingers, so that it may be `enable`.
 const FIRST_LINE: Duration = Duration::from_secs(2);
-/// How long a command may wait for the file service, with restarts of it.
+/// The time for which a command may wait for the file service, with restarts of it.
 const FILES_TIMEOUT: Duration = Duration::from_secs(10);
 /// The editor of what is typed: the longest line, bytes, and how many of them it keeps.
 type Editor = LineEditor<160, 16>;
@@ -208,7 +208,7 @@ fn listen<M: Machine>(
                 let mut complete = |before: &str, offer: &mut dyn FnMut(&str)| {
                     commands.complete(before, offer);
                 };
-                // What finds no room on the terminal is counted there.
+                // The terminal counts the bytes for which it has no room.
                 if let Ok(Some(line)) = editor.feed(byte, &mut complete, &mut screen) {
                     commands.obey(line.as_str());
                     return Ok(());

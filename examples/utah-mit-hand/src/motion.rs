@@ -31,12 +31,12 @@ another. A stream moves joints through the points of a table while it is sent.
   --control      takes control from another program
 ";
 
-/// How long the master may take to answer.
+/// The time in which the master must answer.
 const ANSWER: Duration = Duration::from_secs(10);
 /// The time between two looks.
 const PAUSE: Duration = Duration::from_millis(20);
 
-/// What the arguments ask for.
+/// The parsed arguments.
 #[derive(Debug, Default)]
 struct MotionArguments {
     system: Option<String>,
@@ -79,7 +79,7 @@ fn asked(arguments: Vec<String>) -> Option<MotionArguments> {
     (asked.motions.is_empty() == asked.stream.is_some()).then_some(asked)
 }
 
-/// Whether all of them were done.
+/// Returns true if all motions were done.
 fn enqueue(asked: &MotionArguments) -> Result<bool, AnyError> {
     let points = match &asked.stream {
         Some(file) => {
@@ -129,7 +129,7 @@ fn show(motion: &str, seen: &RequestProgress) {
         QueueAnswer::Known(RequestState::Accepted, _) => format!("waits for {}", seen.before),
         _ => String::new(),
     };
-    // What cannot be shown is not needed.
+    // A progress line that cannot be shown is not needed.
     let _ = write!(terminal, "\r\x1b[K{motion}: {what}\r");
 }
 

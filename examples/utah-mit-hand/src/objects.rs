@@ -73,7 +73,7 @@ pub fn tracking<W: MemoryWindow>(
     published(region, servo::TRACKING_NAME)
 }
 
-/// Orders to the grasp law of a servo processor, and its reports.
+/// Returns the place of the orders to the grasp law of a servo processor, and of its reports.
 ///
 /// # Errors
 /// [`AccessError`] if the memory cannot be accessed.
@@ -82,7 +82,7 @@ pub fn grasp<W: MemoryWindow>(region: &Region<W>) -> Result<Option<HandGraspLayo
     Ok(object.map(|object| HandGraspLayout::at(object.offset)))
 }
 
-/// Requests to the table.
+/// Returns the blocks in which requests are sent to the table.
 ///
 /// # Errors
 /// [`AccessError`] if the memory cannot be accessed.
@@ -93,7 +93,7 @@ pub fn table<W: MemoryWindow>(
     Ok(object.map(|object| Blocks::at(object.offset, PROCESSORS as u8)))
 }
 
-/// What the table does.
+/// Returns the positions and the state that the table publishes.
 ///
 /// # Errors
 /// [`AccessError`] if the memory cannot be accessed.
@@ -101,7 +101,7 @@ pub fn palm<W: MemoryWindow>(region: &Region<W>) -> Result<Option<Published<Palm
     published(region, table::PALM_NAME)
 }
 
-/// Requests to the simulated robot.
+/// Returns the blocks in which requests are sent to the simulated robot.
 ///
 /// # Errors
 /// [`AccessError`] if the memory cannot be accessed.

@@ -19,9 +19,9 @@ use condor_platform::linux::WholeFile;
 use utah_mit_hand::compile::compile_motion;
 use utah_mit_hand::objects;
 
-/// How long the master may take to answer a person who waits at a page.
+/// The time in which the master must answer a person who waits at a page.
 const ANSWER: Duration = Duration::from_secs(5);
-/// How the names of composed motions begin.
+/// The prefix of the names of composed motions.
 const PREFIX: &str = "view-";
 /// The greatest number of composed motions whose outcomes are told.
 const REMEMBERED: usize = 32;
@@ -137,7 +137,7 @@ impl Offers {
     fn tidy(&mut self) {
         let pending = self.requests.iter().filter(|(_, it)| it.file.is_some());
         for id in pending.map(|(id, _)| *id).collect::<Vec<_>>() {
-            // Whoever asks is told what is wrong.
+            // A client that asks is told about an error.
             let _ = self.look(id);
         }
         let excess = self.requests.len().saturating_sub(REMEMBERED);
@@ -153,7 +153,7 @@ pub(crate) fn clear(files: &Path) {
     for entry in fs::read_dir(files.join("motions")).into_iter().flatten() {
         let Ok(entry) = entry else { continue };
         if entry.file_name().to_string_lossy().starts_with(PREFIX) {
-            // Whatever stays is a motion that nobody calls.
+            // A file that stays is a motion that no request names.
             let _ = fs::remove_file(entry.path());
         }
     }
@@ -202,7 +202,7 @@ impl MotionSender for Offers {
         }
         self.requests.insert(self.last, request);
         let offered = client.offer(identity, name.as_bytes(), ANSWER);
-        // What was accepted runs all the same, and others need not take control away.
+        // An accepted motion runs all the same, and others need not take control away.
         let given_up = client.give_up_control(session, ANSWER);
         let uncertain = |error: MotionsError| format!("{error}; the motion may run all the same");
         offered.map_err(uncertain)?;

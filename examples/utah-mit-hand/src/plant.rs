@@ -71,19 +71,19 @@ pub const TRUTH_NAME: &str = "truth";
 /// The name of the published [`CameraObject`].
 pub const OBJECT_NAME: &str = "object";
 
-/// How the robot really is, published in every tick. Vectors are in the axes of the palm.
+/// The true state of the robot, published in every tick. Vectors are in the axes of the palm.
 #[derive(Clone, Copy, Debug, PartialEq, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
 pub struct TrueState {
-    /// Since the robot began, s.
+    /// The time since the robot began, s.
     pub time_s: f64,
-    /// Of the joints of each finger, rad.
+    /// The positions of the joints of each finger, rad.
     pub position: [[f64; JOINTS]; FINGERS],
-    /// Of the joints of each finger, rad/s.
+    /// The velocities of the joints of each finger, rad/s.
     pub velocity: [[f64; JOINTS]; FINGERS],
-    /// Of the flexor and the extensor of each joint, N.
+    /// The tensions of the flexor and the extensor of each joint, N.
     pub tension: [[[f64; 2]; JOINTS]; FINGERS],
-    /// Of the table, m.
+    /// The positions of the table's axes, m.
     pub table: [f64; 3],
     /// The centre of the ball, m; NaN without one.
     pub ball: [f64; 3],
@@ -219,7 +219,7 @@ impl Program for Plant {
                     ball.set_all(&now.ball);
                     touching.set(now.touching);
                     resting.set(now.resting);
-                    // Who reads finds the former one.
+                    // After an error the reader finds the former value.
                     let _ = truth.publish(&now);
                     if let Some(picture) = picture {
                         let _ = seen.publish(&picture);

@@ -57,7 +57,7 @@ pub const INPUTS: usize = INPUTS_OF_FINGER * FINGERS;
 /// Outputs of a servo processor: two tensions of each joint.
 pub const OUTPUTS: usize = 2 * JOINTS * FINGERS;
 
-/// What the converters of a servo processor's sensors show.
+/// The counts of the converters of a servo processor's sensors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
 pub(crate) struct Inputs {
@@ -80,7 +80,7 @@ impl Inputs {
     }
 }
 
-/// What the controllers are given in a tick besides what is measured and what messages ask for.
+/// The inputs of the controllers in a tick besides measurements and requests by message.
 #[derive(Clone, Debug)]
 pub(crate) struct TickInputs {
     /// The time since the last tick, s; for the first one, a period.
@@ -103,7 +103,7 @@ pub struct ServoOutputs {
     pub command: [f64; OUTPUTS],
 }
 
-/// What ends a tick.
+/// The message that ends a tick.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
 pub(crate) struct TickEnd {
@@ -115,21 +115,21 @@ pub(crate) struct TickEnd {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum ServoRecordingError {
-    /// The file service.
+    /// The file service failed.
     #[error(transparent)]
     File(#[from] FileError),
-    /// The memory in which ticks wait to be written.
+    /// The memory in which ticks wait to be written cannot be accessed.
     #[error(transparent)]
     Access(#[from] condor_mbox::AccessError),
-    /// The file is no MCAP file, or one of those that a processor cannot read.
+    /// The file is not an MCAP file, or is one that a processor cannot read.
     #[error("after {ticks} ticks: {error}")]
     Mcap {
-        /// The whole ticks before it.
+        /// The number of whole ticks before the problem.
         ticks: u32,
         /// The reason.
         error: McapError<FileError>,
     },
-    /// Another file, or another version of the format.
+    /// The file is another one, or has another version of the format.
     #[error(
         "it is no recording of this version: its {name} is {}, not {wanted}",
         FoundVersion(found)
@@ -142,7 +142,7 @@ pub enum ServoRecordingError {
         /// The number that a recording of this version has.
         wanted: u32,
     },
-    /// A configuration with another rate.
+    /// The configuration has another rate.
     #[error(
         "it was recorded at {recorded_hz} Hz, and processor {processor} of this configuration runs \
          at {configured_hz} Hz"
@@ -150,31 +150,31 @@ pub enum ServoRecordingError {
     Rate {
         /// Ticks in a second of the recording, Hz.
         recorded_hz: u32,
-        /// The processor.
+        /// The number of the processor.
         processor: u8,
         /// Ticks in a second in the configuration, Hz.
         configured_hz: u32,
     },
-    /// A file that ends before its recording does.
+    /// The file ends before its recording does.
     #[error("it was broken off after {ticks} ticks")]
     BrokenOff {
-        /// The whole ticks that are in it.
+        /// The number of whole ticks that are in the file.
         ticks: u32,
     },
-    /// A message of an unknown channel, in a wrong place, or of a wrong length.
+    /// A message has an unknown channel, a wrong place or a wrong length.
     #[error("after {ticks} ticks there is a message of channel {channel} with {bytes} bytes")]
     Message {
-        /// The whole ticks before it.
+        /// The number of whole ticks before the message.
         ticks: u32,
-        /// Its channel.
+        /// The channel of the message.
         channel: u16,
-        /// How long it is.
+        /// The length of the message, bytes.
         bytes: usize,
     },
-    /// Ticks that came faster than the file service wrote them.
+    /// Ticks came faster than the file service wrote them.
     #[error("it was broken off after {ticks} ticks: the file service did not keep up")]
     Behind {
-        /// The whole ticks that are in it.
+        /// The number of whole ticks that are in the file.
         ticks: u32,
     },
     /// The outputs are not those of the recorded run.
@@ -182,7 +182,7 @@ pub enum ServoRecordingError {
     Differs {
         /// The first tick that differs, from 0.
         tick: u32,
-        /// The difference.
+        /// The first output that differs, with its counts.
         difference: Difference,
     },
 }

@@ -60,7 +60,7 @@ impl Program for Replay {
     }
 }
 
-/// What a replay runs on.
+/// The state of a replay.
 struct Replaying<'r, M: Machine> {
     background: &'r Background<'r, M>,
     hand: &'r UtahMit,

@@ -222,18 +222,18 @@ fn attend<M: Machine>(
     Ok(())
 }
 
-/// What other processors publish.
+/// The values that other processors publish.
 struct Partners<W> {
     /// The joints of the other servo processors.
     servos: heapless::Vec<Partner<W>, FINGERS>,
     /// The acceleration of the palm.
     palm: Partner<W>,
-    /// What the master wants.
+    /// The set-points of the master.
     wanted: Partner<W>,
 }
 
 impl<W: MemoryWindow + Clone> Partners<W> {
-    /// Of a processor; itself stands for one that is not there.
+    /// Finds the partners of a processor; the processor itself stands for one that is not there.
     fn new<M: Machine<Window = W>>(
         machine: &M,
         hand: &UtahMit,
@@ -306,7 +306,7 @@ pub(crate) fn served(hand: &UtahMit, number: u8) -> [bool; FINGERS] {
     served
 }
 
-/// How often the loop of a processor runs, Hz.
+/// Returns the rate of a processor's loop, Hz.
 pub(crate) fn rate_hz(hand: &UtahMit, number: u8) -> u32 {
     let processor = hand.processor(number);
     processor.map_or(hand.servo_hz, |processor| hand.rate_hz(processor))
@@ -353,7 +353,7 @@ impl fmt::Display for Names<'_> {
 
 type ServoTape<'f, 'b, M> = Tape<'f, 'b, 'f, MailboxOf<'b, M>, <M as Machine>::Window, FILES>;
 
-/// A recording that is to be made: its file, and where the ring for it lies.
+/// A recording that will be made: its file, and the place of its ring.
 struct Recording<'r, W> {
     file: &'r str,
     head: Head,

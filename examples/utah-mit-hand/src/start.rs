@@ -1,4 +1,4 @@
-//! What all programs of the hand begin with: the configuration, and the boards.
+//! The start of all programs of the hand: the configuration, and the boards.
 
 use core::time::Duration;
 
@@ -17,9 +17,9 @@ use crate::{FINGERS, IMAGE, JOINTS, UtahMit, boards};
 
 /// Bytes of a compiled configuration, at most.
 pub(crate) const IMAGE_BYTES: usize = 16 * 1024;
-/// How long a program waits for its boards.
+/// The time for which a program waits for its boards.
 const BOARDS_TIMEOUT: Duration = Duration::from_secs(10);
-/// How long the background serves before it looks around.
+/// The time for which the background serves before it looks around.
 const NAP: Duration = Duration::from_millis(20);
 
 /// The first incarnation of a program: reads the configuration, and makes what follows from it alone.
@@ -28,10 +28,10 @@ pub(crate) fn configured<'h, M: Machine, R>(
     place: &'h mut Option<UtahMit>,
     make: impl FnOnce(&Background<'_, M>, &'h UtahMit) -> Result<R, ProgramError>,
 ) -> Result<R, ProgramError> {
-    // What is returned through all that a background runs in is on the stack many times.
+    // A result that is returned through all functions of a background is on the stack many times.
     let mut result = None;
     Setup::new(machine)?
-        // What is typed is for the next incarnation.
+        // Input at the terminal is for the next incarnation.
         .console_with(&TerminalSettings::OUTPUT)?
         .files()?
         .background(|background| {

@@ -1,5 +1,5 @@
-//! What is said of a run at its end, beside loops and messages: how well the joints have followed, in the
-//! whole run and in each motion.
+//! The summary of a run at its end, beside loops and messages: how well the joints have followed, in the whole
+//! run and in each motion.
 
 use std::error::Error;
 
@@ -12,10 +12,10 @@ use condor_mbox::{Processor, Region};
 use utah_mit_hand::compile::read_hand;
 use utah_mit_hand::{FINGERS, JOINTS, objects};
 
-/// Prints it.
+/// Prints the tracking errors of all joints.
 ///
 /// # Errors
-/// The memory's; a configuration that cannot be read.
+/// Returns an error if the memory of the system cannot be accessed.
 fn print(view: &View, hand: &Hand<FINGERS, JOINTS>) -> Result<(), Box<dyn Error>> {
     println!(
         "{:<10} {:<10} {:>10} {:>10}",
@@ -61,10 +61,10 @@ fn print_joints(
     Ok(())
 }
 
-/// The configuration that a description names, and the windows of its running system.
+/// Prints the summary of a running system, with the configuration that its description names.
 ///
 /// # Errors
-/// What cannot be read.
+/// Returns an error if the configuration or the system's memory cannot be read.
 pub(crate) fn of(
     description: &SystemDescription,
     directory: &SystemDirectory,

@@ -43,15 +43,15 @@ pub const NAME: &str = "table";
 /// The name of the published [`Palm`].
 pub const PALM_NAME: &str = "palm";
 
-/// What the table does, published in every tick.
+/// The state of the table, published in every tick.
 #[derive(Clone, Copy, Debug, PartialEq, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
 pub struct Palm {
     /// The acceleration that the palm is to have, in its own axes, m/s².
     pub acceleration: [f64; 3],
-    /// Where the axes are, m.
+    /// The measured positions of the axes, m.
     pub position: [f64; AXES],
-    /// Where they are to be, m.
+    /// The desired positions of the axes, m.
     pub target: [f64; AXES],
     /// The number of a [`TableStatus`].
     pub state: u64,
@@ -86,20 +86,20 @@ impl CellStruct for Palm {
     ];
 }
 
-/// What the table is about.
+/// The activity of the table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 #[non_exhaustive]
 pub enum TableStatus {
-    /// Nothing drives it.
+    /// The drives of the table are off.
     Off = 0,
-    /// It goes home.
+    /// The table goes home.
     Homing = 1,
-    /// It was stopped on its way home.
+    /// The table was stopped on its way home.
     Stopped = 2,
-    /// It takes motions.
+    /// The table takes motions.
     Ready = 3,
-    /// A sensor has failed.
+    /// A sensor has failed, or the ticks were late for too long.
     Failed = 4,
 }
 
@@ -126,7 +126,7 @@ impl TableStatus {
         }
     }
 
-    /// The state of a number.
+    /// Returns the state that has this number in messages; `None` if there is none.
     #[must_use]
     pub const fn from_number(number: u32) -> Option<Self> {
         match number {
@@ -140,12 +140,12 @@ impl TableStatus {
     }
 }
 
-/// What a request asks for.
+/// The operation of a request to the table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 #[non_exhaustive]
 pub enum TableOperation {
-    /// What it is about.
+    /// Asks for the state of the table.
     Status = 0,
     /// Enables the table, which goes home at the fraction `speed` of its limits of velocity.
     Home = 1,
@@ -159,21 +159,21 @@ pub enum TableOperation {
     Clear = 5,
 }
 
-/// A request to the table.
+/// A request to the table; its response is a [`TableResponse`].
 #[derive(Clone, Copy, Debug, PartialEq, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
 pub struct TableRequest {
     /// The number of a [`TableOperation`].
     pub operation: u32,
-    /// 0.
+    /// The number 0.
     pub zero: u32,
-    /// Above 0, at most 1.
+    /// The fraction of the limits of velocity, above 0 and at most 1.
     pub speed: f64,
     /// The targets of the axes, m; a target without an axis is ignored.
     pub to: [f64; AXES],
 }
 
-/// What the table answers.
+/// The response of the table to a [`TableRequest`].
 #[derive(Clone, Copy, Debug, PartialEq, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
 pub struct TableResponse {
@@ -183,20 +183,20 @@ pub struct TableResponse {
     pub state: u32,
 }
 
-/// Why the table does not do what it was asked for.
+/// The reason for which the table refuses a request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 #[non_exhaustive]
 pub enum TableRefusal {
-    /// There is no such operation.
+    /// The table does not have such an operation.
     Operation = 1,
-    /// It is busy with another request: ask again.
+    /// The table is busy with another request: ask again.
     Busy = 2,
-    /// It has not been home, or has failed.
+    /// The table has not been home, or has failed.
     NotReady = 3,
-    /// A speed that is not above 0 and at most 1.
+    /// The speed is not above 0 and at most 1.
     Speed = 4,
-    /// A motion beyond its limits, or one too many.
+    /// The motion goes beyond the limits of the table, or there is no room for it.
     Motion = 5,
 }
 
@@ -232,7 +232,7 @@ type SharedTable = Mutex<RefCell<DrivenTable>>;
 
 struct DrivenTable {
     controller: TableController,
-    /// How many axes there are.
+    /// The number of axes.
     axes: usize,
 }
 

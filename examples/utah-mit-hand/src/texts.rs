@@ -10,7 +10,7 @@ use condor_platform::linux::{WholeFile, read_text};
 use utah_mit_hand::compile::compile_motion;
 use utah_mit_hand::master::is_name;
 
-/// How the names of texts end.
+/// The suffix of the names of texts.
 const SUFFIX: &str = ".toml";
 
 /// The texts of motions, for a hand with these joints.

@@ -11,8 +11,8 @@ const NAME_BYTES: usize = 24;
 /// Motions with a name of their own, at most.
 const MOTIONS: usize = 8;
 
-/// How well the joints have followed the motions that came to their ends, published after each of them. Of
-/// the motions with a name the first eight count.
+/// The tracking errors of the motions that came to their ends, published after each of them. The report has the
+/// first eight motions with a name.
 #[derive(Clone, Copy, Debug, PartialEq, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
 pub struct TrackingReport {
@@ -25,14 +25,14 @@ pub struct TrackingReport {
 pub struct TrackedMotion {
     /// UTF-8, with zeros after it; nothing for no motion.
     name: [u8; NAME_BYTES],
-    /// How often it has run.
+    /// The number of times that the motion has run.
     pub runs: u64,
-    /// Of all joints.
+    /// The tracking errors of all joints.
     pub figures: Figures,
 }
 
 impl TrackingReport {
-    /// The motions, in the order in which they ran first.
+    /// Returns the motions by name, in the order in which they ran first.
     pub fn motions(&self) -> impl Iterator<Item = (&str, &TrackedMotion)> {
         let named = self.motions.iter().map(|motion| (motion.name(), motion));
         named.filter(|(name, _)| !name.is_empty())

@@ -50,7 +50,7 @@ impl<const F: usize, const J: usize> Examiner<'_, F, J> {
         self.arms(index, finger)
     }
 
-    /// What the mechanism of the finger asks of its joints.
+    /// Checks the joints against the conditions of the finger's mechanism.
     fn form(&mut self, index: usize, finger: &Finger<J>) -> Result<(), Mistake> {
         let planar = match finger.form {
             Form::Planar {
@@ -143,7 +143,7 @@ impl<const F: usize, const J: usize> Examiner<'_, F, J> {
     }
 }
 
-/// Whether a body can have this inertia: positive definite, and no moment above the sum of the two
+/// Returns true if a body can have this inertia: positive definite, and no moment above the sum of the two
 /// others, both in any axes.
 fn possible(inertia: &Matrix3<f64>) -> bool {
     let moments = inertia.diagonal();
@@ -184,7 +184,7 @@ impl<const F: usize, const J: usize> Examiner<'_, F, J> {
             ("friction.tendon", friction.tendon, NOT_NEGATIVE),
         ];
         self.numbers(root, "", rows)?;
-        // Zero, or left out, is no law at all.
+        // A law whose gain is zero or left out does nothing.
         let (field, gain) = match servo.law {
             ServoLaw::Pd => ("servo.kp", servo.kp),
             ServoLaw::Decoupled => ("servo.bandwidth_hz", servo.bandwidth_hz),
@@ -290,7 +290,7 @@ impl<const F: usize, const J: usize> Examiner<'_, F, J> {
         Ok(())
     }
 
-    /// What the tendon level asks of the arms.
+    /// Checks the moment arms against the conditions of the tendon level.
     fn arms(&mut self, index: usize, finger: &Finger<J>) -> Result<(), Mistake> {
         let (joint, field, value, must) = match finger.moment_arms() {
             Ok(_) => return Ok(()),

@@ -162,7 +162,7 @@ impl<const F: usize, const J: usize> Examiner<'_, F, J> {
     }
 }
 
-/// What has the wire of a channel, and the table there that names the channel.
+/// Returns the owner of a wire, and the table of its configuration that names the channel.
 fn root_of(channel: Channel, wire: Wire) -> (Root, &'static str) {
     use crate::config::Converter::{Adc, Dac};
     match (wire, channel.converter) {

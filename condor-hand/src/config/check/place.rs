@@ -1,4 +1,4 @@
-//! Where a mistake is.
+//! The place of a mistake in a configuration.
 
 use core::fmt::{self, Write};
 
@@ -18,7 +18,7 @@ pub(super) const TAKEN: Problem = Problem::Is("is taken already");
 /// The largest number that a hand may have, to either side: products of some such numbers are finite.
 const MOST: f64 = 1e15;
 
-/// What has a value, by indices.
+/// The owner of a value, by indices.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Root {
     Hand,
@@ -93,7 +93,7 @@ impl<'a, const FINGERS: usize, const JOINTS: usize> Examiner<'a, FINGERS, JOINTS
     pub(super) fn list(&mut self, root: Root, field: &str, list: &[f64]) -> Result<(), Mistake> {
         for (index, &value) in list.iter().enumerate() {
             let mut entry = join(field, "");
-            // What does not fit leads to the list.
+            // If the index does not fit, the path leads to the list.
             let _ = write!(entry, "[{index}]");
             self.number(root, &entry, value, Requirement::Finite)?;
         }
@@ -210,7 +210,7 @@ pub(super) fn join(table: &str, field: &str) -> MistakeField {
     } else {
         "."
     };
-    // What does not fit leads to the table.
+    // If the rest does not fit, the path leads to the table.
     let _ = whole.push_str(table);
     let _ = whole.push_str(dot);
     let _ = whole.push_str(field);

@@ -9,7 +9,7 @@ use crate::config::{
 };
 use crate::math::{abs, sqrt};
 
-/// How far an entry of an orthonormal matrix may be off: people write ten digits.
+/// The largest error of an entry of an orthonormal matrix: people write ten digits.
 pub(super) const ORTHONORMAL: f64 = 1e-9;
 
 /// The processor that a joint or an axis names, of the kind that serves it.

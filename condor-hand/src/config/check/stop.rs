@@ -1,4 +1,4 @@
-//! Whether joints come to rest at their soft stops.
+//! The check that joints come to rest at their soft stops.
 
 use nalgebra::{SMatrix, SVector};
 
@@ -47,7 +47,7 @@ impl<const F: usize, const J: usize> Examiner<'_, F, J> {
     }
 }
 
-/// Whether the joint comes to rest with a law and a stop of these bandwidths, with either tendon.
+/// Returns true if the joint comes to rest with a law and a stop of these bandwidths, with either tendon.
 fn rests<const J: usize>(joint: &Joint<J>, law_hz: f64, stop_hz: f64, rate_hz: u32) -> bool {
     let rate_hz = f64::from(rate_hz);
     [&joint.flexor, &joint.extensor].into_iter().all(|tendon| {
@@ -57,7 +57,7 @@ fn rests<const J: usize>(joint: &Joint<J>, law_hz: f64, stop_hz: f64, rate_hz: u
             powers *= powers;
             ticks *= 2.0;
         }
-        // What is no number is no rest.
+        // NaN is not rest.
         powers.iter().all(|entry| (-LEFT..=LEFT).contains(entry))
     })
 }
@@ -80,7 +80,7 @@ fn tick<const J: usize>(
     let stiffness = law * law + spring * spring;
     let damping = 2.0 * (servo.zeta * law + stop.damping_ratio * spring);
 
-    // What the servo makes of the state before the tick.
+    // The command of the servo, from the state before the tick.
     let pass = servo.position_cutoff_hz.map_or(1.0, lag);
     let smooth = lag(servo.velocity_cutoff_hz);
     let position = [pass, 0.0, 0.0, 1.0 - pass, 0.0];
@@ -97,7 +97,7 @@ fn tick<const J: usize>(
         *command -= (1.0 + kt) * (stiffness * position + damping * rate);
     }
 
-    // What the tick makes of the state and of that command.
+    // The state after the tick, from the state before it and from that command.
     let period = 1.0 / rate_hz;
     let pole = tau * tendon.actuator_hz;
     let decay = exp(-pole * period);

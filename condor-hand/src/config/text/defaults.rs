@@ -1,4 +1,4 @@
-//! Where a value comes from that a joint or a finger leaves out.
+//! The sources of the values that a joint or a finger leaves out.
 
 use core::ops::Range;
 use std::vec::Vec;
@@ -14,7 +14,7 @@ const JOINT_DEFAULTS: &str = "joint_defaults";
 /// The finger from which another takes what it leaves out.
 const LIKE: &str = "like";
 
-/// What a finger does not take from the one that it is like.
+/// The key that a finger does not take from the finger that it is like.
 const CHANNEL: &str = "channel";
 
 /// Keys whose tables have one key that chooses: two choices do not mix.

@@ -223,7 +223,7 @@ impl<const F: usize, const N: usize> Holder<F, N> {
         self.order.after(&self.from, part)
     }
 
-    /// Whether the joints of all fingers that hold are known.
+    /// Returns true if the joints of all fingers that hold are known.
     fn hears(&mut self, others: &HandJoints<F, N>, period_s: f64) -> Result<bool, GraspReason> {
         let is_patient = self.waited_s < PATIENCE_S;
         self.waited_s += period_s;
@@ -321,7 +321,7 @@ where
         Ok(report)
     }
 
-    /// Whether all joints are in the mode that the law gave them.
+    /// Checks that all joints are in the mode that the law gave them.
     fn check_modes(&mut self, finger: usize) -> Result<(), GraspReason> {
         let finger = self.controllers.of_finger(finger);
         let finger = finger.ok_or(GraspReason::Fault)?;

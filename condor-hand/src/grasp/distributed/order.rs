@@ -17,7 +17,7 @@ pub struct GraspOrder<const F: usize> {
     pub stiffness: [[f64; 6]; 6],
     /// The damping of the object about its middle, in the units of the stiffness times s.
     pub damping: [[f64; 6]; 6],
-    /// Where the middle of the object is to be, m.
+    /// The desired position of the middle of the object, m.
     pub center: [f64; 3],
     /// The force on its middle in addition, such as that which bears its weight, N.
     pub force: [f64; 3],
@@ -61,7 +61,7 @@ impl<const F: usize> GraspOrder<F> {
         (0..F).filter(move |&finger| fingers >> finger & 1 != 0)
     }
 
-    /// Whether a grasp can be like that.
+    /// Checks that a grasp can have these numbers.
     pub(super) fn check(&self) -> Result<(), GraspReason> {
         if self.fingers >> F != 0 || self.fingers.count_ones() < LEAST_FINGERS {
             return Err(GraspReason::Fingers);

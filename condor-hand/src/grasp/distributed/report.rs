@@ -57,7 +57,7 @@ impl GraspReason {
 pub struct GraspReport<const F: usize> {
     /// The number of the order that the report is about.
     pub order: u64,
-    /// The state.
+    /// The state of the grasp at the processor that reports.
     pub state: GraspState,
     /// The reason, if the grasp was refused or left.
     pub reason: GraspReason,
@@ -89,7 +89,7 @@ impl<const F: usize> GraspReport<F> {
         (self.order, self.state, self.reason)
     }
 
-    /// How important it is: the end of a grasp before its course, a cause before its effect.
+    /// The importance of the report: the end of a grasp before its course, a cause before its effect.
     pub(super) const fn weight(&self) -> u32 {
         match (self.state, self.reason) {
             (GraspState::Idle, _) => 0,

@@ -18,17 +18,17 @@ use crate::pose::{Pose, rotation_of};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum GraspAxes {
-    /// Those of the palm.
+    /// The axes of the palm.
     #[default]
     Palm,
-    /// Those of the object, as it is measured when the order is made.
+    /// The axes of the object, as it is measured when the order is made.
     Object,
 }
 
-/// What a grasp is to be like, wherever the object is and whichever fingers hold it.
+/// The properties of a grasp that do not depend on the place of the object or on the fingers that hold it.
 ///
-/// [`order`](Self::order) makes an order of it. It is written as text (`from_toml`, feature `text`),
-/// and a processor loads it as an image ([`from_image`](Self::from_image)).
+/// [`order`](Self::order) makes an order from them. They are written as text (`from_toml`, feature `text`), and
+/// a processor loads them as an image ([`from_image`](Self::from_image)).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct GraspSettings {
     /// The stiffness of the object about its middle, N/m, N/rad, N m/m, N m/rad.
@@ -57,7 +57,7 @@ pub struct GraspSettings {
 pub struct MeasuredBall {
     /// The pose of its middle in the palm.
     pub pose: Pose,
-    /// Its radius, m.
+    /// The radius of the ball, m.
     pub radius_m: f64,
 }
 

@@ -135,7 +135,7 @@ pub(super) fn far<T: Real>() -> T {
     T::max_value().unwrap_or_else(T::one)
 }
 
-/// What counts as rounding, of the length of the finger.
+/// The largest distance that counts as rounding, as a fraction of the length of the finger.
 pub(super) fn tolerance<T: Real>() -> T {
     max(real::<T>(1e-12), real::<T>(16.0) * T::default_epsilon())
 }

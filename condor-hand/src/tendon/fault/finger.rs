@@ -105,7 +105,7 @@ impl<T: Real, const N: usize> FingerMonitor<T, N> {
         self.state.first
     }
 
-    /// Whether nothing is wrong in a tick after one in which nothing was.
+    /// Returns true if nothing is wrong in a tick after one in which nothing was.
     #[inline(always)]
     fn passes(&mut self, observation: &Observation<'_, T, N>) -> bool {
         let (period_s, age_s) = (observation.period_s, observation.set_point_age_s);
@@ -134,7 +134,7 @@ impl<T: Real, const N: usize> FingerMonitor<T, N> {
         pass &= usual
             .joints
             .pass(&mut state.joint_places, &wanted, &measured);
-        // What has no set-point is not compared with where it was.
+        // A joint without a set-point is not compared with its former position.
         for (lane, desired) in desired.iter().enumerate() {
             if pass && desired.is_none() {
                 state.joint_places.forget(lane);

@@ -9,16 +9,16 @@ use crate::math::{Real, abs, is_finite};
 pub(crate) struct Run(u16);
 
 impl Run {
-    /// Whether `bad` has been true for so many samples in a row; never for none.
+    /// Returns true if `bad` has been true for this many samples in a row; never for none.
     #[inline(always)]
     pub(super) fn reaches(&mut self, samples: u16, bad: bool) -> bool {
         self.adds(samples, u16::from(bad))
     }
 
-    /// Whether so many deadlines in a row were missed, with a time between two ticks, s, of which this is
-    /// the longest that is in time. A gap several times as long misses several deadlines.
+    /// Returns true if this many deadlines in a row were missed, with `seconds` between two ticks, of which
+    /// `longest` is the longest that is in time. A gap several times as long misses several deadlines.
     pub(crate) fn misses<T: Real>(&mut self, deadlines: u16, seconds: T, longest: T) -> bool {
-        // What is no number is no time that has passed.
+        // NaN is not a time that has passed.
         let in_time = seconds > T::zero() && seconds <= longest;
         #[allow(
             clippy::cast_sign_loss,
@@ -40,7 +40,7 @@ impl Run {
         samples > 0 && self.0 >= samples
     }
 
-    /// Whether the last sample that counts was good.
+    /// Returns true if the last sample that counts was good.
     pub(super) const fn is_over(self) -> bool {
         self.0 == 0
     }
@@ -129,7 +129,7 @@ impl Sensor {
     }
 }
 
-/// What was measured when a sensor moved last, and what was desired then.
+/// The measured and the desired value when a sensor moved last.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct SensorMotion<T> {
     /// NaN if it has never been seen, so that nothing is near it.
@@ -145,7 +145,7 @@ impl<T: Real> SensorMotion<T> {
         }
     }
 
-    /// Whether the sensor stays while its set-point has gone.
+    /// Returns true if the sensor stays while its set-point has gone.
     fn stays(&mut self, stuck: &Stuck<T>, desired: Option<T>, measured: T) -> bool {
         let Some(desired) = desired else {
             *self = Self::never();
@@ -196,7 +196,7 @@ impl Tendon {
         latch.report(FaultCode::OverTension, fault, measured);
     }
 
-    /// Whether all checks have passed in the last sample.
+    /// Returns true if all checks have passed in the last sample.
     pub(super) fn is_quiet(&self) -> bool {
         self.sensor.is_quiet() && self.slack.is_over() && self.over_tension.is_over()
     }
@@ -226,7 +226,7 @@ impl Joint {
         }
     }
 
-    /// Whether all checks have passed in the last sample.
+    /// Returns true if all checks have passed in the last sample.
     pub(super) fn is_quiet(&self) -> bool {
         self.sensor.is_quiet() && self.limit.is_over()
     }

@@ -93,7 +93,7 @@ impl<T: Real> Bounds<T> {
 }
 
 impl<T: Real> Usual<T, 2> {
-    /// Of the two tendons of a joint.
+    /// Returns the bounds of the two tendons of a joint.
     pub(super) fn of_tendons(limits: &Pair<TendonFaultLimits<T>>) -> Self {
         let pair = [&limits.flexor, &limits.extensor];
         Self::new(pair.map(Bounds::of_tendon))
@@ -101,7 +101,7 @@ impl<T: Real> Usual<T, 2> {
 }
 
 impl<T: Real, const L: usize> Usual<T, L> {
-    /// Of so many joints.
+    /// Returns the bounds of `L` joints.
     pub(super) fn of_joints(limits: &[JointFaultLimits<T>; L]) -> Self {
         Self::new(limits.each_ref().map(Bounds::of_joint))
     }

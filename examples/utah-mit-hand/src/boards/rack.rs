@@ -28,13 +28,13 @@ pub enum RackError<E: BusError> {
         /// The address on the bus.
         address: usize,
     },
-    /// The bus.
+    /// An access to the bus failed.
     #[error(transparent)]
     Bus(E),
 }
 
 impl Board {
-    /// Where it begins on the bus.
+    /// Returns the address at which the board begins on the bus; `None` if the rack does not have the board.
     #[must_use]
     pub fn address(self) -> Option<usize> {
         match self {
@@ -70,7 +70,7 @@ fn bit(address: usize) -> u64 {
 }
 
 impl<B> Rack<B> {
-    /// Some of the boards of a bus.
+    /// Makes a bus on which only the boards `seen` answer.
     pub const fn new(bus: B, seen: Boards) -> Self {
         Self { bus, seen }
     }

@@ -39,7 +39,7 @@ pub struct Wires<'s, B: Bus> {
 struct Converters<D, L> {
     device: D,
     lines: [L; Adc16::CHANNELS],
-    /// How many of the lines, from 0, may have a wire.
+    /// The number of the lines, from 0, that may have a wire.
     used: usize,
 }
 
@@ -52,7 +52,7 @@ pub enum WiresError {
     Open(#[from] OpenError<'static>),
 }
 
-/// The switch of a processor: of all boards it sees those at which it has a wire.
+/// Returns the device switch of a processor; of all boards it sees those at which the processor has a wire.
 pub fn open<B: Bus, const F: usize, const N: usize>(
     bus: B,
     hand: &Hand<F, N>,
@@ -76,10 +76,11 @@ fn sockets<const F: usize, const N: usize>(
 }
 
 impl<'s, B: Bus> Wires<'s, B> {
-    /// Opens the boards at which a processor has a wire, and gives its outputs the counts of `rest`.
+    /// Opens the boards at which a processor has a wire, and sets its outputs to the counts of `rest`.
     ///
     /// # Errors
-    /// [`WiresError`]; a board that is not there yet can be looked for again.
+    /// Returns [`WiresError::Open`] if a board cannot be opened; the call can be repeated for a board that is
+    /// not there yet.
     pub fn new<const F: usize, const N: usize>(
         panel: &'s Panel<B>,
         hand: &Hand<F, N>,
@@ -200,7 +201,7 @@ impl<'s, B: Bus> Wires<'s, B> {
         }
     }
 
-    /// The counts that an output gets with the next [`put`](Self::put).
+    /// Sets the counts that the next [`put`](Self::put) writes to an output.
     pub fn write(&mut self, channel: Channel, counts: u32) {
         if let Some(Socket {
             board: Board::Dac(number),

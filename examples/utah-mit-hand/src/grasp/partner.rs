@@ -1,4 +1,4 @@
-//! [`Partner`]: what another processor publishes, wherever its program put it.
+//! [`Partner`]: a value that another processor publishes, at any place.
 
 use core::sync::atomic::{AtomicU32, Ordering};
 
@@ -6,7 +6,7 @@ use condor_mbox::{AccessError, MemoryWindow, Published, Region};
 use condor_rt::objects::{self, ObjectKind};
 use zerocopy::{FromBytes, IntoBytes};
 
-/// Where nothing lies: the object table does.
+/// An offset at which nothing is published: the object table is there.
 const NOWHERE: u32 = 0;
 
 /// A published value of another processor, found by its name.
@@ -20,13 +20,13 @@ pub(crate) struct Partner<W> {
     offset: AtomicU32,
 }
 
-/// What says when the tick was due in which it was published.
+/// A value with the time at which the tick was due that published it.
 pub(crate) trait TickTime {
-    /// In ns of the processor's clock.
+    /// The time at which the tick was due, in ns of the processor's clock.
     fn due_ns(&self) -> u64;
 }
 
-/// What a servo loop has read of a partner, and for how long it has been the same.
+/// The value that a servo loop has read of a partner, and its age.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PartnerState<T> {
     /// The last value; none before the first.
@@ -47,10 +47,10 @@ impl<W: MemoryWindow + Clone> Partner<W> {
         }
     }
 
-    /// Looks where it is now.
+    /// Looks up the place at which the value is published now.
     ///
     /// # Errors
-    /// The memory's.
+    /// Returns [`AccessError`] if the memory cannot be accessed.
     pub(crate) fn look(&self) -> Result<(), AccessError> {
         let object = objects::find(&self.region, self.name, ObjectKind::Other)?;
         let offset = object.map_or(NOWHERE, |object| object.offset);

@@ -73,7 +73,7 @@ commands! {
 
 const SECONDS: &str = "a time above 0, s";
 
-/// What commands need.
+/// The state that commands share.
 pub(super) struct Commands<'r, 'p, M: Machine> {
     pub(super) hand: &'r UtahMit,
     pub(super) background: &'r Background<'r, M>,
@@ -87,7 +87,7 @@ pub(super) struct Commands<'r, 'p, M: Machine> {
     pub(super) others: Others<'r, M>,
     pub(super) processors: Processors<'r, M>,
     pub(super) watching: Watching<M::Window>,
-    /// Where a client of parameters finds its room.
+    /// The room for clients of parameters.
     pub(super) tuning: Allocator,
 }
 
@@ -131,7 +131,7 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
         }
     }
 
-    /// Whether all fingers have told how they are, and where.
+    /// Returns true if all fingers have reported their state and positions.
     pub(super) fn sees_all(&self) -> bool {
         let measured = with(self.shared, |drive| {
             drive.measured.iter().all(Option::is_some)
@@ -218,7 +218,7 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
         let fingers = match self.prepare(&work) {
             Ok(fingers) => fingers,
             Err(problem) if problem.is_passing() => {
-                // It waits, and nothing else moves meanwhile.
+                // The request waits, and nothing else moves meanwhile.
                 self.player.stop();
                 return Err(problem);
             }
@@ -251,7 +251,7 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
             (self.requests.server).end(RequestState::Aborted, RefusalReason::NoMotion)?;
             return Err(Problem::Recording(error));
         }
-        // One joint that is sent somewhere is no motion whose figures anybody compares.
+        // Nobody compares the tracking errors of a single joint that a command moves.
         if work.title.is_none() {
             let is_named = work.name().is_some();
             (self.follow).begin(self.shared, identity, &title, is_named);
@@ -520,7 +520,7 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
         let was_busy = with(self.shared, |drive| {
             let was_busy = drive.abort_stream() || !drive.generator.is_idle();
             drive.generator.abort();
-            // What is paused would never come to its stop.
+            // A paused motion would never come to its stop.
             drive.generator.resume();
             was_busy
         });
@@ -560,7 +560,7 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
         outcome
     }
 
-    /// Whether all fingers of a mask follow.
+    /// Checks that all fingers of a mask follow.
     fn check_follows(&self, fingers: u32) -> Result<(), Problem<'static>> {
         for (finger, entry) in self.hand.fingers.iter().enumerate() {
             if fingers >> finger & 1 == 0 || self.servos.follows(finger) {

@@ -51,17 +51,17 @@ impl<W: MemoryWindow> ServoIncarnation<W> {
         })
     }
 
-    /// Whether another has begun: its program makes a new object table before anything else, and has a
-    /// new number by the time that the table is as full again.
+    /// Returns true if another incarnation has begun: its program makes a new object table before anything
+    /// else, and has a new number by the time that the table is as full again.
     fn is_over(&self) -> bool {
-        // Acquire: what is in the table is no older than the incarnation.
+        // Acquire: the content of the table is at least as new as the incarnation.
         let incarnation = self.mail.load(header::INCARNATION, LoadOrder::Acquire);
         let count = objects::all(&self.data).map(Iterator::count);
         incarnation.ok() != Some(self.number) || count.ok() != Some(self.objects)
     }
 }
 
-/// Where the set-points of a servo processor go, of the fingers that it serves.
+/// The place for the set-points of a servo processor, of the fingers that it serves.
 pub(super) struct Link<W> {
     incarnation: ServoIncarnation<W>,
     points: [SetPoints<W, JOINTS>; FINGERS],
@@ -88,7 +88,7 @@ pub(super) type OfServos<T> = heapless::Vec<T, FINGERS>;
 /// Which of the servo processors serves each finger.
 pub(super) type FingerServos = [usize; FINGERS];
 
-/// What is heard of a servo processor.
+/// The values that a servo processor publishes for the master.
 pub(super) struct ServoListener<W> {
     joints: Partner<W>,
     felt: Partner<W>,
@@ -96,7 +96,7 @@ pub(super) struct ServoListener<W> {
 }
 
 impl<W: MemoryWindow + Clone> ServoListener<W> {
-    /// Of the processor with this region.
+    /// Makes a listener to the processor with this region.
     pub(super) fn new(region: &Region<W>) -> Self {
         let partner = |name| Partner::new(region.clone(), name);
         Self {
@@ -106,10 +106,10 @@ impl<W: MemoryWindow + Clone> ServoListener<W> {
         }
     }
 
-    /// Looks where what it publishes is.
+    /// Looks up the places of the values that the processor publishes.
     ///
     /// # Errors
-    /// The memory's.
+    /// Returns [`AccessError`] if the memory cannot be accessed.
     pub(super) fn look(&self) -> Result<(), AccessError> {
         self.joints.look()?;
         self.felt.look()?;
@@ -117,7 +117,7 @@ impl<W: MemoryWindow + Clone> ServoListener<W> {
     }
 }
 
-/// What was heard of a servo processor.
+/// The last values from a servo processor.
 struct ServoReport {
     joints: PartnerState<Joints>,
     felt: PartnerState<Felt>,
@@ -132,10 +132,10 @@ impl ServoReport {
     };
 }
 
-/// The stop of a finger by a guard, which is to be told.
+/// The stop of a finger by a guard, to be reported.
 type FingerStop = (usize, GuardStop);
 
-/// What the loop of the trajectories works on.
+/// The state of the loop of the trajectories.
 pub(super) struct Drive<'p, W> {
     pub(super) generator: Generator<ALL, QUEUE>,
     pub(super) links: [Option<Link<W>>; FINGERS],
@@ -148,11 +148,11 @@ pub(super) struct Drive<'p, W> {
     pub(super) inherited: u32,
     /// The number of the motion that runs, 0 for none.
     pub(super) motion: u64,
-    /// Where the fingers are, of those that are measured, rad.
+    /// The positions of the fingers that are measured, rad.
     pub(super) measured: [Option<[f64; JOINTS]>; FINGERS],
     /// The stream that runs, or brakes.
     pub(super) stream: Option<Streaming>,
-    /// How the last stream has ended, until that is taken.
+    /// The end of the last stream, until it is taken.
     pub(super) stream_end: Option<StreamEnd>,
     seats: FingerServos,
     ears: &'p [ServoListener<W>],
@@ -168,7 +168,7 @@ pub(super) struct Drive<'p, W> {
 pub(super) type SharedDrive<'p, W> = Mutex<RefCell<Drive<'p, W>>>;
 
 impl<'p, W: MemoryWindow + Clone> Drive<'p, W> {
-    /// With all fingers loose, and no links.
+    /// Makes the state with all fingers loose, and no links.
     pub(super) fn new(
         generator: Generator<ALL, QUEUE>,
         seats: FingerServos,
@@ -232,7 +232,7 @@ impl<'p, W: MemoryWindow + Clone> Drive<'p, W> {
             }
         }
         self.ticks = self.ticks.wrapping_add(1);
-        // Who reads finds the former one.
+        // After an error the reader finds the former value.
         let _ = self.publisher.publish(&DesiredPositions {
             ticks: self.ticks,
             loose: u64::from(self.loose & ((1 << FINGERS) - 1)),
@@ -282,14 +282,14 @@ impl<'p, W: MemoryWindow + Clone> Drive<'p, W> {
                 let is_told = (self.stops.back())
                     .is_some_and(|(of, last)| (*of, last.motion) == (finger, stop.motion));
                 if is_new && !is_told {
-                    // What has no room is not told.
+                    // A stop is not reported if there is no room.
                     let _ = self.stops.push_back((finger, stop));
                 }
             }
         }
     }
 
-    /// What motions begin on; nothing of fingers that are not measured.
+    /// Returns the observations on which motions begin; nothing of fingers that are not measured.
     fn observed(&self) -> Observations<ALL> {
         let mut observed = Observations {
             torques: [f64::NAN; ALL],

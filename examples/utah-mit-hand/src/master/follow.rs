@@ -16,7 +16,7 @@ use crate::servo::Figures;
 use crate::tracking::TrackingReport;
 use crate::{FINGERS, UtahMit, objects};
 
-/// How often one looks for the figures of a motion that has ended.
+/// The number of looks for the figures of a motion that has ended.
 const LOOKS: u32 = 25;
 
 /// A motion that runs, or whose figures are awaited.
@@ -26,7 +26,7 @@ struct Run {
     is_named: bool,
 }
 
-/// How well the joints follow the motion that runs, and have followed those before it.
+/// The tracking errors of the joints in the motion that runs, and in those before it.
 pub(super) struct Follow<M: Machine> {
     running: Option<Run>,
     ended: Option<Run>,
@@ -111,7 +111,7 @@ impl<M: Machine> Follow<M> {
         }
         if run.is_named {
             self.followed.add(&run.title, &figures);
-            // Who reads finds the former one.
+            // After an error the reader finds the former value.
             let _ = self.publisher.publish(&self.followed);
         }
         self.ended = None;

@@ -12,7 +12,7 @@ use super::words::Problem;
 use crate::plant::CameraObject;
 use crate::{UtahMit, objects, plant, table};
 
-/// How long one of them may take to answer.
+/// The time in which the table or the robot must answer.
 const ANSWER: Duration = Duration::from_millis(500);
 
 type FoundServers<M, Q, R> =
@@ -62,7 +62,7 @@ where
     }
 }
 
-/// What is around the fingers.
+/// The programs around the fingers: the table and the simulated robot.
 pub(super) struct Others<'r, M: Machine> {
     table: Option<Remote<'r, M, table::TableRequest, table::TableResponse>>,
     plants: heapless::Vec<Remote<'r, M, plant::PlantRequest, plant::PlantResponse>, 8>,
@@ -78,9 +78,9 @@ pub(super) struct Ball {
     pub(super) mass: f64,
 }
 
-/// How long an object may be out of sight.
+/// The time for which an object may be out of sight.
 const SIGHT: Duration = Duration::from_millis(200);
-/// How often one looks whether it was seen.
+/// The time between two looks for an object.
 const NAP: Duration = Duration::from_millis(5);
 
 /// Between the tips of all fingers, after the motion `grasp`.

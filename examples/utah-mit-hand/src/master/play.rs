@@ -14,7 +14,7 @@ use super::sequence::Sequence;
 use super::words::{GuardText, Problem};
 use crate::{FINGERS, JOINTS, UtahMit};
 
-/// What a motion is called.
+/// The title of a motion.
 pub(super) type Title = heapless::String<32>;
 /// Motions that the generator has, or that it has ended since it was asked last.
 const GIVEN: usize = 64;
@@ -34,17 +34,17 @@ pub(super) struct Player {
     is_stream: bool,
     /// A bit for each finger that what runs moves.
     fingers: u32,
-    /// What is recorded, or was loaded.
+    /// The sequence that is recorded, or was loaded.
     pub(super) kept: Sequence,
     /// The name that it was given.
     pub(super) kept_title: Title,
     pub(super) is_recording: bool,
     is_held: bool,
-    /// How the motion that runs will have ended.
+    /// The end of the motion that runs, as far as it is known.
     end: (RequestState, RefusalReason),
 }
 
-/// How a motion ends of which nothing else is known.
+/// The end of a motion of which nothing else is known.
 const DONE: (RequestState, RefusalReason) = (RequestState::Done, RefusalReason::None);
 
 impl Player {
@@ -71,17 +71,17 @@ impl Player {
         self.title.as_deref()
     }
 
-    /// How many of its motions the generator has taken, of how many.
+    /// The number of its motions that the generator has taken, and the number of all.
     pub(super) const fn progress(&self) -> (u32, u32) {
         (self.next, self.count)
     }
 
-    /// Whether what runs moves a finger.
+    /// Returns true if the motion that runs moves a finger.
     pub(super) const fn moves(&self, finger: usize) -> bool {
         self.title.is_some() && self.fingers >> finger & 1 == 1
     }
 
-    /// How much of it is done, in 0..=1; `None` for a stream, whose points are still to come.
+    /// The fraction of the motion that is done, in 0..=1; `None` for a stream, whose points are still to come.
     pub(super) fn done<W>(&self, shared: &SharedDrive<'_, W>) -> Option<f64> {
         if self.count == 0 {
             return None;
@@ -105,7 +105,7 @@ impl Player {
         (self.is_stream, self.fingers) = (false, 0);
     }
 
-    /// Room for a motion that is to run; give it to [`begin`](Self::begin) then.
+    /// Returns the room for the next motion; call [`begin`](Self::begin) then.
     pub(super) fn room(&mut self) -> &mut Sequence {
         self.stop();
         &mut self.running
@@ -117,10 +117,11 @@ impl Player {
         self.running.copy(&self.kept);
     }
 
-    /// The fingers that the sequence which is to run moves, a bit for each.
+    /// Returns the fingers that the sequence in [`room`](Self::room) moves, a bit for each.
     ///
     /// # Errors
-    /// A guard of contact where no sensor is, a target or via point beyond the limits, no motion.
+    /// Returns the [`Problem`] if there is a guard of contact without a sensor, a target or via point beyond
+    /// the limits, or no motion.
     pub(super) fn fingers(&self, hand: &UtahMit) -> Result<u32, Problem<'static>> {
         let motions = self.running.motions().map_err(Problem::Recording)?;
         let mut fingers = 0;
@@ -166,7 +167,7 @@ impl Player {
         Ok(fingers & ((1 << FINGERS) - 1))
     }
 
-    /// Gives what is recorded or loaded a name.
+    /// Sets the name of the sequence that is recorded or loaded.
     pub(super) fn name_kept(&mut self, name: &str) {
         self.kept_title.clear();
         // Names are short enough.
@@ -211,8 +212,8 @@ impl Player {
         &self.limits
     }
 
-    /// Gives the generator what it has room for, and says what has happened. Returns what has ended and
-    /// how, if it has.
+    /// Feeds the generator as many motions as it has room for, and reports events. Returns the motion that has
+    /// ended and how, if one has.
     pub(super) fn play<W>(
         &mut self,
         hand: &UtahMit,
@@ -249,7 +250,7 @@ impl Player {
                 say(format_args!("{}", GuardText { entry, stop }));
             }
         }
-        // Whoever is idle before has told by now how everything has ended.
+        // A generator that is idle at this moment has reported all ends already.
         let state = with(shared, |drive| {
             (drive.generator.is_idle(), drive.generator.is_held())
         });

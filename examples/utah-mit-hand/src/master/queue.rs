@@ -21,11 +21,11 @@ use ledger::LedgerFile;
 const WAITING: usize = 8;
 
 type Queue = MotionQueue<Work, WAITING>;
-/// Where the handler of messages about the queue and the background meet.
+/// The memory in which the handler of messages about the queue and the background meet.
 pub(super) type Post = MotionsPost<Work, WAITING>;
 type Server<'r, M> = MotionsServer<'r, Work, LedgerFile<'r, M>, WAITING>;
 
-/// What a request is to do.
+/// The work of a request.
 #[derive(Clone, Debug)]
 pub(super) struct Work {
     /// The name of a motion, or an image of motions.
@@ -34,7 +34,7 @@ pub(super) struct Work {
     pub(super) is_kept: bool,
     /// The joints of a stream.
     pub(super) stream: Option<u32>,
-    /// What the terminal calls it, if it has no name.
+    /// The title at the terminal, if it has no name.
     pub(super) title: Option<Title>,
 }
 
@@ -61,7 +61,7 @@ impl Work {
         })
     }
 
-    /// What a client offers.
+    /// Makes the work from the offer of a client.
     fn of(offer: Offer<'_>) -> Result<Self, RefusalReason> {
         let (body, stream) = match offer {
             Offer::Motions(body) => (body, None),
@@ -90,7 +90,7 @@ impl Work {
 pub(super) struct Requests<'r, M: Machine> {
     pub(super) server: Server<'r, M>,
     mailbox: &'r MailboxOf<'r, M>,
-    /// The owner of the terminal's sessions, in all lives of this program.
+    /// The owner of the terminal's sessions, in all incarnations of this program.
     own: SessionOwner,
     /// The session of the terminal, 0 at first, and the number of its last request.
     terminal: RequestIdentity,
@@ -99,7 +99,7 @@ pub(super) struct Requests<'r, M: Machine> {
 }
 
 impl<'r, M: Machine> Requests<'r, M> {
-    /// With a ledger that [`attend`](Self::attend) reads.
+    /// Makes the requests with a ledger that [`attend`](Self::attend) reads.
     pub(super) fn new(
         post: &'r Post,
         files: &'r FilesOf<'r, M>,
@@ -228,7 +228,7 @@ impl<'r, M: Machine> Requests<'r, M> {
         Ok(())
     }
 
-    /// Who opened a session.
+    /// Returns the owner of a session.
     pub(super) fn owner(&self, session: u32) -> Option<SessionOwner> {
         self.server.look(|queue| queue.owner(session)).flatten()
     }
@@ -237,7 +237,7 @@ impl<'r, M: Machine> Requests<'r, M> {
         session == self.terminal.session
     }
 
-    /// How many requests wait, and the session that is in control.
+    /// Returns the number of requests that wait, and the session that is in control.
     pub(super) fn waiting(&self) -> (usize, Option<u32>) {
         let seen = (self.server).look(|queue| (queue.waiting(), queue.in_control()));
         seen.unwrap_or((0, None))

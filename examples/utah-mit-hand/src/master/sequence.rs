@@ -11,9 +11,9 @@ use crate::{UtahMit, file};
 
 /// Bytes of a sequence of motions, at most.
 pub const MOTION_BYTES: usize = 8192;
-/// Where the sequences are.
+/// The directory of the sequences.
 const DIRECTORY: &str = "motions";
-/// How their names end.
+/// The suffix of their names.
 const SUFFIX: &str = ".motion";
 
 /// A sequence of motions as the bytes of its image; nothing at first.
@@ -70,8 +70,8 @@ impl Sequence {
         Ok(())
     }
 
-    /// Gives `generator` as many motions from the number `next` on as it takes, as long as there is room
-    /// for their tickets. Returns how many, and the error of the one that it refuses.
+    /// Feeds `generator` as many motions from the number `next` on as it takes, as long as there is room for
+    /// their tickets. Returns their number, and the error of a motion that it refuses.
     pub(super) fn feed<const Q: usize, const N: usize>(
         &self,
         next: u32,

@@ -17,11 +17,11 @@ use crate::failure::Failure;
 use crate::servo::{self, Names};
 use crate::{FINGERS, JOINTS, UtahMit, objects};
 
-/// How long a servo may take to answer.
+/// The time in which a servo must answer.
 pub(super) const ANSWER: Duration = Duration::from_millis(500);
-/// How long a finger may take to its rest.
+/// The time in which a finger must come to rest.
 const REST: Duration = Duration::from_secs(3);
-/// How joints leave the zones of their stops: so far, rad, and at most at this part of their limits of
+/// The distance, rad, by which joints leave the zones of their stops, and the fraction of their limits of
 /// velocity.
 const ROOM_RAD: f64 = 0.02;
 const LEAVE_SPEED: f64 = 0.02;
@@ -51,7 +51,7 @@ pub(super) struct Servos<'r, 'p, M: Machine> {
     shared: &'r SharedDrive<'p, M::Window>,
     seats: FingerServos,
     processors: OfServos<Servo<'r, M>>,
-    /// How each finger was when it was asked last.
+    /// The last status of each finger.
     status: [Option<ServoStatus<JOINTS>>; FINGERS],
     /// Whether a finger that followed does not any more, since somebody asked.
     has_lost: bool,
@@ -125,7 +125,7 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
             .map(|servo| (servo.number, &servo.region))
     }
 
-    /// How a finger was when it was asked last.
+    /// Returns the last status of a finger.
     pub(super) fn status(&self, finger: usize) -> Option<&ServoStatus<JOINTS>> {
         self.status.get(finger)?.as_ref()
     }
@@ -146,7 +146,7 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
         fingers
     }
 
-    /// Whether a finger follows its set-points.
+    /// Returns true if a finger follows its set-points.
     pub(super) fn follows(&self, finger: usize) -> bool {
         self.inherited >> finger & 1 == 0 && self.status(finger).is_some_and(follows)
     }
@@ -159,12 +159,12 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
         Ok(())
     }
 
-    /// Whether a finger that followed does not any more, since that was taken last.
+    /// Returns true if a finger that followed does not any more, since the flag was taken last.
     pub(super) const fn has_lost(&self) -> bool {
         self.has_lost
     }
 
-    /// The same, once.
+    /// Takes the flag of [`has_lost`](Self::has_lost), which is false then.
     pub(super) fn take_lost(&mut self) -> bool {
         core::mem::take(&mut self.has_lost)
     }
@@ -445,7 +445,7 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
         Ok(moved.unwrap_or(Ok(()))?)
     }
 
-    /// Gives a joint, or all joints of a finger, another mode, in which they keep what they have.
+    /// Sets another mode of a joint, or of all joints of a finger, in which they keep their state.
     pub(super) fn set_mode(
         &mut self,
         finger: usize,
@@ -460,7 +460,7 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
         Ok(outcome??)
     }
 
-    /// Gives a joint a target, and the mode of that target.
+    /// Sets a target of a joint, and the mode of that target.
     pub(super) fn set_target(
         &mut self,
         finger: usize,
@@ -492,7 +492,7 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
         self.ask(finger, |client, finger, timeout| {
             client.disable(finger, None, timeout)
         })??;
-        // This one is no loss.
+        // A finger that is switched off here does not count as lost.
         let has_lost = self.has_lost;
         self.refresh(finger)?;
         self.has_lost = has_lost;
@@ -509,7 +509,7 @@ fn follows(status: &ServoStatus<JOINTS>) -> bool {
     works(status) && status.modes.iter().all(|&mode| mode == ServoMode::Position)
 }
 
-/// Whether a finger gives up without set-points.
+/// Returns true if a finger gives up without set-points.
 fn needs_set_points(status: &ServoStatus<JOINTS>) -> bool {
     works(status) && status.modes.contains(&ServoMode::Position)
 }

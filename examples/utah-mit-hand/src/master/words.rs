@@ -22,7 +22,7 @@ use thiserror::Error;
 use crate::UtahMit;
 use crate::{JOINTS, plant, table};
 
-/// Why a command is not done.
+/// The reason for which a command is not done.
 #[derive(Debug, Error)]
 pub(super) enum Problem<'l> {
     #[error("there is no command \"{0}\"; `help` lists them")]
@@ -207,12 +207,12 @@ impl Problem<'_> {
         place.map(|place| place + 1)
     }
 
-    /// Whether the same may be possible a moment later.
+    /// Returns true if the same may be possible a moment later.
     pub(super) fn is_passing(&self) -> bool {
         matches!(self, Self::File { error, .. } if error.errno().is_none())
     }
 
-    /// Why a motion that cannot run is refused.
+    /// Returns the reason for which a motion that cannot run is refused.
     pub(super) const fn reason(&self) -> RefusalReason {
         match self {
             Self::File { .. } | Self::Image { .. } | Self::Nothing | Self::Recording(_) => {
@@ -256,7 +256,7 @@ impl fmt::Display for GuardText<'_> {
     }
 }
 
-/// Why a row is not written.
+/// The reason for which a row is not written.
 #[derive(Clone, Copy, Debug, Error)]
 pub(super) enum RowError {
     #[error(transparent)]

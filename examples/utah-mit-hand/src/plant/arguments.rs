@@ -58,7 +58,7 @@ impl Arguments {
         Some(())
     }
 
-    /// So many milliseconds in ticks, at least one.
+    /// Returns the number of ticks in `ms` milliseconds, at least one.
     pub(super) fn ticks(&self, ms: u32) -> u32 {
         let ticks = u64::from(ms) * u64::from(self.rate_hz) / 1000;
         u32::try_from(ticks).unwrap_or(u32::MAX).max(1)

@@ -16,7 +16,7 @@ pub(super) struct Support {
     at: Vector3<f64>,
     /// From 1, firmly, to 0.
     share: f64,
-    /// How much less of it each second.
+    /// The decrease of the share in each second.
     fading: f64,
 }
 
@@ -38,7 +38,7 @@ impl Support {
         }
     }
 
-    /// What it exerts on the ball about its centre in the next `period_s`.
+    /// Returns the wrench of the support on the ball about its centre in the next `period_s`.
     pub(super) fn update(
         &mut self,
         ball: &SimObject,

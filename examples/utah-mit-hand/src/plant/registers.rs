@@ -24,7 +24,7 @@ pub(super) struct Registers<B> {
     bus: B,
 }
 
-/// What a D/A board puts out.
+/// The output of a D/A board.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Output {
     /// No program has the board open.
@@ -63,7 +63,7 @@ impl<B: Bus> Registers<B> {
         self.write16(address::ENCODER + offset::IDENTIFICATION, ENCODER)
     }
 
-    /// What an A/D board has converted.
+    /// Sets the result of an A/D board's conversion.
     pub(super) fn set_input(&self, board: u8, line: u8, value: i16) -> Result<(), Failure> {
         let Some(base) = address::ADC.get(usize::from(board)) else {
             return Ok(());
@@ -72,7 +72,7 @@ impl<B: Bus> Registers<B> {
         self.write16(at, value.cast_unsigned())
     }
 
-    /// What a counter of the encoder board has counted.
+    /// Sets a counter of the encoder board.
     pub(super) fn set_counter(&self, line: u8, value: u32) -> Result<(), Failure> {
         let counter = usize::from(line) % Encoder8::COUNTERS;
         let at = address::ENCODER + offset::CHANNELS + 4 * counter;
@@ -80,7 +80,7 @@ impl<B: Bus> Registers<B> {
         written.map_err(|error| failure::<B>(at, &error))
     }
 
-    /// What has become of a D/A board.
+    /// Returns the output of a D/A board since the last look.
     pub(super) fn output(&self, board: usize) -> Result<Output, Failure> {
         let Some(&base) = address::DAC.get(board) else {
             return Ok(Output::Disconnected);

@@ -1,10 +1,10 @@
-//! What the robot can be asked for.
+//! The requests to the robot, and its responses.
 
 use core::fmt;
 
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
-/// What a request asks for.
+/// The operation of a request to the robot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 #[non_exhaustive]
@@ -32,24 +32,24 @@ pub enum PlantOperation {
     PushTip = 8,
 }
 
-/// Which sensor or tendon of a joint.
+/// A sensor or a tendon of a joint.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum PlantTarget {
     /// The sensor of the position.
     Position = 0,
-    /// The flexor.
+    /// The flexor, or the sensor of its tension.
     Flexor = 1,
-    /// The extensor.
+    /// The extensor, or the sensor of its tension.
     Extensor = 2,
 }
 
 /// The values that a number of a request may have.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NumberRange {
-    /// What the number is.
+    /// The name of the number, for errors.
     pub name: &'static str,
-    /// Its unit.
+    /// The unit of the number, for errors.
     pub unit: &'static str,
     /// The least value.
     pub low: f64,
@@ -62,7 +62,7 @@ impl NumberRange {
     pub const RADIUS: Self = Self::new("the radius of the ball", "m", 0.005, 0.04);
     /// The mass of a ball.
     pub const MASS: Self = Self::new("the mass of the ball", "kg", 0.001, 1.0);
-    /// Where a ball is put, along each axis of the palm.
+    /// The position of a ball, along each axis of the palm.
     pub const PLACE: Self = Self::new("the position of the ball", "m", -0.3, 0.3);
     /// The force of a push, along each axis of the palm.
     pub const FORCE: Self = Self::new("the force", "N", -20.0, 20.0);
@@ -105,7 +105,7 @@ pub struct PlantRequest {
     pub numbers: [f64; 6],
 }
 
-/// What the robot answers.
+/// The response of the robot to a [`PlantRequest`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
 pub struct PlantResponse {
@@ -115,7 +115,7 @@ pub struct PlantResponse {
     pub resting: u32,
 }
 
-/// Why the robot does not do what it was asked for.
+/// The reason for which the robot refuses a request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 #[non_exhaustive]
@@ -160,7 +160,7 @@ impl PlantRefusal {
 }
 
 impl PlantTarget {
-    /// The part of a number.
+    /// Returns the sensor or tendon that has this number in requests; `None` if there is none.
     #[must_use]
     pub const fn from_number(number: u32) -> Option<Self> {
         match number {
@@ -173,7 +173,7 @@ impl PlantTarget {
 }
 
 impl PlantOperation {
-    /// The operation of a number.
+    /// Returns the operation that has this number in requests; `None` if there is none.
     #[must_use]
     pub const fn from_number(number: u32) -> Option<Self> {
         match number {

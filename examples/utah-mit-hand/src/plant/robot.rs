@@ -26,17 +26,17 @@ use crate::{FINGERS, Failure, JOINTS, UtahMit, start};
 
 /// The least rate of updates of the simulation, Hz: contacts of 5e4 N/m bear it.
 const UPDATE_HZ: u32 = 10_000;
-/// Where in the range of its joints the hand begins, from 0 to 1.
+/// The place in the range of its joints at which the hand begins, from 0 to 1.
 const BEGINS_AT: f64 = 0.4;
-/// How far from the palm a ball may be, m, along each axis.
+/// The largest distance of a ball from the palm, m, along each axis.
 pub(super) const WORKSPACE_M: f64 = 1.0;
-/// How far beyond its limits a joint may be before it counts as lost, rad: its stops give way by less.
+/// The distance beyond its limits at which a joint counts as lost, rad: its stops yield by less.
 const BEYOND_RAD: f64 = 0.3;
 /// Sensors of the hand and its table, at most.
 const INPUTS: usize = (3 * JOINTS + 1) * FINGERS + AXES;
 const AXES: usize = 3;
 
-/// What the configuration does not say of the robot, with one update for each tick.
+/// The properties of the simulated robot that its configuration does not have, with one update for each tick.
 pub const MACHINE: PlantModel = PlantModel {
     actuator: DriveKind::exact,
     joint_stop: SimStop {
@@ -58,13 +58,13 @@ pub const MACHINE: PlantModel = PlantModel {
     },
 };
 
-/// The robot.
+/// The simulated robot: the hand, the ball, the boards and the faults that were requested.
 pub(super) struct Robot {
     hand: SimHand<PlanarFinger, FINGERS, JOINTS>,
     gravity: Vector3<f64>,
     period_s: f64,
     ticks: u64,
-    /// Of all positions so far.
+    /// The hash of all positions so far.
     hash: Fnv,
     boards: [OutputBoard; address::DAC.len()],
     inputs: heapless::Vec<Sensor, INPUTS>,
@@ -78,7 +78,7 @@ pub(super) struct Robot {
     cause: Option<Failure>,
     /// Balls that have left the workspace; wraps.
     lost_balls: u32,
-    /// Where the joints begin, and between which positions they may be, rad.
+    /// The positions at which the joints begin, and the limits of their positions, rad.
     start: [SVector<f64, JOINTS>; FINGERS],
     limits: [[(f64, f64); JOINTS]; FINGERS],
 }
@@ -224,11 +224,11 @@ impl Robot {
         self.show(registers)
     }
 
-    /// What acts on the ball beside fingers and gravity.
+    /// Returns the wrench on the ball beside fingers and gravity.
     fn on_ball(&mut self) -> Wrench {
         let mut wrench = self.push;
         if let (Some(ball), Some(support)) = (self.hand.object(), &mut self.support) {
-            // Who holds it moves with the palm, and need not know how that is accelerated.
+            // The support moves with the palm, and need not know the acceleration of the palm.
             let held = support.update(ball, &self.gravity, self.period_s);
             wrench.force += held.force;
             wrench.moment += held.moment;
@@ -256,7 +256,7 @@ impl Robot {
             .unwrap_or_else(|| sensor.adc.counts(self.value(sensor)))
     }
 
-    /// What a sensor measures, rad, N or m.
+    /// Returns the value that a sensor measures, rad, N or m.
     fn value(&self, sensor: &Sensor) -> f64 {
         let fingers = self.hand.fingers();
         let tension = |finger: usize, joint: usize| {
@@ -348,12 +348,12 @@ impl Robot {
         self.failures
     }
 
-    /// Why the last one of them failed.
+    /// Returns the reason for which the last one of these ticks failed.
     pub(super) fn cause(&self) -> Option<Failure> {
         self.cause.clone()
     }
 
-    /// How many balls have left the workspace; wraps.
+    /// Returns the number of balls that have left the workspace; it wraps.
     pub(super) const fn lost_balls(&self) -> u32 {
         self.lost_balls
     }
@@ -462,7 +462,7 @@ impl Robot {
         }
     }
 
-    /// Whether a joint is far beyond its limits.
+    /// Returns true if a joint is far beyond its limits.
     fn is_lost(&self) -> bool {
         let mut fingers = self.hand.fingers().iter().zip(&self.limits);
         fingers.any(|(finger, limits)| {
@@ -476,7 +476,7 @@ impl Robot {
         self.remove_ball();
         let slack = [Pair::both(0.0); JOINTS];
         for (finger, start) in self.hand.fingers_mut().iter_mut().zip(&self.start) {
-            // It was possible at the beginning.
+            // These positions were possible at the beginning.
             let _ = finger.reset(*start, slack);
         }
         for finger in 0..FINGERS {
@@ -488,7 +488,7 @@ impl Robot {
 }
 
 impl OutputBoard {
-    /// What its lines put out in this tick, N.
+    /// Returns the output of its lines in this tick, N.
     fn update(&mut self, output: Output) -> [f64; Dac16::CHANNELS] {
         let told = match output {
             Output::Disconnected => BoardInput::Closed,

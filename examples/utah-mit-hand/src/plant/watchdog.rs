@@ -51,7 +51,7 @@ impl<const L: usize> Watchdog<L> {
         }
     }
 
-    /// What the outputs are in this tick.
+    /// Returns the outputs in this tick.
     pub(super) fn update(&mut self, told: BoardInput<L>) -> [f64; L] {
         self.ticks = self.ticks.saturating_add(1);
         match told {
@@ -75,12 +75,12 @@ impl<const L: usize> Watchdog<L> {
         }
     }
 
-    /// Whether it rests because nothing comes any more.
+    /// Returns true if the board rests because it is not refreshed any more.
     pub(super) fn is_tripped(&self) -> bool {
         self.state == WatchState::Rests
     }
 
-    /// Whether its outputs are those of the watchdog.
+    /// Returns true if the outputs are those of the watchdog.
     pub(super) fn is_resting(&self) -> bool {
         self.state != WatchState::Refreshed
     }

@@ -14,11 +14,11 @@ pub(super) const ASKED: u16 = 5;
 pub(super) const DONE: u16 = 6;
 pub(super) const END: u16 = 7;
 
-/// What comes before each message: little-endian CDR.
+/// The bytes before each message: little-endian CDR.
 pub(super) const ENCAPSULATION: [u8; 4] = [0, 1, 0, 0];
 
-/// Of each channel, from number 1 on: topic, type of its messages, and their fields, which have the
-/// places in CDR that the structs here have in memory.
+/// The channels, from number 1 on: topic, type of its messages, and their fields, which have the places in CDR
+/// that the structs here have in memory.
 pub(super) const ALL: [(&str, &str, &str); 7] = [
     (
         "/servo/tick",

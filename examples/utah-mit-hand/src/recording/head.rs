@@ -14,7 +14,7 @@ const VERSION: u32 = 4;
 
 const NAMES: [&str; 5] = ["version", "processor", "rate_hz", "fingers", "joints"];
 
-/// What comes before the messages of a recording.
+/// The metadata before the messages of a recording.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Head {
     pub(crate) processor: u32,

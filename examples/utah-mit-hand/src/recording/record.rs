@@ -29,7 +29,7 @@ pub(crate) struct Ring {
     state: AtomicU32,
 }
 
-/// How a recording goes.
+/// The state of a recording.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub(crate) enum TapeState {
@@ -72,7 +72,7 @@ impl Ring {
         (taken, put.wrapping_sub(taken))
     }
 
-    /// So many bytes have been taken out.
+    /// Tells the loop that this many bytes have been taken out.
     pub(crate) fn take(&self, bytes: u32) {
         // Relaxed: only the background changes it. Release: after they were read.
         let taken = self.taken.load(Ordering::Relaxed);
@@ -84,7 +84,7 @@ impl Ring {
 /// The end of a [`Ring`] in the servo loop.
 pub(crate) struct Recorder<'r, W> {
     region: Region<W>,
-    /// Where the ring begins.
+    /// The place where the ring begins.
     offset: u32,
     ring: &'r Ring,
     /// Bytes that were put in, those of this tick included.
@@ -133,7 +133,7 @@ impl<'r, W: MemoryWindow> Recorder<'r, W> {
         }
     }
 
-    /// What a finger of the hand is asked for.
+    /// Records a request to a finger of the hand.
     pub(crate) fn asked(&mut self, finger: usize, asked: &FingerRequest<JOINTS>) {
         if !self.is_running() {
             return;
@@ -145,7 +145,7 @@ impl<'r, W: MemoryWindow> Recorder<'r, W> {
         self.record(channel::ASKED, head.as_bytes(), words.as_bytes());
     }
 
-    /// What has been put out ends the tick.
+    /// Ends the tick with the output.
     pub(crate) fn end(&mut self, output: &ServoOutputs) {
         if !self.is_running() {
             return;

@@ -16,8 +16,8 @@ use crate::{FINGERS, JOINTS};
 const WORDS: usize = 2 + GraspOrder::<FINGERS>::WORDS;
 /// Room for a record: that of the longest message and what comes before it; schemas are shorter.
 const RECORD: usize = 64 + 4 * WORDS;
-/// What can be asked of all fingers in a tick: of each joint gains, and a mode or a target; of each
-/// finger a restart and set-points.
+/// The largest number of requests in a tick: of each joint gains, and a mode or a target; of each finger a
+/// restart and set-points.
 const ASKED: usize = FINGERS * (2 * JOINTS + 2);
 
 /// A tick of a recording.
@@ -25,7 +25,7 @@ const ASKED: usize = FINGERS * (2 * JOINTS + 2);
 pub(crate) struct Row {
     pub(crate) inputs: Inputs,
     pub(crate) given: TickInputs,
-    /// With the finger.
+    /// The requests, each with the number of its finger.
     pub(crate) asked: heapless::Vec<(usize, FingerRequest<JOINTS>), ASKED>,
     pub(crate) done: TickEnd,
 }
@@ -54,7 +54,7 @@ struct Tick {
 
 impl<R: Read<Error = FileError>> Rows<R> {
     /// # Errors
-    /// The file's; a file that is no recording.
+    /// Returns the file's error if it cannot be read, or an error if the file is not a recording.
     pub(crate) fn new(file: R) -> Result<(Head, Self), ServoRecordingError> {
         let wrong = |error| ServoRecordingError::of(0, error);
         let mut file = McapReader::new(file).map_err(wrong)?;
@@ -76,15 +76,16 @@ impl<R: Read<Error = FileError>> Rows<R> {
         Ok((head, rows))
     }
 
-    /// How many ticks there were until now.
+    /// Returns the number of ticks until now.
     pub(crate) const fn ticks(&self) -> u32 {
         self.ticks
     }
 
-    /// The next tick; none at the end.
+    /// Returns the next tick; `None` at the end.
     ///
     /// # Errors
-    /// The file's; what is no recording, or a part of one.
+    /// Returns the file's error if it cannot be read, or an error if the file is not a recording or only a part
+    /// of one.
     pub(crate) fn next(&mut self) -> Result<Option<Row>, ServoRecordingError> {
         let first = self.message()?;
         if first.channel == channel::END {
@@ -174,7 +175,7 @@ impl<R: Read<Error = FileError>> Rows<R> {
 }
 
 impl Message {
-    /// `None` if it is no CDR, or too long.
+    /// Returns `None` if the data are not CDR, or too long.
     fn new(channel: u16, data: &[u8]) -> Option<Self> {
         let data = data.strip_prefix(&channel::ENCAPSULATION)?;
         let mut words = [0; WORDS];

@@ -17,7 +17,7 @@ pub(crate) struct Tape<'f, 'm, 'r, S: Messenger + ?Sized, W: MemoryWindow, const
     /// The number of the tick whose messages come next.
     tick: u32,
     region: Region<W>,
-    /// Where the ring begins.
+    /// The place where the ring begins.
     offset: u32,
     ring: &'r Ring,
 }
@@ -42,10 +42,10 @@ impl<'f, 'm, 'r, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize>
         })
     }
 
-    /// Writes what the loop has recorded since the last time; returns how the recording goes.
+    /// Writes the ticks that the loop has recorded since the last time; returns the state of the recording.
     ///
     /// # Errors
-    /// The recording cannot go on.
+    /// Returns an error if the recording cannot go on.
     pub(crate) fn wind(&mut self) -> Result<TapeState, ServoRecordingError> {
         // Before the bytes: once it is complete there come no more.
         let state = self.ring.state();

@@ -11,7 +11,7 @@ use zerocopy::FromZeros as _;
 use crate::recording::{INPUTS_OF_FINGER, Inputs, ServoOutputs, TickInputs};
 use crate::{FINGERS, Failure, JOINTS, UtahMit, start};
 
-/// What the converters of the sensors say of the fingers of a hand; nothing of those of other processors.
+/// The readings of the sensors of a hand's fingers; nothing for fingers of other processors.
 pub(crate) struct HandReadings {
     pub(crate) sensed: OfFingers<FingerReadings<f64, JOINTS>>,
     pub(crate) joints: HandJoints<FINGERS, JOINTS>,
@@ -38,7 +38,7 @@ pub(crate) struct Control<'r> {
     hand: &'r UtahMit,
     served: [bool; FINGERS],
     grasp: DistributedGrasp<PlanarFinger, FINGERS, JOINTS>,
-    /// Of the last tick, rad/s.
+    /// The rates of the last tick, rad/s.
     velocity: [[f64; JOINTS]; FINGERS],
 }
 
@@ -67,7 +67,7 @@ impl<'r> Control<'r> {
         entries
     }
 
-    /// What the sensors say, a period after the last tick; `read` is asked for the counts of each
+    /// Returns the readings of the sensors, a period after the last tick; `read` returns the counts of each
     /// channel in the order of [`Inputs`], whose number it gets too.
     pub(crate) fn measure(
         &self,
@@ -123,7 +123,7 @@ impl<'r> Control<'r> {
         ticks
     }
 
-    /// What the actuators get; `write` is given the counts of each channel.
+    /// Writes the commands of the actuators; `write` takes the counts of each channel.
     pub(crate) fn output(
         &self,
         ticks: &OfFingers<FingerTick<JOINTS>>,

@@ -76,7 +76,7 @@ impl Feeling {
         }
     }
 
-    /// What was felt until this tick of the loop.
+    /// Returns the greatest values until this tick of the loop.
     pub(super) fn felt(&self, ticks: u64) -> Felt {
         let mut felt = Felt {
             contacts: self.present.contacts | self.former.contacts,

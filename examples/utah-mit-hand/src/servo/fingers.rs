@@ -77,7 +77,7 @@ impl<M: Machine> Fingers<'_, M> {
         });
         let acceleration = self.acceleration(due_ns, period_s);
         self.ticks += 1;
-        // Whoever reads finds the former ones, and notices that they are.
+        // After an error readers find the former values, and notice their age.
         let _ = (self.joints).publish(&Joints::new(&measured.joints, due_ns, self.ticks));
         let given = TickInputs {
             period_s,
@@ -113,7 +113,7 @@ impl<M: Machine> Fingers<'_, M> {
         let is_new = self.tracker.set_motion(motion);
         self.track(&measured.sensed, &ticks);
         if is_new || self.ticks.is_multiple_of(TRACKING_TICKS) {
-            // Whoever reads finds the former one.
+            // After an error the reader finds the former value.
             let _ = self.tracked.publish(&self.tracker.tracking);
         }
         self.feel(&measured.sensed);
@@ -157,7 +157,7 @@ impl<M: Machine> Fingers<'_, M> {
                 }
             }
         }
-        // Whoever reads finds the former ones.
+        // After an error the reader finds the former values.
         let _ = self.felt.publish(&self.feeling.felt(self.ticks));
         if stops.as_bytes() != self.feeling.stopped.as_bytes() && self.stops.publish(&stops).is_ok()
         {
@@ -205,7 +205,7 @@ struct FingerCommands<'t, 'r, W> {
 }
 
 impl<W: MemoryWindow> FingerCommands<'_, '_, W> {
-    /// Gives the joints the gains that have changed.
+    /// Sets the gains of the joints that have changed.
     #[cold]
     fn tune(&mut self, tuned: &Gains<'_>) {
         let mut place = 0;

@@ -11,7 +11,7 @@ use condor_vars::{ParamRefusal, Params, Scalar, Tune, VarDescription, Watch, cho
 use super::ServedFingers;
 use crate::{FINGERS, JOINTS};
 
-/// Of each joint: name, unit, and what it is. All are numbers.
+/// The gains of each joint: name, unit and description. All are numbers.
 const GAIN: [Names; 15] = [
     ("kp", "N m/rad", "Of the law pd."),
     ("kv", "N m s/rad", "Of the law pd."),
@@ -55,7 +55,7 @@ const MOST: [f64; GAIN.len()] = [
 ];
 /// The greatest gain that a configuration can have.
 const GREATEST: f64 = 1e9;
-/// Of a processor that serves all fingers.
+/// The number of joints of a processor that serves all fingers.
 const ALL: usize = FINGERS * JOINTS;
 const NUMBERS: usize = ALL * GAIN.len();
 

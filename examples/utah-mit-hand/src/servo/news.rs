@@ -10,7 +10,7 @@ use crate::{FINGERS, UtahMit};
 /// The state that the loop passes to the background, which reports changes of it to people.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct LoopNews {
-    /// Of each finger of the hand.
+    /// The fault of each finger of the hand.
     pub(super) faults: [Option<FingerFault>; FINGERS],
     pub(super) grasp: (u64, GraspState, GraspReason),
     /// Transfers of boards that failed; wraps.

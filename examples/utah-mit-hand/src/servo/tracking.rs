@@ -11,27 +11,28 @@ use crate::{FINGERS, JOINTS};
 /// The time for which a joint settles after its position is controlled, before it counts as following, s.
 const SETTLING_S: f64 = 0.5;
 
-/// How far the joints of a processor's fingers were from where they were to be: a published value. Only
-/// ticks count in which a joint followed. It follows half a second after all joints of its finger whose
-/// positions are controlled were out of their stops at once, and were to be, until its position is not
-/// controlled any more. A joint that comes out of a stop is pushed, and pushes its neighbours, and one that
-/// falls when it is enabled is caught first: they follow nothing yet.
+/// The tracking errors of the joints of a processor's fingers: a published value. A tracking error is the
+/// distance of a joint from its desired position. Only ticks count in which the joint follows. It begins to
+/// follow half a second after the positions and the desired positions of all position-controlled joints of its
+/// finger were out of their stops at once. It follows until its position is not controlled any more. A joint
+/// that comes out of a stop is pushed, and pushes its neighbours, and one that falls when it is enabled is
+/// caught first: these joints do not follow yet.
 #[derive(Clone, Copy, Debug, Default, PartialEq, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
 pub struct Tracking {
-    /// Since the loop began.
+    /// The tracking errors since the loop began.
     pub whole: Figures,
     /// The number of the motion that runs, as the master publishes it; 0 for none.
     motion: u64,
-    /// Since then.
+    /// The tracking errors since that motion began.
     present: Figures,
     /// The number of the motion before; 0 for none.
     last_motion: u64,
-    /// Of that.
+    /// The tracking errors of the motion before.
     last: Figures,
 }
 
-/// How far joints were from where they were to be while they followed.
+/// The tracking errors of joints in the ticks in which they followed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
 pub struct Figures {
@@ -39,7 +40,7 @@ pub struct Figures {
     squares: [[f64; JOINTS]; FINGERS],
     /// The largest distance, rad.
     peak: [[f64; JOINTS]; FINGERS],
-    /// How many ticks count.
+    /// The number of ticks that count.
     ticks: [[u64; JOINTS]; FINGERS],
 }
 
@@ -95,7 +96,7 @@ pub struct Worst {
     pub rms_rad: f64,
 }
 
-/// What a tick adds to [`Tracking`].
+/// The state with which each tick adds to [`Tracking`].
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Tracker {
     pub(super) tracking: Tracking,
@@ -163,7 +164,7 @@ impl Tracker {
         let tracking = &mut self.tracking;
         let is_new = tracking.motion != motion;
         if is_new {
-            // What is between two motions is none.
+            // The time between two motions is not a motion.
             if tracking.motion != 0 {
                 (tracking.last_motion, tracking.last) = (tracking.motion, tracking.present);
             }
@@ -262,7 +263,7 @@ impl Figures {
         }
     }
 
-    /// The root of the mean square distance of a joint, rad; `None` if it never followed.
+    /// Returns the root of the mean square tracking error of a joint, rad; `None` if it never followed.
     #[must_use]
     pub fn rms_rad(&self, finger: usize, joint: usize) -> Option<f64> {
         let ticks = *self.ticks.get(finger)?.get(joint)?;
@@ -272,7 +273,7 @@ impl Figures {
         ticks.map(|ticks| sqrt(square / ticks))
     }
 
-    /// The largest distance of a joint, rad.
+    /// Returns the largest tracking error of a joint, rad; `None` if there is no such joint.
     #[must_use]
     pub fn peak_rad(&self, finger: usize, joint: usize) -> Option<f64> {
         self.peak.get(finger)?.get(joint).copied()

@@ -11,7 +11,7 @@ use super::ServedFingers;
 use super::control::OfFingers;
 use crate::{FINGERS, JOINTS};
 
-/// Of each joint: name, unit, and what it is.
+/// The variables of each joint: name, unit and description.
 const JOINT: [(&str, &str, &str); 11] = [
     ("position", "rad", "Filtered."),
     ("velocity", "rad/s", "The rate of the filtered position."),
@@ -25,7 +25,7 @@ const JOINT: [(&str, &str, &str); 11] = [
     ("extensor.desired", "N", "What it is to have."),
     ("extensor.command", "N", "What its actuator gets."),
 ];
-/// Of each finger after its joints.
+/// The variables of each finger, after those of its joints.
 const FINGER: [(&str, &str, &str); 3] = [
     (
         "touch",
@@ -45,7 +45,7 @@ const FINGER: [(&str, &str, &str); 3] = [
 ];
 const OF_FINGER: usize = JOINTS * JOINT.len() + FINGER.len();
 
-/// What the servo loop shows of its fingers, under names such as `index.proximal.flexor.tension`.
+/// The variables of the servo loop about its fingers, under names such as `index.proximal.flexor.tension`.
 pub(super) struct Variables<'h> {
     fingers: ServedFingers<'h>,
     words: [AtomicU32; FINGERS * OF_FINGER],
@@ -146,7 +146,7 @@ impl Watch for Variables<'_> {
     }
 }
 
-/// What the variable of a number is of its finger.
+/// The part of its finger that a variable is about.
 enum Part {
     Joint(usize, &'static (&'static str, &'static str, &'static str)),
     Finger(&'static (&'static str, &'static str, &'static str)),

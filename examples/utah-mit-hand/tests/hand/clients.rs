@@ -553,12 +553,16 @@ fn send(
 
 #[test]
 fn a_stream_moves_the_hand_and_brakes_when_its_points_stay_away() {
+    use RefusalReason::{Command, NoMotion, NotReady, Starved};
+    use RequestState::{Aborted, Done, Refused};
+
     run(|typist| {
         let session = in_control(typist);
         let of = |number| RequestIdentity { session, number };
         offer(typist, of(1), &small(0.9));
         // It waits for its turn like any other; its first batch waits for that.
-        let accepted = QueueAnswer::Known(RequestState::Accepted, RefusalReason::None);
+        let state = |state| QueueAnswer::Known(state, RefusalReason::None);
+        let accepted = state(RequestState::Accepted);
         let stream = |typist: &mut Typist<'_>, number| {
             ask!(typist, client, client.stream(of(number), MASK, SOON)).unwrap()
         };
@@ -567,7 +571,7 @@ fn a_stream_moves_the_hand_and_brakes_when_its_points_stay_away() {
         // Nobody but its client knows how many points are still to come.
         for _ in 0..1000 {
             let seen = ask!(typist, client, client.look(of(2), SOON)).unwrap();
-            if seen.answer == QueueAnswer::Known(RequestState::Started, RefusalReason::None) {
+            if seen.answer == state(RequestState::Started) {
                 assert_eq!(seen.progress, None);
                 break;
             }
@@ -596,10 +600,7 @@ fn a_stream_moves_the_hand_and_brakes_when_its_points_stay_away() {
                 assert_eq!(sent, SentPoints::Until(until), "batch {sequence}");
             }
         }
-        assert_eq!(
-            end(typist, of(2)),
-            (RequestState::Done, RefusalReason::None)
-        );
+        assert_eq!(end(typist, of(2)), (Done, RefusalReason::None));
         let farthest = typist.wanted[begin..].iter().map(|it| it[3][2]);
         let farthest = farthest.fold(0.0, f64::max);
         assert!((farthest - 1.1).abs() < 1e-6, "{farthest}");
@@ -617,47 +618,29 @@ fn a_stream_moves_the_hand_and_brakes_when_its_points_stay_away() {
             "batch 1 comes before batch 0"
         );
         send(typist, of(3), &batch(0, &[(0.3, 1.0, 1.0)], false)).unwrap();
-        assert_eq!(
-            end(typist, of(3)),
-            (RequestState::Aborted, RefusalReason::Starved)
-        );
-        let answer = QueueAnswer::Known(RequestState::Aborted, RefusalReason::Starved);
+        assert_eq!(end(typist, of(3)), (Aborted, Starved));
+        let answer = QueueAnswer::Known(Aborted, Starved);
         let after = send(typist, of(3), &batch(1, &[(0.5, 1.0, 0.0)], true)).unwrap();
         assert_eq!(after, SentPoints::Ended(answer));
         // Nobody sends anything, and somebody ends it.
         stream(typist, 4);
-        assert_eq!(
-            end(typist, of(4)),
-            (RequestState::Aborted, RefusalReason::Starved)
-        );
+        assert_eq!(end(typist, of(4)), (Aborted, Starved));
         stream(typist, 5);
         send(typist, of(5), &batch(0, &[(2.0, 0.9, 0.0)], false)).unwrap();
         typist.wait(0.3);
         typist.types("abort");
-        assert_eq!(
-            end(typist, of(5)),
-            (RequestState::Aborted, RefusalReason::Command)
-        );
+        assert_eq!(end(typist, of(5)), (Aborted, Command));
         // The next one begins where it stopped.
         offer(typist, of(6), &small(0.8));
-        assert_eq!(
-            end(typist, of(6)),
-            (RequestState::Done, RefusalReason::None)
-        );
+        assert_eq!(end(typist, of(6)), (Done, RefusalReason::None));
         for pair in typist.wanted[begin..].windows(2) {
             let step = (pair[1][3][2] - pair[0][3][2]).abs();
             assert!(step < 0.1, "{step} rad in a tick");
         }
         let none = ask!(typist, client, client.stream(of(7), 0, SOON)).unwrap();
-        assert_eq!(
-            none,
-            QueueAnswer::Known(RequestState::Refused, RefusalReason::NoMotion)
-        );
+        assert_eq!(none, QueueAnswer::Known(Refused, NoMotion));
         typist.says("disable thumb");
         stream(typist, 8);
-        assert_eq!(
-            end(typist, of(8)),
-            (RequestState::Refused, RefusalReason::NotReady)
-        );
+        assert_eq!(end(typist, of(8)), (Refused, NotReady));
     });
 }

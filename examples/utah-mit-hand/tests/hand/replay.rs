@@ -72,12 +72,8 @@ fn script(master: &mut Master<'_>, seen: &mut Vec<Seen>) {
         speed: 0.6,
         to,
     };
-    assert_eq!(
-        master
-            .ask_table(&ask(table::TableOperation::Home, [0.0; 3]))
-            .refusal,
-        0
-    );
+    let home = ask(table::TableOperation::Home, [0.0; 3]);
+    assert_eq!(master.ask_table(&home).refusal, 0);
     master.enable();
     master.hold(0.1);
     master.go(0.5, READY);

@@ -1,4 +1,4 @@
-//! What the word at the cursor may become, by the list of commands.
+//! The completions of the word at the cursor, by the list of commands.
 
 use core::fmt::Write as _;
 
@@ -10,7 +10,7 @@ use super::super::words::Words;
 use super::list::find;
 use super::{COMMANDS, Commands, JOINTS};
 
-/// Who gets what may stand there.
+/// The function that takes each word that may stand there.
 type Offer<'o> = &'o mut dyn FnMut(&str);
 
 impl<M: Machine> Commands<'_, '_, M> {

@@ -47,7 +47,7 @@ impl<M: Machine> Commands<'_, '_, M> {
 struct Gains<'m, C: Messenger + ?Sized, W> {
     client: VariableClient<'m, C, W>,
     table: VariableTable<W>,
-    /// What their names begin with.
+    /// The prefix of their names.
     prefix: heapless::String<NAME_BYTES>,
 }
 

@@ -16,15 +16,15 @@ use crate::master::drive::OfServos;
 use crate::master::words::{Path, is_name, number};
 use crate::{file, objects};
 
-/// How stiff a ball is held, N/m, unless it is said.
+/// The stiffness of a ball, N/m, unless the command has one.
 const STIFFNESS: f64 = 200.0;
-/// Of the damping to the stiffness, s.
+/// The ratio of the damping to the stiffness, s.
 const DAMPING: f64 = 0.02;
-/// Of the stiffness about an axis to that along one, m²: a lever of about the ball's radius.
+/// The ratio of the stiffness about an axis to that along one, m²: a lever of about the ball's radius.
 const TURNING: f64 = 5e-4;
 /// After the ramp, the time in which the fingers come to rest on the ball, s.
 const REST_S: f64 = 0.5;
-/// How long processors may take to agree.
+/// The number of looks after which processors must agree.
 const AGREEMENT: u32 = 25;
 const NAP: Duration = Duration::from_millis(20);
 
@@ -115,7 +115,7 @@ impl<M: Machine> Commands<'_, '_, M> {
         }
     }
 
-    /// The fingers that are to hold, a bit for each: those that follow, or are in a grasp already.
+    /// Returns the fingers for a grasp, a bit for each: those that follow, or are in a grasp already.
     fn holding(&self) -> Result<u64, Problem<'static>> {
         let mut fingers = 0_u64;
         let mut missing = None;
@@ -134,7 +134,7 @@ impl<M: Machine> Commands<'_, '_, M> {
         }
     }
 
-    /// Gives all servo processors an order, and waits until they have come to it.
+    /// Publishes an order to all servo processors, and waits until they have processed it.
     pub(super) fn order(&mut self, order: &GraspOrder<FINGERS>) -> Result<(), Problem<'static>> {
         let mut given = OfServos::new();
         for (number, region) in self.servos.regions() {

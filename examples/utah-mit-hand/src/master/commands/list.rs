@@ -8,7 +8,7 @@ pub(in super::super) struct Command {
     /// Its words: capitals stand for something, `[…]` may be left out, `…...` is repeated, and one
     /// of `a|b` is typed.
     pub(in super::super) arguments: &'static str,
-    /// What it does, in a line.
+    /// The help of the command, in a line.
     pub(in super::super) about: &'static str,
     /// A line that can be typed.
     pub(in super::super) example: &'static str,
@@ -118,7 +118,7 @@ pub(in super::super) fn nearest(all: &'static [Command], word: &str) -> Option<&
 /// The longest word that is compared with names.
 const LONGEST: usize = 16;
 
-/// How many letters must be put in, left out or changed, or neighbours exchanged.
+/// The number of letters to put in, leave out or change, or of neighbours to exchange.
 fn distance(a: &str, b: &str) -> usize {
     if a.len() > LONGEST || b.len() > LONGEST {
         return usize::MAX;

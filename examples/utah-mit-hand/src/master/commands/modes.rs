@@ -7,10 +7,10 @@ use condor_rt::Machine;
 use super::{Commands, JOINTS, Problem, Words, plant, with};
 use crate::UtahMit;
 
-/// The damping of an impedance for each unit of its stiffness, s, unless the command gives one. Position
-/// laws of up to 10 Hz have more.
+/// The damping of an impedance for each unit of its stiffness, s, unless the command has one. Position laws of
+/// up to 10 Hz have more.
 const DAMPING: f64 = 0.03;
-/// The modes that the command `mode` gives.
+/// The modes that the command `mode` sets.
 const MODES: &str = "off, tension, torque, position or impedance; `grasp` takes the ball";
 const STIFFNESS: &str = "a stiffness, N m/rad";
 const WEIGHT: &str = "a weight, kg";
@@ -102,7 +102,7 @@ impl<M: Machine> Commands<'_, '_, M> {
         })
     }
 
-    /// Whether nothing but this terminal, and no grasp, moves a finger; then the terminal is in control.
+    /// Checks that only this terminal, and no grasp, moves a finger; then the terminal is in control.
     fn check_free(&mut self, finger: usize) -> Result<(), Problem<'static>> {
         let status = self.servos.status(finger);
         if status.is_some_and(|status| status.modes.contains(&ServoMode::Grasp)) {
@@ -112,7 +112,7 @@ impl<M: Machine> Commands<'_, '_, M> {
         self.requests.check_free()
     }
 
-    /// Where a joint is measured, within its limits, rad.
+    /// Returns the measured position of a joint, within its limits, rad.
     fn present(&self, finger: usize, joint: usize) -> Result<f64, Problem<'static>> {
         let measured = with(self.shared, |drive| {
             drive.measured.get(finger).copied().flatten()

@@ -8,7 +8,7 @@ use condor_rt::supervisor::{Supervisor, SupervisorError, SupervisorTicket};
 use super::super::words::{Problem, Words};
 use super::Commands;
 
-/// What is asked of the supervisor.
+/// The orders of this terminal to the supervisor.
 pub(in super::super) struct Processors<'r, M: Machine> {
     pub(in super::super) supervisor: Supervisor<'r, M>,
     /// The request that is being carried out, and what was typed of it.
@@ -65,7 +65,7 @@ impl<M: Machine> Commands<'_, '_, M> {
             asked => asked?,
         };
         let mut name = heapless::String::new();
-        // What does not fit is cut off.
+        // A text that does not fit is cut off.
         let _ = write!(name, "{word} {processor}");
         self.processors.order = Some((order, name));
         Ok(())

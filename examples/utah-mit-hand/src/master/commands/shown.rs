@@ -1,4 +1,4 @@
-//! What `status` shows, in lines of at most 80 columns.
+//! The lines that `status` shows, of at most 80 columns.
 
 use core::fmt::{self, Display, Write as _};
 
@@ -18,7 +18,7 @@ const CONDITION: usize = 10;
 pub(super) struct Titles<'h>(pub(super) &'h Finger<JOINTS>);
 
 impl Titles<'_> {
-    /// Whether another finger may stand below them.
+    /// Returns true if another finger may stand below them.
     pub(super) fn suit(&self, other: &Finger<JOINTS>) -> bool {
         let mut names = self.0.joints.iter().zip(&other.joints);
         names.all(|(a, b)| a.name == b.name)
@@ -71,7 +71,7 @@ fn column(name: &str) -> usize {
     name.len().max(6) + 2
 }
 
-/// How a finger is, in a word or two.
+/// Returns the condition of a finger, in a word or two.
 fn condition(status: Option<&ServoStatus<JOINTS>>) -> &'static str {
     let Some(status) = status else {
         return "gone";

@@ -17,9 +17,9 @@ use super::{Commands, FINGERS, JOINTS};
 
 /// The time between two tables.
 const PERIOD: Duration = Duration::from_millis(250);
-/// How many rows of a loop's variables come in a second, at least.
+/// The least number of rows of a loop's variables in a second.
 const ROWS_HZ: u32 = 8;
-/// What is shown of a joint: the variable, its title, and how many decimals it has.
+/// The columns of a joint: the variable, its title, and the number of decimals.
 const COLUMNS: [(&str, &str, usize); 5] = [
     ("position", "is rad", 4),
     ("target", "wanted", 4),
@@ -33,18 +33,18 @@ const VALUE: usize = 10;
 /// The most variables of a loop from the first to the last that is shown.
 const WORDS: usize = 128;
 
-/// What the variables of a joint were.
+/// The values of a joint's variables.
 type Values = [f32; COLUMNS.len()];
 
 /// The table of chosen joints.
 pub(in super::super) struct Watching<W> {
     /// A bit for each joint that was chosen last.
     chosen: u32,
-    /// Who shows them; nobody while there is no table.
+    /// The sources of the variables; none while there is no table.
     sources: OfServos<Source<W>>,
     values: [Option<Values>; ALL],
     next: Option<Instant>,
-    /// What the terminal had written after the last table.
+    /// The count of the terminal's output after the last table.
     drawn: Option<u32>,
 }
 
@@ -288,7 +288,7 @@ impl Display for Row<'_> {
         let values = self.values.unwrap_or([f32::NAN; COLUMNS.len()]);
         for (value, (_, _, decimals)) in values.iter().zip(COLUMNS) {
             let mut text = heapless::String::<24>::new();
-            // What is not finite is not known, or not controlled; no other has as many digits.
+            // A value that is not finite is not known, or not controlled; no other has as many digits.
             let _ = if value.is_finite() {
                 write!(text, "{:.decimals$}", Decimal(f64::from(*value)))
             } else {
@@ -300,7 +300,7 @@ impl Display for Row<'_> {
     }
 }
 
-/// How a joint is, in a word.
+/// Returns the mode of a joint, in a word.
 fn mode(status: Option<&ServoStatus<JOINTS>>, joint: usize) -> &'static str {
     let Some(status) = status else {
         return "gone";

@@ -7,7 +7,7 @@ use condor_hand::trajectory::{JointStream, ProfileLimits, SetPoint, StreamEnd, T
 use super::{ALL, Drive};
 use crate::{FINGERS, JOINTS};
 
-/// How long a stream waits for its first points, s.
+/// The time for which a stream waits for its first points, s.
 const FIRST_POINTS_S: f64 = 2.0;
 /// The points for which there is room, ahead of the stream's time.
 const HORIZON: usize = 32;
@@ -40,7 +40,7 @@ impl<W> Drive<'_, W> {
         Ok(())
     }
 
-    /// Whether a request may begin: no stream moves, and before a stream nothing else does.
+    /// Returns true if a request may begin: no stream moves, and before a stream nothing else does.
     pub(in crate::master) fn is_free(&self, for_stream: bool) -> bool {
         let generator = &self.generator;
         let rests = generator.is_idle() && !generator.is_paused();
@@ -55,7 +55,7 @@ impl<W> Drive<'_, W> {
         self.stream.is_some()
     }
 
-    /// How the stream has ended, once.
+    /// Returns the end of the last stream, once.
     pub(in crate::master) fn take_stream_end(&mut self) -> Option<StreamEnd> {
         self.stream_end.take()
     }

@@ -18,13 +18,13 @@ use crate::master::words::{LEDGER, RowError};
 /// The file while it is made.
 const HALF: &str = "motions.ledger.half";
 const BYTES: usize = ROW_BYTES * Queue::ROWS;
-/// How long one operation may take: what is not written then is tried again, and the terminal must not
+/// The timeout of one operation: a record that is not written by then is tried again, and the terminal must not
 /// wait for it.
 const TIMEOUT: Duration = Duration::from_millis(200);
 /// The greatest least number of a session, if the clock of the host is far ahead.
 const LATEST: u32 = 0xe000_0000;
 
-/// The file of the ledger.
+/// The file in which the queue keeps its ledger.
 pub(in crate::master) struct LedgerFile<'r, M: Machine>(pub(super) &'r FilesOf<'r, M>);
 
 impl<M: Machine> LedgerFile<'_, M> {
