@@ -1,40 +1,45 @@
-//! [`of`]: what the clients were told, against what was observed.
+//! For tests in which clients enqueue motions while everything is killed: what the clients were told, against what was
+//! observed, as [`of`] finds it.
 
 use std::collections::BTreeMap;
+use std::error::Error;
 use std::fmt;
 use std::path::Path;
 
-use utah_mit_hand::compile::read_hand;
+pub mod log;
+pub mod observer;
 
-use crate::client::{self, CLIENTS, JOINTS, Line, target};
-use crate::observer::{self, Sample};
-use crate::system::{Outcome, PACKAGE};
+use crate::compile::read_hand;
+use log::{CLIENTS, JOINTS, Line, target};
+use observer::Sample;
 
 /// Set-points are as exact as this, rad.
 const EXACT: f64 = 1e-9;
 
 /// What clients were told, and what was observed.
-pub(crate) struct Verdict {
+pub struct Verdict {
     /// How often each outcome was told.
     counts: BTreeMap<String, u64>,
     /// The requests that were offered.
-    pub(crate) offered: u64,
+    pub offered: u64,
     /// Those whose joint was seen at its target.
     ran: u64,
     ticks: usize,
     /// All that is wrong.
-    pub(crate) wrong: Vec<String>,
+    pub wrong: Vec<String>,
 }
 
 impl Verdict {
     /// Returns how many requests had an outcome that begins like this.
-    pub(crate) fn count(&self, outcome: &str) -> u64 {
+    #[must_use]
+    pub fn count(&self, outcome: &str) -> u64 {
         let of_kind = self.counts.iter().filter(|(it, _)| it.starts_with(outcome));
         of_kind.map(|(_, count)| count).sum()
     }
 
     /// Returns all that is wrong if the clients had so many requests to make, and time for them.
-    pub(crate) fn wrong_of(&self, requests: u64) -> Vec<String> {
+    #[must_use]
+    pub fn wrong_of(&self, requests: u64) -> Vec<String> {
         let mut wrong = self.wrong.clone();
         if self.offered != requests {
             wrong.push(format!(
@@ -68,18 +73,21 @@ impl fmt::Display for Verdict {
 }
 
 /// Compares what the clients were told with what was observed.
-pub(crate) fn of(place: &Path) -> Outcome<Verdict> {
+///
+/// # Errors
+/// The hand cannot be read.
+pub fn of(place: &Path) -> Result<Verdict, Box<dyn Error>> {
     let samples = observer::read(place);
     let mut wrong = jumps(&samples)?;
     let mut counts = BTreeMap::<String, u64>::new();
     let (mut offered, mut ran) = (0, 0);
     for (client, name) in CLIENTS.iter().enumerate() {
         let mut outcomes = BTreeMap::new();
-        for line in client::read(&place.join(name)) {
+        for line in log::read(&place.join(name)) {
             match line {
-                Line::Offers(index, identity) => {
+                Line::Offers(index, session, number) => {
                     if outcomes.insert(index, None).is_some() {
-                        wrong.push(format!("{name} offers {index} twice: {identity}"));
+                        wrong.push(format!("{name} offers {index} twice: {session}.{number}"));
                     }
                 }
                 Line::Told(index, outcome) => match outcomes.get_mut(&index) {
@@ -199,8 +207,8 @@ impl Observed {
 }
 
 /// The set-points of fingers that follow must not jump.
-fn jumps(samples: &[Sample]) -> Outcome<Vec<String>> {
-    let hand = Path::new(PACKAGE).join("../../condor-hand/hands/utah-mit.toml");
+fn jumps(samples: &[Sample]) -> Result<Vec<String>, Box<dyn Error>> {
+    let hand = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../condor-hand/hands/utah-mit.toml");
     let hand = read_hand(&hand)?;
     let tick_s = 1.0 / f64::from(hand.trajectory_hz);
     let mut wrong = Vec::new();

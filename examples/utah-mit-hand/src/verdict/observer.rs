@@ -6,11 +6,10 @@ use std::path::Path;
 use std::time::Duration;
 
 use condor_rt::{Background, Machine, Program, ProgramError, Setup, users};
-use utah_mit_hand::master::DesiredPositions;
-use utah_mit_hand::objects;
 
-use crate::client::{JOINTS, MASTER};
-use crate::system::PLACE;
+use super::log::{JOINTS, MASTER, PLACE};
+use crate::master::DesiredPositions;
+use crate::objects;
 
 const LOG: &str = "observed";
 /// The time between two looks, a fraction of a tick.
@@ -21,15 +20,15 @@ const BEGIN: &str = "begin";
 
 /// The set-points of the clients' joints in a tick.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Sample {
+pub(super) struct Sample {
     /// Whether it is the first one in an incarnation of the program.
-    pub(crate) is_first: bool,
+    pub(super) is_first: bool,
     /// Ticks since the start of the master's program.
-    pub(crate) ticks: u64,
+    pub(super) ticks: u64,
     /// A bit for each finger that does not follow.
-    pub(crate) loose: u64,
-    pub(crate) position: [f64; 3],
-    pub(crate) velocity: [f64; 3],
+    pub(super) loose: u64,
+    pub(super) position: [f64; 3],
+    pub(super) velocity: [f64; 3],
 }
 
 impl Sample {
@@ -62,7 +61,7 @@ impl Sample {
 }
 
 /// What was observed, in the order of time.
-pub(crate) fn read(place: &Path) -> Vec<Sample> {
+pub(super) fn read(place: &Path) -> Vec<Sample> {
     let text = std::fs::read_to_string(place.join(LOG)).unwrap_or_default();
     let mut is_first = false;
     let mut samples = Vec::new();
@@ -77,7 +76,8 @@ pub(crate) fn read(place: &Path) -> Vec<Sample> {
 }
 
 /// Whether a finger of the clients did not follow when it was looked at last.
-pub(crate) fn is_loose(place: &Path) -> bool {
+#[must_use]
+pub fn is_loose(place: &Path) -> bool {
     let tail = || {
         let mut file = File::open(place.join(LOG)).ok()?;
         let len = file.seek(SeekFrom::End(0)).ok()?;
@@ -90,7 +90,7 @@ pub(crate) fn is_loose(place: &Path) -> bool {
 }
 
 /// The program.
-pub(crate) struct Observer;
+pub struct Observer;
 
 impl Program for Observer {
     fn run<M: Machine>(&self, machine: &M) -> Result<(), ProgramError> {
