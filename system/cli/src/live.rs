@@ -5,8 +5,8 @@ mod calls;
 mod connection;
 mod desk;
 mod feeds;
-#[cfg(test)]
-mod hostile;
+#[cfg(any(feature = "hostile", test))]
+pub(crate) mod hostile;
 mod page;
 mod protocol;
 mod scene;
