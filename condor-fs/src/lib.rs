@@ -9,6 +9,11 @@ extern crate std;
 pub mod server;
 pub mod wire;
 
+// What tests and fuzz targets make of bytes.
+#[cfg(all(feature = "hostile", target_os = "linux"))]
+#[doc(hidden)]
+pub mod hostile;
+
 mod client;
 mod errno;
 

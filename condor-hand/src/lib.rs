@@ -53,6 +53,11 @@ pub mod message;
 #[cfg(feature = "sim")]
 pub mod plant;
 
+// What tests and fuzz targets make of bytes.
+#[cfg(feature = "hostile")]
+#[doc(hidden)]
+pub mod hostile;
+
 pub use image::HeaderError;
 pub use math::Real;
 pub use number::{NumberError, Requirement};

@@ -30,6 +30,10 @@ use condor_platform as _;
 // Machines, and documents of their own.
 #[cfg(feature = "conformance")]
 pub mod conformance;
+// What tests and fuzz targets make of bytes.
+#[cfg(all(feature = "hostile", not(any(condor_loom, target_os = "none"))))]
+#[doc(hidden)]
+pub mod hostile;
 pub mod layout;
 #[cfg(all(feature = "linux", target_os = "linux"))]
 pub mod linux;

@@ -14,6 +14,10 @@
 // Documents of their own.
 #[cfg(feature = "dev")]
 pub mod dev;
+// What tests and fuzz targets make of bytes.
+#[cfg(all(feature = "hostile", not(condor_loom)))]
+#[doc(hidden)]
+pub mod hostile;
 pub mod layout;
 #[cfg(feature = "linux")]
 pub mod linux;

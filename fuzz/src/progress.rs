@@ -3,7 +3,7 @@
 use std::cell::RefCell;
 use std::time::Instant;
 
-use crate::scenario::Tally;
+use condor_mbox::hostile::Tally;
 
 /// States between two lines.
 const LINE: u64 = 1_000_000;
@@ -14,7 +14,7 @@ thread_local! {
 }
 
 /// Adds a run of `target`, and prints a line for each million of states.
-pub(crate) fn report(target: &str, run: Tally) {
+pub fn report(target: &str, run: Tally) {
     PROGRESS.with_borrow_mut(|(total, begun)| {
         let lines = total.states / LINE;
         total.add(run);

@@ -8,7 +8,7 @@ use std::cell::RefCell;
 use proptest::prelude::*;
 use proptest::test_runner::TestRunner;
 
-use crate::scenario;
+use utah_mit_boards::hostile::{Tally, drivers};
 
 #[test]
 fn drivers_bear_any_board() {
@@ -20,10 +20,10 @@ fn drivers_bear_any_board() {
         max_shrink_time: 60_000,
         ..default
     };
-    let total = RefCell::new(scenario::Tally::default());
+    let total = RefCell::new(Tally::default());
     let bytes = prop::collection::vec(any::<u8>(), 0..600);
     let outcome = TestRunner::new(config).run(&bytes, |bytes| {
-        total.borrow_mut().add(scenario::run(&bytes));
+        total.borrow_mut().add(drivers(&bytes));
         Ok(())
     });
     println!("{}", total.borrow());

@@ -19,10 +19,9 @@ mod output;
 mod parts;
 mod plic;
 mod ring;
-mod scenario;
 mod serial;
 mod standard;
 mod stream;
 mod switch;
 
-use scenario::boards;
+use utah_mit_boards::hostile::boards;

@@ -1,4 +1,5 @@
 //! Buffered readers and writers against a model, with errors, short writes and time-outs anywhere.
+#![cfg(all(feature = "hostile", target_os = "linux"))]
 
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard};

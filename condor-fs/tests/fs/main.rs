@@ -7,11 +7,9 @@ mod deadly;
 mod dev;
 mod doubt;
 mod escapes;
-mod hostile;
 mod hostile_peers;
 mod journal;
 mod operations;
-mod peer;
 mod pointers;
 mod program;
 mod quota;
@@ -22,3 +20,6 @@ mod tickets;
 mod trust;
 mod unix;
 mod unprivileged;
+
+#[cfg(all(feature = "hostile", target_os = "linux"))]
+use condor_fs::hostile::peer;

@@ -1,4 +1,5 @@
 //! What `settle` tells is the result of the call that was in doubt, and of no other.
+#![cfg(all(feature = "hostile", target_os = "linux"))]
 
 use std::sync::{Arc, Mutex};
 

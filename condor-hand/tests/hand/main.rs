@@ -1,8 +1,6 @@
 //! What the crate promises. One program: what all of these share is compiled once.
 
 // What is shared.
-#[cfg(feature = "text")]
-mod hostile;
 mod support;
 
 // The robot.

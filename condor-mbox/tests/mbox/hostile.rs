@@ -1,14 +1,15 @@
 //! What a peer that writes arbitrary words at arbitrary moments can do: nothing to others.
 //!
-//! `PROPTEST_CASES=100000 cargo test --release -p condor-mbox --test mbox hostile -- --nocapture` goes
+//! `PROPTEST_CASES=100000 cargo test --release -p condor-mbox --features hostile --test mbox hostile -- --nocapture` goes
 //! through some 10⁸ states and says how many.
+#![cfg(feature = "hostile")]
 
 use std::cell::RefCell;
 
 use proptest::prelude::*;
 use proptest::test_runner::TestRunner;
 
-use crate::scenario;
+use condor_mbox::hostile::{Tally, mailbox, mailbox_behind_caches, regions};
 
 /// Some twenty seconds of an unoptimised build, unless `PROPTEST_CASES` says otherwise.
 fn config(share: u32) -> ProptestConfig {
@@ -24,8 +25,8 @@ fn config(share: u32) -> ProptestConfig {
     }
 }
 
-fn explore(run: fn(&[u8]) -> scenario::Tally, share: u32) {
-    let total = RefCell::new(scenario::Tally::default());
+fn explore(run: fn(&[u8]) -> Tally, share: u32) {
+    let total = RefCell::new(Tally::default());
     let longest = if cfg!(miri) { 40 } else { 600 };
     let bytes = prop::collection::vec(any::<u8>(), 0..longest);
     let outcome = TestRunner::new(config(share)).run(&bytes, |bytes| {
@@ -38,16 +39,16 @@ fn explore(run: fn(&[u8]) -> scenario::Tally, share: u32) {
 
 #[test]
 fn honest_processors_are_not_harmed() {
-    explore(scenario::run, 1);
+    explore(mailbox, 1);
 }
 
 #[test]
 fn honest_processors_are_not_harmed_behind_caches() {
     // The simulated caches take most of the time.
-    explore(scenario::run_behind_caches, 4);
+    explore(mailbox_behind_caches, 4);
 }
 
 #[test]
 fn regions_cells_and_locks_bear_any_words() {
-    explore(scenario::regions::run, 1);
+    explore(regions, 1);
 }

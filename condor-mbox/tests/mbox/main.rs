@@ -19,7 +19,6 @@ mod model;
 mod published;
 mod region;
 mod rejoin;
-mod scenario;
 mod spin_lock;
 mod static_memory;
 mod writer_stopped;

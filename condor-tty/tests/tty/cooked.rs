@@ -1,4 +1,5 @@
 //! What a person types, what the program reads, and what the person sees.
+#![cfg(feature = "hostile")]
 
 use crate::support::{Board, HOST};
 use condor_mbox::sim::SimWindow;

@@ -1,9 +1,10 @@
 //! The line editor against a reference model, and what it shows against a small terminal of 80 columns.
+#![cfg(feature = "hostile")]
 
 use condor_tty::LineEditor;
 use proptest::prelude::*;
 
-use crate::terminals::typing::{self, Screen, check};
+use condor_tty::hostile::typing::{self, Screen, check};
 
 const LINE: usize = 120;
 const LINES: usize = 4;

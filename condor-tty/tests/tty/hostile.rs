@@ -1,11 +1,12 @@
 //! Every shared word may become anything at any moment: no panic, no end that does not come,
 //! nothing written outside of the terminal.
+#![cfg(feature = "hostile")]
 
 use std::time::Duration;
 
-use crate::terminals::support::{Board, HOST};
 use condor_mbox::sim::SimWindow;
 use condor_mbox::{Allocator, LoadOrder, MemoryWindow, Region, SingleContext, StoreOrder};
+use condor_tty::hostile::support::{Board, HOST};
 use condor_tty::{Policy, Terminal, TerminalReader};
 use embedded_io::{Read, Write};
 use proptest::prelude::*;
@@ -106,12 +107,12 @@ proptest! {
     // The scenarios of the fuzz targets, in which words change between any two accesses.
     #[test]
     fn terminals_bear_any_host(bytes in prop::collection::vec(any::<u8>(), 0..600)) {
-        crate::terminals::processor::run(&bytes);
+        condor_tty::hostile::processor(&bytes);
     }
 
     #[test]
     fn readers_bear_any_processor(bytes in prop::collection::vec(any::<u8>(), 0..600)) {
-        crate::terminals::reader::run(&bytes);
+        condor_tty::hostile::reader(&bytes);
     }
 }
 

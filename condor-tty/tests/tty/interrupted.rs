@@ -1,4 +1,5 @@
 //! A write that is interrupted, at each of its accesses in turn, by a loop that writes, too.
+#![cfg(feature = "hostile")]
 
 use std::cell::{Cell, RefCell};
 use std::rc::{Rc, Weak};

@@ -12,6 +12,6 @@ mod model;
 mod pty;
 mod screen;
 mod servo;
-mod terminals;
 
-use terminals::support;
+#[cfg(feature = "hostile")]
+use condor_tty::hostile::support;

@@ -1,4 +1,5 @@
 //! A terminal and its hosts, which read, stop and are killed, against a list of what was written.
+#![cfg(feature = "hostile")]
 
 use std::cell::RefCell;
 use std::rc::Rc;

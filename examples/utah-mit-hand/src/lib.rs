@@ -24,6 +24,11 @@ pub mod table;
 #[cfg(feature = "std")]
 pub mod compile;
 
+// For tests here and of the gateway.
+#[cfg(feature = "program")]
+#[doc(hidden)]
+pub mod verdict;
+
 mod arguments;
 mod desired;
 mod failure;

@@ -12,6 +12,10 @@
 mod commands;
 mod counts;
 mod guard;
+// What fuzz targets make of bytes.
+#[cfg(feature = "hostile")]
+#[doc(hidden)]
+pub mod hostile;
 mod line;
 mod listening;
 mod live;

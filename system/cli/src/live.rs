@@ -4,8 +4,8 @@
 mod calls;
 mod connection;
 mod feeds;
-#[cfg(test)]
-mod hostile;
+#[cfg(any(feature = "hostile", test))]
+pub(crate) mod hostile;
 mod page;
 mod parameter_worker;
 mod protocol;

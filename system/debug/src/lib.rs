@@ -30,3 +30,8 @@ pub mod names;
 // The second implementation of `Arch`.
 #[cfg(feature = "sim")]
 pub mod sim;
+
+// What tests and fuzz targets make of bytes.
+#[cfg(all(feature = "hostile", target_os = "linux"))]
+#[doc(hidden)]
+pub mod hostile;

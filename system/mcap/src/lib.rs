@@ -1,6 +1,11 @@
 #![doc = include_str!("../README.md")]
-#![cfg_attr(not(test), no_std)]
+#![cfg_attr(not(any(feature = "hostile", test)), no_std)]
 #![forbid(unsafe_code)]
+
+// What tests and fuzz targets make of bytes.
+#[cfg(feature = "hostile")]
+#[doc(hidden)]
+pub mod hostile;
 
 mod pairs;
 mod reader;

@@ -12,6 +12,11 @@
 // A document of its own.
 pub mod layout;
 
+// What tests and fuzz targets make of bytes.
+#[cfg(all(feature = "hostile", not(condor_loom)))]
+#[doc(hidden)]
+pub mod hostile;
+
 mod catalog;
 mod cell;
 mod client;

@@ -15,6 +15,9 @@ use crate::tools::need_toolchain;
 /// Programs: `lint`, `no-std` and `riscv` build the sets in which they are used.
 const PROGRAMS: [&str; 3] = ["drills", "utah-mit-hand", "xtask"];
 
+/// The feature for fuzz targets, which is combined with none: nothing of a library depends on it.
+const ALONE: &str = "hostile";
+
 /// The features of a package, each with all that it enables of its own package.
 type Features = BTreeMap<String, BTreeSet<String>>;
 
@@ -90,12 +93,15 @@ fn features(package: &Value) -> Features {
     names.map(|name| (name.clone(), enabled(name))).collect()
 }
 
-/// No feature, each and each two, as what they come to: every set once.
+/// No feature, each and each two but [`ALONE`], as what they come to: every set once.
 fn combined(features: &Features) -> BTreeSet<BTreeSet<String>> {
     let mut sets = BTreeSet::from([BTreeSet::new()]);
-    for first in features.values() {
-        for second in features.values() {
-            sets.insert(first | second);
+    for (first, enabled) in features {
+        sets.insert(enabled.clone());
+        for (second, others) in features {
+            if first != ALONE && second != ALONE {
+                sets.insert(enabled | others);
+            }
         }
     }
     sets
@@ -110,7 +116,7 @@ mod tests {
     #[test]
     fn every_set_is_there_once() {
         let package = json!({"features": {
-            "default": [], "a": [], "b": ["a", "dep:c"], "c": ["other/b"], "d": [],
+            "default": [], "a": [], "b": ["a", "dep:c"], "c": ["other/b"], "d": [], "hostile": ["a"],
         }});
         let sets = combined(&features(&package));
         let sets: Vec<String> = sets
@@ -119,7 +125,9 @@ mod tests {
             .collect();
         assert_eq!(
             sets,
-            ["", "a", "ab", "abc", "abd", "ac", "ad", "c", "cd", "d"]
+            [
+                "", "a", "ab", "abc", "abd", "ac", "ad", "ahostile", "c", "cd", "d"
+            ]
         );
     }
 

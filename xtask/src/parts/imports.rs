@@ -1,5 +1,5 @@
 //! No circles of imports: between files that are not parent and child, between the rooms of a folder, and
-//! between packages.
+//! between packages. And no package has sources of another one.
 //!
 //! A room is a file, or a folder with the file of its module. Without circles the rooms of a folder have
 //! an order in which all imports lead downwards, and so have the packages of all workspaces.
@@ -14,42 +14,50 @@ mod circles;
 mod floors;
 mod modules;
 mod packages;
+mod reaches;
 
 use circles::circles;
 use floors::floors;
 use modules::{Import, Modules};
 use packages::Packages;
+use reaches::reaches;
 
 pub(crate) fn run(context: &Context) -> Result<Summary> {
     let packages = Packages::read(&context.root)?;
     let found = found(&packages);
-    for circle in &found {
-        eprintln!("{circle}");
+    for problem in &found {
+        eprintln!("{problem}");
     }
     let files = packages.files();
     if files == 0 {
         return Err("no package has a source file".into());
     }
     if !found.is_empty() {
-        return Err(format!("{} circles in {files} files", found.len()).into());
+        return Err(format!(
+            "{} circles and sources of others in {files} files",
+            found.len()
+        )
+        .into());
     }
     if context.picture {
         print!("{}", picture(&packages));
     }
     Ok(Summary::of(format!(
-        "no circle in {files} files of {} packages in {} workspaces",
+        "no circle and no source of others in {files} files of {} packages in {} workspaces",
         packages.all.len(),
         packages.workspaces
     )))
 }
 
-/// All circles of the repository, each in a line.
+/// All circles of the repository, and all sources of others, each in a line.
 fn found(packages: &Packages) -> Vec<String> {
     let arrows = told("packages", circles(&packages.arrows()));
     let inside = packages.all.values().flat_map(|package| {
         let crates = package.crates.iter();
         let circles = crates.flat_map(|modules| of_files(modules).chain(of_rooms(modules)));
-        circles.map(|circle| format!("{}: {circle}", package.name))
+        let reaches = package.reaches.iter().cloned();
+        let problems = circles.chain(reaches);
+        problems.map(|problem| format!("{}: {problem}", package.name))
     });
     arrows.chain(inside).collect()
 }
@@ -152,5 +160,28 @@ mod tests {
         assert_eq!((packages.workspaces, packages.files()), (2, 6));
         assert_eq!(found(&packages), ["top: a circle of files: a, b"]);
         assert_eq!(picture(&packages), " 0  bottom 4\n 1  top 6\n");
+    }
+
+    #[test]
+    fn no_source_is_that_of_another_package() {
+        let root = tempfile::tempdir().unwrap();
+        let (one, other) = (root.path().join("one"), root.path().join("other"));
+        let own = "#[path = \"../other/c.rs\"]\nmod c;\n";
+        let theirs = "#[path = \"../../other/src/a.rs\"]\nmod c;\ninclude!(\"../../d.rs\");\n";
+        package(&one, "build = \"../build.rs\"\n[workspace]\n", own, theirs);
+        package(&other, "[workspace]\n", "", "");
+        fs::write(root.path().join("build.rs"), "fn main() {}\n").unwrap();
+
+        let packages = Packages::read(root.path()).unwrap();
+        let script = root.path().canonicalize().unwrap().join("build.rs");
+        let script = format!("one: Cargo.toml reaches {}", script.display());
+        assert_eq!(
+            found(&packages),
+            [
+                script.as_str(),
+                "one: src/b.rs reaches ../../other/src/a.rs",
+                "one: src/b.rs reaches ../../d.rs"
+            ]
+        );
     }
 }

@@ -67,7 +67,7 @@ const SUITES: [Suite; 8] = [
     },
     Suite {
         package: "condor-tty",
-        features: "dev",
+        features: "dev,hostile",
         units: false,
         program: "tty",
         modules: &["cooked::", "dev::"],
@@ -75,7 +75,7 @@ const SUITES: [Suite; 8] = [
     },
     Suite {
         package: "condor-vars",
-        features: "std",
+        features: "hostile",
         units: true,
         program: "vars",
         modules: &["hostile::"],
@@ -83,7 +83,7 @@ const SUITES: [Suite; 8] = [
     },
     Suite {
         package: "condor-fs",
-        features: "dev",
+        features: "dev,hostile",
         units: true,
         program: "fs",
         modules: &["buffered::"],

@@ -5,7 +5,7 @@ use crate::tests_run;
 
 pub(crate) fn run(context: &Context) -> Result<Summary> {
     let tests = context
-        .command("cargo test --test replay")
+        .command("cargo test --bins")
         .dir("fuzz")
         .sharing_target();
     Ok(Summary::of(format!(

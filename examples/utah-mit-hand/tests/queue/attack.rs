@@ -13,9 +13,10 @@ use std::time::{Duration, Instant};
 use condor_host::control::DOWN;
 use rustix::process::{Signal, kill_process};
 
-use crate::client::{CLIENTS, ENOUGH};
+use crate::client::ENOUGH;
 use crate::system::{Clock, KEEPER, Outcome, SUPERVISOR, Up};
-use crate::{PATIENCE, Random, verdict};
+use crate::{PATIENCE, Random};
+use utah_mit_hand::verdict::{self, log::CLIENTS};
 
 const PROGRAMS: [&str; 6] = [
     "master",

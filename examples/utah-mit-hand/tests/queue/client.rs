@@ -12,19 +12,12 @@ use condor_hand::message::motions::{MotionsClient, MotionsError};
 use condor_hand::queue::{QueueAnswer, RefusalReason, RequestIdentity, RequestState};
 use condor_hand::trajectory::image::append;
 use condor_hand::trajectory::{Pace, Primitive, Profile, Target};
-use condor_mbox::Processor;
 use condor_rt::{Background, Machine, MailboxOf, Program, ProgramError, Setup, users};
 use utah_mit_hand::objects;
+use utah_mit_hand::verdict::log::{CLIENTS, JOINTS, Line, MASTER, PLACE, read, target};
 
-use crate::system::PLACE;
-
-/// The clients; each one's log has its name.
-pub(crate) const CLIENTS: [&str; 3] = ["client-a", "client-b", "client-c"];
-/// The joint that each client moves: the middle one of a finger of its own.
-pub(crate) const JOINTS: [usize; 3] = [2, 6, 10];
 /// While a file of this name is there, the clients enqueue nothing new.
 pub(crate) const ENOUGH: &str = "enough";
-pub(crate) const MASTER: Processor = Processor(0);
 /// How many requests a client enqueues before it lets others be in control.
 const TURN: u32 = 3;
 const ANSWER: Duration = Duration::from_millis(300);
@@ -32,40 +25,6 @@ const PAUSE: Duration = Duration::from_millis(20);
 
 type Failed = Box<dyn std::error::Error>;
 type Asks<'m, M> = MotionsClient<'m, MailboxOf<'m, M>, <M as Machine>::Window>;
-
-/// The target of a client's request, counted from 0, rad: all differ by more than the set-points are
-/// exact.
-pub(crate) fn target(index: u32) -> f64 {
-    // Far from one to the next, so that each moves; there is room for 30 000 within the joint's range.
-    let step = 0.6 + 0.000_04 * f64::from(index / 2);
-    step + if index.is_multiple_of(2) { 0.0 } else { 0.3 }
-}
-
-/// A line of the log.
-#[derive(Clone, Debug)]
-pub(crate) enum Line {
-    /// The request of this index is about to be sent.
-    Offers(u32, RequestIdentity),
-    /// Its outcome, as the words of the log.
-    Told(u32, String),
-}
-
-/// Reads a log.
-pub(crate) fn read(log: &Path) -> Vec<Line> {
-    let text = std::fs::read_to_string(log).unwrap_or_default();
-    let line = |line: &str| {
-        let mut words = line.splitn(3, ' ');
-        let (word, index) = (words.next()?, words.next()?.parse().ok()?);
-        let rest = words.next()?;
-        if word == "told" {
-            return Some(Line::Told(index, rest.into()));
-        }
-        let (session, number) = rest.split_once(' ')?;
-        let (session, number) = (session.parse().ok()?, number.parse().ok()?);
-        Some(Line::Offers(index, RequestIdentity { session, number }))
-    };
-    text.lines().filter_map(line).collect()
-}
 
 /// The program; its arguments are its index, and how many requests it makes.
 pub(crate) struct Client;
@@ -107,8 +66,9 @@ fn work<M: Machine>(background: &Background<'_, M>) -> Result<(), Failed> {
     let mut next = 0;
     for line in lines {
         match line {
-            Line::Offers(index, identity) => {
-                open.push((index, identity));
+            Line::Offers(index, session, number) => {
+                let (session, number) = (session as u32, number as u32);
+                open.push((index, RequestIdentity { session, number }));
                 next = index + 1;
             }
             Line::Told(index, _) => open.retain(|(it, _)| *it != index),

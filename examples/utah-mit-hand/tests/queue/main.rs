@@ -15,9 +15,7 @@
 
 mod attack;
 mod client;
-mod observer;
 mod system;
-mod verdict;
 
 use std::path::Path;
 use std::process::ExitCode;
@@ -31,10 +29,11 @@ use utah_mit_hand::master::Master;
 use utah_mit_hand::plant::Plant;
 use utah_mit_hand::servo::Servo;
 use utah_mit_hand::table::Table;
+use utah_mit_hand::verdict::log::PLACE;
+use utah_mit_hand::verdict::{self, observer::Observer};
 
 use client::Client;
-use observer::Observer;
-use system::{Clock, KEEPER, Outcome, PACKAGE, PLACE, SUPERVISOR, Up};
+use system::{Clock, KEEPER, Outcome, PACKAGE, SUPERVISOR, Up};
 
 /// The whole run may take so long on a machine that has much else to do, and so much per request.
 const PATIENCE: Duration = Duration::from_secs(300);

@@ -10,6 +10,11 @@ mod mpp;
 #[cfg(feature = "sim")]
 pub mod sim;
 
+// What tests and fuzz targets make of bytes.
+#[cfg(feature = "hostile")]
+#[doc(hidden)]
+pub mod hostile;
+
 pub use adc::{Adc16, ConversionTrigger};
 pub use dac::Dac16;
 pub use encoder::Encoder8;

@@ -10,7 +10,6 @@ use condor_debug::gateway::{
 };
 use condor_debug::{Breakpoint, HoldReason, ProgramState, sim};
 use condor_mbox::sim::SimWindow;
-use proptest::prelude::*;
 
 use crate::stub::{ATTACHED, Running, STORING, until};
 
@@ -242,20 +241,4 @@ fn a_killed_debugger_is_cleaned_up_after() {
         DebuggerLock::take(&path, Duration::ZERO).unwrap().is_some()
     });
     running.end();
-}
-
-proptest! {
-    #![proptest_config(ProptestConfig::with_cases(64))]
-    #[test]
-    fn a_gateway_bears_any_bytes(bytes in prop::collection::vec(any::<u8>(), 0..300)) {
-        super::packets::run(&bytes);
-    }
-
-    #[test]
-    fn a_gateway_bears_packets_that_look_right(
-        packets in prop::collection::vec("(m|M|Z0,|Z2,|z0,|z2,|G|g|P|p|vCont;c|vCont;s|vCont;t|vCtrlC|vStopped|QNonStop:|[?]|qXfer:threads:read::|qRcmd,|D|k|Hg|qSupported:|X)[0-9a-f,:;]{0,20}", 0..8)
-    ) {
-        let bytes = format!("\u{1}{}", packets.join("\0"));
-        super::packets::run(bytes.as_bytes());
-    }
 }

@@ -2,4 +2,3 @@
 
 mod broken;
 mod peer;
-mod recordings;

@@ -2,7 +2,6 @@
 
 mod catalogs;
 mod cells;
-mod haunted;
 mod hostile;
 mod merging;
 mod model;

@@ -244,13 +244,16 @@ fn attributes(item: &Item) -> &[Attribute] {
     }
 }
 
-/// Returns true if there is a `#[cfg(test)]`, or one of loom's.
+/// Returns true if there is a `#[cfg(test)]`, one of loom's, or one of what tests share with fuzz targets.
 fn is_for_tests(attributes: &[Attribute]) -> bool {
     attributes.iter().any(|attribute| {
         let Meta::List(list) = &attribute.meta else {
             return false;
         };
         let condition = list.tokens.to_string();
-        list.path.is_ident("cfg") && (condition == "test" || condition.starts_with("all (test"))
+        list.path.is_ident("cfg")
+            && (condition == "test"
+                || condition.starts_with("all (test")
+                || condition.contains("feature = \"hostile\""))
     })
 }

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 
-use super::Modules;
+use super::{Modules, reaches};
 use crate::Result;
 use crate::command::Line;
 use crate::context::{list, text};
@@ -28,6 +28,8 @@ pub(super) struct Package {
     /// Lines of their files that are neither empty nor a comment.
     pub(super) lines: usize,
     files: usize,
+    /// What of its sources lies outside of it, each in a line; here with its tests and all else.
+    pub(super) reaches: Vec<String>,
     /// The packages that its normal dependencies are.
     dependencies: BTreeSet<Directory>,
 }
@@ -76,7 +78,13 @@ impl Package {
     /// Reads a package that `cargo metadata` describes.
     fn read(root: &Path, package: &Value) -> Result<Self> {
         const OTHERS: [&str; 4] = ["bench", "custom-build", "example", "test"];
+        let manifest = Path::new(text(&package["manifest_path"]));
+        let directory = manifest.parent().unwrap_or(manifest);
         let targets = list(&package["targets"]).iter();
+        let files = targets
+            .clone()
+            .map(|target| Path::new(text(&target["src_path"])));
+        let reaches = reaches(directory, files)?;
         let own = targets.filter(|target| !OTHERS.contains(&text(&target["kind"][0])));
         let crates = own.map(|target| Modules::read(Path::new(text(&target["src_path"]))));
         let crates = crates.collect::<Result<Vec<_>>>()?;
@@ -96,6 +104,7 @@ impl Package {
             files: files.len(),
             dependencies: normal.map(|path| place(root, Path::new(path))).collect(),
             crates,
+            reaches,
         })
     }
 }

@@ -8,19 +8,13 @@ use std::io::Write;
 use std::path::Path;
 use std::time::Duration;
 
-use condor_hand::queue::RequestIdentity;
 use condor_hand::trajectory::image::append;
 use condor_hand::trajectory::{Pace, Primitive, Profile, Target};
-use condor_mbox::Processor;
 use condor_remote::{Id, Network, Remote, RemoteAccess, RemoteError, RemoteOutcome, RemoteState};
+use utah_mit_hand::verdict::log::{CLIENTS, JOINTS, Line, PLACE, read, target};
 
-use crate::system::{self, PLACE};
+use crate::system;
 
-/// The clients; each one's log has its name.
-pub(crate) const CLIENTS: [&str; 3] = ["client-a", "client-b", "client-c"];
-/// The joint that each client moves: the middle one of a finger of its own.
-pub(crate) const JOINTS: [usize; 3] = [2, 6, 10];
-pub(crate) const MASTER: Processor = Processor(0);
 /// The name of the robot.
 pub(crate) const ROBOT: &str = "hand";
 /// How long a client asks before it asks anew.
@@ -31,13 +25,6 @@ const ENABLED: Duration = Duration::from_millis(200);
 /// The password of a user.
 pub(crate) fn password(user: &str) -> String {
     format!("of-{user}")
-}
-
-/// The target of a client's motion, counted from 0, rad: all differ by more than the set-points are exact.
-pub(crate) fn target(index: u32) -> f64 {
-    // Far from one to the next, so that each moves.
-    let step = 0.6 + 0.0002 * f64::from(index / 2);
-    step + if index.is_multiple_of(2) { 0.0 } else { 0.3 }
 }
 
 /// A motion of one joint.
@@ -57,52 +44,6 @@ pub(crate) fn count_done(place: &Path) -> usize {
         .count()
 }
 
-/// A line of the log.
-#[derive(Clone, Debug)]
-pub(crate) enum Line {
-    /// The motion of this index is about to be offered.
-    Offers(u32, RequestIdentity),
-    /// Its outcome, as the words of the log.
-    Told(u32, String),
-}
-
-/// Reads a log.
-pub(crate) fn read(log: &Path) -> Vec<Line> {
-    let lines = lines(log).into_iter();
-    lines
-        .map(|(index, what)| match what {
-            Ok(id) => {
-                let (session, number) = (id.incarnation as u32, id.number as u32);
-                Line::Offers(index, RequestIdentity { session, number })
-            }
-            Err(outcome) => Line::Told(index, outcome),
-        })
-        .collect()
-}
-
-/// The lines of a log: a motion with its identity, or with its outcome.
-fn lines(log: &Path) -> Vec<(u32, Result<Id, String>)> {
-    let text = std::fs::read_to_string(log).unwrap_or_default();
-    let line = |line: &str| {
-        let mut words = line.splitn(3, ' ');
-        let (word, index) = (words.next()?, words.next()?.parse().ok()?);
-        let rest = words.next()?;
-        if word == "told" {
-            return Some((index, Err(rest.into())));
-        }
-        let (incarnation, number) = rest.split_once(' ')?;
-        let (incarnation, number) = (incarnation.parse().ok()?, number.parse().ok()?);
-        Some((
-            index,
-            Ok(Id {
-                incarnation,
-                number,
-            }),
-        ))
-    };
-    text.lines().filter_map(line).collect()
-}
-
 struct Worker {
     remote: Remote,
     log: File,
@@ -120,7 +61,7 @@ pub(crate) fn run(arguments: &[String]) -> system::Outcome<()> {
     let name = CLIENTS.get(client).ok_or("no such client")?;
     let place = std::env::var_os(PLACE).ok_or("no place")?;
     let path = Path::new(&place).join(name);
-    let lines = lines(&path);
+    let lines = read(&path);
     let access = RemoteAccess {
         password: Some(password(name)),
         ..RemoteAccess::to(router)
@@ -140,13 +81,19 @@ pub(crate) fn run(arguments: &[String]) -> system::Outcome<()> {
     };
     // What a former incarnation has not been told.
     let (mut open, mut next) = (Vec::new(), 0);
-    for (index, what) in lines {
-        match what {
-            Ok(id) => {
-                open.push((index, id));
+    for line in lines {
+        match line {
+            Line::Offers(index, incarnation, number) => {
+                open.push((
+                    index,
+                    Id {
+                        incarnation,
+                        number,
+                    },
+                ));
                 next = index + 1;
             }
-            Err(_) => open.retain(|(it, _)| *it != index),
+            Line::Told(index, _) => open.retain(|(it, _)| *it != index),
         }
     }
     for (index, id) in open {

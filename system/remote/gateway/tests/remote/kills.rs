@@ -8,14 +8,15 @@ use std::time::{Duration, Instant};
 use condor_gateway::config::{Config, access_control};
 use condor_remote::network::configure;
 use serde_json::json;
+use utah_mit_hand::verdict;
+use utah_mit_hand::verdict::log::{CLIENTS, PLACE};
 use zenoh::Wait;
 
 use crate::between::Between;
-use crate::client::{CLIENTS, ROBOT, count_done, password};
+use crate::client::{ROBOT, count_done, password};
 use crate::hosts::{Host, Hosts};
 use crate::random::Random;
-use crate::system::{Outcome, PLACE, Up, own};
-use crate::verdict;
+use crate::system::{Outcome, Up, own};
 
 /// The whole run may take so long on a machine that has much else to do, and so much per motion.
 const PATIENCE: Duration = Duration::from_secs(300);

@@ -17,12 +17,6 @@ mod proxy;
 mod random;
 mod system;
 
-// The observer of the set-points, and the verdict, are those of the test without a network.
-#[path = "../../../../../examples/utah-mit-hand/tests/queue/observer.rs"]
-mod observer;
-#[path = "../../../../../examples/utah-mit-hand/tests/queue/verdict.rs"]
-mod verdict;
-
 use std::path::Path;
 use std::process::ExitCode;
 
@@ -34,9 +28,10 @@ use utah_mit_hand::master::Master;
 use utah_mit_hand::plant::Plant;
 use utah_mit_hand::servo::Servo;
 use utah_mit_hand::table::Table;
+use utah_mit_hand::verdict::log::PLACE;
+use utah_mit_hand::verdict::observer::Observer;
 
-use observer::Observer;
-use system::{Outcome, PACKAGE, PLACE};
+use system::{Outcome, PACKAGE};
 
 /// A test.
 type Test = fn() -> Outcome<()>;

@@ -12,8 +12,8 @@ use condor_host::control::ControlClient;
 use condor_host::services::terminals::type_in;
 use condor_host::system::SystemDirectory;
 use rustix::process::{Pid, Signal, kill_process};
-
-use crate::observer;
+use utah_mit_hand::verdict::log::PLACE;
+use utah_mit_hand::verdict::observer;
 
 pub(crate) type Outcome<T> = Result<T, Box<dyn Error>>;
 
@@ -22,8 +22,6 @@ pub(crate) const PACKAGE: &str = concat!(
     env!("CARGO_MANIFEST_DIR"),
     "/../../../examples/utah-mit-hand"
 );
-/// The variable with the directory of the run, for the programs.
-pub(crate) const PLACE: &str = "CONDOR_REMOTE_PLACE";
 const NAME: &str = "remote";
 /// How often a master whose fingers are loose is told to take them up.
 const ENABLE: Duration = Duration::from_millis(100);

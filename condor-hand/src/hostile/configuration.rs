@@ -1,0 +1,160 @@
+//! Texts and images of hands, good ones with faults and bytes of no meaning.
+//!
+//! What is read keeps all rules, and stays the same as text and as image.
+
+use std::sync::LazyLock;
+
+use super::source::Source;
+use super::{HAND, Shipped, TEXT};
+
+static IMAGE: LazyLock<Vec<u8>> = LazyLock::new(|| image(&HAND));
+
+/// Before the body: magic, version, counts, length, and the checksum of all but itself.
+const HEADER: usize = 20;
+const CHECKSUM: usize = 16;
+
+/// What a number or a word of a good text becomes.
+const REPLACEMENTS: [&str; 20] = [
+    "0",
+    "-0.0",
+    "1",
+    "-1",
+    "0.5",
+    "nan",
+    "inf",
+    "-inf",
+    "1e308",
+    "1e-320",
+    "4294967296",
+    "-9223372036854775808",
+    "\"index\"",
+    "\"\"",
+    "[]",
+    "{}",
+    "true",
+    "=",
+    "\n",
+    "[[fingers]]",
+];
+
+/// Reads what the bytes say.
+///
+/// # Panics
+/// If it is a hand that cannot be, or another one as text or as image.
+pub fn run(bytes: &[u8]) {
+    let mut source = Source::new(bytes);
+    match source.byte() % 5 {
+        0 => read_text(&String::from_utf8_lossy(source.rest())),
+        1 => read_image(source.rest()),
+        2 => read_image(&sealed(source.rest())),
+        3 => read_text(&edited(&mut source)),
+        _ => {
+            let mut image = IMAGE.clone();
+            let len = image.len();
+            while !source.is_empty() {
+                image[source.below(len)] = source.byte();
+            }
+            seal(&mut image);
+            read_image(&image);
+        }
+    }
+}
+
+fn read_text(text: &str) {
+    match Shipped::from_toml(text, "hostile.toml") {
+        Ok(hand) => keeps_its_promises(&hand),
+        Err(error) => assert!(error.line > 0 && !error.to_string().is_empty()),
+    }
+}
+
+fn read_image(bytes: &[u8]) {
+    match Shipped::from_image(bytes) {
+        Ok(hand) => keeps_its_promises(&hand),
+        Err(error) => assert!(!error.to_string().is_empty()),
+    }
+}
+
+fn keeps_its_promises(hand: &Shipped) {
+    hand.check().expect("what was read keeps the rules");
+    let before = image(hand);
+    let again = Shipped::from_image(&before).expect("an image is read again");
+    assert_eq!(image(&again), before, "an image of an image");
+    let text = hand.to_toml().expect("a hand has a text");
+    let again = Shipped::from_toml(&text, "printed").expect("a text is read again");
+    // To the bit: the sign of a zero too.
+    assert_eq!(image(&again), before, "an image of\n{text}");
+}
+
+fn image(hand: &Shipped) -> Vec<u8> {
+    let mut buffer = vec![0; 1 << 16];
+    let len = hand.to_image(&mut buffer).expect("a hand has an image");
+    buffer.truncate(len);
+    buffer
+}
+
+/// The good text with some words exchanged, and some lines left out or repeated.
+fn edited(source: &mut Source<'_>) -> String {
+    let mut text = TEXT.to_owned();
+    for _ in 0..4 {
+        if source.is_empty() {
+            break;
+        }
+        text = if source.byte() < 200 {
+            exchanged(&text, source)
+        } else {
+            let count = text.lines().count().max(1);
+            let (at, copies) = (source.below(count), source.below(3));
+            let lines = text.lines().enumerate();
+            lines
+                .flat_map(|(line, text)| {
+                    let copies = if line == at { copies } else { 1 };
+                    std::iter::repeat_n([text, "\n"].concat(), copies)
+                })
+                .collect()
+        };
+    }
+    text
+}
+
+fn exchanged(text: &str, source: &mut Source<'_>) -> String {
+    let is_word = |character: char| character.is_ascii_alphanumeric() || "+-._".contains(character);
+    let words: Vec<&str> = text.split(|character| !is_word(character)).collect();
+    let words: Vec<&str> = words.into_iter().filter(|word| !word.is_empty()).collect();
+    if words.is_empty() {
+        return text.to_owned();
+    }
+    let word = words[source.below(words.len())];
+    let begin = word.as_ptr() as usize - text.as_ptr() as usize;
+    let (before, after) = (&text[..begin], &text[begin + word.len()..]);
+    let other = match source.byte() {
+        choice if usize::from(choice) < REPLACEMENTS.len() => REPLACEMENTS[usize::from(choice)],
+        _ => words[source.below(words.len())],
+    };
+    [before, other, after].concat()
+}
+
+/// A body with the header that it should have, in the counts of the good image.
+fn sealed(body: &[u8]) -> Vec<u8> {
+    let mut image = IMAGE[..HEADER].to_vec();
+    image.extend_from_slice(body);
+    seal(&mut image);
+    image
+}
+
+/// Makes length and checksum right.
+fn seal(image: &mut [u8]) {
+    let len = u32::try_from(image.len() - HEADER).unwrap_or(u32::MAX);
+    image[CHECKSUM - 4..CHECKSUM].copy_from_slice(&len.to_le_bytes());
+    let (header, body) = image.split_at_mut(HEADER);
+    let checksum = crc(header[..CHECKSUM].iter().chain(body.iter()));
+    header[CHECKSUM..].copy_from_slice(&checksum.to_le_bytes());
+}
+
+/// CRC-32 as in ISO 3309, bit by bit.
+fn crc<'a>(bytes: impl Iterator<Item = &'a u8>) -> u32 {
+    !bytes.fold(u32::MAX, |crc, byte| {
+        (0..8).fold(crc ^ u32::from(*byte), |crc, _| {
+            (crc >> 1) ^ (0xedb8_8320 * (crc & 1))
+        })
+    })
+}

@@ -1,0 +1,350 @@
+//! A finger of the shipped hand with other numbers, used by somebody who asks for anything, with
+//! sensors that say anything.
+
+use crate::config::{Joint, ServoLaw, Tendon};
+use crate::controller::{FingerController, FingerTick};
+use crate::dynamics::Dynamics;
+use crate::servo::{FingerReadings, JointGains, JointTarget, PositionLaw, ServoMode};
+use crate::tendon::fault::FingerFault;
+use crate::tendon::{Pair, Rectification, TendonPairs, TensionGains};
+use crate::trajectory::{SetPoint, StopGuard};
+use nalgebra::{SVector, Vector3};
+
+use super::source::Source;
+use super::{HAND, Shipped};
+
+/// Events of one run, at most.
+const EVENTS: usize = 200;
+
+/// Drives a finger as the bytes say.
+///
+/// # Panics
+/// If a command left what actuators have, or a fault was forgotten.
+pub fn run(bytes: &[u8]) {
+    let mut source = Source::new(bytes);
+    let mut hand = HAND.clone();
+    let number = source.below(4);
+    for _ in 0..source.byte() % 8 {
+        let before = hand.clone();
+        vary(&mut hand, number, &mut source);
+        if hand.check().is_err() {
+            hand = before;
+        }
+    }
+    let finger = &hand.fingers[number];
+    if source.byte().is_multiple_of(2) {
+        if let Some(planar) = finger.planar() {
+            drive(&hand, number, planar, &mut source);
+        }
+    } else {
+        drive(&hand, number, finger.chain(), &mut source);
+    }
+}
+
+/// Gives the configuration another number.
+fn vary(hand: &mut Shipped, finger: usize, source: &mut Source<'_>) {
+    let joint = source.below(4);
+    let kind = source.below(34);
+    let of_joint = &mut hand.fingers[finger].joints[joint];
+    let place: &mut f64 = match kind {
+        0 => &mut hand.transition_s,
+        1 => &mut hand.faults.safe_s,
+        2 => &mut hand.faults.stale_s,
+        3 => &mut hand.faults.tracking_rad,
+        4 => &mut hand.faults.overtravel_rad,
+        5 => {
+            hand.servo_hz = (u32::from(source.byte()) * 50) << (source.byte() % 24);
+            hand.trajectory_hz = hand.servo_hz / u32::from(source.byte().max(1));
+            return;
+        }
+        6 => {
+            let samples = u16::from_le_bytes([source.byte(), source.byte()]);
+            hand.faults.tension_samples = samples;
+            hand.faults.sensor_samples = samples;
+            hand.faults.lost_samples = samples;
+            hand.faults.tracking_samples = samples;
+            hand.faults.missed_deadlines = samples;
+            return;
+        }
+        7 => &mut hand.gravity[0],
+        _ => {
+            vary_joint(of_joint, kind, source);
+            return;
+        }
+    };
+    *place = source.number(*place);
+}
+
+fn vary_joint(joint: &mut Joint<4>, kind: usize, source: &mut Source<'_>) {
+    let place: &mut f64 = match kind {
+        8 => &mut joint.limits.low,
+        9 => &mut joint.limits.high,
+        10 => &mut joint.limits.velocity,
+        11 => &mut joint.limits.acceleration,
+        12 => &mut joint.servo.kp,
+        13 => &mut joint.servo.kv,
+        14 => &mut joint.servo.ki,
+        15 => &mut joint.servo.integral_max,
+        16 => &mut joint.servo.bandwidth_hz,
+        17 => &mut joint.servo.zeta,
+        18 => &mut joint.servo.k_tau,
+        19 => &mut joint.servo.velocity_cutoff_hz,
+        20 => joint.servo.position_cutoff_hz.insert(50.0),
+        21 => &mut joint.stop.zone,
+        22 => &mut joint.stop.bandwidth_hz,
+        23 => &mut joint.stop.damping_ratio,
+        24 => &mut joint.friction.coulomb,
+        25 => &mut joint.friction.coulomb_rate,
+        26 => &mut joint.friction.armature,
+        27 => &mut joint.adc.gain,
+        28 => {
+            joint.servo.law = ServoLaw::Pd;
+            return;
+        }
+        29 => {
+            joint.rectification = Rectification::Hard;
+            return;
+        }
+        30 => {
+            let co_contraction_n = source.number(20.0);
+            joint.rectification = Rectification::Mean { co_contraction_n };
+            return;
+        }
+        31 => {
+            let softness_n = source.number(3.0);
+            joint.rectification = Rectification::Smooth { softness_n };
+            return;
+        }
+        32 => match &mut joint.body {
+            Some(body) => &mut body.mass_kg,
+            None => return,
+        },
+        _ => {
+            let tendon = if source.byte().is_multiple_of(2) {
+                &mut joint.flexor
+            } else {
+                &mut joint.extensor
+            };
+            return vary_tendon(tendon, source);
+        }
+    };
+    *place = source.number(*place);
+}
+
+fn vary_tendon(tendon: &mut Tendon, source: &mut Source<'_>) {
+    let place = match source.below(10) {
+        0 => &mut tendon.min_n,
+        1 => &mut tendon.max_n,
+        2 => &mut tendon.slack_n,
+        3 => &mut tendon.break_n,
+        4 => &mut tendon.gains.kt,
+        5 => &mut tendon.gains.ki,
+        6 => &mut tendon.gains.kd,
+        7 => &mut tendon.gains.kv,
+        8 => &mut tendon.arm_m,
+        _ => tendon.cutoff_hz.insert(80.0),
+    };
+    *place = source.number(*place);
+}
+
+/// A finger, its actuators' most, and the fault that it has.
+struct Subject<'h, M> {
+    controller: FingerController<M, 4>,
+    hand: &'h Shipped,
+    finger: usize,
+    fault: Option<FingerFault>,
+    sensed: FingerReadings<f64, 4>,
+}
+
+fn drive<M: Dynamics<f64, 4>>(
+    hand: &Shipped,
+    finger: usize,
+    mechanism: M,
+    source: &mut Source<'_>,
+) {
+    let entry = &hand.fingers[finger];
+    let controller = FingerController::new(hand, entry, mechanism)
+        .expect("a hand that keeps the rules has controllers");
+    let mut subject = Subject {
+        controller,
+        hand,
+        finger,
+        fault: None,
+        sensed: FingerReadings {
+            position: SVector::from([0.1, 0.6, 0.8, 0.7]),
+            tension: entry.least_tensions(),
+            touch: 0.0,
+        },
+    };
+    for _ in 0..EVENTS {
+        if source.is_empty() {
+            break;
+        }
+        subject.event(source);
+    }
+    for _ in 0..4 {
+        subject.tick(source);
+    }
+}
+
+impl<M: Dynamics<f64, 4>> Subject<'_, M> {
+    fn event(&mut self, source: &mut Source<'_>) {
+        let joint = source.below(5);
+        let refused = match source.byte() % 12 {
+            0 => ServoMode::from_number(u32::from(source.byte() % 6))
+                .map(|mode| self.controller.set_mode(joint, mode).is_err()),
+            1 => {
+                let target = target(source);
+                Some(self.controller.set_target(joint, target).is_err())
+            }
+            2 => {
+                self.set_gains(joint, source);
+                None
+            }
+            3 => {
+                let points = [(); 4].map(|()| SetPoint {
+                    position: source.number(0.6),
+                    velocity: source.number(0.1),
+                    acceleration: source.number(0.1),
+                });
+                let guards = [(); 4].map(|()| StopGuard {
+                    motion: u32::from(source.byte() % 3),
+                    torque: source.number(0.1),
+                    tension: source.number(10.0),
+                    contact: source.byte() % 2 == 1,
+                });
+                let _ = self.controller.follow(&points, &guards);
+                None
+            }
+            4 => {
+                self.controller.clear();
+                self.fault = None;
+                assert_eq!(self.controller.fault(), None);
+                None
+            }
+            5 => {
+                self.break_sensor(source);
+                None
+            }
+            _ => {
+                for _ in 0..source.byte() % 64 {
+                    self.tick(source);
+                }
+                None
+            }
+        };
+        assert!(
+            self.fault.is_none() || refused != Some(false),
+            "a finger with a fault took an order"
+        );
+    }
+
+    fn set_gains(&mut self, joint: usize, source: &mut Source<'_>) {
+        let tension = Pair::both(TensionGains {
+            kt: source.number(1.0),
+            ki: source.number(1.0),
+            kd: source.number(0.001),
+            kv: source.number(1.0),
+        });
+        let law = if source.byte().is_multiple_of(2) {
+            PositionLaw::Pd {
+                kp: source.number(1.0),
+                kv: source.number(0.03),
+                ki: source.number(1.0),
+                integral_nm: source.number(0.1),
+            }
+        } else {
+            PositionLaw::ComputedTorque {
+                bandwidth_hz: source.number(10.0),
+                damping_ratio: source.number(1.0),
+            }
+        };
+        let gains = JointGains {
+            law,
+            k_torque: source.number(0.5),
+            tension,
+        };
+        let before = self.controller.gains(joint).copied();
+        if self.controller.set_gains(joint, &gains).is_err() {
+            assert_eq!(self.controller.gains(joint).copied(), before);
+        }
+    }
+
+    /// Makes one of the sensors say something else from now on.
+    fn break_sensor(&mut self, source: &mut Source<'_>) {
+        let joint = source.below(4);
+        let place = match source.byte() % 4 {
+            3 => &mut self.sensed.touch,
+            0 => &mut self.sensed.position[joint],
+            1 => &mut self.sensed.tension[joint].flexor,
+            _ => &mut self.sensed.tension[joint].extensor,
+        };
+        *place = source.number(*place);
+    }
+
+    fn tick(&mut self, source: &mut Source<'_>) {
+        let gravity = Vector3::from(self.hand.gravity);
+        let period_s = if source.byte() == 1 {
+            source.number(0.0025)
+        } else {
+            1.0 / f64::from(self.hand.servo_hz)
+        };
+        let tick = self.controller.tick(&self.sensed, &gravity, period_s);
+        self.judge(&tick);
+    }
+
+    fn judge(&mut self, tick: &FingerTick<4>) {
+        let entry = &self.hand.fingers[self.finger];
+        let most: TendonPairs<f64, 4> = core::array::from_fn(|joint| Pair {
+            flexor: entry.joints[joint].flexor.max_n,
+            extensor: entry.joints[joint].extensor.max_n,
+        });
+        for pairs in [&tick.output.command, &tick.output.tension] {
+            for (pair, most) in pairs.iter().zip(&most) {
+                assert!((0.0..=most.flexor).contains(&pair.flexor), "{tick:?}");
+                assert!((0.0..=most.extensor).contains(&pair.extensor), "{tick:?}");
+            }
+        }
+        let output = &tick.output;
+        let vectors = [&output.torque, &output.position, &output.velocity];
+        let mut values = vectors.into_iter().flatten();
+        assert!(values.all(|value| value.is_finite()), "{tick:?}");
+        for (target, joint) in tick.target.iter().zip(&entry.joints) {
+            if let Some(target) = target {
+                let limits = joint.limits.low..=joint.limits.high;
+                assert!(limits.contains(target), "{target} of {limits:?}");
+            }
+        }
+        if let Some(fault) = self.fault {
+            let latched = tick.fault.is_some_and(|other| {
+                (other.code, other.site) == (fault.code, fault.site)
+                    && other.value.to_bits() == fault.value.to_bits()
+            });
+            assert!(latched, "{fault:?} became {:?}", tick.fault);
+        }
+        self.fault = tick.fault;
+        assert_eq!(self.controller.fault().is_some(), self.fault.is_some());
+    }
+}
+
+fn target(source: &mut Source<'_>) -> JointTarget<f64> {
+    match source.byte() % 6 {
+        0 => JointTarget::Off,
+        1 => JointTarget::Tension(Pair {
+            flexor: source.number(30.0),
+            extensor: source.number(30.0),
+        }),
+        2 => JointTarget::Torque(source.number(0.3)),
+        3 => JointTarget::Position(SetPoint {
+            position: source.number(0.6),
+            velocity: source.number(1.0),
+            acceleration: source.number(1.0),
+        }),
+        4 => JointTarget::Grasp(source.number(0.3)),
+        _ => JointTarget::Impedance {
+            position: source.number(0.6),
+            stiffness: source.number(0.1),
+            damping: source.number(0.001),
+        },
+    }
+}

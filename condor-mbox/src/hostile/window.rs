@@ -1,0 +1,21 @@
+//! The check of accesses to a window.
+
+use crate::window::check_access;
+
+/// No offset and length that pass the check reach outside of a window, and all others are refused.
+///
+/// # Panics
+/// If the check is wrong.
+pub fn bounds(bytes: &[u8]) {
+    let mut words = bytes.chunks(4).map(|chunk| {
+        let mut word = [0; 4];
+        word[..chunk.len()].copy_from_slice(chunk);
+        u32::from_le_bytes(word)
+    });
+    let mut word = || words.next().unwrap_or_default();
+    let (size, offset, len) = (word(), word(), u64::from(word()) | u64::from(word()) << 32);
+    let len = usize::try_from(len).unwrap_or(usize::MAX);
+    let end = u128::from(offset) + len as u128;
+    let inside = offset % 4 == 0 && end <= u128::from(size);
+    assert_eq!(check_access(size, offset, len).is_ok(), inside);
+}

@@ -1,0 +1,162 @@
+//! Any bytes that are typed at a line editor, which any words are offered for, and what a small terminal of
+//! 80 columns shows then.
+
+use std::cell::Cell;
+use std::fmt::{self, Write as _};
+
+use crate::LineEditor;
+
+use super::script::Script;
+
+/// Of what words are made; some of it no word can have.
+const PARTS: [&str; 8] = [
+    "a",
+    "b",
+    ".",
+    "\u{f6}",
+    " ",
+    "\x1b",
+    "index.middle",
+    "\u{3c0}",
+];
+
+/// A terminal that knows what the editor may write, and nothing else.
+pub struct Screen {
+    pub rows: Vec<Vec<char>>,
+    column: usize,
+    held: String,
+}
+
+impl Screen {
+    pub const COLUMNS: usize = 80;
+
+    pub fn new() -> Self {
+        Self {
+            rows: vec![Vec::new()],
+            column: 0,
+            held: String::new(),
+        }
+    }
+
+    pub fn last(&self) -> String {
+        let row: String = self.rows.last().unwrap().iter().collect();
+        row.trim_end().to_owned()
+    }
+
+    fn character(&mut self, character: char) {
+        if !self.held.is_empty() {
+            self.held.push(character);
+            if character.is_ascii_alphabetic() {
+                let sequence = std::mem::take(&mut self.held);
+                match sequence.as_str() {
+                    "\x1b[K" => self.rows.last_mut().unwrap().truncate(self.column),
+                    other => {
+                        let right = other.strip_prefix("\x1b[").unwrap();
+                        let right = right.strip_suffix('C').expect(other);
+                        self.column += right.parse::<usize>().unwrap();
+                        assert!(self.column < Self::COLUMNS);
+                    }
+                }
+            }
+            return;
+        }
+        match character {
+            '\x1b' => self.held.push(character),
+            '\r' => self.column = 0,
+            '\n' => {
+                self.rows.push(Vec::new());
+                self.column = 0;
+            }
+            '\x08' => {
+                self.column = self
+                    .column
+                    .checked_sub(1)
+                    .expect("not past the first column");
+            }
+            '\x07' => {}
+            character => {
+                assert!(!character.is_control(), "{character:?}");
+                if self.column == Self::COLUMNS {
+                    self.rows.push(Vec::new());
+                    self.column = 0;
+                }
+                let row = self.rows.last_mut().unwrap();
+                while row.len() <= self.column {
+                    row.push(' ');
+                }
+                row[self.column] = character;
+                self.column += 1;
+            }
+        }
+    }
+}
+
+impl fmt::Write for Screen {
+    fn write_str(&mut self, text: &str) -> fmt::Result {
+        text.chars().for_each(|character| self.character(character));
+        Ok(())
+    }
+}
+
+/// Checks that the line is a line, and that the screen shows the part of it around the cursor.
+///
+/// # Panics
+/// If it is not so.
+pub fn check<const LINE: usize, const LINES: usize>(
+    editor: &LineEditor<LINE, LINES>,
+    screen: &Screen,
+) {
+    let line = editor.line();
+    assert!(line.len() <= LINE, "{line:?}");
+    assert!(!line.chars().any(char::is_control), "{line:?}");
+    let before = line.get(..editor.cursor());
+    let before = before.expect("the cursor is between characters of the line");
+    let left = before.chars().count().checked_sub(screen.column);
+    let left = left.expect("the cursor is in the line that is shown");
+    let shown: String = line.chars().skip(left).take(Screen::COLUMNS - 1).collect();
+    assert_eq!(screen.last(), shown.trim_end());
+}
+
+/// Types what `bytes` say, at an editor that they choose.
+///
+/// # Panics
+/// If the editor broke a promise.
+pub fn run(bytes: &[u8]) {
+    let script = Script::new(bytes);
+    match script.below(4) {
+        0 => types::<0, 0>(&script),
+        1 => types::<7, 1>(&script),
+        2 => types::<79, 2>(&script),
+        _ => types::<200, 4>(&script),
+    }
+}
+
+fn types<const LINE: usize, const LINES: usize>(script: &Script<'_>) {
+    let word = |_| -> String {
+        let parts = 0..script.below(20);
+        parts.map(|_| PARTS[script.below(PARTS.len())]).collect()
+    };
+    let words: Vec<String> = (0..script.below(6)).map(word).collect();
+    let offers_others = script.below(2) == 1;
+    let calls = Cell::new(0);
+    let mut complete = |before: &str, offer: &mut dyn FnMut(&str)| {
+        assert!(before.len() <= LINE, "{before:?}");
+        // Or not the same ones when it is asked again.
+        calls.set(calls.get() + usize::from(offers_others));
+        words.iter().skip(calls.get() % 2).for_each(|it| offer(it));
+    };
+    let (mut editor, mut screen) = (LineEditor::<LINE, LINES>::new(), Screen::new());
+    while !script.is_over() {
+        let byte = script.byte();
+        if byte == 0xff {
+            // No text has it: here it stands for an interrupt.
+            editor.clear();
+            screen.write_char('\n').unwrap();
+        } else if let Some(line) = editor.feed(byte, &mut complete, &mut screen).unwrap() {
+            assert!(line.as_str().len() <= LINE, "{line:?}");
+            assert!(!line.as_str().chars().any(char::is_control), "{line:?}");
+            assert_eq!((editor.line(), editor.cursor()), ("", 0));
+        }
+        check(&editor, &screen);
+    }
+}

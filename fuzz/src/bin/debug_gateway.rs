@@ -1,0 +1,4 @@
+//! The gateway of a debugger bears any bytes, and leaves the program running and without breakpoints.
+#![cfg_attr(fuzzing, no_main)]
+
+condor_fuzz::target!(condor_debug::hostile::gateway);

@@ -1,0 +1,4 @@
+//! A file server bears any client, which goes on writing while it works.
+#![cfg_attr(fuzzing, no_main)]
+
+condor_fuzz::target!(condor_fs::hostile::client);

@@ -1,0 +1,4 @@
+//! A finger's controller bears any user and any sensors.
+#![cfg_attr(fuzzing, no_main)]
+
+condor_fuzz::target!(condor_hand::hostile::control);

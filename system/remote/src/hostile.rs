@@ -1,0 +1,22 @@
+//! Hostile clients of a gateway, made of bytes.
+
+use crate::wire::{ClientRequest, MOTION_BYTES, by, check_name};
+
+/// A gateway bears any query: key, payload and attachment, with a zero between them. What it takes for a request is within
+/// its bounds, and is read as the same again.
+///
+/// # Panics
+/// If it is not.
+pub fn request(bytes: &[u8]) {
+    let mut parts = bytes.splitn(3, |byte| *byte == 0);
+    let mut part = || parts.next().unwrap_or_default();
+    let (key, payload, attachment) = (String::from_utf8_lossy(part()), part(), part());
+    let Ok(asked) = ClientRequest::read("hand", &key, payload, attachment) else {
+        return;
+    };
+    check_name("client", &asked.client).unwrap();
+    assert!(asked.motion.len() <= MOTION_BYTES);
+    let key = by("hand", &asked.client, asked.request.right().word());
+    let again = ClientRequest::read("hand", &key, &asked.request.payload(), &asked.motion);
+    assert_eq!(again, Ok(asked));
+}

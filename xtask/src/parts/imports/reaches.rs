@@ -1,0 +1,68 @@
+//! [`reaches`]: sources that a package takes from outside of itself.
+
+use std::fs;
+use std::path::{Component, Path, PathBuf};
+
+use crate::Result;
+
+/// What reaches out of a package: the sources of `targets`, which are those of its manifest with its build script, and what
+/// its files name by `#[path]` or `include!`. Texts and data (`include_str!`) may be those of others.
+pub(super) fn reaches<'t>(
+    package: &Path,
+    targets: impl Iterator<Item = &'t Path>,
+) -> Result<Vec<String>> {
+    let outside = |path: &Path| !plain(path).starts_with(package);
+    let mut found: Vec<_> = targets
+        .filter(|path| outside(path))
+        .map(|path| format!("Cargo.toml reaches {}", plain(path).display()))
+        .collect();
+    let mut files = Vec::new();
+    sources(package, &mut files)?;
+    for file in files {
+        let source = fs::read_to_string(&file)?;
+        let directory = file.parent().unwrap_or(package);
+        let named = source.lines().filter_map(named);
+        let named = named.filter(|name| outside(&directory.join(name)));
+        let own = file.strip_prefix(package)?.display();
+        found.extend(named.map(|name| format!("{own} reaches {name}")));
+    }
+    Ok(found)
+}
+
+/// The file that a line takes as source.
+fn named(line: &str) -> Option<&str> {
+    let attribute = line.trim_start().strip_prefix("#[path = \"");
+    let included = || Some(line.split_once("include!(\"")?.1);
+    let (name, _) = attribute.or_else(included)?.split_once('"')?;
+    Some(name)
+}
+
+/// The path without `..`, as no folder is a link.
+fn plain(path: &Path) -> PathBuf {
+    let mut plain = PathBuf::new();
+    for component in path.components() {
+        match component {
+            Component::ParentDir => drop(plain.pop()),
+            component => plain.push(component),
+        }
+    }
+    plain
+}
+
+/// The Rust files of a package, without those of packages in its folders.
+fn sources(directory: &Path, files: &mut Vec<PathBuf>) -> Result<()> {
+    for entry in fs::read_dir(directory)? {
+        let path = entry?.path();
+        let name = path.file_name().unwrap_or_default();
+        if path.is_dir() {
+            let is_built = name == "target" || name.as_encoded_bytes().starts_with(b".");
+            if !is_built && !path.join("Cargo.toml").is_file() {
+                sources(&path, files)?;
+            }
+        } else if path.extension().is_some_and(|it| it == "rs") {
+            files.push(path);
+        }
+    }
+    files.sort();
+    Ok(())
+}
