@@ -4,13 +4,13 @@
 // Python wants it, `desk` is the thread that visits the system, `terminal` and `motions` are parts of it, `system` is
 // all that is asked of it; `hand` needs no system, and `simulator` is a processor of one.
 
-mod system_worker;
 mod failure;
 mod hand;
 mod motions;
 mod published;
 mod simulator;
 mod system;
+mod system_worker;
 mod terminal;
 mod values;
 mod watch;

@@ -11,8 +11,8 @@ use condor_mbox::linux::LinuxWindow;
 use condor_rt::numbers::PROCESSORS;
 use condor_rt::objects::{self, ObjectKind};
 
-use crate::system_worker::{Session, WorkerState};
 use crate::failure::Failure;
+use crate::system_worker::{Session, WorkerState};
 
 /// The name of the blocks in which a queue of motions is asked.
 const MOTIONS: &str = "motions";
@@ -94,7 +94,9 @@ impl<'v> WorkerState<'v> {
                 Err(Failure::refused(text))
             }
             QueueAnswer::Known(..) => Ok((session, number)),
-            other => Err(Failure::refused(format!("the motion is not accepted: {other}"))),
+            other => Err(Failure::refused(format!(
+                "the motion is not accepted: {other}"
+            ))),
         }
     }
 

@@ -4,8 +4,8 @@ use std::collections::BTreeSet;
 
 use condor_vars::Cell;
 
-use crate::system_worker::WorkerState;
 use crate::failure::Failure;
+use crate::system_worker::WorkerState;
 use crate::values::PythonValue;
 
 /// `(sequence number, [(field, value)])`.

@@ -9,10 +9,10 @@ use condor_mbox::Messenger as _;
 use pyo3::prelude::*;
 use serde_json::json;
 
-use crate::system_worker::SystemWorker;
 use crate::failure::{Failure, seconds};
 use crate::motions::{Outcome, Ticket};
 use crate::published::Latest;
+use crate::system_worker::SystemWorker;
 use crate::terminal::Terminal;
 use crate::values::{PythonValue, described};
 use crate::watch::Watch;

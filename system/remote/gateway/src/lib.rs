@@ -2,12 +2,12 @@
 
 pub mod book;
 pub mod config;
-mod parameter_worker;
 mod feed;
 mod job;
 pub mod journal;
 mod log;
 mod motions;
+mod parameter_worker;
 mod presence;
 mod serve;
 mod system;

@@ -18,11 +18,11 @@ use zenoh::{Session, Wait};
 
 use crate::book::Book;
 use crate::config::Config;
-use crate::parameter_worker::ParameterWorker;
 use crate::feed::Feed;
 use crate::job::{Job, refuse};
 use crate::log;
 use crate::motions::{Motions, MotionsLink};
+use crate::parameter_worker::ParameterWorker;
 use crate::presence::Presence;
 use crate::system::SystemChoice;
 
