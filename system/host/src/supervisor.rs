@@ -154,7 +154,7 @@ pub struct Summary {
 ///
 /// The programs are killed when the thread that calls this ends; if it ends in order, so are their
 /// process groups. Descendants that have left these groups are killed at the end if
-/// [`SupervisorOptions::adopts`] is set, and by a [`keeper`].
+/// [`SupervisorOptions::adopts`] is set, and by a [`reaper`].
 ///
 /// # Errors
 /// [`UpError`] if the system cannot come up or stay up, for the reason in the variant. No program
