@@ -9,10 +9,10 @@ use super::{Alone, File};
 use crate::errno::Errno;
 use crate::wire::{Operation, RequestSlot, Span};
 
-/// Memory of the processor's own window for calls without a copy, which take it and return it.
+/// Memory of the processor's own window for calls without a copy, which take the buffer and return it.
 ///
-/// While the server may read or write it, the program does not have it: the server could still
-/// write to a borrowed slice after the time-out of a call.
+/// While the server may read or write the buffer, the program does not have it: the server could still
+/// write to a borrowed slice after the timeout of a call.
 #[derive(Debug)]
 pub struct Buffer<W> {
     memory: Region<W>,
@@ -53,7 +53,7 @@ pub type BufferResult<W> = Result<(usize, Buffer<W>), BufferError<W>>;
 #[derive(Debug, thiserror::Error)]
 #[error("{error}")]
 pub struct BufferError<W> {
-    /// The error.
+    /// The reason why the call failed.
     pub error: FileError,
     /// The buffer; `None` if the operation is in doubt. Then
     /// [`FileSystem::take_buffer`](super::FileSystem::take_buffer) returns it when the operation

@@ -16,7 +16,7 @@ use crate::errno::Errno;
 /// because memory of the window cannot be a slice. One request to the server reads as much as the
 /// file's buffer in the [`Area`](super::Area) holds, whatever `N` is.
 ///
-/// Nothing is lost or read twice after an error or a time-out: if the operation turns out to have
+/// Nothing is lost or read twice after an error or a timeout: if the operation turns out to have
 /// read bytes, these come next.
 pub struct FileReader<
     'f,
@@ -40,30 +40,30 @@ pub struct FileReader<
 ///
 /// Nothing is lost by an error. A call that fails has taken nothing; bytes that were taken before
 /// and not written are [held](Self::held) until a later call writes them. This also holds after a
-/// time-out: bytes that turn out to have been written are not written again.
+/// timeout: bytes that turn out to have been written are not written again.
 ///
 /// Dropping the writer drops the bytes that it holds. [`close`](Self::close) and
 /// [`into_inner`](Self::into_inner) return an error, with the writer, if bytes could not be
 /// written.
 pub struct FileWriter<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> {
     file: File<'f, 'm, S, W, FILES>,
-    /// How many bytes of the file's buffer are to be written.
+    /// The number of bytes in the file's buffer that are not written yet.
     held: u32,
     asked: OperationStart,
 }
 
 /// The error of a writer that could not write the bytes that it holds, or close its file.
 pub struct WriterError<T> {
-    /// The error.
+    /// The reason why the bytes could not be written.
     pub error: FileError,
     /// The writer, with the bytes that it holds; `None` if all were written, and closing the file
     /// failed.
     pub writer: Option<T>,
 }
 
-/// What [`FileWriter::into_parts`] returns.
+/// The file and the unwritten bytes that [`FileWriter::into_parts`] returns.
 pub struct WriterParts<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> {
-    /// The file.
+    /// The file that the writer wrote to.
     pub file: File<'f, 'm, S, W, FILES>,
     /// The number of bytes that were held, and are not known to be written.
     pub held: usize,

@@ -48,7 +48,8 @@ pub struct FileSwitch<
 
 struct Files<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> {
     system: FileSystem<'m, S, W, FILES>,
-    /// Of the blocks of the file system: block and descriptor have one index.
+    /// The generation and mode of the descriptor of each block: a block and its descriptor have the same
+    /// index.
     places: [Location; FILES],
 }
 
@@ -71,7 +72,7 @@ pub enum FileOpenError<'n> {
     File {
         /// The requested name.
         name: &'n str,
-        /// The error of the file system, with its number if it has one.
+        /// The error of the filesystem, with its number if it has one.
         error: FileError,
     },
 }
@@ -90,7 +91,7 @@ pub enum TransferError<E: Debug> {
     /// The bus of a board returned this error.
     #[error("{0}")]
     Device(E),
-    /// The file system returned this error, with its number if it has one.
+    /// The filesystem returned this error, with its number if it has one.
     #[error(transparent)]
     File(#[from] FileError),
 }
@@ -219,7 +220,7 @@ where
         self.with(fd, OpenMode::empty(), calls)
     }
 
-    /// Calls `calls` with the file system, for operations on names and directories, and files
+    /// Calls `calls` with the filesystem, for operations on names and directories, and files
     /// without a descriptor. Returns `None`, and calls nothing, if this context interrupts another
     /// use of a file.
     pub fn with_system<R>(

@@ -53,11 +53,12 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f
         self.read_from(into, None)
     }
 
-    /// Reads from `position` on into `into`, at most as many bytes as the file's buffer holds. The
-    /// file's own position stays. Returns the number of bytes; 0 at the end of the file.
+    /// Reads from `position` on into `into`, at most as many bytes as the file's buffer holds. The file's
+    /// own position stays. Returns the number of bytes; 0 at the end of the file.
     ///
     /// # Errors
-    /// Those of [`read`](Self::read).
+    /// [`FileError::Errno`] if the server refuses; another [`FileError`] if it does not answer in time, or
+    /// if the mailbox or the window fails.
     pub fn read_at(&self, into: &mut [u8], position: u64) -> Result<usize, FileError> {
         self.read_from(into, Some(position))
     }
@@ -196,7 +197,8 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f
     /// Sets the permissions of the file, as [`FileSystem::set_mode`] does.
     ///
     /// # Errors
-    /// Those of [`FileSystem::set_mode`].
+    /// [`FileError::Errno`] if the server refuses; another [`FileError`] if it does not answer in time, or
+    /// if the mailbox or the window fails.
     pub fn set_mode(&self, mode: u32) -> Result<(), FileError> {
         self.begin_set_mode(mode).done()
     }
@@ -212,7 +214,8 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f
     /// Sets the times of the file, as [`FileSystem::set_times`] does.
     ///
     /// # Errors
-    /// Those of [`FileSystem::set_times`].
+    /// [`FileError::Errno`] if the server refuses; another [`FileError`] if it does not answer in time, or
+    /// if the mailbox or the window fails.
     pub fn set_times(&self, times: Times) -> Result<(), FileError> {
         self.begin_set_times(times).done()
     }

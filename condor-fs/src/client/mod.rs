@@ -51,14 +51,14 @@ use turn::Turn;
 /// is one context's turn. Meanwhile a call of another context returns [`Errno::BUSY`] and does
 /// nothing, or waits for its turn, as [`wait_for_turn`](Self::wait_for_turn) says.
 ///
-/// A processor has one file system at a time: [`connect`](Self::connect) ends all former ones.
+/// A processor has one `FileSystem` at a time: [`connect`](Self::connect) ends all former ones.
 pub struct FileSystem<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> {
     station: &'m S,
     server: Processor,
     own: Region<W>,
     area: Area<FILES>,
     timeout: SharedDuration,
-    /// How long a call waits for its turn.
+    /// The time for which a call waits for its turn.
     patience: SharedDuration,
     /// Files that were dropped, and that nobody has closed.
     left: [AtomicBool; FILES],
@@ -69,14 +69,14 @@ pub struct FileSystem<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: u
 struct State<W: MemoryWindow, const FILES: usize> {
     session: Cell<u64>,
     sequence: Cell<u64>,
-    /// What is to follow the end of the operation in the slot, if that has not been seen.
+    /// The work that follows the end of the operation in the slot, if that end has not been seen.
     doubt: Cell<Option<After>>,
     /// The message about it, if its receiver has not died.
     pending: Cell<Option<PendingReply>>,
     /// The last request, unless it has failed, and the value of its answer.
     former: Cell<Option<RequestSlot>>,
     former_value: Cell<u64>,
-    /// What is added to the slot's offset in the first message about the operation in the slot.
+    /// The bits to add to the slot's offset in the first message about the operation in the slot.
     bits: Cell<u32>,
     files: [Cell<BlockState>; FILES],
     /// The buffer of an operation that was in doubt.
@@ -222,7 +222,7 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
         Ok(after.is_asked_for().then_some(result))
     }
 
-    /// Returns whether the end of the last operation is unknown. It is while another context's call is
+    /// Returns true if the end of the last operation is unknown. It is while another context's call is
     /// in progress, too.
     pub fn in_doubt(&self) -> bool {
         self.turn

@@ -73,8 +73,8 @@ impl OpenOptions {
         self.with(flag::CREATE | flag::EXCLUSIVE)
     }
 
-    /// Gives a file that is created the permissions `mode`, less the umask of the server. Without
-    /// it, the server's options have the permissions. Add [`create`](Self::create) or
+    /// Sets the permissions of a file that is created to `mode`, less the umask of the server. Without this
+    /// call, the file gets the permissions in the server's options. Add [`create`](Self::create) or
     /// [`exclusive`](Self::exclusive).
     #[must_use]
     pub const fn mode(self, mode: u32) -> Self {

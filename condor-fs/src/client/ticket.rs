@@ -1,4 +1,4 @@
-//! [`FileTicket`]: an operation that is awaited, or waited for again after a time-out.
+//! [`FileTicket`]: an operation that is awaited, or waited for again after a timeout.
 
 use core::pin::Pin;
 use core::task::{Context, Poll};
@@ -21,9 +21,9 @@ use crate::wire::{FileStatus, Operation, RequestSlot, Space, rename, slot};
 ///
 /// In a program whose tasks wait for other events, too, the mailbox's interrupt serves, or a task
 /// that also looks now and then; with the feature `async` of `condor-mbox`, this wakes the tasks
-/// that await a reply. See [`condor_mbox::MessageTicket`]. A ticket has no time-out when it is awaited: it
+/// that await a reply. See [`condor_mbox::MessageTicket`]. A ticket has no timeout when it is awaited: it
 /// lasts as long as there is no server. Drop it to give up the wait: the operation stays in doubt,
-/// as after a time-out.
+/// as after a timeout.
 ///
 /// ```
 /// # use condor_fs::{FileError, FileSystem, OpenOptions};
@@ -42,7 +42,7 @@ use crate::wire::{FileStatus, Operation, RequestSlot, Space, rename, slot};
 pub struct FileTicket<'t, 'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, T> {
     system: &'f FileSystem<'m, S, W, FILES>,
     ask: Ask<'t>,
-    /// Where bytes of a read go.
+    /// The place to which a read copies its bytes.
     into: &'t mut [u8],
     result: fn(TicketResult<'f, 'm, S, W, FILES>) -> T,
     /// While it is this one's turn.
@@ -99,7 +99,7 @@ impl<'t, 'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, T>
         }
     }
 
-    /// Waits for the result for at most `timeout`, serving meanwhile. After a time-out the ticket
+    /// Waits for the result for at most `timeout`, serving meanwhile. After a timeout the ticket
     /// can be waited for again: it asks for the same operation, and does not begin another one.
     ///
     /// # Errors
@@ -342,7 +342,7 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
         })
     }
 
-    /// Begins to close a file that nobody has any more; returns whether there was one.
+    /// Begins to close a file that nobody has any more; returns true if there was one.
     fn begin_closing_dropped(&self, alone: &Alone<'_, W, FILES>) -> Result<bool, FileError> {
         let late = alone.ended.get().and_then(|ended| match ended.after {
             After::Opened { file, .. } => Some(file),

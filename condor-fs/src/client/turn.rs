@@ -100,7 +100,7 @@ mod loom_models {
     /// Loom reports two that touch it at a time, and those of which none is before the other.
     type Value = loom::cell::Cell<u32>;
 
-    /// Counts if it is this one's turn; returns whether it is.
+    /// Counts if it is this one's turn; returns true if it is.
     fn count(turn: &Turn<Value>) -> bool {
         let alone = turn.take();
         if let Some(alone) = &alone {

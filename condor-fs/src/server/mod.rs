@@ -77,7 +77,7 @@ struct Job<'j> {
     request: RequestSlot,
     paths: Paths,
     operation: Operation,
-    /// Where the table of a session is, if that is known.
+    /// Returns the place of the table of a session, if that is known.
     ask: &'j dyn Fn(u64) -> Option<u32>,
 }
 

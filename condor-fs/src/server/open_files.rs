@@ -29,7 +29,7 @@ pub(super) struct OpenFiles {
 struct Cache {
     /// By processor, session and handle.
     files: BTreeMap<(Processor, u64, u64), Arc<OpenFile>>,
-    /// Where the table of a session is.
+    /// The session of each processor, and the place of its table.
     tables: BTreeMap<Processor, (u64, u32)>,
     /// The question for it that a session has not answered yet.
     asked: BTreeMap<Processor, (u64, PendingReply)>,

@@ -43,7 +43,7 @@ impl<S: Steps> FileServer<S> {
         // Of all that the server does with a file, only this and the reading of a directory depend
         // on its own position, and both set it first.
         match rustix::fs::seek(&opened.file, from) {
-            // The position is a good one: it is the file system that does not know the word.
+            // The position is a good one: it is the filesystem that does not know the word.
             Err(Linux::INVAL) => Err(Errno::OPNOTSUPP.into()),
             outcome => Ok(outcome?),
         }

@@ -1,8 +1,8 @@
-//! Files that are opened once more although their mode has come to keep the server's user out.
+//! Files whose mode has come to exclude the server's user, and which the server opens once more.
 //!
-//! A file that is open stays usable on Unix, whatever its mode becomes. A new incarnation of the server has to
-//! open it again: it gives the owner the permission for a moment, and notes the former mode in the slot
-//! and the operation in the journal before, so that an incarnation after it gives the mode back.
+//! A file that is open stays usable on Unix, whatever its mode becomes. A new incarnation of the server has
+//! to open it again: it grants the owner the permission for a moment. Before, it notes the former mode in
+//! the slot and the operation in the journal, so that the next incarnation can restore the mode.
 
 use std::ffi::CString;
 use std::os::fd::OwnedFd;

@@ -1,4 +1,4 @@
-//! Buffered readers and writers against a model, with errors, short writes and time-outs anywhere.
+//! Buffered readers and writers against a model, with errors, short writes and timeouts anywhere.
 
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard};
