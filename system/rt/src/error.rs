@@ -69,7 +69,7 @@ pub enum ProgramError {
     /// The program set up a handler for a vector that is already in use.
     #[error("`{name}` cannot have {vector}, which belongs to {by}")]
     VectorTaken {
-        /// The vector.
+        /// The number of the vector that is in use.
         vector: Vector,
         /// The use that the vector already has.
         by: &'static str,

@@ -51,7 +51,7 @@ mod entry {
     pub(super) const NAME: u32 = 20;
 }
 
-/// The kind of an object.
+/// The use of an object, by which tools know how to read it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u32)]
 #[non_exhaustive]
@@ -113,7 +113,7 @@ pub enum ObjectError {
     /// The table has an object of this name and kind already.
     #[error("there are two objects `{name}`: each needs a name of its own")]
     Taken {
-        /// The name.
+        /// The name that both objects have.
         name: ShortText<NAME_BYTES>,
     },
     /// The region has no room left, or its memory cannot be accessed.

@@ -236,7 +236,7 @@ impl<'b, M: Machine> Background<'b, M> {
         Ok(loops.reset_statistics(id)?)
     }
 
-    /// Gives the loop called `name` another rate, while all loops run on.
+    /// Changes the rate of the loop called `name`, while all loops go on running.
     ///
     /// # Errors
     /// [`ProgramError::Missing`] if the program has no loops, [`ProgramError::Loop`] with
@@ -261,7 +261,7 @@ impl<'b, M: Machine> Background<'b, M> {
         }?)
     }
 
-    /// Returns whether the program is to end.
+    /// Returns true if the program is to end.
     #[must_use]
     pub fn is_stopping(&self) -> bool {
         self.machine.is_stopping()

@@ -60,7 +60,7 @@ pub struct Setup<'e, M: Machine> {
     objects: ObjectTable<M::Window>,
     console: Option<ConsoleOf<M>>,
     area: Option<Area<FILES>>,
-    /// Where a request to the supervisor has room.
+    /// The room for requests to the supervisor.
     asks: Option<Allocator>,
     waiting: Waiting,
     handlers: List<(Vector, &'e str, MessageHandler<'e>), HANDLERS>,
@@ -82,9 +82,9 @@ struct Loop<'e> {
     rate: Rate,
     overrun: Overrun,
     body: LoopFunction<'e>,
-    /// What its rate follows, in Hz.
+    /// The parameter that sets the rate of the loop, in Hz.
     rate_hz: Option<&'e Param<u32>>,
-    /// How many variables and parameters it and the loops before it have.
+    /// The number of variables and parameters of this loop and the loops before it.
     watched: usize,
     tuned: usize,
 }
@@ -149,20 +149,20 @@ impl<'e, M: Machine> Setup<'e, M> {
         })
     }
 
-    /// Gives the program a terminal, which the object table lists as `console`.
+    /// Creates the program's terminal, which the object table lists as `console`.
     ///
     /// # Errors
-    /// [`ProgramError::Twice`] if it has one, [`ProgramError::Window`] if there is no room, [`ProgramError::Objects`] if
-    /// a terminal of this name is in the object table already.
+    /// [`ProgramError::Twice`] if the program has a terminal already; [`ProgramError::Window`] if there is
+    /// no room; [`ProgramError::Objects`] if a terminal of this name is in the object table already.
     pub fn console(&mut self) -> Result<&mut Self, ProgramError> {
         self.console_with(&condor_tty::TerminalSettings::COOKED)
     }
 
-    /// Gives the program a terminal as [`console`](Self::console) does, with these settings.
+    /// Creates the program's terminal as [`console`](Self::console) does, with these settings.
     ///
     /// # Errors
-    /// [`ProgramError::Twice`] if it has one, [`ProgramError::Window`] if there is no room, [`ProgramError::Objects`] if
-    /// a terminal of this name is in the object table already.
+    /// [`ProgramError::Twice`] if the program has a terminal already; [`ProgramError::Window`] if there is
+    /// no room; [`ProgramError::Objects`] if a terminal of this name is in the object table already.
     pub fn console_with(
         &mut self,
         settings: &condor_tty::TerminalSettings,

@@ -50,7 +50,7 @@ pub mod state {
 #[derive(Clone, Debug, PartialEq, Eq, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
 pub struct SupervisorRequest {
-    /// One of [`operation`].
+    /// The operation to carry out: a constant of [`operation`].
     pub operation: u32,
     /// The number of the request whose outcome is asked for, or of the processor whose name is asked
     /// for; otherwise 0.
@@ -106,7 +106,7 @@ impl SupervisorRequest {
 #[derive(Clone, Debug, PartialEq, Eq, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
 pub struct SupervisorResponse {
-    /// One of [`state`].
+    /// The state of the request: a constant of [`state`].
     pub state: u32,
     /// The number of the request.
     pub number: u32,
@@ -229,7 +229,10 @@ impl<'b, M: Machine> Supervisor<'b, M> {
     /// file, or `self`, whose first argument names a program of the running binary.
     ///
     /// # Errors
-    /// Those of [`restart`](Self::restart).
+    /// [`SupervisorError::Absent`] if no supervisor runs; [`SupervisorError::Refused`] if the description
+    /// does not allow it; [`SupervisorError::TooLong`] if the words do not fit into a request, or one of
+    /// them contains a zero byte; [`SupervisorError::Unknown`] if the answer has a state that this version
+    /// does not know; [`SupervisorError::Exchange`] if there is no answer.
     pub fn load<'w>(
         &mut self,
         processor: &'w str,
@@ -264,8 +267,8 @@ impl<'b, M: Machine> Supervisor<'b, M> {
         self.judge(&response)
     }
 
-    /// Asks for the name that the description gives to `processor`; returns `None` if it has no such
-    /// processor.
+    /// Asks for the name that the description has for `processor`; returns `None` if the description has no
+    /// such processor.
     ///
     /// # Errors
     /// [`SupervisorError::Absent`] if no supervisor runs; [`SupervisorError::Exchange`] if there is

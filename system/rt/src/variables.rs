@@ -1,5 +1,5 @@
-//! What loops show and let set: the tables of condor-vars in a program that
-//! [`Setup`](crate::Setup) makes.
+//! The variables that loops show and the parameters that others can set: the tables of condor-vars in a
+//! program that [`Setup`](crate::Setup) makes.
 
 use core::fmt;
 use core::num::NonZeroU64;

@@ -120,9 +120,9 @@ impl Handover for Bells {
     }
 }
 
-/// A part of the host in simulated time: a service, for which time waits, or a guest, for which it
-/// does not. It asks for the *turn*, the right to run at an instant of that time, and gives it
-/// back.
+/// A part of the host in simulated time: a service, for which time waits, or a guest, for which it does
+/// not. It asks for the *turn*, the right to run at an instant of that time, and returns the turn
+/// afterwards.
 #[derive(Debug)]
 pub struct HostClock {
     page: MappedPage,
@@ -156,19 +156,19 @@ impl HostClock {
         self.page.request(self.number, at, &self.by);
     }
 
-    /// Returns whether this part of the host has the turn, which it [requested](Self::request).
+    /// Returns true if this part of the host has the turn, which it [requested](Self::request).
     #[must_use]
     pub fn has_turn(&self) -> bool {
         self.page.has_turn(self.number)
     }
 
-    /// Gives the turn back, so that the simulated time can go on.
+    /// Returns the turn, so that the simulated time can go on.
     pub fn finish(&self) {
         self.page.finish(self.number, &self.by);
     }
 
-    /// Gives the turn back and [requests](Self::request) it again for `at`, before any time passes.
-    /// If no processor has anything to do before, this part of the host keeps the turn.
+    /// Returns the turn and [requests](Self::request) it again for `at`, before any time passes. If no
+    /// processor has anything to do before, this part of the host keeps the turn.
     pub fn postpone(&self, at: u64) {
         self.page.postpone(self.number, at, &self.by);
     }
@@ -261,9 +261,9 @@ impl HostBell {
     }
 
     /// Reports to the simulated clock that the service has handled all messages that came before
-    /// [`prepare`](Doorbell::prepare) returned `seen`. [`wait`](Doorbell::wait) does the same, and
-    /// gives back the turn. A service that sleeps in another way must call this itself. It has the
-    /// turn when it begins, and must [give it back](HostClock::finish).
+    /// [`prepare`](Doorbell::prepare) returned `seen`. [`wait`](Doorbell::wait) does the same, and also
+    /// returns the turn. A service that sleeps in another way must call this itself. The service has the
+    /// turn when it begins, and must [return it](HostClock::finish).
     pub fn done(&self, (_, seen): (u32, u32)) {
         if let Some(clock) = &self.clock
             && clock.is_service

@@ -56,7 +56,7 @@ enum LoopPlatform {
     Threads(Option<u8>, Arc<Server>),
     /// In signals: the code that made the machine has promised the contract of [`SignalPlatform::new`].
     Signals,
-    /// Where the background polls.
+    /// In the background, at the points where it polls.
     Spin(Arc<Spinner>),
     /// In simulated time, where the background waits.
     Simulated(ProcessClock),

@@ -1,4 +1,4 @@
-//! What can go wrong with a system in virtual time.
+//! Errors of a system in virtual time.
 
 use core::any::Any;
 use core::fmt;
@@ -49,7 +49,7 @@ pub struct SimFailure {
     pub number: Processor,
     /// The instant of the failure, in nanoseconds since the beginning of the run.
     pub at_ns: u64,
-    /// The cause.
+    /// The error, or the panic, with which the program failed.
     pub cause: Cause,
 }
 
