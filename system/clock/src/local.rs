@@ -36,17 +36,17 @@ pub struct LocalClock<P, H> {
     number: u8,
     page: P,
     by: H,
-    /// When the timer is to interrupt.
+    /// The instant at which the timer interrupts.
     armed: AtomicU64,
-    /// What it calls then: where a reference to a handler lies, on the stack of `with_handler`.
+    /// The address of a reference to the handler that the timer calls, on the stack of `with_handler`.
     handler: AtomicPtr<Handler>,
     /// Whether the timer may interrupt.
     open: AtomicBool,
-    /// In how many contexts it is in which no time passes.
+    /// The number of contexts in which the processor is and in which no time passes.
     still: AtomicU32,
-    /// How often the clock was read since it went on last.
+    /// The number of readings of the clock since the processor last went on.
     readings: AtomicU32,
-    /// How long the loop of each rank takes.
+    /// The time that the loop of each rank takes, in nanoseconds.
     work: [u64; LOOPS],
 }
 
@@ -105,7 +105,7 @@ impl<P: Deref<Target = Page<N>>, H: Handover, const N: usize> LocalClock<P, H> {
         self.page.now()
     }
 
-    /// Returns whether the instant has come from which programs are to stop.
+    /// Returns true if the instant has come from which programs are to stop.
     pub fn is_stopping(&self) -> bool {
         self.now() >= self.page.stop_at()
     }
@@ -134,7 +134,7 @@ impl<P: Deref<Target = Page<N>>, H: Handover, const N: usize> LocalClock<P, H> {
         self.now()
     }
 
-    /// Arms the timer for the instant `at`, in nanoseconds; returns whether `at` is still ahead.
+    /// Arms the timer for the instant `at`, in nanoseconds; returns true if `at` is still ahead.
     pub fn arm(&self, at: u64) -> bool {
         self.armed.store(at, Relaxed);
         at > self.now()

@@ -6,8 +6,8 @@ use crate::obstacle::Obstacle;
 use crate::sync::{Ordering, fence};
 
 impl<const N: usize> Page<N> {
-    /// If the turn is free, takes it for `me` and gives it to the participant that goes on first,
-    /// if there is one. Any thread of `me` may call this at any moment.
+    /// If the turn is free, takes it for `me` and passes it to the participant that goes on first, if there
+    /// is one. Any thread of `me` may call this at any moment.
     pub fn kick(&self, me: u8, by: &impl Handover) {
         // Pairs with the fence in `give`: either the last holder sees in its second look what the
         // caller has changed, or the caller sees here that the turn is free.
@@ -34,7 +34,7 @@ impl<const N: usize> Page<N> {
             .then_some(next)
     }
 
-    /// Takes the turn, for `me` to give it on, from a holder that `is_over`; returns whether it did.
+    /// Takes the turn, for `me` to pass it on, from a holder that `is_over`; returns true if it did.
     pub(super) fn take_from(&self, me: u8, is_over: impl Fn(u8) -> bool) -> bool {
         // Pairs with the fence in `give`: the giver sees that nobody wants it, or this sees the turn.
         fence(Ordering::SeqCst);
