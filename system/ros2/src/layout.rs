@@ -43,7 +43,7 @@ pub struct Layout {
     fields: Vec<RosField>,
     /// The legal name of each field.
     names: Vec<String>,
-    /// Where each field lies behind the header of a message, in bytes.
+    /// The offset of each field behind the header of a message, in bytes.
     places: Vec<usize>,
     /// The size of a message without its header, in bytes.
     bytes: usize,
