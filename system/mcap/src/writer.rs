@@ -15,7 +15,7 @@ impl<W: Write> McapWriter<W> {
     /// `library` says what writes it.
     ///
     /// # Errors
-    /// The error of `to`. All functions return it, and the file is not whole then.
+    /// Returns the error of `to` if writing fails. All methods do so, and the file is incomplete then.
     pub fn new(mut to: W, profile: &str, library: &str) -> Result<Self, W::Error> {
         to.write_all(&MAGIC)?;
         let mut writer = Self { to };
@@ -27,7 +27,7 @@ impl<W: Write> McapWriter<W> {
     /// Writes names with values that belong to the whole file, such as versions.
     ///
     /// # Errors
-    /// The error of what is written to.
+    /// Returns the error of the destination if writing fails.
     pub fn metadata(&mut self, name: &str, pairs: &[(&str, &str)]) -> Result<(), W::Error> {
         self.record(opcode::METADATA, &[Part::Text(name), Part::Pairs(pairs)])
     }
@@ -35,7 +35,7 @@ impl<W: Write> McapWriter<W> {
     /// Writes a schema: the description of the messages of a type. `number` is not 0. `encoding` is
     /// the language in which `data` describes them, such as `ros2msg`.
     ///
-    /// # Errors
+    /// Returns the error of the destination if writing fails.
     /// The error of what is written to.
     pub fn schema(
         &mut self,
@@ -53,7 +53,7 @@ impl<W: Write> McapWriter<W> {
     /// Writes a channel: a topic whose messages are described by `schema`, which was written before
     /// or is 0, and encoded as `encoding` says, such as `cdr`.
     ///
-    /// # Errors
+    /// Returns the error of the destination if writing fails.
     /// The error of what is written to.
     pub fn channel(
         &mut self,
@@ -76,7 +76,7 @@ impl<W: Write> McapWriter<W> {
 
     /// Writes a message of a channel that was written before; `data` is in several pieces.
     ///
-    /// # Errors
+    /// Returns the error of the destination if writing fails.
     /// The error of what is written to.
     pub fn message(&mut self, message: &MessageHead, data: &[&[u8]]) -> Result<(), W::Error> {
         let bytes = data.iter().map(|part| part.len()).sum();
@@ -87,16 +87,16 @@ impl<W: Write> McapWriter<W> {
     /// Writes bytes of messages that were put together by [`MessageHead::head`] and kept. A message may
     /// be in several pieces, but nothing else may be written before it is whole.
     ///
-    /// # Errors
+    /// Returns the error of the destination if writing fails.
     /// The error of what is written to.
     pub fn records(&mut self, bytes: &[u8]) -> Result<(), W::Error> {
         self.to.write_all(bytes)
     }
 
-    /// Ends the file, and returns what it was written to, which may have to be flushed.
+    /// Ends the file, and returns the destination, which may have to be flushed.
     ///
     /// # Errors
-    /// The error of what is written to.
+    /// Returns the error of the destination if writing fails.
     pub fn end(mut self) -> Result<W, W::Error> {
         // There are no checksum, summary, and offsets of one.
         self.record(opcode::DATA_END, &[Part::Raw(&[0; 4])])?;
@@ -105,7 +105,7 @@ impl<W: Write> McapWriter<W> {
         Ok(self.to)
     }
 
-    /// Returns what is written to.
+    /// Returns the destination.
     pub const fn inner_mut(&mut self) -> &mut W {
         &mut self.to
     }
