@@ -56,7 +56,7 @@ pub(crate) fn start(hart: u32) {
 }
 
 /// Exceptions, and interrupts in which the debugger has called, come here from `trap.s`, with interrupts masked.
-/// Returns whether the program goes on, with the registers of the frame.
+/// Returns true if the program goes on, with the registers of the frame.
 ///
 /// Breakpoints in what runs from here on do not stop it: `trap.s` lifts them. What it has saved is in its
 /// arguments, since that changes a register such as `mcause`.
@@ -101,7 +101,7 @@ fn go_behind(hart: usize, pc: usize) {
 
 /// This hart, as its stub uses it.
 struct ThisHart {
-    /// Where its program is.
+    /// The addresses of its program.
     program: Range<u64>,
 }
 

@@ -1,4 +1,4 @@
-//! What a program has the interrupts of its hart do, for as long as it lasts.
+//! The hooks by which a program handles interrupts of its hart, until it ends.
 
 use core::cell::Cell;
 

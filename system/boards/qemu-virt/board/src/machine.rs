@@ -1,4 +1,4 @@
-//! Where the devices of the machine are, as its device tree says.
+//! The addresses of the devices of the machine, from its device tree.
 
 use core::num::NonZeroU32;
 

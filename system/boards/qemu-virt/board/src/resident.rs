@@ -1,4 +1,4 @@
-//! What the monitor does that programs do not: it comes up, starts them, and is where they end.
+//! The part of the monitor that programs do not have: it comes up, starts programs, and is where they end.
 
 use core::time::Duration;
 

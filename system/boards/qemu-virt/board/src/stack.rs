@@ -1,7 +1,8 @@
-//! How deep the stack of a program was.
+//! The greatest depth that the stack of a program has had.
 //!
-//! What has not been used still has the paint on it. Frames are told by what is written: bytes at the
-//! bottom of one that nobody writes do not show, but for those that only align the stack pointer.
+//! The stack is filled with paint before the program begins, and the paint stays on the part that has not
+//! been used. A frame shows only by the bytes that are written: bytes at the bottom of a frame that are
+//! never written do not count, except those that only align the stack pointer.
 
 use core::arch::asm;
 

@@ -1,4 +1,4 @@
-//! Where interrupts come, and in which order they are served.
+//! The entry of interrupts, and the order in which they are served.
 //!
 //! RISC-V takes a software interrupt before a timer interrupt. Here loops come first: the mailbox
 //! interrupt lets the timer in before it serves, and one that comes while loops run, or while another one
@@ -175,7 +175,7 @@ extern "C" fn condor_timer() {
     }
 }
 
-/// Every other interrupt comes here from `trap.s`, with interrupts masked. Returns whether the debugger
+/// Every other interrupt comes here from `trap.s`, with interrupts masked. Returns true if the debugger
 /// has given its stub a command.
 #[unsafe(no_mangle)]
 extern "C" fn condor_interrupt(cause: usize) -> bool {

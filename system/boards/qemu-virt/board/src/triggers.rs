@@ -19,7 +19,7 @@ const EXECUTE: u64 = 1 << 2;
 const STORE: u64 = 1 << 1;
 const LOAD: u64 = 1;
 
-/// Has a trigger that nobody uses stop at these accesses. Returns whether there is one that can.
+/// Has a trigger that nobody uses stop at these accesses. Returns true if there is one that can.
 pub(crate) fn arm(trigger: Trigger) -> bool {
     let wanted = control(trigger);
     for _ in places() {

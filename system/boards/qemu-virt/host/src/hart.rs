@@ -75,7 +75,7 @@ pub enum HartError {
     Image {
         /// The index of the hart.
         hart: u32,
-        /// The file.
+        /// The path of the file.
         file: PathBuf,
         /// The reason for which the hart cannot run it.
         source: HartImageError,
@@ -83,7 +83,7 @@ pub enum HartError {
     /// The file cannot be read.
     #[error("cannot read {file:?}: {source}")]
     Unreadable {
-        /// The file.
+        /// The path of the file.
         file: PathBuf,
         /// The error of the operating system.
         source: std::io::Error,
@@ -132,7 +132,8 @@ pub struct HartLauncher {
     program: Option<LoadedProgram>,
     running: Option<Running>,
     ended: Option<Exit>,
-    /// What is to be said of a fault or by the program itself, beside how it ended.
+    /// The report of a fault, or the error of the program itself, that is shown beside the way in which it
+    /// ended.
     report: Option<String>,
 }
 

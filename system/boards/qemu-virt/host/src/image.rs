@@ -21,10 +21,10 @@ const RELA_BYTES: u64 = 24;
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct HartImage {
     bytes: Vec<u8>,
-    /// Where it begins, in bytes from the beginning of the memory.
+    /// The offset at which it begins, in bytes from the beginning of the memory.
     offset: u32,
     entry: u32,
-    /// What is added to an address of the file.
+    /// The bias to add to an address of the file.
     bias: u64,
 }
 
@@ -169,7 +169,7 @@ impl HartImage {
         self.bytes.len() as u32
     }
 
-    /// Returns whether the image has no bytes, which is never so for a program.
+    /// Returns true if the image has no bytes, which is never so for a program.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.bytes.is_empty()

@@ -1,7 +1,7 @@
 //! A machine of harts: QEMU, the numbers of the harts, and the link on which both sides ring.
 //!
-//! While the service lives, so does the machine, and the numbers of its harts are held: peers see in
-//! that evidence that a hart is alive. It joins when all harts have come up.
+//! The machine runs as long as the service, which also holds the numbers of its harts: to peers, that is
+//! the evidence that a hart is alive. The service joins when all harts have come up.
 //!
 //! The link is the serial line of the machine. Each byte on it is the number of a processor that is
 //! rung: from here that of a hart, from there that of a process. Nothing else is sent.
@@ -45,7 +45,7 @@ const SUCCESSION: Duration = Duration::from_secs(5);
 /// ends. It makes the socket `link`, through which both sides ring each other.
 ///
 /// # Errors
-/// A text that says why the machine cannot be served, or how QEMU ended if that was without
+/// Returns an error whose text says why the machine cannot be served, or how QEMU ended if it ended without
 /// SIGTERM.
 pub fn serve(memory: &Path, link: &Path, qemu: &Qemu) -> Result<(), AnyError> {
     let mut signals = EndSignals::new()?;

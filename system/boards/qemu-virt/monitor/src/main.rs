@@ -1,6 +1,6 @@
-//! What a hart runs while it has no program: it waits for the host's order, starts what the host has put
-//! into its memory, and is where the program ends. If that was by a trap, it says so on the hart's
-//! terminal.
+//! The monitor, which a hart runs while it has no program: it waits for the host's order, starts the
+//! program that the host has put into its memory, and is where the program ends. If the program ended by a
+//! trap, the monitor says so on the hart's terminal.
 #![no_std]
 #![no_main]
 
@@ -23,7 +23,7 @@ core::arch::global_asm!(
 /// How often a hart looks that nobody has rung.
 const LOOK: Duration = Duration::from_millis(100);
 
-/// Where a hart comes from `start.s`, each time.
+/// The entry from `start.s`, each time that a hart comes to the monitor.
 #[unsafe(no_mangle)]
 extern "C" fn condor_monitor(why: usize, number: u32) -> ! {
     let why = Return::from_word(why);

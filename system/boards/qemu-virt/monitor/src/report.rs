@@ -1,4 +1,4 @@
-//! What a hart says, on its own terminal, of the trap that has ended its program.
+//! The report that a hart prints on its own terminal about the trap that has ended its program.
 
 use core::fmt::{self, Write as _};
 use core::time::Duration;

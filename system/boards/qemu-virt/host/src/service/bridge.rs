@@ -33,7 +33,7 @@ impl Bridge {
     /// its receiver from a sleep on the `page` of the clock.
     ///
     /// # Errors
-    /// The error of the operating system if it has no descriptors or threads left.
+    /// Returns the operating system's error if it has no descriptors or threads left.
     pub fn start(
         stream: UnixStream,
         harts: Vec<(Processor, LinuxDoorbell<PROCESSORS>)>,
