@@ -17,13 +17,13 @@ const NAP: Duration = Duration::from_micros(50);
 /// The state of a processor's program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ProgramState {
-    /// It runs, or there is none.
+    /// The program runs, or the processor has none.
     Runs,
-    /// It is held.
+    /// The program is held.
     Held(HoldReason),
 }
 
-/// What stops a program.
+/// The means by which a program is stopped at an address.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Breakpoint {
     /// A breakpoint instruction at this address.
@@ -57,7 +57,7 @@ impl Breakpoint {
 /// A breakpoint that is planted in a program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PlantedBreakpoint {
-    /// What it is.
+    /// The kind and address of the breakpoint.
     pub breakpoint: Breakpoint,
     /// The instruction that a breakpoint instruction replaces.
     pub original: u32,
@@ -110,18 +110,18 @@ impl<W: MemoryWindow> Tracer<W> {
         }
     }
 
-    /// Returns the mode.
+    /// Returns the debug mode.
     ///
     /// # Errors
-    /// [`TracerError::Access`].
+    /// [`TracerError::Access`] if the area cannot be accessed.
     pub fn mode(&self) -> Result<DebugRequest, TracerError> {
         Ok(self.area.mode()?)
     }
 
-    /// Sets the mode, which counts from the next trap on.
+    /// Sets the debug mode, which counts from the next trap on.
     ///
     /// # Errors
-    /// [`TracerError::Access`].
+    /// [`TracerError::Access`] if the area cannot be accessed.
     pub fn set_mode(&self, mode: DebugRequest) -> Result<(), TracerError> {
         Ok(self.area.set(area::MODE, mode.word())?)
     }
@@ -129,7 +129,7 @@ impl<W: MemoryWindow> Tracer<W> {
     /// Returns the state of the program.
     ///
     /// # Errors
-    /// [`TracerError::Access`].
+    /// [`TracerError::Access`] if the area cannot be accessed.
     pub fn state(&self) -> Result<ProgramState, TracerError> {
         // Acquire: the frame is that of this hold.
         if self.area.word(area::STATE)? != area::HELD {
@@ -139,10 +139,10 @@ impl<W: MemoryWindow> Tracer<W> {
         Ok(ProgramState::Held(reason))
     }
 
-    /// Returns how often a program of the processor was held.
+    /// Returns the number of times that a program of the processor was held.
     ///
     /// # Errors
-    /// [`TracerError::Access`].
+    /// [`TracerError::Access`] if the area cannot be accessed.
     pub fn holds(&self) -> Result<u32, TracerError> {
         Ok(self.area.word(area::HOLDS)?)
     }
@@ -150,7 +150,8 @@ impl<W: MemoryWindow> Tracer<W> {
     /// Stops the program, and waits until it is held.
     ///
     /// # Errors
-    /// [`TracerError::NoAnswer`], [`TracerError::Access`].
+    /// [`TracerError::NoAnswer`] if the processor does not answer in time; [`TracerError::Access`] if the
+    /// area cannot be accessed.
     pub fn stop(&self) -> Result<HoldReason, TracerError> {
         if let ProgramState::Held(reason) = self.state()? {
             return Ok(reason);
@@ -164,12 +165,12 @@ impl<W: MemoryWindow> Tracer<W> {
         })
     }
 
-    /// Makes the breakpoints of `wanted`, and no others, be planted, and resumes the program if
-    /// `resumes`.
+    /// Plants the breakpoints of `wanted`, removes all others, and resumes the program if `resumes`.
     ///
     /// # Errors
-    /// [`TracerError::Refused`] if one cannot be planted; the program is not resumed then.
-    /// [`TracerError::NoAnswer`], [`TracerError::Access`].
+    /// [`TracerError::Refused`] if a breakpoint cannot be planted; the program is not resumed then.
+    /// [`TracerError::NoAnswer`] if the processor does not answer in time; [`TracerError::Access`] if the
+    /// area cannot be accessed.
     pub fn plant(&self, wanted: &[Breakpoint], resumes: bool) -> Result<(), TracerError> {
         let planted = self.planted()?;
         let gone = planted.iter().map(|planted| planted.breakpoint);
@@ -196,17 +197,18 @@ impl<W: MemoryWindow> Tracer<W> {
     /// Removes all breakpoints, and resumes the program if it is held. No debugger is attached then.
     ///
     /// # Errors
-    /// [`TracerError::NoAnswer`], [`TracerError::Access`].
+    /// [`TracerError::NoAnswer`] if the processor does not answer in time; [`TracerError::Access`] if the
+    /// area cannot be accessed.
     pub fn release(&self) -> Result<(), TracerError> {
         self.set_mode(self.mode()?.left())?;
         self.command(area::RELEASE, &[])
     }
 
-    /// As [`release`](Self::release), without waiting for the processor. Returns whether all of it is
-    /// done; call it again until it is.
+    /// Releases the processor as [`release`](Self::release) does, without waiting for it. Returns true if
+    /// all of it is done; call it again until it is.
     ///
     /// # Errors
-    /// [`TracerError::Access`].
+    /// [`TracerError::Access`] if the area cannot be accessed.
     pub fn try_release(&self) -> Result<bool, TracerError> {
         let mode = self.mode()?;
         if !self.is_done()? {
@@ -224,7 +226,7 @@ impl<W: MemoryWindow> Tracer<W> {
     /// Returns the breakpoints that are planted.
     ///
     /// # Errors
-    /// [`TracerError::Access`].
+    /// [`TracerError::Access`] if the area cannot be accessed.
     pub fn planted(&self) -> Result<Vec<PlantedBreakpoint>, TracerError> {
         let mut all = Vec::new();
         for place in 0..area::MOST_PLANTED {
@@ -244,19 +246,19 @@ impl<W: MemoryWindow> Tracer<W> {
         Ok(all)
     }
 
-    /// Returns whether the program that runs can have no breakpoint at an address of it, as its stub has said
-    /// when it began.
+    /// Returns true if the running program cannot have a breakpoint at `address`: one of the addresses that
+    /// its stub reported when the program began.
     ///
     /// # Errors
-    /// [`TracerError::Access`].
+    /// [`TracerError::Access`] if the area cannot be accessed.
     pub fn is_closed(&self, address: u64) -> Result<bool, TracerError> {
         Ok(self.area.closed()?.contains(&address))
     }
 
-    /// Returns a register of the frame. It is the program's while the program is held.
+    /// Returns a register of the frame. It is the program's register while the program is held.
     ///
     /// # Errors
-    /// [`TracerError::Access`].
+    /// [`TracerError::Access`] if the area cannot be accessed.
     pub fn register(&self, place: u32) -> Result<u64, TracerError> {
         Ok(self.area.register(place)?)
     }
@@ -264,7 +266,7 @@ impl<W: MemoryWindow> Tracer<W> {
     /// Sets a register of the frame, which the program has when it is resumed.
     ///
     /// # Errors
-    /// [`TracerError::Access`].
+    /// [`TracerError::Access`] if the area cannot be accessed.
     pub fn set_register(&self, place: u32, value: u64) -> Result<(), TracerError> {
         Ok(self.area.set_register(place, value)?)
     }

@@ -1,4 +1,4 @@
-//! What GDB reads and changes: queries, registers, memory, breakpoints, commands of `monitor`.
+//! The answers to GDB: queries, registers, memory, breakpoints, commands of `monitor`.
 
 use condor_mbox::MemoryWindow;
 
@@ -408,7 +408,7 @@ impl<W: MemoryWindow> AttachedProcessor<W> {
         Ok(())
     }
 
-    /// Plants a breakpoint, at once or when the program goes on. Returns whether there can be one.
+    /// Plants a breakpoint, at once or when the program goes on. Returns true if there can be one.
     fn want(&mut self, breakpoint: Breakpoint) -> Result<bool, SessionError> {
         if self.wanted.contains(&breakpoint) {
             return Ok(true);
@@ -438,7 +438,7 @@ impl<W: MemoryWindow> AttachedProcessor<W> {
         }
     }
 
-    /// Removes a breakpoint: at once if the program runs, or else before it goes on. Returns whether there was
+    /// Removes a breakpoint: at once if the program runs, or else before it goes on. Returns true if there was
     /// one.
     fn forget(&mut self, breakpoint: Breakpoint) -> Result<bool, SessionError> {
         let before = self.wanted.len();

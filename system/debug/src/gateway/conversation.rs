@@ -81,13 +81,13 @@ pub(super) struct Conversation<'s, W: MemoryWindow> {
     reports: VecDeque<String>,
     /// GDB knows that all programs have ended.
     pub(super) is_over: bool,
-    /// How often programs were looked at since one was resumed.
+    /// The number of looks at programs since one was resumed.
     looks: u32,
 }
 
 impl<W: MemoryWindow> Session<W> {
     /// Serves a GDB until it goes away. The programs are stopped when GDB asks for it, which it does at once
-    /// unless it is in non-stop mode. Returns whether GDB wants them to be killed; otherwise they go on.
+    /// unless it is in non-stop mode. Returns true if GDB wants them to be killed; otherwise they go on.
     ///
     /// # Errors
     /// [`SessionError::NoProgram`] if all programs have ended; [`SessionError::Tracer`] if a processor does
@@ -144,7 +144,7 @@ impl<'s, W: MemoryWindow> Conversation<'s, W> {
         }
     }
 
-    /// Serves GDB until it goes away. Returns whether it wants the programs to be killed.
+    /// Serves GDB until it goes away. Returns true if it wants the programs to be killed.
     pub(super) fn serve(mut self) -> Result<bool, SessionError> {
         loop {
             if self.waits || self.is_non_stop {

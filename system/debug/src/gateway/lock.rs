@@ -52,7 +52,7 @@ impl Cleaner {
     /// Looks at a processor, whose debugger lock is on `file`. If a debugger was attached and is dead, has
     /// the processor remove all breakpoints and go on. It does not wait: call it again and again.
     ///
-    /// Returns whether a debugger was found dead in this call.
+    /// Returns true if a debugger was found dead in this call.
     ///
     /// # Errors
     /// [`TracerError::Access`] if the area cannot be accessed.

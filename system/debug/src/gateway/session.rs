@@ -21,38 +21,39 @@ const START: Duration = Duration::from_secs(15);
 /// How long a former debugger, or whoever cleans up after it, may take to let go.
 const SUCCESSION: Duration = Duration::from_secs(3);
 
-/// The end of a program.
+/// The way in which a program ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ProgramEnd {
-    /// It returned this status.
+    /// The program returned this status.
     Exited(u8),
-    /// It was taken off its processor, or has made a trap.
+    /// The program was taken off its processor, or has made a trap.
     Killed,
 }
 
-/// What a processor runs.
+/// The program that a processor runs, or the end of the last one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DebuggedProgram {
     /// The program that was started as this number.
     Runs(u32),
-    /// None any more.
+    /// No program runs any more.
     Ended(ProgramEnd),
 }
 
-/// Whoever starts programs of a processor, and knows what they serve: for `monitor reset`, `load` and `vectors`.
+/// The owner of a processor's programs, which starts them and knows the messages that they serve: for
+/// `monitor reset`, `load` and `vectors`.
 pub trait ProgramHost: Send {
-    /// Ends the program of the processor, and then has one start: the same again, or that of a file with
-    /// arguments. Returns before it has come to its first statement, where it will be held. An error that comes
-    /// later is received.
+    /// Ends the program of the processor, and then starts one: the same program again, or that of a file
+    /// with arguments. Returns before the program has come to its first statement, where it will be held.
+    /// The receiver gets the text of an error that comes later.
     ///
     /// # Errors
-    /// The reason for which none starts, for the user.
+    /// Returns the reason, as a text for the user, if no program can be started.
     fn start(&self, file: Option<(&str, Vec<&str>)>) -> Result<Receiver<String>, String>;
 
-    /// Says which messages the program serves.
+    /// Returns a text that lists the messages that the program serves.
     ///
     /// # Errors
-    /// The reason for which that is not known, for the user.
+    /// Returns the reason, as a text for the user, if the messages are not known.
     fn vectors(&self) -> Result<String, String>;
 }
 
@@ -60,7 +61,7 @@ pub trait ProgramHost: Send {
 pub struct Debuggee<W> {
     /// The name of the processor.
     pub name: String,
-    /// Gives commands to its stub.
+    /// The means by which commands are sent to the processor's stub.
     pub tracer: Tracer<W>,
     /// The memory that its program can access.
     pub memory: Region<W>,
@@ -68,13 +69,13 @@ pub struct Debuggee<W> {
     pub base: u64,
     /// The addresses at which breakpoints can be: those of the program.
     pub code: core::ops::Range<u64>,
-    /// What is added to an address of the program's file.
+    /// The bias to add to an address of the program's file.
     pub bias: u64,
     /// The file of its debugger lock.
     pub lock: std::path::PathBuf,
-    /// Says what it runs.
+    /// Returns the program that the processor runs, or its end.
     pub program: Box<dyn Fn() -> DebuggedProgram + Send>,
-    /// Whoever starts its programs; without it they are started elsewhere.
+    /// The owner of the processor's programs; `None` if programs are started elsewhere.
     pub host: Option<Box<dyn ProgramHost>>,
 }
 
@@ -168,7 +169,7 @@ pub enum SessionError {
     Start {
         /// The name of the processor.
         name: String,
-        /// The reason.
+        /// The reason why no program starts, for the user.
         reason: String,
     },
     /// The connection failed, or is not GDB's.
@@ -177,7 +178,7 @@ pub enum SessionError {
 }
 
 /// A debugger's hold of processors: breakpoints and fatal exceptions stop their programs as long as the
-/// session lives. When it is dropped, they run without breakpoints.
+/// session exists. When it is dropped, they run without breakpoints.
 #[derive(Debug)]
 pub struct Session<W: MemoryWindow> {
     /// GDB's threads, from 1 on.

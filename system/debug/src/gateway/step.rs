@@ -1,4 +1,4 @@
-//! Where a step of one instruction ends.
+//! The place where a step of one instruction ends.
 //!
 //! Source: RISC-V Instruction Set Manual, volume I, RV64I 2.1, "A" 2.1 and "C" 2.0.
 

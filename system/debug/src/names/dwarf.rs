@@ -29,7 +29,7 @@ pub(super) struct TypeAt {
 pub(super) enum VariableLocation {
     /// All of its bytes are there, in order.
     Address(u64),
-    /// It has no such address, since the compiler does this.
+    /// The variable has no such address, because the compiler does this.
     None(&'static str),
 }
 
