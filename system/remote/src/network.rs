@@ -10,7 +10,7 @@ use zenoh::{Config, Session, Wait};
 use crate::error::RemoteError;
 use crate::wire;
 
-/// How a client reaches gateways and routers, and proves who it is.
+/// The way in which a client reaches gateways and routers, and proves its identity.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct RemoteAccess {

@@ -8,9 +8,9 @@ use zenoh::query::Query;
 /// A request, and the query that it came by.
 #[derive(Debug)]
 pub(crate) struct Job {
-    /// The request.
+    /// The request that the query contains.
     pub(crate) asked: ClientRequest,
-    /// The query.
+    /// The query to answer.
     pub(crate) query: Query,
 }
 

@@ -105,7 +105,7 @@ impl Motions {
         self.undecided.clear();
     }
 
-    /// Returns whether there is a way to the system.
+    /// Returns true if there is a way to the system.
     #[must_use]
     pub(crate) const fn has_way(&self) -> bool {
         self.way.is_some()

@@ -48,7 +48,7 @@ impl ParameterWorker {
         }
     }
 
-    /// Answers as long as the system runs; returns whether nobody can ask any more.
+    /// Answers as long as the system runs; returns true if nobody can ask any more.
     fn serve(&self) -> Result<bool, AnyError> {
         let mut found = self.which.find()?;
         let mut view = View::open(&found.directory, found.status.window_bytes)?;

@@ -45,7 +45,7 @@ impl Gateway {
     /// Opens the journal and the session of zenoh, and starts the threads.
     ///
     /// # Errors
-    /// An error that says what cannot be opened.
+    /// Returns an error that says what cannot be opened, if the journal or the session cannot be.
     pub fn start(config: &Config, which: &SystemChoice) -> Result<Self, AnyError> {
         let book = Book::open(&config.journal)?;
         let presence = Presence::new(config.stops(), config.grace(), Instant::now());
@@ -124,7 +124,7 @@ impl Drop for Gateway {
     }
 }
 
-/// What lets requests in.
+/// The entry of requests, which checks them.
 struct Door {
     config: Config,
     desk: SyncSender<Job>,
@@ -134,7 +134,7 @@ struct Door {
 }
 
 impl Door {
-    /// Checks a request, and gives it to its thread. It never waits.
+    /// Checks a request, and passes it to its thread. It never waits.
     fn take(&self, query: Query) {
         let bytes = |bytes: Option<&zenoh::bytes::ZBytes>| {
             bytes

@@ -60,7 +60,7 @@ pub(crate) struct RunningSystem {
 }
 
 impl RunningSystem {
-    /// Returns whether it is still the same one; it looks once a second.
+    /// Returns true if it is still the same one; it looks once a second.
     pub(crate) fn is_there(&mut self) -> bool {
         if self.looked.elapsed() < LOOK {
             return true;
