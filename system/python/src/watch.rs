@@ -90,7 +90,7 @@ impl WatchState {
         }
     }
 
-    /// Returns whether nobody wants more rows, or there are no more.
+    /// Returns true if nobody wants more rows, or there are no more.
     pub(crate) fn is_closed(&self) -> bool {
         self.is_closed.load(Ordering::Relaxed)
     }
