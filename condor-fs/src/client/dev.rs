@@ -72,7 +72,7 @@ pub enum FileOpenError<'n> {
     File {
         /// The requested name.
         name: &'n str,
-        /// The error of the filesystem, with its number if it has one.
+        /// The error of the [`FileSystem`], with its number if it has one.
         error: FileError,
     },
 }
@@ -91,7 +91,7 @@ pub enum TransferError<E: Debug> {
     /// The bus of a board returned this error.
     #[error("{0}")]
     Device(E),
-    /// The filesystem returned this error, with its number if it has one.
+    /// The [`FileSystem`] returned this error, with its number if it has one.
     #[error(transparent)]
     File(#[from] FileError),
 }
@@ -220,7 +220,7 @@ where
         self.with(fd, OpenMode::empty(), calls)
     }
 
-    /// Calls `calls` with the filesystem, for operations on names and directories, and files
+    /// Calls `calls` with the [`FileSystem`], for operations on names and directories, and files
     /// without a descriptor. Returns `None`, and calls nothing, if this context interrupts another
     /// use of a file.
     pub fn with_system<R>(
@@ -235,8 +235,8 @@ where
     ///
     /// # Errors
     /// [`IoError::Fd`] if the descriptor is refused; [`IoError::WouldBlock`] if it is of a file and
-    /// this context interrupts another use of a file; [`IoError::Bus`] if the board or the file
-    /// system fails, though the descriptor is closed all the same.
+    /// this context interrupts another use of a file; [`IoError::Bus`] if the board or the
+    /// `FileSystem` fails, though the descriptor is closed all the same.
     pub fn close(&self, fd: Fd) -> Result<(), IoError<TransferError<B::Error>>> {
         if Self::is_device(fd) {
             return self.devices.close(fd).map_err(of_device);

@@ -197,8 +197,8 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f
     /// Sets the permissions of the file, as [`FileSystem::set_mode`] does.
     ///
     /// # Errors
-    /// [`FileError::Errno`] if the server refuses; another [`FileError`] if it does not answer in time, or
-    /// if the mailbox or the window fails.
+    /// [`Errno::PERM`] if the file would get a set-user-ID or set-group-ID bit; [`Errno::INVAL`] if `mode` has
+    /// more than the bits 0o7777; other numbers as on Unix; otherwise another [`FileError`].
     pub fn set_mode(&self, mode: u32) -> Result<(), FileError> {
         self.begin_set_mode(mode).done()
     }
@@ -214,8 +214,8 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f
     /// Sets the times of the file, as [`FileSystem::set_times`] does.
     ///
     /// # Errors
-    /// [`FileError::Errno`] if the server refuses; another [`FileError`] if it does not answer in time, or
-    /// if the mailbox or the window fails.
+    /// [`Errno::INVAL`] if there are more than 999 999 999 nanoseconds; other numbers as on Unix; otherwise
+    /// another [`FileError`].
     pub fn set_times(&self, times: Times) -> Result<(), FileError> {
         self.begin_set_times(times).done()
     }

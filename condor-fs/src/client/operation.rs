@@ -360,7 +360,7 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
         // Once only: to a server that has done it, the same bits mean the request after it.
         let message = self.area.slot() | alone.bits.take();
         let ticket = (self.station).begin(self.server, wire::FILES, message, timeout)?;
-        // Apart from its messenger, so that a filesystem can go to another thread.
+        // Apart from its messenger, so that a `FileSystem` can go to another thread.
         let no_reply = MailError::NotConnected { to: self.server };
         let pending = ticket.detach().ok_or(no_reply)?;
         alone.pending.set(Some(pending));

@@ -51,7 +51,7 @@ pub(super) struct Block {
     /// The operation after which the file has a silly name; its low word is 0 if there is none.
     silly: u64,
     evidence: FileIdentity,
-    /// Where it is; behind what is in the window.
+    /// The offset of the block in the window; this word follows those that are in the window.
     at: u32,
 }
 

@@ -134,7 +134,7 @@ impl<P: Deref<Target = Page<N>>, H: Handover, const N: usize> LocalClock<P, H> {
         self.now()
     }
 
-    /// Arms the timer for the instant `at`, in nanoseconds; returns true if `at` is still ahead.
+    /// Sets the timer to the instant `at`, in nanoseconds; returns true if `at` is still ahead.
     pub fn arm(&self, at: u64) -> bool {
         self.armed.store(at, Relaxed);
         at > self.now()

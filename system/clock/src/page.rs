@@ -512,12 +512,12 @@ impl<const N: usize> Page<N> {
         }
     }
 
-    /// Returns the turn that was [requested](Self::request), or withdraws the request.
+    /// Releases the turn that was [requested](Self::request), or withdraws the request.
     pub fn finish(&self, me: u8, by: &impl Handover) {
         self.postpone(me, NEVER, by);
     }
 
-    /// Returns the turn that was [requested](Self::request), and requests it again for the instant `at`, in
+    /// Releases the turn that was [requested](Self::request), and requests it again for the instant `at`, in
     /// nanoseconds, before any time passes.
     pub fn postpone(&self, me: u8, at: u64, by: &impl Handover) {
         self.set_next(me, at);

@@ -165,7 +165,7 @@ impl<W: MemoryWindow> Tracer<W> {
         })
     }
 
-    /// Plants the breakpoints of `wanted`, removes all others, and resumes the program if `resumes`.
+    /// Changes the planted breakpoints to those of `wanted`, and resumes the program if `resumes`.
     ///
     /// # Errors
     /// [`TracerError::Refused`] if a breakpoint cannot be planted; the program is not resumed then.

@@ -71,7 +71,7 @@ pub enum McapRecord<'b> {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum McapError<E> {
-    /// The error of what is read from.
+    /// The source returned this error.
     #[error(transparent)]
     Io(E),
     /// The file does not begin as MCAP files do.

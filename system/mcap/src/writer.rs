@@ -35,8 +35,8 @@ impl<W: Write> McapWriter<W> {
     /// Writes a schema: the description of the messages of a type. `number` is not 0. `encoding` is
     /// the language in which `data` describes them, such as `ros2msg`.
     ///
+    /// # Errors
     /// Returns the error of the destination if writing fails.
-    /// The error of what is written to.
     pub fn schema(
         &mut self,
         number: u16,
@@ -53,8 +53,8 @@ impl<W: Write> McapWriter<W> {
     /// Writes a channel: a topic whose messages are described by `schema`, which was written before
     /// or is 0, and encoded as `encoding` says, such as `cdr`.
     ///
+    /// # Errors
     /// Returns the error of the destination if writing fails.
-    /// The error of what is written to.
     pub fn channel(
         &mut self,
         number: u16,
@@ -76,8 +76,8 @@ impl<W: Write> McapWriter<W> {
 
     /// Writes a message of a channel that was written before; `data` is in several pieces.
     ///
+    /// # Errors
     /// Returns the error of the destination if writing fails.
-    /// The error of what is written to.
     pub fn message(&mut self, message: &MessageHead, data: &[&[u8]]) -> Result<(), W::Error> {
         let bytes = data.iter().map(|part| part.len()).sum();
         self.to.write_all(&message.head(bytes))?;
@@ -87,8 +87,8 @@ impl<W: Write> McapWriter<W> {
     /// Writes bytes of messages that were put together by [`MessageHead::head`] and kept. A message may
     /// be in several pieces, but nothing else may be written before it is whole.
     ///
+    /// # Errors
     /// Returns the error of the destination if writing fails.
-    /// The error of what is written to.
     pub fn records(&mut self, bytes: &[u8]) -> Result<(), W::Error> {
         self.to.write_all(bytes)
     }

@@ -84,11 +84,11 @@ pub trait Machine: Sync {
         Ok(mailbox)
     }
 
-    /// Returns an argument that the system description, the file that lists the processors, gives
-    /// to the program. `index` counts from 0; `None` if there are fewer arguments.
+    /// Returns argument `index` of the program, counted from 0, as the system description lists it; `None`
+    /// if there are fewer arguments. The system description is the file that lists the processors.
     fn argument(&self, index: usize) -> Option<&str>;
 
-    /// Returns true if the program is to end. The background asks at least every 100 ms.
+    /// Returns true if the program must end. The background asks at least every 100 ms.
     fn is_stopping(&self) -> bool;
 
     /// Returns true if messages are served while the background computes: by the mailbox interrupt

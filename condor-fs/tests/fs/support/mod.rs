@@ -313,7 +313,7 @@ pub(crate) fn with_client<R>(
     })
 }
 
-/// The same, with the filesystem to keep.
+/// The same, with the `FileSystem` to keep.
 pub(crate) fn with_own_client<R>(
     system: &LinuxSystem<N>,
     number: Processor,

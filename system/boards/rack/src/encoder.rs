@@ -173,8 +173,8 @@ impl Encoder8 {
         registers.write16(offset::ZERO, counters.into())
     }
 
-    /// Arms the counters named by the bits of `counters`, and no others, to be set to zero by their next
-    /// index pulse.
+    /// Sets the counters that the next index pulse zeroes: those named by the bits of `counters`, and no
+    /// others.
     ///
     /// # Errors
     /// Returns the bus's error if the access fails.

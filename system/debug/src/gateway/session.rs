@@ -47,13 +47,13 @@ pub trait ProgramHost: Send {
     /// The receiver gets the text of an error that comes later.
     ///
     /// # Errors
-    /// Returns the reason, as a text for the user, if no program can be started.
+    /// Returns an error text for the user if no program can be started.
     fn start(&self, file: Option<(&str, Vec<&str>)>) -> Result<Receiver<String>, String>;
 
     /// Returns a text that lists the messages that the program serves.
     ///
     /// # Errors
-    /// Returns the reason, as a text for the user, if the messages are not known.
+    /// Returns an error text for the user if the messages are not known.
     fn vectors(&self) -> Result<String, String>;
 }
 

@@ -93,7 +93,7 @@ pub struct GatewayTls {
     pub authority: Option<PathBuf>,
 }
 
-/// A client and its rights.
+/// A client of the gateway: its name, the requests that it may make, and the fate of its motions.
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ClientRights {
@@ -153,7 +153,7 @@ impl Config {
     /// Reads a text, and checks it.
     ///
     /// # Errors
-    /// Returns a text that says what is wrong if this is not a valid configuration.
+    /// Returns an error text that names the fault if this is not a valid configuration.
     pub fn parse(text: &str) -> Result<Self, String> {
         let config: Self = toml::from_str(text).map_err(|error| error.to_string())?;
         config.check()?;

@@ -121,7 +121,7 @@ impl Handover for Bells {
 }
 
 /// A part of the host in simulated time: a service, for which time waits, or a guest, for which it does
-/// not. It asks for the *turn*, the right to run at an instant of that time, and returns the turn
+/// not. It asks for the *turn*, the right to run at an instant of that time, and releases the turn
 /// afterwards.
 #[derive(Debug)]
 pub struct HostClock {
@@ -162,12 +162,12 @@ impl HostClock {
         self.page.has_turn(self.number)
     }
 
-    /// Returns the turn, so that the simulated time can go on.
+    /// Releases the turn, so that the simulated time can go on.
     pub fn finish(&self) {
         self.page.finish(self.number, &self.by);
     }
 
-    /// Returns the turn and [requests](Self::request) it again for `at`, before any time passes. If no
+    /// Releases the turn and [requests](Self::request) it again for `at`, before any time passes. If no
     /// processor has anything to do before, this part of the host keeps the turn.
     pub fn postpone(&self, at: u64) {
         self.page.postpone(self.number, at, &self.by);
@@ -262,8 +262,8 @@ impl HostBell {
 
     /// Reports to the simulated clock that the service has handled all messages that came before
     /// [`prepare`](Doorbell::prepare) returned `seen`. [`wait`](Doorbell::wait) does the same, and also
-    /// returns the turn. A service that sleeps in another way must call this itself. The service has the
-    /// turn when it begins, and must [return it](HostClock::finish).
+    /// releases the turn. A service that sleeps in another way must call this itself. The service has the
+    /// turn when it begins, and must [release it](HostClock::finish).
     pub fn done(&self, (_, seen): (u32, u32)) {
         if let Some(clock) = &self.clock
             && clock.is_service

@@ -49,7 +49,7 @@ pub struct SimFailure {
     pub number: Processor,
     /// The instant of the failure, in nanoseconds since the beginning of the run.
     pub at_ns: u64,
-    /// The error, or the panic, with which the program failed.
+    /// The error, panic or other fault by which the program failed.
     pub cause: Cause,
 }
 

@@ -32,7 +32,7 @@ pub struct MppModel {
 }
 
 impl MppModel {
-    /// Strobes a byte in from the other side; returns true if the board had room for it.
+    /// Sends a byte from the other side, with its strobe; returns true if the board had room for it.
     pub fn strobe_in(&mut self, byte: u8) -> bool {
         if self.control & RAW != 0 {
             return false;
