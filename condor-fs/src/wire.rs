@@ -327,7 +327,7 @@ pub const fn following(sequence: u64) -> u64 {
     if next as u32 == 0 { next | 1 } else { next }
 }
 
-/// What lies in shared memory as whole words.
+/// A structure that is stored in shared memory as whole words.
 pub(crate) trait Words: Sized {
     /// Passes its words to `put`, in order.
     fn put(&self, put: &mut impl FnMut(u32));

@@ -20,7 +20,7 @@ use super::{File, FileError, FileSystem, OpenOptions};
 use crate::errno::Errno;
 use crate::wire::open as flag;
 
-/// What the names of files begin with, behind the colon that any name may have.
+/// The prefix of the names of files, behind the colon that any name may have.
 const PREFIX: &str = "fs/";
 
 /// A device switch and the files of a host, with common names and descriptors.
@@ -267,7 +267,7 @@ where
         usize::from(fd.number()) < F
     }
 
-    /// A file is ready if its descriptor is good: its call then waits, and gives something.
+    /// A file is ready if its descriptor is good: its call then waits, and returns something.
     fn ready(&self, fd: Fd, wanted: OpenMode) -> Result<bool, IoError<TransferError<B::Error>>> {
         match self.with(fd, wanted, |_| Ok(true)) {
             Err(IoError::WouldBlock) => Ok(false),
@@ -334,7 +334,7 @@ where
         self.ready(fd, OpenMode::WRITE)
     }
 
-    /// What was written to a file is with the host; on its disk it is after a sync.
+    /// Bytes that were written to a file are with the host; they are on its disk after a sync.
     fn is_flushed(&self, fd: Fd) -> Result<bool, IoError<Self::Error>> {
         if Self::is_device(fd) {
             return self.devices.is_flushed(fd).map_err(of_device);

@@ -74,7 +74,7 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
 impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize>
     Directory<'f, 'm, S, W, FILES>
 {
-    /// What is open like a file.
+    /// Makes the directory of a block that is open like a file.
     pub(super) const fn of(file: File<'f, 'm, S, W, FILES>) -> Self {
         Self {
             file,

@@ -31,7 +31,7 @@ pub struct File<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usi
 
 #[cfg(feature = "dev")]
 impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f, 'm, S, W, FILES> {
-    /// What is open in a block.
+    /// Returns the file that is open in a block.
     pub(super) fn at(system: &'f FileSystem<'m, S, W, FILES>, index: usize) -> Self {
         Self { system, index }
     }
@@ -78,8 +78,8 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f
     /// file's own position stays. Returns the number of bytes.
     ///
     /// # Errors
-    /// [`Errno::INVAL`] for a file that was opened for appending; otherwise those of
-    /// [`write`](Self::write).
+    /// [`Errno::INVAL`] if the file was opened for appending; [`FileError::Errno`] if the server refuses;
+    /// another [`FileError`] if it does not answer in time, or if the mailbox or the window fails.
     pub fn write_at(&self, from: &[u8], position: u64) -> Result<usize, FileError> {
         self.write_to(from, Some(position))
     }
@@ -315,7 +315,7 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f
     }
 }
 
-/// Whatever the server says, no more than it was asked for.
+/// Returns the number of moved bytes that the server reports, but no more than it was asked for.
 pub(super) fn moved(value: u64, buffer: Span) -> usize {
     value.min(buffer.len.into()) as usize
 }

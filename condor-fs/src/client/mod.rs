@@ -65,7 +65,7 @@ pub struct FileSystem<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: u
     turn: Turn<State<W, FILES>>,
 }
 
-/// What belongs to the context whose turn it is.
+/// The state that belongs to the context whose turn it is.
 struct State<W: MemoryWindow, const FILES: usize> {
     session: Cell<u64>,
     sequence: Cell<u64>,
@@ -98,7 +98,7 @@ struct UnreadResult {
     words: [u32; slot::STATUS_WORDS],
 }
 
-/// What is known of a block.
+/// The client's knowledge of a block.
 #[derive(Clone, Copy, Default)]
 struct BlockState {
     state: SessionState,
@@ -152,7 +152,7 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
         for file in 0..FILES {
             own.write(area.block(file), &[0; block::BYTES as usize])?;
         }
-        // What is left there of a former client is not of this one.
+        // A mode that a former client left there does not belong to this one.
         own.set_word(area.slot().wrapping_add(slot::MODE), 0)?;
         let system = Self {
             station,

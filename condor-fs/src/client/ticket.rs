@@ -49,7 +49,7 @@ pub struct FileTicket<'t, 'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const 
     alone: Option<Alone<'f, W, FILES>>,
 }
 
-/// What a ticket asks for.
+/// The request of a ticket.
 pub(super) enum Ask<'t> {
     Plain(Operation, After),
     Path(RequestSlot, &'t [u8], After),
@@ -73,7 +73,7 @@ pub(super) enum Ask<'t> {
     Begun(u64),
 }
 
-/// What came of an operation that succeeded.
+/// The result of an operation that succeeded.
 pub(super) struct TicketResult<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> {
     pub(super) system: &'f FileSystem<'m, S, W, FILES>,
     pub(super) after: After,
@@ -103,8 +103,9 @@ impl<'t, 'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, T>
     /// can be waited for again: it asks for the same operation, and does not begin another one.
     ///
     /// # Errors
-    /// Those of the call that is named like the method that made the ticket; [`Errno::INVAL`] if the
-    /// result was returned before, or was displaced by that of another operation that timed out.
+    /// Returns the error of the call that is named like the method that made the ticket if that fails;
+    /// [`Errno::INVAL`] if the result was returned before, or was displaced by that of another operation
+    /// that timed out.
     pub fn wait(&mut self, timeout: Duration) -> Result<T, FileError> {
         let until = self.system.station.now().after(timeout);
         match self.advance(Some(until)) {
@@ -239,7 +240,7 @@ impl<'t, 'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, T>
                 system.fill_buffer(alone, file, buffer, from)?;
                 alone.prepare_transfer(operation, file, buffer, at)?
             }
-            // It is in the slot.
+            // The request is in the slot.
             Ask::Begun(_) => return Ok(()),
         };
         system.start(alone, &request, after)?;
@@ -253,12 +254,12 @@ impl<'t, 'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, T>
         let mut value = ended.outcome;
         match (ended.after, &mut value) {
             (After::Read { file } | After::ReadAt { file }, Ok(value)) => {
-                // Whatever the server says, no more than there is.
+                // The server may claim more bytes than there are.
                 *value = (*value).min(system.area.buffer_bytes().into());
                 let into = usize::try_from(*value).ok();
                 let into = into.and_then(|len| self.into.get_mut(..len));
                 let Some(into) = into else {
-                    // It can be asked for again, with more room.
+                    // The result can be asked for again, with more room.
                     alone.ended.set(Some(*ended));
                     return Err(Errno::INVAL.into());
                 };

@@ -51,7 +51,8 @@ impl<T> Turn<T> {
         exchanged.is_err()
     }
 
-    /// As above, on processors without compare-and-swap.
+    /// Marks the turn as taken, on processors without compare-and-swap; returns true if it was taken
+    /// before.
     #[cfg(not(any(target_has_atomic = "8", condor_loom)))]
     fn set_taken(&self) -> bool {
         critical_section::with(|_| {

@@ -27,7 +27,7 @@ const ALLOCATIONS: [(u32, FallocateFlags); 5] = [
 ];
 
 impl<S: Steps> FileServer<S> {
-    /// Where the next data or the next hole begins.
+    /// Returns the place where the next data or the next hole begins.
     pub(super) fn find(&self, job: &Job<'_>) -> Result<u64, Stop> {
         let opened = self.opened(job)?;
         let position = job.request.position;
@@ -49,8 +49,8 @@ impl<S: Steps> FileServer<S> {
         }
     }
 
-    /// Takes room for a range, or gives it back. A repetition does the same to the same bytes: the
-    /// next incarnation does it before anybody else does something.
+    /// Takes room for a range, or releases it. A repetition does the same to the same bytes: the next
+    /// incarnation does it before any other operation.
     pub(super) fn allocate(&self, job: &Job<'_>) -> Result<(), Stop> {
         let opened = self.opened(job)?;
         let file = opened.for_writing()?;
