@@ -36,9 +36,9 @@ const SHOWN_BYTES: u32 = 8192;
 /// The longest path that a program opens, and the buffer for what is in a file, in bytes.
 const PATH_BYTES: u32 = 64;
 const BUFFER_BYTES: u32 = 4096;
-/// How long the background serves before it looks around.
+/// The time that the background serves before it looks around.
 const NAP: Duration = Duration::from_millis(20);
-/// The rate in the schedule of a loop that is to rest.
+/// The rate in the schedule of a loop that rests.
 const RESTING: Rate = Rate::hz(1);
 
 /// A handler of messages, in a program that [`Setup`] makes; its result is the reply.
@@ -90,7 +90,7 @@ struct Loop<'e> {
 }
 
 impl Loop<'_> {
-    /// What runs at a release.
+    /// Returns the function that runs at a release.
     fn ticks<M: Machine>(
         &mut self,
         mut sampler: Option<LoopSampler<'_, M>>,
@@ -105,7 +105,7 @@ impl Loop<'_> {
             if let Some(sampler) = &mut sampler {
                 let _ = sampler.begin();
             }
-            // One that is to rest may be released before the background has it disabled.
+            // A loop that must rest may be released before the background has disabled it.
             if self.rate_hz.is_none_or(|hz| hz.get() != 0) {
                 (self.body)(&mut LoopTick {
                     due,
@@ -532,10 +532,10 @@ impl<'e, M: Machine> Setup<'e, M> {
             }
             Ok(background(&running))
         };
-        // What is wrong with the own memory, the background finds out.
+        // An error of the processor's own memory is found by the background.
         let serve = || mailbox.serve(Duration::ZERO).unwrap_or(0);
         machine.with_mail(serve, || {
-            // Whoever rang since the mailbox joined, but before `serve` was connected, was not heard.
+            // A ring since the mailbox joined, but before `serve` was connected, was not heard.
             if machine.mail_interrupts() {
                 machine.doorbell().ring(machine.number());
             }

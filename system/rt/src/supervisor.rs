@@ -15,7 +15,7 @@ use crate::machine::{Machine, MailboxOf};
 use crate::numbers::{REQUESTS, SUPERVISOR};
 use crate::text::ShortText;
 
-/// How long the supervisor may take to answer.
+/// The time that the supervisor may take to answer.
 const ANSWER: Duration = Duration::from_secs(5);
 
 /// The greatest length of the words of a request, and of the text of a response, in bytes.
@@ -259,8 +259,9 @@ impl<'b, M: Machine> Supervisor<'b, M> {
     /// program has joined, and false while it is being carried out.
     ///
     /// # Errors
-    /// Those of [`restart`](Self::restart); [`SupervisorError::Refused`] also if the request has
-    /// failed, and [`SupervisorError::Unknown`] if a later request has taken its place.
+    /// [`SupervisorError::Absent`] if no supervisor runs; [`SupervisorError::Refused`] if the request was
+    /// refused or has failed; [`SupervisorError::Unknown`] if a later request has taken its place;
+    /// [`SupervisorError::Exchange`] if there is no answer.
     pub fn outcome(&mut self, order: SupervisorTicket) -> Result<bool, SupervisorError> {
         let request = SupervisorRequest::new(operation::OUTCOME, order.0, []);
         let response = self.ask(&request.ok_or(SupervisorError::TooLong)?)?;

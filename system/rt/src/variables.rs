@@ -14,7 +14,7 @@ use crate::text::ShortText;
 
 /// The greatest number of variables (or blocks of variables), and of parameters, of a program.
 pub const VARIABLES: usize = 32;
-/// How many programs can watch a loop at a time.
+/// The greatest number of programs that can watch a loop at a time.
 const WATCHERS: usize = 4;
 /// Pieces that a selection may be in.
 const PIECES: usize = 24;
@@ -27,13 +27,13 @@ pub(crate) type LoopServer<'d, M> =
 pub(crate) type LoopSampler<'d, M> =
     Sampler<'d, <M as Machine>::Window, { 2 * VARIABLES }, PIECES, WATCHERS>;
 
-/// How many rows of all variables a ring has room for.
+/// Returns the number of rows of all variables for which a ring has room.
 pub(crate) fn rows(rate: Rate) -> u32 {
     let hz = rate.numerator().checked_div(rate.denominator());
     hz.unwrap_or(0) / KEPT
 }
 
-/// Why the variables of the loop `name` cannot be shown.
+/// Returns the error that says why the variables of the loop `name` cannot be shown.
 pub(crate) fn wrong(name: &str, error: CatalogError) -> ProgramError {
     match error {
         CatalogError::Access(error) => ProgramError::no_room(name, error),
@@ -44,7 +44,7 @@ pub(crate) fn wrong(name: &str, error: CatalogError) -> ProgramError {
     }
 }
 
-/// Which incarnation of a processor's program lives; 0 if none does.
+/// Returns the incarnation of a processor's program that runs; 0 if none runs.
 pub(crate) fn incarnation<M: Machine, const N: usize>(
     windows: &[Windows<M::Window>; N],
     doorbell: &M::Doorbell,

@@ -72,8 +72,8 @@ impl Deref for MappedPage {
     type Target = Page;
 
     fn deref(&self) -> &Page {
-        // SAFETY: the words lie in the window, which is mapped as long as this lives and clones of
-        // which are the same mapping; a page consists of atomics, for which all bytes are valid.
+        // SAFETY: the words are in the window, which is mapped as long as `self` exists and clones of which
+        // are the same mapping; a page consists of atomics, for which all bytes are valid.
         unsafe { self.page.as_ref() }
     }
 }
@@ -176,7 +176,7 @@ impl HostClock {
 
 impl Drop for HostClock {
     fn drop(&mut self) {
-        // A service is expected back: only its supervisor gives it up.
+        // A service is expected back: only its supervisor ends its participation.
         if !self.is_service {
             self.page.give_up(self.number, &self.by);
         }
@@ -308,7 +308,7 @@ impl Doorbell for HostBell {
             && clock.is_service
             && clock.has_turn()
         {
-            // It has looked, and needs no turn.
+            // The service has looked, and needs no turn.
             clock.finish();
         }
         self.doorbell.wait(seen.0, until, whom);

@@ -86,7 +86,7 @@ impl Cause {
         panic::resume_unwind(Box::new(self))
     }
 
-    /// What has ended a program that did not return.
+    /// Returns the cause of the end of a program that did not return.
     pub(super) fn of(payload: Box<dyn Any + Send>) -> Self {
         let payload = match payload.downcast::<Self>() {
             Ok(cause) => return *cause,
