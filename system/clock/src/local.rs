@@ -21,7 +21,7 @@ const POLLED_NS: u64 = 100_000;
 /// while the loop runs.
 const TOO_MANY_READINGS: u32 = 1_000_000;
 
-/// How long after the instant for stopping a program may still run.
+/// The time for which a program may still run after the instant for stopping, in nanoseconds.
 const PATIENCE_NS: u64 = 10_000_000_000;
 
 /// A handler of the timer.
@@ -105,7 +105,7 @@ impl<P: Deref<Target = Page<N>>, H: Handover, const N: usize> LocalClock<P, H> {
         self.page.now()
     }
 
-    /// Returns true if the instant has come from which programs are to stop.
+    /// Returns true if the instant has come from which programs must stop.
     pub fn is_stopping(&self) -> bool {
         self.now() >= self.page.stop_at()
     }
@@ -258,8 +258,8 @@ impl<P: Deref<Target = Page<N>>, H: Handover, const N: usize> LocalClock<P, H> {
         }
     }
 
-    /// Gives the turn on until the instant `at` or the event `until`; returns the instant at which
-    /// this processor goes on.
+    /// Passes the turn on until the instant `at` or the event `until`; returns the instant at which this
+    /// processor goes on.
     fn turn(&self, at: u64, until: Until) -> u64 {
         self.readings.store(0, Relaxed);
         let now = self.page.turn(self.number, at, until, &self.by);
@@ -295,7 +295,7 @@ impl<P: Deref<Target = Page<N>>, H: Handover, const N: usize> LocalClock<P, H> {
         }
     }
 
-    /// How many readings there were since the clock went on last, with this one.
+    /// Counts a reading; returns the number of readings since the clock went on last, with this one.
     fn count_reading(&self) -> u32 {
         let readings = self.readings.load(Relaxed).saturating_add(1);
         if readings >= TOO_MANY_READINGS {

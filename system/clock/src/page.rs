@@ -31,7 +31,7 @@ const LAG_NS: u64 = 50_000_000;
 /// the plain number.
 const PASSING: u8 = 0x40;
 
-/// What a line stands for.
+/// The roles that a line can stand for.
 mod role {
     pub(super) const NOBODY: u32 = 0;
     /// A processor whose program has entered and has not had its first turn.
@@ -43,7 +43,7 @@ mod role {
     pub(super) const GUEST: u32 = 4;
 }
 
-/// What ends a wait of a processor before its instant; bits.
+/// The events that end a wait of a processor before its instant, as bits.
 mod ends {
     pub(super) const RING: u32 = 1;
     pub(super) const STOP: u32 = 2;
@@ -329,7 +329,7 @@ impl<const N: usize> Page<N> {
         self.holder() == Some(number) && !self.line(number).is_some_and(asks)
     }
 
-    // What a processor does.
+    // The operations of a processor.
 
     /// Makes processor `me` a participant. Its program gets its first turn at the latest of the instant
     /// `at`, in nanoseconds, the instant to which its entry was [deferred](Self::defer), and the present
@@ -440,7 +440,7 @@ impl<const N: usize> Page<N> {
         }
     }
 
-    // What a part of the host does.
+    // The operations of a part of the host.
 
     /// Makes `me` a service: a part of the host for which time waits until it has taken all
     /// messages to it. This includes a [request](Self::request) for the turn, so that no time
@@ -482,7 +482,7 @@ impl<const N: usize> Page<N> {
     pub fn ring(&self, me: u8, number: u8, by: &impl Handover) {
         if let Some(line) = self.line(number) {
             self.count_ring(number);
-            // It may have the turn and wait for an answer.
+            // The processor may have the turn and wait for an answer.
             by.wake(number, &line.rings);
         }
         self.kick(me, by);
@@ -553,7 +553,7 @@ impl<const N: usize> Page<N> {
         self.has_turn(me) || (is_due && self.take(me))
     }
 
-    // What the supervisor does.
+    // The operations of the supervisor.
 
     /// Keeps all participants from going on until processor `number` is
     /// [announced](Self::announce).
