@@ -232,7 +232,7 @@ impl Layout {
         for field in &self.fields {
             rest = match (rest, field.kind.bytes()) {
                 ([low, rest @ ..], 1) => {
-                    // Whatever is not false is true, and CDR has but one value for that.
+                    // Each value that is not false is true, and CDR has only one value for that.
                     let is_true = u32::from(*low != 0);
                     let low = if field.kind == ValueKind::Bool {
                         is_true
