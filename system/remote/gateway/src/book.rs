@@ -187,7 +187,7 @@ impl Book {
         let clients = &self.clients;
         let added = self.journal.add(record, || all(clients));
         added.map_err(|error| {
-            // It is on the disk, or not: here it counts as what harms nobody.
+            // The record is on the disk, or not: here the harmless one of the two counts.
             self.take_back(record);
             RemoteRefusal::new(error.to_string(), true)
         })

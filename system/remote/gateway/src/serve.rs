@@ -119,7 +119,7 @@ impl Gateway {
 
 impl Drop for Gateway {
     fn drop(&mut self) {
-        // It ends with the process in any case.
+        // The session ends with the process in any case.
         let _ = self.session.close().wait();
     }
 }
@@ -203,7 +203,7 @@ fn keep(mut keeper: Motions, which: &SystemChoice, jobs: &Receiver<Job>) {
             looked = Some(Instant::now());
             let there = which.find();
             let way = there.and_then(|it| Ok((MotionsLink::find(&it.directory, &it.status)?, it)));
-            // Whoever asks is told that it does not run.
+            // The client is told that the system does not run.
             if let Ok((way, there)) = way {
                 keeper.set_way(Some(way));
                 found = Some(there);
