@@ -39,7 +39,8 @@ pub(crate) const PLANT: u32 = 1;
 pub(crate) const REMOVE: u32 = 2;
 /// A value of `STATE`; 0 runs.
 pub(crate) const HELD: u32 = 1;
-/// What a change or a planted entry is: a breakpoint instruction, or else the word of a [`Trigger`].
+/// The word of a change or a planted entry that is a breakpoint instruction; other words are those of a
+/// [`Trigger`].
 pub(crate) const INSTRUCTION: u32 = 1;
 
 /// A hardware trigger of a processor, which stops a program at an address without a breakpoint instruction.

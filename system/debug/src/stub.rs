@@ -89,7 +89,7 @@ impl<W: MemoryWindow> Stub<W> {
         arch: &impl Arch,
         breakpoint: Option<u64>,
     ) -> Result<TrapOutcome, AccessError> {
-        // What the table says is more than what stands there: the trap entry may have lifted it.
+        // The table counts, not the instruction in memory: the trap entry may have lifted it.
         let is_planted = match breakpoint {
             Some(address) => self.find(address, area::INSTRUCTION)?.is_some(),
             None => false,
@@ -98,7 +98,7 @@ impl<W: MemoryWindow> Stub<W> {
             if self.is_triggered()? {
                 self.hold(arch, HoldReason::Trigger)?;
             } else {
-                // It was removed after the processor had fetched it.
+                // The breakpoint was removed after the processor had fetched it.
                 arch.synchronize();
             }
             return Ok(TrapOutcome::Resume);

@@ -6,11 +6,11 @@ use condor_mbox::{AccessError, MemoryWindow, Region};
 
 use crate::area::{self, Area, DebugRequest, Entry, HoldReason, Trigger};
 
-/// How long a processor may take to execute a command.
+/// The time that a processor may take to execute a command.
 const PATIENCE: Duration = Duration::from_secs(3);
-/// How often a processor is rung again: a ring may go to its program.
+/// The time after which a processor is rung again: a ring may go to its program.
 const RING_AGAIN: Duration = Duration::from_millis(20);
-/// How often the host looks before it sleeps between looks, and how long it sleeps.
+/// The number of looks of the host before it sleeps between looks, and below the time that it sleeps.
 const LOOKS: u32 = 500;
 const NAP: Duration = Duration::from_micros(50);
 
@@ -282,7 +282,7 @@ impl<W: MemoryWindow> Tracer<W> {
         }))
     }
 
-    /// Gives a command, and waits until it is executed.
+    /// Sends a command, and waits until it is executed.
     fn command(&self, action: u32, changes: &[Entry]) -> Result<(), TracerError> {
         let done = || Ok(self.is_done()?.then_some(()));
         // That of whoever died.

@@ -12,7 +12,7 @@ use crate::{Breakpoint, ProgramState, TracerError, Trigger, TriggerAccess};
 const MOST_BREAKPOINTS: usize = crate::area::MOST_PLANTED as usize;
 /// The size of a planted breakpoint.
 const BREAKPOINT_BYTES: u64 = 2;
-/// What the memory that programs cannot access is answered with: `EFAULT`.
+/// The answer about memory that programs cannot access: `EFAULT`.
 const FAULT: &str = "E0e";
 /// The commands of `monitor`.
 const HELP: &str = "\
@@ -279,7 +279,7 @@ impl<W: MemoryWindow> Conversation<'_, W> {
         let Some(breakpoint) = breakpoint else {
             return Ok(Answer::refused());
         };
-        // What lies in the range of no processor is everybody's.
+        // An address in the range of no processor belongs to all.
         let is_in = |attached: &AttachedProcessor<W>| attached.debuggee.code.contains(&address);
         let is_owned = self.session.processors.iter().any(is_in);
         let mut is_done = is_owned || kind > 1;

@@ -14,7 +14,7 @@ use rustix::io::Errno;
 
 /// Bytes that are read or written at once.
 const CHUNK: usize = 1 << 16;
-/// How long GDB may take to accept what it has asked for.
+/// The time that GDB may take to accept an answer.
 const PATIENCE: Duration = Duration::from_secs(10);
 /// The greatest size of a packet.
 pub(super) const PACKET_BYTES: usize = 1 << 15;
@@ -156,7 +156,7 @@ impl PacketStream {
         }
     }
 
-    /// Reads what is there, behind what is no whole packet yet.
+    /// Reads the bytes that have come, and puts them behind those that do not yet make a whole packet.
     fn fill(&mut self) -> io::Result<()> {
         self.read.drain(..self.at);
         self.at = 0;

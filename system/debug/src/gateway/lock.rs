@@ -65,7 +65,7 @@ impl Cleaner {
         if self.lock.is_none() && tracer.mode()?.attached {
             // Without the file there was no debugger that could have it, nor is one stopped.
             self.lock = DebuggerLock::try_take(file).ok().flatten();
-            // It may have ended properly meanwhile.
+            // The debugger may have ended properly meanwhile.
             found = self.lock.is_some() && tracer.mode()?.attached;
         }
         if self.lock.is_some() && tracer.try_release()? {

@@ -11,14 +11,15 @@ use condor_mbox::{MemoryWindow, Region};
 use super::lock::DebuggerLock;
 use crate::{Breakpoint, DebugRequest, ProgramState, Tracer, TracerError};
 
-/// How often it is looked whether a program has come to its beginning.
+/// The time between two checks if a program has come to its beginning.
 const NAP: Duration = Duration::from_micros(100);
 /// The bytes of a word of memory.
 const WORD_BYTES: usize = 4;
 const WORD: u32 = WORD_BYTES as u32;
-/// How long a program may take to come to its first statement.
+/// The time that a program may take to come to its first statement.
 const START: Duration = Duration::from_secs(15);
-/// How long a former debugger, or whoever cleans up after it, may take to let go.
+/// The time that a former debugger, or the watcher that cleans up after it, may take to release a
+/// processor.
 const SUCCESSION: Duration = Duration::from_secs(3);
 
 /// The way in which a program ended.
@@ -185,7 +186,7 @@ pub struct Session<W: MemoryWindow> {
     pub(super) processors: Vec<AttachedProcessor<W>>,
 }
 
-/// One of its processors.
+/// A processor whose program the session debugs.
 #[derive(Debug)]
 pub(super) struct AttachedProcessor<W: MemoryWindow> {
     pub(super) debuggee: Debuggee<W>,
@@ -219,7 +220,7 @@ impl<W: MemoryWindow> Session<W> {
                 return Err(SessionError::NoProgram { name });
             }
             let tracer = attached.tracer();
-            // What a former debugger has left behind.
+            // Removes the breakpoints that a former debugger has left behind.
             attached.named(tracer.plant(&[], false))?;
             let mode = attached.named(tracer.mode())?;
             let is_attached = true;
@@ -316,7 +317,7 @@ impl<W: MemoryWindow> AttachedProcessor<W> {
         })
     }
 
-    /// How the program has ended that is meant; `None` while it runs.
+    /// Returns the end of the debugged program; `None` while it runs.
     pub(super) fn ended(&self) -> Option<ProgramEnd> {
         match (self.debuggee.program)() {
             DebuggedProgram::Runs(number) => {
@@ -347,7 +348,7 @@ impl<W: MemoryWindow> AttachedProcessor<W> {
 
 impl<W: MemoryWindow> Drop for AttachedProcessor<W> {
     fn drop(&mut self) {
-        // Whoever watches the processor does it if this fails.
+        // If this fails, the watcher of the processor does it.
         let left = self.tracer().mode().map(DebugRequest::left);
         let _ = left.and_then(|mode| self.tracer().set_mode(mode));
         if self.is_alive() {
