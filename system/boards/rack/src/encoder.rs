@@ -25,7 +25,7 @@ pub struct Encoder8 {
 
 const IDENTIFICATION: u16 = 0xe4c0;
 const ALL: u16 = 0xff;
-/// How often a scan that is interrupted by another begins anew.
+/// The number of times that a scan is begun that others interrupt.
 const ATTEMPTS: u32 = 4;
 
 mod offset {
@@ -56,7 +56,7 @@ impl Encoder8 {
                 let value = registers.read32(offset::COUNTS + 4 * counter)?;
                 see(counter, value.cast_signed());
             }
-            // Whoever interrupted this one latched other counts, which some of these may be.
+            // An interrupting scan latched other counts, which some of these may be.
             if self.scans.get() == scan {
                 return Ok(());
             }

@@ -144,8 +144,8 @@ impl Mpp {
     }
 }
 
-/// Transfers items of `unit` bytes until `transfer` fails or says that there is no more, and gives
-/// the bytes that were; what was transferred before a failure counts.
+/// Transfers items of `unit` bytes until `transfer` fails or says that there is no more, and returns the
+/// number of bytes that were transferred; bytes transferred before a failure count.
 fn each<T, E>(
     items: impl IntoIterator<Item = T>,
     unit: usize,

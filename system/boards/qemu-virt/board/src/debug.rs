@@ -74,7 +74,7 @@ extern "C" fn condor_exception(cause: usize, pc: usize) -> bool {
     };
     // SAFETY: as the program had it.
     unsafe { mie::write(enabled) };
-    // What has rung meanwhile was for the program, too.
+    // A ring that came meanwhile was for the program, too.
     ring_hart(hart);
     match outcome {
         Ok(TrapOutcome::Resume) => true,
@@ -159,7 +159,7 @@ impl Arch for ThisHart {
     }
 
     fn arm(&self, trigger: Trigger) -> bool {
-        // What the trap entry itself executes cannot be stopped.
+        // Instructions of the trap entry itself cannot be stopped.
         let can_be =
             trigger.access != TriggerAccess::Execute || self.place(trigger.address).is_some();
         can_be && triggers::arm(trigger)

@@ -13,7 +13,7 @@ type Hook = &'static dyn Fn();
 
 /// The hooks of a hart. What they borrow is in frames that are still there; see [`with`].
 pub(crate) struct Hooks {
-    /// Whose interrupt it is, and what it calls.
+    /// The timer whose interrupt it is, and the hook that it calls.
     pub(crate) timer: Cell<Option<(&'static Clint, Hook)>>,
     pub(crate) mail: Cell<Option<Hook>>,
     /// Whether a timer interrupt has begun and not ended.

@@ -16,9 +16,9 @@ pub const BYTES: u32 = STACK_BYTES;
 /// The word with which the unused part of a stack is filled.
 pub const PAINT: u64 = 0xc0de_d00d_5eed_f00d;
 
-/// What the stack pointer is a multiple of, by the calling convention.
+/// The alignment of the stack pointer by the calling convention, in bytes.
 const ALIGNED: u32 = 16;
-/// How far [`taken`] looks.
+/// The greatest distance to which [`taken`] looks, in bytes.
 const REACH: usize = 64 * 1024;
 const MTIME: usize = CLINT + 0xbff8;
 

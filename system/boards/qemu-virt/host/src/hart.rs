@@ -22,12 +22,12 @@ use crate::{
 };
 use condor_rt::numbers::PROCESSORS;
 
-/// How long a hart may take to come back to its monitor.
+/// The time that a hart may take to come back to its monitor.
 const BACK: Duration = Duration::from_secs(3);
 
-/// How a program ended that was taken off its hart.
+/// The end of a program that was taken off its hart.
 const ABANDONED: &str = "killed: its hart is in the monitor again";
-/// How it ended if its hart does not answer.
+/// The end of a program whose hart does not answer.
 const UNREACHABLE: &str =
     "its hart does not come back to the monitor until `machine` is started again";
 
@@ -205,7 +205,7 @@ impl HartLauncher {
         Ok(())
     }
 
-    /// How the program ended, if it has.
+    /// Returns the end of the program, if it has ended.
     fn exit(&mut self, running: Running) -> Option<Exit> {
         if self.power.count() != running.power {
             return Some(Exit::Lost);
@@ -245,7 +245,7 @@ impl HartLauncher {
         }
     }
 
-    /// What the program has said of why it failed.
+    /// Returns the error text that the program has left, if there is one.
     fn said(&self) -> Option<String> {
         let mut error = [0; ERROR_BYTES];
         let len = self.control.error(&mut error).unwrap_or(0);
@@ -430,7 +430,7 @@ impl Launch for MachineProcess {
     }
 
     fn start(&mut self) -> Result<(), LaunchError> {
-        // What the harts said before they were switched off is not so any more.
+        // The states of harts from before the machine was switched off are out of date.
         self.memory.reset()?;
         self.process.start()?;
         self.power.switch(true);

@@ -40,7 +40,7 @@ impl HartImageError {
     }
 }
 
-/// What a dynamic linker would be needed for.
+/// The error of a program that would need a dynamic linker.
 const DYNAMIC: &str = "it is dynamically linked; link it as static-pie, or as static";
 
 /// A segment to load.
@@ -165,7 +165,7 @@ impl HartImage {
     /// Returns the size of the image in memory, in bytes.
     #[must_use]
     pub fn len(&self) -> u32 {
-        // It fits the range of a hart.
+        // The length fits: the image is no longer than the range of a hart.
         self.bytes.len() as u32
     }
 
@@ -185,7 +185,7 @@ impl HartImage {
         is_inside.then(|| address.wrapping_sub(self.bias))
     }
 
-    /// Where bytes that are linked to `address` lie in the image.
+    /// Returns the range of the image that holds the bytes that are linked to `address`.
     fn range(&self, low: u64, address: u64, len: u64) -> Option<core::ops::Range<usize>> {
         let begin = address.checked_sub(low)?;
         let end = begin.checked_add(len)?;

@@ -200,7 +200,7 @@ impl MachineMemory {
             .map_err(|error| MemoryError(error.to_string()))
     }
 
-    /// What an access of it failed of.
+    /// Returns a function that makes the error of a failed access to this memory.
     pub(crate) fn at(&self) -> impl FnOnce(AccessError) -> MemoryError + use<> {
         let path = self.path.display().to_string();
         move |error| MemoryError(format!("the memory {path}: {error}"))

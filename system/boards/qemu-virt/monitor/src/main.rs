@@ -20,7 +20,7 @@ core::arch::global_asm!(
     control = const 0x8000_0000_u64 + Map::control(0) as u64 + resident::SAVED as u64,
 );
 
-/// How often a hart looks that nobody has rung.
+/// The time between two looks of a hart that was not rung.
 const LOOK: Duration = Duration::from_millis(100);
 
 /// The entry from `start.s`, each time that a hart comes to the monitor.
@@ -33,7 +33,7 @@ extern "C" fn condor_monitor(why: usize, number: u32) -> ! {
     loop {
         // Before the host has written a map, the hart is nobody; those that the map leaves out stay so.
         if let Some(hart) = Hart::new(number) {
-            // What the memory's page of this hart says is there, since the hart is.
+            // The page of this hart in the memory exists, since the hart does.
             let _ = settle(&hart, why, fault.as_ref());
             let _ = wait(&hart);
         }
@@ -56,10 +56,10 @@ fn settle(
             control.set_fault(fault)?;
             // A second trap finds that nothing runs any more.
             control.fail()?;
-            // Whoever looks at the page of the hart sees it, too.
+            // A peer that looks at the page of the hart sees it, too.
             let _ = report::tell(hart, fault);
         }
-        // It ended without having begun.
+        // The program ended without having begun.
         (Return::Ended, _) if running => control.end(1)?,
         _ => {}
     }

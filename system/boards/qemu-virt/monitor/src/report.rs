@@ -11,7 +11,7 @@ use condor_tty::{Terminal, TerminalVectors};
 use qemu_virt_host::HartFault;
 
 const SHOWN_BYTES: u32 = 4096;
-/// How long the host may take to show it.
+/// The time that the host may take to show the report.
 const PATIENCE: Duration = Duration::from_secs(2);
 const NAP: Duration = Duration::from_millis(5);
 
