@@ -75,7 +75,7 @@ pub mod state {
     pub const NONE: u32 = 0;
     /// A server has taken the request, and something may have been done.
     pub const TAKEN: u32 = 1;
-    /// A server has taken the request and has recorded what the next server must know about it.
+    /// A server has taken the request and has recorded the facts that the next server must know about it.
     pub const STAGED: u32 = 2;
     /// The operation is done.
     pub const DONE: u32 = 3;

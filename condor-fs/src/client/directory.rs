@@ -144,7 +144,7 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> Directory<'_, '
         self.file.sync()
     }
 
-    /// Returns the status of the directory: its times, mode, and what else the host knows.
+    /// Returns the status of the directory: its times, its mode, and the other facts that the host knows.
     ///
     /// # Errors
     /// [`FileError::Errno`] if the server refuses; another [`FileError`] if it does not answer in time, or

@@ -180,7 +180,7 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f
         Ok(self.system.enter()?.position(self.index)?)
     }
 
-    /// Returns the status of the file: its size, times, mode, and what else the host knows.
+    /// Returns the status of the file: its size, times and mode, and the other facts that the host knows.
     ///
     /// # Errors
     /// [`FileError::Errno`] if the server refuses; another [`FileError`] if it does not answer in time, or

@@ -189,12 +189,12 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
         self.timeout.set(timeout);
     }
 
-    /// Sets how long a call waits for its turn while an operation of another context is in progress,
-    /// before it returns [`Errno::BUSY`]; in a wait it serves messages. At the beginning it does not
+    /// Sets the time for which a call waits for its turn while an operation of another context is in
+    /// progress, before it returns [`Errno::BUSY`]; in a wait it serves messages. The default is not to
     /// wait.
     ///
-    /// It is for threads of a hosted processor. Where contexts interrupt each other, a call that waits
-    /// keeps the operation from its end that it waits for: leave it at zero there.
+    /// Use it for threads of a hosted processor. Where contexts interrupt each other, leave the time at
+    /// zero: there a call that waits prevents the end of the operation that it waits for.
     pub fn wait_for_turn(&self, longest: Duration) {
         self.patience.set(longest);
     }

@@ -7,7 +7,7 @@ use super::{Operation, RequestSlot, following};
 pub const BITS: u32 = 63;
 /// The position is that of the former request.
 pub const SAME: u32 = 1;
-/// The position is behind what the former request has moved.
+/// The position is behind the bytes that the former request has moved.
 pub const ONWARDS: u32 = 2;
 /// By how many bits the low bits of the sequence number are shifted.
 const SEQUENCE_SHIFT: u32 = 2;

@@ -413,8 +413,8 @@ impl<const N: usize> Page<N> {
         }
     }
 
-    /// Returns how often the processor `number` was rung, or how many messages to the service
-    /// `number` were counted. The count wraps.
+    /// Returns the number of times that the processor `number` was rung, or the number of messages to the
+    /// service `number` that were counted. The count wraps.
     #[must_use]
     pub fn rings(&self, number: u8) -> u32 {
         // Acquire: pairs with the Release addition in `count_ring`.
@@ -616,8 +616,7 @@ impl<const N: usize> Page<N> {
         self.limit.store(at, Ordering::Relaxed);
     }
 
-    /// Sets the instant `at`, in nanoseconds, from which programs are to stop. The caller must have
-    /// the turn.
+    /// Sets the instant `at`, in nanoseconds, from which programs must stop. The caller must have the turn.
     pub fn set_stop_at(&self, at: u64) {
         self.stop_at.store(at, Ordering::Relaxed);
     }

@@ -48,8 +48,8 @@ impl<W: MemoryWindow> Stub<W> {
         self.area.set(area::DONE, self.area.word(area::COMMAND)?)
     }
 
-    /// Says where the program that begins cannot have breakpoints. Returns true if it is to be held before its
-    /// first statement. Call it where the program begins.
+    /// Reports the addresses at which the program that begins cannot have breakpoints. Returns true if the
+    /// program must be held before its first statement. Call it where the program begins.
     ///
     /// # Errors
     /// [`AccessError`] if the area cannot be accessed.

@@ -63,7 +63,7 @@ pub struct PlantedBreakpoint {
     pub original: u32,
 }
 
-/// The reason for which a processor did not do what it was told.
+/// The reason for which a processor did not execute a command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum TracerError {
@@ -87,8 +87,7 @@ pub enum TracerError {
     Access(#[from] AccessError),
 }
 
-/// The debugger's hand on a processor. One at a time may give commands: whoever holds the debugger
-/// lock.
+/// The debugger's access to a processor. Only the holder of the debugger lock may send commands.
 pub struct Tracer<W> {
     area: Area<W>,
     ring: Box<dyn Fn() + Send>,

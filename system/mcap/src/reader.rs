@@ -16,7 +16,7 @@ pub struct McapReader<R> {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum FilePosition {
     Data,
-    /// After the data: what there is repeats or describes it.
+    /// After the data: the rest of the file repeats or describes the data.
     Summary,
     End,
 }

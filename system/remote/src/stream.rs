@@ -15,8 +15,8 @@ use crate::wire::{self, RemoteTopic, StreamPosition};
 /// The greatest number of messages that wait for their reader; then the oldest is lost.
 const WAITING: usize = 1024;
 
-/// The messages of a topic, from the subscription on. What is lost is counted: at the gateway, on the way, and here, if
-/// more than 1024 messages wait.
+/// The messages of a topic, from the subscription on. Lost messages are counted: those lost at the gateway,
+/// on the way, and in this process, if more than 1024 messages wait.
 #[derive(Debug)]
 pub struct RemoteStream {
     subscriber: Subscriber<RingChannelHandler<Sample>>,

@@ -297,7 +297,7 @@ impl Layout {
 }
 
 impl RowMessage<'_> {
-    /// Returns what the row has besides its values.
+    /// Returns the facts about the row that are not its values.
     #[must_use]
     pub const fn head(&self) -> Head {
         self.head

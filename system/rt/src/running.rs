@@ -51,8 +51,8 @@ impl<W: MemoryWindow + Sync, X: Exclusion + Sync, const IN: usize> Screen for Te
     }
 }
 
-/// A message, as its handler gets it. A handler can do with it what it can do with a
-/// [call](mbox::Call) of the mailbox, and print.
+/// A message, as its handler gets it. A handler can do all with it that it can do with a [call](mbox::Call)
+/// of the mailbox, and print.
 pub struct HandlerCall<'c> {
     pub(crate) call: &'c mbox::Call<'c>,
     pub(crate) screen: Option<&'c dyn Screen>,

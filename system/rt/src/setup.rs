@@ -397,7 +397,7 @@ impl<'e, M: Machine> Setup<'e, M> {
     /// Joins, runs the loops, and serves messages until the machine is stopping.
     ///
     /// # Errors
-    /// The errors of [`background`](Self::background).
+    /// Returns the error of [`background`](Self::background) if that fails.
     pub fn run(&mut self) -> Result<(), ProgramError> {
         self.background(|background| {
             while !background.is_stopping() {

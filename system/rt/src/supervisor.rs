@@ -160,7 +160,7 @@ pub struct Supervisor<'b, M: Machine> {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SupervisorTicket(u32);
 
-/// The reason for which the supervisor does not do what was asked.
+/// The reason for which the supervisor does not carry out a request.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum SupervisorError {
@@ -174,8 +174,8 @@ pub enum SupervisorError {
     /// [`reason`](Supervisor::reason) says why.
     #[error("the supervisor refused the request")]
     Refused,
-    /// The supervisor does not know the request: a later one, or that of an earlier incarnation of this
-    /// program, has taken its place, or the answer is none.
+    /// The supervisor does not know the request: a later request, or one of an earlier incarnation of this
+    /// program, has taken its place, or the answer has an unknown state.
     #[error("the supervisor does not know the request (state {state})")]
     Unknown {
         /// The state in the answer.

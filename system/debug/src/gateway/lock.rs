@@ -17,8 +17,8 @@ use crate::{Tracer, TracerError};
 pub struct DebuggerLock(File);
 
 impl DebuggerLock {
-    /// Takes the lock on `file`, which is made if it does not exist; `None` if somebody has it until
-    /// `limit` has passed.
+    /// Takes the lock on `file`, which is made if it does not exist; returns `None` if another process has
+    /// the lock until `limit` has passed.
     ///
     /// # Errors
     /// [`io::Error`] if the file cannot be made or locked.

@@ -79,10 +79,12 @@ impl Book {
         Ok(incarnation)
     }
 
-    /// Returns how a motion has ended, or that it has not been received; `None` if the queue must be asked.
+    /// Returns the way in which a motion has ended, or that it has not been received; `None` if the queue
+    /// must be asked.
     ///
     /// # Errors
-    /// A refusal if `digest` is that of another motion than the one that had the identity before.
+    /// Returns a [`RemoteRefusal`] if `digest` is that of another motion than the one that had the identity
+    /// before.
     pub fn look(
         &self,
         client: &str,

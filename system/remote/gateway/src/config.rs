@@ -218,7 +218,7 @@ impl Config {
         self.passwords.is_some() || self.tls.as_ref().is_some_and(|tls| tls.authority.is_some())
     }
 
-    /// Returns true if a client may do what needs a right.
+    /// Returns true if a client has a right.
     #[must_use]
     pub fn may(&self, client: &str, right: Right) -> bool {
         let mut clients = self.clients.iter();

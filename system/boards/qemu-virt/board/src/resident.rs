@@ -14,7 +14,7 @@ use crate::{debug, hart, hooks, msip, trap};
 /// entry saves `x1` to `x31` on an exception. `mscratch` holds its address.
 pub const SAVED: usize = BOARD as usize;
 
-/// Forgets what a debugger wanted of the former program of this hart. The monitor calls it when it
+/// Forgets the requests of a debugger about the former program of this hart. The monitor calls this when it
 /// begins.
 pub fn forget_debugger(hart: u32) {
     debug::forget(hart);
