@@ -24,7 +24,7 @@ pub use client::{
     FileError, FileReader, FileSystem, FileTicket, FileWriter, OpenOptions, OperationResult,
     Receipt, WriterError, WriterParts,
 };
-/// What files and buffers implement, so that a program needs no dependency on embedded-io.
+/// The traits that files and buffers implement, so that a program needs no dependency on embedded-io.
 pub use embedded_io::{BufRead, Read, Seek, SeekFrom, Write};
 pub use errno::Errno;
 pub use wire::{FileStatus, SetTime, Space, Times};

@@ -58,7 +58,7 @@ pub mod slot {
     /// append is staged, these words hold the end of the file instead.
     pub const EVIDENCE: u32 = 192;
     /// The [`FileStatus`](super::FileStatus) of the file or directory, or the [`Space`](super::Space) of the
-    /// file system.
+    /// filesystem.
     pub const STATUS: u32 = 224;
     /// The number of words of the status.
     pub const STATUS_WORDS: usize = 24;
@@ -75,7 +75,7 @@ pub mod state {
     pub const NONE: u32 = 0;
     /// A server has taken the request, and something may have been done.
     pub const TAKEN: u32 = 1;
-    /// A server has taken the request and has recorded what the next server must know about it.
+    /// A server has taken the request and has recorded the facts that the next server must know about it.
     pub const STAGED: u32 = 2;
     /// The operation is done.
     pub const DONE: u32 = 3;
@@ -240,7 +240,7 @@ impl Operation {
         Self::ALL.get(word.wrapping_sub(1) as usize).copied()
     }
 
-    /// Returns whether the operation uses the words of the second path, which are behind the line
+    /// Returns true if the operation uses the words of the second path, which are behind the line
     /// that every operation has.
     #[must_use]
     pub const fn has_second_line(self) -> bool {
@@ -327,7 +327,7 @@ pub const fn following(sequence: u64) -> u64 {
     if next as u32 == 0 { next | 1 } else { next }
 }
 
-/// What lies in shared memory as whole words.
+/// A structure that is stored in shared memory as whole words.
 pub(crate) trait Words: Sized {
     /// Passes its words to `put`, in order.
     fn put(&self, put: &mut impl FnMut(u32));
@@ -474,7 +474,7 @@ pub struct Times {
     pub modified: SetTime,
 }
 
-/// A time that is set.
+/// A new value for one of the times of a file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum SetTime {
     /// The time that the file has.
@@ -513,7 +513,7 @@ impl SetTime {
 /// The numbers by which a file is recognised as the same one; inode numbers alone are reused.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct FileIdentity {
-    /// The number of the device on which the file system is.
+    /// The number of the device that holds the filesystem.
     pub device: u64,
     /// The number of the inode.
     pub inode: u64,
@@ -550,7 +550,7 @@ pub struct FileStatus {
     pub mode: u32,
     /// The number of the file's names (hard links).
     pub links: u32,
-    /// The number of the device on which the file system is.
+    /// The number of the device that holds the filesystem.
     pub device: u64,
     /// The number of the inode.
     pub inode: u64,
@@ -571,13 +571,13 @@ pub struct FileStatus {
 }
 
 impl FileStatus {
-    /// Returns whether it is a directory.
+    /// Returns true if it is a directory.
     #[must_use]
     pub const fn is_directory(&self) -> bool {
         self.mode & 0o170_000 == 0o040_000
     }
 
-    /// Returns whether it is a regular file.
+    /// Returns true if it is a regular file.
     #[must_use]
     pub const fn is_file(&self) -> bool {
         self.mode & 0o170_000 == 0o100_000
@@ -596,7 +596,7 @@ impl FileStatus {
     }
 }
 
-/// The room of the file system on which the server's tree is.
+/// The capacity of the filesystem that holds the server's tree, in blocks and inodes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Space {
     /// The number of bytes of a block.

@@ -61,7 +61,7 @@ fn serve(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
     let server = FileServer::new(&arguments.directory, arguments.options)?;
     let system = LinuxSystem::<32>::named(&arguments.system, arguments.bytes)?;
     let claim = system.claim_within(Processor(arguments.processor), SUCCESSION)?;
-    // Whoever wants it to end may kill it.
+    // The server runs until it is killed, which is safe at any moment.
     Ok(server.serve(claim, &AtomicBool::new(false))?)
 }
 

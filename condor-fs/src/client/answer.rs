@@ -16,7 +16,7 @@ pub enum OperationResult<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const F
     Number(u64),
     /// The status of a file or directory.
     Status(FileStatus),
-    /// The room of the file system.
+    /// The capacity of the filesystem.
     Space(Space),
     /// The file that was opened.
     File(File<'f, 'm, S, W, FILES>),

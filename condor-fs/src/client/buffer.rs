@@ -9,10 +9,10 @@ use super::{Alone, File};
 use crate::errno::Errno;
 use crate::wire::{Operation, RequestSlot, Span};
 
-/// Memory of the processor's own window for calls without a copy, which take it and return it.
+/// Memory of the processor's own window for calls without a copy, which take the buffer and return it.
 ///
-/// While the server may read or write it, the program does not have it: the server could still
-/// write to a borrowed slice after the time-out of a call.
+/// While the server may read or write the buffer, the program does not have it: the server could still
+/// write to a borrowed slice after the timeout of a call.
 #[derive(Debug)]
 pub struct Buffer<W> {
     memory: Region<W>,
@@ -53,7 +53,7 @@ pub type BufferResult<W> = Result<(usize, Buffer<W>), BufferError<W>>;
 #[derive(Debug, thiserror::Error)]
 #[error("{error}")]
 pub struct BufferError<W> {
-    /// The error.
+    /// The reason why the call failed.
     pub error: FileError,
     /// The buffer; `None` if the operation is in doubt. Then
     /// [`FileSystem::take_buffer`](super::FileSystem::take_buffer) returns it when the operation
@@ -68,7 +68,7 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'_, '_, S,
     /// # Errors
     /// [`BufferError`] with the buffer and a [`FileError`]: [`Errno::FAULT`] if the buffer is
     /// shorter than `len`; [`Errno::BUSY`] if an earlier buffer has not been [taken
-    /// back](super::FileSystem::take_buffer); otherwise that of the server or the mailbox.
+    /// back](super::FileSystem::take_buffer); otherwise the error of the server or the mailbox.
     pub fn read_buffer(&mut self, buffer: Buffer<W>, len: u32) -> BufferResult<W> {
         self.lend(true, buffer, len, None)
     }
@@ -77,7 +77,9 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'_, '_, S,
     /// stays.
     ///
     /// # Errors
-    /// Those of [`read_buffer`](Self::read_buffer).
+    /// [`BufferError`] with the buffer and a [`FileError`]: [`Errno::FAULT`] if the buffer is
+    /// shorter than `len`; [`Errno::BUSY`] if an earlier buffer has not been [taken
+    /// back](super::FileSystem::take_buffer); otherwise the error of the server or the mailbox.
     pub fn read_buffer_at(&self, buffer: Buffer<W>, len: u32, position: u64) -> BufferResult<W> {
         self.lend(true, buffer, len, Some(position))
     }
@@ -89,7 +91,7 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'_, '_, S,
     /// # Errors
     /// [`BufferError`] with the buffer and a [`FileError`]: [`Errno::FAULT`] if the buffer is
     /// shorter than `len`; [`Errno::BUSY`] if an earlier buffer has not been [taken
-    /// back](super::FileSystem::take_buffer); otherwise that of the server or the mailbox.
+    /// back](super::FileSystem::take_buffer); otherwise the error of the server or the mailbox.
     pub fn write_buffer(&mut self, buffer: Buffer<W>, len: u32) -> BufferResult<W> {
         self.lend(false, buffer, len, None)
     }
@@ -98,8 +100,10 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'_, '_, S,
     /// stays.
     ///
     /// # Errors
-    /// [`Errno::INVAL`] for a file that was opened for appending; otherwise those of
-    /// [`write_buffer`](Self::write_buffer).
+    /// [`BufferError`] with the buffer and a [`FileError`]: [`Errno::INVAL`] if the file was opened for
+    /// appending; [`Errno::FAULT`] if the buffer is shorter than `len`; [`Errno::BUSY`] if an earlier buffer
+    /// has not been [taken back](super::FileSystem::take_buffer); otherwise the error of the server or the
+    /// mailbox.
     pub fn write_buffer_at(&self, buffer: Buffer<W>, len: u32, position: u64) -> BufferResult<W> {
         self.lend(false, buffer, len, Some(position))
     }

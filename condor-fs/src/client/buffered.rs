@@ -16,7 +16,7 @@ use crate::errno::Errno;
 /// because memory of the window cannot be a slice. One request to the server reads as much as the
 /// file's buffer in the [`Area`](super::Area) holds, whatever `N` is.
 ///
-/// Nothing is lost or read twice after an error or a time-out: if the operation turns out to have
+/// Nothing is lost or read twice after an error or a timeout: if the operation turns out to have
 /// read bytes, these come next.
 pub struct FileReader<
     'f,
@@ -40,30 +40,30 @@ pub struct FileReader<
 ///
 /// Nothing is lost by an error. A call that fails has taken nothing; bytes that were taken before
 /// and not written are [held](Self::held) until a later call writes them. This also holds after a
-/// time-out: bytes that turn out to have been written are not written again.
+/// timeout: bytes that turn out to have been written are not written again.
 ///
 /// Dropping the writer drops the bytes that it holds. [`close`](Self::close) and
 /// [`into_inner`](Self::into_inner) return an error, with the writer, if bytes could not be
 /// written.
 pub struct FileWriter<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> {
     file: File<'f, 'm, S, W, FILES>,
-    /// How many bytes of the file's buffer are to be written.
+    /// The number of bytes in the file's buffer that are not written yet.
     held: u32,
     asked: OperationStart,
 }
 
 /// The error of a writer that could not write the bytes that it holds, or close its file.
 pub struct WriterError<T> {
-    /// The error.
+    /// The reason why the bytes could not be written.
     pub error: FileError,
     /// The writer, with the bytes that it holds; `None` if all were written, and closing the file
     /// failed.
     pub writer: Option<T>,
 }
 
-/// What [`FileWriter::into_parts`] returns.
+/// The file and the unwritten bytes that [`FileWriter::into_parts`] returns.
 pub struct WriterParts<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> {
-    /// The file.
+    /// The file that the writer wrote to.
     pub file: File<'f, 'm, S, W, FILES>,
     /// The number of bytes that were held, and are not known to be written.
     pub held: usize,
@@ -115,7 +115,8 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f
         }
     }
 
-    /// How many bytes the operation in `asked` moved, which may be in doubt: then waits for its end.
+    /// Returns the number of bytes that the operation in `asked` moved; waits for its end if it is in
+    /// doubt.
     fn settled(&self, asked: &mut OperationStart) -> Result<u32, FileError> {
         let Some(before) = *asked else {
             return Ok(0);
@@ -141,7 +142,7 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f
         Ok(u32::try_from(moved).map_or(len, |moved| moved.min(len)))
     }
 
-    /// Where the file's own buffer is.
+    /// Returns the offset of the file's own buffer.
     fn buffer(&self) -> u32 {
         self.system.area.buffer(self.index)
     }
@@ -172,12 +173,13 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, const N
         Ok(self.file)
     }
 
-    /// How many bytes were read and not given out.
+    /// Returns the number of bytes that were read ahead and not yet returned to the caller.
     fn ahead(&self) -> u64 {
         u64::from(self.left.len()).saturating_add(u64::from(self.held.len()))
     }
 
-    /// What a read turned out to have read that was in doubt is in the file's buffer.
+    /// Settles a read that was in doubt: the bytes that it turned out to have read are in the file's
+    /// buffer.
     fn settle(&mut self) -> Result<(), FileError> {
         let end = self.file.settled(&mut self.asked)?;
         if end > 0 {
@@ -238,7 +240,7 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, const N: usize>
         Ok(self.bytes.get(begin as usize..end as usize).unwrap_or(&[]))
     }
 
-    /// Gives up the first `bytes` of what is held, all if there are less.
+    /// Drops the first `bytes` of the held bytes, all if there are fewer.
     fn consume(&mut self, bytes: usize) {
         let bytes = u32::try_from(bytes).unwrap_or(u32::MAX);
         self.held.begin = self.held.begin.saturating_add(bytes).min(self.held.end);
@@ -273,7 +275,7 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, const N: usize>
 impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, const N: usize> Seek
     for FileReader<'_, '_, S, W, FILES, N>
 {
-    /// What was read ahead is dropped.
+    /// Drops the bytes that were read ahead.
     fn seek(&mut self, to: SeekFrom) -> Result<u64, FileError> {
         self.settle()?; // The position is not known before.
         let to = match to {
@@ -456,7 +458,7 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> Write
 impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> Seek
     for FileWriter<'_, '_, S, W, FILES>
 {
-    /// What is held is written before.
+    /// Writes the held bytes before.
     fn seek(&mut self, to: SeekFrom) -> Result<u64, FileError> {
         self.drain()?;
         self.file.seek(to)

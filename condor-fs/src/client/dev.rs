@@ -20,7 +20,7 @@ use super::{File, FileError, FileSystem, OpenOptions};
 use crate::errno::Errno;
 use crate::wire::open as flag;
 
-/// What the names of files begin with, behind the colon that any name may have.
+/// The prefix of the names of files, behind the colon that any name may have.
 const PREFIX: &str = "fs/";
 
 /// A device switch and the files of a host, with common names and descriptors.
@@ -48,7 +48,8 @@ pub struct FileSwitch<
 
 struct Files<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> {
     system: FileSystem<'m, S, W, FILES>,
-    /// Of the blocks of the file system: block and descriptor have one index.
+    /// The generation and mode of the descriptor of each block: a block and its descriptor have the same
+    /// index.
     places: [Location; FILES],
 }
 
@@ -71,7 +72,7 @@ pub enum FileOpenError<'n> {
     File {
         /// The requested name.
         name: &'n str,
-        /// The error of the file system, with its number if it has one.
+        /// The error of the [`FileSystem`], with its number if it has one.
         error: FileError,
     },
 }
@@ -90,7 +91,7 @@ pub enum TransferError<E: Debug> {
     /// The bus of a board returned this error.
     #[error("{0}")]
     Device(E),
-    /// The file system returned this error, with its number if it has one.
+    /// The [`FileSystem`] returned this error, with its number if it has one.
     #[error(transparent)]
     File(#[from] FileError),
 }
@@ -219,7 +220,7 @@ where
         self.with(fd, OpenMode::empty(), calls)
     }
 
-    /// Calls `calls` with the file system, for operations on names and directories, and files
+    /// Calls `calls` with the [`FileSystem`], for operations on names and directories, and files
     /// without a descriptor. Returns `None`, and calls nothing, if this context interrupts another
     /// use of a file.
     pub fn with_system<R>(
@@ -234,8 +235,8 @@ where
     ///
     /// # Errors
     /// [`IoError::Fd`] if the descriptor is refused; [`IoError::WouldBlock`] if it is of a file and
-    /// this context interrupts another use of a file; [`IoError::Bus`] if the board or the file
-    /// system fails, though the descriptor is closed all the same.
+    /// this context interrupts another use of a file; [`IoError::Bus`] if the board or the
+    /// `FileSystem` fails, though the descriptor is closed all the same.
     pub fn close(&self, fd: Fd) -> Result<(), IoError<TransferError<B::Error>>> {
         if Self::is_device(fd) {
             return self.devices.close(fd).map_err(of_device);
@@ -266,7 +267,7 @@ where
         usize::from(fd.number()) < F
     }
 
-    /// A file is ready if its descriptor is good: its call then waits, and gives something.
+    /// A file is ready if its descriptor is good: its call then waits, and returns something.
     fn ready(&self, fd: Fd, wanted: OpenMode) -> Result<bool, IoError<TransferError<B::Error>>> {
         match self.with(fd, wanted, |_| Ok(true)) {
             Err(IoError::WouldBlock) => Ok(false),
@@ -333,7 +334,7 @@ where
         self.ready(fd, OpenMode::WRITE)
     }
 
-    /// What was written to a file is with the host; on its disk it is after a sync.
+    /// Bytes that were written to a file are with the host; they are on its disk after a sync.
     fn is_flushed(&self, fd: Fd) -> Result<bool, IoError<Self::Error>> {
         if Self::is_device(fd) {
             return self.devices.is_flushed(fd).map_err(of_device);

@@ -16,32 +16,32 @@ const LEFT_OUT: u32 = 2;
 /// An open directory, whose entries [`next`](Self::next) returns.
 pub struct Directory<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> {
     file: File<'f, 'm, S, W, FILES>,
-    /// Where the server goes on.
+    /// The place at which the server continues.
     cookie: u64,
-    /// Where the next entry is in the buffer.
+    /// The offset of the next entry in the buffer, in bytes.
     next: u32,
-    /// How many bytes of the buffer are entries.
+    /// The number of bytes of the buffer that hold entries.
     filled: u32,
 }
 
-/// An entry of a directory.
+/// A name in a directory, and the type of its file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DirectoryEntry<'n> {
     /// The name, which need not be UTF-8.
     pub name: &'n [u8],
     /// The type bits of `st_mode`, shifted right by 12: 4 for a directory, 8 for a file, 10 for a
-    /// symbolic link; 0 if the file system does not tell.
+    /// symbolic link; 0 if the filesystem does not tell.
     pub kind: u32,
 }
 
 impl DirectoryEntry<'_> {
-    /// Returns whether the entry is a directory.
+    /// Returns true if the entry is a directory.
     #[must_use]
     pub const fn is_directory(&self) -> bool {
         self.kind == 4
     }
 
-    /// Returns whether the entry is a regular file.
+    /// Returns true if the entry is a regular file.
     #[must_use]
     pub const fn is_file(&self) -> bool {
         self.kind == 8
@@ -74,7 +74,7 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
 impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize>
     Directory<'f, 'm, S, W, FILES>
 {
-    /// What is open like a file.
+    /// Makes the directory of a block that is open like a file.
     pub(super) const fn of(file: File<'f, 'm, S, W, FILES>) -> Self {
         Self {
             file,
@@ -144,10 +144,11 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> Directory<'_, '
         self.file.sync()
     }
 
-    /// Returns the status of the directory: its times, mode, and what else the host knows.
+    /// Returns the status of the directory: its times, its mode, and the other facts that the host knows.
     ///
     /// # Errors
-    /// Those of [`File::status`].
+    /// [`FileError::Errno`] if the server refuses; another [`FileError`] if it does not answer in time, or
+    /// if the mailbox or the window fails.
     pub fn status(&self) -> Result<FileStatus, FileError> {
         self.file.status()
     }

@@ -13,8 +13,8 @@ pub struct Receipt(pub u64);
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum FileError {
-    /// The server refused with this number, or the client did for a request that it can refuse
-    /// itself. Nothing was done, except what the same error means on Unix.
+    /// The server refused with this number, or the client did for a request that it can refuse itself. The
+    /// operation has had no effect, except the effect that the same error has on Unix.
     #[error("{0}")]
     Errno(Errno),
     /// The server has not answered in time. The operation of this call is in doubt: it may have

@@ -31,7 +31,7 @@ pub struct File<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usi
 
 #[cfg(feature = "dev")]
 impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f, 'm, S, W, FILES> {
-    /// What is open in a block.
+    /// Returns the file that is open in a block.
     pub(super) fn at(system: &'f FileSystem<'m, S, W, FILES>, index: usize) -> Self {
         Self { system, index }
     }
@@ -53,11 +53,12 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f
         self.read_from(into, None)
     }
 
-    /// Reads from `position` on into `into`, at most as many bytes as the file's buffer holds. The
-    /// file's own position stays. Returns the number of bytes; 0 at the end of the file.
+    /// Reads from `position` on into `into`, at most as many bytes as the file's buffer holds. The file's
+    /// own position stays. Returns the number of bytes; 0 at the end of the file.
     ///
     /// # Errors
-    /// Those of [`read`](Self::read).
+    /// [`FileError::Errno`] if the server refuses; another [`FileError`] if it does not answer in time, or
+    /// if the mailbox or the window fails.
     pub fn read_at(&self, into: &mut [u8], position: u64) -> Result<usize, FileError> {
         self.read_from(into, Some(position))
     }
@@ -77,8 +78,8 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f
     /// file's own position stays. Returns the number of bytes.
     ///
     /// # Errors
-    /// [`Errno::INVAL`] for a file that was opened for appending; otherwise those of
-    /// [`write`](Self::write).
+    /// [`Errno::INVAL`] if the file was opened for appending; [`FileError::Errno`] if the server refuses;
+    /// another [`FileError`] if it does not answer in time, or if the mailbox or the window fails.
     pub fn write_at(&self, from: &[u8], position: u64) -> Result<usize, FileError> {
         self.write_to(from, Some(position))
     }
@@ -179,7 +180,7 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f
         Ok(self.system.enter()?.position(self.index)?)
     }
 
-    /// Returns the status of the file: its size, times, mode, and what else the host knows.
+    /// Returns the status of the file: its size, times and mode, and the other facts that the host knows.
     ///
     /// # Errors
     /// [`FileError::Errno`] if the server refuses; another [`FileError`] if it does not answer in time, or
@@ -196,7 +197,8 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f
     /// Sets the permissions of the file, as [`FileSystem::set_mode`] does.
     ///
     /// # Errors
-    /// Those of [`FileSystem::set_mode`].
+    /// [`Errno::PERM`] if the file would get a set-user-ID or set-group-ID bit; [`Errno::INVAL`] if `mode` has
+    /// more than the bits 0o7777; other numbers as on Unix; otherwise another [`FileError`].
     pub fn set_mode(&self, mode: u32) -> Result<(), FileError> {
         self.begin_set_mode(mode).done()
     }
@@ -212,7 +214,8 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f
     /// Sets the times of the file, as [`FileSystem::set_times`] does.
     ///
     /// # Errors
-    /// Those of [`FileSystem::set_times`].
+    /// [`Errno::INVAL`] if there are more than 999 999 999 nanoseconds; other numbers as on Unix; otherwise
+    /// another [`FileError`].
     pub fn set_times(&self, times: Times) -> Result<(), FileError> {
         self.begin_set_times(times).done()
     }
@@ -312,7 +315,7 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f
     }
 }
 
-/// Whatever the server says, no more than it was asked for.
+/// Returns the number of moved bytes that the server reports, but no more than it was asked for.
 pub(super) fn moved(value: u64, buffer: Span) -> usize {
     value.min(buffer.len.into()) as usize
 }

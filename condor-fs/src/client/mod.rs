@@ -51,32 +51,32 @@ use turn::Turn;
 /// is one context's turn. Meanwhile a call of another context returns [`Errno::BUSY`] and does
 /// nothing, or waits for its turn, as [`wait_for_turn`](Self::wait_for_turn) says.
 ///
-/// A processor has one file system at a time: [`connect`](Self::connect) ends all former ones.
+/// A processor has one `FileSystem` at a time: [`connect`](Self::connect) ends all former ones.
 pub struct FileSystem<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> {
     station: &'m S,
     server: Processor,
     own: Region<W>,
     area: Area<FILES>,
     timeout: SharedDuration,
-    /// How long a call waits for its turn.
+    /// The time for which a call waits for its turn.
     patience: SharedDuration,
     /// Files that were dropped, and that nobody has closed.
     left: [AtomicBool; FILES],
     turn: Turn<State<W, FILES>>,
 }
 
-/// What belongs to the context whose turn it is.
+/// The state that belongs to the context whose turn it is.
 struct State<W: MemoryWindow, const FILES: usize> {
     session: Cell<u64>,
     sequence: Cell<u64>,
-    /// What is to follow the end of the operation in the slot, if that has not been seen.
+    /// The work that follows the end of the operation in the slot, if that end has not been seen.
     doubt: Cell<Option<After>>,
     /// The message about it, if its receiver has not died.
     pending: Cell<Option<PendingReply>>,
     /// The last request, unless it has failed, and the value of its answer.
     former: Cell<Option<RequestSlot>>,
     former_value: Cell<u64>,
-    /// What is added to the slot's offset in the first message about the operation in the slot.
+    /// The bits to add to the slot's offset in the first message about the operation in the slot.
     bits: Cell<u32>,
     files: [Cell<BlockState>; FILES],
     /// The buffer of an operation that was in doubt.
@@ -98,7 +98,7 @@ struct UnreadResult {
     words: [u32; slot::STATUS_WORDS],
 }
 
-/// What is known of a block.
+/// The client's knowledge of a block.
 #[derive(Clone, Copy, Default)]
 struct BlockState {
     state: SessionState,
@@ -152,7 +152,7 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
         for file in 0..FILES {
             own.write(area.block(file), &[0; block::BYTES as usize])?;
         }
-        // What is left there of a former client is not of this one.
+        // A mode that a former client left there does not belong to this one.
         own.set_word(area.slot().wrapping_add(slot::MODE), 0)?;
         let system = Self {
             station,
@@ -189,12 +189,12 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
         self.timeout.set(timeout);
     }
 
-    /// Sets how long a call waits for its turn while an operation of another context is in progress,
-    /// before it returns [`Errno::BUSY`]; in a wait it serves messages. At the beginning it does not
+    /// Sets the time for which a call waits for its turn while an operation of another context is in
+    /// progress, before it returns [`Errno::BUSY`]; in a wait it serves messages. The default is not to
     /// wait.
     ///
-    /// It is for threads of a hosted processor. Where contexts interrupt each other, a call that waits
-    /// keeps the operation from its end that it waits for: leave it at zero there.
+    /// Use it for threads of a hosted processor. Where contexts interrupt each other, leave the time at
+    /// zero: there a call that waits prevents the end of the operation that it waits for.
     pub fn wait_for_turn(&self, longest: Duration) {
         self.patience.set(longest);
     }
@@ -222,7 +222,7 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
         Ok(after.is_asked_for().then_some(result))
     }
 
-    /// Returns whether the end of the last operation is unknown. It is while another context's call is
+    /// Returns true if the end of the last operation is unknown. It is while another context's call is
     /// in progress, too.
     pub fn in_doubt(&self) -> bool {
         self.turn

@@ -28,7 +28,8 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
         FileTicket::new(self, ask, &mut [], TicketResult::status)
     }
 
-    /// Returns the room of the file system on which the server's tree is.
+    /// Returns the capacity of the filesystem that holds the server's tree: its blocks and inodes, and
+    /// those that are free.
     ///
     /// # Errors
     /// [`FileError::Errno`] if the server refuses; another [`FileError`] if it does not answer in time, or
@@ -37,7 +38,7 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
         self.begin_space().done()
     }
 
-    /// Returns a ticket for the [room](Self::space) of the file system.
+    /// Returns a ticket for the [capacity](Self::space) of the filesystem.
     pub fn begin_space(&self) -> FileTicket<'_, '_, 'm, S, W, FILES, Space> {
         let ask = Ask::Plain(Operation::Space, After::Space);
         FileTicket::new(self, ask, &mut [], TicketResult::space)
@@ -204,14 +205,14 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
         self.rename_with(from.as_ref(), to.as_ref(), wire::rename::NO_REPLACE)
     }
 
-    /// Exchanges the names of two files or directories, in one step: at no instant is one of the names
-    /// without its file. One may be a file and the other a directory.
+    /// Swaps the names of two files or directories, in one step: at no instant is one of the names without
+    /// its file. One may be a file and the other a directory.
     ///
     /// Files that this processor has open keep their contents, as with [`rename`](Self::rename).
     ///
     /// # Errors
     /// [`Errno::NOENT`] if nothing has one of the paths; [`Errno::INVAL`] if one is a directory in
-    /// which the other is; [`Errno::OPNOTSUPP`] if the file system of the host cannot exchange the
+    /// which the other is; [`Errno::OPNOTSUPP`] if the filesystem of the host cannot exchange the
     /// names of files; other numbers as on Unix; otherwise another [`FileError`].
     pub fn exchange(
         &self,
@@ -285,7 +286,7 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
         Ok(())
     }
 
-    /// Changes the beginning of a file's path, if it is `from`; returns whether it is. A name is its
+    /// Changes the beginning of a file's path, if it is `from`; returns true if it is. A name is its
     /// offset and length.
     fn rewrite_path(
         &self,

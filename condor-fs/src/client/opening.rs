@@ -73,8 +73,8 @@ impl OpenOptions {
         self.with(flag::CREATE | flag::EXCLUSIVE)
     }
 
-    /// Gives a file that is created the permissions `mode`, less the umask of the server. Without
-    /// it, the server's options have the permissions. Add [`create`](Self::create) or
+    /// Sets the permissions of a file that is created to `mode`, less the umask of the server. Without this
+    /// call, the file gets the permissions in the server's options. Add [`create`](Self::create) or
     /// [`exclusive`](Self::exclusive).
     #[must_use]
     pub const fn mode(self, mode: u32) -> Self {
@@ -84,7 +84,7 @@ impl OpenOptions {
         }
     }
 
-    /// What a ticket asks for.
+    /// Returns the request of a ticket that opens `path`.
     pub(super) const fn ask(self, path: &[u8]) -> Ask<'_> {
         Ask::Open {
             path,
@@ -128,13 +128,13 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
         )
     }
 
-    /// Opens `path` in a free block, whose index it gives.
+    /// Opens `path` in a free block, and returns the block's index.
     #[cfg(feature = "dev")]
     pub(super) fn open_block(&self, path: &[u8], options: OpenOptions) -> Result<usize, FileError> {
         self.begin_open(path, options).done().map(File::into_index)
     }
 
-    /// Takes a free block for what is to be opened, and writes to the window what the server needs.
+    /// Takes a free block for the file to open, and writes to the window what the server needs.
     pub(super) fn prepare_open(
         &self,
         alone: &Alone<'_, W, FILES>,

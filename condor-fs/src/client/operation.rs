@@ -9,12 +9,12 @@ use super::{Alone, FileError, FileSystem, Receipt, SessionState};
 use crate::errno::Errno;
 use crate::wire::{self, RequestSlot, again, block, slot, state};
 
-/// How long to wait before a server that was not there is looked for again.
+/// The time to wait before looking again for a server that was not there.
 pub(super) const PAUSE: Duration = Duration::from_millis(1);
-/// How often a context looks for its turn before it sleeps: most turns are short.
+/// The number of times that a context looks for its turn before it sleeps: most turns are short.
 const LOOKS: u32 = 1000;
 
-/// What a client does when an operation has ended, however late.
+/// The work of a client when an operation has ended, however late.
 #[derive(Clone, Copy)]
 pub(super) enum After {
     Nothing,
@@ -22,7 +22,7 @@ pub(super) enum After {
     Looked,
     /// The result is the status of a file or directory.
     Status,
-    /// The result is the room of the file system.
+    /// The result is the capacity of the filesystem.
     Space,
     /// The block was for a file, or for a directory, to be opened.
     Opened {
@@ -148,7 +148,7 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
         Ok(())
     }
 
-    /// Ends the operation that is in doubt, so that another may begin; gives the deadline, if there was
+    /// Ends the operation that is in doubt, so that another may begin; returns the deadline, if there was
     /// one.
     pub(super) fn clear(&self, alone: &Alone<'_, W, FILES>) -> Result<Option<Instant>, FileError> {
         if alone.doubt.get().is_none() {
@@ -218,7 +218,7 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
         Ok(())
     }
 
-    /// Waits for the end of the operation in the slot, and does what is to follow it.
+    /// Waits for the end of the operation in the slot, and does the work that follows it.
     pub(super) fn finish(
         &self,
         alone: &Alone<'_, W, FILES>,
@@ -228,8 +228,8 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
         self.follow_up(alone, outcome)
     }
 
-    /// Looks whether the operation in the slot has ended, and does what is to follow it if so; asks the
-    /// server if nobody does.
+    /// Checks if the operation in the slot has ended, and does the work that follows it if so; asks the
+    /// server if none works on it.
     pub(super) fn poll(
         &self,
         alone: &Alone<'_, W, FILES>,
@@ -307,7 +307,7 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
         }
     }
 
-    /// What a reply says; `None` if the server is to be asked again.
+    /// Reads a reply; returns `None` if the server must be asked again.
     fn answered(
         &self,
         alone: &Alone<'_, W, FILES>,
@@ -360,7 +360,7 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
         // Once only: to a server that has done it, the same bits mean the request after it.
         let message = self.area.slot() | alone.bits.take();
         let ticket = (self.station).begin(self.server, wire::FILES, message, timeout)?;
-        // Apart from its messenger, so that a file system can go to another thread.
+        // Apart from its messenger, so that a `FileSystem` can go to another thread.
         let no_reply = MailError::NotConnected { to: self.server };
         let pending = ticket.detach().ok_or(no_reply)?;
         alone.pending.set(Some(pending));
@@ -371,7 +371,7 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
         Duration::from_nanos(deadline.ns_since(self.station.now()))
     }
 
-    /// What the server wrote; `None` if it is not about this operation.
+    /// Returns the result that the server wrote; `None` if it is not about this operation.
     fn result(
         &self,
         alone: &Alone<'_, W, FILES>,
@@ -437,7 +437,7 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
                 let handle = alone.sequence.get();
                 self.own.set_word(at.wrapping_add(block::SILLY), 0)?;
                 self.set_sequence(at.wrapping_add(block::HANDLE), handle)?;
-                // Whoever opens it and is told so in time, holds it.
+                // The call that opens the file holds it if the answer comes in time.
                 alone.change(file, |open| {
                     open.state = SessionState::Late;
                     open.handle = handle;

@@ -8,16 +8,16 @@ use super::{File, FileError, request};
 use crate::errno::Errno;
 use crate::wire::{Operation, RequestSlot, allocate, find};
 
-/// What [`File::allocate`] does with a range of a file.
+/// The change that [`File::allocate`] makes to a range of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum AllocationMode {
     /// Takes room on the disk, so that later writes of the range find it. The file becomes as long as
     /// the range needs, with zeros.
     Extend,
-    /// Takes room on the disk, also behind the end, and keeps the length.
+    /// Takes room on the disk, also behind the end of the file, and keeps the length.
     KeepSize,
-    /// Gives the room back, and lets the range read as zeros; keeps the length.
+    /// Releases the room, so that the range reads as zeros; keeps the length.
     PunchHole,
     /// Lets the range read as zeros and keeps its room. The file becomes as long as the range needs.
     Zero,
@@ -38,30 +38,31 @@ impl AllocationMode {
 }
 
 impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'_, 'm, S, W, FILES> {
-    /// Returns where the first data at or after `position` begin, in bytes from the beginning of the
-    /// file; `None` if only holes follow. The position of the file stays where it is.
+    /// Returns the place where the first data at or after `position` begin, in bytes from the beginning of
+    /// the file; `None` if only holes follow. The position of the file stays where it is.
     ///
-    /// A file system that keeps no account of holes has data up to the end.
+    /// A filesystem that keeps no account of holes reports data up to the end of the file.
     ///
     /// # Errors
-    /// [`Errno::OPNOTSUPP`] if the file system of the host cannot tell; otherwise another [`FileError`].
+    /// [`Errno::OPNOTSUPP`] if the filesystem of the host cannot tell; otherwise another [`FileError`].
     pub fn next_data(&self, position: u64) -> Result<Option<u64>, FileError> {
         self.find(position, find::DATA)
     }
 
-    /// Returns where the first hole at or after `position` begins, in bytes from the beginning of the
-    /// file. The end of the file counts as a hole; `None` if `position` is not before it.
+    /// Returns the place where the first hole at or after `position` begins, in bytes from the beginning of
+    /// the file. The end of the file counts as a hole; `None` if `position` is not before it.
     ///
     /// # Errors
-    /// [`Errno::OPNOTSUPP`] if the file system of the host cannot tell; otherwise another [`FileError`].
+    /// [`Errno::OPNOTSUPP`] if the filesystem of the host cannot tell; otherwise another [`FileError`].
     pub fn next_hole(&self, position: u64) -> Result<Option<u64>, FileError> {
         self.find(position, find::HOLE)
     }
 
-    /// Takes room on the disk for the `len` bytes from `position` on, or gives it back, as `what` says.
+    /// Takes room on the disk for the `len` bytes from `position` on, releases it, or zeroes the bytes:
+    /// `what` chooses.
     ///
     /// # Errors
-    /// [`Errno::OPNOTSUPP`] if the file system of the host cannot do it, or if it would take room
+    /// [`Errno::OPNOTSUPP`] if the filesystem of the host cannot do it, or if it would take room
     /// behind the end of a file of a server that limits sizes; [`Errno::INVAL`] if `len` is 0;
     /// [`Errno::BADF`] if the file is not open for writing; [`Errno::FBIG`], [`Errno::NOSPC`] and
     /// [`Errno::DQUOT`] as for a write; otherwise another [`FileError`].
@@ -69,7 +70,7 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'_, 'm
         self.begin_allocate(what, position, len).done()
     }
 
-    /// Returns a ticket that [takes room](Self::allocate) or gives it back.
+    /// Returns a ticket that [takes room, releases it or zeroes bytes](Self::allocate).
     pub fn begin_allocate(
         &self,
         what: AllocationMode,

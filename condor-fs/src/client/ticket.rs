@@ -1,4 +1,4 @@
-//! [`FileTicket`]: an operation that is awaited, or waited for again after a time-out.
+//! [`FileTicket`]: an operation that is awaited, or waited for again after a timeout.
 
 use core::pin::Pin;
 use core::task::{Context, Poll};
@@ -21,9 +21,9 @@ use crate::wire::{FileStatus, Operation, RequestSlot, Space, rename, slot};
 ///
 /// In a program whose tasks wait for other events, too, the mailbox's interrupt serves, or a task
 /// that also looks now and then; with the feature `async` of `condor-mbox`, this wakes the tasks
-/// that await a reply. See [`condor_mbox::MessageTicket`]. A ticket has no time-out when it is awaited: it
+/// that await a reply. See [`condor_mbox::MessageTicket`]. A ticket has no timeout when it is awaited: it
 /// lasts as long as there is no server. Drop it to give up the wait: the operation stays in doubt,
-/// as after a time-out.
+/// as after a timeout.
 ///
 /// ```
 /// # use condor_fs::{FileError, FileSystem, OpenOptions};
@@ -42,14 +42,14 @@ use crate::wire::{FileStatus, Operation, RequestSlot, Space, rename, slot};
 pub struct FileTicket<'t, 'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, T> {
     system: &'f FileSystem<'m, S, W, FILES>,
     ask: Ask<'t>,
-    /// Where bytes of a read go.
+    /// The place to which a read copies its bytes.
     into: &'t mut [u8],
     result: fn(TicketResult<'f, 'm, S, W, FILES>) -> T,
     /// While it is this one's turn.
     alone: Option<Alone<'f, W, FILES>>,
 }
 
-/// What a ticket asks for.
+/// The request of a ticket.
 pub(super) enum Ask<'t> {
     Plain(Operation, After),
     Path(RequestSlot, &'t [u8], After),
@@ -73,7 +73,7 @@ pub(super) enum Ask<'t> {
     Begun(u64),
 }
 
-/// What came of an operation that succeeded.
+/// The result of an operation that succeeded.
 pub(super) struct TicketResult<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> {
     pub(super) system: &'f FileSystem<'m, S, W, FILES>,
     pub(super) after: After,
@@ -99,12 +99,13 @@ impl<'t, 'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, T>
         }
     }
 
-    /// Waits for the result for at most `timeout`, serving meanwhile. After a time-out the ticket
+    /// Waits for the result for at most `timeout`, serving meanwhile. After a timeout the ticket
     /// can be waited for again: it asks for the same operation, and does not begin another one.
     ///
     /// # Errors
-    /// Those of the call that is named like the method that made the ticket; [`Errno::INVAL`] if the
-    /// result was returned before, or was displaced by that of another operation that timed out.
+    /// Returns the error of the call that is named like the method that made the ticket if that fails;
+    /// [`Errno::INVAL`] if the result was returned before, or was displaced by that of another operation
+    /// that timed out.
     pub fn wait(&mut self, timeout: Duration) -> Result<T, FileError> {
         let until = self.system.station.now().after(timeout);
         match self.advance(Some(until)) {
@@ -239,7 +240,7 @@ impl<'t, 'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, T>
                 system.fill_buffer(alone, file, buffer, from)?;
                 alone.prepare_transfer(operation, file, buffer, at)?
             }
-            // It is in the slot.
+            // The request is in the slot.
             Ask::Begun(_) => return Ok(()),
         };
         system.start(alone, &request, after)?;
@@ -253,12 +254,12 @@ impl<'t, 'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, T>
         let mut value = ended.outcome;
         match (ended.after, &mut value) {
             (After::Read { file } | After::ReadAt { file }, Ok(value)) => {
-                // Whatever the server says, no more than there is.
+                // The server may claim more bytes than there are.
                 *value = (*value).min(system.area.buffer_bytes().into());
                 let into = usize::try_from(*value).ok();
                 let into = into.and_then(|len| self.into.get_mut(..len));
                 let Some(into) = into else {
-                    // It can be asked for again, with more room.
+                    // The result can be asked for again, with more room.
                     alone.ended.set(Some(*ended));
                     return Err(Errno::INVAL.into());
                 };
@@ -342,7 +343,7 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
         })
     }
 
-    /// Begins to close a file that nobody has any more; returns whether there was one.
+    /// Begins to close a file that nobody has any more; returns true if there was one.
     fn begin_closing_dropped(&self, alone: &Alone<'_, W, FILES>) -> Result<bool, FileError> {
         let late = alone.ended.get().and_then(|ended| match ended.after {
             After::Opened { file, .. } => Some(file),

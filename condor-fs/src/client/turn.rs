@@ -51,7 +51,8 @@ impl<T> Turn<T> {
         exchanged.is_err()
     }
 
-    /// As above, on processors without compare-and-swap.
+    /// Marks the turn as taken, on processors without compare-and-swap; returns true if it was taken
+    /// before.
     #[cfg(not(any(target_has_atomic = "8", condor_loom)))]
     fn set_taken(&self) -> bool {
         critical_section::with(|_| {
@@ -100,7 +101,7 @@ mod loom_models {
     /// Loom reports two that touch it at a time, and those of which none is before the other.
     type Value = loom::cell::Cell<u32>;
 
-    /// Counts if it is this one's turn; returns whether it is.
+    /// Counts if it is this one's turn; returns true if it is.
     fn count(turn: &Turn<Value>) -> bool {
         let alone = turn.take();
         if let Some(alone) = &alone {

@@ -1,4 +1,4 @@
-//! What `embedded-io` does by itself, without its paths that panic.
+//! The default methods of `embedded-io`, without their paths that panic.
 
 use embedded_io::ReadExactError;
 

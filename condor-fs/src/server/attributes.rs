@@ -1,4 +1,4 @@
-//! Operations on permissions and times, and on the room of the file system.
+//! Operations on permissions and times, and on the capacity of the filesystem.
 
 use std::os::fd::OwnedFd;
 

@@ -60,7 +60,7 @@ impl ServerError {
     }
 }
 
-/// Why an operation goes no further.
+/// The reason why an operation stops.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Stop {
     /// Its result.

@@ -1,4 +1,4 @@
-//! What each operation is, and what is around all of them.
+//! The dispatch of each operation, and the steps that all operations share.
 
 use rustix::fs::Dir;
 use rustix::rand::GetRandomFlags;

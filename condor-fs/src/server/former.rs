@@ -4,7 +4,7 @@ use condor_mbox::Processor;
 
 use crate::wire::{RequestSlot, again};
 
-/// What can be lost: a client then sends its slot. By the number of the processor.
+/// The last request of each processor, by its number. It may be lost: a client then sends its slot.
 #[derive(Default)]
 pub(super) struct Formers(Vec<Option<Former>>);
 

@@ -20,7 +20,7 @@ use crate::wire::{Words, words};
 /// The first two words of the file. A file of zeros is a new one.
 const MAGIC: u32 = u32::from_le_bytes(*b"CFSJ");
 const VERSION: u32 = 1;
-/// Where the record begins, and what all takes, in bytes.
+/// The offset of the record, in bytes; `BYTES` is the size of the journal.
 const RECORD: u32 = 8;
 const BYTES: u32 = RECORD + 4 + 4 * WORDS as u32;
 /// Words of a record, behind the one that says whether there is one.
@@ -93,8 +93,8 @@ impl Journal {
         write(&window, record).map_err(io::Error::other)
     }
 
-    /// What was begun has ended. A record that stays because this fails does no harm: the slot says that
-    /// the operation is done, or the client has gone on to another one.
+    /// Records that the operation has ended. A record that stays because this fails does no harm: the slot
+    /// says that the operation is done, or the client has gone on to another one.
     pub(super) fn end(&self) {
         if self.begun.load(Ordering::Relaxed) {
             let ended = self.lock().store(RECORD, 0, StoreOrder::Release);
@@ -102,7 +102,7 @@ impl Journal {
         }
     }
 
-    /// What is in progress.
+    /// Returns the record of the operation in progress, if there is one.
     ///
     /// # Errors
     /// [`ServerError::Journal`] if the disk does not say.
@@ -127,7 +127,7 @@ fn map(tree: &Tree) -> io::Result<LinuxWindow> {
     check_file_limit(BYTES.into())?;
     match rustix::fs::fallocate(&file, FallocateFlags::empty(), 0, BYTES.into()) {
         Err(Linux::OPNOTSUPP) => {
-            // What is written and synchronised has its room, too.
+            // Bytes that are written and synchronised have their room on the disk, too.
             let mut bytes = [0; BYTES as usize];
             rustix::io::pread(&file, &mut bytes, 0)?;
             rustix::io::pwrite(&file, &bytes, 0)?;

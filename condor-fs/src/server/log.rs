@@ -8,7 +8,7 @@ use super::error::Stop;
 use crate::errno::Errno;
 use crate::wire::{self, FileIdentity, FileStatus, Space, slot, state};
 
-/// What an operation gave.
+/// The outcome of an operation.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Outcome {
     pub(super) value: u64,
@@ -43,8 +43,8 @@ impl<'l> Log<'l> {
         }
     }
 
-    /// Notes that this incarnation of the server works on the operation; gives how many incarnations now have, or
-    /// `None` if it is done.
+    /// Notes that this incarnation of the server works on the operation; returns the number of incarnations
+    /// that now have, or `None` if the operation is done.
     pub(super) fn take(&self) -> Result<Option<u32>, Stop> {
         match self.state()? {
             state::DONE => Ok(None),
@@ -65,8 +65,9 @@ impl<'l> Log<'l> {
         }
     }
 
-    /// What the first incarnation that takes the operation writes, in this order. The words of a former
-    /// operation are still there: the state is changed before the words that say whose it is.
+    /// Returns the words that the first incarnation that takes the operation writes, in this order. The
+    /// words of a former operation are still there: the state is changed before the words that say whose it
+    /// is.
     fn words_of_first(&self) -> [(u32, u32); 6] {
         let ([session, session_high], [sequence, sequence_high]) =
             (wire::halves(self.session), wire::halves(self.sequence));
@@ -85,7 +86,7 @@ impl<'l> Log<'l> {
         self.set(slot::INCARNATIONS, &[incarnations.saturating_sub(1)])
     }
 
-    /// What was recorded, if it was begun.
+    /// Returns the recorded words, if the operation was staged.
     pub(super) fn staged(&self) -> Result<Option<[u32; 8]>, Stop> {
         if self.state()? != state::STAGED {
             return Ok(None);

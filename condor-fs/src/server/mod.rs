@@ -47,9 +47,9 @@ use paths::Paths;
 use quota::Quota;
 use tree::Tree;
 
-/// How long a server that has just served waits for the next request before it sleeps.
+/// The time for which a server that has just served waits for the next request before it sleeps.
 const MORE: Duration = Duration::from_millis(100);
-/// How often a server that has nothing to do looks whether it is to stop.
+/// The time between two checks for the end of the service while the server has nothing to do.
 const LOOK: Duration = Duration::from_millis(250);
 
 /// A server of one directory tree, which it keeps locked.
@@ -77,7 +77,7 @@ struct Job<'j> {
     request: RequestSlot,
     paths: Paths,
     operation: Operation,
-    /// Where the table of a session is, if that is known.
+    /// Returns the place of the table of a session, if that is known.
     ask: &'j dyn Fn(u64) -> Option<u32>,
 }
 
@@ -255,7 +255,7 @@ impl<S: Steps> FileServer<S> {
             return refused(Errno::NOSYS);
         };
         let paths = Paths::copy(&region, &request, operation);
-        // They are this request's if it is still there; from here on nobody can change either.
+        // The paths belong to this request if it is still there; from here on neither can change.
         if !paths.is_empty() && read_request(&region, slot) != Ok(request) {
             return refused(Errno::AGAIN);
         }
@@ -325,7 +325,7 @@ fn sleep<B: Backend, const N: usize>(
 ) -> Result<usize, condor_mbox::MailboxError> {
     mailbox.ring_always(true)?;
     let doorbell = mailbox.doorbell();
-    // What this service does not see, rings.
+    // A request that this service does not see rings the doorbell.
     let seen = doorbell.prepare();
     let mut served = mailbox.serve(Duration::ZERO)?;
     if served == 0 {
@@ -355,7 +355,8 @@ fn read_request(region: &Region<&LinuxWindow>, at: u32) -> Result<RequestSlot, E
         let at = at + 4 * slot::LINE_WORDS as u32;
         region.read(at, behind.as_flattened_mut()).map_err(fault)?;
     }
-    // Pairs with the fence in the client's `write`: what is read below is no older than these words.
+    // Pairs with the fence in the client's `write`: the words that are read below are at least as new as
+    // these.
     fence(Ordering::Acquire);
     let request = RequestSlot::from_words(&bytes.map(u32::from_le_bytes)).ok_or(Errno::FAULT)?;
     // A client that changed it meanwhile first took away the magic, then changed the sequence.

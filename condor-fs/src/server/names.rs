@@ -68,7 +68,7 @@ impl<S: Steps> FileServer<S> {
         mode: u32,
     ) -> Result<OwnedFd, Stop> {
         let flags = system_flags(job.request.flags);
-        // Who makes a file has it open, but a next incarnation may not be allowed to open it.
+        // The maker of a file has it open, but a next incarnation may not be allowed to open it.
         if !may_open(mode)
             && let Ok(place) = self.tree.place(path)
         {
@@ -88,8 +88,8 @@ impl<S: Steps> FileServer<S> {
         Ok(self.tree.open_path(path, flags | OFlags::CREATE, mode)?)
     }
 
-    /// Makes a file without a name, then gives it its path: it is seen with all that it is, and
-    /// one that did not get so far leaves nothing.
+    /// Makes a file without a name, then names it: it appears with all its properties, and an attempt that
+    /// is broken off leaves nothing.
     fn make_file(
         &self,
         job: &Job<'_>,
@@ -271,7 +271,7 @@ impl<S: Steps> FileServer<S> {
         self.reached(job, Step::Staged);
         let flags = match (open, replaces) {
             _ if exchanges => RenameFlags::EXCHANGE,
-            // What is open must not be without a name, nor its new name without a file.
+            // An open file must not be without a name, nor its new name without a file.
             (true, _) => RenameFlags::EXCHANGE,
             (false, true) => RenameFlags::empty(),
             (false, false) => RenameFlags::NOREPLACE,
@@ -309,7 +309,7 @@ impl<S: Steps> FileServer<S> {
         match found {
             Ok((_, _, (found, _))) if found == source => Ok(false),
             Ok((from, to, (left, status))) => {
-                // What was open may have been left at the old name.
+                // The open file may have been left at the old name.
                 if job.request.flags != rename::EXCHANGE
                     && status.is_file()
                     && to.about().is_ok_and(|(found, _)| found == source)
@@ -407,7 +407,7 @@ fn gone(errno: Errno) -> Result<bool, Stop> {
     }
 }
 
-/// What is to be removed; nothing if a former incarnation has removed it.
+/// Returns the file to remove; nothing if a former incarnation has removed it.
 pub(super) fn remaining(
     place: Result<NameIn, Errno>,
     log: &Log<'_>,

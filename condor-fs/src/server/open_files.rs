@@ -16,10 +16,10 @@ use super::{FileServer, Job, Steps};
 use crate::errno::Errno;
 use crate::wire::{self, FileIdentity, Span, Words as _, block, open as flag, table};
 
-/// How many files are kept open; beyond it all are opened again as they are needed.
+/// The number of files that are kept open; beyond it all are opened again as they are needed.
 const MOST: usize = 512;
 
-/// What can be lost.
+/// The open files: a cache that may be lost.
 #[derive(Default)]
 pub(super) struct OpenFiles {
     cache: Mutex<Cache>,
@@ -29,13 +29,13 @@ pub(super) struct OpenFiles {
 struct Cache {
     /// By processor, session and handle.
     files: BTreeMap<(Processor, u64, u64), Arc<OpenFile>>,
-    /// Where the table of a session is.
+    /// The session of each processor, and the place of its table.
     tables: BTreeMap<Processor, (u64, u32)>,
     /// The question for it that a session has not answered yet.
     asked: BTreeMap<Processor, (u64, PendingReply)>,
 }
 
-/// An open file.
+/// A file of the tree that the server has open for a client.
 pub(super) struct OpenFile {
     pub(super) file: OwnedFd,
     pub(super) flags: u32,
@@ -51,7 +51,7 @@ pub(super) struct Block {
     /// The operation after which the file has a silly name; its low word is 0 if there is none.
     silly: u64,
     evidence: FileIdentity,
-    /// Where it is; behind what is in the window.
+    /// The offset of the block in the window; this word follows those that are in the window.
     at: u32,
 }
 
@@ -97,8 +97,9 @@ impl OpenFiles {
         self.lock().files.remove(&key);
     }
 
-    /// Where the table of the sender's session is, if it has said so; else asks it, without waiting
-    /// for the answer: others are served meanwhile, and the sender tries again when it has answered.
+    /// Returns the place of the table of the sender's session, if the sender has said it; else asks the
+    /// sender, without waiting for the answer: others are served meanwhile, and the sender tries again when
+    /// it has answered.
     pub(super) fn ask(&self, call: &Call<'_>, session: u64) -> Option<u32> {
         let sender = call.sender();
         let mut cache = self.lock();
@@ -132,7 +133,7 @@ impl OpenFiles {
 }
 
 impl<S: Steps> FileServer<S> {
-    /// Where the client's table is; asks it if need be.
+    /// Returns the place of the client's table; asks for it if need be.
     pub(super) fn table(&self, job: &Job<'_>) -> Result<u32, Stop> {
         let known = self.open.lock().tables.get(&job.processor).copied();
         if let Some((session, table)) = known
@@ -255,7 +256,7 @@ impl<S: Steps> FileServer<S> {
             .iter()
             .any(|other| other.at != block.at && other.silly == block.silly);
         if !others {
-            // It may have been closed before.
+            // The file may have been closed before.
             let _ = self.discard(&block.unique_name(job.processor));
         }
         Ok(())
@@ -311,7 +312,7 @@ impl Block {
     }
 }
 
-/// What stays of the flags of an open after it.
+/// Returns the flags of an open file that remain in force after the open.
 pub(super) fn system_flags(flags: u32) -> OFlags {
     let access = match (flags & flag::READ != 0, flags & flag::WRITE != 0) {
         (true, true) => OFlags::RDWR,

@@ -23,12 +23,12 @@ pub struct ServerOptions {
     /// Processors that are not served at all: they get `EACCES`. The limit for hostile processors
     /// is that of [`read_only_for`](Self::read_only_for).
     pub refused: ProcessorSet,
-    /// The greatest size to which a file may be written or truncated, in bytes; attempts beyond it
-    /// get `EFBIG`. `None` is no limit.
+    /// The greatest size to which a file may be written or truncated, in bytes; attempts beyond it get
+    /// `EFBIG`. `None` sets no limit.
     pub max_file_bytes: Option<u64>,
-    /// The greatest sum of the sizes of all files of the tree, in bytes, plus 1024 for each name of
-    /// a file or directory; operations that would add more get `EDQUOT`. Files of the host's own
-    /// programs count, too. `None` is no limit.
+    /// The greatest sum of the sizes of all files of the tree, in bytes, plus 1024 for each name of a file
+    /// or directory; operations that would add more get `EDQUOT`. Files of the host's own programs count,
+    /// too. `None` sets no limit.
     pub quota_bytes: Option<u64>,
     /// The permissions of new files for which a client asks for none, less the process's umask. With
     /// them the server must be able to
@@ -88,7 +88,7 @@ impl ProcessorSet {
         self
     }
 
-    /// Returns whether the set has `processor`.
+    /// Returns true if the set has `processor`.
     #[must_use]
     pub const fn contains(self, processor: Processor) -> bool {
         self.0[(processor.0 / 64) as usize] >> (processor.0 % 64) & 1 != 0

@@ -40,7 +40,7 @@ impl Paths {
             Operation::Rename => Self([copy(request.path), copy(request.second_path)]),
             _ => Self::default(),
         };
-        // Who looks at the request after this sees it no older than the paths.
+        // Later reads of the request see it no older than the paths.
         fence(Ordering::Acquire);
         paths
     }

@@ -18,16 +18,16 @@ use super::{FileServer, Steps};
 use crate::errno::Errno;
 use crate::wire::FileStatus;
 
-/// What a name of a file, a directory or anything else counts: room in a directory, and an inode.
+/// The bytes that a name of a file, a directory or anything else counts: room in a directory, and an inode.
 const NAME: u64 = 1024;
-/// How long a count that found no room is believed at least.
+/// The time for which a count that found no room is believed at least.
 const REST: Duration = Duration::from_secs(1);
 /// And how many times as long as it took.
 const SHARE: u32 = 10;
-/// How often a count is begun anew because programs of the host move directories.
+/// The number of times that a count is begun anew because programs of the host move directories.
 const TRIES: usize = 8;
 
-/// What a tree counts, and the most that it may.
+/// The bytes that a tree has, and their limit.
 pub(super) struct Quota {
     most: Option<u64>,
     state: Mutex<QuotaState>,
@@ -90,7 +90,7 @@ impl Quota {
         Ok(())
     }
 
-    /// How many bytes are left; `None` if there is no limit.
+    /// Returns the number of bytes that are left; `None` if there is no limit.
     pub(super) fn left(&self) -> Option<u64> {
         Some(self.most?.saturating_sub(self.lock().used))
     }
@@ -166,7 +166,7 @@ struct Level {
     left: Vec<CString>,
 }
 
-/// What counts in a tree: every name, and every file's size once.
+/// Counts the bytes of a tree: those of every name, and every file's size once.
 fn count(tree: &Tree) -> Result<u64, Counting> {
     for _ in 0..TRIES {
         let mut walk = Walk {
@@ -211,7 +211,7 @@ impl Walk {
                         at = below;
                         self.enter(&at, name)?;
                     }
-                    // It went away meanwhile.
+                    // The directory went away meanwhile.
                     Err(Linux::NOENT | Linux::NOTDIR | Linux::LOOP) => {}
                     Err(errno) => {
                         self.way.push(Level::of(name));
@@ -251,12 +251,12 @@ impl Walk {
             }
             let stat = match rustix::fs::statat(at, name, AtFlags::SYMLINK_NOFOLLOW) {
                 Ok(stat) => stat,
-                Err(Linux::NOENT) => continue, // It went away meanwhile.
+                Err(Linux::NOENT) => continue, // The file went away meanwhile.
                 Err(errno) => return Err(errno),
             };
             let kind = FileType::from_raw_mode(stat.st_mode);
             if stat.st_dev != is.st_dev {
-                continue; // Another file system.
+                continue; // Another filesystem.
             }
             let top_own = self.way.len() == 1 && name.to_bytes() == OWN;
             if !top_own {

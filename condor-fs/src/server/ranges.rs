@@ -27,7 +27,7 @@ const ALLOCATIONS: [(u32, FallocateFlags); 5] = [
 ];
 
 impl<S: Steps> FileServer<S> {
-    /// Where the next data or the next hole begins.
+    /// Returns the place where the next data or the next hole begins.
     pub(super) fn find(&self, job: &Job<'_>) -> Result<u64, Stop> {
         let opened = self.opened(job)?;
         let position = job.request.position;
@@ -43,14 +43,14 @@ impl<S: Steps> FileServer<S> {
         // Of all that the server does with a file, only this and the reading of a directory depend
         // on its own position, and both set it first.
         match rustix::fs::seek(&opened.file, from) {
-            // The position is a good one: it is the file system that does not know the word.
+            // The position is a good one: it is the filesystem that does not know the word.
             Err(Linux::INVAL) => Err(Errno::OPNOTSUPP.into()),
             outcome => Ok(outcome?),
         }
     }
 
-    /// Takes room for a range, or gives it back. A repetition does the same to the same bytes: the
-    /// next incarnation does it before anybody else does something.
+    /// Takes room for a range, or releases it. A repetition does the same to the same bytes: the next
+    /// incarnation does it before any other operation.
     pub(super) fn allocate(&self, job: &Job<'_>) -> Result<(), Stop> {
         let opened = self.opened(job)?;
         let file = opened.for_writing()?;

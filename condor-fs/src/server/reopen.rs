@@ -1,8 +1,8 @@
-//! Files that are opened once more although their mode has come to keep the server's user out.
+//! Files whose mode has come to exclude the server's user, and which the server opens once more.
 //!
-//! A file that is open stays usable on Unix, whatever its mode becomes. A new incarnation of the server has to
-//! open it again: it gives the owner the permission for a moment, and notes the former mode in the slot
-//! and the operation in the journal before, so that an incarnation after it gives the mode back.
+//! A file that is open stays usable on Unix, whatever its mode becomes. A new incarnation of the server has
+//! to open it again: it grants the owner the permission for a moment. Before, it notes the former mode in
+//! the slot and the operation in the journal, so that the next incarnation can restore the mode.
 
 use std::ffi::CString;
 use std::os::fd::OwnedFd;
@@ -16,12 +16,12 @@ use super::{FileServer, Job, Step, Steps};
 use crate::errno::Errno;
 use crate::wire::{FileIdentity, Operation, slot};
 
-/// What the server needs.
+/// The permissions that the server needs.
 const OWNERS: u32 = 0o600;
 /// The bits that are given back; the others stay what they are.
 const BITS: u32 = 0o1777;
 
-/// Where a file is that was opened before.
+/// The place of a file that was opened before.
 pub(super) enum Former {
     Path(Vec<u8>),
     /// A unique name in the server's directory.
@@ -42,7 +42,7 @@ impl<S: Steps> FileServer<S> {
         if !matches!(opened, Err(Errno::ACCES)) && noted.is_none() {
             return Ok(opened.map_err(stale)?);
         }
-        // Who may change nothing gets no permission by this way.
+        // A client that may change nothing gets no permission by this way.
         self.check_writable(job).map_err(|_| Errno::ACCES)?;
         let found = self.find_former(place).map_err(stale)?;
         let (evidence, status) = about(&found, c"")?;
@@ -68,7 +68,7 @@ impl<S: Steps> FileServer<S> {
         Ok(opened.map_err(stale)?)
     }
 
-    /// Gives a mode back that an incarnation noted for a request that is given up now.
+    /// Restores a mode that an incarnation noted for a request that is given up now.
     pub(super) fn give_mode_back(&self, job: &Job<'_>) -> Result<(), Stop> {
         let Some(mode) = job.noted_mode()? else {
             return Ok(());
@@ -104,7 +104,7 @@ impl<S: Steps> FileServer<S> {
 }
 
 impl Job<'_> {
-    /// Where the file of a block is.
+    /// Returns the place of the file of a block.
     pub(super) fn former(&self, block: &Block) -> Result<Former, Stop> {
         Ok(if block.has_path() {
             Former::Path(self.path(block.path())?)

@@ -15,7 +15,7 @@ pub enum Step {
     Widened,
     /// A directory was made, or a file without a name.
     Made,
-    /// The slot records what is to be done.
+    /// The slot records the operation and its arguments, before the operation is done.
     Staged,
     /// A file was given its name, or a rename was done.
     Moved,

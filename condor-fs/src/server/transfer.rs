@@ -20,7 +20,7 @@ use super::{FileServer, Job, Step, Steps};
 use crate::errno::Errno;
 use crate::wire::{halves, open as flag, whole};
 
-/// How many bytes are searched at once.
+/// The number of bytes that are searched at once.
 const PIECE: u64 = 64 * 1024;
 
 impl<S: Steps> FileServer<S> {
@@ -85,7 +85,7 @@ impl<S: Steps> FileServer<S> {
         loop {
             match job.window.write_file(file, end, offset, len) {
                 Err(error) if error.kind() == ErrorKind::Interrupted => {}
-                // What there was room for is a result; more of it would not be next to it.
+                // The part that had room is a result; more bytes of it would not be next to it.
                 outcome => {
                     let written = outcome?;
                     self.reached(job, Step::Part);
@@ -197,14 +197,14 @@ impl<S: Steps> FileServer<S> {
 }
 
 impl Job<'_> {
-    /// How many bytes of an append a former incarnation has written to the range behind the end that it
-    /// recorded, where programs of the host may have appended, too.
+    /// Returns the number of bytes of an append that a former incarnation has written to the range behind
+    /// the end that it recorded, where programs of the host may have appended, too.
     pub(super) fn appended(&self, file: &OwnedFd, range: Range<u64>) -> Result<u64, Stop> {
         let buffer = self.request.buffer;
         let (start, len) = (range.start, range.end.saturating_sub(range.start));
         let mut ours = vec![0; buffer.len as usize];
         self.region.read(buffer.offset, &mut ours)?;
-        // It may be open for writing alone.
+        // The file may be open for writing alone.
         let flags = OFlags::RDONLY | OFlags::CLOEXEC | OFlags::NONBLOCK;
         let Ok(file) = rustix::fs::open(path_of(file), flags, Mode::empty()).map(File::from) else {
             return Ok(len.min(ours.len() as u64)); // There is nothing to go by but its length.

@@ -17,7 +17,7 @@ use crate::wire::{FileIdentity, FileStatus};
 /// The server's own directory at the top of the tree.
 pub(super) const OWN: &[u8] = b".condor-fs";
 
-/// How paths of clients are followed.
+/// The way in which paths of clients are followed.
 const CONFINED: ResolveFlags = ResolveFlags::BENEATH
     .union(ResolveFlags::NO_MAGICLINKS)
     .union(ResolveFlags::NO_XDEV);
@@ -66,12 +66,12 @@ impl NameIn {
     }
 
     /// Makes a file that has no name yet in the directory of the place, as one that is made there
-    /// with the name: its group, attributes and access list are those that the directory gives.
+    /// with the name: its group, attributes and access list come from the directory.
     pub(super) fn make_unnamed(&self, flags: OFlags, mode: u32) -> Result<OwnedFd, Linux> {
         unnamed(&self.parent, flags | OFlags::CLOEXEC, mode)
     }
 
-    /// Gives it the name, unless that is taken.
+    /// Links the file to the name, unless that is taken.
     pub(super) fn give_name(&self, file: &OwnedFd) -> Result<(), Linux> {
         let flags = AtFlags::SYMLINK_FOLLOW;
         rustix::fs::linkat(CWD, path_of(file), &self.parent, &*self.name, flags)
@@ -249,7 +249,7 @@ impl Tree {
         rustix::fs::renameat_with(&place.parent, &*place.name, &self.stage, unique, flags)
     }
 
-    /// What has a unique name, if it exists.
+    /// Returns the file that has a unique name, if it exists.
     pub(super) fn aside(&self, unique: &CStr) -> Result<Option<(FileIdentity, FileStatus)>, Linux> {
         match about(&self.stage, unique) {
             Ok(found) => Ok(Some(found)),

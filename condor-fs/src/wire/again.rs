@@ -7,12 +7,12 @@ use super::{Operation, RequestSlot, following};
 pub const BITS: u32 = 63;
 /// The position is that of the former request.
 pub const SAME: u32 = 1;
-/// The position is behind what the former request has moved.
+/// The position is behind the bytes that the former request has moved.
 pub const ONWARDS: u32 = 2;
 /// By how many bits the low bits of the sequence number are shifted.
 const SEQUENCE_SHIFT: u32 = 2;
 
-/// Returns whether `request` is for data, which alone can be asked for again.
+/// Returns true if `request` is for data, which alone can be asked for again.
 #[must_use]
 pub fn is_possible(request: &RequestSlot) -> bool {
     matches!(
@@ -21,7 +21,7 @@ pub fn is_possible(request: &RequestSlot) -> bool {
     )
 }
 
-/// Returns whether there are messages with these bits beside the offset of a slot.
+/// Returns true if there are messages with these bits beside the offset of a slot.
 #[must_use]
 pub const fn is_message(bits: u32) -> bool {
     matches!(bits & (SAME | ONWARDS), SAME | ONWARDS)

@@ -25,7 +25,7 @@ use interrupt_injector::{argument, seed};
 use serving::{AnyError, BYTES, Files, N, ServerProcess, on_processor, served};
 
 const CLIENTS: [Processor; 2] = [Processor(1), Processor(2)];
-/// The kind of file system that never uses an inode number again.
+/// The kind of filesystem that never uses an inode number again.
 const TMPFS: u64 = 0x0102_1994;
 /// Bytes of a record in the log that both clients append to.
 const RECORD: usize = 16;

@@ -1,4 +1,4 @@
-//! Buffered readers and writers against a model, with errors, short writes and time-outs anywhere.
+//! Buffered readers and writers against a model, with errors, short writes and timeouts anywhere.
 #![cfg(all(feature = "hostile", target_os = "linux"))]
 
 use std::collections::VecDeque;

@@ -381,7 +381,7 @@ fn every_operation_takes_effect_once_wherever_the_server_dies() {
     let first = disk();
     let (expected, tree, deaths) = run(first.path(), None);
     assert_eq!(deaths, 0);
-    // What Unix does, from the file system's own mouth.
+    // What Unix does, from the filesystem's own mouth.
     let reference = [
         (".condor-fs", None),
         ("d", None),

@@ -1,4 +1,4 @@
-//! What a time-out leaves behind, and how it ends.
+//! What a timeout leaves behind, and how it ends.
 #![cfg(all(feature = "linux", target_os = "linux"))]
 
 use std::time::Duration;

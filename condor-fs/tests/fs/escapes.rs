@@ -78,7 +78,7 @@ fn paths_stay_inside() {
             "cwd/new",
         ] {
             for errno in everything(fs, path) {
-                // A link to /proc crosses to another file system in any case.
+                // A link to /proc crosses to another filesystem in any case.
                 assert!(
                     matches!(errno, Errno::XDEV | Errno::LOOP),
                     "{path:?}: {errno}"

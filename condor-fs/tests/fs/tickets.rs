@@ -1,4 +1,4 @@
-//! Operations that are awaited, asked for again after a time-out, and asked for by several contexts.
+//! Operations that are awaited, asked for again after a timeout, and asked for by several contexts.
 #![cfg(all(feature = "linux", target_os = "linux"))]
 
 use std::pin::pin;

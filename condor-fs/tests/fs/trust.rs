@@ -39,7 +39,7 @@ fn served<S: Steps + Send>(system: &LinuxSystem<3>, root: &Path, steps: S, progr
     });
 }
 
-/// Runs `program` with the file system of the processor whose number is claimed.
+/// Runs `program` with the `FileSystem` of the processor whose number is claimed.
 fn connected(mut claim: Claim<3>, program: impl FnOnce(&Fs<'_, '_>, &Region<LinuxWindow>)) {
     let number = claim.number();
     let own = Region::users(claim.windows()[number.index()].data.clone()).unwrap();

@@ -25,13 +25,13 @@ pub trait Handover {
         None
     }
 
-    /// Returns whether the calling thread is the one that runs the processor's program, not another
+    /// Returns true if the calling thread is the one that runs the processor's program, not another
     /// thread beside it. The default is `true`.
     fn is_own_context(&self) -> bool {
         true
     }
 
-    /// Returns whether all participants are processors of this one program, so that nothing outside
+    /// Returns true if all participants are processors of this one program, so that nothing outside
     /// it can ever ring a processor. The default is `false`.
     fn is_closed(&self) -> bool {
         false

@@ -6,7 +6,7 @@
 #![doc = include_str!("../README.md")]
 #![cfg_attr(not(any(feature = "std", test, condor_loom)), no_std)]
 
-// What any program can name.
+// Sizes, which any program can name.
 mod sizes;
 pub use sizes::{LINES, LOOPS, PAGE_BYTES};
 

@@ -21,7 +21,7 @@ const POLLED_NS: u64 = 100_000;
 /// while the loop runs.
 const TOO_MANY_READINGS: u32 = 1_000_000;
 
-/// How long after the instant for stopping a program may still run.
+/// The time for which a program may still run after the instant for stopping, in nanoseconds.
 const PATIENCE_NS: u64 = 10_000_000_000;
 
 /// A handler of the timer.
@@ -51,17 +51,17 @@ pub struct LocalClock<P, H> {
     number: u8,
     page: P,
     by: H,
-    /// When the timer is to interrupt.
+    /// The instant at which the timer interrupts.
     armed: AtomicU64,
-    /// What it calls then: where a reference to a handler lies, on the stack of `with_handler`.
+    /// The address of a reference to the handler that the timer calls, on the stack of `with_handler`.
     handler: AtomicPtr<Handler>,
     /// Whether the timer may interrupt.
     open: AtomicBool,
-    /// In how many contexts it is in which no time passes.
+    /// The number of contexts in which the processor is and in which no time passes.
     still: AtomicU32,
-    /// How often the clock was read since it went on last.
+    /// The number of readings of the clock since the processor last went on.
     readings: AtomicU32,
-    /// How long the loop of each rank takes.
+    /// The time that the loop of each rank takes, in nanoseconds.
     work: [u64; LOOPS],
 }
 
@@ -120,7 +120,7 @@ impl<P: Deref<Target = Page<N>>, H: Handover, const N: usize> LocalClock<P, H> {
         self.page.now()
     }
 
-    /// Returns whether the instant has come from which programs are to stop.
+    /// Returns true if the instant has come from which programs must stop.
     pub fn is_stopping(&self) -> bool {
         self.now() >= self.page.stop_at()
     }
@@ -149,7 +149,7 @@ impl<P: Deref<Target = Page<N>>, H: Handover, const N: usize> LocalClock<P, H> {
         self.now()
     }
 
-    /// Arms the timer for the instant `at`, in nanoseconds; returns whether `at` is still ahead.
+    /// Sets the timer to the instant `at`, in nanoseconds; returns true if `at` is still ahead.
     pub fn arm(&self, at: u64) -> bool {
         self.armed.store(at, Relaxed);
         at > self.now()
@@ -273,8 +273,8 @@ impl<P: Deref<Target = Page<N>>, H: Handover, const N: usize> LocalClock<P, H> {
         }
     }
 
-    /// Gives the turn on until the instant `at` or the event `until`; returns the instant at which
-    /// this processor goes on.
+    /// Passes the turn on until the instant `at` or the event `until`; returns the instant at which this
+    /// processor goes on.
     fn turn(&self, at: u64, until: Until) -> u64 {
         self.readings.store(0, Relaxed);
         let now = self.page.turn(self.number, at, until, &self.by);
@@ -310,7 +310,7 @@ impl<P: Deref<Target = Page<N>>, H: Handover, const N: usize> LocalClock<P, H> {
         }
     }
 
-    /// How many readings there were since the clock went on last, with this one.
+    /// Counts a reading; returns the number of readings since the clock went on last, with this one.
     fn count_reading(&self) -> u32 {
         let readings = self.readings.load(Relaxed).saturating_add(1);
         if readings >= TOO_MANY_READINGS {

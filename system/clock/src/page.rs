@@ -1,8 +1,8 @@
 //! [`Page`]: the shared words by which participants pass the turn, and the rules for passing it.
 //!
-//! One participant has the turn at any moment. It alone changes the time and gives the turn to the
-//! participant that goes on first. If no participant may go on, the turn is free. A participant
-//! that then changes something takes the turn and gives it on, in case another may now go on.
+//! One participant has the turn at any moment. It alone changes the time and passes the turn to the
+//! participant that goes on first. If no participant may go on, the turn is free. A participant that then
+//! changes something takes the turn and passes it on, in case another may now go on.
 
 mod rules;
 #[cfg(all(test, not(condor_loom)))]
@@ -31,7 +31,7 @@ const LAG_NS: u64 = 50_000_000;
 /// the plain number.
 const PASSING: u8 = 0x40;
 
-/// What a line stands for.
+/// The roles that a line can stand for.
 mod role {
     pub(super) const NOBODY: u32 = 0;
     /// A processor whose program has entered and has not had its first turn.
@@ -43,7 +43,7 @@ mod role {
     pub(super) const GUEST: u32 = 4;
 }
 
-/// What ends a wait of a processor before its instant; bits.
+/// The events that end a wait of a processor before its instant, as bits.
 mod ends {
     pub(super) const RING: u32 = 1;
     pub(super) const STOP: u32 = 2;
@@ -84,7 +84,7 @@ pub struct Page<const N: usize = LINES> {
 #[derive(Debug)]
 struct Line {
     role: AtomicU32,
-    /// What ends its wait early.
+    /// The events that end its wait early: bits of `ends`.
     ends: AtomicU32,
     /// The count of rings that the participant knew when it began to wait.
     seen: AtomicU32,
@@ -252,27 +252,27 @@ impl<const N: usize> Page<N> {
         self.speed.load(Ordering::Relaxed)
     }
 
-    /// Returns whether `number` is a processor whose program has had its first turn and has not
+    /// Returns true if `number` is a processor whose program has had its first turn and has not
     /// ended.
     #[must_use]
     pub fn is_alive(&self, number: u8) -> bool {
         self.role(number) == role::PROCESSOR
     }
 
-    /// Returns whether `number` is a processor that was announced and has not ended, even if it has
+    /// Returns true if `number` is a processor that was announced and has not ended, even if it has
     /// not had its first turn yet.
     #[must_use]
     pub fn is_processor(&self, number: u8) -> bool {
         matches!(self.role(number), role::PROCESSOR | role::ENTERING)
     }
 
-    /// Returns whether `number` is a service that runs or will be restarted.
+    /// Returns true if `number` is a service that runs or will be restarted.
     #[must_use]
     pub fn is_service(&self, number: u8) -> bool {
         self.role(number) == role::SERVICE
     }
 
-    /// Returns whether only a doorbell can wake `number`: it is a part of the host, which also
+    /// Returns true if only a doorbell can wake `number`: it is a part of the host, which also
     /// waits for other events than a change of its words, or a processor of another machine.
     #[must_use]
     pub fn needs_bell(&self, number: u8) -> bool {
@@ -289,7 +289,7 @@ impl<const N: usize> Page<N> {
         }
     }
 
-    /// Returns whether `number` is a participant of any kind.
+    /// Returns true if `number` is a participant of any kind.
     #[must_use]
     pub fn takes_part(&self, number: u8) -> bool {
         self.role(number) != role::NOBODY
@@ -315,21 +315,21 @@ impl<const N: usize> Page<N> {
         Some(self.line(number).map_or(holder, |_| number))
     }
 
-    /// Returns whether `number` has the turn.
+    /// Returns true if `number` has the turn.
     #[must_use]
     pub fn has_turn(&self, number: u8) -> bool {
         // Acquire: as in `holder`.
         holder_of(self.turn.load(Ordering::Acquire)) == Some(number)
     }
 
-    /// Returns whether `number` has the turn and is not waiting for the answer of a service.
+    /// Returns true if `number` has the turn and is not waiting for the answer of a service.
     #[must_use]
     pub fn is_busy(&self, number: u8) -> bool {
         let asks = |line: &Line| line.asks.load(Ordering::Relaxed) != 0;
         self.holder() == Some(number) && !self.line(number).is_some_and(asks)
     }
 
-    // What a processor does.
+    // The operations of a processor.
 
     /// Makes processor `me` a participant. Its program gets its first turn at the latest of the instant
     /// `at`, in nanoseconds, the instant to which its entry was [deferred](Self::defer), and the present
@@ -357,8 +357,8 @@ impl<const N: usize> Page<N> {
         line.role.store(role::PROCESSOR, Ordering::Release);
     }
 
-    /// Ends the participation of processor `me`, whose program ends. Rings all other processors,
-    /// which may wait for it, and gives on the turn if `me` has it.
+    /// Ends the participation of processor `me`, whose program ends. Rings all other processors, which may
+    /// wait for it, and passes the turn on if `me` has it.
     pub fn leave(&self, me: u8, by: &impl Handover) {
         // A giver that finds no program there takes its turn back, but only from `me` itself.
         let had_turn = self.take_from(me, |holder| holder == me);
@@ -368,10 +368,9 @@ impl<const N: usize> Page<N> {
         }
     }
 
-    /// Gives the turn of `me` on, and waits until `me` has it again: at the instant `at`, in
-    /// nanoseconds, or earlier at the event `until`. Returns the instant at which `me` goes on. In
-    /// a [closed](Handover::is_closed) program it returns [`NEVER`] if no participant could ever
-    /// wake `me`.
+    /// Passes the turn of `me` on, and waits until `me` has it again: at the instant `at`, in nanoseconds,
+    /// or earlier at the event `until`. Returns the instant at which `me` goes on. In a
+    /// [closed](Handover::is_closed) program it returns [`NEVER`] if no participant could ever wake `me`.
     pub fn turn(&self, me: u8, at: u64, until: Until, by: &impl Handover) -> u64 {
         let Some(line) = self.line(me) else {
             return at;
@@ -414,8 +413,8 @@ impl<const N: usize> Page<N> {
         }
     }
 
-    /// Returns how often the processor `number` was rung, or how many messages to the service
-    /// `number` were counted. The count wraps.
+    /// Returns the number of times that the processor `number` was rung, or the number of messages to the
+    /// service `number` that were counted. The count wraps.
     #[must_use]
     pub fn rings(&self, number: u8) -> u32 {
         // Acquire: pairs with the Release addition in `count_ring`.
@@ -441,7 +440,7 @@ impl<const N: usize> Page<N> {
         }
     }
 
-    // What a part of the host does.
+    // The operations of a part of the host.
 
     /// Makes `me` a service: a part of the host for which time waits until it has taken all
     /// messages to it. This includes a [request](Self::request) for the turn, so that no time
@@ -483,7 +482,7 @@ impl<const N: usize> Page<N> {
     pub fn ring(&self, me: u8, number: u8, by: &impl Handover) {
         if let Some(line) = self.line(number) {
             self.count_ring(number);
-            // It may have the turn and wait for an answer.
+            // The processor may have the turn and wait for an answer.
             by.wake(number, &line.rings);
         }
         self.kick(me, by);
@@ -513,13 +512,13 @@ impl<const N: usize> Page<N> {
         }
     }
 
-    /// Gives back the turn that was [requested](Self::request), or takes the request back.
+    /// Releases the turn that was [requested](Self::request), or withdraws the request.
     pub fn finish(&self, me: u8, by: &impl Handover) {
         self.postpone(me, NEVER, by);
     }
 
-    /// Gives back the turn that was [requested](Self::request), and requests it again for the
-    /// instant `at`, in nanoseconds, before any time passes.
+    /// Releases the turn that was [requested](Self::request), and requests it again for the instant `at`, in
+    /// nanoseconds, before any time passes.
     pub fn postpone(&self, me: u8, at: u64, by: &impl Handover) {
         self.set_next(me, at);
         if self.take_from(me, |holder| holder == me) {
@@ -528,7 +527,7 @@ impl<const N: usize> Page<N> {
     }
 
     /// Waits at most `most_ns` nanoseconds of real time for the turn that `me` has
-    /// [requested](Self::request); returns whether `me` has it. Once the requested instant has
+    /// [requested](Self::request); returns true if `me` has it. Once the requested instant has
     /// come, `me` takes the turn if it is free, even while time waits for a program or a service. A
     /// caller without a line in the page, whose number is `N` or more, can take a free turn at any
     /// instant.
@@ -554,7 +553,7 @@ impl<const N: usize> Page<N> {
         self.has_turn(me) || (is_due && self.take(me))
     }
 
-    // What the supervisor does.
+    // The operations of the supervisor.
 
     /// Keeps all participants from going on until processor `number` is
     /// [announced](Self::announce).
@@ -567,14 +566,14 @@ impl<const N: usize> Page<N> {
         self.holds.fetch_and(!bit(number), Ordering::SeqCst);
     }
 
-    /// Returns whether a [hold](Self::hold) for the processor `number` is in force.
+    /// Returns true if a [hold](Self::hold) for the processor `number` is in force.
     #[must_use]
     pub fn is_held(&self, number: u8) -> bool {
         self.holds.load(Ordering::SeqCst) & bit(number) != 0
     }
 
-    /// Ends the participation of the processor or guest `number`, whose program has ended or was
-    /// killed. If it had the turn, `me` takes the turn and gives it on.
+    /// Ends the participation of the processor or guest `number`, whose program has ended or was killed. If
+    /// it had the turn, `me` takes the turn and passes it on.
     pub fn bury(&self, number: u8, me: u8, by: &impl Handover) {
         self.end(number, by);
         self.free(number, me, by);
@@ -599,8 +598,8 @@ impl<const N: usize> Page<N> {
         }
     }
 
-    /// Cancels the request of `number`, a part of the host whose program has ended. If `number` had
-    /// the turn, `me` takes the turn and gives it on.
+    /// Cancels the request of `number`, a part of the host whose program has ended. If `number` had the
+    /// turn, `me` takes the turn and passes it on.
     pub fn free(&self, number: u8, me: u8, by: &impl Handover) {
         self.set_next(number, NEVER);
         // One that was given the turn in vain has it if the giver died before it could see that.
@@ -617,8 +616,7 @@ impl<const N: usize> Page<N> {
         self.limit.store(at, Ordering::Relaxed);
     }
 
-    /// Sets the instant `at`, in nanoseconds, from which programs are to stop. The caller must have
-    /// the turn.
+    /// Sets the instant `at`, in nanoseconds, from which programs must stop. The caller must have the turn.
     pub fn set_stop_at(&self, at: u64) {
         self.stop_at.store(at, Ordering::Relaxed);
     }

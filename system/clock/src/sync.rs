@@ -32,7 +32,8 @@ mod mortal {
         LEFT.with(|left| left.set(access));
     }
 
-    /// An access of the calling thread, by which it may be killed.
+    /// Counts an access of the calling thread, and kills the thread if this access is the one of
+    /// [`kill_before`].
     pub fn step() {
         let left = LEFT.with(|left| left.replace(left.get().saturating_sub(1)));
         if left == 1 {
@@ -40,7 +41,7 @@ mod mortal {
         }
     }
 
-    /// A fence of a thread that can be killed.
+    /// Executes a fence, before which the calling thread can be killed.
     pub fn fence(order: Ordering) {
         step();
         atomic::fence(order);

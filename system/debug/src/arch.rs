@@ -25,11 +25,11 @@ pub trait Arch {
     /// be there.
     fn restore(&self, address: u64, original: u32);
 
-    /// Returns whether the instruction at `address` is a breakpoint.
+    /// Returns true if the instruction at `address` is a breakpoint.
     fn is_breakpoint(&self, address: u64) -> bool;
 
     /// Has the hardware stop the program at the accesses of `trigger` by an exception, before they are made.
-    /// Returns whether it can; a processor without triggers never does.
+    /// Returns true if it can; a processor without triggers never does.
     fn arm(&self, trigger: Trigger) -> bool {
         let _ = trigger;
         false

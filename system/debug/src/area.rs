@@ -39,10 +39,11 @@ pub(crate) const PLANT: u32 = 1;
 pub(crate) const REMOVE: u32 = 2;
 /// A value of `STATE`; 0 runs.
 pub(crate) const HELD: u32 = 1;
-/// What a change or a planted entry is: a breakpoint instruction, or else the word of a [`Trigger`].
+/// The word of a change or a planted entry that is a breakpoint instruction; other words are those of a
+/// [`Trigger`].
 pub(crate) const INSTRUCTION: u32 = 1;
 
-/// What stops a program at an address without a breakpoint instruction: hardware of its processor.
+/// A hardware trigger of a processor, which stops a program at an address without a breakpoint instruction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Trigger {
     /// The address of the instruction or of the first byte.
@@ -100,7 +101,7 @@ impl Trigger {
     }
 }
 
-/// What a debugger wants of a processor, whatever command it gives.
+/// The debug mode of a processor: the events at which a debugger wants its program held.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct DebugRequest {
     /// A debugger is attached: breakpoints and fatal exceptions hold the program.
@@ -141,13 +142,13 @@ impl DebugRequest {
 /// The reason for which a program is held.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum HoldReason {
-    /// The debugger has stopped it.
+    /// The debugger has stopped the program.
     Stopped,
-    /// It has come to a breakpoint.
+    /// The program has come to a breakpoint.
     Breakpoint,
-    /// It has made a trap that it does not handle.
+    /// The program has made a trap that it does not handle.
     Exception,
-    /// It has come to a [`Trigger`].
+    /// The program has come to a [`Trigger`].
     Trigger,
 }
 

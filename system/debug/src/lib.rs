@@ -2,7 +2,7 @@
 #![doc = include_str!("../README.md")]
 #![cfg_attr(not(any(feature = "std", test)), no_std)]
 
-// What both sides know.
+// The layout that both sides know.
 mod area;
 pub use area::{
     AREA_BYTES, DebugRequest, FRAME_REGISTERS, HoldReason, MOST_PLANTED, PLANTED, Trigger,

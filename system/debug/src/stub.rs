@@ -1,11 +1,11 @@
-//! [`Stub`]: what runs on the processor.
+//! [`Stub`]: the part of the debugger that runs on the processor.
 
 use condor_mbox::{AccessError, MemoryWindow, Region};
 
 use crate::arch::Arch;
 use crate::area::{self, Area, Entry, HoldReason, Trigger};
 
-/// What a trap handler does after an exception.
+/// The action of a trap handler after an exception.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[must_use]
 pub enum TrapOutcome {
@@ -48,8 +48,8 @@ impl<W: MemoryWindow> Stub<W> {
         self.area.set(area::DONE, self.area.word(area::COMMAND)?)
     }
 
-    /// Says where the program that begins cannot have breakpoints. Returns whether it is to be held before its
-    /// first statement. Call it where the program begins.
+    /// Reports the addresses at which the program that begins cannot have breakpoints. Returns true if the
+    /// program must be held before its first statement. Call it where the program begins.
     ///
     /// # Errors
     /// [`AccessError`] if the area cannot be accessed.
@@ -58,7 +58,7 @@ impl<W: MemoryWindow> Stub<W> {
         Ok(self.area.mode()?.hold_start)
     }
 
-    /// Returns whether the debugger has given a command. If so in the interrupt of a ring, save the program's
+    /// Returns true if the debugger has given a command. If so in the interrupt of a ring, save the program's
     /// registers in the frame and call [`obey`](Self::obey).
     ///
     /// # Errors
@@ -89,7 +89,7 @@ impl<W: MemoryWindow> Stub<W> {
         arch: &impl Arch,
         breakpoint: Option<u64>,
     ) -> Result<TrapOutcome, AccessError> {
-        // What the table says is more than what stands there: the trap entry may have lifted it.
+        // The table counts, not the instruction in memory: the trap entry may have lifted it.
         let is_planted = match breakpoint {
             Some(address) => self.find(address, area::INSTRUCTION)?.is_some(),
             None => false,
@@ -98,7 +98,7 @@ impl<W: MemoryWindow> Stub<W> {
             if self.is_triggered()? {
                 self.hold(arch, HoldReason::Trigger)?;
             } else {
-                // It was removed after the processor had fetched it.
+                // The breakpoint was removed after the processor had fetched it.
                 arch.synchronize();
             }
             return Ok(TrapOutcome::Resume);

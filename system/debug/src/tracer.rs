@@ -6,24 +6,24 @@ use condor_mbox::{AccessError, MemoryWindow, Region};
 
 use crate::area::{self, Area, DebugRequest, Entry, HoldReason, Trigger};
 
-/// How long a processor may take to execute a command.
+/// The time that a processor may take to execute a command.
 const PATIENCE: Duration = Duration::from_secs(3);
-/// How often a processor is rung again: a ring may go to its program.
+/// The time after which a processor is rung again: a ring may go to its program.
 const RING_AGAIN: Duration = Duration::from_millis(20);
-/// How often the host looks before it sleeps between looks, and how long it sleeps.
+/// The number of looks of the host before it sleeps between looks, and below the time that it sleeps.
 const LOOKS: u32 = 500;
 const NAP: Duration = Duration::from_micros(50);
 
 /// The state of a processor's program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ProgramState {
-    /// It runs, or there is none.
+    /// The program runs, or the processor has none.
     Runs,
-    /// It is held.
+    /// The program is held.
     Held(HoldReason),
 }
 
-/// What stops a program.
+/// The means by which a program is stopped at an address.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Breakpoint {
     /// A breakpoint instruction at this address.
@@ -57,13 +57,13 @@ impl Breakpoint {
 /// A breakpoint that is planted in a program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PlantedBreakpoint {
-    /// What it is.
+    /// The kind and address of the breakpoint.
     pub breakpoint: Breakpoint,
     /// The instruction that a breakpoint instruction replaces.
     pub original: u32,
 }
 
-/// The reason for which a processor did not do what it was told.
+/// The reason for which a processor did not execute a command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum TracerError {
@@ -87,8 +87,7 @@ pub enum TracerError {
     Access(#[from] AccessError),
 }
 
-/// The debugger's hand on a processor. One at a time may give commands: whoever holds the debugger
-/// lock.
+/// The debugger's access to a processor. Only the holder of the debugger lock may send commands.
 pub struct Tracer<W> {
     area: Area<W>,
     ring: Box<dyn Fn() + Send>,
@@ -110,18 +109,18 @@ impl<W: MemoryWindow> Tracer<W> {
         }
     }
 
-    /// Returns the mode.
+    /// Returns the debug mode.
     ///
     /// # Errors
-    /// [`TracerError::Access`].
+    /// [`TracerError::Access`] if the area cannot be accessed.
     pub fn mode(&self) -> Result<DebugRequest, TracerError> {
         Ok(self.area.mode()?)
     }
 
-    /// Sets the mode, which counts from the next trap on.
+    /// Sets the debug mode, which counts from the next trap on.
     ///
     /// # Errors
-    /// [`TracerError::Access`].
+    /// [`TracerError::Access`] if the area cannot be accessed.
     pub fn set_mode(&self, mode: DebugRequest) -> Result<(), TracerError> {
         Ok(self.area.set(area::MODE, mode.word())?)
     }
@@ -129,7 +128,7 @@ impl<W: MemoryWindow> Tracer<W> {
     /// Returns the state of the program.
     ///
     /// # Errors
-    /// [`TracerError::Access`].
+    /// [`TracerError::Access`] if the area cannot be accessed.
     pub fn state(&self) -> Result<ProgramState, TracerError> {
         // Acquire: the frame is that of this hold.
         if self.area.word(area::STATE)? != area::HELD {
@@ -139,10 +138,10 @@ impl<W: MemoryWindow> Tracer<W> {
         Ok(ProgramState::Held(reason))
     }
 
-    /// Returns how often a program of the processor was held.
+    /// Returns the number of times that a program of the processor was held.
     ///
     /// # Errors
-    /// [`TracerError::Access`].
+    /// [`TracerError::Access`] if the area cannot be accessed.
     pub fn holds(&self) -> Result<u32, TracerError> {
         Ok(self.area.word(area::HOLDS)?)
     }
@@ -150,7 +149,8 @@ impl<W: MemoryWindow> Tracer<W> {
     /// Stops the program, and waits until it is held.
     ///
     /// # Errors
-    /// [`TracerError::NoAnswer`], [`TracerError::Access`].
+    /// [`TracerError::NoAnswer`] if the processor does not answer in time; [`TracerError::Access`] if the
+    /// area cannot be accessed.
     pub fn stop(&self) -> Result<HoldReason, TracerError> {
         if let ProgramState::Held(reason) = self.state()? {
             return Ok(reason);
@@ -164,12 +164,12 @@ impl<W: MemoryWindow> Tracer<W> {
         })
     }
 
-    /// Makes the breakpoints of `wanted`, and no others, be planted, and resumes the program if
-    /// `resumes`.
+    /// Changes the planted breakpoints to those of `wanted`, and resumes the program if `resumes`.
     ///
     /// # Errors
-    /// [`TracerError::Refused`] if one cannot be planted; the program is not resumed then.
-    /// [`TracerError::NoAnswer`], [`TracerError::Access`].
+    /// [`TracerError::Refused`] if a breakpoint cannot be planted; the program is not resumed then.
+    /// [`TracerError::NoAnswer`] if the processor does not answer in time; [`TracerError::Access`] if the
+    /// area cannot be accessed.
     pub fn plant(&self, wanted: &[Breakpoint], resumes: bool) -> Result<(), TracerError> {
         let planted = self.planted()?;
         let gone = planted.iter().map(|planted| planted.breakpoint);
@@ -196,17 +196,18 @@ impl<W: MemoryWindow> Tracer<W> {
     /// Removes all breakpoints, and resumes the program if it is held. No debugger is attached then.
     ///
     /// # Errors
-    /// [`TracerError::NoAnswer`], [`TracerError::Access`].
+    /// [`TracerError::NoAnswer`] if the processor does not answer in time; [`TracerError::Access`] if the
+    /// area cannot be accessed.
     pub fn release(&self) -> Result<(), TracerError> {
         self.set_mode(self.mode()?.left())?;
         self.command(area::RELEASE, &[])
     }
 
-    /// As [`release`](Self::release), without waiting for the processor. Returns whether all of it is
-    /// done; call it again until it is.
+    /// Releases the processor as [`release`](Self::release) does, without waiting for it. Returns true if
+    /// all of it is done; call it again until it is.
     ///
     /// # Errors
-    /// [`TracerError::Access`].
+    /// [`TracerError::Access`] if the area cannot be accessed.
     pub fn try_release(&self) -> Result<bool, TracerError> {
         let mode = self.mode()?;
         if !self.is_done()? {
@@ -224,7 +225,7 @@ impl<W: MemoryWindow> Tracer<W> {
     /// Returns the breakpoints that are planted.
     ///
     /// # Errors
-    /// [`TracerError::Access`].
+    /// [`TracerError::Access`] if the area cannot be accessed.
     pub fn planted(&self) -> Result<Vec<PlantedBreakpoint>, TracerError> {
         let mut all = Vec::new();
         for place in 0..area::MOST_PLANTED {
@@ -244,19 +245,19 @@ impl<W: MemoryWindow> Tracer<W> {
         Ok(all)
     }
 
-    /// Returns whether the program that runs can have no breakpoint at an address of it, as its stub has said
-    /// when it began.
+    /// Returns true if the running program cannot have a breakpoint at `address`: one of the addresses that
+    /// its stub reported when the program began.
     ///
     /// # Errors
-    /// [`TracerError::Access`].
+    /// [`TracerError::Access`] if the area cannot be accessed.
     pub fn is_closed(&self, address: u64) -> Result<bool, TracerError> {
         Ok(self.area.closed()?.contains(&address))
     }
 
-    /// Returns a register of the frame. It is the program's while the program is held.
+    /// Returns a register of the frame. It is the program's register while the program is held.
     ///
     /// # Errors
-    /// [`TracerError::Access`].
+    /// [`TracerError::Access`] if the area cannot be accessed.
     pub fn register(&self, place: u32) -> Result<u64, TracerError> {
         Ok(self.area.register(place)?)
     }
@@ -264,7 +265,7 @@ impl<W: MemoryWindow> Tracer<W> {
     /// Sets a register of the frame, which the program has when it is resumed.
     ///
     /// # Errors
-    /// [`TracerError::Access`].
+    /// [`TracerError::Access`] if the area cannot be accessed.
     pub fn set_register(&self, place: u32, value: u64) -> Result<(), TracerError> {
         Ok(self.area.set_register(place, value)?)
     }
@@ -280,7 +281,7 @@ impl<W: MemoryWindow> Tracer<W> {
         }))
     }
 
-    /// Gives a command, and waits until it is executed.
+    /// Sends a command, and waits until it is executed.
     fn command(&self, action: u32, changes: &[Entry]) -> Result<(), TracerError> {
         let done = || Ok(self.is_done()?.then_some(()));
         // That of whoever died.

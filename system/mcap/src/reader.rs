@@ -33,12 +33,12 @@ pub struct McapReader<R> {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum FilePosition {
     Data,
-    /// After the data: what there is repeats or describes it.
+    /// After the data: the rest of the file repeats or describes the data.
     Summary,
     End,
 }
 
-/// A record.
+/// A record of a file: the header, names with values, a schema, a channel or a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum McapRecord<'b> {
@@ -46,7 +46,7 @@ pub enum McapRecord<'b> {
     Header {
         /// The convention that its messages follow; may be empty.
         profile: &'b str,
-        /// What wrote it.
+        /// The library that wrote the file.
         library: &'b str,
     },
     /// Names with values that belong to the whole file.
@@ -58,7 +58,7 @@ pub enum McapRecord<'b> {
     },
     /// The description of the messages of a type.
     Schema {
-        /// Its number.
+        /// The number by which channels name the schema.
         number: u16,
         /// The name of the type.
         name: &'b str,
@@ -69,15 +69,15 @@ pub enum McapRecord<'b> {
     },
     /// A topic.
     Channel {
-        /// Its number.
+        /// The number by which messages name the channel.
         number: u16,
         /// The number of the schema of its messages; 0 for none.
         schema: u16,
-        /// Its name.
+        /// The name of the topic.
         topic: &'b str,
-        /// How its messages are encoded.
+        /// The encoding of its messages, such as `cdr`.
         encoding: &'b str,
-        /// Names with values that belong to it.
+        /// Names with values that belong to the channel.
         metadata: NamePairs<'b>,
     },
     /// A message with its data.
@@ -88,7 +88,7 @@ pub enum McapRecord<'b> {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum McapError<E> {
-    /// The error of what is read from.
+    /// The source returned this error.
     #[error(transparent)]
     Io(E),
     /// The file does not begin as MCAP files do.
@@ -136,8 +136,8 @@ impl<R: Read> McapReader<R> {
     /// Begins to read a file.
     ///
     /// # Errors
-    /// [`McapError::Magic`] if it is no MCAP file, [`McapError::BrokenOff`] if it is shorter than
-    /// its first bytes, [`McapError::Io`] with the error of `from`.
+    /// [`McapError::Magic`] if the file does not begin as MCAP files do; [`McapError::BrokenOff`] if it is
+    /// shorter than those first bytes; [`McapError::Io`] with the error of `from` if reading fails.
     pub fn new(mut from: R) -> Result<Self, McapError<R::Error>> {
         let mut found = [0; 8];
         from.read_exact(&mut found)?;

@@ -30,7 +30,7 @@ impl<W: Write> McapWriter<W> {
     /// `library` says what writes it.
     ///
     /// # Errors
-    /// The error of `to`. All functions return it, and the file is not whole then.
+    /// Returns the error of `to` if writing fails. All methods do so, and the file is incomplete then.
     pub fn new(mut to: W, profile: &str, library: &str) -> Result<Self, W::Error> {
         to.write_all(&MAGIC)?;
         let mut writer = Self { to };
@@ -42,7 +42,7 @@ impl<W: Write> McapWriter<W> {
     /// Writes names with values that belong to the whole file, such as versions.
     ///
     /// # Errors
-    /// The error of what is written to.
+    /// Returns the error of the destination if writing fails.
     pub fn metadata(&mut self, name: &str, pairs: &[(&str, &str)]) -> Result<(), W::Error> {
         self.record(opcode::METADATA, &[Part::Text(name), Part::Pairs(pairs)])
     }
@@ -51,7 +51,7 @@ impl<W: Write> McapWriter<W> {
     /// the language in which `data` describes them, such as `ros2msg`.
     ///
     /// # Errors
-    /// The error of what is written to.
+    /// Returns the error of the destination if writing fails.
     pub fn schema(
         &mut self,
         number: u16,
@@ -69,7 +69,7 @@ impl<W: Write> McapWriter<W> {
     /// or is 0, and encoded as `encoding` says, such as `cdr`.
     ///
     /// # Errors
-    /// The error of what is written to.
+    /// Returns the error of the destination if writing fails.
     pub fn channel(
         &mut self,
         number: u16,
@@ -92,7 +92,7 @@ impl<W: Write> McapWriter<W> {
     /// Writes a message of a channel that was written before; `data` is in several pieces.
     ///
     /// # Errors
-    /// The error of what is written to.
+    /// Returns the error of the destination if writing fails.
     pub fn message(&mut self, message: &MessageHead, data: &[&[u8]]) -> Result<(), W::Error> {
         let bytes = data.iter().map(|part| part.len()).sum();
         self.to.write_all(&message.head(bytes))?;
@@ -103,15 +103,15 @@ impl<W: Write> McapWriter<W> {
     /// be in several pieces, but nothing else may be written before it is whole.
     ///
     /// # Errors
-    /// The error of what is written to.
+    /// Returns the error of the destination if writing fails.
     pub fn records(&mut self, bytes: &[u8]) -> Result<(), W::Error> {
         self.to.write_all(bytes)
     }
 
-    /// Ends the file, and returns what it was written to, which may have to be flushed.
+    /// Ends the file, and returns the destination, which may have to be flushed.
     ///
     /// # Errors
-    /// The error of what is written to.
+    /// Returns the error of the destination if writing fails.
     pub fn end(mut self) -> Result<W, W::Error> {
         // There are no checksum, summary, and offsets of one.
         self.record(opcode::DATA_END, &[Part::Raw(&[0; 4])])?;
@@ -120,7 +120,7 @@ impl<W: Write> McapWriter<W> {
         Ok(self.to)
     }
 
-    /// Returns what is written to.
+    /// Returns the destination.
     pub const fn inner_mut(&mut self) -> &mut W {
         &mut self.to
     }

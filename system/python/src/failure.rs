@@ -17,13 +17,13 @@ use pyo3::prelude::*;
 /// The exceptions of `condor.errors`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Kind {
-    /// `Error` itself.
+    /// The base class, `Error`.
     Other,
-    /// `TimedOut`.
+    /// The exception `TimedOut`.
     TimedOut,
-    /// `NotFound`.
+    /// The exception `NotFound`.
     NotFound,
-    /// `Refused`.
+    /// The exception `Refused`.
     Refused,
 }
 

@@ -17,7 +17,7 @@ mod watch;
 
 use pyo3::prelude::*;
 
-/// What Python code wraps.
+/// The native part that Python code wraps.
 #[pymodule]
 mod _condor {
     #[pymodule_export]

@@ -77,7 +77,7 @@ impl<'v> WorkerState<'v> {
         take_control(&mut queue, session, takes_control, timeout)?;
         let number = self.session.last + 1;
         let offered = queue.offer(RequestIdentity { session, number }, motions, timeout);
-        // What was accepted runs all the same, and others need not take control away.
+        // The accepted motion runs all the same, and others need not take control away.
         let given_up = queue.give_up_control(session, timeout);
         self.session.last = number;
         let offered = offered.map_err(|error| {

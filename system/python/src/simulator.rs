@@ -17,7 +17,7 @@ use pyo3::types::PyByteArray;
 
 use crate::failure::Failure;
 
-/// How long the background serves messages before it looks around.
+/// The time that the background serves messages before it looks around.
 const NAP: Duration = Duration::from_millis(20);
 
 /// `(name, unit, about, value, least value, greatest value)`.

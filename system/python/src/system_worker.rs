@@ -19,7 +19,7 @@ use crate::watch::{SLICE, WatchState};
 const LOOK: Duration = Duration::from_millis(5);
 /// The time between two looks for messages while nothing is watched.
 const BEAT: Duration = Duration::from_millis(250);
-/// How much longer than for its own waits an answer may take: other threads may have asked before.
+/// The time that an answer may take beyond its own waits: other threads may have asked before.
 const PATIENCE: Duration = Duration::from_secs(15);
 
 type Job = Box<dyn for<'s, 'v> FnOnce(&'s mut WorkerState<'v>) + Send>;
@@ -30,7 +30,7 @@ pub(crate) struct SystemWorker {
     thread: Mutex<Option<JoinHandle<()>>>,
 }
 
-/// What the thread has.
+/// The state of the thread.
 pub(crate) struct WorkerState<'v> {
     pub(crate) status: SystemStatus,
     pub(crate) view: &'v View,
@@ -90,7 +90,7 @@ impl SystemWorker {
     ) -> PyResult<T> {
         let (answer, answered) = channel();
         let job: Job = Box::new(move |seat| {
-            // Who asked may have been interrupted.
+            // The thread that asked may have been interrupted.
             let _ = answer.send(job(seat));
         });
         let sent = match &*self.jobs.lock().unwrap_or_else(PoisonError::into_inner) {
@@ -169,7 +169,7 @@ impl<'v> WorkerState<'v> {
                 Err(RecvTimeoutError::Timeout) => {}
                 Err(RecvTimeoutError::Disconnected) => return,
             }
-            // Whatever is wrong, the next request says so.
+            // If something is wrong, the next request says so.
             let _ = self.view.post().serve(Duration::ZERO);
             for (shared, rows) in &mut self.watches {
                 shared.fill(rows);

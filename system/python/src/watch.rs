@@ -15,7 +15,7 @@ use crate::values::types;
 /// The time between two looks whether somebody has pressed Ctrl-C.
 pub(crate) const SLICE: Duration = Duration::from_millis(100);
 
-/// What the thread and Python share.
+/// The state that the thread and Python share.
 pub(crate) struct WatchState {
     kept: Mutex<KeptRow>,
     more: Condvar,
@@ -90,7 +90,7 @@ impl WatchState {
         }
     }
 
-    /// Returns whether nobody wants more rows, or there are no more.
+    /// Returns true if nobody wants more rows, or there are no more.
     pub(crate) fn is_closed(&self) -> bool {
         self.is_closed.load(Ordering::Relaxed)
     }
@@ -261,7 +261,7 @@ impl WatchState {
         let waited = self.more.wait_timeout_while(self.lock(), limit, lacks);
         let (mut kept, _) = waited.unwrap_or_else(PoisonError::into_inner);
         match &kept.failure {
-            // What came before it is read first.
+            // Rows that came before the failure are read first.
             Some(failure) if rows == 0 && span_ns == 0 || !has_enough(&kept) => {
                 Err(failure.clone())
             }

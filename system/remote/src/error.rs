@@ -22,13 +22,13 @@ pub enum RemoteError {
         /// The time that it had.
         timeout: Duration,
     },
-    /// The answer is none of this version.
+    /// The answer cannot be read: it is not one of this version.
     #[error("an answer that no gateway of this version gives: {0}")]
     Strange(String),
     /// There is no topic of this name.
     #[error("there is no topic `{name}`; there are {}", there.join(", "))]
     NoTopic {
-        /// The name.
+        /// The name that was asked for.
         name: String,
         /// The names of all topics.
         there: Vec<String>,

@@ -10,7 +10,7 @@ use zenoh::{Config, Session, Wait};
 use crate::error::RemoteError;
 use crate::wire;
 
-/// How a client reaches gateways and routers, and proves who it is.
+/// The way in which a client reaches gateways and routers, and proves its identity.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct RemoteAccess {
@@ -88,8 +88,9 @@ impl RemoteAccess {
     }
 }
 
-/// Returns the part `connect` of zenoh's configuration: how long the first connection may take, -1 for ever, in which case
-/// nobody waits for it. A connection that is lost is made anew for ever.
+/// Returns the part `connect` of zenoh's configuration. `timeout_ms` is the time that the first connection
+/// may take; with -1 there is no limit, and nothing waits for the connection. A connection that is lost is
+/// always made anew.
 #[must_use]
 pub fn connect(places: &[String], timeout_ms: i64) -> Json {
     json!({
@@ -100,10 +101,10 @@ pub fn connect(places: &[String], timeout_ms: i64) -> Json {
     })
 }
 
-/// Makes a configuration of zenoh with these values; `null` leaves what is usual.
+/// Makes a configuration of zenoh with these values; `null` keeps the default of a value.
 ///
 /// # Errors
-/// [`RemoteError::Zenoh`] if zenoh refuses one.
+/// [`RemoteError::Zenoh`] if zenoh refuses a value.
 pub fn configure(values: &[(&str, Json)]) -> Result<Config, RemoteError> {
     let mut config = Config::default();
     for (key, value) in values.iter().filter(|(_, value)| !value.is_null()) {
@@ -124,8 +125,8 @@ impl Network {
     /// Connects, under the name of a client.
     ///
     /// # Errors
-    /// [`RemoteError::Name`] if there can be no such name, [`RemoteError::Zenoh`] if no connection is made in this time:
-    /// nobody listens, or the password or the certificate is refused.
+    /// [`RemoteError::Name`] if the name is not allowed; [`RemoteError::Zenoh`] if no connection is made in
+    /// this time: nothing listens there, or the password or the certificate is refused.
     pub fn open(
         access: &RemoteAccess,
         client: &str,

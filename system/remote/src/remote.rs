@@ -27,7 +27,7 @@ const QUERY: Duration = Duration::from_secs(1);
 pub struct Remote {
     network: Network,
     robot: String,
-    /// The incarnation of this incarnation of the client, once it was needed.
+    /// The number of this incarnation of the client, once it was needed.
     incarnation: Mutex<Option<u64>>,
     last: AtomicU64,
     _here: LivelinessToken,
@@ -56,7 +56,9 @@ impl Remote {
     /// Returns the state of processors and services, as `condor ps --json` has it.
     ///
     /// # Errors
-    /// [`RemoteError`].
+    /// [`RemoteError::Refused`] if the gateway refuses; [`RemoteError::NoAnswer`] if no answer comes within
+    /// `timeout`; [`RemoteError::Strange`] if the answer cannot be read; [`RemoteError::Zenoh`] if zenoh
+    /// fails.
     pub fn status(&self, timeout: Duration) -> Result<Json, RemoteError> {
         self.ask_until(&RemoteRequest::Status {}, &[], timeout)
     }
@@ -64,7 +66,9 @@ impl Remote {
     /// Returns the topics of streams.
     ///
     /// # Errors
-    /// [`RemoteError`].
+    /// [`RemoteError::Refused`] if the gateway refuses; [`RemoteError::NoAnswer`] if no answer comes within
+    /// `timeout`; [`RemoteError::Strange`] if the answer cannot be read; [`RemoteError::Zenoh`] if zenoh
+    /// fails.
     pub fn topics(&self, timeout: Duration) -> Result<Vec<RemoteTopic>, RemoteError> {
         self.ask_until(&RemoteRequest::Topics {}, &[], timeout)
     }
@@ -73,7 +77,9 @@ impl Remote {
     /// `variables` of `condor vars get --json` and `condor vars list --json` have it.
     ///
     /// # Errors
-    /// [`RemoteError`].
+    /// [`RemoteError::Refused`] if the gateway refuses; [`RemoteError::NoAnswer`] if no answer comes within
+    /// `timeout`; [`RemoteError::Strange`] if the answer cannot be read; [`RemoteError::Zenoh`] if zenoh
+    /// fails.
     pub fn variables(&self, names: &[String], timeout: Duration) -> Result<Vec<Json>, RemoteError> {
         let names = names.to_vec();
         self.ask_until(&RemoteRequest::Variables { names }, &[], timeout)
@@ -82,15 +88,20 @@ impl Remote {
     /// Returns the value of a variable, of a parameter, or of a field of a published cell.
     ///
     /// # Errors
-    /// [`RemoteError`].
+    /// [`RemoteError::Refused`] if the gateway refuses; [`RemoteError::NoAnswer`] if no answer comes within
+    /// `timeout`; [`RemoteError::Strange`] if the answer cannot be read; [`RemoteError::Zenoh`] if zenoh
+    /// fails.
     pub fn get(&self, name: &str, timeout: Duration) -> Result<Json, RemoteError> {
         self.ask_until(&RemoteRequest::Get { name: name.into() }, &[], timeout)
     }
 
-    /// Sets a parameter, if it has the value `from`, or whatever it has; returns the value that it had.
+    /// Sets a parameter, if it has the value `from`; without `from`, whatever its value is. Returns the
+    /// value that the parameter had.
     ///
     /// # Errors
-    /// [`RemoteError`]. After [`RemoteError::NoAnswer`] it may be set, or not.
+    /// [`RemoteError::Refused`] if the gateway refuses; [`RemoteError::NoAnswer`] if no answer comes within
+    /// `timeout`; [`RemoteError::Strange`] if the answer cannot be read; [`RemoteError::Zenoh`] if zenoh
+    /// fails. After [`RemoteError::NoAnswer`] the parameter may have been set, or not.
     pub fn set(
         &self,
         name: &str,
@@ -105,7 +116,9 @@ impl Remote {
     /// Sends a message to a vector, by name or number, of a processor, and returns the reply.
     ///
     /// # Errors
-    /// [`RemoteError`]. After [`RemoteError::NoAnswer`] the program may have had it, once.
+    /// [`RemoteError::Refused`] if the gateway refuses; [`RemoteError::NoAnswer`] if no answer comes within
+    /// `timeout`; [`RemoteError::Strange`] if the answer cannot be read; [`RemoteError::Zenoh`] if zenoh
+    /// fails. After [`RemoteError::NoAnswer`] the program may have received the message, once.
     pub fn send(
         &self,
         processor: &str,
@@ -122,11 +135,13 @@ impl Remote {
         self.ask(&request, &[], timeout)
     }
 
-    /// Returns the identity for the next motion of this incarnation of the client. The first call asks the gateway for the
-    /// incarnation of this incarnation.
+    /// Returns the identity for the next motion of this incarnation of the client. The first call asks the
+    /// gateway for the number of the incarnation.
     ///
     /// # Errors
-    /// [`RemoteError`].
+    /// [`RemoteError::Refused`] if the gateway refuses; [`RemoteError::NoAnswer`] if no answer comes within
+    /// `timeout`; [`RemoteError::Strange`] if the answer cannot be read; [`RemoteError::Zenoh`] if zenoh
+    /// fails.
     pub fn next_id(&self, timeout: Duration) -> Result<Id, RemoteError> {
         let mut known = self
             .incarnation
@@ -142,11 +157,14 @@ impl Remote {
         })
     }
 
-    /// Has a motion enqueued, in the bytes that the robot reads, such as a name. It asks again until the robot has
-    /// decided. The same identity with the same motion may be offered as often as needed: it runs at most once.
+    /// Enqueues a motion, in the bytes that the robot reads, such as a name. Asks again until the robot has
+    /// decided. The same identity with the same motion may be offered as often as needed: it runs at most
+    /// once.
     ///
     /// # Errors
-    /// [`RemoteError`]. No error says that the motion does not run: ask for the [`outcome`](Self::outcome), or
+    /// [`RemoteError::Refused`] if the gateway refuses; [`RemoteError::NoAnswer`] if no answer comes within
+    /// `timeout`; [`RemoteError::Strange`] if the answer cannot be read; [`RemoteError::Zenoh`] if zenoh
+    /// fails. No error says that the motion does not run: ask for the [`outcome`](Self::outcome), or
     /// [withdraw](Self::withdraw) it.
     pub fn offer(
         &self,
@@ -161,19 +179,23 @@ impl Remote {
         })
     }
 
-    /// Returns what has become of a motion of this client, in whichever incarnation.
+    /// Returns the outcome of a motion of this client, of this or an earlier incarnation.
     ///
     /// # Errors
-    /// [`RemoteError`].
+    /// [`RemoteError::Refused`] if the gateway refuses; [`RemoteError::NoAnswer`] if no answer comes within
+    /// `timeout`; [`RemoteError::Strange`] if the answer cannot be read; [`RemoteError::Zenoh`] if zenoh
+    /// fails.
     pub fn outcome(&self, id: Id, timeout: Duration) -> Result<RemoteOutcome, RemoteError> {
         self.ask_until(&RemoteRequest::Outcome { id }, &[], timeout)
     }
 
-    /// Makes sure that a motion never runs which the gateway has not received; returns what has become of it. Ask this
-    /// after an error of [`offer`](Self::offer), if the motion is not wanted any more.
+    /// Ensures that a motion that the gateway has not received never runs; returns the outcome of the
+    /// motion. Call this after an error of [`offer`](Self::offer), if the motion is not wanted any more.
     ///
     /// # Errors
-    /// [`RemoteError`].
+    /// [`RemoteError::Refused`] if the gateway refuses; [`RemoteError::NoAnswer`] if no answer comes within
+    /// `timeout`; [`RemoteError::Strange`] if the answer cannot be read; [`RemoteError::Zenoh`] if zenoh
+    /// fails.
     pub fn withdraw(&self, id: Id, timeout: Duration) -> Result<RemoteOutcome, RemoteError> {
         self.ask_until(&RemoteRequest::Withdraw { id }, &[], timeout)
     }
@@ -181,7 +203,9 @@ impl Remote {
     /// Waits until nothing changes any more about a motion that was offered.
     ///
     /// # Errors
-    /// [`RemoteError`]; [`RemoteError::NoAnswer`] if it has not ended in this time.
+    /// [`RemoteError::Refused`] if the gateway refuses; [`RemoteError::NoAnswer`] if no answer comes within
+    /// `timeout`; [`RemoteError::Strange`] if the answer cannot be read; [`RemoteError::Zenoh`] if zenoh
+    /// fails. [`RemoteError::NoAnswer`] also if the motion has not ended within `timeout`.
     pub fn wait(&self, id: Id, timeout: Duration) -> Result<RemoteOutcome, RemoteError> {
         self.until_decided(
             &RemoteRequest::Outcome { id },
@@ -191,10 +215,11 @@ impl Remote {
         )
     }
 
-    /// Has a motion run under a new identity, and waits for its end.
+    /// Runs a motion under a new identity, and waits for its end.
     ///
     /// # Errors
-    /// The errors of [`next_id`](Self::next_id), [`offer`](Self::offer) and [`wait`](Self::wait).
+    /// Returns the error of [`next_id`](Self::next_id), [`offer`](Self::offer) or [`wait`](Self::wait) if
+    /// one of them fails.
     pub fn run(&self, motion: &[u8], timeout: Duration) -> Result<RemoteOutcome, RemoteError> {
         let deadline = Instant::now() + timeout;
         let left = || deadline.saturating_duration_since(Instant::now());
@@ -209,7 +234,9 @@ impl Remote {
     /// Ends all motion of the robot.
     ///
     /// # Errors
-    /// [`RemoteError`].
+    /// [`RemoteError::Refused`] if the gateway refuses; [`RemoteError::NoAnswer`] if no answer comes within
+    /// `timeout`; [`RemoteError::Strange`] if the answer cannot be read; [`RemoteError::Zenoh`] if zenoh
+    /// fails.
     pub fn stop(&self, timeout: Duration) -> Result<(), RemoteError> {
         self.ask_until::<Json>(&RemoteRequest::Stop {}, &[], timeout)
             .map(drop)
@@ -218,7 +245,8 @@ impl Remote {
     /// Subscribes to a topic by its name, such as `/servo_a/servo`, or by a part of it that no other one has.
     ///
     /// # Errors
-    /// [`RemoteError::NoTopic`] if there is none, or more than one; another [`RemoteError`].
+    /// [`RemoteError::NoTopic`] if no topic has this name, and none or more than one contains it; another
+    /// [`RemoteError`] if [`topics`](Self::topics) fails.
     pub fn subscribe(&self, name: &str, timeout: Duration) -> Result<RemoteStream, RemoteError> {
         let topics = self.topics(timeout)?;
         let exact = topics.iter().find(|topic| topic.name == name);

@@ -15,8 +15,8 @@ use crate::wire::{self, RemoteTopic, StreamPosition};
 /// The greatest number of messages that wait for their reader; then the oldest is lost.
 const WAITING: usize = 1024;
 
-/// The messages of a topic, from the subscription on. What is lost is counted: at the gateway, on the way, and here, if
-/// more than 1024 messages wait.
+/// The messages of a topic, from the subscription on. Lost messages are counted: those lost at the gateway,
+/// on the way, and in this process, if more than 1024 messages wait.
 #[derive(Debug)]
 pub struct RemoteStream {
     subscriber: Subscriber<RingChannelHandler<Sample>>,
@@ -61,23 +61,25 @@ impl RemoteStream {
         &self.topic
     }
 
-    /// Returns the number of all messages that were lost on the way and here. Rows that were lost before they came to
-    /// the gateway are counted in the rows.
+    /// Returns the number of messages that were lost on the way or in this process. Rows that were lost
+    /// before they came to the gateway are counted in the rows.
     #[must_use]
     pub const fn lost(&self) -> u64 {
         self.lost
     }
 
-    /// Returns how often the stream has begun anew, since the gateway was restarted: nobody knows what was lost then.
+    /// Returns the number of times that the stream has begun anew because the gateway was restarted. The
+    /// number of messages that were lost meanwhile is unknown.
     #[must_use]
     pub const fn restarts(&self) -> u64 {
         self.lives.saturating_sub(1)
     }
 
-    /// Waits for the next message; `None` if none has come in this time.
+    /// Waits for the next message; returns `None` if none has come within `timeout`.
     ///
     /// # Errors
-    /// [`RemoteError::Strange`] if what comes is no message of a stream, [`RemoteError::Zenoh`] if zenoh fails.
+    /// [`RemoteError::Strange`] if the message is not one of a stream; [`RemoteError::Zenoh`] if zenoh
+    /// fails.
     pub fn next(&mut self, timeout: Duration) -> Result<Option<RemoteMessage>, RemoteError> {
         let deadline = Instant::now() + timeout;
         let Some(sample) = self.subscriber.recv_deadline(deadline)? else {

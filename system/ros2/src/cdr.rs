@@ -34,7 +34,7 @@ pub enum DecodeError {
     /// A text is not UTF-8.
     #[error("a text at byte {at} is not UTF-8: {source}")]
     Text {
-        /// Where the text begins in the message.
+        /// The offset at which the text begins in the message, in bytes.
         at: usize,
         /// The reason.
         source: Utf8Error,

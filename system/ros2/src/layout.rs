@@ -43,7 +43,7 @@ pub struct Layout {
     fields: Vec<RosField>,
     /// The legal name of each field.
     names: Vec<String>,
-    /// Where each field lies behind the header of a message, in bytes.
+    /// The offset of each field behind the header of a message, in bytes.
     places: Vec<usize>,
     /// The size of a message without its header, in bytes.
     bytes: usize,
@@ -232,7 +232,7 @@ impl Layout {
         for field in &self.fields {
             rest = match (rest, field.kind.bytes()) {
                 ([low, rest @ ..], 1) => {
-                    // Whatever is not false is true, and CDR has but one value for that.
+                    // Each value that is not false is true, and CDR has only one value for that.
                     let is_true = u32::from(*low != 0);
                     let low = if field.kind == ValueKind::Bool {
                         is_true
@@ -297,7 +297,7 @@ impl Layout {
 }
 
 impl RowMessage<'_> {
-    /// Returns what the row has besides its values.
+    /// Returns the facts about the row that are not its values.
     #[must_use]
     pub const fn head(&self) -> Head {
         self.head

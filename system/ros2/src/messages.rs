@@ -189,17 +189,17 @@ impl RosMessage for TFMessage<'_> {
 /// `rcl_interfaces/msg/Log`: an event, as people read it. Its file, function and line are empty.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Log {
-    /// When it happened.
+    /// The time of the event.
     pub stamp: Time,
-    /// How bad it is.
+    /// The severity of the event.
     pub level: Level,
-    /// What it comes from, such as the name of a processor.
+    /// The source of the event, such as the name of a processor.
     pub name: String,
-    /// What happened.
+    /// The description of the event.
     pub text: String,
 }
 
-/// How bad an event is.
+/// The severity of an event.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 #[repr(u8)]
 pub enum Level {

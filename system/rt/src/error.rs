@@ -54,7 +54,7 @@ pub enum ProgramError {
         /// The name of the first part for which there is no room.
         name: ShortText<32>,
     },
-    /// The program set up twice what it can have only once.
+    /// The program set up a part twice that it can have only once.
     #[error("a program has one {what}, and this one asked for another")]
     Twice {
         /// The name of that part, such as `console`.
@@ -69,7 +69,7 @@ pub enum ProgramError {
     /// The program set up a handler for a vector that is already in use.
     #[error("`{name}` cannot have {vector}, which belongs to {by}")]
     VectorTaken {
-        /// The vector.
+        /// The number of the vector that is in use.
         vector: Vector,
         /// The use that the vector already has.
         by: &'static str,

@@ -6,7 +6,7 @@ use condor_dev::{InterruptCounts, InterruptVector};
 use condor_vars::{CellField, CellStruct, ValueKind};
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
-/// How many vectors without a driver are named.
+/// The greatest number of vectors without a driver that are named.
 const NAMED: usize = 8;
 /// No vector.
 const NONE: i32 = -1;

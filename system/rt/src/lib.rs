@@ -21,7 +21,7 @@ mod setup;
 mod text;
 mod variables;
 
-// What it needs of its processor.
+// The parts that a program needs of its processor.
 mod interrupts;
 mod machine;
 pub mod numbers;
@@ -29,11 +29,11 @@ mod silent;
 #[cfg(target_has_atomic = "64")]
 pub mod simulated;
 
-// What it shows of itself.
+// The parts by which a program shows its state.
 pub mod loops;
 pub mod objects;
 
-// What it asks of its host.
+// The requests of a program to its host.
 pub mod supervisor;
 
 // The machines.
@@ -58,7 +58,7 @@ pub mod linux;
 ))]
 pub mod sim;
 
-// What most programs need of the crates below, so that they depend on this one alone.
+// The items of the crates below that most programs need, so that they depend on this one alone.
 pub use condor_fs::{OpenOptions, Read, Seek, SeekFrom, Write};
 pub use condor_mbox::{Messenger, Processor, Vector};
 pub use condor_mos::{Latest, Rate};

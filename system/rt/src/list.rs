@@ -20,7 +20,7 @@ impl<T, const N: usize> List<T, N> {
         }
     }
 
-    /// Adds an item; gives it back if there is no room.
+    /// Adds an item; returns it as the error if there is no room.
     pub(crate) fn push(&mut self, item: T) -> Result<(), T> {
         match self.items.get_mut(self.len) {
             Some(place) => {

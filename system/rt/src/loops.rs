@@ -55,8 +55,8 @@ impl<W: MemoryWindow + Clone> LoopReport<W> {
 /// has published nothing yet, or is publishing at this moment.
 ///
 /// # Errors
-/// [`AccessError`] if the memory cannot be read; that is also so if the entry in the table gives a
-/// place outside of the region.
+/// [`AccessError`] if the memory cannot be read, or if the entry in the table names a place outside of the
+/// region.
 pub fn read<W: MemoryWindow + Clone>(
     region: &Region<W>,
     object: &SharedObject,

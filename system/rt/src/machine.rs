@@ -84,14 +84,14 @@ pub trait Machine: Sync {
         Ok(mailbox)
     }
 
-    /// Returns an argument that the system description, the file that lists the processors, gives
-    /// to the program. `index` counts from 0; `None` if there are fewer arguments.
+    /// Returns argument `index` of the program, counted from 0, as the system description lists it; `None`
+    /// if there are fewer arguments. The system description is the file that lists the processors.
     fn argument(&self, index: usize) -> Option<&str>;
 
-    /// Returns whether the program is to end. The background asks at least every 100 ms.
+    /// Returns true if the program must end. The background asks at least every 100 ms.
     fn is_stopping(&self) -> bool;
 
-    /// Returns whether messages are served while the background computes: by the mailbox interrupt
+    /// Returns true if messages are served while the background computes: by the mailbox interrupt
     /// of a hart, or by a thread.
     fn mail_interrupts(&self) -> bool {
         false
@@ -100,7 +100,7 @@ pub trait Machine: Sync {
     /// Runs `background`. If [`mail_interrupts`](Self::mail_interrupts) is true, it also calls
     /// `serve` at each ring of the doorbell.
     ///
-    /// `serve` calls [`Messenger::serve`](condor_mbox::Messenger::serve) with a time-out of zero
+    /// `serve` calls [`Messenger::serve`](condor_mbox::Messenger::serve) with a timeout of zero
     /// and returns how many messages it served. Its mailbox must want [all
     /// rings](condor_mbox::Mailbox::ring_always). Servo loops are more urgent than `serve`.
     /// `background` begins by ringing this processor, so that rings from before this call are not

@@ -51,7 +51,7 @@ mod entry {
     pub(super) const NAME: u32 = 20;
 }
 
-/// The kind of an object.
+/// The use of an object, by which tools know how to read it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u32)]
 #[non_exhaustive]
@@ -113,7 +113,7 @@ pub enum ObjectError {
     /// The table has an object of this name and kind already.
     #[error("there are two objects `{name}`: each needs a name of its own")]
     Taken {
-        /// The name.
+        /// The name that both objects have.
         name: ShortText<NAME_BYTES>,
     },
     /// The region has no room left, or its memory cannot be accessed.
@@ -125,7 +125,7 @@ pub enum ObjectError {
 #[derive(Debug)]
 pub struct ObjectTable<W> {
     region: Region<W>,
-    /// The word that is to say where the next entry begins.
+    /// The offset of the word that will say where the next entry begins.
     last: u32,
 }
 
@@ -161,7 +161,7 @@ impl<W: MemoryWindow> ObjectTable<W> {
         kind: ObjectKind,
     ) -> Result<Published<T>, ObjectError> {
         let cell = places.published::<T>()?;
-        // What a former program has left there is none of this one's.
+        // A former program may have left words there that are not this one's.
         for word in (0..Published::<T>::BYTES).step_by(4) {
             self.region.set_word(cell.offset() + word, 0)?;
         }
@@ -231,11 +231,11 @@ pub fn all<W: MemoryWindow>(
     } else {
         0
     };
-    // Where the next entry begins, and behind what.
+    // The place where the next entry begins, and the place of the entry before it.
     let mut next = (first, 0);
     Ok(core::iter::from_fn(move || {
         let (at, before) = next;
-        // Whatever others have written there: who only goes forward comes to an end.
+        // Others may have written anything there: a walk that only goes forward comes to an end.
         if at <= before {
             return None;
         }

@@ -27,11 +27,11 @@ use crate::supervisor::Supervisor;
 const TYPED: usize = 128;
 /// The greatest number of files that a program can have open at a time.
 pub const FILES: usize = 4;
-/// How long the file service may take, with restarts of it.
+/// The time that the file service may take, with restarts of it.
 const FILES_TIMEOUT: Duration = Duration::from_secs(30);
-/// How often it is looked whether a line was typed.
+/// The time between two checks for a typed line.
 const LOOK: Duration = Duration::from_millis(20);
-/// How often the counts of the loops are shown.
+/// The time between two reports of the counts of the loops, in nanoseconds.
 const REPORT_NS: u64 = 50_000_000;
 
 /// The terminal of a program on machine `M`.
@@ -46,13 +46,13 @@ pub(crate) trait Screen: Sync {
 
 impl<W: MemoryWindow + Sync, X: Exclusion + Sync, const IN: usize> Screen for Terminal<W, X, IN> {
     fn print(&self, messenger: &dyn Messenger, text: fmt::Arguments<'_>) {
-        // What finds no room there is counted by the terminal.
+        // The terminal counts the text for which it has no room.
         let _ = self.poster(messenger).write_fmt(text);
     }
 }
 
-/// A message, as its handler gets it. A handler can do with it what it can do with a
-/// [call](mbox::Call) of the mailbox, and print.
+/// A message, as its handler gets it. A handler can do all with it that it can do with a [call](mbox::Call)
+/// of the mailbox, and print.
 pub struct HandlerCall<'c> {
     pub(crate) call: &'c mbox::Call<'c>,
     pub(crate) screen: Option<&'c dyn Screen>,
@@ -106,7 +106,7 @@ impl LoopTick<'_> {
     }
 }
 
-/// What a program shows of its interrupts and of its loops.
+/// The reports of a program about its interrupts and its loops.
 pub(crate) type Reports<M> = (
     Option<Publisher<Interrupts, Region<<M as Machine>::Window>>>,
     heapless::Vec<LoopReport<<M as Machine>::Window>, LOOPS>,
@@ -153,7 +153,7 @@ impl<'b, M: Machine> Background<'b, M> {
     /// Prints on the program's terminal; does nothing if the program has no terminal.
     pub fn print(&self, text: fmt::Arguments<'_>) {
         if let Some(console) = self.console {
-            // What finds no room there is counted by the terminal.
+            // The terminal counts the text for which it has no room.
             let _ = console.console(self.mailbox).write_fmt(text);
         }
     }
@@ -236,7 +236,7 @@ impl<'b, M: Machine> Background<'b, M> {
         Ok(loops.reset_statistics(id)?)
     }
 
-    /// Gives the loop called `name` another rate, while all loops run on.
+    /// Changes the rate of the loop called `name`, while all loops go on running.
     ///
     /// # Errors
     /// [`ProgramError::Missing`] if the program has no loops, [`ProgramError::Loop`] with
@@ -261,7 +261,7 @@ impl<'b, M: Machine> Background<'b, M> {
         }?)
     }
 
-    /// Returns whether the program is to end.
+    /// Returns true if the program must end.
     #[must_use]
     pub fn is_stopping(&self) -> bool {
         self.machine.is_stopping()
@@ -304,7 +304,7 @@ impl<'b, M: Machine> Background<'b, M> {
         Ok(())
     }
 
-    /// Gives loops the rates that others have set.
+    /// Changes the rates of loops to those that others have set.
     pub(crate) fn follow_rates(&self, loops: &dyn Loops<Instant = u64>) {
         for (number, (rate, name)) in (0..).zip(self.rates_hz.iter().zip(self.names)) {
             let Some((param, last)) = rate else {

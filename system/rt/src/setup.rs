@@ -36,9 +36,9 @@ const SHOWN_BYTES: u32 = 8192;
 /// The longest path that a program opens, and the buffer for what is in a file, in bytes.
 const PATH_BYTES: u32 = 64;
 const BUFFER_BYTES: u32 = 4096;
-/// How long the background serves before it looks around.
+/// The time that the background serves before it looks around.
 const NAP: Duration = Duration::from_millis(20);
-/// The rate in the schedule of a loop that is to rest.
+/// The rate in the schedule of a loop that rests.
 const RESTING: Rate = Rate::hz(1);
 
 /// A handler of messages, in a program that [`Setup`] makes; its result is the reply.
@@ -74,7 +74,7 @@ pub struct Setup<'e, M: Machine> {
     objects: ObjectTable<M::Window>,
     console: Option<ConsoleOf<M>>,
     area: Option<Area<FILES>>,
-    /// Where a request to the supervisor has room.
+    /// The room for requests to the supervisor.
     asks: Option<Allocator>,
     waiting: Waiting,
     handlers: List<(Vector, &'e str, MessageHandler<'e>), HANDLERS>,
@@ -96,15 +96,15 @@ struct Loop<'e> {
     rate: Rate,
     overrun: Overrun,
     body: LoopFunction<'e>,
-    /// What its rate follows, in Hz.
+    /// The parameter that sets the rate of the loop, in Hz.
     rate_hz: Option<&'e Param<u32>>,
-    /// How many variables and parameters it and the loops before it have.
+    /// The number of variables and parameters of this loop and the loops before it.
     watched: usize,
     tuned: usize,
 }
 
 impl Loop<'_> {
-    /// What runs at a release.
+    /// Returns the function that runs at a release.
     fn ticks<M: Machine>(
         &mut self,
         mut sampler: Option<LoopSampler<'_, M>>,
@@ -119,7 +119,7 @@ impl Loop<'_> {
             if let Some(sampler) = &mut sampler {
                 let _ = sampler.begin();
             }
-            // One that is to rest may be released before the background has it disabled.
+            // A loop that must rest may be released before the background has disabled it.
             if self.rate_hz.is_none_or(|hz| hz.get() != 0) {
                 (self.body)(&mut LoopTick {
                     due,
@@ -163,20 +163,20 @@ impl<'e, M: Machine> Setup<'e, M> {
         })
     }
 
-    /// Gives the program a terminal, which the object table lists as `console`.
+    /// Creates the program's terminal, which the object table lists as `console`.
     ///
     /// # Errors
-    /// [`ProgramError::Twice`] if it has one, [`ProgramError::Window`] if there is no room, [`ProgramError::Objects`] if
-    /// a terminal of this name is in the object table already.
+    /// [`ProgramError::Twice`] if the program has a terminal already; [`ProgramError::Window`] if there is
+    /// no room; [`ProgramError::Objects`] if a terminal of this name is in the object table already.
     pub fn console(&mut self) -> Result<&mut Self, ProgramError> {
         self.console_with(&condor_tty::TerminalSettings::COOKED)
     }
 
-    /// Gives the program a terminal as [`console`](Self::console) does, with these settings.
+    /// Creates the program's terminal as [`console`](Self::console) does, with these settings.
     ///
     /// # Errors
-    /// [`ProgramError::Twice`] if it has one, [`ProgramError::Window`] if there is no room, [`ProgramError::Objects`] if
-    /// a terminal of this name is in the object table already.
+    /// [`ProgramError::Twice`] if the program has a terminal already; [`ProgramError::Window`] if there is
+    /// no room; [`ProgramError::Objects`] if a terminal of this name is in the object table already.
     pub fn console_with(
         &mut self,
         settings: &condor_tty::TerminalSettings,
@@ -411,7 +411,7 @@ impl<'e, M: Machine> Setup<'e, M> {
     /// Joins, runs the loops, and serves messages until the machine is stopping.
     ///
     /// # Errors
-    /// The errors of [`background`](Self::background).
+    /// Returns the error of [`background`](Self::background) if that fails.
     pub fn run(&mut self) -> Result<(), ProgramError> {
         self.background(|background| {
             while !background.is_stopping() {
@@ -546,10 +546,10 @@ impl<'e, M: Machine> Setup<'e, M> {
             }
             Ok(background(&running))
         };
-        // What is wrong with the own memory, the background finds out.
+        // An error of the processor's own memory is found by the background.
         let serve = || mailbox.serve(Duration::ZERO).unwrap_or(0);
         machine.with_mail(serve, || {
-            // Whoever rang since the mailbox joined, but before `serve` was connected, was not heard.
+            // A ring since the mailbox joined, but before `serve` was connected, was not heard.
             if machine.mail_interrupts() {
                 machine.doorbell().ring(machine.number());
             }

@@ -15,7 +15,7 @@ use crate::machine::{Machine, MailboxOf};
 use crate::numbers::{REQUESTS, SUPERVISOR};
 use crate::text::ShortText;
 
-/// How long the supervisor may take to answer.
+/// The time that the supervisor may take to answer.
 const ANSWER: Duration = Duration::from_secs(5);
 
 /// The greatest length of the words of a request, and of the text of a response, in bytes.
@@ -50,7 +50,7 @@ pub mod state {
 #[derive(Clone, Debug, PartialEq, Eq, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
 pub struct SupervisorRequest {
-    /// One of [`operation`].
+    /// The operation to carry out: a constant of [`operation`].
     pub operation: u32,
     /// The number of the request whose outcome is asked for, or of the processor whose name is asked
     /// for; otherwise 0.
@@ -106,7 +106,7 @@ impl SupervisorRequest {
 #[derive(Clone, Debug, PartialEq, Eq, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
 pub struct SupervisorResponse {
-    /// One of [`state`].
+    /// The state of the request: a constant of [`state`].
     pub state: u32,
     /// The number of the request.
     pub number: u32,
@@ -160,7 +160,7 @@ pub struct Supervisor<'b, M: Machine> {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SupervisorTicket(u32);
 
-/// The reason for which the supervisor does not do what was asked.
+/// The reason for which the supervisor does not carry out a request.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum SupervisorError {
@@ -174,8 +174,8 @@ pub enum SupervisorError {
     /// [`reason`](Supervisor::reason) says why.
     #[error("the supervisor refused the request")]
     Refused,
-    /// The supervisor does not know the request: a later one, or that of an earlier incarnation of this
-    /// program, has taken its place, or the answer is none.
+    /// The supervisor does not know the request: a later request, or one of an earlier incarnation of this
+    /// program, has taken its place, or the answer has an unknown state.
     #[error("the supervisor does not know the request (state {state})")]
     Unknown {
         /// The state in the answer.
@@ -229,7 +229,10 @@ impl<'b, M: Machine> Supervisor<'b, M> {
     /// file, or `self`, whose first argument names a program of the running binary.
     ///
     /// # Errors
-    /// Those of [`restart`](Self::restart).
+    /// [`SupervisorError::Absent`] if no supervisor runs; [`SupervisorError::Refused`] if the description
+    /// does not allow it; [`SupervisorError::TooLong`] if the words do not fit into a request, or one of
+    /// them contains a zero byte; [`SupervisorError::Unknown`] if the answer has a state that this version
+    /// does not know; [`SupervisorError::Exchange`] if there is no answer.
     pub fn load<'w>(
         &mut self,
         processor: &'w str,
@@ -256,16 +259,17 @@ impl<'b, M: Machine> Supervisor<'b, M> {
     /// program has joined, and false while it is being carried out.
     ///
     /// # Errors
-    /// Those of [`restart`](Self::restart); [`SupervisorError::Refused`] also if the request has
-    /// failed, and [`SupervisorError::Unknown`] if a later request has taken its place.
+    /// [`SupervisorError::Absent`] if no supervisor runs; [`SupervisorError::Refused`] if the request was
+    /// refused or has failed; [`SupervisorError::Unknown`] if a later request has taken its place;
+    /// [`SupervisorError::Exchange`] if there is no answer.
     pub fn outcome(&mut self, order: SupervisorTicket) -> Result<bool, SupervisorError> {
         let request = SupervisorRequest::new(operation::OUTCOME, order.0, []);
         let response = self.ask(&request.ok_or(SupervisorError::TooLong)?)?;
         self.judge(&response)
     }
 
-    /// Asks for the name that the description gives to `processor`; returns `None` if it has no such
-    /// processor.
+    /// Asks for the name that the description has for `processor`; returns `None` if the description has no
+    /// such processor.
     ///
     /// # Errors
     /// [`SupervisorError::Absent`] if no supervisor runs; [`SupervisorError::Exchange`] if there is

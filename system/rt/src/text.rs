@@ -17,7 +17,7 @@ impl<const BYTES: usize> ShortText<BYTES> {
     #[must_use]
     pub fn of(printed: &(impl fmt::Display + ?Sized)) -> Self {
         let mut text = Cut(heapless::String::new());
-        // What does not fit is cut off.
+        // A text that does not fit is cut off.
         let _ = write!(text, "{printed}");
         Self(text.0)
     }

@@ -1,5 +1,5 @@
-//! What loops show and let set: the tables of condor-vars in a program that
-//! [`Setup`](crate::Setup) makes.
+//! The variables that loops show and the parameters that others can set: the tables of condor-vars in a
+//! program that [`Setup`](crate::Setup) makes.
 
 use core::fmt;
 use core::num::NonZeroU64;
@@ -25,13 +25,13 @@ pub(crate) type LoopServer<'d, M> =
     VariableServer<'d, <M as Machine>::Window, <M as Machine>::Exclusion, CAPACITY>;
 pub(crate) type LoopSampler<'d, M> = Sampler<'d, <M as Machine>::Window, CAPACITY>;
 
-/// How many rows of all variables a ring has room for.
+/// Returns the number of rows of all variables for which a ring has room.
 pub(crate) fn rows(rate: Rate) -> u32 {
     let hz = rate.numerator().checked_div(rate.denominator());
     hz.unwrap_or(0) / KEPT
 }
 
-/// Why the variables of the loop `name` cannot be shown.
+/// Returns the error that says why the variables of the loop `name` cannot be shown.
 pub(crate) fn wrong(name: &str, error: CatalogError) -> ProgramError {
     match error {
         CatalogError::Access(error) => ProgramError::no_room(name, error),
@@ -42,7 +42,7 @@ pub(crate) fn wrong(name: &str, error: CatalogError) -> ProgramError {
     }
 }
 
-/// Which incarnation of a processor's program lives; 0 if none does.
+/// Returns the incarnation of a processor's program that runs; 0 if none runs.
 pub(crate) fn incarnation<M: Machine, const N: usize>(
     windows: &[Windows<M::Window>; N],
     doorbell: &M::Doorbell,

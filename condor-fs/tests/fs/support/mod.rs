@@ -17,7 +17,7 @@ use condor_mbox::linux::{LinuxMailbox, LinuxSystem, LinuxWindow};
 use condor_mbox::{Allocator, Processor, Region};
 use rustix::fs::{Gid, Uid};
 
-/// The kind of file system that never uses an inode number again.
+/// The kind of filesystem that never uses an inode number again.
 const TMPFS: u64 = 0x0102_1994;
 
 pub(crate) const N: usize = 3;
@@ -313,7 +313,7 @@ pub(crate) fn with_client<R>(
     })
 }
 
-/// The same, with the file system to keep.
+/// The same, with the `FileSystem` to keep.
 pub(crate) fn with_own_client<R>(
     system: &LinuxSystem<N>,
     number: Processor,

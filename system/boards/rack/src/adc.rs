@@ -10,28 +10,28 @@ use condor_dev::{Bus, DeviceError, Driver, Registers};
 /// | offset | width | access | register |
 /// |---|---|---|---|
 /// | 0x00 | 16 | read | identification, 0xadc0 |
-/// | 0x02 | 16 | both | control: what starts a conversion of all channels; 0 all the time, 1 a write to 0x04, 2 the trigger line |
+/// | 0x02 | 16 | both | control: the event that starts a conversion of all channels; 0 all the time, 1 a write to 0x04, 2 the trigger line |
 /// | 0x04 | 16 | write | any value starts a conversion, if control is 1 |
 /// | 0x06 | 16 | read | status: bit 0 a conversion has been completed since the last one was started |
 /// | 0x20 + 2·*n* | 16 | read | the latest conversion of channel *n*, two's complement |
 ///
-/// `read` gives the channels in order, two bytes each, in the byte order of the processor; it has
-/// nothing to give between the start of a conversion and its end. A board is opened converting all
-/// the time.
+/// `read` returns the channels in order, two bytes each, in the byte order of the processor; it returns
+/// [`DeviceError::WouldBlock`] between the start of a conversion and its end. A board is opened converting
+/// all the time.
 #[derive(Debug)]
 pub struct Adc16 {
     trigger: AtomicU8,
 }
 
-/// What starts a conversion.
+/// The event that starts a conversion of all channels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum ConversionTrigger {
-    /// The end of the one before.
+    /// The end of the previous conversion.
     Continuous = 0,
-    /// [`start`](Adc16::start).
+    /// A call of [`start`](Adc16::start).
     Command = 1,
-    /// The board's trigger line.
+    /// A pulse on the board's trigger line.
     External = 2,
 }
 
@@ -108,10 +108,11 @@ impl Driver for Adc16 {
 }
 
 impl Adc16 {
-    /// The latest conversions of the first channels, as many as `into` has room for; says how many.
+    /// Reads the latest conversions of the first channels, as many as `into` has room for; returns their
+    /// number.
     ///
     /// # Errors
-    /// The bus's.
+    /// Returns the bus's error if an access fails; `into` may have been written in part.
     #[inline]
     pub fn scan<B: Bus>(
         &self,
@@ -126,10 +127,10 @@ impl Adc16 {
         Ok(scanned)
     }
 
-    /// Chooses what starts a conversion.
+    /// Sets the event that starts a conversion.
     ///
     /// # Errors
-    /// The bus's: then what did before still does.
+    /// Returns the bus's error if the access fails; the previous trigger stays in force.
     pub fn set_trigger<B: Bus>(
         &self,
         registers: Registers<'_, B>,
@@ -142,19 +143,19 @@ impl Adc16 {
         })
     }
 
-    /// Starts a conversion of all channels; [`ConversionTrigger::Command`] has been chosen.
+    /// Starts a conversion of all channels, if [`ConversionTrigger::Command`] has been chosen.
     ///
     /// # Errors
-    /// The bus's.
+    /// Returns the bus's error if the access fails.
     #[inline]
     pub fn start<B: Bus>(&self, registers: Registers<'_, B>) -> Result<(), B::Error> {
         registers.write16(offset::START, 1)
     }
 
-    /// Whether a conversion has been completed since one was last started.
+    /// Returns true if a conversion has been completed since one was last started.
     ///
     /// # Errors
-    /// The bus's.
+    /// Returns the bus's error if the access fails.
     #[inline]
     pub fn is_ready<B: Bus>(&self, registers: Registers<'_, B>) -> Result<bool, B::Error> {
         Self::completed(registers)

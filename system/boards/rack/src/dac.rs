@@ -10,7 +10,7 @@ use condor_dev::{Bus, DeviceError, Driver, Registers};
 /// | 0x00 | 16 | read | identification, 0xdac0 |
 /// | 0x02 | 16 | both | control: bit 0 connects the outputs; without it all are at 0 V |
 /// | 0x04 | 16 | write | strobe: any value brings all that was written to the outputs, at once |
-/// | 0x20 + 2·*n* | 16 | both | what channel *n* puts out from the next strobe on, two's complement |
+/// | 0x20 + 2·*n* | 16 | both | the value that channel *n* puts out from the next strobe on, two's complement |
 ///
 /// `write` takes channels in order from 0, two bytes each in the byte order of the processor. The
 /// channels of one call change at the same instant, and if the call fails before its strobe, none
@@ -102,8 +102,8 @@ impl Dac16 {
     /// Puts `values` out on the channels from `first` on, at the same instant.
     ///
     /// # Errors
-    /// [`DeviceError::Length`] if the board has fewer channels, [`DeviceError::Bus`]: no output has
-    /// changed then.
+    /// [`DeviceError::Length`] if the board has fewer channels; [`DeviceError::Bus`] if an access fails. No
+    /// output has changed then.
     #[inline]
     pub fn write_channels<B: Bus>(
         &self,
@@ -120,10 +120,10 @@ impl Dac16 {
         Ok(Dac16::put(registers, first, values.iter().copied())?)
     }
 
-    /// Puts all channels out, at the same instant.
+    /// Puts `values` out on all channels, at the same instant.
     ///
     /// # Errors
-    /// The bus's: no output has changed then.
+    /// Returns the bus's error if an access fails; no output has changed then.
     #[inline]
     pub fn write_all<B: Bus>(
         &self,

@@ -15,7 +15,7 @@ use condor_dev::{Bus, Count, DeviceError, Driver, Registers};
 /// | 0x0a | 16 | both | both phases changed at once, pulses were missed; as the index pulses |
 /// | 0x20 + 4·*n* | 32 | read | latch of counter *n* |
 ///
-/// `read` latches all counters and gives them in order, four bytes each in the byte order of the
+/// `read` latches all counters and returns them in order, four bytes each in the byte order of the
 /// processor. The counts of one call are of the same instant.
 #[derive(Debug)]
 pub struct Encoder8 {
@@ -25,7 +25,7 @@ pub struct Encoder8 {
 
 const IDENTIFICATION: u16 = 0xe4c0;
 const ALL: u16 = 0xff;
-/// How often a scan that is interrupted by another begins anew.
+/// The number of times that a scan is begun that others interrupt.
 const ATTEMPTS: u32 = 4;
 
 mod offset {
@@ -56,7 +56,7 @@ impl Encoder8 {
                 let value = registers.read32(offset::COUNTS + 4 * counter)?;
                 see(counter, value.cast_signed());
             }
-            // Whoever interrupted this one latched other counts, which some of these may be.
+            // An interrupting scan latched other counts, which some of these may be.
             if self.scans.get() == scan {
                 return Ok(());
             }
@@ -120,12 +120,12 @@ impl Driver for Encoder8 {
 }
 
 impl Encoder8 {
-    /// The counts of the first counters at one instant, as many as `into` has room for; says how
-    /// many.
+    /// Reads the counts of the first counters at one instant, as many as `into` has room for; returns their
+    /// number.
     ///
     /// # Errors
-    /// [`DeviceError::Bus`]; [`DeviceError::WouldBlock`] if faster loops scanned in the midst of it
-    /// four times in a row. `into` may have been written in part.
+    /// [`DeviceError::Bus`] if an access fails; [`DeviceError::WouldBlock`] if faster loops interrupted
+    /// this scan by scans of their own four times in a row. `into` may have been written in part.
     #[inline]
     pub fn scan<B: Bus>(
         &self,
@@ -141,12 +141,14 @@ impl Encoder8 {
         Ok(count)
     }
 
-    /// How far the counters have moved since the counts in `last`, which become those of now.
+    /// Returns the number of pulses by which each counter has moved since the counts in `last`, and sets
+    /// `last` to the present counts.
     ///
-    /// A counter may have wrapped meanwhile, but not moved by 2³¹ pulses or more.
+    /// A counter may have wrapped meanwhile, but must not have moved by 2³¹ pulses or more.
     ///
     /// # Errors
-    /// As [`scan`](Self::scan); `last` is unchanged then.
+    /// [`DeviceError::Bus`] if an access fails; [`DeviceError::WouldBlock`] if faster loops interrupted the
+    /// scan by scans of their own four times in a row. `last` is unchanged then.
     #[inline]
     pub fn scan_differences<B: Bus>(
         &self,
@@ -163,18 +165,19 @@ impl Encoder8 {
         Ok(moved)
     }
 
-    /// Sets the counters named by bits to zero, now.
+    /// Sets the counters named by the bits of `counters` to zero, now.
     ///
     /// # Errors
-    /// The bus's.
+    /// Returns the bus's error if the access fails.
     pub fn zero<B: Bus>(&self, registers: Registers<'_, B>, counters: u8) -> Result<(), B::Error> {
         registers.write16(offset::ZERO, counters.into())
     }
 
-    /// Has each of the counters named by bits, and no other, set to zero by its next index pulse.
+    /// Sets the counters that the next index pulse zeroes: those named by the bits of `counters`, and no
+    /// others.
     ///
     /// # Errors
-    /// The bus's.
+    /// Returns the bus's error if the access fails.
     pub fn zero_at_index<B: Bus>(
         &self,
         registers: Registers<'_, B>,
@@ -183,19 +186,19 @@ impl Encoder8 {
         registers.write16(offset::ZERO_AT_INDEX, counters.into())
     }
 
-    /// The counters whose index pulse came since the last call.
+    /// Returns the counters whose index pulse came since the last call, a bit for each counter.
     ///
     /// # Errors
-    /// The bus's: the next call tells of these pulses, too.
+    /// Returns the bus's error if an access fails; the next call reports these pulses, too.
     pub fn take_index<B: Bus>(&self, registers: Registers<'_, B>) -> Result<u8, B::Error> {
         Encoder8::take(registers, offset::INDEX)
     }
 
-    /// The counters that missed pulses since the last call: their counts are wrong until they are
-    /// zeroed.
+    /// Returns the counters that missed pulses since the last call, a bit for each counter: their counts
+    /// are wrong until they are zeroed.
     ///
     /// # Errors
-    /// As [`take_index`](Self::take_index).
+    /// Returns the bus's error if an access fails; the next call reports these counters, too.
     pub fn take_missed<B: Bus>(&self, registers: Registers<'_, B>) -> Result<u8, B::Error> {
         Encoder8::take(registers, offset::MISSED)
     }

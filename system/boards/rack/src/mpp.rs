@@ -13,7 +13,7 @@ use condor_dev::{Attention, Bus, Count, DeviceError, Driver, Registers, Ring, Sh
 /// | 0x02 | 16 | both | control: bit 0 interrupt on input, bit 1 raw 16-bit mode, bit 15 resets the board and clears itself |
 /// | 0x04 | 16 | both | status: bit 0 input, bit 1 output ready, bit 2 overrun (a one clears it), bit 3 interrupting |
 /// | 0x07 | 8 | both | 8-bit mode: reading takes a byte from the 16 that the board keeps, writing strobes one out |
-/// | 0x08 | 16 | both | the lines: reading gives the input lines at this moment, writing drives the output lines |
+/// | 0x08 | 16 | both | the lines: reading returns the input lines at this moment, writing drives the output lines |
 ///
 /// In 8-bit mode, the one after reset, the input strobe latches a byte and interrupts. The
 /// interrupt's half moves bytes to a buffer of 256, from which `read` takes them; while that is full,
@@ -72,10 +72,10 @@ impl Mpp {
         self.control.update(wanted, write)
     }
 
-    /// Resets the board: 8-bit mode, outputs low, input that was not read forgotten.
+    /// Resets the board: 8-bit mode, outputs low, and no input. Input that was not read is lost.
     ///
     /// # Errors
-    /// The bus's.
+    /// Returns the bus's error if an access fails.
     pub fn reset<B: Bus>(&self, registers: Registers<'_, B>) -> Result<(), B::Error> {
         critical_section::with(|_| {
             self.control.forget();
@@ -144,8 +144,8 @@ impl Mpp {
     }
 }
 
-/// Transfers items of `unit` bytes until `transfer` fails or says that there is no more, and gives
-/// the bytes that were; what was transferred before a failure counts.
+/// Transfers items of `unit` bytes until `transfer` fails or says that there is no more, and returns the
+/// number of bytes that were transferred; bytes transferred before a failure count.
 fn each<T, E>(
     items: impl IntoIterator<Item = T>,
     unit: usize,
@@ -270,35 +270,35 @@ impl Driver for Mpp {
 }
 
 impl Mpp {
-    /// Has lines transferred as handshaken bytes.
+    /// Sets the 8-bit mode, in which lines are transferred as handshaken bytes.
     ///
     /// # Errors
-    /// The bus's: then the board stays in its mode.
+    /// Returns the bus's error if the access fails; the board stays in its mode then.
     pub fn config_8bit<B: Bus>(&self, registers: Registers<'_, B>) -> Result<(), B::Error> {
         self.set_raw(registers, false)
     }
 
-    /// Has lines transferred as they are, sixteen at once.
+    /// Sets the raw 16-bit mode, in which lines are transferred as they are, sixteen at once.
     ///
     /// # Errors
-    /// As [`config_8bit`](Self::config_8bit).
+    /// Returns the bus's error if the access fails; the board stays in its mode then.
     pub fn config_16bit_raw<B: Bus>(&self, registers: Registers<'_, B>) -> Result<(), B::Error> {
         self.set_raw(registers, true)
     }
 
-    /// The input lines at this moment, in either mode.
+    /// Returns the input lines at this moment, in either mode.
     ///
     /// # Errors
-    /// The bus's.
+    /// Returns the bus's error if the access fails.
     #[inline]
     pub fn read_16bits<B: Bus>(&self, registers: Registers<'_, B>) -> Result<u16, B::Error> {
         registers.read16(offset::LINES)
     }
 
-    /// Drives the output lines; in 8-bit mode the upper eight of them.
+    /// Drives the output lines; in 8-bit mode only the upper eight of them.
     ///
     /// # Errors
-    /// The bus's.
+    /// Returns the bus's error if the access fails.
     #[inline]
     pub fn write_16bits<B: Bus>(
         &self,
@@ -308,16 +308,17 @@ impl Mpp {
         registers.write16(offset::LINES, lines)
     }
 
-    /// How often input came that the board had no room for. Wraps.
+    /// Returns the number of times that the board reported an overrun: input for which it had no room. The
+    /// number wraps.
     #[must_use]
     pub fn overruns(&self) -> u32 {
         self.overruns.get()
     }
 
-    /// Does what the interrupt would do, for a board that does not interrupt.
+    /// Does the work of the interrupt, for a board that does not interrupt.
     ///
     /// # Errors
-    /// The bus's.
+    /// Returns the bus's error if an access fails.
     pub fn poll<B: Bus>(&self, registers: Registers<'_, B>) -> Result<(), B::Error> {
         critical_section::with(|_| self.serve(registers)).map(drop)
     }

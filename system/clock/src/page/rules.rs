@@ -6,8 +6,8 @@ use crate::obstacle::Obstacle;
 use crate::sync::{Ordering, fence};
 
 impl<const N: usize> Page<N> {
-    /// If the turn is free, takes it for `me` and gives it to the participant that goes on first,
-    /// if there is one. Any thread of `me` may call this at any moment.
+    /// If the turn is free, takes it for `me` and passes it to the participant that goes on first, if there
+    /// is one. Any thread of `me` may call this at any moment.
     pub fn kick(&self, me: u8, by: &impl Handover) {
         // Pairs with the fence in `give`: either the last holder sees in its second look what the
         // caller has changed, or the caller sees here that the turn is free.
@@ -34,7 +34,7 @@ impl<const N: usize> Page<N> {
             .then_some(next)
     }
 
-    /// Takes the turn, for `me` to give it on, from a holder that `is_over`; returns whether it did.
+    /// Takes the turn, for `me` to pass it on, from a holder that `is_over`; returns true if it did.
     pub(super) fn take_from(&self, me: u8, is_over: impl Fn(u8) -> bool) -> bool {
         // Pairs with the fence in `give`: the giver sees that nobody wants it, or this sees the turn.
         fence(Ordering::SeqCst);
@@ -56,12 +56,12 @@ impl<const N: usize> Page<N> {
             })
     }
 
-    /// Gives the turn of `me` to the participant that goes on first, which may be `me` itself.
+    /// Passes the turn of `me` to the participant that goes on first, which may be `me` itself.
     pub(super) fn give(&self, me: u8, by: &impl Handover) {
         loop {
             let turn = self.turn.load(Ordering::Relaxed);
             if holder_of(turn) != Some(me) {
-                // It was buried and lives all the same: what it does now concerns nobody.
+                // The participant was buried and runs all the same: its actions concern nobody.
                 return;
             }
             let first = match self.first(by) {
@@ -217,14 +217,14 @@ impl<const N: usize> Page<N> {
         number.map(|number| (self.now(), number))
     }
 
-    /// How long the real time still takes to come to `due`; 0 without a speed.
+    /// Returns the real time until `due`, in nanoseconds; 0 without a speed.
     fn until_pace(&self, due: u64, by: &impl Handover) -> u64 {
         let speed = self.speed();
         let wall = by.wall_ns().filter(|_| speed > 0);
         wall.map_or(0, |wall| self.pace_of(due, speed).saturating_sub(wall))
     }
 
-    /// The real time at which `due` is to be.
+    /// The real time that belongs to `due`.
     fn pace_of(&self, due: u64, speed: u64) -> u64 {
         let span = due.saturating_sub(self.pace_from.load(Ordering::Relaxed));
         let span = u128::from(span) * 1000 / u128::from(speed.max(1));
@@ -243,7 +243,7 @@ impl<const N: usize> Page<N> {
             && let Some(wall) = by.wall_ns()
             && wall > self.pace_of(due, speed).saturating_add(LAG_NS)
         {
-            // It does not run after the real time.
+            // The simulated time does not catch up with a lag as great as this.
             self.keep_pace_from(by);
         }
     }

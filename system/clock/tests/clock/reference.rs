@@ -142,7 +142,7 @@ impl Machine<'_> {
         self.releases.iter().copied().min().unwrap_or(u64::MAX)
     }
 
-    /// Goes on until time is to pass, or others may go on before it; returns whether it has ended.
+    /// Goes on until time is to pass, or others may go on before it; returns true if it has ended.
     fn go_on(&mut self, number: usize, world: &mut World) -> bool {
         let me = FIRST + number as u8;
         if matches!(self.incarnation, Incarnation::Unborn) {
@@ -208,7 +208,7 @@ impl Machine<'_> {
         }
     }
 
-    /// Begins the next step of the background; returns whether that takes a turn.
+    /// Begins the next step of the background; returns true if that takes a turn.
     fn begin_step(&mut self, me: u8, world: &mut World) -> bool {
         let step = self.program.steps[self.step];
         self.step += 1;
@@ -236,7 +236,7 @@ impl Machine<'_> {
         self.contexts.push(Context::Interrupt { interrupted });
     }
 
-    /// Runs loops that are more urgent than what was interrupted, until one computes; returns whether
+    /// Runs loops that are more urgent than what was interrupted, until one computes; returns true if
     /// one does.
     fn run_loop(&mut self, me: u8, world: &mut World) -> bool {
         let loops = &self.program.loops;

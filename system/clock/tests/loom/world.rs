@@ -20,7 +20,7 @@ pub(crate) fn explore(name: &str, preemptions: usize, model: impl Fn() + Sync + 
 }
 
 /// Explores `model` with a death before the first access, before the second one, and so on until nobody
-/// lives to make so many. The model is told the number and returns whether somebody was killed.
+/// lives to make so many. The model is told the number and returns true if somebody was killed.
 pub(crate) fn explore_kills(
     name: &str,
     preemptions: usize,
@@ -62,7 +62,7 @@ fn executions(preemptions: usize, model: impl Fn() + Sync + Send + 'static) -> u
     executions.load(Relaxed)
 }
 
-/// Runs `body`, which is killed before its access number `access`; returns whether it was.
+/// Runs `body`, which is killed before its access number `access`; returns true if it was.
 pub(crate) fn mortal(access: u32, body: impl FnOnce()) -> bool {
     kill_before(access);
     let ended = catch_unwind(AssertUnwindSafe(body));

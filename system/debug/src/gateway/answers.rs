@@ -1,4 +1,4 @@
-//! What GDB reads and changes: queries, registers, memory, breakpoints, commands of `monitor`.
+//! The answers to GDB: queries, registers, memory, breakpoints, commands of `monitor`.
 
 use condor_mbox::MemoryWindow;
 
@@ -12,7 +12,7 @@ use crate::{Breakpoint, ProgramState, TracerError, Trigger, TriggerAccess};
 const MOST_BREAKPOINTS: usize = crate::area::MOST_PLANTED as usize;
 /// The size of a planted breakpoint.
 const BREAKPOINT_BYTES: u64 = 2;
-/// What the memory that programs cannot access is answered with: `EFAULT`.
+/// The answer about memory that programs cannot access: `EFAULT`.
 const FAULT: &str = "E0e";
 /// The commands of `monitor`.
 const HELP: &str = "\
@@ -279,7 +279,7 @@ impl<W: MemoryWindow> Conversation<'_, W> {
         let Some(breakpoint) = breakpoint else {
             return Ok(Answer::refused());
         };
-        // What lies in the range of no processor is everybody's.
+        // An address in the range of no processor belongs to all.
         let is_in = |attached: &AttachedProcessor<W>| attached.debuggee.code.contains(&address);
         let is_owned = self.session.processors.iter().any(is_in);
         let mut is_done = is_owned || kind > 1;
@@ -408,7 +408,7 @@ impl<W: MemoryWindow> AttachedProcessor<W> {
         Ok(())
     }
 
-    /// Plants a breakpoint, at once or when the program goes on. Returns whether there can be one.
+    /// Plants a breakpoint, at once or when the program goes on. Returns true if there can be one.
     fn want(&mut self, breakpoint: Breakpoint) -> Result<bool, SessionError> {
         if self.wanted.contains(&breakpoint) {
             return Ok(true);
@@ -438,7 +438,7 @@ impl<W: MemoryWindow> AttachedProcessor<W> {
         }
     }
 
-    /// Removes a breakpoint: at once if the program runs, or else before it goes on. Returns whether there was
+    /// Removes a breakpoint: at once if the program runs, or else before it goes on. Returns true if there was
     /// one.
     fn forget(&mut self, breakpoint: Breakpoint) -> Result<bool, SessionError> {
         let before = self.wanted.len();

@@ -14,7 +14,7 @@ use rustix::io::Errno;
 
 /// Bytes that are read or written at once.
 const CHUNK: usize = 1 << 16;
-/// How long GDB may take to accept what it has asked for.
+/// The time that GDB may take to accept an answer.
 const PATIENCE: Duration = Duration::from_secs(10);
 /// The greatest size of a packet.
 pub(super) const PACKET_BYTES: usize = 1 << 15;
@@ -22,7 +22,7 @@ const INTERRUPT: u8 = 3;
 /// Bytes with which a packet or an acknowledgement begins, or an interrupt.
 const BEGINNINGS: [u8; 4] = [b'$', b'+', b'-', INTERRUPT];
 
-/// A connection, with what was read and is no whole packet yet.
+/// A connection to GDB, with the bytes that were read and do not yet make a whole packet.
 #[derive(Debug)]
 pub struct PacketStream {
     file: std::fs::File,
@@ -33,11 +33,11 @@ pub struct PacketStream {
     acknowledges: bool,
 }
 
-/// What GDB says.
+/// A message from GDB.
 #[derive(Debug)]
 pub(super) enum GdbInput {
     Packet(Vec<u8>),
-    /// It wants the program to be stopped.
+    /// GDB wants the program to be stopped.
     Interrupt,
 }
 
@@ -66,7 +66,7 @@ impl PacketStream {
         })
     }
 
-    /// Returns whether the first byte, for which it waits until `limit`, is one of GDB's: a connection
+    /// Returns true if the first byte, for which it waits until `limit`, is one of GDB's: a connection
     /// that begins like HTTP is not GDB's.
     ///
     /// # Errors
@@ -156,7 +156,7 @@ impl PacketStream {
         }
     }
 
-    /// Reads what is there, behind what is no whole packet yet.
+    /// Reads the bytes that have come, and puts them behind those that do not yet make a whole packet.
     fn fill(&mut self) -> io::Result<()> {
         self.read.drain(..self.at);
         self.at = 0;

@@ -16,18 +16,18 @@ use super::session::{AttachedProcessor, ProgramEnd, Session, SessionError};
 use super::step;
 use crate::{Breakpoint, HoldReason, ProgramState, TracerError, Trigger, TriggerAccess};
 
-/// How often programs are looked at before the wait between looks becomes longer.
+/// The number of looks at programs before the wait between looks becomes longer.
 const LOOKS: u32 = 2000;
 const NAP: Duration = Duration::from_micros(100);
 /// After so many looks, some tenths of a second, nobody steps.
 const FREQUENT: u32 = 5000;
 const LONG_NAP: Duration = Duration::from_millis(2);
-/// How long GDB is waited for at once while all programs stand.
+/// The time for which GDB is waited for at once while all programs stand.
 const IDLE: Duration = Duration::from_secs(1);
 /// The packet that says that something was done.
 const OK: &str = "OK";
 
-/// What a packet is answered with.
+/// The answer to a packet.
 pub(super) enum Answer {
     Packet(Vec<u8>),
     /// GDB waits until a program stops.
@@ -60,7 +60,7 @@ impl Answer {
     }
 }
 
-/// What an identifier of a thread means.
+/// The threads that an identifier names.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Threads {
     /// All, or any.
@@ -81,13 +81,13 @@ pub(super) struct Conversation<'s, W: MemoryWindow> {
     reports: VecDeque<String>,
     /// GDB knows that all programs have ended.
     pub(super) is_over: bool,
-    /// How often programs were looked at since one was resumed.
+    /// The number of looks at programs since one was resumed.
     looks: u32,
 }
 
 impl<W: MemoryWindow> Session<W> {
     /// Serves a GDB until it goes away. The programs are stopped when GDB asks for it, which it does at once
-    /// unless it is in non-stop mode. Returns whether GDB wants them to be killed; otherwise they go on.
+    /// unless it is in non-stop mode. Returns true if GDB wants them to be killed; otherwise they go on.
     ///
     /// # Errors
     /// [`SessionError::NoProgram`] if all programs have ended; [`SessionError::Tracer`] if a processor does
@@ -144,7 +144,7 @@ impl<'s, W: MemoryWindow> Conversation<'s, W> {
         }
     }
 
-    /// Serves GDB until it goes away. Returns whether it wants the programs to be killed.
+    /// Serves GDB until it goes away. Returns true if it wants the programs to be killed.
     pub(super) fn serve(mut self) -> Result<bool, SessionError> {
         loop {
             if self.waits || self.is_non_stop {
@@ -180,7 +180,7 @@ impl<'s, W: MemoryWindow> Conversation<'s, W> {
                     kills,
                 } => {
                     if is_acknowledged {
-                        // It has gone otherwise.
+                        // If this fails, GDB has gone in another way.
                         let _ = self.stream.send(OK.as_bytes());
                     }
                     return Ok(kills);
@@ -223,7 +223,7 @@ impl<'s, W: MemoryWindow> Conversation<'s, W> {
         Ok(())
     }
 
-    /// How the programs have ended, of which GDB knows one inferior.
+    /// Returns the packet that says how the programs have ended, of which GDB knows one inferior.
     fn end(&self) -> String {
         let first = self.session.processors.first();
         match first.and_then(AttachedProcessor::ended) {
@@ -335,7 +335,7 @@ impl<'s, W: MemoryWindow> Conversation<'s, W> {
         Answer::ok()
     }
 
-    /// Why the programs stand. In all-stop mode it stops them.
+    /// Returns the reasons why the programs stand. In all-stop mode it stops them.
     fn reasons(&mut self) -> Result<Answer, SessionError> {
         let (mut first, mut all) = (None, VecDeque::new());
         for (place, attached) in self.session.processors.iter_mut().enumerate() {
@@ -438,7 +438,7 @@ impl<'s, W: MemoryWindow> Conversation<'s, W> {
         Answer::ok()
     }
 
-    /// What an identifier of a thread that GDB sends stands for; `None` if there is no such thread.
+    /// Returns the threads that an identifier from GDB names; `None` if there is no such thread.
     fn thread(&self, text: &[u8]) -> Option<Threads> {
         if text == b"-1" || text == b"0" {
             return Some(Threads::All);
@@ -472,8 +472,8 @@ impl<W: MemoryWindow> AttachedProcessor<W> {
         }
     }
 
-    /// What is to be planted: what GDB wants, and where a step ends. The instruction that is stepped is executed,
-    /// whatever is wanted there.
+    /// Returns the breakpoints to plant: those that GDB wants, and those where a step ends. The instruction
+    /// that is stepped is executed, even if GDB wants a breakpoint there.
     pub(super) fn breakpoints(&self) -> Vec<Breakpoint> {
         let mut all = self.wanted.clone();
         if self.runs && !self.steps.is_empty() {
@@ -483,7 +483,7 @@ impl<W: MemoryWindow> AttachedProcessor<W> {
         all
     }
 
-    /// Where a step from `pc` may end.
+    /// Returns the addresses at which a step from `pc` may end.
     fn ends(&self, pc: u64) -> Result<Vec<u64>, TracerError> {
         let fetch = |at: u64| {
             let halves = [at, at.wrapping_add(2)].map(|at| self.debuggee.read(at, 2));

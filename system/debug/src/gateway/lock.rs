@@ -17,8 +17,8 @@ use crate::{Tracer, TracerError};
 pub struct DebuggerLock(File);
 
 impl DebuggerLock {
-    /// Takes the lock on `file`, which is made if it does not exist; `None` if somebody has it until
-    /// `limit` has passed.
+    /// Takes the lock on `file`, which is made if it does not exist; returns `None` if another process has
+    /// the lock until `limit` has passed.
     ///
     /// # Errors
     /// [`io::Error`] if the file cannot be made or locked.
@@ -52,7 +52,7 @@ impl Cleaner {
     /// Looks at a processor, whose debugger lock is on `file`. If a debugger was attached and is dead, has
     /// the processor remove all breakpoints and go on. It does not wait: call it again and again.
     ///
-    /// Returns whether a debugger was found dead in this call.
+    /// Returns true if a debugger was found dead in this call.
     ///
     /// # Errors
     /// [`TracerError::Access`] if the area cannot be accessed.
@@ -65,7 +65,7 @@ impl Cleaner {
         if self.lock.is_none() && tracer.mode()?.attached {
             // Without the file there was no debugger that could have it, nor is one stopped.
             self.lock = DebuggerLock::try_take(file).ok().flatten();
-            // It may have ended properly meanwhile.
+            // The debugger may have ended properly meanwhile.
             found = self.lock.is_some() && tracer.mode()?.attached;
         }
         if self.lock.is_some() && tracer.try_release()? {

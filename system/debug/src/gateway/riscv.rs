@@ -18,7 +18,7 @@ pub mod frame {
     pub const VALUE: u32 = 34;
     /// `f0` to `f31` are here and behind.
     pub const FLOATS: u32 = 35;
-    /// `fcsr`.
+    /// The register `fcsr`: rounding mode and exception flags of floating point.
     pub const FCSR: u32 = 67;
 }
 
@@ -97,7 +97,7 @@ pub(super) fn read_all<W: MemoryWindow>(tracer: &Tracer<W>) -> Result<Vec<u8>, T
     Ok(all)
 }
 
-/// Sets all registers. Returns whether there were enough bytes.
+/// Sets all registers. Returns true if there were enough bytes.
 pub(super) fn write_all<W: MemoryWindow>(
     tracer: &Tracer<W>,
     mut bytes: &[u8],

@@ -11,48 +11,50 @@ use condor_mbox::{MemoryWindow, Region};
 use super::lock::DebuggerLock;
 use crate::{Breakpoint, DebugRequest, ProgramState, Tracer, TracerError};
 
-/// How often it is looked whether a program has come to its beginning.
+/// The time between two checks if a program has come to its beginning.
 const NAP: Duration = Duration::from_micros(100);
 /// The bytes of a word of memory.
 const WORD_BYTES: usize = 4;
 const WORD: u32 = WORD_BYTES as u32;
-/// How long a program may take to come to its first statement.
+/// The time that a program may take to come to its first statement.
 const START: Duration = Duration::from_secs(15);
-/// How long a former debugger, or whoever cleans up after it, may take to let go.
+/// The time that a former debugger, or the watcher that cleans up after it, may take to release a
+/// processor.
 const SUCCESSION: Duration = Duration::from_secs(3);
 
-/// The end of a program.
+/// The way in which a program ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ProgramEnd {
-    /// It returned this status.
+    /// The program returned this status.
     Exited(u8),
-    /// It was taken off its processor, or has made a trap.
+    /// The program was taken off its processor, or has made a trap.
     Killed,
 }
 
-/// What a processor runs.
+/// The program that a processor runs, or the end of the last one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DebuggedProgram {
     /// The program that was started as this number.
     Runs(u32),
-    /// None any more.
+    /// No program runs any more.
     Ended(ProgramEnd),
 }
 
-/// Whoever starts programs of a processor, and knows what they serve: for `monitor reset`, `load` and `vectors`.
+/// The owner of a processor's programs, which starts them and knows the messages that they serve: for
+/// `monitor reset`, `load` and `vectors`.
 pub trait ProgramHost: Send {
-    /// Ends the program of the processor, and then has one start: the same again, or that of a file with
-    /// arguments. Returns before it has come to its first statement, where it will be held. An error that comes
-    /// later is received.
+    /// Ends the program of the processor, and then starts one: the same program again, or that of a file
+    /// with arguments. Returns before the program has come to its first statement, where it will be held.
+    /// The receiver gets the text of an error that comes later.
     ///
     /// # Errors
-    /// The reason for which none starts, for the user.
+    /// Returns an error text for the user if no program can be started.
     fn start(&self, file: Option<(&str, Vec<&str>)>) -> Result<Receiver<String>, String>;
 
-    /// Says which messages the program serves.
+    /// Returns a text that lists the messages that the program serves.
     ///
     /// # Errors
-    /// The reason for which that is not known, for the user.
+    /// Returns an error text for the user if the messages are not known.
     fn vectors(&self) -> Result<String, String>;
 }
 
@@ -60,7 +62,7 @@ pub trait ProgramHost: Send {
 pub struct Debuggee<W> {
     /// The name of the processor.
     pub name: String,
-    /// Gives commands to its stub.
+    /// The means by which commands are sent to the processor's stub.
     pub tracer: Tracer<W>,
     /// The memory that its program can access.
     pub memory: Region<W>,
@@ -68,13 +70,13 @@ pub struct Debuggee<W> {
     pub base: u64,
     /// The addresses at which breakpoints can be: those of the program.
     pub code: core::ops::Range<u64>,
-    /// What is added to an address of the program's file.
+    /// The bias to add to an address of the program's file.
     pub bias: u64,
     /// The file of its debugger lock.
     pub lock: std::path::PathBuf,
-    /// Says what it runs.
+    /// Returns the program that the processor runs, or its end.
     pub program: Box<dyn Fn() -> DebuggedProgram + Send>,
-    /// Whoever starts its programs; without it they are started elsewhere.
+    /// The owner of the processor's programs; `None` if programs are started elsewhere.
     pub host: Option<Box<dyn ProgramHost>>,
 }
 
@@ -168,7 +170,7 @@ pub enum SessionError {
     Start {
         /// The name of the processor.
         name: String,
-        /// The reason.
+        /// The reason why no program starts, for the user.
         reason: String,
     },
     /// The connection failed, or is not GDB's.
@@ -177,14 +179,14 @@ pub enum SessionError {
 }
 
 /// A debugger's hold of processors: breakpoints and fatal exceptions stop their programs as long as the
-/// session lives. When it is dropped, they run without breakpoints.
+/// session exists. When it is dropped, they run without breakpoints.
 #[derive(Debug)]
 pub struct Session<W: MemoryWindow> {
     /// GDB's threads, from 1 on.
     pub(super) processors: Vec<AttachedProcessor<W>>,
 }
 
-/// One of its processors.
+/// A processor whose program the session debugs.
 #[derive(Debug)]
 pub(super) struct AttachedProcessor<W: MemoryWindow> {
     pub(super) debuggee: Debuggee<W>,
@@ -218,7 +220,7 @@ impl<W: MemoryWindow> Session<W> {
                 return Err(SessionError::NoProgram { name });
             }
             let tracer = attached.tracer();
-            // What a former debugger has left behind.
+            // Removes the breakpoints that a former debugger has left behind.
             attached.named(tracer.plant(&[], false))?;
             let mode = attached.named(tracer.mode())?;
             let is_attached = true;
@@ -315,7 +317,7 @@ impl<W: MemoryWindow> AttachedProcessor<W> {
         })
     }
 
-    /// How the program has ended that is meant; `None` while it runs.
+    /// Returns the end of the debugged program; `None` while it runs.
     pub(super) fn ended(&self) -> Option<ProgramEnd> {
         match (self.debuggee.program)() {
             DebuggedProgram::Runs(number) => {
@@ -346,7 +348,7 @@ impl<W: MemoryWindow> AttachedProcessor<W> {
 
 impl<W: MemoryWindow> Drop for AttachedProcessor<W> {
     fn drop(&mut self) {
-        // Whoever watches the processor does it if this fails.
+        // If this fails, the watcher of the processor does it.
         let left = self.tracer().mode().map(DebugRequest::left);
         let _ = left.and_then(|mode| self.tracer().set_mode(mode));
         if self.is_alive() {

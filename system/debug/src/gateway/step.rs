@@ -1,4 +1,4 @@
-//! Where a step of one instruction ends.
+//! The place where a step of one instruction ends.
 //!
 //! Source: RISC-V Instruction Set Manual, volume I, RV64I 2.1, "A" 2.1 and "C" 2.0.
 
@@ -16,8 +16,8 @@ const fn offset(word: u32, sign: u32) -> u64 {
     (((word << unused).cast_signed() >> unused) as i64).cast_unsigned()
 }
 
-/// Where a step from `pc` may end. `fetch` reads the instruction at an address, of which the upper half is unused
-/// if it has 16 bits, and `x` an integer register.
+/// Returns the addresses at which a step from `pc` may end. `fetch` reads the instruction at an address, of
+/// which the upper half is unused if it has 16 bits, and `x` an integer register.
 ///
 /// A sequence from `lr` to `sc` is one step, since no trap may come between them: it ends behind `sc`, or where
 /// a branch leads out of it.
@@ -37,7 +37,7 @@ pub(super) fn ends<E>(
     Ok(vec![next(pc, word, x)?])
 }
 
-/// What `is_atomic` compares.
+/// The function codes that `is_atomic` compares.
 const LR: u32 = 0b00010;
 const SC: u32 = 0b00011;
 
@@ -92,7 +92,7 @@ const fn compressed_branch(word: u32) -> u64 {
     offset(to, 8)
 }
 
-/// Where the program goes on after the instruction `word` at `pc`.
+/// Returns the address at which the program goes on after the instruction `word` at `pc`.
 fn next<E>(pc: u64, word: u32, x: impl Fn(u32) -> Result<u64, E>) -> Result<u64, E> {
     if word & 3 != 3 {
         return compressed(pc, word, x);

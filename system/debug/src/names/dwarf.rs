@@ -14,7 +14,7 @@ use object::{Object as _, ObjectSection as _};
 type Slice<'f> = EndianSlice<'f, LittleEndian>;
 type Entry<'f> = gimli::DebuggingInformationEntry<Slice<'f>>;
 
-/// How many types may refer to each other without a size of their own.
+/// The number of types that may refer to each other without a size of their own.
 const DEPTH: u32 = 32;
 
 /// The place of a type, or of another entry, in the debug information.
@@ -29,7 +29,7 @@ pub(super) struct TypeAt {
 pub(super) enum VariableLocation {
     /// All of its bytes are there, in order.
     Address(u64),
-    /// It has no such address, since the compiler does this.
+    /// The variable has no such address, because the compiler does this.
     None(&'static str),
 }
 
@@ -93,7 +93,7 @@ impl Field {
     }
 }
 
-/// What a type is made of.
+/// The structure of a type.
 #[derive(Clone, Debug)]
 pub(super) enum Shape {
     Base {
@@ -258,8 +258,8 @@ impl<'f> Debug<'f> {
         None
     }
 
-    /// The place of a static variable of `size` bytes; `None` if the entry is no static variable, or only
-    /// declares one.
+    /// Returns the place of a static variable of `size` bytes; `None` if the entry is not a static
+    /// variable, or only declares one.
     fn place(
         &self,
         unit: &Unit<Slice<'f>>,

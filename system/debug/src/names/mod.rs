@@ -26,7 +26,7 @@ pub enum NamesError {
     /// The expression cannot be read.
     #[error("`{expression}` is no expression such as `SERVO.joints[2].gain`")]
     Expression {
-        /// The expression.
+        /// The text that was given as the expression.
         expression: String,
     },
     /// No static variable has this name.
@@ -42,7 +42,7 @@ pub enum NamesError {
     NoAddress {
         /// The name in the expression.
         name: String,
-        /// What the compiler does with the variable.
+        /// The change that the compiler makes to the variable.
         reason: &'static str,
     },
     /// Several static variables have this name.
@@ -58,7 +58,7 @@ pub enum NamesError {
     NoPart {
         /// The expression before the step.
         before: String,
-        /// The step.
+        /// The part that was asked for, such as `.gain` or `[2]`.
         step: String,
         /// The parts that there are.
         there: Vec<String>,
@@ -66,7 +66,7 @@ pub enum NamesError {
     /// The value is too large.
     #[error("`{expression}` has {bytes} bytes; name a part of at most {MOST_BYTES}")]
     TooLarge {
-        /// The expression.
+        /// The text that was given as the expression.
         expression: String,
         /// The size of the value.
         bytes: u64,
@@ -107,7 +107,7 @@ impl<'f> Names<'f> {
     /// Reads the debug information of a program, whose ELF file has these bytes.
     ///
     /// # Errors
-    /// [`NamesError::NoInformation`].
+    /// [`NamesError::NoInformation`] if the file has no debug information, or if it is damaged.
     pub fn read(file: &'f [u8]) -> Result<Self, NamesError> {
         let debug = Debug::read(file).map_err(NamesError::NoInformation)?;
         Ok(Self { debug })
@@ -116,7 +116,11 @@ impl<'f> Names<'f> {
     /// Finds the value that an expression names.
     ///
     /// # Errors
-    /// Each of [`NamesError`].
+    /// [`NamesError::Expression`] if the text cannot be read; [`NamesError::NoVariable`] or
+    /// [`NamesError::Several`] if no variable, or more than one, has the name; [`NamesError::NoAddress`] if
+    /// the compiler left the variable no address; [`NamesError::NoPart`] if a value has no part that the
+    /// expression names; [`NamesError::TooLarge`] if the value is too large; [`NamesError::NoInformation`]
+    /// if the debug information is damaged.
     pub fn find(&self, text: &str) -> Result<NamedValue<'_, 'f>, NamesError> {
         let expression = Expression::parse(text).ok_or_else(|| NamesError::Expression {
             expression: text.into(),

@@ -4,11 +4,11 @@ use core::fmt::Write as _;
 
 use super::dwarf::{Bits, Debug, Field, Shape, TypeAt, Variant};
 
-/// How deep values are shown.
+/// The depth to which values are shown.
 const DEPTH: u32 = 16;
-/// How many elements of an array are shown.
+/// The number of elements of an array that are shown.
 const ELEMENTS: u64 = 200;
-/// What is not shown, or not known.
+/// The text for a part that is not shown, or not known.
 const UNKNOWN: &str = "…";
 
 /// Appends the text of a value of a type.

@@ -1,4 +1,4 @@
-//! [`Book`]: what has become of each motion of each client.
+//! [`Book`]: the outcome of each motion of each client.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -13,7 +13,7 @@ pub const REMEMBERED: usize = 256;
 /// The greatest number of motions of a client that have not ended.
 pub const OPEN: usize = 16;
 
-/// What has become of each motion, as the journal has it.
+/// The outcome of each motion, as the journal records it.
 #[derive(Debug)]
 pub struct Book {
     journal: Journal,
@@ -34,7 +34,7 @@ struct Motion {
     digest: u64,
     /// Its request of the queue; `None` if the queue never had it.
     request: Option<RequestIdentity>,
-    /// How it has ended.
+    /// The final state and its reason; `None` if it has not ended.
     end: Option<(RemoteState, String)>,
 }
 
@@ -42,7 +42,8 @@ impl Book {
     /// Opens the journal.
     ///
     /// # Errors
-    /// [`JournalError`].
+    /// [`JournalError::Locked`] if another gateway uses the journal; [`JournalError::Damaged`] if a line is
+    /// not a record; [`JournalError::Io`] if the operating system refuses.
     pub fn open(path: &Path) -> Result<Self, JournalError> {
         let (journal, records) = Journal::open(path)?;
         let mut book = Self {
@@ -55,10 +56,11 @@ impl Book {
         Ok(book)
     }
 
-    /// Gives an incarnation to an incarnation of a client that begins: a number above all those before. No clock has a part in
-    /// it, since that of a machine may begin long ago.
+    /// Assigns a number to a new incarnation of a client: a greater one than all before. Clocks have no
+    /// part in it, since the clock of a machine may begin long ago.
     ///
     /// # Errors
+    /// Returns a [`RemoteRefusal`] if no number is left, or if the journal cannot be written.
     /// A refusal if there is no number left, or if the journal cannot be written.
     pub fn join(&mut self, client: &str) -> Result<u64, RemoteRefusal> {
         let former = self.clients.get(client);
@@ -77,10 +79,12 @@ impl Book {
         Ok(incarnation)
     }
 
-    /// Returns how a motion has ended, or that it has not been received; `None` if the queue must be asked.
+    /// Returns the way in which a motion has ended, or that it has not been received; `None` if the queue
+    /// must be asked.
     ///
     /// # Errors
-    /// A refusal if `digest` is that of another motion than the one that had the identity before.
+    /// Returns a [`RemoteRefusal`] if `digest` is that of another motion than the one that had the identity
+    /// before.
     pub fn look(
         &self,
         client: &str,
@@ -133,7 +137,8 @@ impl Book {
     /// Notes that a new motion is about to be offered to the queue.
     ///
     /// # Errors
-    /// A refusal if the client has too many motions, or if the journal cannot be written: then it must not be offered.
+    /// Returns a [`RemoteRefusal`] if the client has too many motions, or if the journal cannot be written;
+    /// then the motion must not be offered.
     pub fn offer(
         &mut self,
         client: &str,
@@ -156,10 +161,10 @@ impl Book {
         })
     }
 
-    /// Notes how a motion has ended, or that it never begins.
+    /// Notes the way in which a motion has ended, or that it never begins.
     ///
     /// # Errors
-    /// A refusal if the journal cannot be written: then nobody may be told.
+    /// Returns a [`RemoteRefusal`] if the journal cannot be written; then the end must not be reported.
     pub fn end(
         &mut self,
         client: &str,
@@ -184,7 +189,7 @@ impl Book {
         let clients = &self.clients;
         let added = self.journal.add(record, || all(clients));
         added.map_err(|error| {
-            // It is on the disk, or not: here it counts as what harms nobody.
+            // The record is on the disk, or not: here the harmless one of the two counts.
             self.take_back(record);
             RemoteRefusal::new(error.to_string(), true)
         })

@@ -21,7 +21,7 @@ pub struct Config {
     pub robot: String,
     /// The file of the journal of motions.
     pub journal: PathBuf,
-    /// Where clients connect, as zenoh writes it.
+    /// The places where clients connect, as zenoh writes them, such as `tcp/0.0.0.0:7447`.
     #[serde(default)]
     pub listen: Vec<String>,
     /// The routers to which the gateway connects.
@@ -45,7 +45,7 @@ pub struct Config {
     /// The time that a client may be away before its motions stop, in milliseconds.
     #[serde(default = "second")]
     pub grace_ms: u64,
-    /// The time without any sign of life after which a connection counts as lost, in milliseconds.
+    /// The time without any message after which a connection counts as lost, in milliseconds.
     #[serde(default = "seconds")]
     pub lease_ms: u64,
     /// The clients; others may do nothing.
@@ -69,13 +69,13 @@ const fn seconds() -> u64 {
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Routers {
-    /// Where they listen.
+    /// The places where the routers listen.
     pub connect: Vec<String>,
     /// The user that the gateway is there, or without a password the common name of its certificate; by default the
     /// name of the robot.
     #[serde(default)]
     pub user: Option<String>,
-    /// Its password.
+    /// The password of that user.
     #[serde(default)]
     pub password: Option<String>,
 }
@@ -86,34 +86,34 @@ pub struct Routers {
 pub struct GatewayTls {
     /// The gateway's certificate.
     pub certificate: PathBuf,
-    /// Its private key.
+    /// The private key of that certificate.
     pub private_key: PathBuf,
     /// The certificate of the authority that has signed those of clients, whose common names are the clients' names;
     /// also of the one that has signed those of routers.
     pub authority: Option<PathBuf>,
 }
 
-/// A client, and what it may do.
+/// A client of the gateway: its name, the requests that it may make, and the fate of its motions.
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ClientRights {
     /// Its name, which is its user or the common name of its certificate, too.
     pub name: String,
-    /// What it may do.
+    /// The rights of the client.
     pub may: BTreeSet<Right>,
-    /// What happens to its motions when it is gone.
+    /// The fate of its motions when it is gone.
     #[serde(default)]
     pub when_gone: WhenGone,
 }
 
-/// What happens to the motions of a client that is gone.
+/// The fate of the motions of a client that is gone.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum WhenGone {
     /// All motion stops.
     #[default]
     Stop,
-    /// They run on.
+    /// Its motions run on.
     GoOn,
 }
 
@@ -121,7 +121,8 @@ impl Config {
     /// Reads a file.
     ///
     /// # Errors
-    /// An error that says what is wrong, and where.
+    /// Returns an error that says what is wrong, and where, if the file cannot be read, or is not a valid
+    /// configuration, or if others can read the passwords.
     pub fn read(path: &Path) -> Result<Self, AnyError> {
         let shown = path.display();
         let text = read_text(path).map_err(|error| format!("cannot read {shown}: {error}"))?;
@@ -152,7 +153,7 @@ impl Config {
     /// Reads a text, and checks it.
     ///
     /// # Errors
-    /// A text that says what is wrong.
+    /// Returns an error text that names the fault if this is not a valid configuration.
     pub fn parse(text: &str) -> Result<Self, String> {
         let config: Self = toml::from_str(text).map_err(|error| error.to_string())?;
         config.check()?;
@@ -212,12 +213,12 @@ impl Config {
         Ok(())
     }
 
-    /// Returns whether clients must prove who they are.
+    /// Returns true if clients must prove who they are.
     fn knows_clients(&self) -> bool {
         self.passwords.is_some() || self.tls.as_ref().is_some_and(|tls| tls.authority.is_some())
     }
 
-    /// Returns whether a client may do what needs a right.
+    /// Returns true if a client has a right.
     #[must_use]
     pub fn may(&self, client: &str, right: Right) -> bool {
         let mut clients = self.clients.iter();
@@ -243,7 +244,7 @@ impl Config {
     /// Returns the configuration of zenoh.
     ///
     /// # Errors
-    /// An error that says what zenoh refuses.
+    /// Returns an error that names the refused value if zenoh refuses one.
     pub fn zenoh(&self) -> Result<zenoh::Config, AnyError> {
         let (tls, routers) = (self.tls.as_ref(), self.routers.as_ref());
         let path = |path: Option<&PathBuf>| json!(path.map(|path| path.display().to_string()));
@@ -390,7 +391,7 @@ fn rule(flow: &str, messages: &[&str], keys: &[String]) -> Json {
     json!({ "permission": "allow", "flows": [flow], "messages": messages, "key_exprs": keys })
 }
 
-/// Returns whether a place can be reached from this machine alone.
+/// Returns true if a place can be reached from this machine alone.
 fn is_loopback(place: &str) -> bool {
     let address = place.split_once('/').map_or(place, |(_, address)| address);
     let address = address.split(['#', '?']).next().unwrap_or_default();

@@ -98,7 +98,7 @@ impl Feed {
                     number: *number,
                 };
                 *number += 1;
-                // What nobody takes is lost, and the next number says so.
+                // Messages that nobody takes are lost, and the next number says so.
                 let _ = publisher
                     .put(message.payload)
                     .attachment(place.bytes())

@@ -8,9 +8,9 @@ use zenoh::query::Query;
 /// A request, and the query that it came by.
 #[derive(Debug)]
 pub(crate) struct Job {
-    /// The request.
+    /// The request that the query contains.
     pub(crate) asked: ClientRequest,
-    /// The query.
+    /// The query to answer.
     pub(crate) query: Query,
 }
 
@@ -19,7 +19,7 @@ impl Job {
     pub(crate) fn answer(&self, answer: Result<Json, RemoteRefusal>) {
         match answer {
             Ok(json) => {
-                // Whoever has gone needs no answer.
+                // A client that has gone needs no answer.
                 let _ = self
                     .query
                     .reply(self.query.key_expr(), json.to_string())
@@ -38,6 +38,6 @@ impl Job {
 /// Refuses what a query asks for.
 pub(crate) fn refuse(query: &Query, refusal: &RemoteRefusal) {
     let text = serde_json::to_string(refusal).unwrap_or_default();
-    // Whoever has gone needs no answer.
+    // A client that has gone needs no answer.
     let _ = query.reply_err(text).wait();
 }

@@ -13,7 +13,7 @@ const HEAD: &str = "condor-gateway journal 1";
 /// The number of records that may be added before the file is made anew.
 const ADDED: usize = 4096;
 
-/// What is known about a motion, or about all former ones of a client.
+/// A fact about a motion, or about all former motions of a client.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(tag = "is", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum JournalRecord {
@@ -21,7 +21,7 @@ pub enum JournalRecord {
     Joined {
         /// The name of the client.
         client: String,
-        /// The incarnation.
+        /// The number of the incarnation.
         incarnation: u64,
     },
     /// The motion is about to be offered to the queue, as this request of it.
@@ -76,7 +76,7 @@ pub enum JournalError {
         /// The file.
         path: PathBuf,
     },
-    /// It is no journal, or it is damaged.
+    /// The file is not a journal, or is damaged.
     #[error("{path}, line {line}: not a record of a journal of version 1: `{text}`")]
     Damaged {
         /// The file.
@@ -100,11 +100,12 @@ pub struct Journal {
 }
 
 impl Journal {
-    /// Opens the journal, and returns the records that it has. A last record that was not written to its end is
-    /// dropped: nobody has acted on it.
+    /// Opens the journal, and returns the records that it has. A last record that was not written to its
+    /// end is dropped: nothing was done because of it.
     ///
     /// # Errors
-    /// [`JournalError`].
+    /// [`JournalError::Locked`] if another gateway uses the journal; [`JournalError::Damaged`] if a line is
+    /// not a record; [`JournalError::Io`] if the operating system refuses.
     pub fn open(path: &Path) -> Result<(Self, Vec<JournalRecord>), JournalError> {
         let at = |source| JournalError::Io {
             path: path.into(),

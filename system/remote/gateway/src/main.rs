@@ -56,7 +56,7 @@ fn run(line: &Line) -> Result<(), AnyError> {
     let which = SystemChoice::of(environment.as_ref(), line.system.clone());
     let gateway = Gateway::start(config, &which)?;
     match environment {
-        // A service joins, so that its supervisor sees that it lives.
+        // A service joins, so that its supervisor sees that it runs.
         Some(environment) => {
             let windows = SystemWindows::at(&environment.system, environment.window_bytes)?;
             let mut post = windows.claim(environment.processor)?.mailbox()?;

@@ -25,7 +25,7 @@ use crate::presence::Presence;
 
 /// The name of the blocks in which a queue of motions is asked.
 const MOTIONS: &str = "motions";
-/// How long the queue may take to answer.
+/// The time that the queue may take to answer.
 const ANSWER: Duration = Duration::from_millis(500);
 
 /// The queue of motions of a running system.
@@ -71,7 +71,7 @@ impl MotionsLink {
     }
 }
 
-/// What clients ask for of motions. One thread carries it out.
+/// The requests of clients about motions. One thread carries them out.
 pub(crate) struct Motions {
     book: Book,
     way: Option<MotionsLink>,
@@ -105,7 +105,7 @@ impl Motions {
         self.undecided.clear();
     }
 
-    /// Returns whether there is a way to the system.
+    /// Returns true if there is a way to the system.
     #[must_use]
     pub(crate) const fn has_way(&self) -> bool {
         self.way.is_some()
@@ -208,7 +208,7 @@ impl Motions {
         self.undecided.insert((client.into(), id), kept);
         match self.settle(client, id, request) {
             Ok(outcome) => Ok(outcome),
-            // It is asked for again in the next turn.
+            // The queue is asked again in the next turn.
             Err(_) => Ok(RemoteState::Offered.into()),
         }
     }
@@ -261,8 +261,8 @@ impl Motions {
                 Err(MotionsError::NotYours) => QueueAnswer::New,
                 Err(error) => return Err(error.into()),
             };
-            // What was accepted runs all the same, and others need not take control away. If it fails, control is
-            // given up with the next motion.
+            // The accepted motion runs all the same, and others need not take control away. If this fails,
+            // control is released with the next motion.
             let _ = asks.give_up_control(request.session, ANSWER);
         }
         let (state, reason) = match answer {
@@ -307,7 +307,7 @@ impl Motions {
             .collect();
         let mut gone = None;
         for (client, id, request) in open {
-            // Whoever asks is told what is wrong.
+            // The client that asks is told what is wrong.
             let Ok(outcome) = self.settle(&client, id, request) else {
                 continue;
             };

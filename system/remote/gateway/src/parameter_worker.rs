@@ -18,7 +18,7 @@ use crate::system::{RunningSystem, SystemChoice, status};
 
 /// The time between two looks for a system that does not run.
 const LOOK: Duration = Duration::from_millis(200);
-/// How long a program may take to reply to a message.
+/// The time that a program may take to reply to a message.
 const REPLY: Duration = Duration::from_secs(2);
 
 /// The thread that answers these requests.
@@ -48,7 +48,7 @@ impl ParameterWorker {
         }
     }
 
-    /// Answers as long as the system runs; returns whether nobody can ask any more.
+    /// Answers as long as the system runs; returns true if nobody can ask any more.
     fn serve(&self) -> Result<bool, AnyError> {
         let mut found = self.which.find()?;
         let mut view = View::open(&found.directory, found.status.window_bytes)?;
@@ -63,7 +63,7 @@ impl ParameterWorker {
                     );
                 }
                 Err(RecvTimeoutError::Timeout) => {
-                    // Whoever sends to this visitor is answered that it has no such handler.
+                    // A sender of messages to this visitor is answered that it has no such handler.
                     view.post().serve(Duration::ZERO)?;
                 }
                 Err(RecvTimeoutError::Disconnected) => return Ok(true),

@@ -44,13 +44,13 @@ impl Presence {
         }
     }
 
-    /// Returns whether a motion of the client may begin.
+    /// Returns true if a motion of the client may begin.
     #[must_use]
     pub(crate) fn may_begin(&self, client: &str) -> bool {
         !self.stops.contains(client) || self.is_here(client)
     }
 
-    /// Returns whether motions of the client must be stopped.
+    /// Returns true if motions of the client must be stopped.
     #[must_use]
     pub(crate) fn must_stop(&self, client: &str, now: Instant) -> bool {
         let since = self.gone.get(client).copied().unwrap_or(self.began);

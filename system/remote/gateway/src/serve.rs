@@ -45,7 +45,7 @@ impl Gateway {
     /// Opens the journal and the session of zenoh, and starts the threads.
     ///
     /// # Errors
-    /// An error that says what cannot be opened.
+    /// Returns an error that says what cannot be opened, if the journal or the session cannot be.
     pub fn start(config: &Config, which: &SystemChoice) -> Result<Self, AnyError> {
         let book = Book::open(&config.journal)?;
         let presence = Presence::new(config.stops(), config.grace(), Instant::now());
@@ -119,12 +119,12 @@ impl Gateway {
 
 impl Drop for Gateway {
     fn drop(&mut self) {
-        // It ends with the process in any case.
+        // The session ends with the process in any case.
         let _ = self.session.close().wait();
     }
 }
 
-/// What lets requests in.
+/// The entry of requests, which checks them.
 struct Door {
     config: Config,
     desk: SyncSender<Job>,
@@ -134,7 +134,7 @@ struct Door {
 }
 
 impl Door {
-    /// Checks a request, and gives it to its thread. It never waits.
+    /// Checks a request, and passes it to its thread. It never waits.
     fn take(&self, query: Query) {
         let bytes = |bytes: Option<&zenoh::bytes::ZBytes>| {
             bytes
@@ -203,7 +203,7 @@ fn keep(mut keeper: Motions, which: &SystemChoice, jobs: &Receiver<Job>) {
             looked = Some(Instant::now());
             let there = which.find();
             let way = there.and_then(|it| Ok((MotionsLink::find(&it.directory, &it.status)?, it)));
-            // Whoever asks is told that it does not run.
+            // The client is told that the system does not run.
             if let Ok((way, there)) = way {
                 keeper.set_way(Some(way));
                 found = Some(there);

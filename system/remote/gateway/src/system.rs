@@ -9,7 +9,7 @@ use condor_rt::linux::Environment;
 
 /// The time between two looks whether the system still runs.
 const LOOK: Duration = Duration::from_secs(1);
-/// How long its supervisor may take to answer.
+/// The time that its supervisor may take to answer.
 const ANSWER: Duration = Duration::from_secs(5);
 
 /// Which system is served.
@@ -52,7 +52,7 @@ impl SystemChoice {
 /// A system that runs, or did so a moment ago.
 #[derive(Debug)]
 pub(crate) struct RunningSystem {
-    /// Its directory.
+    /// The directory of the system.
     pub(crate) directory: SystemDirectory,
     /// Its state when it was found.
     pub(crate) status: SystemStatus,
@@ -60,7 +60,7 @@ pub(crate) struct RunningSystem {
 }
 
 impl RunningSystem {
-    /// Returns whether it is still the same one; it looks once a second.
+    /// Returns true if it is still the same one; it looks once a second.
     pub(crate) fn is_there(&mut self) -> bool {
         if self.looked.elapsed() < LOOK {
             return true;

@@ -34,7 +34,7 @@ fn free_port() -> u16 {
     listener.local_addr().expect("an address").port()
 }
 
-/// Returns whether a request has come to the gateway.
+/// Returns true if a request has come to the gateway.
 fn is_let_in<T: std::fmt::Debug>(answer: Result<T, RemoteError>) -> bool {
     match answer.expect_err("no system runs") {
         RemoteError::Refused(refusal) => {
@@ -54,7 +54,7 @@ fn becomes_let_in<T: std::fmt::Debug>(ask: impl Fn() -> Result<T, RemoteError>) 
     }
 }
 
-/// Returns whether the session of one client can ask in the name of another.
+/// Returns true if the session of one client can ask in the name of another.
 fn can_ask_as(access: &RemoteAccess, own: &str, other: &str) -> bool {
     let config = access.config(own, SOON).expect("a configuration");
     let forger = zenoh::open(config).wait().expect("a session");

@@ -20,7 +20,7 @@ pub struct ProcessBell {
     pub(super) ringing: Ringing,
 }
 
-/// How a process waits.
+/// The way in which a process waits.
 #[derive(Clone, Debug)]
 pub(super) enum Ringing {
     Real,

@@ -72,8 +72,8 @@ impl Deref for MappedPage {
     type Target = Page;
 
     fn deref(&self) -> &Page {
-        // SAFETY: the words lie in the window, which is mapped as long as this lives and clones of
-        // which are the same mapping; a page consists of atomics, for which all bytes are valid.
+        // SAFETY: the words are in the window, which is mapped as long as `self` exists and clones of which
+        // are the same mapping; a page consists of atomics, for which all bytes are valid.
         unsafe { self.page.as_ref() }
     }
 }
@@ -120,9 +120,9 @@ impl Handover for Bells {
     }
 }
 
-/// A part of the host in simulated time: a service, for which time waits, or a guest, for which it
-/// does not. It asks for the *turn*, the right to run at an instant of that time, and gives it
-/// back.
+/// A part of the host in simulated time: a service, for which time waits, or a guest, for which it does
+/// not. It asks for the *turn*, the right to run at an instant of that time, and releases the turn
+/// afterwards.
 #[derive(Debug)]
 pub struct HostClock {
     page: MappedPage,
@@ -156,19 +156,19 @@ impl HostClock {
         self.page.request(self.number, at, &self.by);
     }
 
-    /// Returns whether this part of the host has the turn, which it [requested](Self::request).
+    /// Returns true if this part of the host has the turn, which it [requested](Self::request).
     #[must_use]
     pub fn has_turn(&self) -> bool {
         self.page.has_turn(self.number)
     }
 
-    /// Gives the turn back, so that the simulated time can go on.
+    /// Releases the turn, so that the simulated time can go on.
     pub fn finish(&self) {
         self.page.finish(self.number, &self.by);
     }
 
-    /// Gives the turn back and [requests](Self::request) it again for `at`, before any time passes.
-    /// If no processor has anything to do before, this part of the host keeps the turn.
+    /// Releases the turn and [requests](Self::request) it again for `at`, before any time passes. If no
+    /// processor has anything to do before, this part of the host keeps the turn.
     pub fn postpone(&self, at: u64) {
         self.page.postpone(self.number, at, &self.by);
     }
@@ -176,7 +176,7 @@ impl HostClock {
 
 impl Drop for HostClock {
     fn drop(&mut self) {
-        // A service is expected back: only its supervisor gives it up.
+        // A service is expected back: only its supervisor ends its participation.
         if !self.is_service {
             self.page.give_up(self.number, &self.by);
         }
@@ -261,9 +261,9 @@ impl HostBell {
     }
 
     /// Reports to the simulated clock that the service has handled all messages that came before
-    /// [`prepare`](Doorbell::prepare) returned `seen`. [`wait`](Doorbell::wait) does the same, and
-    /// gives back the turn. A service that sleeps in another way must call this itself. It has the
-    /// turn when it begins, and must [give it back](HostClock::finish).
+    /// [`prepare`](Doorbell::prepare) returned `seen`. [`wait`](Doorbell::wait) does the same, and also
+    /// releases the turn. A service that sleeps in another way must call this itself. The service has the
+    /// turn when it begins, and must [release it](HostClock::finish).
     pub fn done(&self, (_, seen): (u32, u32)) {
         if let Some(clock) = &self.clock
             && clock.is_service
@@ -308,7 +308,7 @@ impl Doorbell for HostBell {
             && clock.is_service
             && clock.has_turn()
         {
-            // It has looked, and needs no turn.
+            // The service has looked, and needs no turn.
             clock.finish();
         }
         self.doorbell.wait(seen.0, until, whom);

@@ -1,4 +1,4 @@
-//! [`Environment`]: the settings that a supervisor gives to a process.
+//! [`Environment`]: the settings that a supervisor passes to a process.
 
 use std::ffi::{OsStr, OsString};
 use std::fs::File;

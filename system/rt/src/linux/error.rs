@@ -1,4 +1,4 @@
-//! What can go wrong with the machine of a process.
+//! Errors of the machine of a process.
 
 use std::ffi::OsString;
 use std::io;
@@ -24,7 +24,7 @@ pub enum ProcessError {
     Wrong {
         /// The name of the variable.
         variable: &'static str,
-        /// Its value.
+        /// The value that is not allowed.
         value: OsString,
         /// The values that are allowed.
         expected: &'static str,

@@ -33,7 +33,7 @@ use crate::simulated::{SimulatedBell, SimulatedSection, SimulatedTimer};
 const SUCCESSION: Duration = Duration::from_secs(5);
 /// The time between two looks for rings that the memory cannot tell of.
 const LOOK: Duration = Duration::from_millis(5);
-/// How long the thread that serves messages sleeps at most.
+/// The longest sleep of the thread that serves messages.
 const NAP: Duration = Duration::from_millis(100);
 
 /// A process of Linux as a processor: the [`Machine`] of its program.
@@ -50,13 +50,13 @@ pub struct LinuxProcess {
     stopping: Arc<AtomicBool>,
 }
 
-/// How loops run.
+/// The context in which loops run.
 enum LoopPlatform {
     /// In threads, of which the fastest has this priority; one thread at a time serves messages.
     Threads(Option<u8>, Arc<Server>),
     /// In signals: the code that made the machine has promised the contract of [`SignalPlatform::new`].
     Signals,
-    /// Where the background polls.
+    /// In the background, at the points where it polls.
     Spin(Arc<Spinner>),
     /// In simulated time, where the background waits.
     Simulated(ProcessClock),
@@ -148,7 +148,7 @@ impl LinuxProcess {
                 environment.priority,
             ),
         };
-        // What threads start with they have from this one.
+        // Threads inherit these settings from the thread that starts them.
         let mut wishes = urgent(own_priority).timer_slack(NonZeroU64::MIN);
         if let Some(cpu) = environment.cpu {
             wishes = wishes.pinned_to(cpu);
@@ -183,7 +183,7 @@ impl LinuxProcess {
 
 impl Drop for LinuxProcess {
     fn drop(&mut self) {
-        // Who has failed keeps the turn until it is buried: time stands for the next one.
+        // A process that has failed keeps the turn until it is buried: time stands for the next one.
         if let LoopPlatform::Simulated(clock) = &self.way
             && !thread::panicking()
         {

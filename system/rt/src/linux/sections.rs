@@ -27,7 +27,7 @@ pub(super) enum Sections {
 pub(super) struct Server {
     /// The thread's number, 0 if none does.
     holder: AtomicU32,
-    /// How often it has begun; the holder's alone.
+    /// The nesting depth of the holder's sections; only the holder uses it.
     depth: AtomicU32,
     /// Another thread was refused.
     refused: AtomicBool,

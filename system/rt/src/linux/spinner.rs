@@ -90,9 +90,9 @@ impl Spinner {
             return Err(ConnectError::Connected);
         }
         let handler: &(dyn Fn() + Sync) = &handler;
-        // SAFETY: only the lifetime differs. Nobody but this thread finds it, and `_disconnect`
-        // takes it away before it goes, also when the background unwinds; a call in progress is on
-        // this stack, and so ends before.
+        // SAFETY: only the lifetime differs. Only this thread finds the handler, and `_disconnect` takes it
+        // away before it goes, also when the background unwinds; a call in progress is on this stack, and
+        // so ends before.
         let handler = unsafe {
             core::mem::transmute::<&(dyn Fn() + Sync), &'static (dyn Fn() + Sync)>(handler)
         };

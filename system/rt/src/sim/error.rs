@@ -1,4 +1,4 @@
-//! What can go wrong with a system in virtual time.
+//! Errors of a system in virtual time.
 
 use core::any::Any;
 use core::fmt;
@@ -49,7 +49,7 @@ pub struct SimFailure {
     pub number: Processor,
     /// The instant of the failure, in nanoseconds since the beginning of the run.
     pub at_ns: u64,
-    /// The cause.
+    /// The error, panic or other fault by which the program failed.
     pub cause: Cause,
 }
 
@@ -86,7 +86,7 @@ impl Cause {
         panic::resume_unwind(Box::new(self))
     }
 
-    /// What has ended a program that did not return.
+    /// Returns the cause of the end of a program that did not return.
     pub(super) fn of(payload: Box<dyn Any + Send>) -> Self {
         let payload = match payload.downcast::<Self>() {
             Ok(cause) => return *cause,

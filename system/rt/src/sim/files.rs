@@ -12,7 +12,7 @@ use condor_mbox::{Call, Messenger as _};
 use super::processor::SimMachine;
 use crate::machine::Machine as _;
 
-/// How long it serves before it looks whether it is to end.
+/// The time that the service serves before it checks if it must end.
 const NAP: Duration = Duration::from_millis(100);
 
 /// Serves `root` until the run is over.

@@ -56,7 +56,7 @@ pub(crate) fn start(hart: u32) {
 }
 
 /// Exceptions, and interrupts in which the debugger has called, come here from `trap.s`, with interrupts masked.
-/// Returns whether the program goes on, with the registers of the frame.
+/// Returns true if the program goes on, with the registers of the frame.
 ///
 /// Breakpoints in what runs from here on do not stop it: `trap.s` lifts them. What it has saved is in its
 /// arguments, since that changes a register such as `mcause`.
@@ -74,7 +74,7 @@ extern "C" fn condor_exception(cause: usize, pc: usize) -> bool {
     };
     // SAFETY: as the program had it.
     unsafe { mie::write(enabled) };
-    // What has rung meanwhile was for the program, too.
+    // A ring that came meanwhile was for the program, too.
     ring_hart(hart);
     match outcome {
         Ok(TrapOutcome::Resume) => true,
@@ -101,7 +101,7 @@ fn go_behind(hart: usize, pc: usize) {
 
 /// This hart, as its stub uses it.
 struct ThisHart {
-    /// Where its program is.
+    /// The addresses of its program.
     program: Range<u64>,
 }
 
@@ -159,7 +159,7 @@ impl Arch for ThisHart {
     }
 
     fn arm(&self, trigger: Trigger) -> bool {
-        // What the trap entry itself executes cannot be stopped.
+        // Instructions of the trap entry itself cannot be stopped.
         let can_be =
             trigger.access != TriggerAccess::Execute || self.place(trigger.address).is_some();
         can_be && triggers::arm(trigger)

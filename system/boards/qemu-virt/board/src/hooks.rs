@@ -1,4 +1,4 @@
-//! What a program has the interrupts of its hart do, for as long as it lasts.
+//! The hooks by which a program handles interrupts of its hart, until it ends.
 
 use core::cell::Cell;
 
@@ -13,7 +13,7 @@ type Hook = &'static dyn Fn();
 
 /// The hooks of a hart. What they borrow is in frames that are still there; see [`with`].
 pub(crate) struct Hooks {
-    /// Whose interrupt it is, and what it calls.
+    /// The timer whose interrupt it is, and the hook that it calls.
     pub(crate) timer: Cell<Option<(&'static Clint, Hook)>>,
     pub(crate) mail: Cell<Option<Hook>>,
     /// Whether a timer interrupt has begun and not ended.

@@ -18,11 +18,11 @@
 //! so that statics are of one hart. Where they come from, and where they end, is the monitor.
 #![no_std]
 
-// What the board is.
+// The board.
 mod machine;
 mod memory;
 
-// How harts are interrupted, and interrupt each other and the host.
+// The interrupts of harts, by which they also interrupt each other and the host.
 mod bell;
 mod debug;
 mod hooks;
@@ -31,7 +31,7 @@ mod msip;
 mod trap;
 mod triggers;
 
-// What a program has.
+// The parts that a program uses.
 mod hart;
 mod program;
 mod run;

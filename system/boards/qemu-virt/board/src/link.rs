@@ -66,7 +66,7 @@ pub(crate) fn reset() {
 
 /// Rings a process of the host.
 pub(crate) fn ring(number: u8) {
-    // What was stored for it first; and pairs with the loads in `send`.
+    // Orders the stores for the process before the ring; and pairs with the loads in `send`.
     riscv::asm::fence();
     shared()
         .wanted
@@ -100,7 +100,7 @@ fn send_held(wanted: &AtomicU32) -> bool {
         }
         if read(STATUS) & EMPTY == 0 {
             write(INTERRUPTS, RECEIVED | SENT);
-            // It may have become empty before it was to interrupt.
+            // The port may have become empty before its interrupt was on.
             if read(STATUS) & EMPTY == 0 {
                 return true;
             }
@@ -111,7 +111,7 @@ fn send_held(wanted: &AtomicU32) -> bool {
     }
 }
 
-/// What the host has sent: the numbers of processors that it rings.
+/// Iterates over the bytes that the host has sent: the numbers of processors that it rings.
 fn received() -> impl Iterator<Item = u8> {
     core::iter::from_fn(|| (read(STATUS) & READY != 0).then(|| read(DATA)))
 }
@@ -125,7 +125,7 @@ impl Driver for Line {
     const READS: bool = false;
     const WRITES: bool = false;
 
-    /// It is there; to read its first register would take a byte from it.
+    /// The port exists; to read its first register would take a byte from it.
     fn probe<B: Bus>(_: Registers<'_, B>) -> bool {
         true
     }

@@ -1,4 +1,4 @@
-//! Where the devices of the machine are, as its device tree says.
+//! The addresses of the devices of the machine, from its device tree.
 
 use core::num::NonZeroU32;
 
@@ -6,14 +6,15 @@ use condor_mos::Rate;
 
 /// RAM: what the host maps.
 pub(crate) const RAM: usize = 0x8000_0000;
-/// Where in the RAM programs go back to the monitor, whose first instruction is that of a cold start.
+/// The address in the RAM at which programs go back to the monitor, whose first instruction is that of a
+/// cold start.
 pub(crate) const MONITOR: usize = RAM + 4;
 /// The core-local interruptor.
 pub(crate) const CLINT: usize = 0x0200_0000;
 /// The platform-level interrupt controller.
 pub(crate) const PLIC: usize = 0x0c00_0000;
 pub(crate) const PLIC_BYTES: usize = 0x60_0000;
-/// How many sources it has, and how many priorities.
+/// The number of its sources, and below its highest priority.
 pub(crate) const PLIC_SOURCES: u16 = 96;
 pub(crate) const PLIC_HIGHEST: u8 = 7;
 /// The serial port, a 16550, and its interrupt.
@@ -23,7 +24,7 @@ pub(crate) const UART_VECTOR: u16 = 10;
 /// Ends QEMU.
 pub(crate) const SWITCH: usize = 0x0010_0000;
 
-/// How often `mtime` counts in a second.
+/// The frequency at which `mtime` counts, in Hz.
 pub(crate) const MTIME_HZ: NonZeroU32 = NonZeroU32::new(10_000_000).unwrap();
 /// The rate of `mtime`, the counter of all harts: 10 MHz.
 pub const MTIME: Rate = Rate::hz(MTIME_HZ.get());

@@ -1,4 +1,4 @@
-//! How a program begins and ends.
+//! The beginning and the end of a program.
 
 use condor_rt::{ProgramError, ShortText};
 use qemu_virt_host::ERROR_BYTES;

@@ -1,4 +1,4 @@
-//! What the monitor does that programs do not: it comes up, starts them, and is where they end.
+//! The part of the monitor that programs do not have: it comes up, starts programs, and is where they end.
 
 use core::time::Duration;
 
@@ -14,7 +14,7 @@ use crate::{debug, hart, hooks, msip, trap};
 /// entry saves `x1` to `x31` on an exception. `mscratch` holds its address.
 pub const SAVED: usize = BOARD as usize;
 
-/// Forgets what a debugger wanted of the former program of this hart. The monitor calls it when it
+/// Forgets the requests of a debugger about the former program of this hart. The monitor calls this when it
 /// begins.
 pub fn forget_debugger(hart: u32) {
     debug::forget(hart);

@@ -1,4 +1,4 @@
-//! How a program runs: by the clock of the machine, or in simulated time.
+//! The run of a program: by the clock of the machine, or in simulated time.
 
 use condor_rt::Program;
 

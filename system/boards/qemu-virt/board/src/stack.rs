@@ -1,7 +1,8 @@
-//! How deep the stack of a program was.
+//! The greatest depth that the stack of a program has had.
 //!
-//! What has not been used still has the paint on it. Frames are told by what is written: bytes at the
-//! bottom of one that nobody writes do not show, but for those that only align the stack pointer.
+//! The stack is filled with paint before the program begins, and the paint stays on the part that has not
+//! been used. A frame shows only by the bytes that are written: bytes at the bottom of a frame that are
+//! never written do not count, except those that only align the stack pointer.
 
 use core::arch::asm;
 
@@ -15,9 +16,9 @@ pub const BYTES: u32 = STACK_BYTES;
 /// The word with which the unused part of a stack is filled.
 pub const PAINT: u64 = 0xc0de_d00d_5eed_f00d;
 
-/// What the stack pointer is a multiple of, by the calling convention.
+/// The alignment of the stack pointer by the calling convention, in bytes.
 const ALIGNED: u32 = 16;
-/// How far [`taken`] looks.
+/// The greatest distance to which [`taken`] looks, in bytes.
 const REACH: usize = 64 * 1024;
 const MTIME: usize = CLINT + 0xbff8;
 

@@ -1,4 +1,4 @@
-//! Where interrupts come, and in which order they are served.
+//! The entry of interrupts, and the order in which they are served.
 //!
 //! RISC-V takes a software interrupt before a timer interrupt. Here loops come first: the mailbox
 //! interrupt lets the timer in before it serves, and one that comes while loops run, or while another one
@@ -56,7 +56,7 @@ impl Return {
 pub(crate) const STACK_BYTES: usize = 4096;
 /// `mcause` of a breakpoint instruction.
 pub(crate) const BREAKPOINT: usize = 3;
-/// `c.ebreak`.
+/// The instruction `c.ebreak`.
 pub(crate) const C_EBREAK: u16 = 0x9002;
 
 core::arch::global_asm!(
@@ -81,7 +81,7 @@ device_switch! {
 // SAFETY: the machine has a PLIC there, whose registers have four bytes.
 static REGISTERS: Mmio = unsafe { Mmio::new(PLIC, PLIC_BYTES) };
 
-/// What a hart waits for whose program a debugger holds, as bits of `mie`.
+/// The interrupts for which a hart waits while a debugger holds its program, as bits of `mie`.
 pub(crate) const AWAITED: usize = SOFTWARE | EXTERNAL;
 
 /// The PLIC as hart 0 sees it, in machine mode.
@@ -113,7 +113,7 @@ pub(crate) fn listen() {
     }
 }
 
-/// What became of the interrupts of this hart.
+/// Returns the counts of the interrupts of this hart.
 pub(crate) fn interrupts() -> Interrupts {
     let unhandled_causes = critical_section::with(|section| {
         hooks::of_this(section).map_or(0, |hooks| hooks.unhandled.get())
@@ -175,7 +175,7 @@ extern "C" fn condor_timer() {
     }
 }
 
-/// Every other interrupt comes here from `trap.s`, with interrupts masked. Returns whether the debugger
+/// Every other interrupt comes here from `trap.s`, with interrupts masked. Returns true if the debugger
 /// has given its stub a command.
 #[unsafe(no_mangle)]
 extern "C" fn condor_interrupt(cause: usize) -> bool {
@@ -221,7 +221,7 @@ fn software() -> bool {
         return false;
     }
     if hooks.serving.replace(true) {
-        // Whoever serves looks once more.
+        // The context that serves looks once more.
         hooks.rung.set(true);
         return false;
     }

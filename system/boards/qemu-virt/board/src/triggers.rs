@@ -19,7 +19,8 @@ const EXECUTE: u64 = 1 << 2;
 const STORE: u64 = 1 << 1;
 const LOAD: u64 = 1;
 
-/// Has a trigger that nobody uses stop at these accesses. Returns whether there is one that can.
+/// Arms a trigger that is not in use for these accesses. Returns true if there is one that can stop at
+/// them.
 pub(crate) fn arm(trigger: Trigger) -> bool {
     let wanted = control(trigger);
     for _ in places() {
@@ -34,7 +35,7 @@ pub(crate) fn arm(trigger: Trigger) -> bool {
             if tdata1() == wanted {
                 return true;
             }
-            // It can do other things.
+            // This trigger can only do other things.
             set_tdata1(TYPE);
         }
     }

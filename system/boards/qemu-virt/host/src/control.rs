@@ -176,7 +176,7 @@ impl<W: MemoryWindow + Clone> Control<W> {
         })
     }
 
-    /// Orders a start of the program that the host has put into the hart's range, and returns the number
+    /// Requests a start of the program that the host has put into the hart's range, and returns the number
     /// of the start. The hart must be in the monitor; the host must ring it afterwards.
     ///
     /// Arguments that are too long are cut off at [`ARGUMENT_BYTES`].
@@ -315,7 +315,7 @@ impl<W: MemoryWindow + Clone> Control<W> {
         Ok(Some(work))
     }
 
-    /// Returns whether the host has [asked](Self::ask_to_end) the present program to end.
+    /// Returns true if the host has [asked](Self::ask_to_end) the present program to end.
     ///
     /// # Errors
     /// [`AccessError`] if the memory cannot be accessed.
@@ -323,7 +323,7 @@ impl<W: MemoryWindow + Clone> Control<W> {
         Ok(self.page.word(host::ASKED)? == self.page.word(hart::START)?)
     }
 
-    /// Returns whether the host has [abandoned](Self::abandon) the present program.
+    /// Returns true if the host has [abandoned](Self::abandon) the present program.
     ///
     /// # Errors
     /// [`AccessError`] if the memory cannot be accessed.

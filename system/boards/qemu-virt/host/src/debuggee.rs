@@ -17,7 +17,7 @@ pub(crate) fn lock(memory: &MachineMemory, number: Processor) -> PathBuf {
     memory.path().with_file_name(name)
 }
 
-/// Gives commands to the stub of processor `number`.
+/// Makes the tracer that sends commands to the stub of processor `number`.
 pub(crate) fn tracer(
     memory: &MachineMemory,
     control: &Control<LinuxWindow>,

@@ -22,12 +22,12 @@ use crate::{
 };
 use condor_rt::numbers::PROCESSORS;
 
-/// How long a hart may take to come back to its monitor.
+/// The time that a hart may take to come back to its monitor.
 const BACK: Duration = Duration::from_secs(3);
 
-/// How a program ended that was taken off its hart.
+/// The end of a program that was taken off its hart.
 const ABANDONED: &str = "killed: its hart is in the monitor again";
-/// How it ended if its hart does not answer.
+/// The end of a program whose hart does not answer.
 const UNREACHABLE: &str =
     "its hart does not come back to the monitor until `machine` is started again";
 
@@ -75,7 +75,7 @@ pub enum HartError {
     Image {
         /// The index of the hart.
         hart: u32,
-        /// The file.
+        /// The path of the file.
         file: PathBuf,
         /// The reason for which the hart cannot run it.
         source: HartImageError,
@@ -83,7 +83,7 @@ pub enum HartError {
     /// The file cannot be read.
     #[error("cannot read {file:?}: {source}")]
     Unreadable {
-        /// The file.
+        /// The path of the file.
         file: PathBuf,
         /// The error of the operating system.
         source: std::io::Error,
@@ -132,7 +132,8 @@ pub struct HartLauncher {
     program: Option<LoadedProgram>,
     running: Option<Running>,
     ended: Option<Exit>,
-    /// What is to be said of a fault or by the program itself, beside how it ended.
+    /// The report of a fault, or the error of the program itself, that is shown beside the way in which it
+    /// ended.
     report: Option<String>,
 }
 
@@ -204,7 +205,7 @@ impl HartLauncher {
         Ok(())
     }
 
-    /// How the program ended, if it has.
+    /// Returns the end of the program, if it has ended.
     fn exit(&mut self, running: Running) -> Option<Exit> {
         if self.power.count() != running.power {
             return Some(Exit::Lost);
@@ -244,7 +245,7 @@ impl HartLauncher {
         }
     }
 
-    /// What the program has said of why it failed.
+    /// Returns the error text that the program has left, if there is one.
     fn said(&self) -> Option<String> {
         let mut error = [0; ERROR_BYTES];
         let len = self.control.error(&mut error).unwrap_or(0);
@@ -429,7 +430,7 @@ impl Launch for MachineProcess {
     }
 
     fn start(&mut self) -> Result<(), LaunchError> {
-        // What the harts said before they were switched off is not so any more.
+        // The states of harts from before the machine was switched off are out of date.
         self.memory.reset()?;
         self.process.start()?;
         self.power.switch(true);

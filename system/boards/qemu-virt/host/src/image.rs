@@ -21,10 +21,10 @@ const RELA_BYTES: u64 = 24;
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct HartImage {
     bytes: Vec<u8>,
-    /// Where it begins, in bytes from the beginning of the memory.
+    /// The offset at which it begins, in bytes from the beginning of the memory.
     offset: u32,
     entry: u32,
-    /// What is added to an address of the file.
+    /// The bias to add to an address of the file.
     bias: u64,
 }
 
@@ -40,7 +40,7 @@ impl HartImageError {
     }
 }
 
-/// What a dynamic linker would be needed for.
+/// The error of a program that would need a dynamic linker.
 const DYNAMIC: &str = "it is dynamically linked; link it as static-pie, or as static";
 
 /// A segment to load.
@@ -165,11 +165,11 @@ impl HartImage {
     /// Returns the size of the image in memory, in bytes.
     #[must_use]
     pub fn len(&self) -> u32 {
-        // It fits the range of a hart.
+        // The length fits: the image is no longer than the range of a hart.
         self.bytes.len() as u32
     }
 
-    /// Returns whether the image has no bytes, which is never so for a program.
+    /// Returns true if the image has no bytes, which is never so for a program.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.bytes.is_empty()
@@ -185,7 +185,7 @@ impl HartImage {
         is_inside.then(|| address.wrapping_sub(self.bias))
     }
 
-    /// Where bytes that are linked to `address` lie in the image.
+    /// Returns the range of the image that holds the bytes that are linked to `address`.
     fn range(&self, low: u64, address: u64, len: u64) -> Option<core::ops::Range<usize>> {
         let begin = address.checked_sub(low)?;
         let end = begin.checked_add(len)?;

@@ -51,7 +51,7 @@ impl MachineMemory {
             let (flags, bytes) = (FallocateFlags::empty(), u64::from(map.memory_bytes));
             let allocate = || rustix::fs::fallocate(&file, flags, 0, bytes);
             match rustix::io::retry_on_intr(allocate) {
-                // A file system that cannot promise memory.
+                // A filesystem that cannot promise memory.
                 Err(rustix::io::Errno::OPNOTSUPP) => file.set_len(bytes)?,
                 other => other?,
             }
@@ -144,8 +144,8 @@ impl MachineMemory {
     /// [`entry`](HartImage::entry), and ring the hart.
     ///
     /// # Errors
-    /// [`MemoryError`] if the file is no program for this hart, as in [`HartImage::new`], or the memory cannot
-    /// be accessed.
+    /// [`MemoryError`] if the file is not a program for this hart, as in [`HartImage::new`], or if the
+    /// memory cannot be accessed.
     pub fn load(&self, hart: u32, file: &[u8]) -> Result<HartImage, MemoryError> {
         let image = HartImage::new(file, &self.map, hart)?;
         image.load(&self.region).map_err(self.at())?;
@@ -200,7 +200,7 @@ impl MachineMemory {
             .map_err(|error| MemoryError(error.to_string()))
     }
 
-    /// What an access of it failed of.
+    /// Returns a function that makes the error of a failed access to this memory.
     pub(crate) fn at(&self) -> impl FnOnce(AccessError) -> MemoryError + use<> {
         let path = self.path.display().to_string();
         move |error| MemoryError(format!("the memory {path}: {error}"))

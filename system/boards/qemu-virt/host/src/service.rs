@@ -1,7 +1,7 @@
 //! A machine of harts: QEMU, the numbers of the harts, and the link on which both sides ring.
 //!
-//! While the service lives, so does the machine, and the numbers of its harts are held: peers see in
-//! that evidence that a hart is alive. It joins when all harts have come up.
+//! The machine runs as long as the service, which also holds the numbers of its harts: to peers, that is
+//! the evidence that a hart is alive. The service joins when all harts have come up.
 //!
 //! The link is the serial line of the machine. Each byte on it is the number of a processor that is
 //! rung: from here that of a hart, from there that of a process. Nothing else is sent.
@@ -30,22 +30,22 @@ use crate::{HartState, MachineMemory, Qemu};
 use condor_rt::linux::{Environment, MappedPage};
 use condor_rt::numbers::PROCESSORS;
 
-/// The time between two beats of the own heart.
+/// The time between two beats of this service's own heart.
 const BEAT: Duration = Duration::from_millis(500);
 /// The time between two looks at harts that have not come up.
 const LOOK: Duration = Duration::from_millis(10);
 /// After this, harts that have not come up are named.
 const COMING_UP: Duration = Duration::from_secs(4);
-/// How long QEMU may take to end.
+/// The time that QEMU may take to end.
 const END: Duration = Duration::from_secs(1);
-/// How long a number may be held by a former incarnation of this service, or by a visitor.
+/// The time for which a number may be held by a former incarnation of this service, or by a visitor.
 const SUCCESSION: Duration = Duration::from_secs(5);
 
 /// Runs QEMU and serves its machine, whose memory is the file `memory`, until SIGTERM comes or QEMU
 /// ends. It makes the socket `link`, through which both sides ring each other.
 ///
 /// # Errors
-/// A text that says why the machine cannot be served, or how QEMU ended if that was without
+/// Returns an error whose text says why the machine cannot be served, or how QEMU ended if it ended without
 /// SIGTERM.
 pub fn serve(memory: &Path, link: &Path, qemu: &Qemu) -> Result<(), AnyError> {
     let mut signals = EndSignals::new()?;
@@ -81,7 +81,7 @@ pub fn serve(memory: &Path, link: &Path, qemu: &Qemu) -> Result<(), AnyError> {
 
     let begun = Instant::now();
     let bell = mailbox.doorbell().pollable();
-    // It ends with the machine.
+    // The bridge ends with the machine.
     let mut bridge = None;
     let (mut is_up, mut is_late) = (false, false);
     loop {
@@ -156,7 +156,7 @@ fn end(machine: &mut ChildProcess, mut mailbox: Post) -> Result<(), AnyError> {
     while machine.state() == RunState::Runs && begun.elapsed() < END {
         std::thread::sleep(LOOK);
     }
-    // What has not ended is killed as it is dropped.
+    // A machine that has not ended is killed as it is dropped.
     Ok(mailbox.leave()?)
 }
 
@@ -170,7 +170,7 @@ fn hold(
         let number = Processor(number);
         let (windows, doorbell) = system.claim_within(number, SUCCESSION)?.into_parts();
         if let Some(own) = windows.get(number.index()) {
-            // Where nothing has ever joined there is nothing to say.
+            // A number under which nothing has ever joined needs no declaration.
             let _ = Post::declare_stopped(number, own);
         }
         doorbells.push((number, doorbell));

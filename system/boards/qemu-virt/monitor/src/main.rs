@@ -1,6 +1,6 @@
-//! What a hart runs while it has no program: it waits for the host's order, starts what the host has put
-//! into its memory, and is where the program ends. If that was by a trap, it says so on the hart's
-//! terminal.
+//! The monitor, which a hart runs while it has no program: it waits for the host's order, starts the
+//! program that the host has put into its memory, and is where the program ends. If the program ended by a
+//! trap, the monitor says so on the hart's terminal.
 #![no_std]
 #![no_main]
 
@@ -20,10 +20,10 @@ core::arch::global_asm!(
     control = const 0x8000_0000_u64 + Map::control(0) as u64 + resident::SAVED as u64,
 );
 
-/// How often a hart looks that nobody has rung.
+/// The time between two looks of a hart that was not rung.
 const LOOK: Duration = Duration::from_millis(100);
 
-/// Where a hart comes from `start.s`, each time.
+/// The entry from `start.s`, each time that a hart comes to the monitor.
 #[unsafe(no_mangle)]
 extern "C" fn condor_monitor(why: usize, number: u32) -> ! {
     let why = Return::from_word(why);
@@ -33,7 +33,7 @@ extern "C" fn condor_monitor(why: usize, number: u32) -> ! {
     loop {
         // Before the host has written a map, the hart is nobody; those that the map leaves out stay so.
         if let Some(hart) = Hart::new(number) {
-            // What the memory's page of this hart says is there, since the hart is.
+            // The page of this hart in the memory exists, since the hart does.
             let _ = settle(&hart, why, fault.as_ref());
             let _ = wait(&hart);
         }
@@ -56,10 +56,10 @@ fn settle(
             control.set_fault(fault)?;
             // A second trap finds that nothing runs any more.
             control.fail()?;
-            // Whoever looks at the page of the hart sees it, too.
+            // A peer that looks at the page of the hart sees it, too.
             let _ = report::tell(hart, fault);
         }
-        // It ended without having begun.
+        // The program ended without having begun.
         (Return::Ended, _) if running => control.end(1)?,
         _ => {}
     }

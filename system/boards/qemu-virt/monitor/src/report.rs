@@ -1,4 +1,4 @@
-//! What a hart says, on its own terminal, of the trap that has ended its program.
+//! The report that a hart prints on its own terminal about the trap that has ended its program.
 
 use core::fmt::{self, Write as _};
 use core::time::Duration;
@@ -11,7 +11,7 @@ use condor_tty::{Terminal, TerminalVectors};
 use qemu_virt_host::HartFault;
 
 const SHOWN_BYTES: u32 = 4096;
-/// How long the host may take to show it.
+/// The time that the host may take to show the report.
 const PATIENCE: Duration = Duration::from_secs(2);
 const NAP: Duration = Duration::from_millis(5);
 

@@ -6,7 +6,7 @@ use condor_dev::sim::Model;
 /// A 16-channel analog-to-digital board, whose voltages a test sets.
 #[derive(Debug, Default)]
 pub struct AdcModel {
-    /// What each channel would convert to now.
+    /// The value to which each channel would convert now.
     pub channels: [i16; 16],
     converted: [i16; 16],
     control: u16,
@@ -15,14 +15,14 @@ pub struct AdcModel {
 }
 
 impl AdcModel {
-    /// A pulse on the trigger line.
+    /// Sends a pulse on the trigger line.
     pub fn trigger(&mut self) {
         if self.control == 2 {
             self.begin();
         }
     }
 
-    /// A conversion that was started ends.
+    /// Ends a conversion that was started.
     pub fn complete(&mut self) {
         if self.converting {
             self.converted = self.channels;

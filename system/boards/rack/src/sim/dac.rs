@@ -12,7 +12,7 @@ pub struct DacModel {
 }
 
 impl DacModel {
-    /// What each channel puts out.
+    /// Returns the value that each channel puts out; 0 while the outputs are disconnected.
     #[must_use]
     pub fn outputs(&self) -> [i16; 16] {
         if self.connected {
@@ -22,7 +22,7 @@ impl DacModel {
         }
     }
 
-    /// Whether the outputs are connected.
+    /// Returns true if the outputs are connected.
     #[must_use]
     pub fn is_connected(&self) -> bool {
         self.connected

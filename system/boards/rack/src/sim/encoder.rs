@@ -21,7 +21,7 @@ impl EncoderModel {
         }
     }
 
-    /// An index pulse of encoder `number`.
+    /// Sends an index pulse of encoder `number`; numbers from 8 on have no encoder.
     pub fn index(&mut self, number: usize) {
         let Some(count) = self.counts.get_mut(number) else {
             return;
@@ -34,7 +34,7 @@ impl EncoderModel {
         }
     }
 
-    /// Both phases of encoder `number` change at once.
+    /// Changes both phases of encoder `number` at once, so that its counter misses pulses.
     pub fn miss(&mut self, number: usize) {
         if number < self.counts.len() {
             self.missed |= 1 << number;

@@ -32,7 +32,7 @@ pub struct MppModel {
 }
 
 impl MppModel {
-    /// The other side strobes a byte in; says whether the board had room for it.
+    /// Sends a byte from the other side, with its strobe; returns true if the board had room for it.
     pub fn strobe_in(&mut self, byte: u8) -> bool {
         if self.control & RAW != 0 {
             return false;
@@ -46,13 +46,13 @@ impl MppModel {
         has_room
     }
 
-    /// The output lines.
+    /// Returns the state of the output lines.
     #[must_use]
     pub fn outputs(&self) -> u16 {
         self.outputs
     }
 
-    /// Whether the board is in raw 16-bit mode.
+    /// Returns true if the board is in raw 16-bit mode.
     #[must_use]
     pub fn is_raw(&self) -> bool {
         self.control & RAW != 0

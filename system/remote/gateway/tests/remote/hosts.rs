@@ -122,7 +122,7 @@ impl Hosts {
         .map(drop)
     }
 
-    /// Parts a link for a while, in one direction or in both. Returns whether it was not parted.
+    /// Parts a link for a while, in one direction or in both. Returns true if it was not parted.
     pub(crate) fn part(&mut self, random: &mut Random) -> Outcome<bool> {
         let host = Host::ALL[random.below(3) as usize];
         let (time, both) = (50 + random.below(1500), random.below(2) == 0);

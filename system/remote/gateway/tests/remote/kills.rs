@@ -68,7 +68,7 @@ impl Role {
         })
     }
 
-    /// Kills it; returns whether it still ran.
+    /// Kills it; returns true if it still ran.
     fn kill(&mut self) -> Outcome<bool> {
         let ran = self.process.try_wait()?.is_none();
         self.process.kill()?;
@@ -76,7 +76,7 @@ impl Role {
         Ok(ran)
     }
 
-    /// Starts it again if it was killed; returns whether it has ended well.
+    /// Starts it again if it was killed; returns true if it has ended well.
     fn look(&mut self, up: &Up) -> Outcome<bool> {
         match self.process.try_wait()? {
             Some(status) if status.success() => return Ok(true),

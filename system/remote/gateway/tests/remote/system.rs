@@ -93,7 +93,7 @@ impl Up {
         Ok(())
     }
 
-    /// Kills a program, a service, or the supervisor. Returns whether it was there.
+    /// Kills a program, a service, or the supervisor. Returns true if it was there.
     pub(crate) fn kill(&self, name: &str) -> Outcome<bool> {
         let Ok(mut client) = ControlClient::connect(&self.directory()) else {
             return Ok(false);
@@ -135,7 +135,7 @@ impl Drop for Up {
     }
 }
 
-/// Kills a process by its id; returns whether it was there.
+/// Kills a process by its id; returns true if it was there.
 pub(crate) fn kill(pid: u32) -> bool {
     let pid = Pid::from_raw(pid.cast_signed());
     pid.is_some_and(|pid| kill_process(pid, Signal::KILL).is_ok())

@@ -153,7 +153,7 @@ fn main() -> ExitCode {
         Err(error) => {
             let is_pipe = error.downcast_ref::<std::io::Error>();
             if is_pipe.is_some_and(|it| it.kind() == std::io::ErrorKind::BrokenPipe) {
-                // Whoever reads the output has seen enough of it.
+                // The reader of the output has seen enough of it.
                 return ExitCode::SUCCESS;
             }
             eprintln!("condor-remote: {error}");
@@ -274,7 +274,7 @@ fn run_one(
         match remote.wait(id, Duration::from_secs(1)) {
             Ok(end) => outcome = end,
             Err(RemoteError::NoAnswer { .. }) => {
-                // It runs still, or the robot is away.
+                // The motion still runs, or the robot is away.
                 match remote.outcome(id, timeout) {
                     Ok(now) => (outcome, heard) = (now, Instant::now()),
                     Err(error) if heard.elapsed() > timeout => return Err(uncertain(error).into()),

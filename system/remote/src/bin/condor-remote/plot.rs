@@ -15,7 +15,7 @@ const KEPT: usize = 1 << 16;
 /// The times, in ns, and values of a variable.
 type Curve = VecDeque<(u64, f64)>;
 
-/// Waits for the time that is to be drawn, and draws it.
+/// Waits for the span of time to draw, and draws it.
 pub(crate) fn run(mut all: Vec<WatchedStream>, span: Duration) -> Result<(), AnyError> {
     let curves = all.iter().map(|it| vec![Curve::new(); it.columns.len()]);
     let mut curves: Vec<_> = curves.collect();

@@ -8,7 +8,7 @@ use serde_json::{Map, Value as Json, json};
 
 use crate::AnyError;
 
-/// How long one stream is waited for before the next one.
+/// The time for which one stream is waited for before the next one.
 const LOOK: Duration = Duration::from_millis(5);
 
 /// A stream with some of its variables.
@@ -129,7 +129,7 @@ fn line(json: bool, watched: &WatchedStream, row: &RowMessage<'_>) -> String {
     if json {
         let values: Map<String, Json> = values
             .map(|(name, text)| {
-                // A float that is no number has no JSON.
+                // A float that is not a number has no JSON.
                 let value = serde_json::from_str(&text).unwrap_or(Json::Null);
                 (name.clone(), value)
             })

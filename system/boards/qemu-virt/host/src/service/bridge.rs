@@ -15,7 +15,7 @@ use condor_mbox::{Clock as _, Doorbell as _, Processor};
 use condor_rt::linux::MappedPage;
 use condor_rt::numbers::PROCESSORS;
 
-/// How long a thread waits for a ring before it looks whether it is to end.
+/// The time for which a thread waits for a ring before it checks if it must end.
 const LOOK: Duration = Duration::from_millis(200);
 
 /// A bridge that carries rings between doorbells of processes and the link to a machine, until it
@@ -33,7 +33,7 @@ impl Bridge {
     /// its receiver from a sleep on the `page` of the clock.
     ///
     /// # Errors
-    /// The error of the operating system if it has no descriptors or threads left.
+    /// Returns the operating system's error if it has no descriptors or threads left.
     pub fn start(
         stream: UnixStream,
         harts: Vec<(Processor, LinuxDoorbell<PROCESSORS>)>,
@@ -75,7 +75,7 @@ impl Bridge {
 impl Drop for Bridge {
     fn drop(&mut self) {
         self.ending.store(true, Ordering::Relaxed);
-        // Whoever reads or writes is done then.
+        // This ends reads and writes that are in progress.
         let _ = self.stream.shutdown(Shutdown::Both);
         for thread in self.threads.drain(..) {
             let _ = thread.join();
@@ -124,7 +124,7 @@ fn to_hart(
             let until = doorbell.now().after(LOOK);
             doorbell.wait(rings, until, None);
         } else if stream.write_all(&[number.0]).is_ok() {
-            // Whoever was rung before the first look is told, too.
+            // A ring from before the first look is passed on, too.
             told = Some(rings);
         } else {
             return;
