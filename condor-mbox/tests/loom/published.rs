@@ -3,7 +3,7 @@
 use std::cell::Cell;
 
 use crate::model::{LoomWindow, explore};
-use condor_mbox::published::{ReadError, Subscriber};
+use condor_mbox::published::{PublishedReadError, Subscriber};
 use condor_mbox::window::{WindowError, WindowErrorKind};
 use condor_mbox::{LoadOrder, MemoryWindow, Published, StoreOrder};
 
@@ -81,11 +81,11 @@ fn read(subscriber: &Subscriber<Value, LoomWindow>, since: u32) -> u32 {
             assert!(latest.sequence >= since, "{latest:?} after {since}");
             latest.sequence
         }
-        Err(ReadError::Unpublished) => {
+        Err(PublishedReadError::Unpublished) => {
             assert_eq!(since, 0, "nothing after {since}");
             0
         }
-        Err(ReadError::Contended { .. }) => since,
+        Err(PublishedReadError::Contended { .. }) => since,
         Err(error) => panic!("{error}"),
     }
 }

@@ -8,7 +8,7 @@ use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use crate::model::*;
-use condor_mbox::{Call, Error, Handler, Messenger};
+use condor_mbox::{Call, Handler, MailboxError, Messenger};
 
 type Log = Arc<Mutex<Vec<(u32, u32)>>>;
 
@@ -49,7 +49,9 @@ fn receiver_restarts(name: &str, leaves: bool) {
             for data in 5..=7 {
                 let mut ticket = match sender.begin(B, V, data, Duration::ZERO) {
                     Ok(ticket) => ticket,
-                    Err(Error::NotConnected { .. } | Error::NoSlot { .. }) => continue,
+                    Err(MailboxError::NotConnected { .. } | MailboxError::NoSlot { .. }) => {
+                        continue;
+                    }
                     Err(error) => panic!("{error}"),
                 };
                 match ticket.poll() {
@@ -59,8 +61,8 @@ fn receiver_restarts(name: &str, leaves: bool) {
                         assert!(seen.lock().unwrap().contains(&ran));
                     }
                     Ok(None) => loom::thread::yield_now(),
-                    Err(Error::PeerRestarted { .. }) => {}
-                    Err(Error::PeerLeft { .. }) if leaves => {}
+                    Err(MailboxError::PeerRestarted { .. }) => {}
+                    Err(MailboxError::PeerLeft { .. }) if leaves => {}
                     Err(error) => panic!("{error}"),
                 }
             }
@@ -118,7 +120,7 @@ fn sender_is_killed_and_rejoins() {
         let a = system.joined::<Spinning, _>(A, Alone, &[]);
         for data in 3..=5 {
             match a.send(B, V, data, Duration::ZERO) {
-                Ok(()) | Err(Error::NotConnected { .. } | Error::NoSlot { .. }) => {}
+                Ok(()) | Err(MailboxError::NotConnected { .. } | MailboxError::NoSlot { .. }) => {}
                 Err(error) => panic!("{error}"),
             }
             loom::thread::yield_now();
@@ -144,7 +146,8 @@ fn sleeping_caller<D: Bell<2>>(name: &str) {
         let sender = Arc::clone(&a);
         let thread = loom::thread::spawn(move || {
             match sender.send_with_reply(B, V, 5, LONG) {
-                Ok(205) | Err(Error::PeerLeft { .. } | Error::PeerRestarted { .. }) => {}
+                Ok(205)
+                | Err(MailboxError::PeerLeft { .. } | MailboxError::PeerRestarted { .. }) => {}
                 outcome => panic!("{outcome:?}"),
             }
             assert_eq!(sender.send_with_reply(B, V, 6, LONG), Ok(206));

@@ -2,7 +2,9 @@
 //!
 //! Run with `RUSTFLAGS="--cfg condor_loom" cargo test --release --test spin_lock_loom`.
 
-use condor_mbox::spin_lock::{Bakery, Incarnations, LockError, NativeSwap, Owner, TestAndSet};
+use condor_mbox::spin_lock::{
+    Bakery, Incarnations, LockOwner, NativeSwap, SpinLockError, TestAndSet,
+};
 use condor_mbox::window::{CompareExchange, WindowError, WindowErrorKind, check_access};
 use condor_mbox::{LoadOrder, MemoryWindow, Processor, SingleContext, SpinLock, StoreOrder};
 use loom::cell::UnsafeCell;
@@ -87,16 +89,16 @@ fn check(model: impl Fn() + Send + Sync + 'static) {
 }
 
 /// Everybody lives, but for one.
-struct Except(Option<Owner>);
+struct Except(Option<LockOwner>);
 
 impl Incarnations for Except {
-    fn is_current(&self, owner: Owner) -> bool {
+    fn is_current(&self, owner: LockOwner) -> bool {
         self.0 != Some(owner)
     }
 }
 
-fn owner(processor: u8) -> Owner {
-    Owner::new(Processor(processor), 1).unwrap()
+fn owner(processor: u8) -> LockOwner {
+    LockOwner::new(Processor(processor), 1).unwrap()
 }
 
 /// Two processors each try `visits` times; loom reports an access to the cell that another one
@@ -147,7 +149,7 @@ fn two_processors_are_never_both_inside_a_swap() {
 fn two_recoverers<L: TestAndSet + 'static>(form: fn(Arc<Memory>) -> L) {
     check(move || {
         let memory = Arc::new(Memory::new());
-        let dead = Owner::new(Processor(0), 7).unwrap();
+        let dead = LockOwner::new(Processor(0), 7).unwrap();
         std::mem::forget(
             SpinLock::new(form(memory.clone()))
                 .try_lock(dead, &Except(None))
@@ -156,7 +158,8 @@ fn two_recoverers<L: TestAndSet + 'static>(form: fn(Arc<Memory>) -> L) {
         let recover = move |number: u8, memory: Arc<Memory>| {
             let lives = Except(Some(dead));
             let lock = SpinLock::new(form(memory));
-            let Err(LockError::OwnerDead { owner: found }) = lock.try_lock(owner(number), &lives)
+            let Err(SpinLockError::OwnerDead { owner: found }) =
+                lock.try_lock(owner(number), &lives)
             else {
                 return 0;
             };

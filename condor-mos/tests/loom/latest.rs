@@ -1,6 +1,6 @@
 //! Loom on the latest value: a writer and a reader on two threads.
 
-use condor_mos::{Latest, Reader};
+use condor_mos::{Latest, LatestReader};
 
 /// Two words, so that a mixture shows; loom's cells tell if both ends reach one buffer.
 type Value = [u32; 2];
@@ -10,7 +10,7 @@ fn value(number: u32) -> Value {
 }
 
 /// A whole value, and none older than `since`; gives its number.
-fn read(reader: &mut Reader<'_, Value>, since: u32) -> u32 {
+fn read(reader: &mut LatestReader<'_, Value>, since: u32) -> u32 {
     let [number, check] = *reader.read();
     assert_eq!(check, 100 + number, "a mixture");
     assert!(number >= since, "{number} after {since}");

@@ -1,8 +1,8 @@
 //! Loom on the lock of loops on one stack: what it holds is reached by one thread at a time, or not at all.
 
 use condor_mos::{
-    Armed, Clock, LockError, LoopId, LoopLock, Loops, Overrun, Platform, Rate, Scan, Scheduler,
-    Timer,
+    Armed, ClockSpec, LoopId, LoopLock, LoopLockError, Loops, Overrun, Platform, Rate, Scan,
+    Scheduler, Timer,
 };
 use loom::sync::Arc;
 
@@ -42,7 +42,7 @@ struct Shared {
 
 impl Shared {
     fn new() -> Arc<Self> {
-        let clock = Clock::of::<u64>(FREQUENCY);
+        let clock = ClockSpec::of::<u64>(FREQUENCY);
         Arc::new(Self {
             scheduler: Scheduler::new(Still, Scan::new(&[Rate::hz(2), Rate::hz(1)], clock)),
             lock: LoopLock::new(&[LoopId(0)], 0),
@@ -53,7 +53,7 @@ impl Shared {
     fn increment(&self) -> u32 {
         let increments = (0..2).map(|_| {
             let locked = self.lock.lock(&self.scheduler, |value| *value += 1);
-            assert_ne!(locked, Err(LockError::Undeclared));
+            assert_ne!(locked, Err(LoopLockError::Undeclared));
             u32::from(locked.is_ok())
         });
         increments.sum()

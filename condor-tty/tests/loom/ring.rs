@@ -2,8 +2,8 @@
 //! copies, and on the wait for room.
 
 use condor_mbox::sim::SimWindow;
-use condor_mbox::{Exclusion, LoadOrder, MemoryWindow, Places, Processor, Region};
-use condor_tty::{Accepted, Policy, Reader, Settings, Terminal};
+use condor_mbox::{Allocator, Exclusion, LoadOrder, MemoryWindow, Processor, Region};
+use condor_tty::{InputResult, Policy, Terminal, TerminalReader, TerminalSettings};
 use loom::sync::{Arc, Mutex};
 use loom::thread;
 
@@ -22,13 +22,18 @@ type Hand = Terminal<SimWindow, Section, 4>;
 fn hand(policy: Policy) -> (Region<SimWindow>, Arc<Hand>) {
     let region = Region::whole(SimWindow::new(192));
     let section = Section(Mutex::new(()));
-    let terminal =
-        Terminal::new(region.clone(), &mut Places::new(region.size()), 8, section).unwrap();
+    let terminal = Terminal::new(
+        region.clone(),
+        &mut Allocator::new(region.size()),
+        8,
+        section,
+    )
+    .unwrap();
     let echo = true;
     terminal
-        .configure(&Settings {
+        .configure(&TerminalSettings {
             echo,
-            ..Settings::COOKED
+            ..TerminalSettings::COOKED
         })
         .unwrap();
     terminal.set_policy(policy).unwrap();
@@ -47,10 +52,10 @@ fn what_is_overwritten_is_never_read_as_something_else() {
         let (region, terminal) = hand(Policy::DropOld);
         for _ in 0..3 {
             // Three columns for each character that is wiped out, of "a" and "\x08 \x08".
-            assert_eq!(terminal.accept(b'a').unwrap(), Accepted::Taken);
-            assert_eq!(terminal.accept(0x7f).unwrap(), Accepted::Taken);
+            assert_eq!(terminal.accept(b'a').unwrap(), InputResult::Taken);
+            assert_eq!(terminal.accept(0x7f).unwrap(), InputResult::Taken);
         }
-        let mut reader = Reader::attach(region, 0, Processor(0)).unwrap();
+        let mut reader = TerminalReader::attach(region, 0, Processor(0)).unwrap();
         let writer = Arc::clone(&terminal);
         let writing = thread::spawn(move || {
             writer.accept(b'b').unwrap();
@@ -79,7 +84,7 @@ fn what_is_overwritten_is_never_read_as_something_else() {
 fn room_is_given_only_after_the_bytes_were_copied() {
     model(|| {
         let (region, terminal) = hand(Policy::DropNew);
-        let mut reader = Reader::attach(region.clone(), 0, Processor(0)).unwrap();
+        let mut reader = TerminalReader::attach(region.clone(), 0, Processor(0)).unwrap();
         terminal.accept(b'a').unwrap();
         terminal.accept(0x7f).unwrap();
         terminal.accept(b'a').unwrap();
@@ -111,7 +116,7 @@ fn two_contexts_write_beside_each_other() {
         });
         terminal.accept(b'a').unwrap();
         writing.join().unwrap();
-        let mut reader = Reader::attach(region, 0, Processor(0)).unwrap();
+        let mut reader = TerminalReader::attach(region, 0, Processor(0)).unwrap();
         let mut bytes = [0; 8];
         assert_eq!(reader.fetch(&mut bytes).unwrap().len, 2);
         bytes[..2].sort_unstable();
