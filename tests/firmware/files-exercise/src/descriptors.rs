@@ -2,10 +2,9 @@
 
 use checks::Checks;
 use condor_dev::stdio::{BufReader, ReadLine as _};
+use condor_dev::stream::Descriptors as _;
 use condor_dev::stream::{DeviceStream, looks};
-use condor_dev::{
-    BusError as _, BusErrorKind, Descriptors as _, Fd, FdError, IoError, NoInterrupts, OpenMode,
-};
+use condor_dev::{BusError as _, BusErrorKind, Fd, FdError, IoError, NoInterrupts, OpenMode};
 use condor_fs::dev::{FileOpenError, FileSwitch, TransferError};
 use condor_fs::{Errno, FileError, OpenOptions};
 use embedded_io::SeekFrom;
