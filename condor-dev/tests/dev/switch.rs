@@ -35,8 +35,8 @@ fn start_up_finds_the_boards_that_are_there() {
     assert_eq!(
         switch.inventory().to_string(),
         "device   board      address vector level  found\n\
-         adc          0       0x1000     64     3  Present\n\
-         adc          1       0x2000     64     3  Absent\n"
+         adc          0       0x1000     64     3  present\n\
+         adc          1       0x2000     64     3  absent\n"
     );
     assert!(controller.is_enabled(InterruptVector(64)));
     let absent = OpenError::NotPresent {
