@@ -31,9 +31,9 @@ const EVENTS: usize = 32;
 /// servos](Self::with_guards_in_servos), which say what they have [stopped](Self::stopped).
 ///
 /// ```
-/// use condor_hand::trajectory::{Generator, JointLimits, Observations, motion};
+/// use condor_hand::trajectory::{Generator, ProfileLimits, Observations, motion};
 ///
-/// let limits = JointLimits { low: -1.0, high: 1.0, velocity: 2.0, acceleration: 20.0, jerk: 1e4 };
+/// let limits = ProfileLimits { low: -1.0, high: 1.0, velocity: 2.0, acceleration: 20.0, jerk: 1e4 };
 /// let mut generator = Generator::<2, 8>::new([limits; 2], [0.0; 2], 0.02)?;
 /// let text = "[[motion]]\nprofile = 'minimum-jerk'\nduration = 0.8\nto = { elbow = 0.7 }";
 /// for primitive in motion::load(text, "nod.toml", &["shoulder", "elbow"])? {

@@ -95,9 +95,9 @@ struct Brake<const J: usize, T: Real> {
 /// and whenever.
 ///
 /// ```
-/// use condor_hand::trajectory::{JointLimits, JointStream, StreamPoint};
+/// use condor_hand::trajectory::{ProfileLimits, JointStream, StreamPoint};
 ///
-/// let limits = JointLimits { low: -1.0, high: 1.0, velocity: 2.0, acceleration: 20.0, jerk: 1e4 };
+/// let limits = ProfileLimits { low: -1.0, high: 1.0, velocity: 2.0, acceleration: 20.0, jerk: 1e4 };
 /// let mut stream = JointStream::<1, 8>::new(0b1, [limits], [0.0], 0.02, 50)?;
 /// let point = StreamPoint { time: 0.2, positions: [0.05], velocities: [0.0] };
 /// stream.push(0, &[point], true)?; // the first batch, and the last point
