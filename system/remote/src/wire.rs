@@ -107,7 +107,7 @@ pub enum RemoteRequest {
         /// The data.
         data: u32,
     },
-    /// Asks for the incarnation of an incarnation of the client that begins; returns a number that is greater than all
+    /// Asks for the incarnation of a client that begins; returns a number that is greater than all
     /// those before.
     Join {},
     /// Has a motion enqueued, if this request was never received before; returns a [`RemoteOutcome`].

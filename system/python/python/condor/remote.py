@@ -185,7 +185,7 @@ class Remote:
         return int(self._ask("move", request, self.timeout))
 
     def next_id(self) -> Identity:
-        """Returns the identity for the next motion. The first call asks the gateway for the incarnation of this incarnation."""
+        """Returns the identity for the next motion. The first call asks the gateway for the incarnation of this client."""
         if self._incarnation is None:
             self._incarnation = int(self._until("move", {"do": "join"}))
         return Identity(self._incarnation, next(self._numbers))

@@ -111,7 +111,7 @@ impl Motions {
         self.way.is_some()
     }
 
-    /// Returns the incarnation of an incarnation of a client that begins.
+    /// Returns the incarnation of a client that begins.
     ///
     /// # Errors
     /// A refusal if there is none left, or if the journal cannot be written.
