@@ -24,6 +24,10 @@ pub mod table;
 #[cfg(feature = "std")]
 pub mod compile;
 
+// The programs as processes. The unit tests run none, and would compile them anew.
+#[cfg(all(feature = "linux", not(test)))]
+pub mod processes;
+
 // For tests here and of the gateway.
 #[cfg(feature = "program")]
 #[doc(hidden)]

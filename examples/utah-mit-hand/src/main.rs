@@ -16,15 +16,10 @@ use condor_host::description::{Files, SystemDescription};
 use condor_host::extension::Extension;
 use condor_host::robot::{MotionFiles, MotionSender, Robot};
 use condor_host::system::SystemDirectory;
-use condor_rt::linux;
 use condor_scene::{Ball, HandView};
 use qemu_virt_host::HARTS;
 use utah_mit_hand::compile::{compile_all, joint_names, read_hand};
-use utah_mit_hand::master::Master;
-use utah_mit_hand::plant::Plant;
-use utah_mit_hand::replay::Replay;
-use utah_mit_hand::servo::Servo;
-use utah_mit_hand::table::Table;
+use utah_mit_hand::processes;
 
 use offers::Offers;
 use texts::Texts;
@@ -45,11 +40,11 @@ struct Hand;
 impl Application for Hand {
     fn programs(&self) -> &[(&'static str, ProgramFunction)] {
         &[
-            ("master", |arguments| linux::run(&Master, arguments)),
-            ("plant", |arguments| linux::run(&Plant, arguments)),
-            ("replay", |arguments| linux::run(&Replay, arguments)),
-            ("servo", |arguments| linux::run(&Servo, arguments)),
-            ("table", |arguments| linux::run(&Table, arguments)),
+            ("master", processes::master),
+            ("plant", processes::plant),
+            ("replay", processes::replay),
+            ("servo", processes::servo),
+            ("table", processes::table),
         ]
     }
 

@@ -21,10 +21,7 @@ use condor_cli::{AnyError, Application, ProgramFunction};
 use condor_host::description::SystemDescription;
 use condor_rt::linux;
 use utah_mit_hand::compile::{compile_all, read_hand};
-use utah_mit_hand::master::Master;
-use utah_mit_hand::plant::Plant;
-use utah_mit_hand::servo::Servo;
-use utah_mit_hand::table::Table;
+use utah_mit_hand::processes;
 
 use drive::Seen;
 use system::PACKAGE;
@@ -38,10 +35,10 @@ struct Hand;
 impl Application for Hand {
     fn programs(&self) -> &[(&'static str, ProgramFunction)] {
         &[
-            ("master", |arguments| linux::run(&Master, arguments)),
-            ("plant", |arguments| linux::run(&Plant, arguments)),
-            ("servo", |arguments| linux::run(&Servo, arguments)),
-            ("table", |arguments| linux::run(&Table, arguments)),
+            ("master", processes::master),
+            ("plant", processes::plant),
+            ("servo", processes::servo),
+            ("table", processes::table),
             ("teller", |arguments| linux::run(&Teller, arguments)),
         ]
     }
