@@ -132,7 +132,7 @@ pub enum Attention {
     NotMine,
 }
 
-/// The reason for which a transfer moved nothing.
+/// The reason why a transfer moved nothing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum DeviceError<E> {
     /// The board has nothing to read, or no room, at this moment.

@@ -7,7 +7,7 @@ use crate::driver::DeviceError;
 use crate::fd::{FdError, OpenMode};
 use crate::unit::Presence;
 
-/// The reason for which a device cannot be opened.
+/// The reason why a device cannot be opened.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum OpenError<'n> {
     /// The program was built without such a device.
@@ -73,7 +73,7 @@ pub enum OpenError<'n> {
     },
 }
 
-/// The reason for which a transfer through a descriptor moved nothing.
+/// The reason why a transfer through a descriptor moved nothing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum IoError<E> {
     /// The descriptor is refused.

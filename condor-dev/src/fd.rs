@@ -76,7 +76,7 @@ impl fmt::Display for Fd {
     }
 }
 
-/// The reason for which a descriptor is refused.
+/// The reason why a descriptor is refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum FdError {
     /// The descriptor has been closed, or is not of this switch; its index may belong to another

@@ -117,7 +117,7 @@ pub fn timeout(mut clock: impl FnMut() -> u32, ticks: u32) -> impl FnMut(u32) ->
     }
 }
 
-/// The reason for which a call of a stream failed.
+/// The reason why a call of a stream failed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum DeviceStreamError<E: fmt::Debug> {
     /// The device was not ready for as long as the [`DeviceStream`] waits. Nothing was moved.

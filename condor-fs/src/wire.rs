@@ -38,7 +38,7 @@ pub mod slot {
     pub const LINE_WORDS: usize = 16;
     /// The sequence number of the request; 2 words.
     pub const SEQUENCE: u32 = 12;
-    /// The operation that is requested.
+    /// The number of the requested [`Operation`](super::Operation).
     pub const OPERATION: u32 = 20;
     /// The number of words of the server's part.
     pub const RESULT_WORDS: usize = 48;
@@ -62,8 +62,9 @@ pub mod slot {
     pub const STATUS: u32 = 224;
     /// The number of words of the status.
     pub const STATUS_WORDS: usize = 24;
-    /// The mode of the file before the server changed it to open the file once more, plus
-    /// [`MODE_CHANGED`]; 0 otherwise. It is the last word of the evidence.
+    /// The offset of the file's former mode, in the last word of the [identity](super::FileIdentity). A server that
+    /// opens a file again may have to change its mode for a moment; meanwhile the word is the former mode
+    /// plus [`MODE_CHANGED`]. It is 0 at all other times.
     pub const MODE: u32 = EVIDENCE + 28;
     /// The bit that says that [`MODE`] holds a mode.
     pub const MODE_CHANGED: u32 = 0x8000_0000;
@@ -544,7 +545,7 @@ pub struct FileStatus {
     pub size: u64,
     /// The time of the last modification, in seconds since 1970.
     pub modified_s: u64,
-    /// The nanoseconds of that time.
+    /// The nanoseconds of the time of the last modification.
     pub modified_ns: u32,
     /// Type and permissions, as `st_mode` of Linux.
     pub mode: u32,
@@ -556,11 +557,11 @@ pub struct FileStatus {
     pub inode: u64,
     /// The time of the last access, in seconds since 1970.
     pub accessed_s: u64,
-    /// The nanoseconds of that time.
+    /// The nanoseconds of the time of the last access.
     pub accessed_ns: u32,
     /// The time of the last change of the inode, in seconds since 1970.
     pub changed_s: u64,
-    /// The nanoseconds of that time.
+    /// The nanoseconds of the time of the last change of the inode.
     pub changed_ns: u32,
     /// The room that it takes on the disk, in blocks of 512 bytes.
     pub blocks: u64,

@@ -17,7 +17,7 @@ pub(crate) struct Format {
     pub(crate) version: u16,
 }
 
-/// The reason for which bytes are not an image, or there is no room for one.
+/// The reason why bytes are not an image, or there is no room for one.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum HeaderError {

@@ -102,7 +102,7 @@ pub struct ProfileLimits<T> {
     pub jerk: T,
 }
 
-/// The reason for which a generator or an interpolator cannot be made.
+/// The reason why a generator or an interpolator cannot be made.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum TrajectoryError {
@@ -185,7 +185,7 @@ impl<T: Real> ProfilePeaks<T> {
     }
 }
 
-/// The reason for which a profile, the motion of one joint in time, cannot be made.
+/// The reason why a profile, the motion of one joint in time, cannot be made.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum ProfileError {

@@ -84,7 +84,7 @@ pub struct Exchange<'m, M: Messenger + ?Sized, W, Q, R> {
     of: PhantomData<fn(Q) -> R>,
 }
 
-/// The reason for which an [`Exchange`] returned no response.
+/// The reason why an [`Exchange`] returned no response.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ExchangeError {

@@ -131,9 +131,9 @@ pub mod kind {
     pub const SEND: u32 = 1 << 8;
     /// The receiver runs the handler and replies.
     pub const CALL: u32 = 2 << 8;
-    /// The receiver lets the sender listen to its vectors.
+    /// The receiver tells the sender of each message that comes for the vectors to which it listens, from now on.
     pub const LISTEN: u32 = 3 << 8;
-    /// The receiver no longer lets the sender listen.
+    /// The receiver no longer tells the sender of messages.
     pub const IGNORE: u32 = 4 << 8;
     /// The position of the reply cell's number in a kind word, in bits.
     pub const CELL_SHIFT: u32 = 16;

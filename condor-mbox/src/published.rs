@@ -211,7 +211,7 @@ pub struct PublishedValue<T> {
     pub sequence: u32,
 }
 
-/// The reason for which a reader of a [`Published`] cell got no value.
+/// The reason why a reader of a [`Published`] cell got no value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum PublishedReadError {

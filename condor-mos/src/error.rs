@@ -6,7 +6,7 @@ use crate::clock::ClockSpec;
 use crate::process::LoopId;
 use crate::rate::Rate;
 
-/// The reason for which a set of rates has no schedule.
+/// The reason why a set of rates has no schedule.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum RateError {
     /// A period is shorter than a tick, or is not a whole number of ticks in any countable time.
@@ -60,7 +60,7 @@ impl RateError {
     }
 }
 
-/// The reason for which a call that names a loop fails.
+/// The reason why a call that names a loop fails.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum LoopError {
     /// The schedule has fewer loops.
@@ -103,7 +103,7 @@ pub enum LoopError {
     },
 }
 
-/// The reason for which a schedule cannot begin.
+/// The reason why a schedule cannot begin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum StartError {
     /// The schedule was made for another clock than the platform's.
@@ -125,7 +125,7 @@ pub enum StartError {
     Started,
 }
 
-/// The reason for which a handler cannot be connected to a timer's interrupt; see
+/// The reason why a handler cannot be connected to a timer's interrupt; see
 /// [`Platform::connect`](crate::Platform::connect). A processor whose interrupts are connected when
 /// its program is linked never has this error.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
@@ -160,7 +160,7 @@ pub enum ConnectError {
     },
 }
 
-/// The reason for which a [`LoopLock`](crate::LoopLock) cannot be taken.
+/// The reason why a [`LoopLock`](crate::LoopLock) cannot be taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum LoopLockError {
     /// A loop that is faster than all declared users asked for it.

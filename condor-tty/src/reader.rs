@@ -87,7 +87,7 @@ pub struct TerminalStatus {
     pub interrupt: Option<u8>,
 }
 
-/// The reason for which a terminal cannot be read.
+/// The reason why a terminal cannot be read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum TerminalReaderError {

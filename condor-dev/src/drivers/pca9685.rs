@@ -48,7 +48,7 @@ impl ChipClock {
     pub const NOMINAL: Self = Self::Internal(25_000_000);
 }
 
-/// The reason for which a frequency was not set.
+/// The reason why a frequency was not set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ClockError<E> {
     /// The chip runs on its external clock, which the internal oscillator was to be.

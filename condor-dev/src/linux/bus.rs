@@ -27,7 +27,7 @@ pub enum MapAccess {
     ReadWrite,
 }
 
-/// The reason for which a mapping could not be made.
+/// The reason why a mapping could not be made.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum BusMapError {

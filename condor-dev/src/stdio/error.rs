@@ -2,7 +2,7 @@
 
 use embedded_io::ErrorKind;
 
-/// The reason for which an input did not read, or an output did not write.
+/// The reason why the standard input could not be read, or the standard output not be written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum StdioError {
     /// The program has set no standard input or output, or its input or output has no reader or

@@ -100,7 +100,7 @@ pub struct UntilError<E> {
     pub error: E,
 }
 
-/// The reason for which no line was returned. The bytes read so far are only in the caller's
+/// The reason why no line was returned. The bytes read so far are only in the caller's
 /// memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum LineError<E> {

@@ -28,7 +28,7 @@ impl Buffering {
     }
 }
 
-/// The reason for which not everything was written. Bytes of earlier calls are still
+/// The reason why not everything was written. Bytes of earlier calls are still
 /// [held](BufWriter::held); none of the failing call's bytes were taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum WriteError<E> {

@@ -60,7 +60,7 @@ struct Location {
     mode: Option<OpenMode>,
 }
 
-/// The reason for which nothing was opened.
+/// The reason why nothing was opened.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum FileOpenError<'n> {

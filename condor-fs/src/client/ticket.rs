@@ -12,18 +12,18 @@ use super::{Alone, FileError, FileSystem, SessionState, UnreadResult, request};
 use crate::errno::Errno;
 use crate::wire::{FileStatus, Operation, RequestSlot, Space, rename, slot};
 
-/// An operation: await it, or wait for it.
+/// A file operation in progress: `.await` it, or block on it with [`wait`](Self::wait).
 ///
-/// The methods whose names begin with `begin_` return tickets. A ticket asks the server when it is
-/// first polled or waited for, as soon as it is its turn; from then on it is until the ticket ends
-/// or is dropped. Meanwhile calls of other contexts, and of the same one, return [`Errno::BUSY`], or
-/// wait for their turn; other tickets wait to be polled again, and are woken at once for that.
+/// The methods whose names begin with `begin_` return tickets. The request is sent when the ticket is
+/// first polled and no other operation is under way. From then on the ticket occupies the file system
+/// until it completes or is dropped. Meanwhile a call from a context that interrupts it returns
+/// [`Errno::BUSY`], a call from any other context waits, and other tickets are queued.
 ///
-/// In a program whose tasks wait for other events, too, the mailbox's interrupt serves, or a task
-/// that also looks now and then; with the feature `async` of `condor-mbox`, this wakes the tasks
-/// that await a reply. See [`condor_mbox::MessageTicket`]. A ticket has no timeout when it is awaited: it
-/// lasts as long as there is no server. Drop it to give up the wait: the operation stays in doubt,
-/// as after a timeout.
+/// Tasks are woken when the mailbox is served: by its interrupt, or by a task that calls `serve`
+/// periodically. This needs the feature `async` of `condor-mbox`; see [`condor_mbox::MessageTicket`].
+///
+/// An awaited ticket has no timeout: it lasts as long as there is no server. Drop it to give up the wait:
+/// the operation stays in doubt, as after a timeout.
 ///
 /// ```
 /// # use condor_fs::{FileError, FileSystem, OpenOptions};

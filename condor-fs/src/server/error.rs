@@ -7,7 +7,7 @@ use condor_mbox::AccessError;
 
 use crate::errno::Errno;
 
-/// The reason for which a server cannot serve.
+/// The reason why a server cannot serve.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ServerError {
@@ -41,7 +41,7 @@ pub enum ServerError {
         root: PathBuf,
         /// The permissions.
         mode: u32,
-        /// The reason for which such a file cannot be made, or be opened again for reading and
+        /// The reason why such a file cannot be made, or be opened again for reading and
         /// writing.
         source: io::Error,
     },

@@ -13,7 +13,7 @@ pub enum Step {
     Begun,
     /// The mode of a file was changed for a moment, so that it can be opened once more.
     Widened,
-    /// A directory was made, or a file without a name.
+    /// A directory was made, or a file that has no name yet (`O_TMPFILE`).
     Made,
     /// The slot records the operation and its arguments, before the operation is done.
     Staged,

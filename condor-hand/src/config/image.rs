@@ -10,7 +10,7 @@ const FORMAT: Format = Format {
     version: 4,
 };
 
-/// The reason for which bytes are not the image of a hand, or a hand cannot become an image.
+/// The reason why bytes are not the image of a hand, or a hand cannot become an image.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum HandImageError {

@@ -83,7 +83,7 @@ pub struct FingerTick<const N: usize> {
     pub fault: Option<FingerFault>,
 }
 
-/// The reason for which a finger cannot be controlled.
+/// The reason why a finger cannot be controlled.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum ControllerError {

@@ -270,7 +270,7 @@ fn not_finite<T: Real>(wrench: &Wrench<T>, about: &Vector3<T>) -> GraspError {
     }
 }
 
-/// Returns the reason for which there is no inverse. It computes the inertia again, so that where there is an
+/// Returns the reason why there is no inverse. It computes the inertia again, so that where there is an
 /// inverse the inertia stays in registers.
 #[cold]
 fn explain<T: Real, const M: usize>(points: &[Vector3<T>; M]) -> GraspError {

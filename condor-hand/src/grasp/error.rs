@@ -50,7 +50,7 @@ impl fmt::Display for GraspQuantity {
     }
 }
 
-/// The reason for which a grasp is not possible.
+/// The reason why a grasp is not possible.
 ///
 /// Fingers, contacts and joints are counted from 0.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]

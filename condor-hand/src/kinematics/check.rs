@@ -10,7 +10,7 @@ use crate::math::{Real, abs, is_finite, max, sqrt};
 use crate::number::{self, NumberError};
 use crate::pose::Pose;
 
-/// The reason for which a mechanism is refused.
+/// The reason why a mechanism is refused.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 pub enum MechanismError {
     /// The axis of a joint is not a unit vector.

@@ -34,7 +34,7 @@ pub enum Redundancy<T: Real = f64> {
     Roomiest,
 }
 
-/// The reason for which there is no posture.
+/// The reason why there is no posture.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum InverseError {

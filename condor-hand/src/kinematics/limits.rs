@@ -11,7 +11,7 @@ pub struct JointLimits<T: Real, const N: usize> {
     upper: SVector<T, N>,
 }
 
-/// The reason for which limits are refused: a joint cannot be between them.
+/// The reason why limits are refused: a joint cannot be between them.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[error(
     "joint {joint} has the limits {lower} and {upper}; the lower must be finite and below the upper",

@@ -46,7 +46,7 @@ pub struct Hello {
     pub servo_hz: u32,
 }
 
-/// The reason for which a servo did not carry out, or answer, a request.
+/// The reason why a servo did not carry out, or answer, a request.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ServoClientError {
@@ -150,8 +150,8 @@ where
         })
     }
 
-    /// Sets another mode of a joint, or of all joints, in which they keep their present positions, torques or
-    /// tensions.
+    /// Switches a joint, or all joints, to another mode. The present positions, torques or tensions become the
+    /// targets, so nothing jumps.
     ///
     /// # Errors
     /// Returns [`ServoClientError::Refused`] if the servo refuses the request; [`ServoClientError::NotDone`] if

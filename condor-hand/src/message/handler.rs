@@ -33,7 +33,7 @@ pub struct HandIdentity<const F: usize> {
     pub servo_hz: u32,
 }
 
-/// The reason for which a response has no other content.
+/// The reason why a response has no other content.
 enum EmptyResponse {
     Refused(ServoRefusal),
     State(u32),

@@ -4,7 +4,7 @@ use super::words::{WordReader, WordWriter};
 use crate::decimal::Decimal;
 use crate::servo::{SettingError, TargetError, TargetQuantity};
 
-/// The reason for which a request was refused, with the wrong values.
+/// The reason why a request was refused, with the wrong values.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum ServoRefusal {

@@ -4,7 +4,7 @@ use crate::decimal::Decimal;
 use crate::number::{NumberError, Requirement, check, finite};
 use crate::tendon::ArmError;
 
-/// The reason for which a plant cannot be made, or cannot move on.
+/// The reason why a plant cannot be made, or cannot move on.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum PlantError {
@@ -28,7 +28,7 @@ pub enum PlantError {
         /// The number of fingers.
         fingers: usize,
     },
-    /// The bank does not have the channel.
+    /// The bank of sensors does not have the channel.
     #[error("there is no channel {channel}; the bank has {channels}")]
     NoChannel {
         /// Its number, from 0.

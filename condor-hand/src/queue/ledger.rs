@@ -128,7 +128,7 @@ impl RequestState {
     }
 }
 
-/// The reason for which a request was refused or aborted.
+/// The reason why a request was refused or aborted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 #[non_exhaustive]
@@ -193,7 +193,7 @@ impl fmt::Display for RefusalReason {
     }
 }
 
-/// The reason for which bytes are not the rows of this ledger.
+/// The reason why bytes are not the rows of this ledger.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum LedgerError {

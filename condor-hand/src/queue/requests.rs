@@ -37,7 +37,7 @@ impl fmt::Display for QueueAnswer {
     }
 }
 
-/// The reason for which a queue cannot be restored.
+/// The reason why a queue cannot be restored.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum RestoreError<E> {

@@ -58,7 +58,7 @@ pub struct FingerSettings<T: Real, const N: usize> {
     pub transition_s: T,
 }
 
-/// The reason for which a servo refuses settings or a target.
+/// The reason why a servo refuses settings or a target.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum SettingError {

@@ -18,7 +18,7 @@ pub struct MomentArms<T: Real, const N: usize> {
     reciprocals: TendonPairs<T, N>,
 }
 
-/// The reason for which no finger can have these arms.
+/// The reason why no finger can have these arms.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum ArmError {
@@ -87,7 +87,7 @@ impl<T: Real, const N: usize> MomentArms<T, N> {
         Ok(Self { rows, reciprocals })
     }
 
-    /// Returns the arms at one joint, of the tendons of each joint.
+    /// Returns the matrix by rows, m: row `i` has the moment arms about joint `i` of the tendons of all joints.
     #[inline(always)]
     #[must_use]
     pub fn rows(&self) -> &[TendonPairs<T, N>; N] {

@@ -28,7 +28,7 @@ pub enum Happening {
     Refused(PrimitiveError),
 }
 
-/// The reason for which a primitive has ended.
+/// The reason why a primitive has ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MotionEnd {
     /// The primitive has reached its targets.

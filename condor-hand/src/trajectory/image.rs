@@ -32,7 +32,7 @@ const FORMAT: Format = Format {
 /// The size of an image without primitives, in bytes.
 pub const HEADER_BYTES: usize = image::HEADER_BYTES;
 
-/// The reason for which bytes are not a sequence of motions, or a sequence cannot become bytes.
+/// The reason why bytes are not a sequence of motions, or a sequence cannot become bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum MotionImageError {

@@ -51,7 +51,7 @@ struct Gap<T: Real> {
     at: T,
 }
 
-/// The reason for which no joint can follow a set-point.
+/// The reason why no joint can follow a set-point.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum SetPointError {

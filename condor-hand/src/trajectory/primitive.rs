@@ -335,7 +335,7 @@ fn check_goal<T: Real>(joint: usize, position: T) -> Result<(), PrimitiveError> 
     finite("the position, rad,", position).map_err(|error| PrimitiveError::Goal { joint, error })
 }
 
-/// The reason for which a primitive is refused; joints are counted from 0.
+/// The reason why a primitive is refused; joints are counted from 0.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum PrimitiveError {

@@ -22,7 +22,7 @@ pub(super) struct Running<T> {
     pub(super) ticks: u32,
     pub(super) stop: Guards<T>,
     pub(super) on_end: OnEnd,
-    /// The reason for which it stops; `None` if it does not stop.
+    /// The reason why it stops; `None` if it does not stop.
     pub(super) ending: Option<MotionEnd>,
     /// The end of the motion when its path is over: not `Reached` if it only returns to the place at which a
     /// servo has stopped its joints.

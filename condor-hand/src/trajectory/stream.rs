@@ -30,7 +30,7 @@ pub enum StreamEnd {
     Aborted,
 }
 
-/// The reason for which points are refused; joints are counted from 0.
+/// The reason why points are refused; joints are counted from 0.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum JointStreamError {

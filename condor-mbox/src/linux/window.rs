@@ -47,7 +47,7 @@ impl WindowError for LinuxWindowError {
     }
 }
 
-/// The reason for which a mapping could not be made.
+/// The reason why a mapping could not be made.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum WindowMapError {

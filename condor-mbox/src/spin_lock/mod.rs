@@ -235,7 +235,7 @@ impl<L: TestAndSet> Drop for SpinLockGuard<'_, L> {
     }
 }
 
-/// The reason for which a [`SpinLock`] was not taken.
+/// The reason why a [`SpinLock`] was not taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum SpinLockError {

@@ -54,7 +54,7 @@ pub struct ServedTerminal {
     pub held: bool,
 }
 
-/// The reason for which a host cannot serve a terminal.
+/// The reason why a host cannot serve a terminal.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum HostError {

@@ -21,7 +21,7 @@ use crate::{FINGERS, IMAGE, JOINTS, UtahMit, boards};
 /// Bytes of a sequence that the master has room for.
 const BYTES: usize = crate::master::MOTION_BYTES;
 
-/// The reason for which a configuration, a motion or a grasp is not compiled.
+/// The reason why a configuration, a motion or a grasp is not compiled.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum CompileError {

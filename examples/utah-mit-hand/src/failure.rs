@@ -1,4 +1,4 @@
-//! [`Failure`]: the reason for which a program of the hand ended before it was told to.
+//! [`Failure`]: the reason why a program of the hand ended before it was told to.
 
 use condor_fs::FileError;
 use condor_hand::controller::{ControllerError, TableError};
@@ -15,7 +15,7 @@ pub type FailureText = condor_rt::ShortText<80>;
 /// The name of a file, cut to 32 bytes.
 pub type FileName = condor_rt::ShortText<32>;
 
-/// The reason for which a program of the hand ended before it was told to, if it is one that only this hand
+/// The reason why a program of the hand ended before it was told to, if it is one that only this hand
 /// has.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]

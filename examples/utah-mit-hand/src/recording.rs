@@ -111,7 +111,7 @@ pub(crate) struct TickEnd {
     pub(crate) hash: u64,
 }
 
-/// The reason for which a recording cannot be made or replayed.
+/// The reason why a recording cannot be made or replayed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum ServoRecordingError {

@@ -183,7 +183,7 @@ pub struct TableResponse {
     pub state: u32,
 }
 
-/// The reason for which the table refuses a request.
+/// The reason why the table refuses a request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 #[non_exhaustive]

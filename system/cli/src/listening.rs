@@ -57,7 +57,7 @@ pub(crate) enum Trust {
     MaySet,
 }
 
-/// The reason for which a client is refused.
+/// The reason why a client is refused.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub(crate) enum Refusal {
     #[error("the request needs one header `Host`")]

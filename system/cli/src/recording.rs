@@ -88,7 +88,7 @@ pub struct RecordedTopic {
     pub dropped: Option<u64>,
 }
 
-/// The reason for which a recording cannot be written or read.
+/// The reason why a recording cannot be written or read.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum RecordingError {

@@ -43,7 +43,7 @@ const FRAME: Duration = Duration::from_millis(40);
 /// The time between two looks at the counts.
 const LOOK: Duration = Duration::from_millis(500);
 
-/// The reason for which there is no user interface.
+/// The reason why there is no user interface.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum UiError {

@@ -2,7 +2,7 @@
 
 use core::fmt;
 
-/// The reason for which simulated time does not pass. It is a snapshot, which is out of date as
+/// The reason why simulated time does not pass. It is a snapshot, which is out of date as
 /// soon as time passes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Obstacle {

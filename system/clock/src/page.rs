@@ -636,7 +636,7 @@ impl<const N: usize> Page<N> {
         self.pace_from.store(self.now(), Ordering::Relaxed);
     }
 
-    /// Returns the reason for which time does not pass at this moment.
+    /// Returns the reason why time does not pass at this moment.
     pub fn standing(&self, by: &impl Handover) -> Obstacle {
         if let Some(holder) = self.holder() {
             let asks = self.line(holder);

@@ -139,7 +139,7 @@ impl DebugRequest {
     }
 }
 
-/// The reason for which a program is held.
+/// The reason why a program is held.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum HoldReason {
     /// The debugger has stopped the program.

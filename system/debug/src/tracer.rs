@@ -63,7 +63,7 @@ pub struct PlantedBreakpoint {
     pub original: u32,
 }
 
-/// The reason for which a processor did not execute a command.
+/// The reason why a processor did not execute a command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum TracerError {

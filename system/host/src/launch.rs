@@ -169,7 +169,7 @@ impl fmt::Display for Exit {
     }
 }
 
-/// The reason for which a program cannot be loaded, started or stopped.
+/// The reason why a program cannot be loaded, started or stopped.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum LaunchError {

@@ -23,7 +23,7 @@ pub trait Robot: Send + Sync {
     /// Returns the joints.
     fn joints(&self) -> &[RobotJoint];
 
-    /// Returns the lines to draw, in the frame of the base.
+    /// Returns the lines that show the robot with its joints at `positions`, in the frame of the base.
     fn lines(&self, positions: &[f64]) -> Vec<RobotLine>;
 
     /// Returns the frames of all links but the base, parents first.
@@ -64,14 +64,14 @@ pub struct RobotJoint {
     pub velocity: Option<String>,
     /// The variable that has its torque or force, in N m or N.
     pub effort: Option<String>,
-    /// The least and the greatest position.
+    /// The least and the greatest position, in radians or metres.
     pub limits: [f64; 2],
 }
 
 /// A polyline.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RobotLine {
-    /// The name of the part.
+    /// The name of the part that the line shows, such as that of a link.
     pub name: String,
     /// Its points, in metres.
     pub points: Vec<[f64; 3]>,

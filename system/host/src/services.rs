@@ -28,7 +28,7 @@ pub(crate) const TERMINALS: &str = "terminals";
 /// The longest wait for a number whose previous service is exiting.
 const SUCCESSION: Duration = Duration::from_secs(5);
 
-/// The reason for which a service could not start, or has ended.
+/// The reason why a service could not start, or has ended.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ServiceError {

@@ -81,7 +81,7 @@ pub struct SupervisorOptions {
     pub adopts: bool,
 }
 
-/// The reason for which a system does not come up, or does not stay up.
+/// The reason why a system does not come up, or does not stay up.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum UpError {

@@ -38,7 +38,7 @@ use serde::{Deserialize, Serialize};
 /// The time that a supervisor may take to answer a request that it answers at once.
 pub(crate) const ANSWER: Duration = Duration::from_secs(15);
 
-/// The reason for which a running system is not found.
+/// The reason why a running system is not found.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum FindError {

@@ -35,7 +35,7 @@ use condor_rt::objects::{self, ObjectKind, SharedObject};
 /// The mailbox of a visitor: a program that comes to look at a running system, and goes again.
 pub type Post = HostMailbox<'static>;
 
-/// The reason for which a visitor cannot read the memory of a system.
+/// The reason why a visitor cannot read the memory of a system.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ViewError {

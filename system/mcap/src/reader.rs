@@ -84,7 +84,7 @@ pub enum McapRecord<'b> {
     Message(MessageHead, &'b [u8]),
 }
 
-/// The reason for which a file cannot be read.
+/// The reason why a file cannot be read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum McapError<E> {

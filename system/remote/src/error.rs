@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use crate::wire::RemoteRefusal;
 
-/// The reason for which a robot has not answered as it was asked.
+/// The reason why a robot has not answered as it was asked.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum RemoteError {

@@ -102,7 +102,7 @@ impl RemoteStream {
         Ok(Some(RemoteMessage { payload, lost }))
     }
 
-    /// Returns the row of a message; `None` if the topic has none.
+    /// Decodes a message as a row of values; `None` if this topic has no rows, as that of events.
     ///
     /// # Errors
     /// [`DecodeError`] if the bytes are not those of a row of this topic.

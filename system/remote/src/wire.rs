@@ -232,7 +232,7 @@ impl ClientRequest {
     }
 }
 
-/// The reason for which a request was not carried out.
+/// The reason why a request was not carried out.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, thiserror::Error)]
 #[error("{error}")]
 pub struct RemoteRefusal {
@@ -317,7 +317,7 @@ impl core::fmt::Display for RemoteState {
 pub struct RemoteOutcome {
     /// Its state.
     pub state: RemoteState,
-    /// The reason for which it was refused or has ended early; empty if there is none.
+    /// The reason why it was refused or has ended early; empty if there is none.
     #[serde(default)]
     pub reason: String,
     /// How much of it is done, in 0..=1; `None` if it does not run, or if nobody knows.

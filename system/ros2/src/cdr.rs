@@ -13,7 +13,7 @@ pub struct CdrWriter {
     bytes: Vec<u8>,
 }
 
-/// The reason for which a message cannot be read.
+/// The reason why a message cannot be read.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum DecodeError {

@@ -68,7 +68,7 @@ pub struct RowMessage<'m> {
     body: &'m [u8],
 }
 
-/// The reason for which a layout does not apply.
+/// The reason why a schema or a row does not belong to a layout.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum LayoutError {

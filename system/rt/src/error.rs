@@ -13,7 +13,7 @@ use crate::numbers::MISTAKE;
 use crate::objects::ObjectError;
 use crate::text::ShortText;
 
-/// The reason for which a program ends before it was told to stop.
+/// The reason why a program ends before it was told to stop.
 #[derive(Clone, Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ProgramError {
@@ -88,7 +88,7 @@ pub enum ProgramError {
     Variables {
         /// The name of the loop, or of the cell.
         name: ShortText<32>,
-        /// The reason for which they cannot be shown.
+        /// The reason why they cannot be shown.
         error: CatalogError,
     },
     /// The processor's window, its shared memory, has no room for an object.

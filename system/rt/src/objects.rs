@@ -90,7 +90,7 @@ pub struct SharedObject {
     pub len: u32,
 }
 
-/// The reason for which an object cannot be entered.
+/// The reason why an object cannot be entered.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ObjectError {

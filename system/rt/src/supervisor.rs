@@ -160,7 +160,7 @@ pub struct Supervisor<'b, M: Machine> {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SupervisorTicket(u32);
 
-/// The reason for which the supervisor does not carry out a request.
+/// The reason why the supervisor does not carry out a request.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum SupervisorError {
@@ -204,7 +204,7 @@ impl<'b, M: Machine> Supervisor<'b, M> {
         })
     }
 
-    /// Returns the reason for which the supervisor refused a request, or could not carry it out,
+    /// Returns the reason why the supervisor refused a request, or could not carry it out,
     /// the last time.
     #[must_use]
     pub fn reason(&self) -> &str {

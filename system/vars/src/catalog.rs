@@ -20,7 +20,7 @@ pub struct Catalog<'e> {
     params: &'e [&'e dyn Tune],
 }
 
-/// The reason for which the variables of a loop cannot be shown.
+/// The reason why the variables of a loop cannot be shown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum CatalogError {

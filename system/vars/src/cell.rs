@@ -147,7 +147,7 @@ pub struct Cell<W> {
     bytes: usize,
 }
 
-/// The reason for which the value of a described cell cannot be read.
+/// The reason why the value of a described cell cannot be read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum CellError {

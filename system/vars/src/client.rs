@@ -40,7 +40,7 @@ pub struct VariableClient<'m, M: Messenger + ?Sized, W> {
     vector: Vector,
 }
 
-/// The reason for which a request was not granted.
+/// The reason why a request was not granted.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum RequestError {

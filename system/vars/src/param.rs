@@ -65,7 +65,7 @@ pub struct Params<T: Scalar, const N: usize> {
 /// A sequence that no complete value has.
 const NEVER: u32 = 1;
 
-/// The reason for which a parameter was not set.
+/// The reason why a parameter was not set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ParamRefusal {
     /// The new value is not within the bounds, or is not a value of the type.

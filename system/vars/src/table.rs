@@ -61,7 +61,7 @@ pub struct TableEntry {
     labels_at: u32,
 }
 
-/// The reason for which a table cannot be read.
+/// The reason why a table cannot be read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum VariableTableError {

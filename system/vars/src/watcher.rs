@@ -63,7 +63,7 @@ pub struct RowHead {
     pub words: usize,
 }
 
-/// The reason for which no row can be read.
+/// The reason why no row can be read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum WatchError {

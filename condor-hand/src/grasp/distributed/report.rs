@@ -15,7 +15,7 @@ pub enum GraspState {
     Left = 4,
 }
 
-/// The reason for which a grasp was refused or left.
+/// The reason why a grasp was refused or left.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 #[non_exhaustive]

@@ -37,7 +37,7 @@ pub enum SentPoints {
     Ended(QueueAnswer),
 }
 
-/// The reason for which a client has no answer.
+/// The reason why a client has no answer.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum MotionsError {

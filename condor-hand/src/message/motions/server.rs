@@ -19,7 +19,7 @@ const AGAIN: Duration = Duration::from_millis(500);
 /// A row that was written, and all rows that were replaced, must be there after whatever ends. Rows are
 /// written whole or not at all. The controller waits for each call: let none take long.
 pub trait LedgerStore {
-    /// The reason for which rows cannot be read or written.
+    /// The reason why rows cannot be read or written.
     type Error;
 
     /// Calls `restore` with the bytes of all rows of the former incarnation, or with no bytes if there are none;

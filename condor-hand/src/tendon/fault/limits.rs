@@ -88,7 +88,7 @@ pub struct FaultLimits<T, const N: usize> {
     pub set_point_age_s: Threshold<T>,
 }
 
-/// The reason for which limits cannot be used.
+/// The reason why limits cannot be used.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[error("{site}, '{code}': {error}")]
 pub struct FaultLimitsError {

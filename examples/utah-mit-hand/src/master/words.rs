@@ -22,7 +22,7 @@ use thiserror::Error;
 use crate::UtahMit;
 use crate::{JOINTS, plant, table};
 
-/// The reason for which a command is not done.
+/// The reason why a command is not done.
 #[derive(Debug, Error)]
 pub(super) enum Problem<'l> {
     #[error("there is no command \"{0}\"; `help` lists them")]
@@ -212,7 +212,7 @@ impl Problem<'_> {
         matches!(self, Self::File { error, .. } if error.errno().is_none())
     }
 
-    /// Returns the reason for which a motion that cannot run is refused.
+    /// Returns the reason why a motion that cannot run is refused.
     pub(super) const fn reason(&self) -> RefusalReason {
         match self {
             Self::File { .. } | Self::Image { .. } | Self::Nothing | Self::Recording(_) => {
@@ -256,7 +256,7 @@ impl fmt::Display for GuardText<'_> {
     }
 }
 
-/// The reason for which a row is not written.
+/// The reason why a row is not written.
 #[derive(Clone, Copy, Debug, Error)]
 pub(super) enum RowError {
     #[error(transparent)]

@@ -115,7 +115,7 @@ pub struct PlantResponse {
     pub resting: u32,
 }
 
-/// The reason for which the robot refuses a request.
+/// The reason why the robot refuses a request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 #[non_exhaustive]

@@ -348,7 +348,7 @@ impl Robot {
         self.failures
     }
 
-    /// Returns the reason for which the last one of these ticks failed.
+    /// Returns the reason why the last one of these ticks failed.
     pub(super) fn cause(&self) -> Option<Failure> {
         self.cause.clone()
     }

@@ -64,7 +64,7 @@ pub(crate) enum PageRequest {
     More,
     /// A websocket.
     Websocket,
-    /// A file: the answer, and the reason for which it is a refusal.
+    /// A file: the answer, and the reason why it is a refusal.
     File(Vec<u8>, Option<String>),
 }
 

@@ -214,7 +214,7 @@ fn fresh(new: &Path) -> Result<File, RecordingError> {
 pub(crate) struct Former {
     _file: File,
     path: PathBuf,
-    /// The reason for which it could not be completed.
+    /// The reason why it could not be completed.
     pub(crate) trouble: Option<RecordingError>,
 }
 

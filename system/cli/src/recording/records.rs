@@ -43,7 +43,7 @@ pub(super) struct Walk<'f> {
     expects_index: bool,
 }
 
-/// The reason for which a chunk has no content.
+/// The reason why a chunk has no content.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum ChunkError {
     /// The record lacks fields of a chunk, or is too long.

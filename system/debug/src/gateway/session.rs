@@ -131,7 +131,7 @@ impl<W> core::fmt::Debug for Debuggee<W> {
     }
 }
 
-/// The reason for which a session failed.
+/// The reason why a session failed.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum SessionError {

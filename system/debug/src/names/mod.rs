@@ -16,7 +16,7 @@ use expression::{Expression, Step};
 /// The greatest number of bytes of a value.
 const MOST_BYTES: u64 = 1 << 16;
 
-/// The reason for which a variable is not found.
+/// The reason why a variable is not found.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum NamesError {

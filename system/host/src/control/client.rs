@@ -12,7 +12,7 @@ use crate::system::{ANSWER, NamedFileError, SystemDirectory};
 /// The time that a request may take to take effect; programs may have to end, and others to join.
 const DONE: Duration = Duration::from_secs(120);
 
-/// The reason for which a request was not carried out, or not answered.
+/// The reason why a request was not carried out, or not answered.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ControlClientError {
@@ -43,7 +43,7 @@ pub enum ControlClientError {
     NoAnswer {
         /// The line that came from the supervisor.
         line: String,
-        /// The reason for which it is not an answer.
+        /// The reason why it is not an answer.
         source: serde_json::Error,
     },
 }

@@ -59,7 +59,7 @@ pub trait MotionSender {
 pub struct MotionOutcome {
     /// Its state, in a word: `accepted`, `started`, `done`, or others of the robot.
     pub state: String,
-    /// The reason for which it is refused or has ended early.
+    /// The reason why it is refused or has ended early.
     pub reason: Option<String>,
     /// The part of the motion that is done, in 0..=1; `None` if it is not known.
     pub progress: Option<f64>,

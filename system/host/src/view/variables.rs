@@ -12,7 +12,7 @@ use super::{Post, View, ViewError};
 pub struct Variables {
     /// The name of the loop or the cell.
     pub name: String,
-    /// The table, or the reason for which it cannot be read.
+    /// The table, or the reason why it cannot be read.
     pub table: Result<VariableTable<LinuxWindow>, VariableTableError>,
 }
 

@@ -119,7 +119,7 @@ impl VariableCatalog {
         Ok(known)
     }
 
-    /// Returns the place of the variable of this name among `columns`.
+    /// Returns the index in `columns` of the variable `name`; `None` if it is not among them.
     #[must_use]
     pub fn column(&self, name: &str, columns: &[&CatalogEntry]) -> Option<usize> {
         let one = self.find(name).ok()?;

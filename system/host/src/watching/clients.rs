@@ -22,7 +22,7 @@ pub struct Clients<'v> {
     answer: Duration,
 }
 
-/// The reason for which a parameter was not set.
+/// The reason why a parameter was not set.
 #[derive(Debug, thiserror::Error)]
 #[error("{text}")]
 pub struct SetError {

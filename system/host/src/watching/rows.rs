@@ -74,7 +74,7 @@ enum Supply {
     /// The rows that were read belong to a previous incarnation of the program.
     Gone {
         looked: time::Instant,
-        /// The reason for which its variables were not found then; empty before the first look.
+        /// The reason why its variables were not found then; empty before the first look.
         why: String,
     },
 }
@@ -186,9 +186,9 @@ impl<'v> Rows<'v> {
         Ok(rows)
     }
 
-    /// Asks for rows of further variables, whose loops and cells are not sources yet. Each loop and cell
-    /// becomes a new source, and the columns of its fields are places in `columns`. [`changes`](Self::changes)
-    /// tells which of them have rows.
+    /// Watches the variables `columns`, too; none of their loops and cells may be watched already. Each loop
+    /// and cell becomes a new source, whose fields have indices into these `columns` as their columns.
+    /// [`changes`](Self::changes) tells which of them have rows.
     pub fn extend(&mut self, columns: &[&CatalogEntry]) {
         for of_source in by_source(columns) {
             let number = self.sources.len();
@@ -719,7 +719,7 @@ struct SourceError {
     source: AnyError,
 }
 
-/// The reason for which a source has no rows.
+/// The reason why a source has no rows.
 #[derive(Debug, thiserror::Error)]
 enum SupplyError {
     #[error("the program does not run")]

@@ -88,8 +88,8 @@ pub struct GatewayTls {
     pub certificate: PathBuf,
     /// The private key of that certificate.
     pub private_key: PathBuf,
-    /// The certificate of the authority that has signed those of clients, whose common names are the clients' names;
-    /// also of the one that has signed those of routers.
+    /// The certificates of the authorities by which the certificates of clients and routers are checked. The common
+    /// name of a client's certificate is the client's name. `None` if no certificate is checked.
     pub authority: Option<PathBuf>,
 }
 

@@ -59,7 +59,7 @@ pub enum JournalRecord {
     },
 }
 
-/// The reason for which a journal cannot be used.
+/// The reason why a journal cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum JournalError {
     /// The operating system refuses.

@@ -7,7 +7,7 @@ use std::path::PathBuf;
 use condor_dev::linux::BusMapError;
 use condor_mbox::linux::SystemError;
 
-/// The reason for which a process cannot be a processor.
+/// The reason why a process cannot be a processor.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ProcessError {

@@ -10,7 +10,7 @@ use condor_mbox::linux::SystemError;
 
 use crate::numbers::PROCESSORS;
 
-/// The reason for which a system cannot be made, or its run has failed.
+/// The reason why a system cannot be made, or its run has failed.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum SimError {

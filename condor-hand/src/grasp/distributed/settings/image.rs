@@ -14,7 +14,7 @@ const FORMAT: Format = Format {
     version: 1,
 };
 
-/// The reason for which bytes are not the image of a grasp, or a grasp cannot become an image.
+/// The reason why bytes are not the image of a grasp, or a grasp cannot become an image.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum GraspImageError {

@@ -24,7 +24,7 @@ use crate::machine::{
 use crate::memory::{LEAST_BYTES, memory};
 use crate::msip::{self, ring_hart};
 
-/// The reason for which a hart enters the monitor. The hart passes it in register `a0`.
+/// The reason why a hart enters the monitor. The hart passes it in register `a0`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(usize)]
 pub enum Return {

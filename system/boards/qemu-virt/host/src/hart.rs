@@ -60,7 +60,7 @@ impl Power {
     }
 }
 
-/// The reason for which a hart cannot run a program.
+/// The reason why a hart cannot run a program.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum HartError {
@@ -77,7 +77,7 @@ pub enum HartError {
         hart: u32,
         /// The path of the file.
         file: PathBuf,
-        /// The reason for which the hart cannot run it.
+        /// The reason why the hart cannot run it.
         source: HartImageError,
     },
     /// The file cannot be read.

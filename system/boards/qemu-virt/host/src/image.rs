@@ -28,7 +28,7 @@ pub struct HartImage {
     bias: u64,
 }
 
-/// The reason for which a file cannot be the program of a hart, and what to do about it.
+/// The reason why a file cannot be the program of a hart, and what to do about it.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
 pub struct HartImageError(String);

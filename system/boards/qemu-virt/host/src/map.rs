@@ -98,7 +98,7 @@ pub struct Map {
     pub numbers: heapless::Vec<u8, { HARTS as usize }>,
 }
 
-/// The reason for which a memory cannot be laid out, or has no valid map.
+/// The reason why a memory cannot be laid out, or has no valid map.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum MemoryMapError {

@@ -23,7 +23,7 @@ pub struct MachineMemory {
     region: Region<LinuxWindow>,
 }
 
-/// The reason for which a file is not the memory of a machine, or cannot be used as such.
+/// The reason why a file is not the memory of a machine, or cannot be used as such.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
 pub struct MemoryError(String);

@@ -36,7 +36,7 @@ pub(super) struct Station {
     host: Option<TerminalHost<LinuxWindow>>,
     /// None if they could not be opened again after an error.
     files: Option<Files>,
-    /// The reason for which the terminal could not be served the last time; a reason is reported
+    /// The reason why the terminal could not be served the last time; a reason is reported
     /// once.
     trouble: Option<String>,
     /// Until when it is not served, after an error: whoever tries again at once would do nothing else, and
