@@ -6,7 +6,7 @@ use crate::trajectory::StreamPoint;
 /// The greatest number of points of a batch.
 pub const BATCH: usize = 16;
 
-/// Bytes before the points.
+/// The number of bytes before the points.
 const HEAD: usize = 8;
 
 /// Some points of a stream of a robot with J joints.
@@ -18,9 +18,9 @@ const HEAD: usize = 8;
 pub struct Batch<const J: usize> {
     /// The number of the batch, counted from 0.
     pub sequence: u32,
-    /// Whether the stream ends with it, at rest.
+    /// True if the stream ends with this batch, at rest.
     pub is_last: bool,
-    /// The points.
+    /// The points in order of time, at most as many as there is [room](Self::room) for.
     pub points: Vec<StreamPoint<J>, BATCH>,
 }
 
@@ -57,7 +57,7 @@ impl<const J: usize> Batch<J> {
         Some(len)
     }
 
-    /// Reads what [`write`](Self::write) wrote; `None` if the bytes are not a batch.
+    /// Reads a batch that [`write`](Self::write) wrote; `None` if the bytes are not a batch.
     pub(super) fn read(mask: u32, bytes: &[u8]) -> Option<Self> {
         let (sequence, rest) = bytes.split_first_chunk::<4>()?;
         let (is_last, rest) = rest.split_first_chunk::<4>()?;
