@@ -73,7 +73,7 @@ pub enum RequestError {
         /// The number of slots.
         slots: u32,
     },
-    /// The owner took this watcher for dead and gave its slot to another.
+    /// The owner considered this watcher dead, and another watcher has claimed its slot.
     #[error("slot {slot} was given to another watcher")]
     Displaced {
         /// The number of the slot.
@@ -324,7 +324,7 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow> VariableClient<'m, M, W> {
     }
 }
 
-/// The reason that the owner of a table, the processor `to`, gave in the response to a request.
+/// Returns the error for a response with which the owner of a table, the processor `to`, has refused a request.
 pub(crate) fn refusal(
     &[_, offset, expected, number, ..]: &Block,
     &[code, a, b, c, d, ..]: &Block,

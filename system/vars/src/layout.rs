@@ -6,7 +6,7 @@
 //!
 //! | offset | word | |
 //! |---|---|---|
-//! | 0 | magic | `CVAR`; 0 while the owner writes what follows |
+//! | 0 | magic | `CVAR`; 0 while the owner writes the rest of the table |
 //! | 4 | version | 1 |
 //! | 8 | incarnation | one more whenever a program makes the table anew |
 //! | 12 | bytes | size of the whole table |

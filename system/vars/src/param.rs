@@ -198,7 +198,7 @@ impl<T: Scalar, const N: usize> Params<T, N> {
 ///
 /// The parameters have the same indices as in [`Watch::describe`].
 pub trait Tune: Watch {
-    /// Changes a parameter as [`Params::compare_and_set_at`] does; the values are given as words.
+    /// Changes a parameter as [`Params::compare_and_set_at`] does; the values are words.
     ///
     /// # Errors
     /// Returns [`ParamRefusal::OutOfBounds`] if `new` is out of bounds, is not a value of the type, or there is

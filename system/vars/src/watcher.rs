@@ -70,7 +70,7 @@ pub enum WatchError {
     /// The owner has restarted, or its memory cannot be reached.
     #[error(transparent)]
     Table(#[from] VariableTableError),
-    /// The owner took this watcher for dead and gave its slot to another.
+    /// The owner considered this watcher dead, and another watcher has claimed its slot.
     #[error("slot {slot} was given to another watcher")]
     Displaced {
         /// The number of the slot.
@@ -146,8 +146,7 @@ impl<W: MemoryWindow> Watcher<W> {
         self.selection.map_or(0, |it| it.words as usize)
     }
 
-    /// Returns the number of rows of the selection for which the ring has room; 0 if nothing is
-    /// selected.
+    /// Returns the number of rows of the selection for which the ring has room; 0 if nothing is selected.
     #[must_use]
     pub fn rows(&self) -> u32 {
         self.selection.map_or(0, |it| it.rows)
