@@ -3,7 +3,7 @@
 //!
 //! A client opens a session, and assigns each request a [`RequestIdentity`]: the session and a number that
 //! counts up. If a message is lost, the client sends the same request again until it gets an answer. The queue
-//! records what becomes of each request in a [`Ledger`], whose rows outlive the program, so the same identity
+//! records the state of each request in a [`Ledger`], whose rows outlive the program, so the same identity
 //! always has the same outcome:
 //!
 //! ```text
@@ -17,8 +17,8 @@
 //! ```
 //!
 //! A request begins only after the row that says so was written, and an answer is sent only after its row was
-//! written. So a program that ends at any instant leaves a ledger from which the next one tells every client
-//! the truth. It does not go on with motions of its former incarnation.
+//! written. So a program that ends at any instant leaves a ledger from which the next one can tell every client
+//! the true state of its requests. It does not go on with motions of its former incarnation.
 //!
 //! A session belongs to the incarnation of the processor that opened it, its [`SessionOwner`]. When that
 //! incarnation has ended, the program [closes](MotionQueue::close) the session: its requests in the queue go

@@ -41,8 +41,7 @@ const REPLACEMENTS: [&str; 20] = [
 /// Reads the text or the image that the bytes describe.
 ///
 /// # Panics
-/// Panics if a hand that breaks the rules is read, or if a hand is another one after it was written and read
-/// again.
+/// Panics if a hand that breaks the rules is read, or if a hand differs after it was written and read again.
 pub fn run(bytes: &[u8]) {
     let mut source = Source::new(bytes);
     match source.byte() % 5 {

@@ -1,4 +1,4 @@
-/// Bytes that decide what happens next; zeros when there are no more.
+/// The bytes that decide the next events; zeros when there are no more.
 pub(crate) struct Source<'a> {
     bytes: &'a [u8],
 }

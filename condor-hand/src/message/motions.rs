@@ -5,15 +5,15 @@
 //! [queue](crate::queue) runs no identity twice. [`MotionsClient`] does this.
 //!
 //! The controller has a [`MotionsPost`], whose [`answer`](MotionsPost::answer) is the handler of [`MOTIONS`],
-//! and a [`MotionsServer`] in its background. The handler answers what can be answered at once, and keeps the
-//! rest for the background, which may wait while the ledger is written. The controller knows the motions and
-//! joints of its robot, and moves them: it makes the data of a request from an [`Offer`], and begins and ends
-//! the [next request](MotionsServer::next_request).
+//! and a [`MotionsServer`] in its background. The handler answers requests that can be answered at once, and
+//! keeps the others for the background, which may wait while the ledger is written. The controller knows the
+//! motions and joints of its robot, and moves them: it makes the data of a request from an [`Offer`], and
+//! begins and ends the [next request](MotionsServer::next_request).
 //!
 //! | operation | request | answer |
 //! |---|---|---|
 //! | [`Open`](MotionOperation::Open) | | [`Code::Done`] with the session as value; until then [`Code::Pending`]; [`Code::Exhausted`] if there is no number for one |
-//! | [`Control`](MotionOperation::Control) | session; number 1: from another one, too | [`Code::Done`], with the session in control |
+//! | [`Control`](MotionOperation::Control) | session; number 1 to take control from another session, too | [`Code::Done`], with the session in control |
 //! | [`Offer`](MotionOperation::Offer) | session, number, body: motions, as the controller reads them | as [`Look`](MotionOperation::Look), and [`Code::Pending`] until it is accepted or refused |
 //! | [`Look`](MotionOperation::Look) | session, number | [`Code::Known`], [`Code::New`], [`Code::Never`], [`Code::Forgotten`], [`Code::NoSession`]; [`Code::Pending`] while the controller has it and has not decided |
 //! | [`Abort`](MotionOperation::Abort) | session, which is in control | [`Code::Done`], with the session in control; [`Code::Pending`] until the controller has ended all motion and recorded it in the ledger |
@@ -210,7 +210,8 @@ pub struct MotionResponse {
     pub state: u32,
     /// The number of a [`RefusalReason`], of [`Code::Known`].
     pub reason: u32,
-    /// A session; the number of requests before one that waits; or the time of points, ms.
+    /// A session; the number of requests before one that waits; or the time until which a stream has points,
+    /// ms.
     pub value: u32,
     /// The part of the running request that is done, in thousandths, 1..=1000; 0 if the request does not run,
     /// or if the controller does not know the part, as for a stream.

@@ -19,7 +19,7 @@ const CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
 /// The session and the number of a request, which identify it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct RequestIdentity {
-    /// The number of the session, which the queue gave to the client.
+    /// The number of the session, which the queue has assigned to the client.
     pub session: u32,
     /// The number of the request, which the client chooses: from 1 on, and greater than those of all
     /// earlier requests of the session.
@@ -60,7 +60,7 @@ pub enum RequestState {
     Refused = 6,
     /// The program ended before the request began: it has not run and never will.
     Lost = 7,
-    /// The program ended while the request ran: nobody knows how far it came.
+    /// The program ended while the request ran: it is not known how far it came.
     BrokenOff = 8,
 }
 
@@ -267,10 +267,10 @@ struct Request {
 /// | 1 to S | 1, or 3 if the session is closed, session, number up to which its requests were answered, when it was last used (64 bits), processor and incarnation of its owner |
 /// | S + 1 on | 2, session, number, [`RequestState`], [`RefusalReason`], when it was entered or ended (64 bits) |
 ///
-/// An empty row has zeros before its checksum. A row whose checksum is wrong is damaged: then nobody
-/// knows which requests were in it, and all requests that are in no other row count as answered.
-/// Rows must be written whole or not at all when the program ends. After an error of `write` the row may
-/// be there or not: store all [rows](Self::rows) anew before the next change.
+/// An empty row has zeros before its checksum. A row whose checksum is wrong is damaged. Its requests are not
+/// known then, so all requests that are in no other row count as answered. Rows must be written whole or not at
+/// all when the program ends. After an error of `write` the row may be there or not: store all
+/// [rows](Self::rows) anew before the next change.
 #[derive(Clone, Debug)]
 pub struct Ledger<const N: usize> {
     sessions: [[Session; 2]; N],
@@ -291,7 +291,7 @@ impl<const N: usize> Ledger<N> {
     /// Reads the rows that an earlier run of the program has written; makes an empty ledger if
     /// there are no bytes. Requests that had not ended are [`RequestState::Lost`] or [`RequestState::BrokenOff`].
     ///
-    /// Sessions that are opened from here on have greater numbers than all that the ledger knows, and at least
+    /// Sessions that are opened from here on have greater numbers than all sessions in the ledger, and at least
     /// the number `least`. If `least` is the time in seconds, sessions have new numbers even after a ledger was
     /// deleted or the row of a session was damaged. Without a clock, a number can then be used again.
     ///

@@ -120,8 +120,8 @@ impl<P, const N: usize> MotionQueue<P, N> {
         self.ledger.is_exhausted()
     }
 
-    /// Puts `session` in control if no other one is, or in any case with `from_other`. Returns whether
-    /// it is in control now. What another session has enqueued stays; see [`abort`](Self::abort).
+    /// Puts `session` in control if no other one is, or in any case with `from_other`. Returns true if it is in
+    /// control now. Requests that another session has enqueued stay; see [`abort`](Self::abort).
     pub fn take_control(&mut self, session: u32, from_other: bool) -> bool {
         let is_free = self.in_control.is_none_or(|it| it == session) || from_other;
         if is_free && self.ledger.has_session(session) && !self.ledger.is_closed(session) {
@@ -152,8 +152,8 @@ impl<P, const N: usize> MotionQueue<P, N> {
         self.ledger.is_closed(session)
     }
 
-    /// Closes a session whose owner is gone: from here on it offers nothing, and it is not in control.
-    /// What it has enqueued stays. Returns true if it was in control.
+    /// Closes a session whose owner is gone: from here on it offers nothing, and it is not in control. Its
+    /// requests in the queue stay. Returns true if it was in control.
     ///
     /// # Errors
     /// Returns the error of `write` if a row cannot be written; the session is not closed then.
@@ -198,9 +198,8 @@ impl<P, const N: usize> MotionQueue<P, N> {
         Some(place + usize::from(self.running.is_some()))
     }
 
-    /// Accepts a new request or refuses it, and returns the answer. `make` makes the data of the
-    /// request, or returns the reason to refuse it. A request that the queue knows already is not
-    /// changed.
+    /// Accepts a new request or refuses it, and returns the answer. `make` makes the data of the request, or
+    /// returns the reason to refuse it. A request that is in the ledger already is not changed.
     ///
     /// # Errors
     /// Returns the error of `write` if a row cannot be written; the queue does not have the request then.

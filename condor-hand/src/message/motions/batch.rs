@@ -11,9 +11,9 @@ const HEAD: usize = 8;
 
 /// Some points of a stream of a robot with J joints.
 ///
-/// A message has a word with the number of the batch, and a word that says whether it is the last one.
-/// Then come the points, each with its time and the position and velocity of each joint in the mask, as
-/// IEEE 754 doubles. All numbers are little-endian.
+/// A message has a word with the number of the batch, and a word that is 1 if it is the last one, otherwise 0.
+/// Then come the points, each with its time and the position and velocity of each joint in the mask, as IEEE
+/// 754 doubles. All numbers are little-endian.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Batch<const J: usize> {
     /// The number of the batch, counted from 0.
