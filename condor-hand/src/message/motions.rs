@@ -34,9 +34,9 @@
 //! A session belongs to the processor that opened it, and to its incarnation: other processors get
 //! [`Code::NotYours`], except for `Look`, and for an `Offer` of a request that the controller has already. When
 //! that incarnation ends, the controller closes the session, and its control with it; the next incarnation of
-//! the processor cannot use it even before that. Its requests in the queue go on. A request that the controller
-//! has not received by then never runs ([`Code::Never`]). When the controller's program ends, the requests that
-//! it had accepted are lost or broken off; the sessions stay.
+//! the processor cannot use it even before that. The session's requests in the queue go on. A request that the
+//! controller has not received by then never runs ([`Code::Never`]). When the controller's program ends, the
+//! requests that it had accepted are lost or broken off; the sessions stay.
 
 mod batch;
 mod client;

@@ -267,9 +267,9 @@ struct Request {
 /// | 1 to S | 1, or 3 if the session is closed, session, number up to which its requests were answered, when it was last used (64 bits), processor and incarnation of its owner |
 /// | S + 1 on | 2, session, number, [`RequestState`], [`RefusalReason`], when it was entered or ended (64 bits) |
 ///
-/// An empty row has zeros before its checksum. A row whose checksum is wrong is damaged. Its requests are not
-/// known then, so all requests that are in no other row count as answered. Rows must be written whole or not at
-/// all when the program ends. After an error of `write` the row may be there or not: store all
+/// An empty row has zeros before its checksum. A row whose checksum is wrong is damaged. The requests that it
+/// had are unknown, so all requests that are in no other row count as answered. Rows must be written whole or
+/// not at all when the program ends. After an error of `write` the row may be there or not: store all
 /// [rows](Self::rows) anew before the next change.
 #[derive(Clone, Debug)]
 pub struct Ledger<const N: usize> {
@@ -297,7 +297,7 @@ impl<const N: usize> Ledger<N> {
     ///
     /// # Errors
     /// Returns [`LedgerError::Format`] if the bytes are not a ledger of this version, [`LedgerError::Size`] if
-    /// its number of sessions or requests differs, [`LedgerError::Length`] if it is cut.
+    /// its number of sessions or requests differs, [`LedgerError::Length`] if it is cut or too long.
     pub fn read(bytes: &[u8], least: u32) -> Result<Self, LedgerError> {
         let mut ledger = Self {
             sessions: [[Session::default(); 2]; N],
