@@ -1,10 +1,10 @@
 //! A queue of motions for several clients, in which no request runs twice. With the feature `mbox`,
 //! `message::motions` serves it by message.
 //!
-//! A client opens a session, and gives each request a [`RequestIdentity`]: the session and a number that
-//! counts up. Whatever is lost on the way, the client sends the same request again until it gets an
-//! answer. The queue records what becomes of each request in a [`Ledger`], whose rows outlive the
-//! program, so the same identity always has the same outcome:
+//! A client opens a session, and assigns each request a [`RequestIdentity`]: the session and a number that
+//! counts up. If a message is lost, the client sends the same request again until it gets an answer. The queue
+//! records the state of each request in a [`Ledger`], whose rows outlive the program, so the same identity
+//! always has the same outcome:
 //!
 //! ```text
 //! offered ─┬─ Refused
@@ -16,17 +16,17 @@
 //!                       └─ Lost                    the program ended before its turn came
 //! ```
 //!
-//! A request begins only after the row that says so was written, and an answer is given only after
-//! its row was written. So a program that ends at any instant leaves a ledger from which the next one
-//! tells every client the truth. It does not go on with motions of its former incarnation.
+//! A request begins only after the row that says so was written, and an answer is sent only after its row was
+//! written. So a program that ends at any instant leaves a ledger from which the next one can tell every client
+//! the true state of its requests. It does not go on with motions of its former incarnation.
 //!
-//! A session belongs to the incarnation of the processor that opened it, its [`SessionOwner`]. When that has ended,
-//! the program [closes](MotionQueue::close) the session: what has come from it goes on, and nothing
-//! more comes. The outcomes stay for whoever asks.
+//! A session belongs to the incarnation of the processor that opened it, its [`SessionOwner`]. When that
+//! incarnation has ended, the program [closes](MotionQueue::close) the session: its requests in the queue go
+//! on, and it can add no more. Other clients can still ask for the outcomes.
 //!
-//! Only the session that is in control can enqueue motions; all others can look. A session takes
-//! control if no other has it. It can also take it from another one, of which the queue
-//! [tells](MotionQueue::take_control) so that the program can announce it.
+//! Only the session that is in control can enqueue motions; all others can look. A session takes control if no
+//! other has it. It can also [take control](MotionQueue::take_control) from another session, which the program
+//! can announce.
 //!
 //! ```
 //! use condor_hand::queue::{

@@ -1,4 +1,4 @@
-//! What the fuzz targets share. Each is a file of `src/bin`, with seeds in `seeds/NAME`.
+//! Code that the fuzz targets share. Each target is a file of `src/bin`, with seeds in `seeds/NAME`.
 
 use std::fs;
 use std::path::Path;
@@ -7,7 +7,8 @@ mod progress;
 
 pub use progress::report;
 
-/// Makes a target of a function of bytes: `cargo fuzz` runs it; as a test, or as a program by itself, it gets its seeds.
+/// Makes a target of a function of bytes. `cargo fuzz` runs the target; as a test, or as a program by itself,
+/// it runs each of its seeds.
 #[macro_export]
 macro_rules! target {
     ($run:expr) => {
@@ -29,10 +30,10 @@ macro_rules! target {
     };
 }
 
-/// Gives a target each of its seeds. A finding of the fuzzer becomes one.
+/// Runs a target with each of its seeds. An input with which the fuzzer found a fault becomes a seed.
 ///
 /// # Panics
-/// If the target does, or has no seed.
+/// Panics if the target panics, or has no seed.
 pub fn replay<R>(target: &str, run: fn(&[u8]) -> R) {
     let seeds = Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("seeds")
@@ -44,7 +45,7 @@ pub fn replay<R>(target: &str, run: fn(&[u8]) -> R) {
     files.sort();
     assert!(!files.is_empty(), "{} has no seed", seeds.display());
     for file in files {
-        // Shown if the target panics.
+        // The name is shown if the target panics.
         println!("{}", file.display());
         run(&fs::read(&file).unwrap());
     }

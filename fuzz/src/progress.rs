@@ -1,11 +1,11 @@
-//! [`report`]: how many states a long run has gone through.
+//! [`report`]: prints the number of states that a long run has gone through.
 
 use std::cell::RefCell;
 use std::time::Instant;
 
 use condor_mbox::hostile::Tally;
 
-/// States between two lines.
+/// The number of states between two lines.
 const LINE: u64 = 1_000_000;
 
 thread_local! {

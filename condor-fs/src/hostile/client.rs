@@ -1,8 +1,8 @@
 //! A client that writes any request, any table of open files and any journal, and goes on writing
 //! while the server works.
 //!
-//! Whatever it writes, the server ends, reads and writes nothing outside of the tree and of the
-//! client's part of the window, and leaves nothing behind in its own directory.
+//! Whatever the client writes, each request ends, and the server reads and writes nothing outside of the tree
+//! and of the client's part of the window, and leaves nothing behind in its own directory.
 
 use std::cell::RefCell;
 use std::fs::File;
@@ -17,9 +17,9 @@ use condor_mbox::{MemoryWindow, Region, Windows, layout::BELL_BYTES};
 
 use super::Source;
 
-/// The window is the middle of its memory: a page of guards before it and behind it.
-/// Where the journal has its record, in bytes.
+/// The offset of the record in the journal, in bytes.
 const RECORD: u64 = 8;
+/// The size of the guards in the memory, in bytes: one page before the window, and one behind it.
 const PAGE: u32 = 4096;
 const WINDOW: u32 = 2 * PAGE;
 const GUARD: [u8; PAGE as usize] = [0xa5; PAGE as usize];
@@ -33,7 +33,7 @@ const PATHS: u32 = 1024;
 const PATH_BYTES: u32 = 64;
 const BUFFER: u32 = 2048;
 const END: u32 = WINDOW - BELL_BYTES;
-/// The client.
+/// The number of the client's processor.
 const NUMBER: u32 = 1;
 
 const NAMES: [&[u8]; 22] = [
@@ -71,7 +71,7 @@ struct World {
     journal: File,
 }
 
-/// What the client writes while the server works: where and what, at each step.
+/// The offsets and words that the client writes while the server works, one at each step.
 type Script = Arc<Mutex<Vec<(u32, u32)>>>;
 
 struct Meddler {
@@ -92,10 +92,10 @@ thread_local! {
     static WORLD: RefCell<Option<World>> = const { RefCell::new(None) };
 }
 
-/// Serves what the bytes say.
+/// Serves the requests that the bytes describe.
 ///
 /// # Panics
-/// If something outside of the tree or of the client's window was read or written.
+/// Panics if anything outside of the tree or of the client's window is read or written.
 pub fn run(bytes: &[u8]) {
     WORLD.with_borrow_mut(|world| {
         let world = world.get_or_insert_with(World::new);
@@ -105,7 +105,7 @@ pub fn run(bytes: &[u8]) {
 
 impl World {
     fn new() -> Self {
-        // Thousands of trees a second: in memory where there is such a place.
+        // The runs make thousands of trees a second, so the directory is in memory if possible.
         let home = tempfile::tempdir_in("/dev/shm").or_else(|_| tempfile::tempdir());
         let home = home.unwrap();
         for name in ["tree", "outside"] {
@@ -162,7 +162,7 @@ impl World {
         renew(&self.tree());
         self.clear();
         let session = self.session();
-        // The high words are like each other, or differ.
+        // The high words of later sequence numbers are the same, or differ.
         let mut sequence = u64::from(source.byte()) << 32 | 1;
         let mut last_open = sequence;
         for _ in 0..23 {
@@ -193,7 +193,7 @@ impl World {
         self.check();
     }
 
-    /// An empty window, but for the guard of its beginning, and a table without open files.
+    /// Clears the window, except for the guard at its beginning, and writes a table without open files.
     fn clear(&self) {
         let zeros = [0; WINDOW as usize];
         self.memory.write_all_at(&zeros, PAGE.into()).unwrap();
@@ -209,7 +209,7 @@ impl World {
         }
     }
 
-    /// A new session, with which all that was left half done goes.
+    /// Opens a new session, with which the server removes everything that was left half done.
     fn session(&self) -> u64 {
         let request = RequestSlot {
             sequence: 1,
@@ -236,7 +236,7 @@ impl World {
         }
     }
 
-    /// As a new server serves what its journal says: the same way that a message takes.
+    /// Serves the request that the journal records, as a new server does. A message is served in the same way.
     fn serve(&self, request: &RequestSlot, slot_at: u32, table_at: u32) {
         let [session, session_high] = wire::halves(request.session);
         let [sequence, sequence_high] = wire::halves(request.sequence);
@@ -327,7 +327,8 @@ impl World {
         }
     }
 
-    /// Does in the table what an honest client does after an open; whether it was one.
+    /// Changes the table as an honest client does after it has opened a file; returns true if the request
+    /// opened one.
     fn opened(&self, request: &RequestSlot) -> bool {
         let done = self.word(SLOT + slot::STATE) == wire::state::DONE
             && [0, 4].map(|at| self.word(SLOT + slot::STATE_SEQUENCE + at))
@@ -339,7 +340,7 @@ impl World {
         let [session, session_high] = wire::halves(request.session);
         let [handle, handle_high] = wire::halves(request.sequence);
         for n in 0..COUNT {
-            // In all blocks: whichever the next requests name.
+            // Every block is written, since the next requests may name any of them.
             let at = BLOCKS + n * block::BYTES;
             for (offset, word) in [
                 (0, block::MAGIC),
@@ -389,7 +390,8 @@ impl World {
     }
 }
 
-/// A word that a client may change at any time, and to what: outside of its window too.
+/// Returns the offset of a word that a client may change at any time, and its new value; the offset may be
+/// outside of the window.
 fn anywhere(source: &mut Source<'_>) -> (u32, u32) {
     let at = match source.byte() % 4 {
         0 => SLOT + source.below(slot::BYTES / 4) * 4,
@@ -429,21 +431,21 @@ fn hostile_span(source: &mut Source<'_>) -> Span {
 fn names(directory: &Path) -> Vec<String> {
     let mut names: Vec<_> = std::fs::read_dir(directory)
         .unwrap()
-        // A client may give a name that is no text, as any program of Unix may.
+        // A client may use a name that is not text, as any program of Unix may.
         .map(|entry| entry.unwrap().file_name().to_string_lossy().into_owned())
         .collect();
     names.sort();
     names
 }
 
-/// The tree as it is at the beginning of each run.
+/// Restores the tree to its state at the beginning of each run.
 fn renew(tree: &Path) {
     for entry in std::fs::read_dir(tree).unwrap() {
         let entry = entry.unwrap();
         if entry.file_name() == ".condor-fs" {
             continue;
         }
-        // By its own name, which may be no text.
+        // The path has the file's own name, which need not be text.
         let path = entry.path();
         if path.is_dir() && !path.is_symlink() {
             std::fs::remove_dir_all(path).unwrap();

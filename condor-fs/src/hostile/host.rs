@@ -1,7 +1,7 @@
 //! A host that answers a client with any reply, any state of the slot and any words in the window.
 //!
-//! Whatever it says, each call of the client ends after a bounded number of requests, gives no more
-//! than it was asked for, and writes nowhere but in its own area.
+//! Whatever the host answers, each call of the client ends after a bounded number of requests, returns no more
+//! than it was asked for, and writes only in the client's own area.
 
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, Mutex};
@@ -15,18 +15,18 @@ use embedded_io::{BufRead, Read, SeekFrom, Write};
 use super::Source;
 use super::peer::{self, BUFFER, FILES, Fs, Own, PATH, Pair};
 
-/// Bytes of the client's window that are its area: all that an `Allocator` has given, in whole lines.
+/// The size in bytes of the client's area in its window: all that an `Allocator` has allocated, in whole lines.
 const AREA: u32 = lines(slot::BYTES)
     + lines(wire::table::BYTES)
     + lines(FILES as u32 * wire::block::BYTES)
     + lines((FILES as u32 + 2) * PATH)
     + lines(FILES as u32 * BUFFER);
-/// A buffer to be lent, behind it.
+/// The size of a buffer to lend, behind the area.
 const LENT: u32 = 64;
-/// What nobody has a reason to write.
+/// The value of words that no program has a reason to write.
 const GUARD: u32 = 0x5afe_c0de;
-/// More requests than any one call may make: all blocks closed and a whole buffer written by the
-/// byte, each request as often as its time allows.
+/// A number of requests that no single call may reach. The longest call closes all blocks and writes a whole
+/// buffer byte by byte, and repeats each request as often as its timeout allows.
 const MOST_REQUESTS: u32 = 1000;
 
 const fn lines(bytes: u32) -> u32 {
@@ -35,7 +35,7 @@ const fn lines(bytes: u32) -> u32 {
 
 type OpenFile<'f> = File<'f, 'static, SimMailbox<'static, 2>, SimWindow, FILES>;
 
-/// What the host's bytes say.
+/// The bytes that decide the answers of the host.
 struct Hostile {
     bytes: Vec<u8>,
     next: usize,
@@ -44,7 +44,7 @@ struct Hostile {
 /// Runs a client with the first half of the bytes, and its host with the second.
 ///
 /// # Panics
-/// If a call did not end, gave more than it was asked for, or wrote outside of its area.
+/// Panics if a call does not end, returns more than it was asked for, or writes outside of the client's area.
 pub fn run(bytes: &[u8]) {
     let (ours, theirs) = bytes.split_at(bytes.len() / 2);
     let hostile = Arc::new(Mutex::new(Hostile {
@@ -77,7 +77,7 @@ pub fn run(bytes: &[u8]) {
 
 impl Hostile {
     fn byte(&mut self) -> u8 {
-        // From the beginning again: it never becomes honest.
+        // The bytes repeat, so that the host never becomes honest.
         let byte = self.bytes.get(self.next).copied().unwrap_or(0);
         self.next = (self.next + 1) % self.bytes.len().max(1);
         byte
@@ -95,7 +95,7 @@ impl Hostile {
             let bytes = self.words();
             let mut source = Source::new(&bytes);
             let value = u64::from(source.word()) | u64::from(source.byte() & 1) << 40;
-            // Mostly what a call hopes for.
+            // Most values are those that a call hopes for.
             let value = match how >> 1 & 3 {
                 0 => u64::from(request.buffer.len),
                 1 => u64::from(how >> 3),
@@ -109,7 +109,7 @@ impl Hostile {
                 Err(errno.into())
             };
             peer::record(own, at, &request, outcome);
-            // Entries of a directory, or data.
+            // The words are entries of a directory, or data.
             let end = request.buffer.offset.saturating_add(request.buffer.len);
             for place in (request.buffer.offset & !3..end.min(AREA + LENT)).step_by(4) {
                 let word = match self.byte() % 4 {
@@ -152,7 +152,7 @@ struct Program<'p> {
 }
 
 impl Program<'_> {
-    /// One call, which ends.
+    /// Makes one call, and checks that it ends.
     fn call<R>(&self, call: impl FnOnce() -> Result<R, FileError>) -> Option<R> {
         self.requests.store(0, Ordering::Relaxed);
         let outcome = call();
@@ -233,7 +233,7 @@ impl Program<'_> {
                 assert_eq!(bytes[len..], [0x77; 40][len..]);
             }
             2 => {
-                // What it says that it wrote is a number, and moves the position only.
+                // The number of bytes that the host claims to have written moves only the position.
                 self.call(|| file.write(&bytes[..len]));
             }
             3 => {

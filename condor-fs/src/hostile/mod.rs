@@ -1,5 +1,5 @@
-//! Hostile peers, driven by bytes: a host that answers a client with anything, and a client that asks
-//! a server for anything.
+//! Hostile peers, driven by bytes: a host that sends a client any answer, and a client that sends a server any
+//! request.
 #![allow(clippy::must_use_candidate, reason = "of use to tests alone")]
 
 mod client;

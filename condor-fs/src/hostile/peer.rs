@@ -1,4 +1,4 @@
-//! A client in virtual time, and a host that answers each slot as a closure says.
+//! A client in virtual time, and a host that answers each slot with a closure.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
@@ -10,7 +10,7 @@ use condor_mbox::{Allocator, Call, MemoryWindow, Messenger, Processor, Region};
 pub const HOST: Processor = Processor(0);
 pub const CLIENT: Processor = Processor(1);
 pub const FILES: usize = 3;
-/// Bytes of a path, and of a file's buffer.
+/// The sizes in bytes of a path and of a file's buffer.
 pub const PATH: u32 = 32;
 pub const BUFFER: u32 = 24;
 pub const TIMEOUT: Duration = Duration::from_millis(10);
@@ -19,10 +19,10 @@ const BYTES: u32 = 2048;
 /// The users' region of the client's data.
 pub type Own = Region<SimWindow>;
 pub type Fs = FileSystem<'static, SimMailbox<'static, 2>, SimWindow, FILES>;
-/// What the host does with the slot at an offset: the reply.
+/// A function that answers the request in the slot at an offset, and returns the word of the reply.
 pub type Answer = Box<dyn FnMut(&Own, u32) -> u32 + Send>;
 
-/// Both processors, for one run after the other: mailboxes are not given back.
+/// Both processors. Runs use them one after the other, since mailboxes cannot be returned.
 pub struct Pair {
     system: SimSystem<2>,
     answer: Arc<Mutex<Option<Answer>>>,
@@ -31,10 +31,10 @@ pub struct Pair {
     own: Own,
 }
 
-/// Those that no run has.
+/// The pairs that no run uses.
 static IDLE: Mutex<Vec<&'static Pair>> = Mutex::new(Vec::new());
 
-/// Runs `program` with a client whose host answers so.
+/// Runs `program` with a client whose host answers with `answer`.
 pub fn run<R>(
     answer: impl FnMut(&Own, u32) -> u32 + Send + 'static,
     program: impl FnOnce(&Pair) -> R,
@@ -103,13 +103,13 @@ impl Pair {
         FileSystem::connect(self.client, HOST, self.own.clone(), self.area, TIMEOUT)
     }
 
-    /// Lets the host stop, or go on: what is asked meanwhile is in doubt.
+    /// Stops the host or lets it go on. Requests that are sent meanwhile are in doubt.
     pub fn stall(&self, stalled: bool) {
         self.system.stall(HOST, stalled);
     }
 }
 
-/// The request in a slot, if there is one.
+/// Returns the request in a slot, if there is one.
 pub fn request(own: &Own, slot: u32) -> Option<wire::RequestSlot> {
     let words = std::array::from_fn(|n| own.word(slot + 4 * n as u32).unwrap());
     wire::RequestSlot::from_words(&words)

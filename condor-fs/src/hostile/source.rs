@@ -40,17 +40,17 @@ impl<'b> Source<'b> {
         *first
     }
 
-    /// A number below `end`, which is at most 65536.
+    /// Returns a number below `end`, which is at most 65536.
     pub(crate) fn below(&mut self, end: u32) -> u32 {
         (u32::from(self.byte()) << 8 | u32::from(self.byte())) % end
     }
 
-    /// One of `all`.
+    /// Returns one of `all`.
     pub(crate) fn one<T: Copy>(&mut self, all: &[T]) -> T {
         all[usize::from(self.byte()) % all.len()]
     }
 
-    /// Any word, often one of those that matter.
+    /// Returns any word, often one of [`WORDS`].
     pub(crate) fn word(&mut self) -> u32 {
         match self.byte() % 4 {
             0 => self.one(&WORDS),

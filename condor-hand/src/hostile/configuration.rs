@@ -1,6 +1,7 @@
-//! Texts and images of hands, good ones with faults and bytes of no meaning.
+//! Texts and images of hands: valid ones with faults, and bytes of no meaning.
 //!
-//! What is read keeps all rules, and stays the same as text and as image.
+//! A hand that is read keeps all rules, and stays the same when it is written as text or as image and read
+//! again.
 
 use std::sync::LazyLock;
 
@@ -9,11 +10,11 @@ use super::{HAND, Shipped, TEXT};
 
 static IMAGE: LazyLock<Vec<u8>> = LazyLock::new(|| image(&HAND));
 
-/// Before the body: magic, version, counts, length, and the checksum of all but itself.
+/// The size of the header before the body: magic, version, counts, length, and the checksum of all other bytes.
 const HEADER: usize = 20;
 const CHECKSUM: usize = 16;
 
-/// What a number or a word of a good text becomes.
+/// The words that replace a number or a word of a valid text.
 const REPLACEMENTS: [&str; 20] = [
     "0",
     "-0.0",
@@ -37,10 +38,10 @@ const REPLACEMENTS: [&str; 20] = [
     "[[fingers]]",
 ];
 
-/// Reads what the bytes say.
+/// Reads the text or the image that the bytes describe.
 ///
 /// # Panics
-/// If it is a hand that cannot be, or another one as text or as image.
+/// Panics if a hand that breaks the rules is read, or if a hand differs after it was written and read again.
 pub fn run(bytes: &[u8]) {
     let mut source = Source::new(bytes);
     match source.byte() % 5 {
@@ -81,7 +82,7 @@ fn keeps_its_promises(hand: &Shipped) {
     assert_eq!(image(&again), before, "an image of an image");
     let text = hand.to_toml().expect("a hand has a text");
     let again = Shipped::from_toml(&text, "printed").expect("a text is read again");
-    // To the bit: the sign of a zero too.
+    // The images are the same to the bit, even in the sign of a zero.
     assert_eq!(image(&again), before, "an image of\n{text}");
 }
 
@@ -92,7 +93,7 @@ fn image(hand: &Shipped) -> Vec<u8> {
     buffer
 }
 
-/// The good text with some words exchanged, and some lines left out or repeated.
+/// Returns the valid text with some words exchanged, and some lines left out or repeated.
 fn edited(source: &mut Source<'_>) -> String {
     let mut text = TEXT.to_owned();
     for _ in 0..4 {
@@ -133,7 +134,7 @@ fn exchanged(text: &str, source: &mut Source<'_>) -> String {
     [before, other, after].concat()
 }
 
-/// A body with the header that it should have, in the counts of the good image.
+/// Returns an image of `body` with a header that fits it, and with the counts of the valid image.
 fn sealed(body: &[u8]) -> Vec<u8> {
     let mut image = IMAGE[..HEADER].to_vec();
     image.extend_from_slice(body);
@@ -141,7 +142,7 @@ fn sealed(body: &[u8]) -> Vec<u8> {
     image
 }
 
-/// Makes length and checksum right.
+/// Writes the right length and checksum into the header of an image.
 fn seal(image: &mut [u8]) {
     let len = u32::try_from(image.len() - HEADER).unwrap_or(u32::MAX);
     image[CHECKSUM - 4..CHECKSUM].copy_from_slice(&len.to_le_bytes());
@@ -150,7 +151,7 @@ fn seal(image: &mut [u8]) {
     header[CHECKSUM..].copy_from_slice(&checksum.to_le_bytes());
 }
 
-/// CRC-32 as in ISO 3309, bit by bit.
+/// Returns the CRC-32 of ISO 3309, computed bit by bit.
 fn crc<'a>(bytes: impl Iterator<Item = &'a u8>) -> u32 {
     !bytes.fold(u32::MAX, |crc, byte| {
         (0..8).fold(crc ^ u32::from(*byte), |crc, _| {

@@ -1,5 +1,5 @@
-//! A finger of the shipped hand with other numbers, used by somebody who asks for anything, with
-//! sensors that say anything.
+//! A finger of the shipped hand with changed numbers, any calls of its controller, and any readings of its
+//! sensors.
 
 use crate::config::{Joint, ServoLaw, Tendon};
 use crate::controller::{FingerController, FingerTick};
@@ -13,13 +13,13 @@ use nalgebra::{SVector, Vector3};
 use super::source::Source;
 use super::{HAND, Shipped};
 
-/// Events of one run, at most.
+/// The greatest number of events of one run.
 const EVENTS: usize = 200;
 
-/// Drives a finger as the bytes say.
+/// Drives a finger with the events that the bytes describe.
 ///
 /// # Panics
-/// If a command left what actuators have, or a fault was forgotten.
+/// Panics if a command leaves the range of its actuator, or a fault is forgotten.
 pub fn run(bytes: &[u8]) {
     let mut source = Source::new(bytes);
     let mut hand = HAND.clone();
@@ -41,7 +41,7 @@ pub fn run(bytes: &[u8]) {
     }
 }
 
-/// Gives the configuration another number.
+/// Changes a number of the configuration.
 fn vary(hand: &mut Shipped, finger: usize, source: &mut Source<'_>) {
     let joint = source.below(4);
     let kind = source.below(34);
@@ -147,7 +147,7 @@ fn vary_tendon(tendon: &mut Tendon, source: &mut Source<'_>) {
     *place = source.number(*place);
 }
 
-/// A finger, its actuators' most, and the fault that it has.
+/// A finger with its configuration, its readings and its present fault.
 struct Subject<'h, M> {
     controller: FingerController<M, 4>,
     hand: &'h Shipped,
@@ -270,7 +270,7 @@ impl<M: Dynamics<f64, 4>> Subject<'_, M> {
         }
     }
 
-    /// Makes one of the sensors say something else from now on.
+    /// Changes the reading of one of the sensors from now on.
     fn break_sensor(&mut self, source: &mut Source<'_>) {
         let joint = source.below(4);
         let place = match source.byte() % 4 {

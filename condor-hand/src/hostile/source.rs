@@ -1,4 +1,4 @@
-/// Bytes that decide what happens next; zeros when there are no more.
+/// The bytes that decide the next events; zeros when there are no more.
 pub(crate) struct Source<'a> {
     bytes: &'a [u8],
 }
@@ -60,7 +60,7 @@ impl<'a> Source<'a> {
         array
     }
 
-    /// Any number; one of `usual` in half of all cases.
+    /// Returns any number; in half of all cases one near `usual`.
     pub(crate) fn number(&mut self, usual: f64) -> f64 {
         match self.byte() {
             choice @ 0..128 => usual * (0.5 + f64::from(choice) / 128.0),

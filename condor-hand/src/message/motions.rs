@@ -1,22 +1,22 @@
 //! The motion queue of a controller, served by message.
 //!
-//! A client opens a session and takes control. Then it offers motions, each with a [`RequestIdentity`] of
-//! its own, and asks what has become of them. Whatever is lost on the way, it asks the same again:
-//! the [queue](crate::queue) runs no identity twice. [`MotionsClient`] does this.
+//! A client opens a session and takes control. Then it offers motions, each with a [`RequestIdentity`] of its
+//! own, and asks for their states. If a message is lost, the client sends the same request again: the
+//! [queue](crate::queue) runs no identity twice. [`MotionsClient`] does this.
 //!
-//! The controller has a [`MotionsPost`], whose [`answer`](MotionsPost::answer) is the handler of
-//! [`MOTIONS`], and a [`MotionsServer`] in its background. The handler answers what can be answered
-//! at once, and keeps the rest for the background, which may wait while the ledger is written. What
-//! motions and joints a robot has, and how it moves, is the controller's: it makes the data of a
-//! request from an [`Offer`], and begins and ends what is [next](MotionsServer::next_request).
+//! The controller has a [`MotionsPost`], whose [`answer`](MotionsPost::answer) is the handler of [`MOTIONS`],
+//! and a [`MotionsServer`] in its background. The handler answers requests that can be answered at once, and
+//! keeps the others for the background, which may wait while the ledger is written. The controller knows the
+//! motions and joints of its robot, and moves them: it makes the data of a request from an [`Offer`], and
+//! begins and ends the [next request](MotionsServer::next_request).
 //!
 //! | operation | request | answer |
 //! |---|---|---|
 //! | [`Open`](MotionOperation::Open) | | [`Code::Done`] with the session as value; until then [`Code::Pending`]; [`Code::Exhausted`] if there is no number for one |
-//! | [`Control`](MotionOperation::Control) | session; number 1: from another one, too | [`Code::Done`], with the session in control |
+//! | [`Control`](MotionOperation::Control) | session; number 1 to take control from another session, too | [`Code::Done`], with the session in control |
 //! | [`Offer`](MotionOperation::Offer) | session, number, body: motions, as the controller reads them | as [`Look`](MotionOperation::Look), and [`Code::Pending`] until it is accepted or refused |
 //! | [`Look`](MotionOperation::Look) | session, number | [`Code::Known`], [`Code::New`], [`Code::Never`], [`Code::Forgotten`], [`Code::NoSession`]; [`Code::Pending`] while the controller has it and has not decided |
-//! | [`Abort`](MotionOperation::Abort) | session, which is in control | [`Code::Done`], with the session in control; until the controller has ended all motion and written so, [`Code::Pending`] |
+//! | [`Abort`](MotionOperation::Abort) | session, which is in control | [`Code::Done`], with the session in control; [`Code::Pending`] until the controller has ended all motion and recorded it in the ledger |
 //! | [`GiveUp`](MotionOperation::GiveUp) | session | [`Code::Done`] |
 //! | [`Stream`](MotionOperation::Stream) | session, number, body: the mask of the joints | as [`Offer`](MotionOperation::Offer) |
 //! | [`Points`](MotionOperation::Points) | session, number, body: a [`Batch`] | [`Code::Done`] with the time until which there are points, ms; [`Code::Busy`] with that time if there is no room; [`Code::Pending`] until the stream begins; [`Code::Refused`] with the reason; [`Code::Known`] once the stream has ended |
@@ -32,11 +32,11 @@
 //! [`RefusalReason::Starved`]. A [`StreamRequest`] takes the points.
 //!
 //! A session belongs to the processor that opened it, and to its incarnation: other processors get
-//! [`Code::NotYours`], but for `Look`, and for an `Offer` of a request that the controller has
-//! already. When that incarnation ends, the controller closes the session, and its control with it; the next
-//! incarnation of the processor cannot use it even before that. What it had enqueued goes on. A request of it that
-//! the controller has not got then never runs ([`Code::Never`]). When the controller's program ends,
-//! what it had accepted is lost or broken off; the sessions stay.
+//! [`Code::NotYours`], except for `Look`, and for an `Offer` of a request that the controller has already. When
+//! that incarnation ends, the controller closes the session, and its control with it; the next incarnation of
+//! the processor cannot use it even before that. The session's requests in the queue go on. A request that the
+//! controller has not received by then never runs ([`Code::Never`]). When the controller's program ends, the
+//! requests that it had accepted are lost or broken off; the sessions stay.
 
 mod batch;
 mod client;
@@ -83,7 +83,7 @@ pub enum MotionOperation {
     Control = 2,
     /// Enqueues motions.
     Offer = 3,
-    /// Asks what has become of a request.
+    /// Asks for the state of a request.
     Look = 4,
     /// Ends all motion.
     Abort = 5,
@@ -109,20 +109,20 @@ impl MotionOperation {
 #[repr(u32)]
 #[non_exhaustive]
 pub enum Code {
-    /// It is done.
+    /// The operation is done.
     Done = 1,
     /// The request is in this state.
     Known = 2,
-    /// The queue has not got the request.
+    /// The queue does not have the request.
     New = 3,
     /// The request was answered, and the answer is forgotten, or it was passed over by one with a greater
     /// number. It will not run.
     Forgotten = 4,
-    /// There is no such session, or no longer.
+    /// The session does not exist, or no longer exists.
     NoSession = 5,
-    /// The controller has it, and has not decided: ask again.
+    /// The controller has the request, and has not decided: ask again.
     Pending = 6,
-    /// The controller has no time or no room for it: ask again.
+    /// The controller has no time or no room for the request: ask again.
     Busy = 7,
     /// The message is not a request.
     Wrong = 8,
@@ -130,7 +130,7 @@ pub enum Code {
     NotYours = 9,
     /// The session's client was gone before the controller had the request, which never runs.
     Never = 10,
-    /// The points are refused, all of the batch.
+    /// All points of the batch are refused.
     Refused = 11,
     /// The ledger has the last number that a session can have: none can be opened until the ledger is removed.
     Exhausted = 12,
@@ -164,7 +164,7 @@ pub struct MotionRequest {
     pub version: u32,
     /// The number of a [`MotionOperation`].
     pub operation: u32,
-    /// The session.
+    /// The number of the session; 0 if the operation is [`MotionOperation::Open`].
     pub session: u32,
     /// The number of the request in the session.
     pub number: u32,
@@ -210,10 +210,11 @@ pub struct MotionResponse {
     pub state: u32,
     /// The number of a [`RefusalReason`], of [`Code::Known`].
     pub reason: u32,
-    /// A session; the number of requests before one that waits; or the time of points, ms.
+    /// A session; the number of requests before one that waits; or the time until which a stream has points,
+    /// ms.
     pub value: u32,
-    /// How far a request is that runs, in 1..=1000; 0 if it does not run, or if nobody knows: of a
-    /// stream.
+    /// The part of the running request that is done, in thousandths, 1..=1000; 0 if the request does not run,
+    /// or if the controller does not know the part, as for a stream.
     pub progress: u32,
     /// The reason of [`Code::Refused`].
     pub refusal: StreamRefusal,
@@ -244,7 +245,7 @@ impl MotionResponse {
         }
     }
 
-    /// The answer of the queue; `None` if the response has none.
+    /// Returns the answer of the queue; `None` if the response has none.
     fn answer(&self) -> Option<QueueAnswer> {
         Some(match Code::from_number(self.code)? {
             Code::Known => QueueAnswer::Known(

@@ -16,10 +16,10 @@ const REQUEST: u32 = 2;
 const CLOSED: u32 = 3;
 const CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
 
-/// The session and the number of a request, which name it.
+/// The session and the number of a request, which identify it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct RequestIdentity {
-    /// The number of the session, which the queue gave to the client.
+    /// The number of the session, which the queue has assigned to the client.
     pub session: u32,
     /// The number of the request, which the client chooses: from 1 on, and greater than those of all
     /// earlier requests of the session.
@@ -41,7 +41,7 @@ pub struct SessionOwner {
     pub incarnation: u32,
 }
 
-/// The state of a request.
+/// The state of a request: it waits, it runs, or it has come to one of these ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u32)]
 #[non_exhaustive]
@@ -60,7 +60,7 @@ pub enum RequestState {
     Refused = 6,
     /// The program ended before the request began: it has not run and never will.
     Lost = 7,
-    /// The program ended while the request ran: nobody knows how far it came.
+    /// The program ended while the request ran: it is not known how far it came.
     BrokenOff = 8,
 }
 
@@ -91,7 +91,7 @@ impl RequestState {
         Self::BrokenOff,
     ];
 
-    /// Returns its name in lower case, such as `broken-off`.
+    /// Returns the name of the state in lower case, such as `broken-off`.
     #[must_use]
     pub const fn word(self) -> &'static str {
         match self {
@@ -112,7 +112,7 @@ impl RequestState {
         Self::ALL.into_iter().find(|state| *state as u32 == number)
     }
 
-    /// Returns whether the state is final: the request neither waits nor runs.
+    /// Returns true if the state is final: the request neither waits nor runs.
     #[must_use]
     pub const fn is_final(self) -> bool {
         !matches!(self, Self::Accepted | Self::Started)
@@ -139,7 +139,7 @@ pub enum RefusalReason {
     Full = 1,
     /// Another session is in control, or none is.
     NotInControl = 2,
-    /// The request is no motion that this program can read, or there is no motion of its name.
+    /// The request is not a motion that this program can read, or there is no motion of its name.
     NoMotion = 3,
     /// A position, a pace or a guard is not possible.
     Limits = 4,
@@ -231,20 +231,20 @@ pub enum LedgerError {
     },
 }
 
-/// A session; number 0 is that of none.
+/// A session; number 0 stands for none.
 #[derive(Clone, Copy, Debug, Default)]
 struct Session {
     number: u32,
     /// Requests up to this one have been answered, whether they are still in a row or not.
     answered: u32,
-    /// When it was last used, in changes of the ledger.
+    /// The number of the change of the ledger at which the session was last used.
     used: u64,
     owner: SessionOwner,
-    /// Whether its owner is gone, so that no request can come any more.
+    /// True if the owner is gone, so that no request can come any more.
     is_closed: bool,
 }
 
-/// A request; session 0 is that of none.
+/// A request, as its row records it.
 #[derive(Clone, Copy, Debug)]
 struct Request {
     identity: RequestIdentity,
@@ -257,9 +257,9 @@ struct Request {
 /// time: the states of the last `4 * N` requests, and of all earlier ones only that they were
 /// answered.
 ///
-/// Every change is written before it is in force. The bytes of a ledger are `1 + S + R` rows, where
-/// `S` is the number of sessions and `R` that of requests, of eight little-endian words, of which the last one is the CRC-32 (ISO-HDLC) of the others. Numbers
-/// of 64 bits have two words, the low one first.
+/// Every change is written before it is in force. The bytes of a ledger are `1 + S + R` rows, where `S` is the
+/// number of sessions and `R` that of requests. A row has eight little-endian words, of which the last one is
+/// the CRC-32 (ISO-HDLC) of the others. Numbers of 64 bits have two words, the low one first.
 ///
 /// | row | words |
 /// |---|---|
@@ -267,17 +267,17 @@ struct Request {
 /// | 1 to S | 1, or 3 if the session is closed, session, number up to which its requests were answered, when it was last used (64 bits), processor and incarnation of its owner |
 /// | S + 1 on | 2, session, number, [`RequestState`], [`RefusalReason`], when it was entered or ended (64 bits) |
 ///
-/// An empty row has zeros before its checksum. A row whose checksum is wrong is damaged: then nobody
-/// knows which requests were in it, and all requests that are in no other row count as answered.
-/// Rows must be written whole or not at all when the program ends. After an error of `write` the row may
-/// be there or not: store all [rows](Self::rows) anew before the next change.
+/// An empty row has zeros before its checksum. A row whose checksum is wrong is damaged. The requests that it
+/// had are unknown, so all requests that are in no other row count as answered. Rows must be written whole or
+/// not at all when the program ends. After an error of `write` the row may be there or not: store all
+/// [rows](Self::rows) anew before the next change.
 #[derive(Clone, Debug)]
 pub struct Ledger<const N: usize> {
     sessions: [[Session; 2]; N],
     requests: [[Option<Request>; 4]; N],
     /// The least number of the next session.
     least: u32,
-    /// Changes, which count what is newer.
+    /// The number of changes so far, which orders sessions and requests in time.
     changes: u64,
 }
 
@@ -291,14 +291,13 @@ impl<const N: usize> Ledger<N> {
     /// Reads the rows that an earlier run of the program has written; makes an empty ledger if
     /// there are no bytes. Requests that had not ended are [`RequestState::Lost`] or [`RequestState::BrokenOff`].
     ///
-    /// Sessions that are opened from here on have greater numbers than all that the ledger knows, and
-    /// at least the number `least`. If `least` is the time in seconds, sessions have new numbers even
-    /// after a ledger was deleted or the row of a session was damaged. Without a clock, a number can then be
-    /// given again.
+    /// Sessions that are opened from here on have greater numbers than all sessions in the ledger, and at least
+    /// the number `least`. If `least` is the time in seconds, sessions have new numbers even after a ledger was
+    /// deleted or the row of a session was damaged. Without a clock, a number can then be used again.
     ///
     /// # Errors
-    /// [`LedgerError::Format`] if the bytes are not a ledger of this version, [`LedgerError::Size`]
-    /// if its number of sessions or requests differs, [`LedgerError::Length`] if it is cut.
+    /// Returns [`LedgerError::Format`] if the bytes are not a ledger of this version, [`LedgerError::Size`] if
+    /// its number of sessions or requests differs, [`LedgerError::Length`] if it is cut or too long.
     pub fn read(bytes: &[u8], least: u32) -> Result<Self, LedgerError> {
         let mut ledger = Self {
             sessions: [[Session::default(); 2]; N],
@@ -397,7 +396,7 @@ impl<const N: usize> Ledger<N> {
     /// Writes all rows of the ledger: `write` gets the index of each row, and the row.
     ///
     /// # Errors
-    /// The error of `write`.
+    /// Returns the error of `write` if a row cannot be written.
     pub fn write_all<E>(
         &self,
         mut write: impl FnMut(usize, &LedgerRow) -> Result<(), E>,
@@ -406,14 +405,14 @@ impl<const N: usize> Ledger<N> {
         rows.try_for_each(|(row, bytes)| write(row, &bytes))
     }
 
-    /// Opens a session for `owner`, and returns its number. It takes a free row; else that of a closed
-    /// session; else that of a session of the owner; else that of any session. Of several it takes the
-    /// one that was used longest ago, and of closed ones first those of the owner. Sessions whose
-    /// requests have not ended keep their rows, and those for which `may_end` returns false. Returns
-    /// `None` if no row is left, or no number: see [`is_exhausted`](Self::is_exhausted).
+    /// Opens a session for `owner`, and returns its number. The session takes a free row; else that of a closed
+    /// session; else that of a session of the owner; else that of any session. Of several rows it takes that of
+    /// the session that was used longest ago, and of closed sessions first those of the owner. Sessions whose
+    /// requests have not ended keep their rows, and those for which `may_end` returns false. Returns `None` if
+    /// no row is left, or no number: see [`is_exhausted`](Self::is_exhausted).
     ///
     /// # Errors
-    /// The error of `write`; no session is opened then.
+    /// Returns the error of `write` if a row cannot be written; no session is opened then.
     pub fn open<E>(
         &mut self,
         owner: SessionOwner,
@@ -443,23 +442,24 @@ impl<const N: usize> Ledger<N> {
         Ok(Some(number))
     }
 
-    /// Returns whether the ledger has the last number that a session can have: no session can be opened, now or later.
+    /// Returns true if the ledger has the last number that a session can have: no session can be opened, now
+    /// or later.
     #[must_use]
     pub fn is_exhausted(&self) -> bool {
         self.newest() == u32::MAX
     }
 
-    /// The greatest number of a session; 0 if there is none.
+    /// Returns the greatest number of a session; 0 if there is none.
     fn newest(&self) -> u32 {
-        // No number is given twice: that of the newest session leaves its row only for a newer one. If that
-        // row is damaged, rows of its requests may have it.
+        // No number is used twice: that of the newest session leaves its row only for a newer one. If that row
+        // is damaged, rows of its requests may have it.
         let sessions = self.sessions.as_flattened().iter().map(|it| it.number);
         let requests = self.requests.as_flattened().iter().flatten();
         let all = sessions.chain(requests.map(|it| it.identity.session));
         all.max().unwrap_or(0)
     }
 
-    /// Returns the sessions, and who opened them.
+    /// Returns the number and the owner of each session.
     pub fn sessions(&self) -> impl Iterator<Item = (u32, SessionOwner)> + '_ {
         let sessions = self
             .sessions
@@ -469,7 +469,7 @@ impl<const N: usize> Ledger<N> {
         sessions.map(|it| (it.number, it.owner))
     }
 
-    /// Returns who opened a session; `None` if there is no such session.
+    /// Returns the owner of a session; `None` if there is no such session.
     #[must_use]
     pub fn owner(&self, session: u32) -> Option<SessionOwner> {
         self.session(session).map(|(_, it)| it.owner)
@@ -478,7 +478,7 @@ impl<const N: usize> Ledger<N> {
     /// Closes a session: its owner is gone. Its answers stay.
     ///
     /// # Errors
-    /// The error of `write`; the session is not closed then.
+    /// Returns the error of `write` if a row cannot be written; the session is not closed then.
     pub fn close<E>(
         &mut self,
         session: u32,
@@ -500,13 +500,13 @@ impl<const N: usize> Ledger<N> {
         Ok(())
     }
 
-    /// Returns whether a session was closed.
+    /// Returns true if a session was closed.
     #[must_use]
     pub fn is_closed(&self, session: u32) -> bool {
         self.session(session).is_some_and(|(_, it)| it.is_closed)
     }
 
-    /// Returns whether there is a session of this number.
+    /// Returns true if there is a session of this number.
     #[must_use]
     pub fn has_session(&self, session: u32) -> bool {
         self.session(session).is_some()
@@ -534,11 +534,11 @@ impl<const N: usize> Ledger<N> {
         numbers.max().unwrap_or(0).max(known)
     }
 
-    /// Enters a request in the row of the oldest one that was refused, or else of the one that ended
-    /// first; or changes the state of one that has a row. Returns `false` if no row is free.
+    /// Changes the state of a request that has a row; enters any other in a free row, or else in the row of the
+    /// oldest request that was refused, or else of the one that ended first. Returns `false` if no row is free.
     ///
     /// # Errors
-    /// The error of `write`; nothing is changed then.
+    /// Returns the error of `write` if a row cannot be written; the state of the request is not changed then.
     pub fn set<E>(
         &mut self,
         identity: RequestIdentity,
@@ -558,7 +558,7 @@ impl<const N: usize> Ledger<N> {
             return Ok(false);
         };
         if let Some(former) = former.filter(|it| it.identity != identity) {
-            // What is no longer in a row must stay answered.
+            // A request that no longer has a row must stay answered.
             let RequestIdentity { session, number } = former.identity;
             if let Some((at, session)) = self.session(session)
                 && session.answered < number
@@ -662,7 +662,7 @@ impl Request {
     }
 }
 
-/// A number of 64 bits in two words.
+/// Returns a number of 64 bits as two words, the low one first.
 const fn halves(number: u64) -> [u32; 2] {
     [number as u32, (number >> 32) as u32]
 }
@@ -685,7 +685,7 @@ fn pack(words: [u32; 7]) -> LedgerRow {
     row
 }
 
-/// The words of a row that was written whole.
+/// Returns the words of a row without the checksum; `None` if the checksum is wrong.
 fn unpack(row: &LedgerRow) -> Option<[u32; 7]> {
     let [words @ .., sum] = words_of(row);
     (sum == checksum(row)).then_some(words)

@@ -20,7 +20,7 @@ pub enum QueueAnswer {
     /// The owner of the session was gone before the queue had the request: it has not run, and
     /// never will.
     Never,
-    /// The session does not exist, or no longer.
+    /// The session does not exist, or no longer exists.
     NoSession,
 }
 
@@ -41,10 +41,10 @@ impl fmt::Display for QueueAnswer {
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum RestoreError<E> {
-    /// The bytes are not those of its ledger.
+    /// The bytes are not those of the queue's ledger.
     #[error(transparent)]
     Ledger(#[from] LedgerError),
-    /// The ledger cannot be written.
+    /// The store of the ledger cannot be read or written.
     #[error("the ledger of motions: {0}")]
     Write(E),
 }
@@ -65,7 +65,7 @@ pub struct MotionQueue<P, const N: usize> {
 }
 
 impl<P, const N: usize> MotionQueue<P, N> {
-    /// The number of rows of its ledger.
+    /// The number of rows of the queue's ledger.
     pub const ROWS: usize = Ledger::<N>::ROWS;
 
     /// Makes the queue from the bytes of the ledger that an earlier run of the program wrote; pass
@@ -73,8 +73,8 @@ impl<P, const N: usize> MotionQueue<P, N> {
     /// at least the number `least`, as [`Ledger::read`] says.
     ///
     /// # Errors
-    /// [`RestoreError::Ledger`] if the bytes are not those of such a ledger,
-    /// [`RestoreError::Write`] with the error of `write`.
+    /// Returns [`RestoreError::Ledger`] if the bytes are not those of such a ledger, [`RestoreError::Write`]
+    /// with the error of `write` if a row cannot be written.
     pub fn restore<E>(
         bytes: &[u8],
         least: u32,
@@ -91,18 +91,18 @@ impl<P, const N: usize> MotionQueue<P, N> {
         })
     }
 
-    /// Returns all rows of the ledger, the first one first, for a new store of them.
+    /// Returns all rows of the ledger in order, to store them anew.
     pub fn rows(&self) -> impl Iterator<Item = LedgerRow> + '_ {
         self.ledger.rows()
     }
 
-    /// Opens a session for `owner`, and returns its number. If there are too many, the owner's session
-    /// that was used longest ago ends, or else the one of all; but not the one in control, nor one
-    /// whose requests have not ended. Returns `None` if none can end, or if the numbers of sessions are
-    /// [exhausted](Self::is_exhausted).
+    /// Opens a session for `owner`, and returns its number. If there are too many, one session ends: a closed
+    /// one, or else one of the owner, or else any one; of several, the one that was used longest ago. A session
+    /// in control, or whose requests have not ended, does not end. Returns `None` if none can end, or if the
+    /// numbers of sessions are [exhausted](Self::is_exhausted).
     ///
     /// # Errors
-    /// The error of `write`.
+    /// Returns the error of `write` if a row cannot be written.
     pub fn open<E>(
         &mut self,
         owner: SessionOwner,
@@ -113,14 +113,15 @@ impl<P, const N: usize> MotionQueue<P, N> {
             .open(owner, write, |session| in_control != Some(session))
     }
 
-    /// Returns whether the ledger has the last number that a session can have: no session can be opened, now or later.
+    /// Returns true if the ledger has the last number that a session can have: no session can be opened, now
+    /// or later.
     #[must_use]
     pub fn is_exhausted(&self) -> bool {
         self.ledger.is_exhausted()
     }
 
-    /// Puts `session` in control if no other one is, or in any case with `from_other`. Returns whether
-    /// it is in control now. What another session has enqueued stays; see [`abort`](Self::abort).
+    /// Puts `session` in control if no other one is, or in any case with `from_other`. Returns true if it is in
+    /// control now. Requests that another session has enqueued stay; see [`abort`](Self::abort).
     pub fn take_control(&mut self, session: u32, from_other: bool) -> bool {
         let is_free = self.in_control.is_none_or(|it| it == session) || from_other;
         if is_free && self.ledger.has_session(session) && !self.ledger.is_closed(session) {
@@ -134,28 +135,28 @@ impl<P, const N: usize> MotionQueue<P, N> {
         self.in_control = self.in_control.filter(|it| *it != session);
     }
 
-    /// Returns the sessions, and who opened them.
+    /// Returns the number and the owner of each session.
     pub fn sessions(&self) -> impl Iterator<Item = (u32, SessionOwner)> + '_ {
         self.ledger.sessions()
     }
 
-    /// Returns who opened a session; `None` if there is no such session.
+    /// Returns the owner of a session; `None` if there is no such session.
     #[must_use]
     pub fn owner(&self, session: u32) -> Option<SessionOwner> {
         self.ledger.owner(session)
     }
 
-    /// Returns whether a session was [closed](Self::close).
+    /// Returns true if a session was [closed](Self::close).
     #[must_use]
     pub fn is_closed(&self, session: u32) -> bool {
         self.ledger.is_closed(session)
     }
 
-    /// Closes a session whose owner is gone: from here on it offers nothing, and it is not in control.
-    /// What it has enqueued stays. Returns whether it was in control.
+    /// Closes a session whose owner is gone: from here on it offers nothing, and it is not in control. Its
+    /// requests in the queue stay. Returns true if it was in control.
     ///
     /// # Errors
-    /// The error of `write`; the session is not closed then.
+    /// Returns the error of `write` if a row cannot be written; the session is not closed then.
     pub fn close<E>(
         &mut self,
         session: u32,
@@ -173,7 +174,7 @@ impl<P, const N: usize> MotionQueue<P, N> {
         self.in_control
     }
 
-    /// Returns what the queue knows about a request.
+    /// Returns the answer of the queue about a request.
     #[must_use]
     pub fn answer(&self, identity: RequestIdentity) -> QueueAnswer {
         if !self.ledger.has_session(identity.session) {
@@ -189,7 +190,7 @@ impl<P, const N: usize> MotionQueue<P, N> {
         }
     }
 
-    /// Returns how many requests run or wait before this one; `None` if it does not wait.
+    /// Returns the number of requests that run or wait before this one; `None` if this one does not wait.
     #[must_use]
     pub fn before(&self, identity: RequestIdentity) -> Option<usize> {
         let mut waiting = self.waiting.iter();
@@ -197,12 +198,11 @@ impl<P, const N: usize> MotionQueue<P, N> {
         Some(place + usize::from(self.running.is_some()))
     }
 
-    /// Accepts a new request or refuses it, and returns the answer. `make` makes the data of the
-    /// request, or returns the reason to refuse it. A request that the queue knows already is not
-    /// changed.
+    /// Accepts a new request or refuses it, and returns the answer. `make` makes the data of the request, or
+    /// returns the reason to refuse it. A request that is in the ledger already is not changed.
     ///
     /// # Errors
-    /// The error of `write`; the queue does not have the request then.
+    /// Returns the error of `write` if a row cannot be written; the queue does not have the request then.
     pub fn offer<E>(
         &mut self,
         identity: RequestIdentity,
@@ -224,10 +224,10 @@ impl<P, const N: usize> MotionQueue<P, N> {
             Ok(made) => (RequestState::Accepted, RefusalReason::None, Some(made)),
             Err(reason) => (RequestState::Refused, reason, None),
         };
-        // There is a place: of 4 * N requests at most N + 1 have not ended.
+        // The ledger has a place: of 4 * N requests at most N + 1 have not ended.
         self.ledger.set(identity, state, reason, &mut write)?;
         if let Some(made) = made {
-            // It is not full.
+            // The deque is not full: `make` was called only if it had room.
             let _ = self.waiting.push_back((identity, made));
         }
         Ok(self.answer(identity))
@@ -243,7 +243,7 @@ impl<P, const N: usize> MotionQueue<P, N> {
     /// Refuses the next request, whose turn has come: it is not possible as things are now.
     ///
     /// # Errors
-    /// The error of `write`; the request waits then.
+    /// Returns the error of `write` if a row cannot be written; the request waits then.
     pub fn refuse_next<E>(
         &mut self,
         reason: RefusalReason,
@@ -261,7 +261,7 @@ impl<P, const N: usize> MotionQueue<P, N> {
     /// waits, or one runs.
     ///
     /// # Errors
-    /// The error of `write`; the request must not run then, and waits.
+    /// Returns the error of `write` if a row cannot be written; the request must not run then, and waits.
     pub fn start<E>(
         &mut self,
         write: impl FnMut(usize, &LedgerRow) -> Result<(), E>,
@@ -295,7 +295,7 @@ impl<P, const N: usize> MotionQueue<P, N> {
     /// Ends the request that runs, if one does, with this state and reason.
     ///
     /// # Errors
-    /// The error of `write`; the request has not ended then.
+    /// Returns the error of `write` if a row cannot be written; the request has not ended then.
     pub fn end<E>(
         &mut self,
         state: RequestState,
@@ -312,7 +312,7 @@ impl<P, const N: usize> MotionQueue<P, N> {
     /// Aborts all requests that wait, for `reason`, the first one first.
     ///
     /// # Errors
-    /// The error of `write`; the requests that are left wait then.
+    /// Returns the error of `write` if a row cannot be written; the requests that are left wait then.
     pub fn abort<E>(
         &mut self,
         reason: RefusalReason,

@@ -1,8 +1,8 @@
-//! What the hostile processor does.
+//! The moves of the hostile processor.
 //!
-//! It knows the layout and reads everybody's memory, so that it can break any rule by as little
-//! as it likes: valid requests and replies, sequences and counts that are one off, words of its
-//! former incarnations, and plain noise.
+//! The hostile processor knows the layout and reads the memory of every processor, so that it can break any
+//! rule by as little as it likes: it writes valid requests and replies, sequence numbers and counts that are
+//! off by one, words of its former incarnations, and plain noise.
 
 use crate::Vector;
 use crate::error::MemoryObject;
@@ -18,11 +18,11 @@ const COUNT: u32 = N as u32;
 pub(super) struct Attack {
     bytes: Vec<u8>,
     at: usize,
-    /// Accesses until the next move.
+    /// The number of accesses until the next move.
     pause: u32,
     moves: u64,
     stopped: bool,
-    /// Added to what the bytes say, so that a repetition is not the same.
+    /// A number that is added to words, so that a repetition of the bytes differs.
     round: u32,
 }
 
@@ -42,12 +42,12 @@ impl Attack {
         self.moves
     }
 
-    /// Moves no more, or goes on.
+    /// Stops the moves, or lets them go on.
     pub(super) fn pause(&mut self, pause: bool) {
         self.stopped = pause || self.bytes.is_empty();
     }
 
-    /// Looks like somebody honest.
+    /// Writes the header of an honest processor.
     pub(super) fn behave(world: &World) {
         let script = Script::new(&[]);
         let mut hand = Hand {
@@ -58,7 +58,7 @@ impl Attack {
         hand.behave();
     }
 
-    /// Moves, if the time has come; several moves may fall between two accesses.
+    /// Makes a move if its time has come; several moves may fall between two accesses.
     pub(super) fn step(&mut self, world: &World) {
         if self.stopped {
             return;
@@ -140,7 +140,7 @@ impl Hand<'_> {
         self.script.below(N) as u32
     }
 
-    /// Words that mean something somewhere, and their neighbours.
+    /// Returns a word that has a meaning somewhere, or a neighbour of one.
     fn value(&mut self, old: u32) -> u32 {
         match self.script.byte() % 8 {
             0 => 0,
@@ -179,7 +179,7 @@ impl Hand<'_> {
             1 => JOINING,
             2 => old.wrapping_add(1),
             3 => old.wrapping_sub(1),
-            // Few incarnations, so that it comes back to some of them.
+            // There are few incarnations, so that the processor comes back to some of them.
             4 => 1 + u32::from(hand.script.byte() % 4),
             _ => hand.script.word(),
         });
@@ -199,7 +199,7 @@ impl Hand<'_> {
         self.set(layout::acknowledged(COUNT, peer), |_| value);
     }
 
-    /// The sequence of the latest request of `peer` to us.
+    /// Returns the sequence number of the latest request of `peer` to this processor.
     fn head_of(&self, peer: u32) -> u32 {
         let sequences = (0..SLOTS)
             .map(|index| self.mail(peer, layout::slot(COUNT, ME, index) + entry::SEQUENCE));
@@ -220,14 +220,14 @@ impl Hand<'_> {
             (entry::KIND, kind),
             (entry::SEQUENCE, sequence),
         ] {
-            // Now and then a word of what was there stays.
+            // Now and then a word of the former request stays.
             if self.script.byte() & 0x3f != 0x2a {
                 self.set(at + offset, |_| word);
             }
         }
     }
 
-    /// A request to `peer` with the right epoch, that is the next one or nearly so.
+    /// Writes a request to some peer with the right epoch; it is the next one or nearly the next one.
     fn request_of_kind(&mut self, kind: u32) {
         let peer = self.somebody();
         let taken = self.mail(peer, layout::taken(COUNT, ME));
@@ -263,7 +263,7 @@ impl Hand<'_> {
         self.request_of_kind(class | vector);
     }
 
-    /// A reply to some request of `peer`, right or nearly so.
+    /// Writes a reply to some request of a peer, which is right or nearly right.
     fn reply(&mut self) {
         let peer = self.somebody();
         let slot = layout::slot(COUNT, ME, u32::from(self.script.byte()));
@@ -285,7 +285,7 @@ impl Hand<'_> {
         }
     }
 
-    /// What a listener says that it took: of the right epoch, in time or late.
+    /// Writes the words of a listener about the messages that it took: of the right epoch, in time or late.
     fn listen_words(&mut self) {
         let (sender, holder) = (self.somebody(), self.somebody());
         let epoch = layout::epoch(self.incarnation_of(sender), self.incarnation_of(holder));
@@ -315,7 +315,7 @@ impl Hand<'_> {
         self.world.lose(object, choice & 1 == 0);
     }
 
-    /// Looks like somebody honest, so that others go on talking to it.
+    /// Writes the header of an honest processor, so that others go on sending messages to it.
     fn behave(&mut self) {
         let data_bytes = layout::BELL_BYTES + USER_BYTES;
         self.world.lose(MemoryObject::Mail, false);

@@ -1,4 +1,4 @@
-//! What the honest processors do, and what they insist on.
+//! The programs of the honest processors, and their checks.
 
 use std::cell::RefCell;
 use std::rc::Rc;
@@ -14,12 +14,12 @@ use super::attack::Attack;
 use super::script::Script;
 use super::world::{HOSTILE, HonestMailbox, N, World};
 
-/// Enough for any wait that depends on honest processors alone.
+/// A timeout that is enough for any wait that depends on honest processors alone.
 const AMPLE: Duration = Duration::from_millis(20);
-/// What a nested call waits.
+/// The timeout of a nested call.
 const NESTED: Duration = Duration::from_micros(30);
 const MOST_OPERATIONS: usize = 48;
-/// Calls in progress that a program polls later.
+/// The greatest number of calls in progress that a program polls later.
 const MOST_PENDING: usize = 4;
 
 const PLAIN: Vector = Vector(0);
@@ -46,15 +46,15 @@ fn world() -> Rc<World> {
 /// Runs the scenario that `bytes` describe, and checks it at every step.
 ///
 /// # Panics
-/// If a promise of the mailbox was broken.
+/// Panics if a promise of the mailbox is broken.
 pub fn run(bytes: &[u8]) -> Tally {
     run_behind(None, bytes)
 }
 
-/// Likewise on memory that is not coherent: every honest processor has a cache.
+/// Runs the scenario as [`run`] does, but on memory that is not coherent: every honest processor has a cache.
 ///
 /// # Panics
-/// If a promise of the mailbox was broken.
+/// Panics if a promise of the mailbox is broken.
 pub fn run_behind_caches(bytes: &[u8]) -> Tally {
     let seed = bytes.iter().fold(bytes.len() as u64, |seed, byte| {
         seed.rotate_left(9) ^ u64::from(*byte)
@@ -95,9 +95,10 @@ fn run_behind(caches: Option<u64>, bytes: &[u8]) -> Tally {
     tally
 }
 
-/// Runs everybody until nothing is left, which must take what honest processors sent each other.
+/// Runs all honest programs until no message is left, and checks that messages between honest processors were
+/// taken.
 fn drain(world: &World) {
-    // A ringful of each to each, as deep as it nests.
+    // Each processor may have a full ring of messages for each other one, as deep as calls nest.
     for _ in 0..N * N * layout::SLOTS as usize {
         let served: usize = (0..N).map(|number| world.run_program(number)).sum();
         if served == 0 {
@@ -107,7 +108,7 @@ fn drain(world: &World) {
     assert!(world.model.borrow().is_drained(), "a message was lost");
 }
 
-/// Somebody honest takes the hostile number; everybody talks to him at once.
+/// Lets an honest program take the hostile number; all others send messages to it at once.
 fn replace_hostile(world: &Rc<World>, choice: u8) {
     world.wipe_hostile_mail(choice & 1 == 0);
     world.model.borrow_mut().replace_hostile();
@@ -136,7 +137,8 @@ fn reply_to(vector: Vector, data: u32) -> u32 {
     data.rotate_left(7) ^ u32::from(vector.0)
 }
 
-/// What every handler of processor `ME` does: let the model check, then something of its own.
+/// Handles a call on processor `ME`: every handler lets the model check the call, and then does the work of its
+/// vector.
 fn handle<const ME: usize>(call: &Call<'_>) -> u32 {
     let world = world();
     world.model.borrow_mut().started(ME, call);
@@ -175,7 +177,7 @@ fn nested_call<const ME: usize>(world: &World, call: &Call<'_>, to: usize) {
     check_call(world, data, outcome);
 }
 
-/// What the outcome of a call must agree with, whoever it went to.
+/// Checks that the outcome of a call agrees with the model, whether its receiver is honest or not.
 fn check_call(world: &World, data: u32, outcome: Result<u32, MailboxError>) {
     let model = world.model.borrow();
     match outcome {
@@ -185,7 +187,7 @@ fn check_call(world: &World, data: u32, outcome: Result<u32, MailboxError>) {
         }
         Err(error) => {
             if let Some(progress) = progress(error) {
-                // What never runs may have been published to one that left or died.
+                // A message that never runs may have been published to a processor that left or died.
                 let ended = matches!(
                     error,
                     MailboxError::PeerDied { .. } | MailboxError::PeerLeft { .. }
@@ -237,7 +239,7 @@ impl Program {
         program
     }
 
-    /// Begins as a new process does, without a word to the others.
+    /// Restarts as a new process does, without a message to the others.
     fn restart(&mut self) {
         self.pending.clear();
         self.world.seat(self.number, None);
@@ -280,7 +282,7 @@ impl Program {
                 self.world.run_program(self.number);
             }
             13 => self.serve(timeout),
-            // Who listens to himself gets everything twice, as he asked.
+            // A processor that listened to itself would hear every message twice.
             14 if to != self.number => self.listen(Some(to), timeout),
             14 | 15 => self.listen(None, timeout),
             16 => self.observe(to, script.byte()),
@@ -290,7 +292,7 @@ impl Program {
         }
     }
 
-    /// Whether a wait for `to` depends on honest processors alone.
+    /// Returns true if a wait for `to` depends on honest processors alone.
     fn is_honest(&self, to: usize) -> bool {
         self.world.model.borrow().is_honest(to)
     }
@@ -310,10 +312,10 @@ impl Program {
         }
     }
 
-    /// Whether there was no slot, or too late, because the own handlers took each one for what they send
-    /// on.
+    /// Returns true if there was no slot in time because the sender's handlers took each slot for messages that
+    /// they sent on.
     ///
-    /// A sender may have that much done for it; but when it pauses, there are slots again.
+    /// A sender's handlers may send that many messages; but when it pauses, there are slots again.
     fn is_starved<T>(&self, outcome: &Result<T, MailboxError>, to: usize, before: usize) -> bool {
         let competed = || {
             let model = self.world.model.borrow();
@@ -472,7 +474,7 @@ impl Program {
         model.offer(self.number, Processor(to as u8), vector)
     }
 
-    /// Gives up what is in progress.
+    /// Abandons all calls in progress.
     fn finish(&mut self) {
         self.poll();
         while !self.pending.is_empty() {

@@ -1,4 +1,4 @@
-//! The window and the doorbell through which an honest processor meets the world.
+//! The window and the doorbell through which an honest processor accesses the world.
 
 use std::rc::Rc;
 
@@ -9,7 +9,7 @@ use crate::{Clock, Doorbell, Evidence, Instant, LoadOrder, MemoryWindow, Process
 
 use super::world::World;
 
-/// One of the two objects of `owner` as `user` has it.
+/// The window of `user` on one of the two objects of `owner`.
 #[derive(Clone)]
 pub(super) struct Watched {
     pub(super) world: Rc<World>,
@@ -33,7 +33,7 @@ fn refused(error: SimWindowError) -> Refused {
 }
 
 impl Watched {
-    /// Lets the hostile processor move, and fails if it took the memory away.
+    /// Lets the hostile processor move, and returns an error if it took the memory away.
     fn reach(&self) -> Result<(), Refused> {
         self.world.step();
         if self.world.is_lost(self.owner, self.object) {

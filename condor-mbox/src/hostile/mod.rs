@@ -1,10 +1,10 @@
 //! Two honest processors and one that writes whatever it can, driven by bytes.
 //!
-//! Processors 0 and 2 run the shipped mailbox in virtual time on one thread. Number 1 is hostile:
-//! it owns its `mail`, may write the `data` of everybody, may truncate its own objects, and moves
-//! *before every single access* of the others to shared memory, also within one operation. The
-//! first half of the bytes says what the honest processors do, the second what the hostile one
-//! does. The `Model` sees each access and knows what must have happened.
+//! Processors 0 and 2 run the shipped mailbox in virtual time on one thread. Number 1 is hostile: it owns its
+//! `mail`, may write the `data` of every processor, may truncate its own objects, and moves *before every
+//! single access* of the others to shared memory, also within one operation. The first half of the bytes
+//! decides the operations of the honest processors, the second the moves of the hostile one. The `Model` sees
+//! each access and knows what must have happened.
 #![allow(clippy::must_use_candidate, reason = "of use to tests alone")]
 
 mod attack;
@@ -22,16 +22,16 @@ pub use honest::{run as mailbox, run_behind_caches as mailbox_behind_caches};
 pub use regions::run as regions;
 pub use window::bounds as window_bounds;
 
-/// What a run went through.
+/// The counts of events in a run.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Tally {
-    /// Moves of the hostile processor: each makes another state of shared memory.
+    /// The number of moves of the hostile processor: each makes another state of shared memory.
     pub states: u64,
-    /// Accesses of the honest processors, each a step at which it could move.
+    /// The number of accesses of the honest processors, before each of which the hostile one could move.
     pub accesses: u64,
-    /// Handlers that ran.
+    /// The number of handlers that ran.
     pub handled: u64,
-    /// Handlers that ran for messages of the hostile processor.
+    /// The number of handlers that ran for messages of the hostile processor.
     pub handled_of_hostile: u64,
 }
 

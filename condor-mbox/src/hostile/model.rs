@@ -1,4 +1,4 @@
-//! [`Model`]: what must happen, from every access that the honest processors make.
+//! [`Model`]: the events that must happen, derived from every access of the honest processors.
 
 use std::collections::VecDeque;
 
@@ -15,7 +15,7 @@ pub(super) struct Offer {
     from: usize,
     to: usize,
     vector: Vector,
-    /// Its place among all that were published.
+    /// The place of the message among all that were published.
     published: Option<u64>,
     taken: bool,
     reply: Option<u32>,
@@ -39,7 +39,7 @@ struct Request {
     value: u32,
 }
 
-/// The class of a request in its kind word: send, call, listen, ignore.
+/// Returns the class of a request in its kind word: send, call, listen, ignore.
 const fn class(kind: u32) -> u32 {
     kind >> 8 & 0xff
 }
@@ -52,15 +52,15 @@ const fn is_message(kind: u32) -> bool {
     matches!(class(kind), 1 | 2)
 }
 
-/// What is known of one honest processor.
+/// The state of one honest processor, as far as the model knows it.
 struct Known {
     /// The words of the hostile `mail` as this processor read them last.
     seen: Vec<u32>,
-    /// What it has just taken from a ring, and from whom.
+    /// The request that it has just taken from a ring, and its sender.
     taken: Option<(usize, Request)>,
     /// The latest request that it took from the hostile ring in the present epoch.
     hostile_tail: u32,
-    /// The latest message that it heard, as a listener, of each sender.
+    /// The latest message of each sender that it heard as a listener.
     heard: [u64; N],
     sent: [u32; Vector::COUNT],
     handled: [u32; Vector::COUNT],
@@ -81,13 +81,13 @@ impl Known {
 
 pub(super) struct Model {
     offers: Vec<Offer>,
-    /// Published and not taken, from each sender to each receiver.
+    /// The requests that are published and not taken, from each sender to each receiver.
     rings: [[VecDeque<Request>; N]; N],
     known: [Known; N],
     published: u64,
     handled: u64,
     handled_of_hostile: u64,
-    /// Whether number [`HOSTILE`] is held by somebody honest now.
+    /// True if an honest program now has the number [`HOSTILE`].
     replaced: bool,
 }
 
@@ -109,7 +109,7 @@ impl Model {
         self.known[HOSTILE] = Known::new();
     }
 
-    /// A new program begins on `number`, with statistics of its own.
+    /// Records that a new program begins on `number`, with statistics of its own.
     pub(super) fn restart(&mut self, number: usize) {
         self.known[number].sent = [0; Vector::COUNT];
         self.known[number].handled = [0; Vector::COUNT];
@@ -123,13 +123,13 @@ impl Model {
         (self.handled, self.handled_of_hostile)
     }
 
-    /// Messages that `number` sent and handled, for every vector.
+    /// Returns the numbers of messages of `vector` that `number` sent and handled.
     pub(super) fn statistics(&self, number: usize, vector: Vector) -> (u32, u32) {
         let known = &self.known[number];
         (known.sent[vector.index()], known.handled[vector.index()])
     }
 
-    /// Whether all that honest processors sent each other has been taken.
+    /// Returns true if all messages between honest processors have been taken.
     pub(super) fn is_drained(&self) -> bool {
         (0..N)
             .flat_map(|from| (0..N).map(move |to| (from, to)))
@@ -137,14 +137,15 @@ impl Model {
             .all(|(from, to)| self.rings[from][to].is_empty())
     }
 
-    // What the honest programs say.
+    // Calls by the honest programs.
 
-    /// `listener` begins to listen: what the holder has not taken by then is heard, again perhaps.
+    /// Records that `listener` begins to listen: it hears the messages that the holder has not taken by then,
+    /// some of them perhaps again.
     pub(super) fn listens(&mut self, listener: usize) {
         self.known[listener].heard = [0; N];
     }
 
-    /// `from` is about to send; gives the data.
+    /// Records that `from` is about to send a message; returns the message's data.
     pub(super) fn offer(&mut self, from: usize, to: Processor, vector: Vector) -> u32 {
         self.offers.push(Offer {
             from,
@@ -157,12 +158,12 @@ impl Model {
         self.offers.len() as u32 - 1
     }
 
-    /// How many messages have been offered.
+    /// Returns the number of messages that have been offered.
     pub(super) fn offers(&self) -> usize {
         self.offers.len()
     }
 
-    /// Whether `from` sent something to `to` that was offered after the first `before`.
+    /// Returns true if `from` sent a message to `to` that was offered after the first `before` messages.
     pub(super) fn has_sent(&self, before: usize, from: usize, to: usize) -> bool {
         let later = self.offers.iter().skip(before);
         later
@@ -185,7 +186,7 @@ impl Model {
         }
     }
 
-    /// A handler of `me` begins.
+    /// Checks the call with which a handler of `me` begins.
     pub(super) fn started(&mut self, me: usize, call: &Call<'_>) {
         let sender = call.sender().index();
         if call.addressee().index() == me {
@@ -231,7 +232,7 @@ impl Model {
         assert!(found, "heard what nobody wrote");
     }
 
-    /// A handler of `me` for `call` is about to return `value`.
+    /// Records that a handler of `me` for `call` is about to return `value`.
     pub(super) fn ended(&mut self, me: usize, call: &Call<'_>, value: u32) {
         self.handled += 1;
         let counts = &mut self.known[me].handled;
@@ -243,7 +244,7 @@ impl Model {
         }
     }
 
-    // What the windows saw.
+    // Calls by the windows.
 
     pub(super) fn loaded(&mut self, user: usize, owner: usize, offset: u32, value: u32) {
         if owner == HOSTILE {
@@ -251,7 +252,7 @@ impl Model {
         }
     }
 
-    /// `owner` stored a word of its `mail`, which reads as `mail` says.
+    /// Records that `owner` stored a word of its `mail`; the function `mail` returns the words of that `mail`.
     pub(super) fn stored(
         &mut self,
         owner: usize,
@@ -263,7 +264,7 @@ impl Model {
         if offset == header::INCARNATION {
             for other in 0..N {
                 self.rings[other][owner].clear();
-                // What it had sent before it left is still taken.
+                // Messages that it sent before it left are still taken.
                 if !matches!(value, 0 | JOINING) {
                     self.rings[owner][other].clear();
                 }
@@ -282,7 +283,7 @@ impl Model {
                 }
                 continue;
             }
-            // Words that are cleared at the beginning of an incarnation are no messages.
+            // Words that are cleared at the beginning of an incarnation are not messages.
             if order != StoreOrder::Release {
                 continue;
             }
@@ -336,7 +337,7 @@ impl Model {
         self.known[me].taken = Some((from, request));
     }
 
-    /// The request that `me` read in the hostile ring, which must be valid as it read it.
+    /// Checks the request that `me` took from the hostile ring, which must be valid as `me` read it.
     fn took_from_hostile(
         &mut self,
         me: usize,

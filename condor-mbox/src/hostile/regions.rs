@@ -1,4 +1,4 @@
-//! Regions, published values and locks in memory that somebody rewrites before every access.
+//! Regions, published values and locks in memory that another processor rewrites before every access.
 
 use std::cell::{Cell, RefCell};
 use std::rc::Rc;
@@ -18,10 +18,10 @@ use super::script::Script;
 
 const BYTES: u32 = 1024;
 const PROCESSORS: u8 = 3;
-/// The first incarnation is over, the second is current, for everybody.
+/// The incarnation of every processor: the first is over, the second is current.
 const INCARNATION: u32 = 2;
 const TICK_NS: u64 = 100;
-/// No call may take more accesses than this between two readings of the clock.
+/// The number of accesses that no call may reach between two readings of the clock.
 const MOST_ACCESSES_PER_TICK: u64 = 500;
 const MOST_OPERATIONS: usize = 64;
 
@@ -84,7 +84,7 @@ impl Noise {
     }
 }
 
-/// The word by which a lock names an owner.
+/// Returns the word by which a lock names an owner.
 fn word_of(processor: Processor, incarnation: u32) -> u32 {
     (u32::from(processor.0) + 1) << 26 | incarnation
 }
@@ -167,10 +167,10 @@ impl Incarnations for Known {
     }
 }
 
-/// Runs what `bytes` describe, and checks it at every step.
+/// Runs the operations that `bytes` describe, and checks them at every step.
 ///
 /// # Panics
-/// If a promise was broken.
+/// Panics if a promise is broken.
 pub fn run(bytes: &[u8]) -> Tally {
     let (calm, noise) = bytes.split_at(bytes.len() / 2);
     let window = Noisy(Rc::new(Shared {
@@ -192,7 +192,7 @@ pub fn run(bytes: &[u8]) -> Tally {
         if script.is_over() {
             break;
         }
-        // Each operation begins with a look at the clock, from which its accesses are counted.
+        // Each operation begins with a reading of the clock, from which its accesses are counted.
         window.now();
         operate(&window, &region, &mut script);
     }
@@ -207,7 +207,7 @@ pub fn run(bytes: &[u8]) -> Tally {
     }
 }
 
-/// Any offset, mostly a sound one.
+/// Returns any offset, mostly a valid one.
 fn offset(script: &mut Script<'_>) -> u32 {
     match script.byte() % 16 {
         0 => script.word(),
@@ -232,7 +232,7 @@ fn operate(window: &Noisy, region: &Region<Noisy>, script: &mut Script<'_>) {
             let part = region.part(place, offset(script));
             if let Ok(part) = part {
                 assert!(place + part.size() <= region.size());
-                // Nothing beyond its end is reached through it.
+                // No word beyond the end of `part` can be read through it.
                 assert!(part.word(part.size()).is_err());
             }
         }
@@ -251,7 +251,7 @@ fn operate(window: &Noisy, region: &Region<Noisy>, script: &mut Script<'_>) {
         4 => {
             if let Ok(mut publisher) = Published::<Value>::at(place).publisher(region) {
                 for value in 0..4 {
-                    // It can fail, and the next can succeed: the memory comes and goes.
+                    // A publication can fail and the next one can succeed: the memory comes and goes.
                     let _ = publisher.publish(&[value; 5]);
                 }
             }
@@ -293,9 +293,9 @@ fn contend<L: TestAndSet>(window: &Noisy, lock: &SpinLock<L>, script: &mut Scrip
     };
     match outcome {
         Ok(guard) if script.byte() & 1 == 0 => drop(guard),
-        // What was lost is reported, or was there again.
+        // A lost memory is reported, or has come back.
         Ok(guard) => drop(guard.release()),
-        // Whoever is said to be dead is not alive.
+        // An owner that is reported dead is not alive.
         Err(SpinLockError::OwnerDead { owner }) => {
             assert!(owner.processor().is_none() || !Known.is_current(owner));
             drop(lock.recover(owner, me, &Known));
@@ -304,7 +304,7 @@ fn contend<L: TestAndSet>(window: &Noisy, lock: &SpinLock<L>, script: &mut Scrip
     }
 }
 
-/// Whatever is in the memory now, the next publications and a cleared lock work.
+/// Checks that the next publications and a cleared lock work, whatever is in the memory now.
 fn heals(window: &Noisy, region: &Region<Noisy>) {
     window.now();
     let cell = Published::<Value>::at(0);

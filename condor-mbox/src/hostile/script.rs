@@ -15,7 +15,7 @@ impl<'b> Script<'b> {
         self.at >= self.bytes.len()
     }
 
-    /// How many bytes have been read.
+    /// Returns the number of bytes that have been read.
     pub(super) const fn position(&self) -> usize {
         self.at
     }
@@ -26,7 +26,7 @@ impl<'b> Script<'b> {
         byte
     }
 
-    /// A number below `count`, which is not zero and at most 256.
+    /// Returns a number below `count`, which is not zero and at most 256.
     pub(super) fn below(&mut self, count: usize) -> usize {
         usize::from(self.byte()) % count
     }
@@ -39,7 +39,7 @@ impl<'b> Script<'b> {
         u32::from_le_bytes(core::array::from_fn(|_| self.byte()))
     }
 
-    /// A number between -128 and 127 as a difference modulo 2³², mostly small.
+    /// Returns a number between -128 and 127 as a difference modulo 2³², mostly a small one.
     pub(super) fn difference(&mut self) -> u32 {
         let byte = self.byte().cast_signed();
         let near = if byte & 1 == 0 { 0 } else { byte >> 4 };

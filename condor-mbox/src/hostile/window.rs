@@ -2,10 +2,11 @@
 
 use crate::window::check_access;
 
-/// No offset and length that pass the check reach outside of a window, and all others are refused.
+/// Checks that no offset and length that are accepted reach outside of a window, and that all others are
+/// refused.
 ///
 /// # Panics
-/// If the check is wrong.
+/// Panics if an access is accepted or refused wrongly.
 pub fn bounds(bytes: &[u8]) {
     let mut words = bytes.chunks(4).map(|chunk| {
         let mut word = [0; 4];

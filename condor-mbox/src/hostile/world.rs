@@ -1,4 +1,4 @@
-//! [`World`]: shared memory, time and the doorbells, and whose turn it is.
+//! [`World`]: shared memory, time and the doorbells, and the choice of the next program.
 
 use std::cell::{Cell, RefCell};
 use std::rc::Rc;
@@ -16,38 +16,39 @@ use super::attack::Attack;
 use super::memory::{Bell, Watched};
 use super::model::Model;
 
-/// Processors of the system; number [`HOSTILE`] is the hostile one.
+/// The number of processors of the system; number [`HOSTILE`] is the hostile one.
 pub(super) const N: usize = 3;
 pub(super) const HOSTILE: usize = 1;
-/// Bytes in the users' part of each `data`.
+/// The size in bytes of the users' part of each `data`.
 pub(super) const USER_BYTES: u32 = 512;
 
-/// How far time moves when somebody reads the clock.
+/// The time by which the clock moves when a program reads it.
 const TICK_NS: u64 = 100;
-/// After so many readings of the clock without a sleep the others get a turn.
+/// The number of readings of the clock without a sleep after which the other programs get a turn.
 const MOST_BUSY_TICKS: u32 = 64;
-/// How many programs run inside of each other at most.
+/// The greatest number of programs that run inside of each other.
 const MOST_NESTED: u32 = 3;
-/// No look may take more accesses than this between two readings of the clock.
+/// The number of accesses that no program may reach between two readings of the clock.
 const MOST_ACCESSES_PER_TICK: u64 = 10_000;
-/// How late a call may return, beyond what the others ran on the same thread: its own last look,
-/// with the returns of the handlers that are nested in it.
+/// The time by which a call may return late, apart from the time for which the others ran on the same thread:
+/// the call's own last poll, with the returns of the handlers that are nested in it.
 const SLICE_NS: u64 = 200 * TICK_NS;
 
 pub(super) type HonestMailbox = Mailbox<'static, (Watched, Bell, SingleContext), N>;
 
 pub(super) struct World {
-    /// As the honest processors have it, behind caches in some runs.
+    /// The memory as the honest processors access it, behind caches in some runs.
     system: SimSystem<N>,
-    /// As the hostile one has it.
+    /// The memory as the hostile processor accesses it.
     mails: [SimWindow; N],
     datas: [SimWindow; N],
     lost_mail: Cell<bool>,
     lost_data: Cell<bool>,
     ns: Cell<u64>,
-    /// By how much programs of others, which share the thread, ran past the end of a sleep.
+    /// The time for which programs of others, which share the thread, ran past the end of a sleep.
     overrun_ns: Cell<u64>,
-    /// Readings of the clock since somebody slept, and whether others run because of them.
+    /// The number of readings of the clock since a program slept. `in_background` is true while others run
+    /// because of them.
     busy_ticks: Cell<u32>,
     in_background: Cell<bool>,
     nested: Cell<u32>,
@@ -121,7 +122,7 @@ impl World {
         Bell { world, user }
     }
 
-    /// Puts `mailbox` in the place of `number`: its program runs whenever somebody else sleeps.
+    /// Puts `mailbox` in the place of `number`: its program runs whenever another one sleeps.
     pub(super) fn seat(&self, number: usize, mailbox: Option<HonestMailbox>) {
         let seated = mailbox.map(|mailbox| Rc::new(RefCell::new(mailbox)));
         let former = core::mem::replace(&mut self.boxes.borrow_mut()[number], seated);
@@ -133,7 +134,7 @@ impl World {
         seated.expect("the script only uses processors that are there")
     }
 
-    /// Lets the program of `number` look once, unless it is in the middle of something exclusive.
+    /// Lets the program of `number` serve its messages once, unless it is inside of an exclusive call.
     pub(super) fn run_program(&self, number: usize) -> usize {
         let Some(seated) = self.boxes.borrow()[number].clone() else {
             return 0;
@@ -141,7 +142,7 @@ impl World {
         let Ok(mailbox) = seated.try_borrow() else {
             return 0;
         };
-        // Each may run while the other one sleeps, and a ringful of handlers sleeps each time.
+        // Each program may run while the other one sleeps, and a full ring of handlers sleeps each time.
         let nested = self.nested.get();
         if nested >= MOST_NESTED {
             return 0;
@@ -154,7 +155,7 @@ impl World {
         served
     }
 
-    // What the hostile processor can reach.
+    // The memory that the hostile processor can reach.
 
     pub(super) fn mail_word(&self, owner: usize, offset: u32) -> u32 {
         let loaded = self.mails[owner].load(offset, LoadOrder::Relaxed);
@@ -186,7 +187,7 @@ impl World {
             }
     }
 
-    /// The hostile processor moves no more, or goes on.
+    /// Stops the moves of the hostile processor, or lets them go on.
     pub(super) fn pause_attack(&self, pause: bool) {
         self.attack.borrow_mut().pause(pause);
     }
@@ -197,13 +198,13 @@ impl World {
         self.lose(MemoryObject::Data, false);
     }
 
-    /// The hostile processor begins as if it were honest.
+    /// Lets the hostile processor begin as if it were honest.
     pub(super) fn behave_first(&self) {
         Attack::behave(self);
     }
 
-    /// Before somebody honest takes the hostile number: clears its `mail`, but not the number of
-    /// its latest incarnation if `keep_incarnation`.
+    /// Clears the hostile `mail` before an honest program takes its number; keeps the number of its latest
+    /// incarnation if `keep_incarnation`.
     pub(super) fn wipe_hostile_mail(&self, keep_incarnation: bool) {
         for offset in (0..layout::mail_bytes(N as u32)).step_by(4) {
             if !(keep_incarnation && offset == layout::header::LAST_INCARNATION) {
@@ -212,7 +213,7 @@ impl World {
         }
     }
 
-    /// An access of somebody honest is about to happen.
+    /// Counts an access that an honest processor is about to make, and lets the hostile one move.
     pub(super) fn step(&self) {
         self.accesses.set(self.accesses.get() + 1);
         assert!(
@@ -236,7 +237,8 @@ impl World {
         self.ns.set(self.ns.get() + TICK_NS);
         let ticks = self.busy_ticks.get() + 1;
         self.busy_ticks.set(ticks % MOST_BUSY_TICKS);
-        // Who is kept busy does not keep the others from running; but they do not nest for it.
+        // A program that is kept busy does not keep the others from running; but they do not nest because of
+        // it.
         if ticks == MOST_BUSY_TICKS && !self.in_background.replace(true) {
             let begun = self.ns.get();
             self.run_others(user);

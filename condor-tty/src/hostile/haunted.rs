@@ -9,7 +9,7 @@ use condor_mbox::{LoadOrder, MemoryWindow, StoreOrder};
 
 use super::script::Script;
 
-/// Bytes of a script from which on the other end acts.
+/// The least byte of a script with which the other end acts.
 const ACTS: u8 = 0xe8;
 
 pub(crate) struct Haunted<'b> {
@@ -17,7 +17,7 @@ pub(crate) struct Haunted<'b> {
     script: Rc<Script<'b>>,
     /// The block and its ring, where the other end writes.
     terminal: Range<u32>,
-    /// Where this end must not write.
+    /// The words that this end must not write.
     others: Rc<RefCell<Range<u32>>>,
 }
 
@@ -33,7 +33,7 @@ impl Clone for Haunted<'_> {
 }
 
 impl<'b> Haunted<'b> {
-    /// The terminal at `terminal` of `memory`, acted upon as `script` says.
+    /// Makes the memory of the terminal at `terminal` of `memory`, which `script` rewrites.
     pub(crate) fn new(memory: &SimWindow, script: &Rc<Script<'b>>, terminal: Range<u32>) -> Self {
         Self {
             memory: memory.clone(),
@@ -43,17 +43,17 @@ impl<'b> Haunted<'b> {
         }
     }
 
-    /// From now on a write of this end into `others`, or out of the terminal, is a fault.
+    /// Makes a write of this end into `others`, or out of the terminal, a fault from now on.
     pub(crate) fn forbid(&self, others: Range<u32>) {
         *self.others.borrow_mut() = others;
     }
 
-    /// The other end writes a word.
+    /// Writes a word as the other end.
     pub(crate) fn rewrite(&self) {
         let words = (self.terminal.end - self.terminal.start) as usize / 4;
         let at = |word: usize| self.terminal.start + 4 * word as u32;
         let place = at(self.script.below(words));
-        // What is near to another cursor is what matters.
+        // Most faults need a value that is near to another cursor.
         let other = at(self.script.below(32));
         let present = self.memory.load(other, LoadOrder::Relaxed).unwrap();
         let value = self.script.near(present);

@@ -21,7 +21,7 @@ const BASE: u32 = 64;
 const CAPACITY: u32 = 32;
 const END: u32 = BASE + 128 + CAPACITY;
 
-/// Takes and types what its script says.
+/// A person who takes output and types input as a script decides.
 struct Person<'b> {
     script: Rc<Script<'b>>,
     taken: Rc<Cell<usize>>,
@@ -49,11 +49,11 @@ impl Sink for Person<'_> {
     }
 }
 
-/// Does what `bytes` say.
+/// Runs the script in `bytes`.
 ///
 /// # Panics
-/// If the host broke a promise: it wrote what is not its own, said that it had shown what it had
-/// not, made up a character, or failed as only its own mailbox could make it fail.
+/// Panics if the host breaks a promise: if it writes words of the processor, claims to have shown characters
+/// that it has not, invents a character, or returns an error that only its own mailbox can cause.
 pub fn run(bytes: &[u8]) {
     let script = Rc::new(Script::new(bytes));
     let system = SimSystem::<2>::in_virtual_time(BASE + 1024);
@@ -88,7 +88,7 @@ pub fn run(bytes: &[u8]) {
     let accepted = Cell::new(0);
     let attach = || {
         let region = Region::users(window.clone()).unwrap();
-        // What waited at a former host is gone with it.
+        // Characters that waited at a former host are gone with it.
         typed.set(0);
         accepted.set(0);
         TerminalHost::attach(region, 0, HAND, HOST).ok()

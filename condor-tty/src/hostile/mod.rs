@@ -1,4 +1,4 @@
-//! What a hostile end of a terminal does to the other one, and a person to a line editor, out of bytes.
+//! Attacks of a hostile end of a terminal on the other one, and of a person on a line editor, made of bytes.
 #![allow(
     clippy::must_use_candidate,
     clippy::new_without_default,

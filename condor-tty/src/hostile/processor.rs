@@ -16,18 +16,18 @@ use super::support::Board;
 const OFFSET: u32 = 64;
 const CAPACITY: u32 = 32;
 const END: u32 = OFFSET + 128 + CAPACITY;
-/// Characters of the queue.
+/// The number of characters for which the queue has room.
 const QUEUE: usize = 16;
 const TIMEOUT: Duration = Duration::from_millis(25);
 const INTERRUPT: u8 = 3;
 
 type Hand<'b> = Terminal<Haunted<'b>, SingleContext, QUEUE>;
 
-/// Does what `bytes` say.
+/// Runs the script in `bytes`.
 ///
 /// # Panics
-/// If the terminal broke a promise: it waited past its deadline, wrote what is not its own, lost
-/// without counting, or did to the input what nobody had typed.
+/// Panics if the terminal breaks a promise: if it waits past its deadline, writes words of the host, loses
+/// characters without counting them, or returns input that was not typed.
 pub fn run(bytes: &[u8]) {
     let script = Rc::new(Script::new(bytes));
     let memory = SimWindow::new(END + 64);
@@ -36,7 +36,7 @@ pub fn run(bytes: &[u8]) {
     let mut places = Allocator::new(region.size());
     places.bytes(OFFSET as usize).unwrap();
     let hand = Hand::new(region, &mut places, CAPACITY, SingleContext::new()).unwrap();
-    // From now on the host's line is the host's.
+    // From now on only the host may write the host's line.
     window.forbid(OFFSET + 64..OFFSET + 128);
     let board = Board::new();
     let mut run = Run {
@@ -55,7 +55,7 @@ struct Run<'r, 'b> {
     hand: &'r Hand<'b>,
     board: &'r Board<'static>,
     script: &'r Script<'b>,
-    /// What can be read, in raw mode.
+    /// The characters that can be read, in raw mode.
     typed: VecDeque<u8>,
 }
 
@@ -163,7 +163,7 @@ impl Run<'_, '_> {
         assert_eq!(self.hand.policy(), policy);
     }
 
-    /// The queue is emptied before, so that it is known what is in it.
+    /// Configures the terminal. The queue is emptied before, so that its content is known.
     fn configure(&mut self) {
         let raw = self.script.below(2) == 0;
         let echo = self.script.below(2) == 0;
@@ -176,7 +176,8 @@ impl Run<'_, '_> {
         self.hand.take_interrupt();
         let console = self.hand.console(self.board);
         let mut console = console.with_read_timeout(Duration::ZERO);
-        // At most as often as there are places: each read gives one at least, or the end of the file.
+        // One read for each place of the queue is enough: each returns at least one character, or the end of
+        // the file.
         for _ in 0..=QUEUE {
             if console.read(&mut [0; QUEUE]).is_err() {
                 break;

@@ -14,16 +14,16 @@ const OFFSET: u32 = 64;
 const CAPACITY: u32 = 32;
 const END: u32 = OFFSET + 128 + CAPACITY;
 
-/// Does what `bytes` say.
+/// Runs the script in `bytes`.
 ///
 /// # Panics
-/// If the reader broke a promise: it wrote what is not its own, copied more than there can be, or
-/// gave an error that no processor can cause.
+/// Panics if the reader breaks a promise: if it writes words of the processor, copies more than there can be,
+/// or returns an error that no processor can cause.
 pub fn run(bytes: &[u8]) {
     let script = Rc::new(Script::new(bytes));
     let memory = SimWindow::new(END + 64);
     let window = Haunted::new(&memory, &script, OFFSET..END);
-    // A processor that is a true one between what it should not do.
+    // A processor that behaves correctly between its attacks.
     let region = Region::whole(memory);
     let mut places = Allocator::new(region.size());
     places.bytes(OFFSET as usize).unwrap();
@@ -84,7 +84,7 @@ fn read(reader: &mut TerminalReader<Haunted<'_>>, script: &Script<'_>) {
     assert!(status.unread <= reader.capacity());
 }
 
-/// Its value, if the processor was such as to allow one.
+/// Returns the value, or `None` for an error that a processor can cause.
 fn look<T>(outcome: Result<T, TerminalReaderError>) -> Option<T> {
     match outcome {
         Ok(value) => Some(value),

@@ -26,7 +26,7 @@ impl<'b> Script<'b> {
         self.bytes.get(at).copied().unwrap_or(0)
     }
 
-    /// A number below `count`, which is not zero and at most 256.
+    /// Returns a number below `count`, which is not zero and at most 256.
     pub(crate) fn below(&self, count: usize) -> usize {
         usize::from(self.byte()) % count
     }
@@ -35,7 +35,7 @@ impl<'b> Script<'b> {
         u32::from_le_bytes(std::array::from_fn(|_| self.byte()))
     }
 
-    /// A number that is near to `present`, to zero or to a power of two, or any.
+    /// Returns a number that is near to `present`, to zero or to a power of two, or any number.
     pub(crate) fn near(&self, present: u32) -> u32 {
         let small = |byte: u8| i32::from(byte.cast_signed()).cast_unsigned();
         match self.below(6) {

@@ -1,4 +1,4 @@
-//! Memory that dies, a mailbox that only counts, and a clock that only waits move.
+//! Memory that stops at an access, a mailbox that only counts, and a clock that only waits move.
 
 use std::cell::{Cell, RefCell};
 use std::rc::Rc;
@@ -29,7 +29,7 @@ impl Mortal {
         }
     }
 
-    /// From now on it lives for `accesses`.
+    /// Lets `accesses` further accesses pass; all later ones fail, as if the program had been killed.
     pub fn lives_for(&self, accesses: u32) {
         self.left.set(accesses);
     }
@@ -88,7 +88,7 @@ impl MemoryWindow for Mortal {
     }
 }
 
-/// A mailbox that counts rings, and in whose waits the host runs.
+/// A mailbox that counts its messages, and runs the host while it waits.
 pub struct Board<'h> {
     now: Cell<u64>,
     pub rings: Cell<u32>,
@@ -101,7 +101,7 @@ impl<'h> Board<'h> {
         Self::with(|| ())
     }
 
-    /// With a host that runs once a wait.
+    /// Makes a board with a host that runs once in each wait.
     pub fn with(host: impl FnMut() + 'h) -> Self {
         Self {
             now: Cell::new(0),
@@ -134,10 +134,10 @@ impl Messenger for Board<'_> {
         _: u32,
         timeout: Duration,
     ) -> Result<(), MailboxError> {
-        // To whomever the host's words name.
+        // The receiver may be any processor that the host's words name.
         assert_eq!((vector, timeout), (Vector(56), Duration::ZERO));
         self.rings.set(self.rings.get() + 1);
-        // A full ring of messages loses nothing.
+        // Nothing is lost if the ring of messages is full.
         Err(NOT_SENT)
     }
 

@@ -1,5 +1,5 @@
-//! Any bytes that are typed at a line editor, which any words are offered for, and what a small terminal of
-//! 80 columns shows then.
+//! Any bytes, typed at a line editor whose completion offers any words, and the picture on a small terminal of
+//! 80 columns.
 
 use std::cell::Cell;
 use std::fmt::{self, Write as _};
@@ -8,7 +8,7 @@ use crate::LineEditor;
 
 use super::script::Script;
 
-/// Of what words are made; some of it no word can have.
+/// The parts of which words are made; no word can have some of them.
 const PARTS: [&str; 8] = [
     "a",
     "b",
@@ -20,7 +20,7 @@ const PARTS: [&str; 8] = [
     "\u{3c0}",
 ];
 
-/// A terminal that knows what the editor may write, and nothing else.
+/// A terminal that knows only the sequences that the editor may write.
 pub struct Screen {
     pub rows: Vec<Vec<char>>,
     column: usize,
@@ -98,10 +98,10 @@ impl fmt::Write for Screen {
     }
 }
 
-/// Checks that the line is a line, and that the screen shows the part of it around the cursor.
+/// Checks that the line is valid, and that the screen shows the part of it around the cursor.
 ///
 /// # Panics
-/// If it is not so.
+/// Panics if one of them is wrong.
 pub fn check<const LINE: usize, const LINES: usize>(
     editor: &LineEditor<LINE, LINES>,
     screen: &Screen,
@@ -117,10 +117,10 @@ pub fn check<const LINE: usize, const LINES: usize>(
     assert_eq!(screen.last(), shown.trim_end());
 }
 
-/// Types what `bytes` say, at an editor that they choose.
+/// Types the characters in `bytes` at an editor whose sizes they choose.
 ///
 /// # Panics
-/// If the editor broke a promise.
+/// Panics if the editor breaks a promise.
 pub fn run(bytes: &[u8]) {
     let script = Script::new(bytes);
     match script.below(4) {
@@ -141,7 +141,7 @@ fn types<const LINE: usize, const LINES: usize>(script: &Script<'_>) {
     let calls = Cell::new(0);
     let mut complete = |before: &str, offer: &mut dyn FnMut(&str)| {
         assert!(before.len() <= LINE, "{before:?}");
-        // Or not the same ones when it is asked again.
+        // In some runs, each call offers other words than the one before.
         calls.set(calls.get() + usize::from(offers_others));
         words.iter().skip(calls.get() % 2).for_each(|it| offer(it));
     };
@@ -149,7 +149,7 @@ fn types<const LINE: usize, const LINES: usize>(script: &Script<'_>) {
     while !script.is_over() {
         let byte = script.byte();
         if byte == 0xff {
-            // No text has it: here it stands for an interrupt.
+            // No text has this byte: here it stands for an interrupt.
             editor.clear();
             screen.write_char('\n').unwrap();
         } else if let Some(line) = editor.feed(byte, &mut complete, &mut screen).unwrap() {

@@ -1,4 +1,4 @@
-//! The gateway of a debugger bears any bytes, and leaves the program running and without breakpoints.
+//! The gateway of a debugger withstands any bytes, and leaves the program running and without breakpoints.
 #![cfg_attr(fuzzing, no_main)]
 
 condor_fuzz::target!(condor_debug::hostile::gateway);

@@ -1,4 +1,4 @@
-//! A finger's controller bears any user and any sensors.
+//! A finger's controller withstands any user and any sensors.
 #![cfg_attr(fuzzing, no_main)]
 
 condor_fuzz::target!(condor_hand::hostile::control);

@@ -1,5 +1,5 @@
-//! Two honest processors keep every promise while a third writes whatever it can, also behind caches
-//! that nothing keeps coherent.
+//! Two honest processors keep every promise while a third one writes any words, also behind caches that are not
+//! coherent.
 #![cfg_attr(fuzzing, no_main)]
 
 use condor_mbox::hostile::{mailbox, mailbox_behind_caches};

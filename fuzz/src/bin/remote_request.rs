@@ -1,4 +1,4 @@
-//! A gateway bears any query: key, payload and attachment, with a zero between them.
+//! A gateway withstands any query: key, payload and attachment, with a zero between them.
 #![cfg_attr(fuzzing, no_main)]
 
 condor_fuzz::target!(condor_remote::hostile::request);

@@ -1,4 +1,4 @@
-//! A line editor bears any bytes, and any words that it is offered, and shows the line that it has.
+//! A line editor withstands any bytes, and any words that it is offered, and shows the line that it has.
 #![cfg_attr(fuzzing, no_main)]
 
 condor_fuzz::target!(condor_tty::hostile::editor);

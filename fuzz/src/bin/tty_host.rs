@@ -1,4 +1,4 @@
-//! The host's end of a terminal bears a processor that writes and replies anything at any moment.
+//! The host's end of a terminal withstands a processor that writes and replies anything at any moment.
 #![cfg_attr(fuzzing, no_main)]
 
 use condor_tty::hostile::{host, reader};

@@ -1,4 +1,4 @@
-//! Both ends of a loop's variables bear any words in the table, and any requests.
+//! Both ends of a loop's variables withstand any words in the table, and any requests.
 #![cfg_attr(fuzzing, no_main)]
 
 condor_fuzz::target!(condor_vars::hostile::run);

@@ -2,18 +2,18 @@
 
 use crate::live::hostile;
 
-/// A session keeps its promises to a client, whatever the client asks and however slowly it reads.
+/// Checks that a session keeps its promises to a client, whatever the client asks and however slowly it reads.
 ///
 /// # Panics
-/// If a sample was neither sent in its order nor counted as lost, or if something grew without bound.
+/// Panics if a sample is neither sent in its order nor counted as lost, or if a queue grows without bound.
 pub fn session(bytes: &[u8]) {
     hostile::session(bytes);
 }
 
-/// The server bears any bytes of a client, before and after the handshake.
+/// Checks that the server withstands any bytes of a client, before and after the handshake.
 ///
 /// # Panics
-/// If it goes on with a client that does not finish its handshake.
+/// Panics if the server goes on with a client that does not finish its handshake.
 pub fn connection(bytes: &[u8]) {
     hostile::connection(bytes);
 }

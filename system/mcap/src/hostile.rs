@@ -2,14 +2,14 @@
 
 use crate::{McapReader, McapRecord, McapWriter};
 
-/// Room for any record of a file that is found by chance.
+/// The size in bytes of a buffer for any record of a file that is found by chance.
 const ROOM: usize = 4096;
 
-/// Reads a file, or a file that begins as it must, as far as it goes, and writes what was read into
-/// another one, which must have the same records.
+/// Reads `bytes` as a file, with and without the right beginning, up to the first fault, and writes the records
+/// into another file, which must have the same records.
 ///
 /// # Panics
-/// If it has others.
+/// Panics if the other file has different records.
 pub fn reader(bytes: &[u8]) {
     copy(bytes);
     copy(&[b"\x89MCAP0\r\n", bytes].concat());
@@ -30,7 +30,7 @@ fn copy(file: &[u8]) {
 
     let mut first = McapReader::new(file).expect("it was read before");
     let mut second = McapReader::new(&written[..]).expect("it was written here");
-    // The header is that of the copy.
+    // The first record is the copy's own header.
     second.next(&mut again).expect("it was written here");
     for _ in 0..count {
         let record = loop {

@@ -2,11 +2,11 @@
 
 use crate::wire::{ClientRequest, MOTION_BYTES, by, check_name};
 
-/// A gateway bears any query: key, payload and attachment, with a zero between them. What it takes for a request is within
-/// its bounds, and is read as the same again.
+/// Checks that a gateway withstands any query: key, payload and attachment, with a zero between them. A query
+/// that it accepts is within the bounds of requests, and is the same when it is written and read again.
 ///
 /// # Panics
-/// If it is not.
+/// Panics if an accepted request is not.
 pub fn request(bytes: &[u8]) {
     let mut parts = bytes.splitn(3, |byte| *byte == 0);
     let mut part = || parts.next().unwrap_or_default();

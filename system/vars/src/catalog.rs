@@ -64,17 +64,17 @@ pub enum CatalogError {
     Access(#[from] AccessError),
 }
 
-/// An entry that is to be written.
+/// An entry of a table, before it is written.
 pub(crate) struct Item<'i> {
     pub(crate) description: VarDescription<'i>,
-    /// Writes its name.
+    /// Writes the name of the entry.
     pub(crate) name: &'i dyn Fn(&mut dyn fmt::Write) -> fmt::Result,
     pub(crate) is_param: bool,
     pub(crate) position: u32,
 }
 
 impl Item<'_> {
-    /// Returns its name; `None` if it is too long, or cannot be written.
+    /// Returns the name of the entry; `None` if it is too long or cannot be written.
     fn name(&self) -> Option<heapless::String<NAME_BYTES>> {
         let mut name = heapless::String::new();
         (self.name)(&mut name).ok()?;
@@ -130,18 +130,20 @@ impl<'e> Catalog<'e> {
         Ok(())
     }
 
-    /// Returns the shape of a table with so many slots, each for at least so many rows of everything.
+    /// Returns the shape of a table with `slots` slots, each with room for at least `rows` rows of all
+    /// variables.
     pub(crate) fn shape(&self, slots: u32, rows: u32) -> Result<Shape, CatalogError> {
         let (shape, bytes) = measure(|body| self.each(body))?;
         let unsound = self.params.iter().position(|param| !param.is_sound());
         if let Some(parameter) = unsound {
             return Err(CatalogError::Initial { parameter });
         }
-        // A power of two, of two at least: a reader copies one while the other is written.
+        // The number of rows is a power of two and at least 2: a reader copies one row while another is
+        // written.
         let rows = rows.clamp(2, 1 << 31).next_power_of_two();
         let rows = rows.saturating_mul(row_bytes(bytes.div_ceil(4)));
         let lines = shape.rows_at().saturating_add(rows).div_ceil(LINE);
-        // One that is too large for every window is refused where it is placed.
+        // A slot that is too large for every window is refused when the table is placed.
         let slot_bytes = lines.saturating_mul(LINE).min(u32::MAX - LINE + 1);
         Ok(Shape {
             slots,
@@ -154,7 +156,9 @@ impl<'e> Catalog<'e> {
     /// watchers, each with room for at least `rows` rows of all variables.
     ///
     /// # Errors
-    /// [`CatalogError`] if an entry is invalid or there are too many.
+    /// Returns [`CatalogError::TooLong`] or [`CatalogError::Block`] if an entry is invalid,
+    /// [`CatalogError::Initial`] if the initial value of a parameter is out of bounds,
+    /// [`CatalogError::TooMany`] if the variables and parameters need too many words.
     pub fn bytes(&self, slots: u32, rows: u32) -> Result<u32, CatalogError> {
         Ok(self.shape(slots, rows)?.bytes().unwrap_or(u32::MAX))
     }
@@ -169,7 +173,7 @@ impl fmt::Debug for Catalog<'_> {
     }
 }
 
-/// Checks the entries of a table; returns its shape without slots, and where the last value ends.
+/// Checks the entries of a table; returns its shape without slots, and the end of the last value in bytes.
 ///
 /// `items` calls its argument with every entry, in order.
 pub(crate) fn measure(
@@ -217,7 +221,7 @@ pub(crate) fn measure(
     Ok((shape, end))
 }
 
-/// Writes a table in the next of `places`; returns it with its offset and its incarnation.
+/// Writes a table into the next of `places`; returns the table's region, its offset and its incarnation.
 pub(crate) fn write<W: MemoryWindow + Clone>(
     own: &Region<W>,
     places: &mut Allocator,
@@ -233,9 +237,11 @@ pub(crate) fn write<W: MemoryWindow + Clone>(
     let incarnation = table.load(header::INCARNATION, LoadOrder::Relaxed)?;
     let incarnation = incarnation.wrapping_add(1);
     set(header::MAGIC, 0)?;
-    // Pairs with the first look of a reader: who sees the new incarnation sees no magic of the former one.
+    // Pairs with a reader's first load: a reader that sees the new incarnation does not see the magic of the
+    // former one.
     table.store(header::INCARNATION, incarnation, StoreOrder::Release)?;
-    // A reader of the former incarnation that sees anything of what follows sees the new incarnation afterwards.
+    // A reader of the former incarnation that sees any of the following stores sees the new incarnation
+    // afterwards.
     fence(Ordering::Release);
     set(header::VERSION, VERSION)?;
     let Shape {
@@ -286,7 +292,7 @@ pub(crate) fn write<W: MemoryWindow + Clone>(
         number += 1;
         Ok(())
     })?;
-    // Pairs with the reader's first look at the table.
+    // Pairs with the reader's load of the magic.
     table.store(header::MAGIC, MAGIC, StoreOrder::Release)?;
     Ok((table, offset, incarnation))
 }

@@ -42,7 +42,7 @@ pub struct CellField {
     labels: &'static [&'static str],
     kind: ValueKind,
     offset: usize,
-    /// How many there are, one after the other.
+    /// The number of elements of an array, which lie one after the other; `None` for a single field.
     count: Option<usize>,
 }
 
@@ -88,7 +88,7 @@ impl CellField {
         }
     }
 
-    /// Goes through its elements, or itself.
+    /// Calls `body` with each element of an array, or with the single field.
     fn each(&self, body: &mut Body<'_>) -> Result<(), CatalogError> {
         (0..self.count.unwrap_or(1)).try_for_each(|index| {
             body(&Item {
@@ -116,8 +116,10 @@ impl CellField {
 /// `own` is the users' region of the program's `data`, which must contain the cell, too.
 ///
 /// # Errors
-/// [`CatalogError::Block`] with the number of a field that is not inside of `T`; otherwise the
-/// other variants of [`CatalogError`].
+/// Returns [`CatalogError::Block`] with the number of a field that is not inside of `T`,
+/// [`CatalogError::TooLong`] if a text or a list of labels is too long, [`CatalogError::TooMany`] if there are
+/// too many fields, [`CatalogError::Access`] if there is no room for the table or its memory cannot be
+/// accessed.
 pub fn describe<T: CellStruct, W: MemoryWindow + Clone>(
     cell: Published<T>,
     own: &Region<W>,
@@ -175,8 +177,7 @@ impl<W: MemoryWindow + Clone> Cell<W> {
     /// `data`, describes.
     ///
     /// # Errors
-    /// [`CellError::Table`] if the table cannot be read, [`CellError::NoCell`] if it is that of a
-    /// loop.
+    /// Returns [`CellError::Table`] if the table cannot be read, [`CellError::NoCell`] if it is that of a loop.
     pub fn open(users: &Region<W>, offset: u32) -> Result<Self, CellError> {
         let table = VariableTable::open(users, offset)?;
         let (offset, bytes) = table.cell().ok_or(CellError::NoCell)?;
@@ -206,7 +207,7 @@ impl<W: MemoryWindow> Cell<W> {
     /// which it was published.
     ///
     /// # Errors
-    /// [`CellError::Room`] if `value` is too short, [`CellError::Read`] if there is no consistent
+    /// Returns [`CellError::Room`] if `value` is too short, [`CellError::Read`] if there is no consistent
     /// value, [`CellError::Table`] if the owner has made the table anew.
     pub fn read(&self, value: &mut [u8]) -> Result<u32, CellError> {
         let (bytes, room) = (self.bytes, value.len());

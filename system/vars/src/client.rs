@@ -14,7 +14,7 @@ use crate::watcher::Watcher;
 
 /// A client of the loops of one processor: it asks for slots and selections, and sets parameters.
 ///
-/// Its calls wait for the reply, and serve messages meanwhile.
+/// The calls wait for the reply, and serve messages meanwhile.
 ///
 /// ```
 /// use condor_mbox::{MemoryWindow, Messenger};
@@ -56,7 +56,7 @@ pub enum RequestError {
     Busy {
         /// The processor of the owner.
         to: Processor,
-        /// The time-out of the call.
+        /// The timeout of the call.
         timeout: Duration,
     },
     /// The program of that processor has no table at this offset.
@@ -73,7 +73,7 @@ pub enum RequestError {
         /// The number of slots.
         slots: u32,
     },
-    /// The owner took this watcher for dead and gave its slot to another.
+    /// The owner considered this watcher dead, and another watcher has claimed its slot.
     #[error("slot {slot} was given to another watcher")]
     Displaced {
         /// The number of the slot.
@@ -97,7 +97,7 @@ pub enum RequestError {
     /// The value is of another type than the parameter, or does not fit in it.
     #[error("{value} is no {kind}")]
     WrongKind {
-        /// The value.
+        /// The value that does not fit.
         value: AnyValue,
         /// The type of the parameter.
         kind: ValueKind,
@@ -116,7 +116,8 @@ pub enum RequestError {
         /// The value that was accepted last.
         present: AnyValue,
     },
-    /// The layout does not allow the response.
+    /// The response does not fit the request. Code 12 means that the owner could not access the memory of its
+    /// table.
     #[error("{to} answered with code {code}")]
     Protocol {
         /// The processor of the owner.
@@ -132,7 +133,7 @@ impl From<AccessError> for RequestError {
     }
 }
 
-/// How long a busy owner is left alone.
+/// The time between two requests to a busy owner.
 const PAUSE: Duration = Duration::from_micros(200);
 
 impl<'m, M: Messenger + ?Sized, W: MemoryWindow> VariableClient<'m, M, W> {
@@ -144,7 +145,7 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow> VariableClient<'m, M, W> {
     /// client runs.
     ///
     /// # Errors
-    /// [`AccessError`] of the kind `OutOfBounds` if there is no room.
+    /// Returns [`AccessError`] of the kind `OutOfBounds` if there is no room.
     pub fn new(
         messenger: &'m M,
         own: Region<W>,
@@ -163,11 +164,11 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow> VariableClient<'m, M, W> {
     /// Claims a slot of a loop for a watcher of its variables.
     ///
     /// # Errors
-    /// [`RequestError::NoSlot`] if all slots are taken. All calls also return
-    /// [`RequestError::Exchange`] if the message fails or times out, [`RequestError::Table`] if the
-    /// table cannot be read or was made anew, [`RequestError::Busy`] if the owner is busy until the
-    /// deadline, [`RequestError::NoTable`] if there is no table, and [`RequestError::Protocol`] if
-    /// the response is invalid.
+    /// Returns [`RequestError::NoSlot`] if all slots are taken. All calls also return
+    /// [`RequestError::Exchange`] if the message fails or times out, [`RequestError::Table`] if the table
+    /// cannot be read or was made anew, [`RequestError::Busy`] if the owner is busy until the deadline,
+    /// [`RequestError::NoTable`] if there is no table, and [`RequestError::Protocol`] if the response does not
+    /// fit the request.
     pub fn claim<V: MemoryWindow + Clone>(
         &mut self,
         table: &VariableTable<V>,
@@ -186,10 +187,9 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow> VariableClient<'m, M, W> {
     /// The first row is that of the tick after the loop has taken the selection over.
     ///
     /// # Errors
-    /// [`RequestError::Scattered`] if the selection has too many pieces,
-    /// [`RequestError::Displaced`] if the slot has gone to another watcher, those of
-    /// [`VariableTable::entry`], and those of all calls (see [`claim`](Self::claim)). Nothing is selected
-    /// then.
+    /// Returns [`RequestError::Scattered`] if the selection has too many pieces, [`RequestError::Displaced`] if
+    /// the slot has gone to another watcher, the errors of [`VariableTable::entry`], and the errors of all
+    /// calls (see [`claim`](Self::claim)). Nothing is selected then.
     pub fn select<V: MemoryWindow>(
         &mut self,
         watcher: &mut Watcher<V>,
@@ -216,10 +216,10 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow> VariableClient<'m, M, W> {
         Ok(())
     }
 
-    /// Gives the slot of a watcher back; the watcher cannot be used any more.
+    /// Releases the slot of a watcher; the watcher cannot be used any more.
     ///
     /// # Errors
-    /// [`RequestError::Displaced`] if the slot has gone to another watcher, and those of all calls
+    /// Returns [`RequestError::Displaced`] if the slot has gone to another watcher, and the errors of all calls
     /// (see [`claim`](Self::claim)).
     pub fn release<V: MemoryWindow>(
         &mut self,
@@ -244,7 +244,7 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow> VariableClient<'m, M, W> {
     /// yet.
     ///
     /// # Errors
-    /// [`RequestError::NoParam`] if the entry is no parameter, and those of all calls (see
+    /// Returns [`RequestError::NoParam`] if the entry is not a parameter, and the errors of all calls (see
     /// [`claim`](Self::claim)).
     pub fn get<V: MemoryWindow>(
         &mut self,
@@ -265,14 +265,13 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow> VariableClient<'m, M, W> {
 
     /// Changes a parameter from `expected` to `new`, from the next tick on.
     ///
-    /// After a time-out the parameter may have either value; [`get`](Self::get) returns the present
-    /// one.
+    /// After a timeout the parameter may have either value; [`get`](Self::get) returns the present one.
     ///
     /// # Errors
-    /// [`RequestError::WrongKind`] if a value does not fit the parameter's type,
-    /// [`RequestError::OutOfBounds`] if `new` is out of bounds, [`RequestError::Conflict`] if the
-    /// present value is not `expected`, [`RequestError::NoParam`] if the entry is no parameter, and
-    /// those of all calls (see [`claim`](Self::claim)).
+    /// Returns [`RequestError::WrongKind`] if a value does not fit the parameter's type,
+    /// [`RequestError::OutOfBounds`] if `new` is out of bounds, [`RequestError::Conflict`] if the present value
+    /// is not `expected`, [`RequestError::NoParam`] if the entry is not a parameter, and the errors of all
+    /// calls (see [`claim`](Self::claim)).
     pub fn set<V: MemoryWindow>(
         &mut self,
         table: &VariableTable<V>,
@@ -325,7 +324,7 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow> VariableClient<'m, M, W> {
     }
 }
 
-/// The reason that the owner of a table, the processor `to`, gave in the response to a request.
+/// Returns the error for a response with which the owner of a table, the processor `to`, has refused a request.
 pub(crate) fn refusal(
     &[_, offset, expected, number, ..]: &Block,
     &[code, a, b, c, d, ..]: &Block,

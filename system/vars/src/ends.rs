@@ -32,8 +32,10 @@ impl<const N: usize> Selections<N> {
     /// run of it, or 0 if none runs. With it the server takes slots back from watchers that have died.
     ///
     /// # Errors
-    /// [`CatalogError`] if an entry of the catalog is invalid, an initial value is out of bounds,
-    /// there are too many, or there is no room for the table.
+    /// Returns [`CatalogError::TooLong`] or [`CatalogError::Block`] if an entry of the catalog is invalid,
+    /// [`CatalogError::Initial`] if an initial value is out of bounds, [`CatalogError::TooMany`] if there are
+    /// too many watchers, blocks or words of variables, [`CatalogError::Access`] if there is no room for the
+    /// table or its memory cannot be accessed.
     pub fn open<'e, W, X>(
         &'e mut self,
         catalog: Catalog<'e>,

@@ -1,5 +1,5 @@
-//! An owner and a watcher in a window where anything may be written, and where any look may find
-//! something else. What happens is read from bytes, so that a fuzzer can choose it.
+//! A scenario of a table's owner and a watcher in a hostile window: any word may be overwritten, and any load
+//! may return another word. The events come from bytes, so that a fuzzer can choose them.
 
 use std::cell::Cell;
 
@@ -12,22 +12,22 @@ use condor_mbox::{
     Allocator, CriticalSection, Instant, LoadOrder, MemoryWindow, Processor, Region, StoreOrder,
 };
 
-/// Where the table begins, and words around it that nobody may write.
+/// The offset of the table in the window. All words outside of the table must keep the value `CANARY`.
 const OFFSET: u32 = 64;
 const CANARY: u32 = 0xdead_beef;
 const BYTES: u32 = 1024;
 
-/// A window of which a look finds another word now and then.
+/// A window whose loads return another word now and then.
 #[derive(Clone)]
 struct Haunted<'m> {
     window: SimWindow,
     script: &'m Script<'m>,
 }
 
-/// What is still to happen.
+/// The events that have not happened yet.
 struct Script<'s> {
     bytes: Cell<&'s [u8]>,
-    /// How many looks there have been since the last step.
+    /// The number of loads since the last step.
     looks: Cell<u32>,
 }
 
@@ -42,7 +42,7 @@ impl Script<'_> {
         }
     }
 
-    /// A word that is near to something, or any.
+    /// Returns a word that is close to a limit, or any word.
     fn word(&self) -> u32 {
         let near = u32::from(self.byte());
         match self.byte() % 8 {
@@ -86,10 +86,10 @@ impl MemoryWindow for Haunted<'_> {
 type Handler<'e> = VariableServer<'e, SimWindow, CriticalSection, 2>;
 type Loop<'e> = Sampler<'e, SimWindow, 2>;
 
-/// Runs a script.
+/// Runs the script in `bytes`.
 ///
 /// # Panics
-/// If either end broke a promise.
+/// Panics if either end breaks a promise.
 pub fn run(bytes: &[u8]) {
     let script = Script {
         bytes: Cell::new(bytes),
@@ -127,7 +127,7 @@ pub fn run(bytes: &[u8]) {
             &|_| 1,
         )
         .unwrap();
-    // All that the watcher's window shows is the table.
+    // The watcher's window shows the table alone.
     let haunted = Haunted {
         window: window.clone(),
         script: &script,
@@ -191,7 +191,7 @@ fn play(
                 }
             }
         }
-        // The most that there can be are entries of a whole table with all their texts.
+        // The longest call reads all entries of a table with all their texts.
         assert!(script.looks.get() < 100_000, "a call does not end");
     }
 }

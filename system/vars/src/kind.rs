@@ -37,7 +37,7 @@ pub enum ValueKind {
     U32 = 9,
     /// `u64`.
     U64 = 10,
-    /// `bool`.
+    /// `bool`, stored as 0 or 1.
     Bool = 11,
     /// A small enum, stored as the number of one of its labels.
     Choice = 12,

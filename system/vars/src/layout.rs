@@ -6,7 +6,7 @@
 //!
 //! | offset | word | |
 //! |---|---|---|
-//! | 0 | magic | `CVAR`; 0 while the owner writes what follows |
+//! | 0 | magic | `CVAR`; 0 while the owner writes the rest of the table |
 //! | 4 | version | 1 |
 //! | 8 | incarnation | one more whenever a program makes the table anew |
 //! | 12 | bytes | size of the whole table |
@@ -73,9 +73,9 @@
 //! | 2 | | there is no such table |
 //! | 3 | incarnation | the table has been made anew |
 //! | 4 | operation | there is no such operation |
-//! | 5 | slots | all slots are claimed by watchers that live |
-//! | 6 | | the slot is claimed by somebody else |
-//! | 7 | entries | there is no such entry, or the mask selects one that there is not |
+//! | 5 | slots | all slots are claimed by watchers that are alive |
+//! | 6 | | the slot is claimed by another watcher |
+//! | 7 | entries | there is no such entry, or the mask selects one that does not exist |
 //! | 8 | pieces, most | the selection is in too many pieces |
 //! | 9 | | the entry is not a parameter |
 //! | 10 | least, greatest | the value is out of bounds |
@@ -99,7 +99,7 @@ pub const MOST_ENTRIES: u32 = 0xffff;
 /// The vector of a program for all requests to its loops, unless it chooses another.
 pub const VARS: condor_mbox::Vector = condor_mbox::Vector(42);
 
-/// Words of a request, and of a response.
+/// The words of a request or of a response.
 pub(crate) type Block = [u32; 8];
 
 /// Byte offsets in a table.
@@ -113,7 +113,7 @@ pub(crate) mod header {
 pub(crate) const HEADER_WORDS: usize = 12;
 pub(crate) const ENTRIES_AT: u32 = 64;
 pub(crate) const ENTRY_BYTES: u32 = 32;
-/// The bit of an entry's kind that says it is a parameter.
+/// The bit of an entry's kind that is set if the entry is a parameter.
 pub(crate) const IS_PARAM: u32 = 1 << 8;
 
 /// Byte offsets in a slot.
@@ -125,7 +125,7 @@ pub(crate) mod slot {
     pub(crate) const MASK: u32 = 64;
 }
 
-/// Words of a row before the values.
+/// The number of words of a row before the values.
 pub(crate) const ROW_HEADER: u32 = 4;
 
 pub(crate) mod operation {
@@ -152,7 +152,7 @@ pub(crate) mod response {
     pub(crate) const ACCESS: u32 = 12;
 }
 
-/// Where everything is in a table, as its header says.
+/// The sizes of the parts of a table, as its header states them; the places of the parts follow from them.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Shape {
     pub(crate) entries: u32,
@@ -168,7 +168,7 @@ impl Shape {
         self.texts_end()?.checked_add(slots)
     }
 
-    /// Returns the shape if it is possible in a table of so many bytes.
+    /// Returns the shape if a table of `bytes` bytes can have it.
     pub(crate) fn checked(self, bytes: u32) -> Option<Self> {
         let is_aligned = self.slot_bytes.is_multiple_of(LINE) && self.text_bytes.is_multiple_of(4);
         let is_possible = self.entries <= MOST_ENTRIES && is_aligned && self.bytes()? <= bytes;
@@ -182,7 +182,7 @@ impl Shape {
         end.checked_next_multiple_of(LINE)
     }
 
-    // None of these overflow or leave the table once the shape has been checked.
+    // The functions below neither overflow nor leave the table once the shape has been checked.
 
     pub(crate) const fn texts(self) -> u32 {
         entry_at(self.entries)
@@ -193,18 +193,17 @@ impl Shape {
         first.wrapping_add(number.wrapping_mul(self.slot_bytes))
     }
 
-    /// Returns how many words a mask has.
+    /// Returns the number of words of a mask.
     pub(crate) const fn mask_words(self) -> u32 {
         self.entries.div_ceil(32)
     }
 
-    /// Returns where the rows begin in a slot.
+    /// Returns the offset of the rows in a slot.
     pub(crate) const fn rows_at(self) -> u32 {
         slot::MASK.wrapping_add((4 * self.mask_words()).next_multiple_of(LINE))
     }
 
-    /// Returns how many rows a slot has room for, if each has so many words of values: 0 or a power of
-    /// two.
+    /// Returns the number of rows with `words` words of values for which a slot has room: 0 or a power of two.
     pub(crate) fn rows(self, words: u32) -> u32 {
         let room = self.slot_bytes.saturating_sub(self.rows_at());
         let rows = room / row_bytes(words);
@@ -212,12 +211,12 @@ impl Shape {
     }
 }
 
-/// Returns where an entry begins.
+/// Returns the offset of an entry in its table.
 pub(crate) const fn entry_at(number: u32) -> u32 {
     ENTRIES_AT.wrapping_add(number.wrapping_mul(ENTRY_BYTES))
 }
 
-/// Returns the size of a row with so many words of values.
+/// Returns the size in bytes of a row with `words` words of values.
 pub(crate) const fn row_bytes(words: u32) -> u32 {
     words.saturating_add(ROW_HEADER).saturating_mul(4)
 }

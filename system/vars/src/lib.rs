@@ -9,10 +9,10 @@
 #![cfg_attr(not(any(feature = "std", condor_loom, test)), no_std)]
 #![forbid(unsafe_code)]
 
-// A document of its own.
+// This module is a document.
 pub mod layout;
 
-// What tests and fuzz targets make of bytes.
+// Scenarios out of bytes, for tests and fuzz targets.
 #[cfg(all(feature = "hostile", not(condor_loom)))]
 #[doc(hidden)]
 pub mod hostile;
@@ -34,13 +34,13 @@ mod table;
 mod var;
 mod watcher;
 
-// What a program declares.
+// The variables and parameters that a program declares.
 pub use kind::{AnyValue, ValueKind};
 pub use param::{Param, ParamRefusal, Params, Tune};
 pub use scalar::{Scalar, Storage};
 pub use var::{Var, VarDescription, Vars, Watch};
 
-// The ends of its owner.
+// The types of the program that owns a table.
 pub use catalog::{Catalog, CatalogError};
 pub use cell::{CellField, CellStruct, describe};
 pub use ends::{Ends, VariableSettings};
@@ -48,7 +48,7 @@ pub use sampler::Sampler;
 pub use selections::{MOST_WATCHERS, Selections};
 pub use server::{Respond, VariableServer, answer};
 
-// The end of whoever watches and sets.
+// The types of a program that watches variables and sets parameters.
 pub use cell::{Cell, CellError};
 pub use client::{RequestError, VariableClient};
 pub use layout::VARS;

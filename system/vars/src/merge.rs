@@ -31,7 +31,7 @@ use condor_mbox::Instant;
 pub struct Merge<T> {
     sources: Vec<Source<T>>,
     horizon_ns: i128,
-    /// The time of the last that was given out, and of the newest that came.
+    /// The times of the last row that was returned, and of the newest that was added.
     given_ns: i128,
     newest_ns: i128,
 }
@@ -39,7 +39,7 @@ pub struct Merge<T> {
 #[derive(Debug)]
 struct Source<T> {
     offset_ns: i64,
-    /// The time of the last that came.
+    /// The time of the last row that was added.
     last_ns: i128,
     waiting: VecDeque<(i128, T)>,
 }
@@ -51,10 +51,10 @@ pub struct MergedRow<T> {
     pub source: usize,
     /// The time in nanoseconds: the time on the clock of the source plus the source's offset.
     pub at_ns: i128,
-    /// Whether a later row was returned before this one: this row came later than the horizon
-    /// allows, or the offset of its clock has changed.
+    /// True if a later row was returned before this one: this row came later than the horizon allows, or the
+    /// offset of its clock has changed.
     pub is_late: bool,
-    /// The row that was put in.
+    /// The row that was passed to [`Merge::push`].
     pub item: T,
 }
 

@@ -1,4 +1,4 @@
-//! [`Param`] and [`Params`]: values that others may set while a loop runs.
+//! [`Param`] and [`Params`]: values that other programs may set while a loop runs.
 
 use core::fmt;
 use core::ops::RangeInclusive;
@@ -8,8 +8,8 @@ use crate::scalar::{Scalar, Storage};
 use crate::sync::{AtomicU32, Ordering, array_of, const_unless_loom, fence};
 use crate::var::{Names, VarDescription, Watch, description};
 
-/// A parameter of a loop. It has bounds, others change it by compare and set, and it is constant
-/// within a tick (one run of the loop's body).
+/// A parameter of a loop. It has bounds, other programs change it by compare and set, and it is constant within
+/// a tick (one run of the loop's body).
 ///
 /// The loop reads it with [`get`](Self::get). A new value is taken over when the next tick begins.
 /// If the value is being written at that moment, it is taken over one tick later, so that the loop
@@ -51,18 +51,18 @@ pub struct Params<T: Scalar, const N: usize> {
     bounds: RangeInclusive<T>,
     /// The loop's values, from the first time that they are latched.
     current: [T::Storage; N],
-    /// The sequence of `current`, or [`NEVER`]; the loop's.
+    /// The sequence number of `current`, or [`NEVER`]; only the loop writes it.
     taken: Plain,
-    /// The values that were accepted last, and their sequence; 0 of the initial values. Those who set have
-    /// this copy of their own, since loom loses the loop's loads of what its writers load as well.
+    /// The values that were accepted last. Their sequence number is `asked`, 0 for the initial values. The
+    /// writers have this copy because loom loses the loop's loads of values that the writers load as well.
     accepted: [T::Storage; N],
     asked: Plain,
-    /// The sequence of `wanted`; odd while that is written.
+    /// The sequence number of `wanted`; odd while `wanted` is written.
     sequence: AtomicU32,
     wanted: [[AtomicU32; 2]; N],
 }
 
-/// A sequence that no complete value has.
+/// A sequence number that no complete value has.
 const NEVER: u32 = 1;
 
 /// The reason why a parameter was not set.
@@ -103,12 +103,12 @@ impl<T: Scalar> Param<T> {
 
     /// Changes the value from `expected` to `new`, from the next tick on.
     ///
-    /// Only one context at a time may do so. If others set the parameter by messages, call this
-    /// inside of the same [`Exclusion`](condor_mbox::Exclusion) as the server.
+    /// Only one context at a time may do so. If other programs set the parameter by messages, call this inside
+    /// of the same [`Exclusion`](condor_mbox::Exclusion) as the server.
     ///
     /// # Errors
-    /// [`ParamRefusal::OutOfBounds`] if `new` is out of bounds, [`ParamRefusal::Conflict`] if the value that
-    /// was accepted last is not `expected`.
+    /// Returns [`ParamRefusal::OutOfBounds`] if `new` is out of bounds, [`ParamRefusal::Conflict`] if the value
+    /// that was accepted last is not `expected`.
     pub fn compare_and_set(&self, expected: T, new: T) -> Result<(), ParamRefusal> {
         self.compare_and_set_at(0, expected, new)
     }
@@ -182,7 +182,7 @@ impl<T: Scalar, const N: usize> Params<T, N> {
     /// Changes the parameter `index` from `expected` to `new`, as [`Param::compare_and_set`] does.
     ///
     /// # Errors
-    /// [`ParamRefusal::OutOfBounds`] if `new` is out of bounds or there is no such parameter,
+    /// Returns [`ParamRefusal::OutOfBounds`] if `new` is out of bounds or there is no such parameter,
     /// [`ParamRefusal::Conflict`] if the value that was accepted last is not `expected`.
     pub fn compare_and_set_at(
         &self,
@@ -196,14 +196,13 @@ impl<T: Scalar, const N: usize> Params<T, N> {
 
 /// Parameters of any type: [`Params`], or a type that wraps them.
 ///
-/// Their indices are those of [`Watch`].
+/// The parameters have the same indices as in [`Watch::describe`].
 pub trait Tune: Watch {
-    /// Changes a parameter as [`Params::compare_and_set_at`] does; the values are given as words.
+    /// Changes a parameter as [`Params::compare_and_set_at`] does; the values are words.
     ///
     /// # Errors
-    /// [`ParamRefusal::OutOfBounds`] if `new` is out of bounds, is not a value of the type, or there is
-    /// no such parameter; [`ParamRefusal::Conflict`] if the value that was accepted last is not
-    /// `expected`.
+    /// Returns [`ParamRefusal::OutOfBounds`] if `new` is out of bounds, is not a value of the type, or there is
+    /// no such parameter; [`ParamRefusal::Conflict`] if the value that was accepted last is not `expected`.
     fn compare_and_set_words(
         &self,
         index: usize,
@@ -215,11 +214,11 @@ pub trait Tune: Watch {
     /// there is no such parameter. The loop may not have taken the value over yet.
     fn wanted(&self, index: usize) -> [u32; 2];
 
-    /// Takes over the values that were set, unless they are being written at this moment. It never
-    /// waits. The loop calls this when a tick begins.
+    /// Takes over the values that were set, unless they are being written at this moment; never waits. The loop
+    /// calls this when a tick begins.
     fn latch(&self);
 
-    /// Returns whether all initial values are within the bounds.
+    /// Returns true if all initial values are within the bounds.
     fn is_sound(&self) -> bool;
 }
 

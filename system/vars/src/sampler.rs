@@ -15,39 +15,39 @@ use crate::sync::{Ordering, fence};
 /// The loop's part of a [`Selections`]. Call [`begin`](Self::begin) before the body of a tick and
 /// [`end`](Self::end) after it.
 ///
-/// It neither waits nor locks. A tick costs some instructions for each slot and each parameter, and
-/// one copy of the selected values for each watcher.
+/// A sampler neither waits nor locks. A tick costs some instructions for each slot and each parameter, and one
+/// copy of the selected values for each watcher.
 pub struct Sampler<'e, W, const N: usize> {
     desk: &'e Selections<N>,
     rows: Rows<'e, W, N>,
     params: &'e [&'e dyn Tune],
-    /// As many as the table has slots.
+    /// The rings of the watchers, one for each slot of the table.
     rings: heapless::Vec<Ring, MOST_WATCHERS>,
 }
 
-/// What rows are made of, and where they go.
+/// The sources of the rows, and the table into which they are written.
 struct Rows<'e, W, const N: usize> {
     table: Region<W>,
     shape: Shape,
-    /// The words of each block of the catalog; empty ones fill the rest.
+    /// The words of each block of the catalog; empty slices fill the rest.
     blocks: [[&'e [AtomicU32]; 3]; N],
 }
 
 /// The ring of one watcher, as its writer knows it.
 #[derive(Clone, Copy, Debug, Default)]
 struct Ring {
-    /// Where the slot begins.
+    /// The offset of the slot in the table.
     at: u32,
     /// The selection in force.
     selection: u32,
-    /// Words of a row's values; 0 if nothing is selected.
+    /// The number of words of values in a row; 0 if nothing is selected.
     words: u32,
     /// One less than the number of rows.
     last_place: u32,
-    /// How many rows there have been.
+    /// The number of complete rows; wraps.
     complete: u32,
     every: u32,
-    /// Ticks until the next row.
+    /// The number of ticks before the next row.
     wait: u32,
 }
 
@@ -83,7 +83,7 @@ impl<'e, W: MemoryWindow, const N: usize> Sampler<'e, W, N> {
     /// Begins a tick: takes over the parameters that were set and the selections of watchers.
     ///
     /// # Errors
-    /// [`AccessError`] if the window cannot be accessed; the body may run all the same.
+    /// Returns [`AccessError`] if the window cannot be accessed; the body may run all the same.
     #[inline]
     pub fn begin(&mut self) -> Result<(), AccessError> {
         for param in self.params {
@@ -95,8 +95,8 @@ impl<'e, W: MemoryWindow, const N: usize> Sampler<'e, W, N> {
             let asked = slot.asked.load(Ordering::Acquire);
             if asked != ring.selection {
                 result = result.and(self.rows.take(ring, asked, slot.plan(asked)));
-                // Pairs with the handler's look at it, before it writes the former plan: the fence of
-                // `take` comes after all that was read of that.
+                // Pairs with the handler's load of `taken` before it writes the former plan: the fence in
+                // `take` comes after all loads of that plan.
                 slot.taken.store(asked, Ordering::Relaxed);
             }
         }
@@ -107,8 +107,7 @@ impl<'e, W: MemoryWindow, const N: usize> Sampler<'e, W, N> {
     /// and the time of its release.
     ///
     /// # Errors
-    /// [`AccessError`] if the window cannot be accessed; some watchers then have no row of this
-    /// tick.
+    /// Returns [`AccessError`] if the window cannot be accessed; some watchers then have no row of this tick.
     #[inline]
     pub fn end(&mut self, tick: u64, released: Instant) -> Result<(), AccessError> {
         let mut result = Ok(());
@@ -143,13 +142,14 @@ impl<W: MemoryWindow, const N: usize> Rows<'_, W, N> {
             ..Ring::default()
         };
         let left = (self.table).store(ring.at + slot::SELECTION, 0, StoreOrder::Relaxed);
-        // A reader of the former selection that sees anything of what follows sees the end of that one.
+        // A reader of the former selection that sees any of the following stores sees that its selection has
+        // ended.
         fence(Ordering::Release);
         left?;
         for word in [slot::BEGUN, slot::COMPLETE] {
             self.table.store(ring.at + word, 0, StoreOrder::Relaxed)?;
         }
-        // Pairs with the reader's first look at the slot.
+        // Pairs with the reader's first load of the slot.
         self.table
             .store(ring.at + slot::SELECTION, selection, StoreOrder::Release)
     }
@@ -189,7 +189,7 @@ impl<W: MemoryWindow, const N: usize> Rows<'_, W, N> {
                 }
             }
         }
-        // Pairs with the reader's look for new rows.
+        // Pairs with the reader's load of `complete`.
         self.table
             .store(ring.at + slot::COMPLETE, next, StoreOrder::Release)?;
         ring.complete = next;

@@ -20,7 +20,7 @@ pub trait Scalar: Copy + Default + PartialOrd + Debug + Send + Sync + 'static {
     /// Returns the words of a value, the lower first; the second is 0 if there is only one.
     fn to_words(self) -> [u32; 2];
 
-    /// Returns the value of the words; `None` if they are the words of no value.
+    /// Returns the value of the words; `None` if no value has these words.
     fn from_words(words: [u32; 2]) -> Option<Self>;
 }
 
@@ -109,7 +109,8 @@ scalars! {
 
 /// Makes an enum whose values have names, for variables and parameters.
 ///
-/// The values are numbered from 0; the first is the default. The names are what people see, at most 32 bytes each.
+/// The values are numbered from 0; the first is the default. The names are shown to people; each has at most 32
+/// bytes.
 ///
 /// ```
 /// use condor_vars::{Param, Scalar, choice};

@@ -7,7 +7,8 @@ use crate::sync::{AtomicU32, Ordering, array_of, const_unless_loom};
 /// The greatest number of watchers of one loop.
 pub const MOST_WATCHERS: usize = 4;
 
-/// The memory through which the [`VariableServer`](crate::VariableServer) of a loop hands selections to its [`Sampler`](crate::Sampler).
+/// The memory through which the [`VariableServer`](crate::VariableServer) of a loop hands selections to its
+/// [`Sampler`](crate::Sampler).
 ///
 /// Each loop has one, and `N` is its capacity: at most `3 * N` blocks of variables and parameters
 /// (a single one is a block), and at most `N` pieces in a selection. A piece is a run of
@@ -22,12 +23,12 @@ pub const MOST_WATCHERS: usize = 4;
 /// ```
 #[derive(Debug)]
 pub struct Selections<const N: usize> {
-    /// Whether some handler is at work: they may interrupt each other.
+    /// 1 while a handler uses the slots, otherwise 0: handlers may interrupt each other.
     pub(crate) is_taken: AtomicU32,
     pub(crate) slots: [Slot<N>; MOST_WATCHERS],
 }
 
-/// A watcher, as its owner knows it. The handler writes all but `taken`.
+/// A slot, as the table's owner knows it. The handler writes all fields except `taken`.
 #[derive(Debug)]
 pub(crate) struct Slot<const N: usize> {
     /// The number of the last claim.
@@ -35,11 +36,11 @@ pub(crate) struct Slot<const N: usize> {
     /// The processor that claimed it, and its incarnation; 0 when the slot is free.
     pub(crate) owner: AtomicU32,
     pub(crate) incarnation: AtomicU32,
-    /// The last selection there was, for the handler itself.
+    /// The number of the last selection, for the handler alone.
     last_selection: AtomicU32,
-    /// The number of the last selection, which is in the plan of its parity.
+    /// The number of the last selection, for the loop; its plan is the one of its parity.
     pub(crate) asked: AtomicU32,
-    /// The number of the selection that the loop has taken over. The loop's.
+    /// The number of the selection that the loop has taken over. Only the loop writes it.
     pub(crate) taken: AtomicU32,
     pub(crate) plans: [Plan<N>; 2],
 }
@@ -48,14 +49,14 @@ pub(crate) struct Slot<const N: usize> {
 #[derive(Debug)]
 pub(crate) struct Plan<const N: usize> {
     pub(crate) count: AtomicU32,
-    /// Words of a row's values; 0 selects nothing.
+    /// The number of words of values in a row; 0 if nothing is selected.
     pub(crate) words: AtomicU32,
-    /// A row every so many ticks.
+    /// The number of ticks from one row to the next.
     pub(crate) every: AtomicU32,
-    /// Of each piece the first block and the end of its blocks, 16 bits each.
+    /// For each piece, the first block and the end of its blocks, 16 bits each.
     pub(crate) blocks: [AtomicU32; N],
-    /// Of each piece the first word and the end of its words in its only block, 16 bits each; of whole blocks
-    /// how many words they have, and 0.
+    /// For each piece, the first word and the end of its words in its only block, 16 bits each; for a piece of
+    /// whole blocks, the number of their words, and 0.
     pub(crate) parts: [AtomicU32; N],
 }
 
@@ -73,7 +74,7 @@ impl<const N: usize> Plan<N> {
     }
 }
 
-/// How much of its blocks a piece has.
+/// The part of its blocks that a piece covers.
 #[derive(Debug)]
 pub(crate) enum Part {
     Whole {
@@ -84,7 +85,7 @@ pub(crate) enum Part {
 }
 
 impl<const N: usize> Plan<N> {
-    /// Iterates over the pieces: their blocks, and how much of them.
+    /// Iterates over the pieces: the range of their blocks, and the part that each piece covers.
     pub(crate) fn pieces(&self) -> impl Iterator<Item = (Range<usize>, Part)> {
         let unpack = |range: u32| ((range & 0xffff) as usize, (range >> 16) as usize);
         let pieces = self.blocks.iter().zip(&self.parts);
@@ -129,8 +130,8 @@ impl<const N: usize> Slot<N> {
     /// last one, and may be reading the plan of the next.
     pub(crate) fn next_selection(&self) -> Option<u32> {
         let asked = self.last_selection.load(Ordering::Relaxed);
-        // Pairs with the loop's fence after it has left the former plan. Loom cannot refute it: there no
-        // load of the loop returns what is stored later.
+        // Pairs with the loop's fence after it has left the former plan. Loom cannot show that it is needed:
+        // there no load of the loop returns a value that is stored later.
         let is_taken = self.taken.load(Ordering::Acquire) == asked;
         is_taken.then_some(asked.checked_add(1).unwrap_or(2))
     }
@@ -138,7 +139,7 @@ impl<const N: usize> Slot<N> {
     /// Leaves a selection for the loop, after its plan.
     pub(crate) fn ask(&self, selection: u32) {
         self.last_selection.store(selection, Ordering::Relaxed);
-        // Pairs with the loop's look for a new selection.
+        // Pairs with the loop's load of `asked`.
         self.asked.store(selection, Ordering::Release);
     }
 }

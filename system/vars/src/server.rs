@@ -33,7 +33,7 @@ pub struct VariableServer<'e, W, X, const N: usize> {
 /// Answers a request to any of the loops of a program, and returns the word with which the handler
 /// must reply. The handler of the vector of requests needs to do nothing else.
 ///
-/// `data_of_sender` is the users' region of the sender's `data`. `servers` are those of all loops. If
+/// `data_of_sender` is the users' region of the sender's `data`. `servers` are the servers of all loops. If
 /// none of them has the requested table, the response says so.
 pub fn answer<W: MemoryWindow>(
     call: &Call<'_>,
@@ -108,9 +108,11 @@ where
     /// tick.
     ///
     /// # Errors
-    /// [`RequestError::NoSlot`] if all slots are taken, [`RequestError::Scattered`] if the
-    /// selection has too many pieces, [`RequestError::Table`] if an entry does not exist or the
-    /// table was made anew, [`RequestError::Busy`] if another request is being answered.
+    /// Returns [`RequestError::NoSlot`] if all slots are taken, [`RequestError::Scattered`] if the selection
+    /// has too many pieces, [`RequestError::Table`] if an entry does not exist, the table was made anew or
+    /// `table` cannot be read, [`RequestError::Busy`] if another request is being answered or the loop has not
+    /// taken over the last selection of the slot, [`RequestError::Protocol`] if the server cannot access its
+    /// table.
     pub fn watch<V: MemoryWindow + Clone>(
         &self,
         table: &VariableTable<V>,
@@ -171,9 +173,9 @@ impl<'e, W: MemoryWindow, X: Exclusion, const N: usize> VariableServer<'e, W, X,
         }
     }
 
-    /// Runs `body` unless this interrupts another handler that is in there.
+    /// Runs `body`, unless this handler has interrupted another one that is inside of `alone`.
     fn alone(&self, body: impl FnOnce() -> Outcome) -> Outcome {
-        // Inside of sections only, which order them.
+        // Accessed inside of critical sections only, which order the accesses.
         let is_taken = &self.desk.is_taken;
         let is_mine = self.exclusion.with(|| {
             let is_free = is_taken.load(Relaxed) == 0;
@@ -282,11 +284,12 @@ impl<'e, W: MemoryWindow, X: Exclusion, const N: usize> VariableServer<'e, W, X,
 
     fn set_claim(&self, number: u32, claim: u32) -> Result<(), AccessError> {
         let at = self.shape.slot(number) + slot::CLAIM;
-        // Pairs with the watcher's look at its claim.
+        // Pairs with the watcher's load of its claim.
         self.table.store(at, claim, StoreOrder::Release)
     }
 
-    /// Makes a plan of the mask in a slot, each of whose words is read once; returns the words of a row.
+    /// Makes a plan of the mask in a slot, each of whose words is read once; returns the number of words of
+    /// values in a row.
     fn plan(&self, number: u32, plan: &Plan<N>) -> Result<u32, RefusalBlock> {
         let mask = self.shape.slot(number) + slot::MASK;
         let (mut entry, mut bits, mut words) = (0, 0, 0);
@@ -327,17 +330,17 @@ impl<'e, W: MemoryWindow, X: Exclusion, const N: usize> VariableServer<'e, W, X,
     }
 }
 
-/// Puts the pieces of a plan together: as few as there can be.
+/// A writer of the pieces of a plan, which joins neighbours into as few pieces as possible.
 struct Pieces<'p, const N: usize> {
     plan: &'p Plan<N>,
-    /// How many there are, whether or not they had room.
+    /// The number of pieces, even of those for which the plan has no room.
     count: usize,
-    /// The last whole blocks: the first, the end, and their words.
+    /// The last piece of whole blocks: its first block, the end of its blocks, and its number of words.
     whole: (usize, usize, usize),
 }
 
 impl<const N: usize> Pieces<'_, N> {
-    /// Adds some words of a block that has `len`.
+    /// Adds the words `part` of the block with index `block`, which has `len` words.
     fn put(&mut self, block: usize, part: Range<usize>, len: usize) {
         if part.is_empty() {
             return;

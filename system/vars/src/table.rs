@@ -42,7 +42,7 @@ pub struct VariableTable<W> {
 pub struct TableEntry {
     /// The number of the entry in its table, from 0.
     pub number: u32,
-    /// The name.
+    /// The name, by which [`VariableTable::find`] finds the entry.
     pub name: heapless::String<NAME_BYTES>,
     /// The unit; may be empty.
     pub unit: heapless::String<UNIT_BYTES>,
@@ -57,7 +57,7 @@ pub struct TableEntry {
     pub bounds: Option<[AnyValue; 2]>,
     /// The number of labels of an enum; [`VariableTable::label`] reads them.
     pub labels: u8,
-    /// Where they begin in the texts.
+    /// The offset of the labels in the texts, in bytes.
     labels_at: u32,
 }
 
@@ -79,7 +79,7 @@ pub enum VariableTableError {
     /// The numbers in the header contradict each other.
     #[error("the header of the table is not possible in {bytes} bytes")]
     Header {
-        /// The size of the table in bytes, as the header gives it.
+        /// The size of the table in bytes, as the header states it.
         bytes: u32,
     },
     /// An entry of the table is invalid.
@@ -113,9 +113,9 @@ impl<W: MemoryWindow + Clone> VariableTable<W> {
     /// Opens the table at `offset` bytes in `users`, the users' region of its owner's `data`.
     ///
     /// # Errors
-    /// [`VariableTableError::NoTable`] if there is no table, [`VariableTableError::Header`] if its header is
-    /// invalid, [`VariableTableError::Restarted`] if it was made anew meanwhile, [`VariableTableError::Access`] if
-    /// the memory cannot be accessed.
+    /// Returns [`VariableTableError::NoTable`] if there is no table, [`VariableTableError::Header`] if its
+    /// header is invalid, [`VariableTableError::Restarted`] if it was made anew meanwhile,
+    /// [`VariableTableError::Access`] if the memory cannot be accessed.
     pub fn open(users: &Region<W>, offset: u32) -> Result<Self, VariableTableError> {
         let head = users.part(offset, ENTRIES_AT)?;
         // Pairs with the owner's store before it writes the rest: the magic is not that of an earlier incarnation.
@@ -190,7 +190,7 @@ impl<W: MemoryWindow> VariableTable<W> {
         self.shape.entries
     }
 
-    /// Returns whether the table has no entries.
+    /// Returns true if the table has no entries.
     #[must_use]
     pub const fn is_empty(&self) -> bool {
         self.len() == 0
@@ -205,16 +205,16 @@ impl<W: MemoryWindow> VariableTable<W> {
     /// Reads the entry `number`.
     ///
     /// # Errors
-    /// [`VariableTableError::NoEntry`] if there is none of this number, [`VariableTableError::Entry`] if it is
-    /// invalid, [`VariableTableError::Restarted`] if the table was made anew, [`VariableTableError::Access`] if the
-    /// memory cannot be accessed.
+    /// Returns [`VariableTableError::NoEntry`] if there is none of this number, [`VariableTableError::Entry`]
+    /// if it is invalid, [`VariableTableError::Restarted`] if the table was made anew,
+    /// [`VariableTableError::Access`] if the memory cannot be accessed.
     pub fn entry(&self, number: u32) -> Result<TableEntry, VariableTableError> {
         let entries = self.shape.entries;
         if number >= entries {
             return Err(VariableTableError::NoEntry { number, entries });
         }
         let entry = self.read_entry(number)?;
-        // What was read of another incarnation is no error of this one.
+        // An entry that was read of another incarnation is not an error of this one.
         self.check_incarnation()?;
         entry.ok_or(VariableTableError::Entry { number })
     }
@@ -222,8 +222,8 @@ impl<W: MemoryWindow> VariableTable<W> {
     /// Finds the entry with this name; returns `None` if there is none.
     ///
     /// # Errors
-    /// [`VariableTableError::Entry`] if an entry is invalid, [`VariableTableError::Restarted`] if the table was
-    /// made anew, [`VariableTableError::Access`] if the memory cannot be accessed.
+    /// Returns [`VariableTableError::Entry`] if an entry is invalid, [`VariableTableError::Restarted`] if the
+    /// table was made anew, [`VariableTableError::Access`] if the memory cannot be accessed.
     pub fn find(&self, name: &str) -> Result<Option<TableEntry>, VariableTableError> {
         for entry in self.entries() {
             let entry = entry?;
@@ -244,8 +244,8 @@ impl<W: MemoryWindow> VariableTable<W> {
     /// label.
     ///
     /// # Errors
-    /// [`VariableTableError::Entry`] if the label is invalid, [`VariableTableError::Restarted`] if the table was
-    /// made anew, [`VariableTableError::Access`] if the memory cannot be accessed.
+    /// Returns [`VariableTableError::Entry`] if the label is invalid, [`VariableTableError::Restarted`] if the
+    /// table was made anew, [`VariableTableError::Access`] if the memory cannot be accessed.
     pub fn label(
         &self,
         entry: &TableEntry,
@@ -293,7 +293,7 @@ impl<W: MemoryWindow> VariableTable<W> {
         }))
     }
 
-    /// Reads a text, and moves `at` past it; `None` if it is too long, not inside of the texts, or none.
+    /// Reads a text, and moves `at` past it; `None` if it is too long, not inside of the texts, or not UTF-8.
     fn text<const N: usize>(
         &self,
         at: &mut u32,
@@ -323,7 +323,7 @@ impl<W: MemoryWindow> VariableTable<W> {
         &self.region
     }
 
-    /// Looks whether all that was read before is of the incarnation in which the table was opened.
+    /// Checks that all words read before are of the incarnation in which the table was opened.
     pub(crate) fn check_incarnation(&self) -> Result<(), VariableTableError> {
         // Pairs with the owner's fence after it has begun another incarnation.
         fence(Ordering::Acquire);

@@ -6,9 +6,9 @@ use core::sync::atomic::AtomicU32;
 use crate::kind::ValueKind;
 use crate::scalar::{Scalar, Storage};
 
-/// A variable that a loop sets and others watch.
+/// A variable that a loop sets and other programs watch.
 ///
-/// It lies in the program's own memory, and [`set`](Self::set) stores one 32-bit word, or two.
+/// The variable lies in the program's own memory, and [`set`](Self::set) stores one 32-bit word, or two.
 /// Watching programs get the value at the end of the loop's body. It can be a `static`.
 ///
 /// ```
@@ -60,7 +60,7 @@ pub struct Vars<T: Scalar, const N: usize> {
     about: &'static str,
 }
 
-/// How the variables of a block are called.
+/// The names of the variables of a block.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Names<const N: usize> {
     One(&'static str),
@@ -156,7 +156,7 @@ pub trait Watch: Sync {
     /// Writes the name of the variable `index`, at most 64 bytes.
     ///
     /// # Errors
-    /// [`fmt::Error`] if `to` returns it.
+    /// Returns [`fmt::Error`] if `to` returns it.
     fn name(&self, index: usize, to: &mut dyn fmt::Write) -> fmt::Result;
 }
 

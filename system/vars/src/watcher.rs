@@ -9,9 +9,9 @@ use crate::table::{VariableTable, VariableTableError};
 /// A slot of a loop, claimed by [`VariableClient::claim`](crate::VariableClient::claim), through which a program
 /// watches variables. Select variables, then read rows.
 ///
-/// Dropping a watcher keeps the slot claimed: give it back with
-/// [`VariableClient::release`](crate::VariableClient::release). If a program ends without doing so, its slot goes
-/// to the next program that claims one.
+/// Dropping a watcher keeps the slot claimed: release it with
+/// [`VariableClient::release`](crate::VariableClient::release). If a program ends without doing so, its slot
+/// goes to the next program that claims one.
 ///
 /// ```
 /// use condor_mbox::MemoryWindow;
@@ -40,13 +40,13 @@ pub struct Watcher<W> {
 #[derive(Clone, Copy, Debug)]
 struct Selection {
     number: u32,
-    /// Words of a row's values.
+    /// The number of words of values in a row.
     words: u32,
-    /// A power of two.
+    /// The number of rows for which the ring has room, a power of two.
     rows: u32,
     /// The next row to read.
     next: u32,
-    /// How many rows were lost of which no row has told yet.
+    /// The number of lost rows that no returned row has reported yet.
     untold: u32,
 }
 
@@ -70,7 +70,7 @@ pub enum WatchError {
     /// The owner has restarted, or its memory cannot be reached.
     #[error(transparent)]
     Table(#[from] VariableTableError),
-    /// The owner took this watcher for dead and gave its slot to another.
+    /// The owner considered this watcher dead, and another watcher has claimed its slot.
     #[error("slot {slot} was given to another watcher")]
     Displaced {
         /// The number of the slot.
@@ -95,7 +95,8 @@ impl From<AccessError> for WatchError {
     }
 }
 
-/// How often a row that is overwritten while it is copied is given up for a later one, in one call.
+/// The number of times that one call tries to copy a row. A row that is overwritten meanwhile is given up for a
+/// later one.
 const ATTEMPTS: u32 = 4;
 
 impl<W: MemoryWindow> Watcher<W> {
@@ -127,7 +128,7 @@ impl<W: MemoryWindow> Watcher<W> {
         self.number
     }
 
-    /// Returns the number of the claim, which is another one each time that the slot is claimed.
+    /// Returns the number of the claim, which differs each time that the slot is claimed.
     #[must_use]
     pub const fn claim(&self) -> u32 {
         self.claim
@@ -145,8 +146,7 @@ impl<W: MemoryWindow> Watcher<W> {
         self.selection.map_or(0, |it| it.words as usize)
     }
 
-    /// Returns the number of rows of the selection for which the ring has room; 0 if nothing is
-    /// selected.
+    /// Returns the number of rows of the selection for which the ring has room; 0 if nothing is selected.
     #[must_use]
     pub fn rows(&self) -> u32 {
         self.selection.map_or(0, |it| it.rows)
@@ -157,8 +157,8 @@ impl<W: MemoryWindow> Watcher<W> {
     /// that a row will have.
     ///
     /// # Errors
-    /// [`VariableTableError::NoEntry`] if an entry does not exist, [`VariableTableError::Restarted`] if the table
-    /// was made anew, [`VariableTableError::Access`] if the memory cannot be accessed.
+    /// Returns [`VariableTableError::NoEntry`] if an entry does not exist, [`VariableTableError::Restarted`] if
+    /// the table was made anew, [`VariableTableError::Access`] if the memory cannot be accessed.
     pub fn choose(&mut self, entries: &[u32]) -> Result<u32, VariableTableError> {
         self.end();
         if let Some(last) = entries.iter().max() {
@@ -208,9 +208,9 @@ impl<W: MemoryWindow> Watcher<W> {
     /// the count of lost rows is wrong.
     ///
     /// # Errors
-    /// [`WatchError::Unselected`] if nothing is selected, [`WatchError::Room`] if `values` is too
-    /// short, [`WatchError::Displaced`] if the slot has gone to another watcher,
-    /// [`WatchError::Table`] if the owner has made the table anew or its memory cannot be accessed.
+    /// Returns [`WatchError::Unselected`] if nothing is selected, [`WatchError::Room`] if `values` is too
+    /// short, [`WatchError::Displaced`] if the slot has gone to another watcher, [`WatchError::Table`] if the
+    /// owner has made the table anew or its memory cannot be accessed.
     pub fn read(&mut self, values: &mut [u32]) -> Result<Option<RowHead>, WatchError> {
         let Some(mut selection) = self.selection else {
             return Err(WatchError::Unselected);
@@ -222,14 +222,14 @@ impl<W: MemoryWindow> Watcher<W> {
         let at = self.table.shape.slot(self.number);
         // Pairs with the writer's store when it takes a selection over.
         if self.table.region().word(at + slot::SELECTION)? != selection.number {
-            // Not yet; unless the slot is not ours any more.
+            // The loop has not taken the selection over yet, unless the slot has gone to another watcher.
             self.check_claim()?;
             return Ok(None);
         }
         let before = selection;
         let row = selection.read(&self.table, at, values)?;
-        // Its fence pairs with that of the writer when it leaves a selection: if anything above is of
-        // another one, that is seen below.
+        // The fence in `check_claim` pairs with that of the writer when it leaves a selection: if any word
+        // above is of another selection, the load below shows it.
         self.check_claim()?;
         let region = self.table.region();
         let present = region.load(at + slot::SELECTION, LoadOrder::Relaxed)?;
@@ -275,7 +275,7 @@ impl Selection {
             for (to, at) in words.zip((row..).step_by(4)) {
                 *to = region.load(at, LoadOrder::Relaxed)?;
             }
-            // Pairs with the writer's fence: if any word was of a later row, that one is seen begun.
+            // Pairs with the writer's fence: if any word was of a later row, `begun` counts that row.
             fence(Ordering::Acquire);
             let begun = region.load(at + slot::BEGUN, LoadOrder::Relaxed)?;
             if begun.wrapping_sub(self.next) <= self.rows {
@@ -293,7 +293,7 @@ impl Selection {
         Ok(None)
     }
 
-    /// Counts the rows as lost that are not there any more once so many have been begun.
+    /// Skips the rows that are overwritten once `begun` rows have been begun, and counts them as lost.
     fn skip_to(&mut self, begun: u32) {
         let ahead = begun.wrapping_sub(self.next);
         if let Some(lost) = ahead.checked_sub(self.rows) {

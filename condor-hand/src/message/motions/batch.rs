@@ -6,21 +6,21 @@ use crate::trajectory::StreamPoint;
 /// The greatest number of points of a batch.
 pub const BATCH: usize = 16;
 
-/// Bytes before the points.
+/// The number of bytes before the points.
 const HEAD: usize = 8;
 
 /// Some points of a stream of a robot with J joints.
 ///
-/// A message has a word with the number of the batch, and a word that says whether it is the last one.
-/// Then come the points, each with its time and the position and velocity of each joint in the mask, as
-/// IEEE 754 doubles. All numbers are little-endian.
+/// A message has a word with the number of the batch, and a word that is 1 if it is the last one, otherwise 0.
+/// Then come the points, each with its time and the position and velocity of each joint in the mask, as IEEE
+/// 754 doubles. All numbers are little-endian.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Batch<const J: usize> {
     /// The number of the batch, counted from 0.
     pub sequence: u32,
-    /// Whether the stream ends with it, at rest.
+    /// True if the stream ends with this batch, at rest.
     pub is_last: bool,
-    /// The points.
+    /// The points in order of time, at most as many as there is [room](Self::room) for.
     pub points: Vec<StreamPoint<J>, BATCH>,
 }
 
@@ -57,7 +57,7 @@ impl<const J: usize> Batch<J> {
         Some(len)
     }
 
-    /// Reads what [`write`](Self::write) wrote; `None` if the bytes are not a batch.
+    /// Reads a batch that [`write`](Self::write) wrote; `None` if the bytes are not a batch.
     pub(super) fn read(mask: u32, bytes: &[u8]) -> Option<Self> {
         let (sequence, rest) = bytes.split_first_chunk::<4>()?;
         let (is_last, rest) = rest.split_first_chunk::<4>()?;

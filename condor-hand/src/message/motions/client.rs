@@ -13,27 +13,28 @@ use crate::trajectory::JointStreamError;
 
 /// The time after which a client asks again.
 const PAUSE: Duration = Duration::from_millis(2);
-/// The longest time of one request: a controller that is busy with something else answers after it.
+/// The longest time that one request waits for its answer. A controller that is busy for longer is asked again.
 const ANSWER: Duration = Duration::from_millis(500);
 
 /// The state of a request, and how much of it is done.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RequestProgress {
-    /// What has become of it.
+    /// The queue's answer about the request.
     pub answer: QueueAnswer,
     /// The number of requests that run or wait before it, while it waits.
     pub before: u32,
-    /// How far it is, in 0..=1, while it runs. A stream has none: only its client knows how many points
-    /// are still to come.
+    /// The part of the request that is done, in 0..=1; `None` if the request does not run, or if the controller
+    /// does not know the part. It does not for a stream: only the client knows how many points are still to
+    /// come.
     pub progress: Option<f64>,
 }
 
 /// The outcome of sending points.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum SentPoints {
-    /// The controller has them, and points until this time of the stream.
+    /// The controller has the points, and now has points until this time of the stream.
     Until(Duration),
-    /// The stream has ended before, as this says.
+    /// The stream has ended before, with this answer of the queue.
     Ended(QueueAnswer),
 }
 
@@ -50,7 +51,7 @@ pub enum MotionsError {
     /// The controller has not decided within the time: ask again.
     #[error("the controller has not answered within {timeout:?}")]
     TimedOut {
-        /// The time that it had.
+        /// The timeout of the call.
         timeout: Duration,
     },
     /// The body of a request does not fit.
@@ -76,13 +77,13 @@ pub enum MotionsError {
          its ledger, and start the program again"
     )]
     Exhausted,
-    /// The points of a batch are refused, all of them.
+    /// All points of the batch are refused.
     #[error(transparent)]
     Points(#[from] JointStreamError),
     /// The response is invalid.
     #[error("an answer that no controller gives, with the code {}", response.code)]
     Strange {
-        /// The answer.
+        /// The invalid answer.
         response: MotionResponse,
     },
 }
@@ -102,7 +103,7 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow + Clone> MotionsClient<'m, M, W>
     /// There must be only one client on this processor at a time.
     ///
     /// # Errors
-    /// [`AccessError`] of the kind `OutOfBounds` if there is no block for this processor, or if it does
+    /// Returns [`AccessError`] of the kind `OutOfBounds` if there is no block for this processor, or if it does
     /// not lie in the region.
     pub fn new(
         messenger: &'m M,
@@ -120,16 +121,21 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow + Clone> MotionsClient<'m, M, W>
     /// Opens a session, and returns its number.
     ///
     /// # Errors
-    /// [`MotionsError`]; a session that was opened all the same is never used.
+    /// Returns [`MotionsError::Exhausted`] if the controller has used all session numbers. All calls also
+    /// return [`MotionsError::Exchange`] if the controller cannot be asked, [`MotionsError::Mailbox`] if the
+    /// mailbox cannot wait, [`MotionsError::TimedOut`] if the controller has not decided within `timeout`,
+    /// [`MotionsError::Version`] if it has another version, and [`MotionsError::Strange`] if the answer is
+    /// invalid. The session may be open all the same; then the next call returns it, or opens another.
     pub fn open(&mut self, timeout: Duration) -> Result<u32, MotionsError> {
         self.done(&MotionRequest::new(MotionOperation::Open, 0, 0), timeout)
     }
 
-    /// Puts the session in control if no other one is, or in any case with `from_other`; returns the
-    /// session that is in control then, 0 for none.
+    /// Puts the session in control if no other one is, or in any case with `from_other`. Returns the number of
+    /// the session that is in control then, 0 for none.
     ///
     /// # Errors
-    /// [`MotionsError`].
+    /// Returns [`MotionsError::NotYours`] if the session is of another processor or incarnation, and the errors of
+    /// all calls (see [`open`](Self::open)).
     pub fn control(
         &mut self,
         session: u32,
@@ -140,10 +146,13 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow + Clone> MotionsClient<'m, M, W>
         self.done(&request, timeout)
     }
 
-    /// Offers motions, in bytes that the controller reads, until they are accepted or refused.
+    /// Offers motions, in bytes that the controller can read, until they are accepted or refused.
     ///
     /// # Errors
-    /// [`MotionsError`]; offer the same again, or [look](Self::look).
+    /// Returns [`MotionsError::Length`] if there are more than [`BODY_BYTES`] bytes, [`MotionsError::NotYours`]
+    /// if the session is of another processor or incarnation, and the errors of all calls (see
+    /// [`open`](Self::open)). After a failed exchange or a timeout, offer the same again, or
+    /// [look](Self::look).
     pub fn offer(
         &mut self,
         identity: RequestIdentity,
@@ -156,7 +165,9 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow + Clone> MotionsClient<'m, M, W>
     /// Offers a stream of the joints in `mask` (bit *i* is joint *i*), until it is accepted or refused.
     ///
     /// # Errors
-    /// [`MotionsError`]; offer the same again, or [look](Self::look).
+    /// Returns [`MotionsError::NotYours`] if the session is of another processor or incarnation, and the errors
+    /// of all calls (see [`open`](Self::open)). After a failed exchange or a timeout, offer the same again, or
+    /// [look](Self::look).
     pub fn stream(
         &mut self,
         identity: RequestIdentity,
@@ -174,8 +185,11 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow + Clone> MotionsClient<'m, M, W>
     /// Sends points of a stream of the joints in `mask`, until it has begun and there is room for them.
     ///
     /// # Errors
-    /// [`MotionsError::Points`] if the points are refused, [`MotionsError::TimedOut`] if there was no
-    /// room; another [`MotionsError`]. Send the same again.
+    /// Returns [`MotionsError::Points`] if the points are refused, [`MotionsError::TimedOut`] if the stream did
+    /// not begin or had no room within `timeout`, [`MotionsError::Length`] if the batch has more points than
+    /// [`Batch::room`], [`MotionsError::NotYours`] if the session is of another processor or incarnation, and
+    /// the errors of all calls (see [`open`](Self::open)). After a failed exchange or a timeout, send the same
+    /// batch again.
     pub fn points<const J: usize>(
         &mut self,
         identity: RequestIdentity,
@@ -203,10 +217,10 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow + Clone> MotionsClient<'m, M, W>
         }
     }
 
-    /// Returns what has become of a request, of whichever client, and how far it is.
+    /// Returns the state of a request of any client, and the part of it that is done.
     ///
     /// # Errors
-    /// [`MotionsError`].
+    /// Returns only the errors that all calls return; see [`open`](Self::open).
     pub fn look(
         &mut self,
         identity: RequestIdentity,
@@ -230,8 +244,9 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow + Clone> MotionsClient<'m, M, W>
     /// the session that is in control, 0 for none.
     ///
     /// # Errors
-    /// [`MotionsError`]; the controller ends all motion all the same once it has the request. Ask again to
-    /// know that it has.
+    /// Returns [`MotionsError::NotYours`] if the session is of another processor or incarnation, and the errors
+    /// of all calls (see [`open`](Self::open)). The controller ends all motion all the same once it has the
+    /// request; call again to learn that it has.
     pub fn abort(&mut self, session: u32, timeout: Duration) -> Result<u32, MotionsError> {
         self.done(
             &MotionRequest::new(MotionOperation::Abort, session, 0),
@@ -242,7 +257,8 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow + Clone> MotionsClient<'m, M, W>
     /// Ends the control of the session, so that any other one can take it.
     ///
     /// # Errors
-    /// [`MotionsError`].
+    /// Returns [`MotionsError::NotYours`] if the session is of another processor or incarnation, and the errors of
+    /// all calls (see [`open`](Self::open)).
     pub fn give_up_control(&mut self, session: u32, timeout: Duration) -> Result<(), MotionsError> {
         self.done(
             &MotionRequest::new(MotionOperation::GiveUp, session, 0),
@@ -267,7 +283,7 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow + Clone> MotionsClient<'m, M, W>
         answer(&self.ask(&request, timeout)?)
     }
 
-    /// Asks, and returns the value of the answer.
+    /// Sends a request until the controller has decided, and returns the value of the answer.
     fn done(&mut self, request: &MotionRequest, timeout: Duration) -> Result<u32, MotionsError> {
         let response = self.ask(request, timeout)?;
         match Code::from_number(response.code) {
@@ -278,7 +294,7 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow + Clone> MotionsClient<'m, M, W>
         }
     }
 
-    /// Asks until the controller has decided.
+    /// Sends a request until the controller has decided, and returns its answer.
     fn ask(
         &mut self,
         request: &MotionRequest,
@@ -297,7 +313,7 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow + Clone> MotionsClient<'m, M, W>
                 Ok(response) if !is_open(&response) => return Ok(response),
                 Ok(_) if left <= PAUSE => return Err(MotionsError::TimedOut { timeout }),
                 Err(error) if left <= PAUSE => return Err(error.into()),
-                // A controller that ends may be about to come back.
+                // A controller whose program has ended may start again.
                 Ok(_) | Err(_) => {}
             }
             self.messenger.serve(PAUSE)?;
@@ -305,13 +321,13 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow + Clone> MotionsClient<'m, M, W>
     }
 }
 
-/// Whether a request must be asked again.
+/// Returns true if the request must be sent again.
 fn is_open(response: &MotionResponse) -> bool {
     let code = Code::from_number(response.code);
     matches!(code, Some(Code::Pending | Code::Busy))
 }
 
-/// The answer of the queue.
+/// Returns the answer of the queue.
 fn answer(response: &MotionResponse) -> Result<QueueAnswer, MotionsError> {
     let strange = MotionsError::Strange {
         response: *response,

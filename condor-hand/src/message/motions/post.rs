@@ -7,15 +7,16 @@ use heapless::Deque;
 use super::{Code, MotionOperation, MotionRequest, MotionResponse, MotionsBlocks, VERSION};
 use crate::queue::{MotionQueue, QueueAnswer, RefusalReason, RequestState, SessionOwner};
 
-/// The number of offers that the background has not looked at, of different processors.
+/// The greatest number of offers that wait for the background, each of another processor.
 const INBOX: usize = 8;
 
-/// What a client offers.
+/// The motions or the stream that a client offers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Offer<'a> {
     /// Motions, in bytes that the controller reads.
     Motions(&'a [u8]),
-    /// A stream of the joints in this mask: bit *i* is joint *i*. There may be none of them.
+    /// A stream of the joints in this mask: bit *i* is joint *i*. The mask is not checked: the robot may not
+    /// have these joints.
     Stream(u32),
 }
 
@@ -36,7 +37,7 @@ pub(super) enum Abort {
 }
 
 impl Abort {
-    /// All motion has ended.
+    /// Returns the state after the background has ended all motion.
     pub(super) fn done(self) -> Self {
         match self {
             Self::No => Self::No,
@@ -44,7 +45,7 @@ impl Abort {
         }
     }
 
-    /// Something moves from here on, and the end of that must be asked for anew.
+    /// Returns the state after a motion has begun, whose end must be asked for anew.
     pub(super) fn over(self) -> Self {
         match self {
             Self::Asked => Self::Asked,
@@ -60,14 +61,15 @@ pub(super) struct MotionsState<P, const N: usize> {
     pub(super) queue: Option<MotionQueue<P, N>>,
     /// At most one offer of each processor.
     pub(super) inbox: Deque<(SessionOwner, MotionRequest), INBOX>,
-    /// For each processor the session that was opened for it, or 0 if it is still to be.
+    /// For each processor that has asked for a session, the one that was opened for it, or 0 if none is open
+    /// yet.
     opened: [Option<u32>; Processor::MAX_COUNT],
-    /// The processor that is the first to get a session.
+    /// The index of the processor that comes first in the search for one to get a session.
     next: usize,
-    /// The session that took control, of which the controller is to be told.
+    /// The session that took control, until the controller has been told.
     pub(super) taken_by: Option<u32>,
     pub(super) abort: Abort,
-    /// The progress of the request that runs, as in [`Response::progress`].
+    /// The progress of the request that runs, as in [`MotionResponse::progress`].
     pub(super) progress: u32,
 }
 
@@ -89,9 +91,8 @@ impl<P, const N: usize> MotionsPost<P, N> {
     /// Answers a message: the handler of [`MOTIONS`](super::MOTIONS) needs to do nothing else. `own` is
     /// the users' region of the controller, in which its `blocks` are.
     ///
-    /// `points` takes points of the stream that runs, with
-    /// [`StreamRequest::take`](super::StreamRequest::take); it returns `None` if they are those of no
-    /// stream that runs.
+    /// `points` takes points of the stream that runs, with [`StreamRequest::take`](super::StreamRequest::take);
+    /// it returns `None` if the points are not of a stream that runs.
     pub fn answer<W: MemoryWindow>(
         &self,
         call: &Call<'_>,
@@ -137,7 +138,7 @@ impl MotionResponse {
 }
 
 impl MotionRequest {
-    /// The content of an offer.
+    /// Returns the content of an offer.
     pub(super) fn offer(&self) -> Result<Offer<'_>, RefusalReason> {
         let body = self.body().ok_or(RefusalReason::NoMotion)?;
         if self.operation != MotionOperation::Stream as u32 {
@@ -149,7 +150,7 @@ impl MotionRequest {
 }
 
 impl<P, const N: usize> MotionsState<P, N> {
-    /// The processor whose turn it is to get a session, if any asks for one.
+    /// Returns the processor whose turn it is to get a session, if any asks for one.
     pub(super) fn next_to_open(&mut self) -> Option<Processor> {
         let places = self.opened.iter().enumerate().cycle();
         let mut places = places.skip(self.next).take(Processor::MAX_COUNT);
@@ -158,14 +159,14 @@ impl<P, const N: usize> MotionsState<P, N> {
         Some(Processor(place as u8))
     }
 
-    /// A session has been opened for a processor; without one it asks again.
+    /// Records the session that was opened for a processor; with `None` the processor asks again.
     pub(super) fn open(&mut self, asks: Processor, session: Option<u32>) {
         if let Some(place) = self.opened.get_mut(asks.index()) {
             *place = session;
         }
     }
 
-    /// Answers what can be answered at once, and keeps the rest.
+    /// Answers a request that can be answered at once, and keeps any other for the background.
     fn receive(&mut self, sender: SessionOwner, request: &MotionRequest) -> MotionResponse {
         let Some(queue) = &mut self.queue else {
             return MotionResponse::busy();
@@ -175,7 +176,7 @@ impl<P, const N: usize> MotionsState<P, N> {
         let is_of_sender = |queue: &MotionQueue<P, N>, session| {
             queue.owner(session) == Some(sender) && !queue.is_closed(session)
         };
-        // Whoever asks about a session that is gone is told so.
+        // False for a session that is gone: the queue answers that it is.
         let is_of_other = queue.owner(session).is_some() && !is_of_sender(queue, session);
         let answer = |code| MotionResponse::new(code, 0);
         let (not_yours, pending) = (answer(Code::NotYours), answer(Code::Pending));
@@ -207,7 +208,7 @@ impl<P, const N: usize> MotionsState<P, N> {
                 let now = queue.in_control();
                 if now != before {
                     self.taken_by = now;
-                    // The former one may have moved the robot by other means.
+                    // The session that was in control before may have moved the robot by other means.
                     self.abort = self.abort.over();
                 }
                 done(now)
@@ -255,11 +256,11 @@ impl<P, const N: usize> MotionsState<P, N> {
                     return done(in_control);
                 }
                 self.abort = Abort::Asked;
-                // What nobody has decided about is as new as before.
+                // Offers that are not decided count as new again.
                 self.inbox.clear();
                 pending
             }
-            // Points of a stream that runs are taken elsewhere.
+            // The points of a stream that runs do not come here: `answer` passes them to the stream.
             Some(MotionOperation::Points) => match queue.answer(identity) {
                 _ if is_of_other => not_yours,
                 QueueAnswer::Known(RequestState::Accepted | RequestState::Started, _) => pending,

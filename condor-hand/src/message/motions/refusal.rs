@@ -18,7 +18,7 @@ pub struct StreamRefusal {
     pub must: u32,
     /// The time of the point, s.
     pub time: f64,
-    /// The value of the quantity, or the time of the point before, s.
+    /// The value of the quantity, or the time of the previous point, s.
     pub value: f64,
     /// The bound of the requirement.
     pub bound: f64,
@@ -39,7 +39,7 @@ impl StreamRefusal {
                 quantity: expected,
                 ..Self::default()
             },
-            // What is full is answered as busy.
+            // A full stream never comes here: the answer is `Code::Busy`.
             JointStreamError::Ended | JointStreamError::Full { .. } => Self {
                 kind: 3,
                 ..Self::default()
@@ -67,7 +67,7 @@ impl StreamRefusal {
         }
     }
 
-    /// Returns the error; `None` if it is none that a controller writes.
+    /// Returns the error; `None` if no controller writes these fields.
     pub(super) fn error(&self) -> Option<JointStreamError> {
         let Self {
             time, value, bound, ..

@@ -12,36 +12,35 @@ use crate::queue::{
 /// A ledger that cannot be read or written is tried again after this time.
 const AGAIN: Duration = Duration::from_millis(500);
 
-/// Where the rows of a [`Ledger`](crate::queue::Ledger) are kept: a file, or memory that outlives the
-/// program.
+/// A store of the rows of a [`Ledger`](crate::queue::Ledger): a file, or memory that outlives the program.
 ///
 /// # For implementers
-/// A row that was written, and all rows that were replaced, must be there after whatever ends. Rows are
-/// written whole or not at all. The controller waits for each call: let none take long.
+/// Rows that were written or replaced must be in the store however the program ends. Rows are written whole or
+/// not at all. The controller waits for each call, so no call may take long.
 pub trait LedgerStore {
     /// The reason why rows cannot be read or written.
     type Error;
 
-    /// Calls `restore` with the bytes of all rows of the former incarnation, or with no bytes if there are none;
-    /// and with the least number of the next session, as
-    /// [`MotionQueue::restore`] has it: the time in seconds, if there is a clock.
+    /// Calls `restore` with the bytes of all rows of the former incarnation, or with no bytes if there are
+    /// none. The second argument is the least number of the next session, as for [`MotionQueue::restore`]: the
+    /// time in seconds, if there is a clock.
     ///
     /// # Errors
-    /// The error of the store; it is tried again later.
+    /// Returns the store's error if the rows cannot be read; the server tries again later.
     fn read<T>(&mut self, restore: impl FnOnce(&[u8], u32) -> T) -> Result<T, Self::Error>;
 
-    /// Puts rows in the place of all that are there. If the program ends meanwhile, either the former ones
-    /// are there or these.
+    /// Replaces all rows in the store with `rows`. If the program ends meanwhile, the store has either the
+    /// former rows or the new ones.
     ///
     /// # Errors
-    /// The error of the store; it is tried again later.
+    /// Returns the store's error if the rows cannot be replaced; the server tries again later.
     fn replace(&mut self, rows: impl Iterator<Item = LedgerRow>) -> Result<(), Self::Error>;
 
     /// Writes the row with this index.
     ///
     /// # Errors
-    /// The error of the store; all rows are replaced then. The row may be there or not, but it must not
-    /// come after that.
+    /// Returns the store's error if the row cannot be written; the server then replaces all rows. The row may
+    /// be in the store or not, but it must not appear there after the replacement.
     fn write(&mut self, row: usize, bytes: &LedgerRow) -> Result<(), Self::Error>;
 }
 
@@ -53,11 +52,11 @@ pub enum MotionsEvent {
     Aborted,
     /// A client has taken control with this session.
     Taken(u32),
-    /// The client of this session is gone, and nobody is in control.
+    /// The client of this session is gone, and no session is in control.
     Gone(u32),
 }
 
-/// Whether the stored rows agree with the queue.
+/// The relation of the stored rows to the queue.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Condition {
     /// The rows of the former incarnation have not been read.
@@ -78,13 +77,13 @@ pub struct MotionsServer<'p, P, L, const N: usize> {
     post: &'p MotionsPost<P, N>,
     store: L,
     condition: Condition,
-    /// When a store that could not be read or written is tried again.
+    /// The time at which a store that could not be read or written is tried again.
     again: Option<Instant>,
-    /// Whether the controller has been told of that.
+    /// True if the controller has been told of the failure.
     has_complained: bool,
-    /// How the request that ran has ended, if that could not be written.
+    /// The state and the reason with which the running request has ended, if they could not be written.
     ending: Option<(RequestState, RefusalReason)>,
-    /// Why all requests are to end, if that could not be written.
+    /// The reason to abort all requests, if that could not be written.
     aborting: Option<RefusalReason>,
 }
 
@@ -102,13 +101,14 @@ impl<'p, P, L: LedgerStore, const N: usize> MotionsServer<'p, P, L, N> {
         }
     }
 
-    /// Deals with what has come by message; call it again and again. `incarnation` returns the
-    /// [incarnation](SessionOwner::incarnation) of a processor, `None` if it has none. `make` makes the data of a request of
-    /// what is offered, or returns the reason to refuse it.
+    /// Handles the requests that have come by message; call it periodically. `incarnation` returns the
+    /// [incarnation](SessionOwner::incarnation) of a processor, `None` if it has none. `make` makes the data of
+    /// a request from an offer, or returns the reason to refuse it.
     ///
     /// # Errors
-    /// [`RestoreError::Ledger`] or [`RestoreError::Write`] if the ledger cannot be read or written. Until
-    /// it can, no other call returns an error.
+    /// Returns [`RestoreError::Ledger`] if the bytes in the store are not those of the ledger,
+    /// [`RestoreError::Write`] if the store cannot be read or written. Until it can, no other call returns an
+    /// error.
     pub fn attend(
         &mut self,
         now: Instant,
@@ -120,7 +120,7 @@ impl<'p, P, L: LedgerStore, const N: usize> MotionsServer<'p, P, L, N> {
             return Ok(Some(MotionsEvent::Aborted));
         }
         let gone = if self.condition == Condition::Whole {
-            // What has ended is written before a client gets anything new.
+            // The ends of requests are written before anything new is decided.
             self.finish().map_err(RestoreError::Write)?;
             self.decide(&incarnation, make)
                 .map_err(RestoreError::Write)?;
@@ -159,7 +159,7 @@ impl<'p, P, L: LedgerStore, const N: usize> MotionsServer<'p, P, L, N> {
             let opened = self.change(|queue, write| queue.open(owner, write))?;
             self.post.with(|desk| desk.open(asks, opened.flatten()));
         }
-        // It stays in the inbox until the queue has it, so that it is never new in between.
+        // The offer stays in the inbox until the queue has it, so that it never counts as new in between.
         let offered = self.post.with(|desk| desk.inbox.front().copied());
         if let Some(offered) = offered.flatten() {
             let (sender, request) = offered;
@@ -172,7 +172,7 @@ impl<'p, P, L: LedgerStore, const N: usize> MotionsServer<'p, P, L, N> {
                     return Ok(());
                 }
                 let is_of_sender = queue.owner(identity.session) == Some(sender);
-                // An incarnation that has ended since then has no say any more.
+                // An offer of an incarnation that has ended since then is dropped.
                 if is_of_sender && incarnation == Some(sender.incarnation) {
                     let make = || make(request.offer()?);
                     queue.offer(identity, write, make).map(drop)
@@ -208,7 +208,7 @@ impl<'p, P, L: LedgerStore, const N: usize> MotionsServer<'p, P, L, N> {
         Ok((was_in_control == Some(true)).then_some(session))
     }
 
-    /// Reads or replaces the rows, if that is to be done; says only once why it cannot.
+    /// Reads or replaces the rows if necessary; returns an error only the first time that this fails.
     fn mend(&mut self, now: Instant) -> Result<(), RestoreError<L::Error>> {
         let mended = self.try_to_mend(now);
         let has_complained = self.has_complained;
@@ -253,13 +253,13 @@ impl<'p, P, L: LedgerStore, const N: usize> MotionsServer<'p, P, L, N> {
             .flatten()
     }
 
-    /// Works on the queue, with the function that writes its ledger; clients are told to ask again
-    /// meanwhile. So the controller itself enqueues requests, too. Returns `None` while the ledger cannot
-    /// be read or written.
+    /// Works on the queue, with the function that writes its ledger; clients are told to ask again meanwhile.
+    /// The controller itself can enqueue requests in this way, too. Returns `None` while the ledger cannot be
+    /// read or written.
     ///
     /// # Errors
-    /// The error of `work`; the ledger counts as not written then, and [`attend`](Self::attend) replaces
-    /// it.
+    /// Returns the error of `work` if it fails; the ledger counts as not written then, and
+    /// [`attend`](Self::attend) replaces it.
     pub fn change<T>(
         &mut self,
         work: impl FnOnce(
@@ -283,8 +283,8 @@ impl<'p, P, L: LedgerStore, const N: usize> MotionsServer<'p, P, L, N> {
         outcome.map(Some)
     }
 
-    /// Returns the next request and its data; `None` if none waits, one runs, or a client has ended all
-    /// motion. [Begin](Self::begin) it or [refuse](Self::refuse) it; or do neither, and it waits.
+    /// Returns the next request and its data; `None` if none waits, one runs, or a client has ended all motion.
+    /// [Begin](Self::begin) or [refuse](Self::refuse) the request; if you do neither, it waits.
     #[must_use]
     pub fn next_request(&self) -> Option<(RequestIdentity, P)>
     where
@@ -301,16 +301,17 @@ impl<'p, P, L: LedgerStore, const N: usize> MotionsServer<'p, P, L, N> {
     /// Refuses the next request, which cannot run.
     ///
     /// # Errors
-    /// The error of the store; the request waits then.
+    /// Returns the store's error if the ledger cannot be written; the request waits then.
     pub fn refuse(&mut self, reason: RefusalReason) -> Result<(), L::Error> {
         self.change(|queue, write| queue.refuse_next(reason, write))
             .map(drop)
     }
 
-    /// Begins the next request. Returns whether it begins: not if a client has ended all motion meanwhile.
+    /// Begins the next request. Returns true if the request has begun; false if a client has ended all motion
+    /// meanwhile, if no request can begin, or while the ledger cannot be written.
     ///
     /// # Errors
-    /// The error of the store; the request must not run then, and waits.
+    /// Returns the store's error if the ledger cannot be written; the request must not run then, and waits.
     pub fn begin(&mut self) -> Result<bool, L::Error> {
         self.tell_progress(None);
         let post = self.post;
@@ -319,7 +320,7 @@ impl<'p, P, L: LedgerStore, const N: usize> MotionsServer<'p, P, L, N> {
                 desk.abort = desk.abort.over();
                 desk.abort
             });
-            // None is taken while this works on the queue.
+            // No abort is accepted while this works on the queue.
             if abort != Some(Abort::No) {
                 return Ok(false);
             }
@@ -328,7 +329,7 @@ impl<'p, P, L: LedgerStore, const N: usize> MotionsServer<'p, P, L, N> {
         Ok(begun == Some(true))
     }
 
-    /// Tells clients how far the request is that runs, in 0..=1; `None` if nobody knows.
+    /// Tells clients the part of the running request that is done, in 0..=1; `None` if the part is not known.
     pub fn tell_progress(&self, done: Option<f64>) {
         let greatest = f64::from(WHOLE);
         #[allow(clippy::cast_sign_loss, reason = "a number below zero becomes zero")]
@@ -339,7 +340,7 @@ impl<'p, P, L: LedgerStore, const N: usize> MotionsServer<'p, P, L, N> {
     /// Ends the request that runs.
     ///
     /// # Errors
-    /// The error of the store; [`attend`](Self::attend) tries it again.
+    /// Returns the store's error if the ledger cannot be written; [`attend`](Self::attend) tries it again.
     pub fn end(&mut self, state: RequestState, reason: RefusalReason) -> Result<(), L::Error> {
         let ended = self.change(|queue, write| queue.end(state, reason, write));
         self.ending = match &ended {
@@ -352,15 +353,15 @@ impl<'p, P, L: LedgerStore, const N: usize> MotionsServer<'p, P, L, N> {
     /// Aborts the request that runs and all that wait.
     ///
     /// # Errors
-    /// The error of the store; [`attend`](Self::attend) tries it again.
+    /// Returns the store's error if the ledger cannot be written; [`attend`](Self::attend) tries it again.
     pub fn abort(&mut self, reason: RefusalReason) -> Result<(), L::Error> {
         self.aborting = Some(reason);
         self.post.with(|desk| desk.inbox.clear());
         self.finish()
     }
 
-    /// Writes what has ended, if that could not be written before. A request that has ended by itself
-    /// keeps its end when all are aborted.
+    /// Writes the ends of requests that could not be written before. A request that has ended by itself keeps
+    /// its end when all are aborted.
     fn finish(&mut self) -> Result<(), L::Error> {
         let aborted = self.aborting.map(|reason| (RequestState::Aborted, reason));
         if let Some((state, reason)) = self.ending.or(aborted) {

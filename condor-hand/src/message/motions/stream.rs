@@ -49,7 +49,7 @@ impl<const J: usize, const N: usize> StreamRequest<J, N> {
         Some(match pushed {
             Ok(()) => MotionResponse::new(Code::Done, until),
             Err(JointStreamError::Full { .. }) => MotionResponse::new(Code::Busy, until),
-            // What has become of it is soon known.
+            // The queue will soon know how the stream has ended.
             Err(JointStreamError::Ended) if stream.has_ended() => {
                 MotionResponse::new(Code::Pending, until)
             }

@@ -1,4 +1,4 @@
-//! A gateway to which a debugger says anything.
+//! A gateway to which a debugger sends any bytes.
 
 use std::io::Write as _;
 use std::os::unix::net::UnixStream;
@@ -11,10 +11,10 @@ use crate::{ProgramState, Tracer};
 
 const PROGRAM: [u32; 3] = [sim::COUNT, sim::COUNT, sim::JUMP];
 
-/// Serves a connection that says these bytes and then ends; afterwards, the program runs as it was.
+/// Serves a connection that sends these bytes and then ends; afterwards, the program runs as before.
 ///
 /// # Panics
-/// If it does not, or the gateway panics.
+/// Panics if the program does not run, or the gateway panics.
 pub fn run(bytes: &[u8]) {
     let processor = Arc::new(SimProcessor::new(&PROGRAM).expect("it fits"));
     let program = Arc::clone(&processor);
@@ -37,7 +37,7 @@ pub fn run(bytes: &[u8]) {
     };
     let mut session = Session::attach(vec![debuggee]).expect("it runs");
     let (mut gdb, ours) = UnixStream::pair().expect("a pair");
-    // Answers are not read: what does not fit into the socket's buffer would wait.
+    // The answers are not read: those that do not fit into the socket's buffer would wait.
     let mut framed = framed(bytes);
     framed.truncate(2000);
     gdb.write_all(&framed).expect("it fits");
@@ -47,13 +47,13 @@ pub fn run(bytes: &[u8]) {
     let tracer = tracer();
     assert_eq!(tracer.state(), Ok(ProgramState::Runs));
     assert_eq!(tracer.planted().map(|planted| planted.len()), Ok(0));
-    // A debugger may write memory, and make the program one that faults.
+    // A debugger may write memory, so that the program faults.
     processor.end();
     let _ = thread.join().expect("no panic");
 }
 
-/// The bytes as they are if the first is even, otherwise as packets with right checksums, ended by
-/// zeros.
+/// Returns the bytes after the first one: as they are if the first is even, otherwise as packets with right
+/// checksums, one for each run of bytes between zeros.
 fn framed(bytes: &[u8]) -> Vec<u8> {
     let Some((first, rest)) = bytes.split_first() else {
         return Vec::new();

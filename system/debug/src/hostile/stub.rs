@@ -7,7 +7,7 @@ use condor_mbox::Region;
 use condor_mbox::sim::SimWindow;
 
 const MEMORY: usize = 64;
-/// The command that ends every hold, by the words of README.md.
+/// The offsets of the words of a command, and the action that ends every hold, as in README.md.
 const COMMAND: u32 = 1024;
 const ACTION: u32 = 1028;
 const DONE: u32 = 1056;
@@ -21,7 +21,7 @@ struct Haunted<'b> {
 }
 
 impl Haunted<'_> {
-    /// Writes words of the area, each as five bytes say: place and value.
+    /// Writes words of the area; five bytes decide the place and the value of each.
     fn scribble(&self) {
         let (some, rest) = self.bytes.get().split_at(self.bytes.get().len().min(20));
         self.bytes.set(rest);
@@ -88,10 +88,10 @@ impl Arch for Haunted<'_> {
     }
 }
 
-/// Has a stub obey, trap and hold over an area that is these bytes.
+/// Lets a stub obey, trap and hold with an area that has these bytes.
 ///
 /// # Panics
-/// If the stub does.
+/// Panics if the stub panics.
 pub fn run(bytes: &[u8]) {
     let haunted = Haunted {
         area: Region::whole(SimWindow::new(AREA_BYTES)),

@@ -1,4 +1,4 @@
-//! A switch over one simulated board of each driver, and two of those that interrupt.
+//! A switch over one simulated board of each driver, and two boards of each driver that interrupts.
 
 use std::sync::{Arc, Mutex, MutexGuard};
 
@@ -41,7 +41,7 @@ pub type Error = IoError<BusAccessError>;
 pub type Serial = Uart16550<1, 32>;
 pub type Serial4 = Uart16550<4, 32>;
 
-/// The machine, from inside and from outside.
+/// A machine, with access to both sides of its boards.
 pub struct Machine {
     pub bus: SimBus,
     pub controller: Controller,
@@ -55,7 +55,7 @@ pub struct Machine {
 }
 
 impl Machine {
-    /// With all boards in their places, before start-up.
+    /// Makes a machine with all boards in their places, before start-up.
     pub fn new() -> Self {
         let (bus, controller) = (SimBus::new(), Controller::new());
         let this = Self {
@@ -87,7 +87,7 @@ impl Machine {
         self.switch.open(name, 0, mode).unwrap()
     }
 
-    /// Lets the interrupts in, if there are any.
+    /// Serves the pending interrupts, if there are any.
     pub fn interrupts(&self) {
         if self.controller.is_pending() {
             self.switch.on_interrupt();
@@ -101,17 +101,17 @@ impl Machine {
     }
 }
 
-/// What is outside of a board.
+/// Locks the model of a board, which stands for the board's other side.
 pub fn outside<M>(model: &Mutex<M>) -> MutexGuard<'_, M> {
     model.lock().unwrap()
 }
 
-/// A driver's error as a descriptor shows it.
+/// Converts a driver's error to the one that a descriptor returns.
 pub fn io<E>(error: DeviceError<E>) -> IoError<E> {
     error.into()
 }
 
-/// Whether a driver calls a board its own.
+/// Returns true if the driver `D` recognizes the board at `base` as its own.
 pub fn finds<D: Driver>(bus: &SimBus, base: usize) -> bool {
     D::probe(condor_dev::Registers::new(bus, base))
 }

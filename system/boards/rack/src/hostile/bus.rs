@@ -1,4 +1,4 @@
-//! [`HostileBus`] and [`HostileController`]: what the bytes make of a machine.
+//! [`HostileBus`] and [`HostileController`]: a machine whose faults come from bytes.
 
 use std::cell::{Cell, RefCell};
 use std::rc::Rc;
@@ -10,15 +10,15 @@ use condor_dev::{Bus, BusErrorKind, InterruptController, InterruptLevel, Interru
 use super::boards::{MPPS, UARTS};
 use super::journal::Journal;
 
-/// Claims of one entry.
+/// The greatest number of claims in one entry.
 const CLAIMS: u32 = 40;
 
-/// The bytes that are left, and what became of those that were used.
+/// The bytes that are left, and a record of the events that the used ones caused.
 pub(super) struct Script {
     bytes: RefCell<Vec<u8>>,
-    /// Whether registers lie.
+    /// True if registers return false values.
     pub(super) lies: Cell<bool>,
-    /// Whether anything is hostile at all, at the moment.
+    /// True while the bus and the controller are hostile.
     pub(super) awake: Cell<bool>,
     pub(super) accesses: Cell<u64>,
     pub(super) hostile: Cell<u64>,
@@ -39,32 +39,33 @@ impl Script {
         })
     }
 
-    /// The next byte; `None` at the end.
+    /// Returns the next byte; `None` at the end.
     pub(super) fn next(&self) -> Option<u8> {
         self.bytes.borrow_mut().pop()
     }
 
-    /// The next byte, or one that says nothing.
+    /// Returns the next byte; 0, which causes no fault, at the end.
     pub(super) fn byte(&self) -> u8 {
         self.next().unwrap_or_default()
     }
 }
 
-/// The simulated bus, with errors and lies in between.
+/// The simulated bus, with errors and false values in between.
 pub(super) struct HostileBus {
     pub(super) inside: sim::SimBus,
     pub(super) script: Rc<Script>,
 }
 
 impl HostileBus {
-    /// What becomes of an access: an error, or whether it is true.
+    /// Decides the outcome of an access: an error, true for a true value, or false for a false one.
     fn fate(&self, address: usize) -> Result<bool, BusAccessError> {
         let script = &self.script;
         script.accesses.set(script.accesses.get() + 1);
         if !script.awake.get() {
             return Ok(true);
         }
-        // Once the bytes have ended, all is as it should be with true registers, and what lies goes on.
+        // Once the bytes have ended, accesses no longer fail; registers that return false values go on with
+        // that.
         let fails = script.byte() >= 0xf0;
         if fails || script.lies.get() {
             script.hostile.set(script.hostile.get() + 1);
@@ -101,7 +102,7 @@ impl Bus for HostileBus {
     }
 }
 
-/// The simulated controller, or claims that nobody asked for.
+/// The simulated controller, with claims that no board has requested.
 pub(super) struct HostileController {
     pub(super) inside: sim::Controller,
     pub(super) script: Rc<Script>,

@@ -1,16 +1,17 @@
-//! [`Journal`]: what must have become of each byte.
+//! [`Journal`]: the place where each byte must be.
 
 use std::collections::VecDeque;
 
 use super::boards::{MPP, UART};
 
-/// Ports that move bytes, in the order of [`Journal`]'s fields.
+/// The number of ports that move bytes, in the order of [`Journal`]'s fields.
 pub(super) const PORTS: usize = 4;
 
 /// One port that moves bytes.
 #[derive(Default)]
 struct Port {
-    /// Whether its first register is the divisor's, or its bytes are lines.
+    /// True if its first register is that of the divisor (serial), or if its data lines are moved as lines, not
+    /// as bytes (parallel).
     shut: bool,
     /// Bytes that its driver took from the board and no program has read.
     taken: VecDeque<u8>,
@@ -20,15 +21,15 @@ struct Port {
     handed: Vec<u8>,
 }
 
-/// What the two parallel ports, and then the two serial ones, have been told and have told.
+/// The bytes that the two parallel ports, and then the two serial ones, have accepted and delivered.
 #[derive(Default)]
 pub(super) struct Journal {
     ports: [Port; PORTS],
-    /// Bytes acknowledged.
+    /// The number of acknowledged bytes.
     pub(super) bytes: u64,
 }
 
-/// Which port, and which of its registers, an address is.
+/// Returns the port and the number of the register at an address.
 fn locate(address: usize) -> Option<(usize, usize)> {
     let within = |base: usize, size: usize| (base..base + size).contains(&address);
     if let Some(port) = MPP.iter().position(|&base| within(base, 0x10)) {
@@ -64,7 +65,7 @@ impl Journal {
             }
             (true, 2) if value & 2 != 0 => port.taken.clear(),
             (true, 3) => port.shut = value & 0x80 != 0,
-            // A reset, which is also what makes lines bytes again.
+            // A reset also lets the port move bytes again, not lines.
             (false, 2) if value & 0x8000 != 0 => {
                 port.taken.clear();
                 port.shut = false;
@@ -75,7 +76,7 @@ impl Journal {
         }
     }
 
-    /// A driver gave these bytes to a program.
+    /// Checks the bytes that a driver returned to a program.
     pub(super) fn read(&mut self, number: usize, bytes: &[u8]) {
         let port = &mut self.ports[number];
         if number < 2 && port.shut {
@@ -89,7 +90,7 @@ impl Journal {
         assert_eq!(bytes, expected, "read from port {number}");
     }
 
-    /// A driver is about to be given bytes, which it may hand on at once.
+    /// Records bytes that a program is about to pass to a driver, which may hand them on at once.
     pub(super) fn offer(&mut self, number: usize, bytes: &[u8]) -> usize {
         let port = &mut self.ports[number];
         port.handed.clear();
@@ -100,7 +101,7 @@ impl Journal {
         before
     }
 
-    /// It accepted the first `count` of those.
+    /// Records that the driver accepted the first `count` of the offered bytes.
     pub(super) fn accept(&mut self, number: usize, offered: &[u8], before: usize, count: usize) {
         let port = &mut self.ports[number];
         self.bytes += count as u64;
@@ -115,7 +116,7 @@ impl Journal {
         }
     }
 
-    /// All that was accepted is with the board, and all that the driver took was read.
+    /// Checks that all accepted bytes are with the board, and that all bytes which the driver took were read.
     pub(super) fn check(&self) {
         for (number, port) in self.ports.iter().enumerate() {
             assert!(port.accepted.is_empty(), "not sent by port {number}");

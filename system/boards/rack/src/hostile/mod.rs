@@ -1,9 +1,9 @@
-//! Every driver that ships, on boards whose registers say anything, on a bus that fails anywhere,
-//! with interrupts in any order, driven by bytes.
+//! Every driver that ships, on boards whose registers return anything, on a bus that fails anywhere, with
+//! interrupts in any order, driven by bytes.
 //!
-//! The first byte says whether registers are true, so that only bus errors are in the way, or
-//! lie. The `Journal` sees each access that a driver makes and each answer that
-//! a program gets, and knows what each byte has become.
+//! The first byte decides whether registers return true values, so that only bus errors are in the way, or
+//! false ones. The `Journal` sees each access that a driver makes and each answer that a program gets, and
+//! knows where each byte must be.
 #![allow(
     clippy::must_use_candidate,
     clippy::new_without_default,
@@ -19,16 +19,16 @@ use core::fmt;
 
 pub use program::run as drivers;
 
-/// What a run went through.
+/// The counts of events in a run.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Tally {
-    /// Accesses that drivers made.
+    /// The number of accesses that drivers made.
     pub accesses: u64,
-    /// Those that failed, and those that gave what no board would.
+    /// The number of accesses that failed, or that returned a value that no board would.
     pub hostile: u64,
-    /// Calls of programs and interrupts.
+    /// The number of calls of programs and of interrupts.
     pub calls: u64,
-    /// Bytes that drivers acknowledged, either way.
+    /// The number of bytes that drivers acknowledged, in both directions.
     pub bytes: u64,
 }
 

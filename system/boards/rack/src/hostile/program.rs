@@ -1,4 +1,4 @@
-//! A program that opens, uses and closes everything, as the bytes say.
+//! A program that opens, uses and closes all devices, in an order that bytes decide.
 
 use std::num::NonZeroU16;
 use std::rc::Rc;
@@ -13,8 +13,8 @@ use super::boards::{BOTH, Boards, Machine, outside};
 use super::bus::{HostileBus, HostileController, Script};
 use super::journal::PORTS;
 
-/// Accesses of one call, with every board in the way that there is: 40 interrupts of two boards, of 4
-/// reasons each with 64 bytes, two accesses a byte, and some more.
+/// A number of accesses that no call may reach. The longest call serves 40 interrupts of two boards, with 4
+/// reasons each of 64 bytes, two accesses a byte, and makes some more.
 const ENDLESS: u64 = 50_000;
 
 const DEVICES: [(&str, u8); 7] = [
@@ -38,7 +38,7 @@ struct Program {
 /// Drives a program by `bytes`.
 ///
 /// # Panics
-/// If a driver broke a promise.
+/// Panics if a driver breaks a promise.
 pub fn run(bytes: &[u8]) -> Tally {
     let script = Script::new(bytes);
     let machine = Machine::new();
@@ -65,7 +65,7 @@ impl Program {
         let first = self.script.byte();
         self.script.lies.set(first & 1 != 0);
         if first & 2 != 0 {
-            // Start-up may fail: then boards stay away until the next.
+            // Start-up may fail: then boards are missing until the next one.
             self.script.awake.set(true);
             self.switch.start();
             self.script.awake.set(false);
@@ -160,7 +160,7 @@ impl Program {
         }
     }
 
-    /// What only the device's own calls do.
+    /// Makes calls that only the driver of the device has.
     fn peculiar(&mut self, device: usize, fd: Fd) {
         let what = self.script.byte();
         let divisor = NonZeroU16::new(u16::from(what)).unwrap_or(NonZeroU16::MIN);
@@ -209,7 +209,7 @@ impl Program {
         }
     }
 
-    /// Something happens on the other side of a board.
+    /// Makes an event on the other side of a board.
     fn outside(&mut self, what: u8) {
         let machine = &self.machine;
         let byte = self.script.byte();
@@ -237,7 +237,7 @@ impl Program {
         }
     }
 
-    /// With all well again, every board is usable and no byte is left behind.
+    /// Checks that every board is usable and no byte is left behind once all faults have ended.
     fn finish(&mut self) {
         self.script.awake.set(false);
         outside(&self.machine.uart).stuck = false;
