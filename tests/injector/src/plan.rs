@@ -14,9 +14,9 @@ pub enum Interrupts {
     /// Up to `most`, each after the beginning of the one before: within it or not. Each is of one of
     /// `sources`; a source interrupts the background and the sources of lower numbers.
     Ranked {
-        /// How many come in one run at most.
+        /// The greatest number of interrupts in one run.
         most: usize,
-        /// How many sources there are.
+        /// The number of sources.
         sources: usize,
     },
 }
@@ -36,11 +36,11 @@ pub struct Plan {
     /// The points at which interrupts come, counted from 0 in the order in which the run reaches them,
     /// and the source of each. Sources of nested interrupts are numbered by depth.
     places: Vec<(u32, usize)>,
-    /// How many interrupts have come.
+    /// The number of interrupts that have come.
     came: Cell<usize>,
-    /// How many points have passed.
+    /// The number of points that have passed.
     passed: Cell<u32>,
-    /// How many points had passed when the last interrupt that is placed returned.
+    /// The number of points that had passed when the last interrupt that has a place returned.
     last_ended: Cell<u32>,
     /// Sources of lower numbers cannot interrupt at present.
     level: Cell<usize>,

@@ -51,13 +51,13 @@ impl Nodes {
         }
     }
 
-    /// What was at `from`, and all below it, is at `to`.
+    /// Moves the node at `from`, and all below it, to `to`.
     pub(crate) fn rename(&mut self, from: &[u8], to: &[u8]) {
         self.remove(to);
         self.move_all(|path| moved(path, from, to));
     }
 
-    /// What was at each of them, and all below it, is at the other.
+    /// Exchanges the nodes at the two paths, with all below them.
     pub(crate) fn exchange(&mut self, one: &[u8], other: &[u8]) {
         self.move_all(|path| moved(path, one, other).or_else(|| moved(path, other, one)));
     }

@@ -61,7 +61,7 @@ pub(crate) fn served() -> Result<bool, AnyError> {
     Ok(true)
 }
 
-/// Starts a server again whenever one was killed, for as long as this process lives.
+/// Starts a server again whenever one was killed, until this process ends.
 pub(crate) struct Supervisor {
     kills: Arc<AtomicU64>,
     thread: JoinHandle<AnyError>,
@@ -97,10 +97,10 @@ impl Supervisor {
         Self { kills, thread }
     }
 
-    /// How often a server was killed.
+    /// Returns the number of servers that were killed.
     ///
     /// # Errors
-    /// A server could not be started, or ended by itself.
+    /// Returns an error if a server could not be started, or ended by itself.
     pub(crate) fn kills(self) -> Result<u64, AnyError> {
         if self.thread.is_finished() {
             return Err(self.thread.join().map_err(|_| "the supervisor panicked")?);

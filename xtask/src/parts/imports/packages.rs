@@ -28,7 +28,8 @@ pub(super) struct Package {
     /// Lines of their files that are neither empty nor a comment.
     pub(super) lines: usize,
     files: usize,
-    /// What of its sources lies outside of it, each in a line; here with its tests and all else.
+    /// The sources that lie outside of its directory, each in a line; here with those of its tests and all
+    /// else.
     pub(super) reaches: Vec<String>,
     /// The packages that its normal dependencies are.
     dependencies: BTreeSet<Directory>,

@@ -5,8 +5,9 @@ use std::path::{Component, Path, PathBuf};
 
 use crate::Result;
 
-/// What reaches out of a package: the sources of `targets`, which are those of its manifest with its build script, and what
-/// its files name by `#[path]` or `include!`. Texts and data (`include_str!`) may be those of others.
+/// Returns the places that reach out of a package: the sources of `targets`, which are those of its
+/// manifest with its build script, and the files that its sources name by `#[path]` or `include!`. Texts
+/// and data (`include_str!`) may be those of other packages.
 pub(super) fn reaches<'t>(
     package: &Path,
     targets: impl Iterator<Item = &'t Path>,
