@@ -22,7 +22,7 @@ use condor_host::watching::{CatalogEntry, RowSource, SourceRow, VariableCatalog}
 const FRAMES_NS: u64 = 16_000_000;
 /// The robot and what it handles, as the page draws them.
 const SCENE: &str = "/scene";
-/// What the parameters are.
+/// The types and descriptions of the parameters.
 const PARAMETERS: &str = "/parameters";
 
 /// A message of a channel.
@@ -45,7 +45,7 @@ pub(super) struct Feeds<'r> {
     frames: usize,
     /// When the frames that each source moves were sent last.
     framed_ns: Vec<u64>,
-    /// What is added to the time of rows.
+    /// The time that is added to that of rows, ns.
     ahead_ns: u64,
 }
 

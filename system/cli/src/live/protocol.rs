@@ -211,8 +211,8 @@ pub(crate) struct ServiceCall<'f> {
 }
 
 impl<'f> ServiceCall<'f> {
-    /// Reads a binary frame. Returns an error that says why it is no call, and the service and the number of the
-    /// call as far as there are some.
+    /// Reads a binary frame. Returns an error that says why the frame is not a call, with the service and
+    /// the number of the call if the frame has them.
     pub(crate) fn read(frame: &'f [u8]) -> Result<Self, (String, Option<[u32; 2]>)> {
         let Some((&CALL, rest)) = frame.split_first() else {
             let text = "binary messages are not understood, but for calls of services: \
