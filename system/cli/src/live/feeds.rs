@@ -22,7 +22,7 @@ use condor_host::watching::{CatalogEntry, RowSource, SourceRow, VariableCatalog}
 const FRAMES_NS: u64 = 16_000_000;
 /// The robot and what it handles, as the page draws them.
 const SCENE: &str = "/scene";
-/// The types and descriptions of the parameters.
+/// The description of all parameters: types, units and bounds.
 const PARAMETERS: &str = "/parameters";
 
 /// A message of a channel.

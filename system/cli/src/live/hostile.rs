@@ -54,12 +54,11 @@ struct Trial {
     asks: Vec<Ask>,
     /// The call to answer.
     call: Option<Call>,
-    /// The number of calls that were heard, and of those that were answered or refused in a frame that was
-    /// read.
+    /// The number of calls that were heard, and the number that were answered or refused in a frame that was read.
     called: usize,
     told: usize,
-    /// The number of requests for parameters with an id that were heard, and of those that were answered in
-    /// a frame that was read.
+    /// The number of requests for parameters with an id that were heard, and the number that were answered in a
+    /// frame that was read.
     named: usize,
     valued: usize,
     /// By the number of the subscription; its channel, and its samples.
