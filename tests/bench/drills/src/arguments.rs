@@ -17,7 +17,7 @@ pub(crate) fn is_there<M: Machine>(machine: &M, name: &str) -> bool {
         .any(|argument| argument == name)
 }
 
-/// A number that an argument gives, or `usual`.
+/// Returns the number that follows `name` in the arguments, or `usual` if there is none.
 pub(crate) fn number<M: Machine>(machine: &M, name: &str, usual: u32) -> Result<u32, ProgramError> {
     let number = |text: &str| text.parse().map_err(|_| wrong("NAME=NUMBER"));
     value(machine, name).map_or(Ok(usual), number)

@@ -28,7 +28,7 @@ pub use stress::Stress;
 pub use table::{Echo, Table};
 pub use variables::Variables;
 
-/// What a drill ends with that has counted something wrong.
+/// The error text of a drill that has counted something wrong.
 pub const WRONG: &str = "something is wrong; see the counts";
 
 /// A processor that is not ready in time.

@@ -23,14 +23,14 @@ const ASK: Vector = Vector(14);
 const PATIENCE: Duration = Duration::from_millis(20);
 const LOOPS: [&str; 2] = ["fast", "slow"];
 const RATES: [Rate; 2] = [Rate::hz(400), Rate::hz(100)];
-/// How often a program looks whether it is to end.
+/// The time between two looks of a program whether it must end.
 const NAP: Duration = Duration::from_millis(50);
 
 /// The program.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Order;
 
-/// What came out.
+/// The results of the program.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
 pub struct Record {
@@ -123,7 +123,7 @@ impl Program for Order {
 struct Seen(AtomicU64);
 
 impl Seen {
-    /// Folds words in, and gives some bits of what comes out.
+    /// Folds words in, and returns some bits of the result.
     fn fold<const N: usize>(&self, words: [u64; N]) -> u32 {
         let seen = words.into_iter().fold(self.0.load(Relaxed), |seen, word| {
             (seen ^ word)

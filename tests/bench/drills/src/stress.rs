@@ -30,11 +30,11 @@ pub const NAME: &str = "verdict";
 
 /// Nothing takes as long, unless something is broken.
 const PATIENCE: Duration = Duration::from_secs(30);
-/// How long a look for messages waits.
+/// The time that a look for messages waits.
 const NAP: Duration = Duration::from_millis(5);
 const LOOPS: [&str; 2] = ["fast", "slow"];
 const RATES: [Rate; 2] = [Rate::hz(400), Rate::hz(100)];
-/// How deep a message with a reply is asked back.
+/// The depth to which receivers of a message with a reply ask back.
 const DEPTH: u32 = 2;
 
 /// The program.
@@ -44,7 +44,7 @@ const DEPTH: u32 = 2;
 #[derive(Clone, Copy, Debug)]
 pub struct Stress<F>(pub F);
 
-/// What came out.
+/// The results of the program.
 #[derive(Clone, Copy, Debug, Default, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
 pub struct Verdict {
@@ -70,7 +70,7 @@ pub struct Verdict {
     pub drift: [u32; 2],
     /// The worst lateness of each, in ticks of the timer.
     pub lateness: [u32; 2],
-    /// How deep the stack was, in bytes; 0 if nobody knows.
+    /// The greatest depth of the stack, in bytes; 0 if it is not known.
     pub stack: u32,
 }
 
@@ -96,7 +96,7 @@ impl<F: Fn() -> u32> Program for Stress<F> {
             .servo(LOOPS[0], RATES[0], &mut |tick| {
                 if let Some(peer) = peers.nth(tick.number).filter(|_| sends.load(Relaxed)) {
                     let number = tally.next_tick(peer);
-                    // Where there is no room, it is sent another time.
+                    // If there is no room, the message is sent another time.
                     if tick.send(peer, TICK, number).is_ok() {
                         tally.tick_sent(peer, number);
                     }
@@ -122,7 +122,8 @@ struct Running<'r, M: Machine> {
     tally: &'r Tally,
     peers: Peers,
     sends: &'r AtomicBool,
-    /// Where all say how far they are, and what they have sent: the memory that belongs to nobody.
+    /// The memory that belongs to no processor, where each publishes how far it is, and how much it has
+    /// sent.
     board: Region<M::Window>,
 }
 
@@ -318,7 +319,7 @@ impl<M: Machine> Running<'_, M> {
         Ok(())
     }
 
-    /// What a peer has put on the board; `None` if nothing yet.
+    /// Returns the counts that a peer has published; `None` if there are none yet.
     fn counts(&self, peer: Processor) -> Result<Option<Counts>, ProgramError> {
         match tally::counts_of(peer).subscriber(&self.board)?.read() {
             Ok(latest) => Ok(Some(latest.value)),

@@ -1,4 +1,4 @@
-//! What came out of a drill.
+//! The summary of a drill's results.
 
 use condor_host::description::SystemDescription;
 use condor_host::error::AnyError;

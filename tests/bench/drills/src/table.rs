@@ -30,7 +30,7 @@ pub struct Table;
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Echo;
 
-/// How long messages to each processor have taken, ns; 0 where none were sent.
+/// The times that messages to each processor have taken, ns; 0 where none were sent.
 #[derive(Clone, Copy, Debug, Default, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
 pub struct Times {
@@ -140,7 +140,7 @@ fn wait<M: Machine>(
 /// Rounds of which one time is taken, at most.
 const MOST: usize = 4096;
 
-/// How long a message takes without and with reply, ns.
+/// Returns the time that a message takes without and with reply, ns.
 fn measure<M: Machine>(
     machine: &M,
     mailbox: &MailboxOf<'_, M>,
@@ -172,7 +172,7 @@ fn measure<M: Machine>(
     for data in 0..rounds {
         mailbox.send(peer, NOTHING, data, PATIENCE)?;
     }
-    // It is handled after all that was sent before.
+    // This message is handled after all that were sent before.
     call(0)?;
     let all = clock.now().ns_since(begun);
     let each = u32::try_from(all / u64::from(rounds)).unwrap_or(u32::MAX);

@@ -6,7 +6,7 @@ use core::time::Duration;
 use condor_rt::{Machine, Program, ProgramError, Rate, Setup};
 use nalgebra::Vector3;
 
-/// What a debugger reads and changes.
+/// The words that a debugger reads and changes.
 #[repr(C)]
 pub(crate) struct Watched {
     /// Bits of an `f32`.

@@ -9,7 +9,7 @@ use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 use super::Verdict;
 
-/// Where in the shared memory a processor publishes its [`Counts`].
+/// Returns the place in the shared memory where a processor publishes its [`Counts`].
 pub(super) const fn counts_of(processor: Processor) -> Published<Counts> {
     Published::at((processor.0 as u32).wrapping_mul(Published::<Counts>::BYTES))
 }
@@ -22,7 +22,7 @@ pub(super) const NOTE: Vector = Vector(8);
 pub(super) const TICK: Vector = Vector(9);
 pub(super) const ASK: Vector = Vector(10);
 
-/// How far a processor has come.
+/// The steps of a drill, in the state of a processor.
 pub(super) const JOINED: u32 = 1;
 pub(super) const SENT: u32 = 2;
 pub(super) const COMPARED: u32 = 3;
@@ -30,7 +30,7 @@ pub(super) const COMPARED: u32 = 3;
 /// Bits of a question that say how deep it is asked back.
 const DEPTH_BITS: u32 = 4;
 
-/// What a processor says it has sent to each.
+/// The number of messages that a processor says it has sent to each other one.
 #[derive(Clone, Copy, Debug, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
 pub(super) struct Counts {
@@ -62,7 +62,7 @@ impl Row {
     }
 }
 
-/// What was sent and what has come.
+/// The counts of messages that were sent and that have come.
 #[derive(Default)]
 pub(super) struct Tally {
     notes_sent: Row,
@@ -151,7 +151,7 @@ impl Tally {
         }
     }
 
-    /// How many messages of `from` to `me` have not come.
+    /// Returns the number of messages from `from` to `me` that have not come.
     pub(super) fn missing(&self, me: Processor, from: Processor, sent: &Counts) -> u32 {
         let of = |sent: &[u32; PROCESSORS], row: &Row| {
             let sent = sent.get(me.index()).copied().unwrap_or(0);
@@ -169,7 +169,7 @@ impl Tally {
     }
 }
 
-/// What whoever is asked `question` asks back.
+/// Returns the question that the receiver of `question` asks back, if there is one.
 fn deeper(question: u32) -> Option<u32> {
     let depth = question & ((1 << DEPTH_BITS) - 1);
     depth
