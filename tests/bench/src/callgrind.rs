@@ -7,7 +7,7 @@ use std::process::Command;
 
 use crate::Result;
 
-/// How often a path is gone: some buffers full, and enough to divide what is done once.
+/// The number of calls of a path: enough to fill some buffers, and to divide by what is done only once.
 const CALLS: usize = 4096;
 
 /// The argument by which the program is asked to go down one path and nothing else.

@@ -131,7 +131,7 @@ written_in! {
     Port, u16, write16, 0x22
 }
 
-/// Where the port is.
+/// The address of the port.
 pub(super) const PORT: usize = 0x700;
 
 device_switch! {
@@ -156,5 +156,5 @@ pub(super) fn set<B: Bus>(registers: Registers<'_, B>, value: u16) -> Result<(),
     registers.write16(0x22, value)
 }
 
-/// How the port is opened.
+/// The mode in which the port is opened.
 pub(super) const MODE: OpenMode = OpenMode::WRITE;

@@ -29,7 +29,7 @@ impl<D: Driver> Board<D> {
 
 type DriverResult = std::result::Result<usize, DeviceError<<Memory as Bus>::Error>>;
 
-/// What a switch of trait objects calls.
+/// The calls of a switch of trait objects.
 pub(super) trait AnyBoard: Sync {
     #[allow(
         dead_code,

@@ -1,4 +1,4 @@
-//! [`Place`]: a directory on a disk's file system.
+//! [`Place`]: a directory on a disk's filesystem.
 
 use std::path::{Path, PathBuf};
 
@@ -7,7 +7,7 @@ use tempfile::TempDir;
 
 use crate::Result;
 
-/// `TMPFS_MAGIC` and `RAMFS_MAGIC` of Linux: file systems without a page cache of their own.
+/// `TMPFS_MAGIC` and `RAMFS_MAGIC` of Linux: filesystems without a page cache of their own.
 const IN_MEMORY: [FsWord; 2] = [0x0102_1994, 0x8584_58f6];
 
 /// A directory that is removed when this is dropped.
@@ -39,7 +39,7 @@ impl Place {
         self.directory.path()
     }
 
-    /// What it is on.
+    /// Returns the name of the filesystem of the directory.
     pub(super) fn file_system(&self) -> String {
         match self.magic {
             0xef53 => "ext4".to_owned(),

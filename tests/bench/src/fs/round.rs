@@ -81,7 +81,7 @@ pub(super) unsafe fn play(cores: CorePair, place: &Path, number: u64) -> Result<
     Ok(figures)
 }
 
-/// What the file holds, from its beginning on.
+/// Returns the content of the file, from its beginning on.
 fn pattern() -> Vec<u8> {
     (0..MOST as u32)
         .map(|at| (at.wrapping_mul(0x9e37_79b1) >> 24) as u8)
@@ -110,7 +110,7 @@ fn join<'v>(
     Ok((mailbox, own))
 }
 
-/// The client's process: gives every way its turns, in an order that changes.
+/// The client's process: every way has its turns, in an order that changes.
 fn compete(
     shared: &Shared,
     file: &File,

@@ -22,10 +22,10 @@ use crate::mbox::{Mapping, spinning};
 pub(super) const N: usize = 2;
 /// The number of the server.
 pub(super) const SERVER: Processor = Processor(0);
-/// The client.
+/// The number of the client.
 pub(super) const CLIENT: Processor = Processor(1);
 
-/// Gives back what came.
+/// Returns the data that came.
 pub(super) const ECHO: Vector = Vector(1);
 /// Ends the server's turn.
 const END: Vector = Vector(2);
@@ -44,10 +44,10 @@ pub(super) const NAME: &str = "file";
 /// A mailbox.
 pub(super) type Mail<'v> = LinuxMailbox<'v, N, SingleContext>;
 
-/// What both processes have from the beginning.
+/// The memory that both processes have from the beginning.
 pub(super) struct Shared {
     pub(super) system: LinuxSystem<N>,
-    /// Where chunks lie in the client's region.
+    /// The position of chunks in the client's region.
     pub(super) block: u32,
     /// Memory for raw exchanges.
     pub(super) lines: Mapping,
@@ -60,16 +60,16 @@ impl Shared {
     }
 }
 
-/// Which of its ends the server serves.
+/// The end that the server serves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Turn {
-    /// The mailbox.
+    /// Messages of the mailbox.
     Mailbox = 1,
-    /// The socket.
+    /// Requests on the socket.
     Socket,
     /// Raw exchanges, as many as the order says.
     Raw,
-    /// None ever again.
+    /// No end any more: the server ends.
     Quit,
 }
 

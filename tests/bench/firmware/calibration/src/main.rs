@@ -99,7 +99,7 @@ fn handler() {
     line("handler_background_instructions", background);
 }
 
-/// How late the first instruction of a handler is.
+/// Measures the lateness of the first instruction of a handler.
 fn alarm() {
     let trace: &Trace = &TRACES[0];
     let (mut sum, mut least, mut most) = (0, u32::MAX, 0);
