@@ -53,7 +53,7 @@ impl Estimate {
         }
     }
 
-    /// What is the same every time.
+    /// Returns the estimate of a figure that is the same every time.
     pub(crate) fn exactly(value: f64) -> Self {
         let (low, high) = (value, value);
         Self { value, low, high }
@@ -88,7 +88,7 @@ fn number(value: f64, digits: usize) -> String {
     }
 }
 
-/// How many of `count` sorted values may be left out at either end of the interval.
+/// Returns how many of `count` sorted values may be left out at either end of the interval.
 fn ranks_outside(count: usize) -> usize {
     let mut outside = 0;
     // Binomial with probability 1/2: the chance that at most `outside` values lie below.
@@ -114,7 +114,7 @@ enum Better {
     Higher,
 }
 
-/// What was found of a goal.
+/// The result of the comparison of a figure with its goal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Verdict {
     /// The median reaches the goal.
@@ -128,13 +128,13 @@ pub(crate) enum Verdict {
 /// A figure with a goal.
 #[derive(Clone, Debug)]
 pub(crate) struct Goal {
-    /// The name.
+    /// The name of the figure, as reports print it.
     pub(crate) name: &'static str,
-    /// What was measured.
+    /// The figure that was measured.
     pub(crate) estimate: Estimate,
-    /// What should be reached.
+    /// The value that the figure should reach.
     pub(crate) limit: f64,
-    /// On which side of it.
+    /// The side of `limit` on which the figure should be.
     better: Better,
 }
 
@@ -173,7 +173,7 @@ impl Goal {
     }
 }
 
-/// What a sub-command found.
+/// The findings of a sub-command.
 #[derive(Debug)]
 pub(crate) struct Report {
     /// Tables and remarks for people.

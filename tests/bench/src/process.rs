@@ -133,7 +133,7 @@ fn bytes_of(figures: &[f64]) -> Vec<u8> {
         .collect()
 }
 
-/// What [`bytes_of`] was given.
+/// Returns the figures from which [`bytes_of`] made these bytes.
 fn figures_of(bytes: &[u8]) -> Vec<f64> {
     let (figures, _) = bytes.as_chunks();
     figures.iter().copied().map(f64::from_ne_bytes).collect()

@@ -110,10 +110,10 @@ impl Tables {
         Ok(self.column(self.places(lanes)?).collect())
     }
 
-    /// How many times as large the ones are together as the others.
+    /// Returns the ratio of the sum of `these` rows to the sum of `to`.
     ///
     /// # Errors
-    /// There is no such row.
+    /// Returns an error if there is no such row.
     pub(crate) fn ratio(&self, these: &[Lane<'_>], to: &[Lane<'_>]) -> Result<Estimate> {
         Ok(Estimate::ratio(self.values(these)?, self.values(to)?))
     }

@@ -14,7 +14,7 @@ use super::subject::{FINGERS, GRAVITY, Subject, agree, flat};
 use crate::Result;
 use crate::race::Race;
 
-/// What the tables call it.
+/// The name of Pinocchio in the tables.
 pub(super) const PINOCCHIO: &str = "Pinocchio";
 
 /// The program while it runs.

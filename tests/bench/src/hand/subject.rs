@@ -45,7 +45,7 @@ pub(super) struct Subject {
     pub(super) config: config::Hand<FINGERS, JOINTS>,
     /// Its fingers in closed form.
     pub(super) planar: [PlanarFinger; FINGERS],
-    /// Where it is seen.
+    /// The states in which the hand is computed.
     pub(super) states: [State; STATES],
 }
 
@@ -155,10 +155,10 @@ pub(super) fn flat(joints: &Joints) -> [f64; FINGERS * JOINTS] {
     std::array::from_fn(|index| joints[index / JOINTS][index % JOINTS])
 }
 
-/// How far two results are apart, relative to the largest number in them.
+/// Returns the distance of two results, relative to the largest number in them.
 ///
 /// # Errors
-/// Farther than `limit`, or of other lengths.
+/// Returns an error if the distance exceeds `limit`, or if the lengths differ.
 pub(super) fn agree(what: &str, ours: &[f64], theirs: &[f64], limit: f64) -> Result<f64> {
     if ours.len() != theirs.len() {
         return Err(format!("{what}: {} numbers, not {}", theirs.len(), ours.len()).into());

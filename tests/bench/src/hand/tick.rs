@@ -21,7 +21,7 @@ use crate::Result;
 use crate::race::Race;
 use crate::swing::{self, TICKS};
 
-/// How far the joints swing, as a part of their ranges.
+/// The amplitude of the joints, as a part of their ranges.
 const SWING: f64 = 0.2;
 
 type Controllers = [FingerController<PlanarFinger, JOINTS>; FINGERS];
@@ -42,7 +42,7 @@ const GUARD: StopGuard = StopGuard {
 /// A hand in motion: sensors say what was asked of them.
 struct Hand {
     controllers: Controllers,
-    /// Where the joints are in each tick, and how fast they move.
+    /// The positions of the joints in each tick, and their velocities.
     motion: Vec<[[SetPoint<f64>; JOINTS]; FINGERS]>,
     tensions: [TendonPairs<f64, JOINTS>; FINGERS],
     /// Of the last tick.

@@ -73,7 +73,7 @@ fn ping_pong<'m>(
             wait(word, old)?;
         }
     };
-    // What either side has seen last of the other side's word.
+    // The value of the other side's word that either side has seen last.
     let (mut answered, mut requested) = (0, 0);
     let client = move |value| {
         publish(request, value)?;

@@ -1,4 +1,4 @@
-//! How many round trips a slice has, and what becomes of their times.
+//! The number of round trips of a slice, and the figures that are made of their times.
 
 use crate::measure::quantile;
 
@@ -39,13 +39,13 @@ impl Slice {
         }
     }
 
-    /// How many requests the server has to answer.
+    /// Returns the number of requests that the server has to answer.
     pub(super) fn round_trips(&self) -> u32 {
         self.warm_up + self.batches * self.batch + self.single
     }
 }
 
-/// Nanoseconds of a batch: long beside a time stamp, short beside a tick of the kernel.
+/// Nanoseconds of a batch: long beside a timestamp, short beside a tick of the kernel.
 const BATCH_NS: f64 = 20_000.0;
 /// Nanoseconds until caches and branch predictors know the contestant again.
 const WARM_UP_NS: f64 = 100_000.0;

@@ -1,4 +1,4 @@
-//! What the contestants ask of the kernel.
+//! The calls of the kernel that contestants need.
 
 use std::io;
 use std::mem;
@@ -35,7 +35,8 @@ fn timespec(ns: u64) -> Timespec {
     }
 }
 
-/// What runs before what, under `SCHED_FIFO`.
+/// The rank of a thread under `SCHED_FIFO`: a faster loop runs before a slower one, and any loop before the
+/// background.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Rank {
     /// The thread that runs when no loop does.

@@ -57,7 +57,7 @@ impl Loop {
         }
     }
 
-    /// How late each release began, in nanoseconds.
+    /// Returns the lateness of each release that began, in nanoseconds.
     fn lateness(&self, start_ns: u64) -> Vec<f64> {
         let late = |(release, begun): (usize, &AtomicU64)| {
             let begun = begun.load(Ordering::Relaxed);
@@ -112,12 +112,12 @@ impl Turn {
         )?)
     }
 
-    /// What was reached, once the background has ended: median and 99th percentile of the lateness of
-    /// the fastest loop, ns; the CPU that a release takes from the background, ns, the median over the
-    /// windows.
+    /// Returns the figures of the turn, once the background has ended: median and 99th percentile of the
+    /// lateness of the fastest loop, ns; the CPU that a release takes from the background, ns, the median
+    /// over the windows.
     ///
     /// # Errors
-    /// The fastest loop did not run.
+    /// Returns an error if the fastest loop did not run.
     pub(super) fn figures(&self, ns_per_tick: f64) -> Result<[f64; 3]> {
         let per_window = (WINDOW_NS / FASTEST_NS) as usize;
         let mut lateness = self.loops[0].lateness(self.start_ns);

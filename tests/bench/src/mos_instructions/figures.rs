@@ -29,14 +29,14 @@ impl Lines {
         Ok(f64::from(*value))
     }
 
-    /// How many instructions take the ticks of this name, or of as many as are given.
+    /// Returns the number of instructions that take `ticks` ticks.
     fn instructions(&self, ticks: f64) -> Result<f64> {
         let ns = ticks * 1e9 / self.get("hertz")?;
         Ok(ns / f64::from(1_u32 << ICOUNT_SHIFT))
     }
 }
 
-/// How long after the instant for which the alarm is armed a handler begins with the body.
+/// The lateness of a handler that begins with the body, from the instant for which the alarm is armed.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Alarm {
     /// In ticks, the mean over the instants at which the fastest loop is due alone.
@@ -93,17 +93,17 @@ pub(crate) fn check(calibration: &Lines) -> Result<String> {
     ))
 }
 
-/// What is reported of a scheduler, in instructions.
+/// The figures of a scheduler, in instructions.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Figures {
-    /// What a release takes from the background, without the body of the loop.
+    /// The instructions that a release takes from the background, without the body of the loop.
     pub(crate) per_release: f64,
     /// The same, with the body.
     pub(crate) with_body: f64,
     /// From the first of the timer's interrupt to the first of the body, one loop being due: how
     /// many lie before the latter.
     pub(crate) to_body: f64,
-    /// How many releases were measured.
+    /// The number of releases that were measured.
     pub(crate) releases: u32,
 }
 

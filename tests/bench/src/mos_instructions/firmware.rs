@@ -29,10 +29,10 @@ impl Workspace {
         Ok(Self { images })
     }
 
-    /// Runs the firmware of a package and gives back what it printed.
+    /// Runs the firmware of a package and returns the text that it printed.
     ///
     /// # Errors
-    /// QEMU is missing, or the firmware fails.
+    /// Returns an error if QEMU is missing, or if the firmware fails.
     pub(crate) fn run(&self, package: &str) -> Result<String> {
         let how = format!("apt-get install --no-install-recommends {QEMU}");
         let output = tool(QEMU, &how, |qemu| {

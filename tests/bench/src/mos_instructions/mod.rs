@@ -17,7 +17,7 @@ use crate::Result;
 use crate::measure::{Estimate, Goal, Report};
 use crate::options::Options;
 
-/// What people call the schedulers, and the packages in `tests/bench/firmware`.
+/// The names of the schedulers, and their packages in `tests/bench/firmware`.
 const CONTESTANTS: [(&str, &str); 3] = [
     ("condor-mos", "condor-loops-plain"),
     ("with counts", "condor-loops"),

@@ -21,7 +21,7 @@ use crate::swing::{self, TICKS};
 const FINGERS: usize = 4;
 const JOINTS: usize = 4;
 const TEXT: &str = include_str!("../../../../condor-hand/hands/utah-mit.toml");
-/// How far the joints swing, as a part of their ranges.
+/// The amplitude of the joints, as a part of their ranges.
 const SWING: f64 = 0.2;
 /// Boards and lines that a channel may name.
 const BOARDS: usize = 8;
@@ -30,13 +30,13 @@ const LINES: usize = 64;
 type Hand = condor_hand::config::Hand<FINGERS, JOINTS>;
 /// The counts of all lines.
 type Lines = [[u32; LINES]; BOARDS];
-/// What is published of a tick: positions and velocities.
+/// The published values of a tick: positions and velocities.
 pub(super) type Joints = [[f64; 8]; FINGERS];
 
-/// What is prepared before the loop begins.
+/// The parts that are prepared before the loop begins.
 pub(super) struct Bench {
     hand: Hand,
-    /// Where the joints are in each tick, and how they move.
+    /// The positions of the joints in each tick, and how they move.
     motion: Vec<[[SetPoint<f64>; JOINTS]; FINGERS]>,
     /// The same as the counts of their sensors.
     counts: Vec<[[u32; JOINTS]; FINGERS]>,
@@ -79,7 +79,7 @@ pub(super) struct Fingers<'b, W> {
     points: Vec<SetPoints<W, JOINTS>>,
     joints: Publisher<Joints, Region<W>>,
     gravity: Vector3<f64>,
-    /// What the converters read, and what they are given.
+    /// The counts that the converters read, and those that they are given.
     inputs: Lines,
     outputs: Lines,
     ticks: usize,

@@ -35,7 +35,8 @@ impl Walk {
         LADDER.get(self.next?).copied()
     }
 
-    /// What was found of that rate: by how many skips a round had more than the control.
+    /// Records the finding at the present rate, and moves on: `excess` is the number of skips that a round had
+    /// more than the control.
     pub(super) fn found(&mut self, excess: Estimate) {
         let (Some(tried), Some(rate)) = (self.next, self.next()) else {
             return;

@@ -11,7 +11,7 @@ use crate::clock::{Calibration, ticks};
 use crate::measure::quantile;
 use crate::shuffle::Shuffle;
 
-/// What is compared.
+/// The ways that are compared.
 pub(super) const WAYS: [&str; 4] = [
     "memcpy into a ring of the same size",
     "  the same once more (control)",

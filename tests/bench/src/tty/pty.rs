@@ -16,7 +16,7 @@ use crate::measure::quantile;
 use crate::process::{Child, CorePair, pin};
 use crate::shuffle::Shuffle;
 
-/// What is compared.
+/// The ways that are compared.
 pub(super) const WAYS: [&str; 3] = [
     "write(2)",
     "  the same once more (control)",

@@ -15,7 +15,7 @@ const HAND: Processor = Processor(1);
 /// Bytes of a ring.
 pub(super) const RING: u32 = 256 << 10;
 
-/// Whoever waits so long for the host has lost.
+/// The longest wait for the host; after it the processor fails.
 const PATIENCE: Duration = Duration::from_secs(1);
 
 type Mail = LinuxMailbox<'static, 2, SingleContext>;
@@ -71,7 +71,7 @@ impl<S: Sink> Station<S> {
         }
     }
 
-    /// The host takes the message, and moves what it can; gives how many bytes.
+    /// Has the host take the message, and move all bytes that it can; returns their number.
     #[inline]
     pub(super) fn serve(&mut self) -> Result<usize> {
         self.mailbox.serve(Duration::ZERO)?;

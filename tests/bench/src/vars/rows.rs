@@ -15,7 +15,7 @@ use crate::measure::quantile;
 use crate::rounds;
 use crate::shuffle::Shuffle;
 
-/// What is compared.
+/// The ways that are compared.
 pub(super) const WAYS: [&str; 5] = [
     "memcpy into a ring of as many rows",
     "  the same once more (control)",

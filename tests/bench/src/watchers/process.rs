@@ -17,7 +17,7 @@ use tungstenite::client::IntoClientRequest as _;
 use crate::Result;
 use crate::firmware::tool;
 
-/// How long anything may take to come up.
+/// The time that anything may take to come up.
 const PATIENCE: Duration = Duration::from_secs(30);
 /// The time between two looks whether it has.
 const LOOK: Duration = Duration::from_millis(20);
@@ -45,7 +45,7 @@ pub(super) fn build_in(tree: &Path, workspace: &str, what: &[&str]) -> Result<Pa
 /// A system on the real clock.
 pub(super) struct System {
     program: PathBuf,
-    /// Where its socket and the recordings are.
+    /// The directory of its socket and of the recordings.
     place: PathBuf,
     up: Running,
 }
@@ -57,7 +57,7 @@ pub(super) struct Running {
     client: Option<JoinHandle<f64>>,
 }
 
-/// What the watchers of a turn had in the end.
+/// The totals of the watchers at the end of a turn.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Ended {
     /// Rows of the recording.
@@ -277,7 +277,7 @@ fn cpu_of(pid: u64) -> Result<f64> {
 impl Drop for Running {
     fn drop(&mut self) {
         if matches!(self.child.try_wait(), Ok(None)) && self.interrupt().is_ok() {
-            // It has ended, whatever it says.
+            // The process has ended, whatever its status is.
             let _ = self.child.wait();
         }
     }

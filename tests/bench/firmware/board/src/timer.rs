@@ -67,7 +67,7 @@ pub fn arm(instant: u32) {
     let _ = set::<1>(instant);
 }
 
-/// Arms the alarm like [`arm`], but an instant that has passed raises no interrupt; returns true if the
+/// Sets the alarm like [`arm`], but an instant that has passed raises no interrupt; returns true if the
 /// instant is ahead.
 #[must_use]
 #[inline(always)]
