@@ -22,7 +22,7 @@ pub(crate) type System<'p> = FileSystem<'p, Mail<'p>, Window, FILES>;
 const READ: OpenOptions = OpenOptions::new().read();
 const BOTH: OpenOptions = OpenOptions::new().read().write();
 
-/// Why a call did not do what it was asked to.
+/// Returns the error number of a call that failed with one.
 fn errno<T>(outcome: Result<T, FileError>) -> Option<Errno> {
     outcome.err().and_then(|error| error.errno())
 }
@@ -265,7 +265,7 @@ pub(crate) fn tickets(
     file.begin_close().wait(PATIENCE)
 }
 
-/// Why a buffer was not read or written, and the buffer, either way.
+/// Returns the error number if the buffer was not read or written, and the buffer, either way.
 fn refused(lent: BufferResult<Window>) -> (Option<Errno>, Option<Buffer<Window>>) {
     match lent {
         Ok((_, buffer)) => (None, Some(buffer)),

@@ -51,9 +51,9 @@ pub(crate) struct Pair<'p> {
     pub(crate) terminal: &'p Tty,
     /// With [`OTHERS`].
     pub(crate) second: &'p Tty,
-    /// How often somebody has interrupted at the terminal.
+    /// The number of interrupts that were typed at the terminal.
     pub(crate) interrupts: &'p AtomicU32,
-    /// How many messages about output have come to the host.
+    /// The number of messages about output that have come to the host.
     pub(crate) told: &'p AtomicU32,
 }
 

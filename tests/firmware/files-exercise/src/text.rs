@@ -17,10 +17,10 @@ impl<const N: usize> Text<N> {
         }
     }
 
-    /// What `value` is, for people.
+    /// Returns `value` as a text for people.
     pub(crate) fn of(value: &dyn Display) -> Self {
         let mut text = Self::new();
-        // It takes everything.
+        // The text takes everything.
         let _ = write!(text, "{value}");
         text
     }

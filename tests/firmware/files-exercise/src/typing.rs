@@ -1,4 +1,4 @@
-//! What is typed.
+//! Input that is typed at a terminal.
 
 use core::sync::atomic::Ordering::Relaxed;
 

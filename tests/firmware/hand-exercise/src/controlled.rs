@@ -77,7 +77,7 @@ fn ticks(
             }
         }
         if let Some(fault) = digest.answer(tick.fault) {
-            // What a sensor said.
+            // The value that a sensor measured.
             digest.reading(fault.value);
         }
         // The tendons follow, and the joints wander.
@@ -87,7 +87,7 @@ fn ticks(
     Some(())
 }
 
-/// What a user does to a joint before a tick.
+/// Changes a joint as a user does before a tick.
 fn change<M: Dynamics<f64, 4>>(
     digest: &mut Digest,
     controller: &mut FingerController<M, 4>,
@@ -204,7 +204,7 @@ pub(crate) fn hand(digest: &mut Digest, hand: &Shipped) -> Option<()> {
     Some(())
 }
 
-/// Where all joints are to be.
+/// Returns the set-points of all joints.
 fn finger_points(closing: f64) -> [SetPoint<f64>; 4] {
     [0.0, 0.85 + closing, 0.8 + closing, 0.55].map(SetPoint::rest)
 }
@@ -221,7 +221,7 @@ fn controller(
     Some(controller)
 }
 
-/// What the converters of a finger say.
+/// Returns the readings of the converters of a finger.
 fn sense(
     digest: &mut Digest,
     bank: &mut SensorBank<'_, CHANNELS>,

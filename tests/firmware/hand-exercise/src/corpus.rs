@@ -1,4 +1,4 @@
-//! What goes in.
+//! The input of the corpus.
 
 use condor_hand::Real;
 use condor_hand::math::real;
@@ -33,7 +33,7 @@ pub(crate) const FINITE: [f64; 24] = [
     1e15,
 ];
 
-/// What a broken sensor or a careless user may say besides.
+/// Numbers that a broken sensor or a careless user may send besides.
 pub(crate) const HOSTILE: [f64; 5] = [
     f64::NAN,
     f64::INFINITY,
@@ -42,7 +42,7 @@ pub(crate) const HOSTILE: [f64; 5] = [
     f64::MIN,
 ];
 
-/// Both of them.
+/// Returns all numbers, finite and hostile ones.
 pub(crate) fn any<T: Real>() -> impl Iterator<Item = T> {
     FINITE.into_iter().chain(HOSTILE).map(real)
 }

@@ -174,7 +174,7 @@ fn moves<T: Real>(digest: &mut Digest, hand: &Shipped) -> Option<()> {
     Some(())
 }
 
-/// What begins with a tick.
+/// Returns the primitive that begins with a tick, if one does.
 fn primitive<T: Real>(
     tick: u32,
     limits: &[ProfileLimits<T>; JOINTS],

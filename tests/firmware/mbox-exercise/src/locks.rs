@@ -13,7 +13,7 @@ use crate::{PROCESSORS, Window};
 /// A lock of any kind.
 pub(crate) type Lock<'l> = SpinLock<&'l dyn TestAndSet>;
 
-/// What a lock is made of.
+/// The means of which a lock is made.
 #[derive(Clone, Copy)]
 pub(crate) enum LockKind {
     /// Loads and stores.

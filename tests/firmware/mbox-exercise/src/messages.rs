@@ -16,7 +16,8 @@ use crate::{Checks, FOLLOWER, LEADER, Mbox, PATIENCE};
 /// The most stack that a level of nesting takes.
 const LEVEL_BYTES: usize = 1024;
 
-/// The leader's messages to a follower that serves; `ends` of the two share the leader's stack.
+/// Checks the leader's messages to a follower that serves. `ends` of the two processors use the leader's
+/// stack.
 pub fn messages<D: Doorbell>(
     checks: &mut Checks<'_>,
     mailbox: &Mbox<'_, D>,
@@ -131,7 +132,7 @@ fn typed<D: Doorbell>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, D>) {
         return checks.that(false);
     };
     let mut places = Allocator::new(own.size());
-    // What else uses this memory.
+    // The first bytes of this memory have other uses.
     let exchange = places
         .bytes(WORDS_BYTES)
         .and_then(|_| Exchange::<_, _, Terms, u32>::new(mailbox, own, &mut places));

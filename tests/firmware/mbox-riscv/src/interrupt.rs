@@ -15,7 +15,7 @@ use crate::Mail;
 /// The mailbox that each hart's interrupt serves, or null.
 static MAILBOX: [AtomicPtr<Mail<'static>>; PROCESSORS] =
     [const { AtomicPtr::new(ptr::null_mut()) }; PROCESSORS];
-/// How many requests each hart's interrupt has served.
+/// The number of requests that each hart's interrupt has served.
 static SERVED: [AtomicU32; PROCESSORS] = [const { AtomicU32::new(0) }; PROCESSORS];
 
 /// Runs `body` while the mailbox interrupt of this hart serves `mailbox`.
@@ -42,7 +42,7 @@ pub(crate) fn served_by_interrupt<R>(mailbox: &Mail<'_>, body: impl FnOnce() -> 
     result
 }
 
-/// How many requests the interrupt of hart `hart` has served.
+/// Returns the number of requests that the interrupt of hart `hart` has served.
 pub(crate) fn served_on(hart: usize) -> u32 {
     SERVED
         .get(hart)

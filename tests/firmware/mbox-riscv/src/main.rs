@@ -35,8 +35,8 @@ const fn bell(me: Processor) -> Bell {
     unsafe { Bell::new(CLINT, me, [0, 1], HZ) }.unwrap()
 }
 
-/// Where `riscv-rt` asks whether this hart initializes memory: hart 1 comes when hart 0, which has done
-/// that, rings it.
+/// Tells `riscv-rt` whether this hart initializes memory. Hart 0 does, then rings hart 1, which waits here
+/// until then.
 #[unsafe(no_mangle)]
 extern "C" fn _mp_hook(hart: usize) -> bool {
     if hart == 0 {
@@ -54,7 +54,7 @@ extern "C" fn _mp_hook(hart: usize) -> bool {
     false
 }
 
-/// Where both harts come.
+/// The entry of both harts.
 #[machine::entry]
 fn main(hart: usize) -> ! {
     let [first, second] = &BELLS;
@@ -131,7 +131,7 @@ fn follow(bell: &'static Bell) {
                 Order::Interrupts => {
                     ended = mailbox.ring_always(true);
                     served_by_interrupt(mailbox, || {
-                        // What came before rings were asked for.
+                        // For messages that came before rings were asked for.
                         bell.ring(FOLLOWER);
                         while resident.order() == order {
                             let _ = mbox_exercise::turn(mailbox, resident);

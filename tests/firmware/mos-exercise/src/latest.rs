@@ -7,10 +7,10 @@ use condor_mos::{Latest, LatestReader, LatestWriter, LoopId, Loops, Overrun, Pla
 
 use crate::{LOOPS, await_until};
 
-/// What is handed over: one number, as often as there is place.
+/// A value that is handed over: one number, in each of the words.
 type Words = [u32; 16];
 
-/// How often the background hands over, and the loop at least.
+/// The number of times that the background hands over, and the least number for the loop.
 const ROUNDS: u32 = 2000;
 const RUNS: u32 = 10;
 

@@ -8,7 +8,7 @@ use condor_mos::{LoopId, Loops, Overrun, Platform, Scheduler, StartError, Statis
 use crate::trace::{Told, Trace};
 use crate::{LOOPS, await_until};
 
-/// How often the slowest loop runs.
+/// The number of runs of the slowest loop.
 const ROUNDS: u32 = 5;
 
 pub(crate) fn nesting<P: Platform + Sync, const E: usize>(
