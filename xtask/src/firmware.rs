@@ -94,7 +94,7 @@ pub(crate) fn groups() -> Vec<Vec<&'static Firmware>> {
 /// are. The target must be there.
 ///
 /// # Errors
-/// One cannot be built.
+/// Returns an error if one of them cannot be built.
 pub(crate) fn build(
     context: &Context,
     packages: &[&str],

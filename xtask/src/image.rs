@@ -45,7 +45,7 @@ impl Image {
     /// Reads an ELF image.
     ///
     /// # Errors
-    /// It is none, or its relocations were dropped.
+    /// Returns an error if the file is not an image, or if its relocations were dropped.
     pub(crate) fn read(path: &Path) -> Result<Self> {
         let bytes = std::fs::read(path)?;
         let file = object::File::parse(&*bytes)?;
@@ -110,7 +110,7 @@ impl Image {
     /// Callers are followed through Rust's own libraries, until code of somebody else is met.
     ///
     /// # Errors
-    /// The line numbers cannot be read.
+    /// Returns an error if the line numbers cannot be read.
     pub(crate) fn origins_of(&self, sink: &str) -> Result<Option<Vec<Origin>>> {
         let Some((&sink, _)) = self
             .functions

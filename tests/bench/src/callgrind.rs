@@ -16,7 +16,7 @@ pub(crate) const PATH: &str = "path";
 /// Writes a table of the instructions of calls, on average, of paths with their descriptions; returns them.
 ///
 /// # Errors
-/// valgrind is missing or fails, or counted nothing.
+/// Returns an error if valgrind is missing or fails, or has counted nothing.
 pub(crate) fn table<const N: usize>(
     text: &mut String,
     head: &str,

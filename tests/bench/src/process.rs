@@ -99,7 +99,7 @@ impl Child {
     /// Waits until the process has ended, and returns its figures.
     ///
     /// # Errors
-    /// It has not ended well, or not in time.
+    /// Returns an error if the process has not ended well, or not in time.
     pub(crate) fn figures(mut self) -> Result<Vec<f64>> {
         let mut bytes = Vec::new();
         self.figures.read_to_end(&mut bytes)?;

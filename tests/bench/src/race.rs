@@ -79,7 +79,7 @@ impl<'r> Race<'r> {
     /// Plays so many rounds.
     ///
     /// # Errors
-    /// That of a turn.
+    /// Returns the error of the first turn that fails.
     pub(crate) fn run(mut self, rounds: usize) -> Result<Tables> {
         let calls = self.calls()?;
         let mut order = Shuffle(0);
@@ -88,10 +88,10 @@ impl<'r> Race<'r> {
         Ok(self.tables)
     }
 
-    /// Plays a round alone; returns nanoseconds of a call of each that takes part.
+    /// Plays a round alone; returns the nanoseconds of a call of each contestant.
     ///
     /// # Errors
-    /// That of a turn.
+    /// Returns the error of the first turn that fails.
     pub(crate) fn once(mut self, seed: u64) -> Result<Vec<f64>> {
         let calls = self.calls()?;
         self.round(&calls, &mut Shuffle(seed))

@@ -9,7 +9,7 @@ use crate::measure::Estimate;
 /// Plays rounds by their number, and shows on a terminal how far it is.
 ///
 /// # Errors
-/// That of a round.
+/// Returns the error of the first round that fails.
 pub(crate) fn play<T>(rounds: usize, mut round: impl FnMut(usize) -> Result<T>) -> Result<Vec<T>> {
     let shown = std::io::stderr().is_terminal();
     let mut played = Vec::new();
@@ -102,10 +102,10 @@ impl Tables {
         lanes.iter().map(place).collect()
     }
 
-    /// The sum of figures in every round.
+    /// Returns the sum of figures in every round.
     ///
     /// # Errors
-    /// There is no such row.
+    /// Returns an error if there is no such row.
     pub(crate) fn values(&self, lanes: &[Lane<'_>]) -> Result<Vec<f64>> {
         Ok(self.column(self.places(lanes)?).collect())
     }

@@ -15,7 +15,8 @@ const PATIENCE: Duration = Duration::from_secs(300);
 /// Plays it, and prints what came out: the arguments are the monitor and the image.
 ///
 /// # Errors
-/// What is missing; a stack that is deeper than its levels, or levels that did not nest.
+/// Returns an error if an argument is missing, if the stack is deeper than its levels, or if the levels did
+/// not nest.
 pub(crate) fn run(arguments: &[String]) -> Result<(), AnyError> {
     let [monitor, image] = arguments else {
         return Err("usage: drills stack MONITOR IMAGE".into());

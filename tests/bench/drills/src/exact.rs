@@ -18,7 +18,7 @@ const PATIENCE: Duration = Duration::from_secs(60);
 /// Plays it: the arguments are the monitor, the image and how many seconds.
 ///
 /// # Errors
-/// What is missing; a stress that goes wrong.
+/// Returns an error if an argument is missing, or if the stress goes wrong.
 pub(crate) fn run(arguments: &[String]) -> Result<(), AnyError> {
     let [monitor, image, seconds] = arguments else {
         return Err("usage: drills exact MONITOR IMAGE SECONDS".into());

@@ -17,10 +17,10 @@ pub(super) struct Place {
 }
 
 impl Place {
-    /// In the temporary directory, or in another one if that is in memory.
+    /// Makes a directory in the temporary directory, or in `/var/tmp` if that one is in memory.
     ///
     /// # Errors
-    /// There is none on a disk.
+    /// Returns an error if neither is on a disk, or if the directory cannot be made.
     pub(super) fn new() -> Result<Self> {
         for parent in [std::env::temp_dir(), PathBuf::from("/var/tmp")] {
             let magic = rustix::fs::statfs(&parent)?.f_type;
@@ -34,7 +34,7 @@ impl Place {
         Err("no temporary directory is on a disk: set TMPDIR".into())
     }
 
-    /// Its path.
+    /// Returns the path of the directory.
     pub(super) fn directory(&self) -> &Path {
         self.directory.path()
     }

@@ -39,7 +39,7 @@ pub(super) const SVD: &str = "nalgebra, SVD of G";
 /// Cholesky's.
 ///
 /// # Errors
-/// One of them finds other forces, or none.
+/// Returns an error if one of them finds other forces, or none.
 pub(super) fn enter(race: &mut Race<'_>, subject: &'static Subject) -> Result<[f64; 2]> {
     let mut residuals = [0.0; 2];
     enter_three(race, subject, [0, 1, 3], &mut residuals)?;

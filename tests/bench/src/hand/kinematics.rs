@@ -45,7 +45,7 @@ pub(super) const TIPS: &str = "4 tips and their Jacobians";
 /// Checks that all have the same tips, and lets them take part.
 ///
 /// # Errors
-/// One of them does not read the hand, or has other tips.
+/// Returns an error if one of them does not read the hand, or has other tips.
 pub(super) fn enter(race: &mut Race<'_>, subject: &'static Subject) -> Result<()> {
     let k = K::new(subject)?;
     for state in &subject.states {

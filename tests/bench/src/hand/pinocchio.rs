@@ -28,7 +28,8 @@ struct Pinocchio {
 /// and what it was compiled with.
 ///
 /// # Errors
-/// The packages cannot be had, the program cannot be compiled, or its results are others.
+/// Returns an error if the packages cannot be installed, if the program cannot be compiled, or if its
+/// results differ.
 pub(super) fn enter(
     race: &mut Race<'_>,
     subject: &'static Subject,

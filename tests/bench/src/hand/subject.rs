@@ -53,7 +53,7 @@ impl Subject {
     /// The shipped hand with states all over its range.
     ///
     /// # Errors
-    /// Its configuration has mistakes.
+    /// Returns an error if its configuration has mistakes.
     pub(super) fn new() -> Result<Self> {
         let config = config::Hand::<FINGERS, JOINTS>::from_toml(TEXT, "utah-mit.toml")
             .map_err(|error| format!("{error}"))?;

@@ -61,7 +61,7 @@ impl Finger {
 /// Checks that the tensions of all make the torques, and lets them take part.
 ///
 /// # Errors
-/// Those of one of them do not.
+/// Returns an error if the tensions of one of them do not.
 pub(super) fn enter(race: &mut Race<'_>, subject: &'static Subject) -> Result<()> {
     let fingers = (0..FINGERS)
         .map(|number| Finger::new(subject, number))

@@ -137,7 +137,7 @@ impl Hand {
 /// Lets the ticks take part.
 ///
 /// # Errors
-/// The hand has no controllers; a tick finds a fault.
+/// Returns an error if the hand has no controllers, or if a tick finds a fault.
 pub(super) fn enter(race: &mut Race<'_>, subject: &Subject) -> Result<()> {
     for (name, guard) in [(POSITIONS, StopGuard::NONE), (GUARDED, GUARD)] {
         let mut hand = Hand::new(subject, guard)?;

@@ -48,7 +48,7 @@ pub(super) enum Rank {
 /// Puts the calling thread, and those that it will start, under `SCHED_FIFO`.
 ///
 /// # Errors
-/// It is not permitted.
+/// Returns the system's error if it is not permitted.
 pub(super) fn be_fifo(rank: Rank) -> Result<()> {
     let priority = match rank {
         Rank::Background => 1,

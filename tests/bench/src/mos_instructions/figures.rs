@@ -1,4 +1,4 @@
-//! From the lines of a firmware to instructions.
+//! Conversion of the lines of a firmware to instructions.
 
 use std::collections::BTreeMap;
 
@@ -10,8 +10,10 @@ use crate::Result;
 pub(crate) struct Lines(BTreeMap<String, u32>);
 
 impl Lines {
+    /// Parses the lines of a firmware.
+    ///
     /// # Errors
-    /// A line has another form.
+    /// Returns an error if a line has another form.
     pub(crate) fn parse(text: &str) -> Result<Self> {
         let line = |line: &str| {
             let (name, value) = line.split_once(' ')?;
@@ -47,7 +49,7 @@ impl Alarm {
     /// From the lines of the calibration.
     ///
     /// # Errors
-    /// A line is missing.
+    /// Returns an error if a line is missing.
     pub(crate) fn of(calibration: &Lines) -> Result<Self> {
         Ok(Self {
             late_ticks: calibration.get("alarm_ticks_sum")? / calibration.get("alarm_count")?,
@@ -58,7 +60,7 @@ impl Alarm {
 /// Compares what the calibration counted with what is known, and says so.
 ///
 /// # Errors
-/// A count is off, so that nothing could be said of any firmware.
+/// Returns an error if a count is off, so that nothing could be said of any firmware.
 pub(crate) fn check(calibration: &Lines) -> Result<String> {
     let off = |what: &str, found: f64, known: f64| {
         format!("calibration is off: {what} is {known} instructions and was counted as {found:.3}")
@@ -111,7 +113,7 @@ impl Figures {
     /// From the lines of a firmware with three loops.
     ///
     /// # Errors
-    /// A line is missing, or the loops did not run at their rates.
+    /// Returns an error if a line is missing, or if the loops did not run at their rates.
     pub(crate) fn of(lines: &Lines, alarm: Alarm) -> Result<Self> {
         let passed = lines.instructions(lines.get("ticks")?)?;
         let taken = passed - lines.get("background_instructions")?;

@@ -22,7 +22,7 @@ impl Workspace {
     /// Builds all firmwares for release.
     ///
     /// # Errors
-    /// A tool is missing, or a firmware does not build.
+    /// Returns an error if a tool is missing, or if a firmware does not build.
     pub(crate) fn build() -> Result<Self> {
         let dir = Path::new(env!("CARGO_MANIFEST_DIR")).join("../firmware");
         let images = firmware::build(&dir, TARGET, &["calibration", "condor-loops", "rtic-loops"])?;

@@ -27,7 +27,8 @@ const CONTESTANTS: [(&str, &str); 3] = [
 /// Builds and runs all firmwares, the calibration first.
 ///
 /// # Errors
-/// A tool is missing, a firmware does not build or end, or the calibration is off.
+/// Returns an error if a tool is missing, if a firmware does not build or end, or if the calibration is
+/// off.
 pub(crate) fn run(_: &Options) -> Result<Report> {
     let workspace = Workspace::build()?;
     let calibration = Lines::parse(&workspace.run("calibration")?)?;

@@ -211,10 +211,10 @@ impl<'b, W: MemoryWindow + Clone> Fingers<'b, W> {
         }
     }
 
-    /// Whether what ran was the tick of fingers that move.
+    /// Checks that the ticks that ran were those of fingers that move.
     ///
     /// # Errors
-    /// There were faults, or nothing came to the drives.
+    /// Returns an error if there were faults, or if nothing came to the drives.
     pub(super) fn check(&self) -> Result<()> {
         if self.faults > 0 {
             return Err(format!("{} faults in {} ticks", self.faults, self.ticks).into());
