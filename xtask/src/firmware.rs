@@ -19,7 +19,7 @@ pub(crate) const COUNTED_TARGET: &str = CORTEX_M3;
 /// The target of the images that harts run beside a host.
 pub(crate) const HARTS_TARGET: &str = "riscv64gc-unknown-none-elf";
 
-/// Those images.
+/// The images that harts run beside a host.
 pub(crate) const HART_IMAGES: [&str; 3] = ["monitor", "drills-hart", "utah-mit-hand-hart"];
 
 /// One of the firmware tests.
@@ -90,8 +90,8 @@ pub(crate) fn groups() -> Vec<Vec<&'static Firmware>> {
     groups.into_values().collect()
 }
 
-/// Builds packages in one call and one profile, and says in which directory the images
-/// are. The target must be there.
+/// Builds packages in one call and one profile, and returns the directory of the images. The target must be
+/// there.
 ///
 /// # Errors
 /// Returns an error if one of them cannot be built.

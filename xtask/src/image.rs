@@ -13,7 +13,7 @@ use crate::Result;
 
 /// An image with symbols, relocations (`--emit-relocs`) and line numbers.
 pub(crate) struct Image {
-    /// By address.
+    /// The functions, by address.
     functions: BTreeMap<u64, Function>,
     /// For each function, the addresses in code that refer to it.
     references: BTreeMap<u64, BTreeSet<u64>>,

@@ -115,7 +115,7 @@ struct Record {
     state: State,
     summary: String,
     seconds: f64,
-    /// Of all processes that it started and waited for.
+    /// The CPU time of all processes that the part started and waited for.
     cpu_seconds: f64,
     /// The seconds of what it ran.
     steps: Vec<(f64, String)>,

@@ -1,4 +1,4 @@
-//! From figures of single rounds to estimates with intervals, and goals.
+//! Estimates with intervals, and goals, from figures of single rounds.
 //!
 //! Two programs, or one program on two mappings of memory, differ by chance more than the
 //! things that are compared. So everything is a ratio of two figures of the *same* round, and
@@ -32,7 +32,7 @@ pub(crate) struct Estimate {
 }
 
 impl Estimate {
-    /// From one value a round.
+    /// Makes an estimate from one value a round.
     pub(crate) fn of(rounds: impl IntoIterator<Item = f64>) -> Self {
         let mut values: Vec<f64> = rounds.into_iter().collect();
         let value = {
@@ -59,7 +59,7 @@ impl Estimate {
         Self { value, low, high }
     }
 
-    /// From the ratio of two figures of every round.
+    /// Makes an estimate from the ratio of two figures of every round.
     pub(crate) fn ratio(
         these: impl IntoIterator<Item = f64>,
         to: impl IntoIterator<Item = f64>,
@@ -79,7 +79,8 @@ impl fmt::Display for Estimate {
     }
 }
 
-/// With so many digits after the point, or as a power of ten where those would all be zero.
+/// Returns the number with `digits` digits after the point, or as a power of ten where those would all be
+/// zero.
 fn number(value: f64, digits: usize) -> String {
     if value != 0.0 && value.abs() < 0.1_f64.powi(i32::try_from(digits).unwrap_or(i32::MAX)) {
         format!("{value:.1e}")
@@ -105,7 +106,7 @@ fn ranks_outside(count: usize) -> usize {
     outside
 }
 
-/// Which way a figure should go.
+/// The direction in which a figure should go.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Better {
     /// Small figures are good.

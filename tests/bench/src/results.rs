@@ -8,7 +8,7 @@ use crate::Result;
 
 const FILE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/RESULTS.md");
 const HEADING: &str = "\n## ";
-/// Before what people write below the figures, which stays.
+/// The line above the remarks of people, which stay when the figures are replaced.
 const REMARKS: &str = "<!-- remarks -->\n";
 
 /// Puts a report into the section of a sub-command, in the place of the one before.

@@ -12,7 +12,7 @@ use crate::rounds;
 
 /// Loops that compute all the time, on a machine of two cores.
 const BUSY: usize = 8;
-/// Before the factor in the summary of a run.
+/// The text after the factor in the summary of a run.
 const FACTOR: &str = " × real time";
 
 /// Runs the sub-command.

@@ -1,4 +1,4 @@
-//! [`Plan`]: at which points of a run interrupts come, and [`explore`], which tries all plans.
+//! [`Plan`]: the points of a run at which interrupts come, and [`explore`], which tries all plans.
 
 use std::cell::Cell;
 use std::ops::Range;
@@ -6,13 +6,13 @@ use std::rc::Rc;
 
 use crate::points::with_points;
 
-/// Which interrupts come in one run.
+/// The interrupts that may come in one run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Interrupts {
-    /// Up to this many, each within the one before.
+    /// Up to this many interrupts, each within the previous one.
     Nested(usize),
-    /// Up to `most`, each after the beginning of the one before: within it or not. Each is of one of
-    /// `sources`; a source interrupts the background and the sources of lower numbers.
+    /// Up to `most` interrupts, each after the beginning of the previous one: within it or not. Each is of
+    /// one of `sources`; a source interrupts the background and the sources of lower numbers.
     Ranked {
         /// The greatest number of interrupts in one run.
         most: usize,

@@ -226,7 +226,7 @@ fn errno(error: FileError) -> Errno {
         .map_or(Errno::EIO, |errno| Errno::from_i32(errno.0.into()))
 }
 
-/// From the flags of `open(2)`.
+/// Converts the flags of `open(2)`.
 fn options(flags: i32) -> OpenOptions {
     let mut options = OpenOptions::new();
     let access = flags & libc::O_ACCMODE;
@@ -251,7 +251,7 @@ fn options(flags: i32) -> OpenOptions {
     options
 }
 
-/// From the mode of `fallocate(2)`.
+/// Converts the mode of `fallocate(2)`.
 fn allocation(mode: i32) -> Result<AllocationMode, Errno> {
     const PUNCH: i32 = libc::FALLOC_FL_PUNCH_HOLE | libc::FALLOC_FL_KEEP_SIZE;
     const ZERO_KEPT: i32 = libc::FALLOC_FL_ZERO_RANGE | libc::FALLOC_FL_KEEP_SIZE;
@@ -265,7 +265,7 @@ fn allocation(mode: i32) -> Result<AllocationMode, Errno> {
     }
 }
 
-/// From the type bits of `st_mode`, shifted right by 12.
+/// Converts the type bits of `st_mode`, shifted right by 12.
 fn kind(bits: u32) -> FileType {
     match bits {
         1 => FileType::NamedPipe,

@@ -62,7 +62,7 @@ enum Stage<S: Read + Write> {
     Answering(S, Cursor<Vec<u8>>, Option<String>),
     Greeting(Box<MidHandshake<ServerHandshake<S, Gate>>>),
     Open(Box<OpenConnection<S>>),
-    /// Between two stages.
+    /// The connection is between two stages.
     Over,
 }
 

@@ -34,7 +34,7 @@ pub(super) struct Sample {
 
 /// Turns rows into the messages of channels.
 pub(super) struct Feeds<'r> {
-    /// By the number of the source: the number of its channel, and the layout of its rows.
+    /// The number of the channel and the layout of the rows of each source, by its number.
     layouts: Vec<(usize, Layout)>,
     topics: Topics,
     pose: Option<PoseMessages<'r>>,

@@ -61,7 +61,7 @@ struct Trial {
     /// frame that was read.
     named: usize,
     valued: usize,
-    /// By the number of the subscription; its channel, and its samples.
+    /// The channel and the samples of each subscription, by its number.
     expected: BTreeMap<u32, (usize, Expected)>,
     pushed: u64,
     dropped: u64,

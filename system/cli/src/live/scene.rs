@@ -17,7 +17,7 @@ pub(super) struct Scene<'r> {
     robot: &'r dyn Robot,
     /// The last values of [`variables`].
     values: Vec<f64>,
-    /// For each source of rows, the places of values among its fields, and among `values`.
+    /// The places of values among the fields of each source of rows, and among `values`.
     places: Vec<Vec<(usize, usize)>>,
     drawn: Option<Instant>,
 }

@@ -102,7 +102,7 @@ pub(crate) enum Frame {
 pub(crate) struct Session {
     trust: Trust,
     pace: Option<Pace>,
-    /// By the number that the client has chosen.
+    /// The subscriptions, by the number that the client has chosen.
     subscriptions: BTreeMap<u32, Subscription>,
     /// The parameters of which the client wants to know changes, by the names that it uses.
     watched: BTreeMap<String, usize>,
@@ -142,7 +142,7 @@ struct Sample {
 #[derive(Default)]
 struct Lost {
     all: u64,
-    /// By channel, since the client was told last.
+    /// The number of samples lost since the client was told last, by channel.
     untold: BTreeMap<usize, u64>,
     told: Option<Instant>,
 }

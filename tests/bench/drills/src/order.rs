@@ -17,7 +17,7 @@ use crate::arguments::{self, Peers};
 /// The name under which a [`Record`] is published.
 pub const NAME: &str = "record";
 
-/// Of loops, without reply, and of backgrounds, with reply.
+/// The vectors of messages: of loops, without reply, and of backgrounds, with reply.
 const TICK: Vector = Vector(13);
 const ASK: Vector = Vector(14);
 const PATIENCE: Duration = Duration::from_millis(20);
@@ -34,17 +34,17 @@ pub struct Order;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
 pub struct Record {
-    /// All that was seen, folded.
+    /// All values that were seen, folded.
     pub seen: u64,
     /// The instant of the last answer, in nanoseconds.
     pub at_ns: u64,
     /// Questions that were answered.
     pub answered: u32,
-    /// Questions that were not.
+    /// Questions that were not answered.
     pub unanswered: u32,
     /// Releases of both loops.
     pub released: [u32; 2],
-    /// Those that were skipped.
+    /// Releases that were skipped.
     pub skipped: [u32; 2],
 }
 

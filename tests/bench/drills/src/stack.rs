@@ -18,16 +18,16 @@ const _: () = assert!(NESTED <= Call::MAX_DEPTH as usize);
 pub struct Depths {
     /// The size of the stack.
     pub stack: u32,
-    /// From the end of the stack to the deepest frame of the background, with interrupts masked.
+    /// The depth of the background from the end of the stack to its deepest frame, with interrupts masked.
     pub background: u32,
     /// The mailbox interrupt above an idle background, with one handler, with two that are nested, and
     /// so on.
     pub mailbox: [u32; NESTED],
     /// The slow loop above an idle background, with a ring while it runs.
     pub slow: u32,
-    /// The same of the fast loop.
+    /// The fast loop above an idle background, with a ring while it runs.
     pub fast: u32,
-    /// From the end of the stack to the deepest frame when all of that runs.
+    /// The depth from the end of the stack to the deepest frame when all levels run.
     pub deepest: u32,
     /// The number of runs of the fast loop above the slow one, above the innermost handler.
     pub at_once: u32,

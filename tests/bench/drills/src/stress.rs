@@ -55,7 +55,7 @@ pub struct Verdict {
     pub wrong: u32,
     /// Messages without reply that were received, of backgrounds.
     pub notes: u32,
-    /// The same, of loops.
+    /// Messages without reply that were received, of loops.
     pub ticks: u32,
     /// Calls that were answered.
     pub calls: u32,
@@ -63,10 +63,9 @@ pub struct Verdict {
     pub nested: u32,
     /// Releases of both loops.
     pub released: [u32; 2],
-    /// Those that were skipped.
+    /// Releases that were skipped.
     pub skipped: [u32; 2],
-    /// By how much the releases of the loops are not those of the time that passed, counted in
-    /// releases.
+    /// The difference between the releases of the loops and those that were due in the time that passed.
     pub drift: [u32; 2],
     /// The worst lateness of each, in ticks of the timer.
     pub lateness: [u32; 2],

@@ -36,9 +36,10 @@ pub struct Echo;
 pub struct Times {
     /// 1 if all has been measured.
     pub is_complete: u32,
-    /// Without reply: from the first of many to the time when the last has been handled, for each.
+    /// The time of a message without reply: that from the first of many to the end of the last one's
+    /// handler, divided by their number.
     pub sent: [u32; PROCESSORS],
-    /// With reply: the median.
+    /// The time of a message with reply: the median.
     pub replied: [u32; PROCESSORS],
 }
 

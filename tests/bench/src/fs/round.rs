@@ -199,7 +199,8 @@ fn compete(
     Ok(figures)
 }
 
-/// That reads and writes arrive; leaves the file, and what the client holds, as the file was.
+/// Checks that reads and writes arrive; leaves the file, and the bytes that the client holds, as the file
+/// was.
 fn check(client: &mut dyn Client, file: &File, size: usize) -> Result<()> {
     let pattern = &pattern()[..size];
     let other: Vec<u8> = pattern.iter().map(|byte| !byte).collect();

@@ -77,12 +77,12 @@ pub(super) enum Turn {
 type Order = [u32; 2];
 
 impl Turn {
-    /// Asks the server for it; the server is there when this returns.
+    /// Asks the server for this turn; the server is there when this returns.
     pub(super) fn begin(self, orders: &UnixStream) -> Result<()> {
         self.begin_of(orders, 0)
     }
 
-    /// The same, for so many calls, which raw exchanges have to know.
+    /// Asks like [`begin`](Self::begin) for a turn of so many exchanges, which raw ones have to know.
     pub(super) fn begin_of(self, mut orders: &UnixStream, exchanges: u32) -> Result<()> {
         let order: Order = [self as u32, exchanges];
         orders.write_all(order.map(u32::to_ne_bytes).as_flattened())?;

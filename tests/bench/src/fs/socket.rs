@@ -19,7 +19,7 @@ const REPLY: usize = 11;
 
 const TREAD: u8 = 116;
 const TWRITE: u8 = 118;
-/// In place of a request: the turn has ended.
+/// A message in place of a request: the turn has ended.
 const END: u8 = 0;
 
 /// Moves all of `data` from or to the beginning of the file.

@@ -64,7 +64,7 @@ pub(super) trait Client {
     fn held(&self, into: &mut [u8]) -> Result<()>;
 }
 
-/// That a call moved what it should.
+/// Checks that a call moved all bytes.
 fn all(moved: usize, len: usize) -> Result<()> {
     if moved == len {
         Ok(())

@@ -13,7 +13,7 @@ use crate::race::Race;
 /// The tips of all fingers with their Jacobians.
 pub(super) type Tips = [(Pose, Jacobian<f64, JOINTS>); FINGERS];
 
-/// The same results, as one list: positions, rotations and Jacobians, column by column.
+/// Returns the results as one list: positions, rotations and Jacobians, column by column.
 pub(super) fn list(tips: &Tips) -> Vec<f64> {
     let mut list = Vec::new();
     for (pose, jacobian) in tips {

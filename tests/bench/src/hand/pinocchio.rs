@@ -1,4 +1,4 @@
-//! The same tasks in Pinocchio, by a program in C++ that is compiled here and asked line by line.
+//! The tasks in Pinocchio, by a program in C++ that is compiled here and asked line by line.
 
 use std::cell::RefCell;
 use std::io::{BufRead as _, BufReader, Write as _};

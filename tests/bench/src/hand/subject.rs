@@ -41,7 +41,7 @@ pub(super) struct State {
 
 /// The shipped hand.
 pub(super) struct Subject {
-    /// As it is configured.
+    /// The configuration of the hand.
     pub(super) config: config::Hand<FINGERS, JOINTS>,
     /// Its fingers in closed form.
     pub(super) planar: [PlanarFinger; FINGERS],

@@ -45,7 +45,7 @@ struct Hand {
     /// The positions of the joints in each tick, and their velocities.
     motion: Vec<[[SetPoint<f64>; JOINTS]; FINGERS]>,
     tensions: [TendonPairs<f64, JOINTS>; FINGERS],
-    /// Of the last tick.
+    /// The positions of the last tick.
     position: Joints,
     tips: Tips,
     guard: StopGuard,
@@ -92,7 +92,7 @@ impl Hand {
         Ok(hand)
     }
 
-    /// The set-points of the master, where its tick is.
+    /// Passes the set-points of the master on, in those ticks in which the master has a tick, too.
     fn follow(&mut self) {
         if !self.ticks.is_multiple_of(self.substeps) {
             return;
@@ -104,7 +104,7 @@ impl Hand {
         }
     }
 
-    /// From sensors to commands.
+    /// Computes commands from sensors.
     fn servo(&mut self) {
         let now = &self.motion[self.ticks % TICKS];
         for (finger, controller) in self.controllers.iter_mut().enumerate() {

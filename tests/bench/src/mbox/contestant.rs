@@ -53,9 +53,9 @@ pub(super) struct Ends<'m> {
 }
 
 impl<'m> Ends<'m> {
-    /// Of two functions that are called in the processes of client and server. The client's returns a
-    /// function that sends a value and waits for the answer; the server's one that answers so many
-    /// requests with the values that came.
+    /// Makes the ends by two functions that are called in the processes of client and server. The client's
+    /// returns a function that sends a value and waits for the answer; the server's returns one that
+    /// answers as many requests as it is told, with the values that came.
     pub(super) fn new<C, S>(
         client: impl FnOnce() -> Result<C> + 'm,
         server: impl FnOnce() -> Result<S> + 'm,
@@ -71,13 +71,13 @@ impl<'m> Ends<'m> {
     }
 }
 
-/// The end that answers so many requests with the values that came.
+/// The end that answers as many requests as it is told, with the values that came.
 pub(super) type Server<'m> = dyn FnMut(u32) -> Result<()> + 'm;
 
 /// The end that asks: a function that sends a value, which differs from the one before and is not zero, and
 /// waits for the answer.
 ///
-/// Nobody waits for ever: whoever still waits when the time of its round is up is killed.
+/// No client waits for ever: a process that still waits when the time of its round is up is killed.
 pub(super) trait Client {
     /// Makes the round trips of a slice, and checks every answer.
     ///

@@ -23,12 +23,12 @@ impl Files {
         })
     }
 
-    /// For files.
+    /// Returns the directory for files.
     pub(super) fn directory(&self) -> &Path {
         self.directory.path()
     }
 
-    /// For the names of files elsewhere.
+    /// Returns the prefix for the names of files elsewhere.
     pub(super) fn prefix(&self) -> &str {
         &self.prefix
     }

@@ -49,7 +49,8 @@ pub(super) fn open_futex<'m>(setup: &Setup<'m>) -> Result<Ends<'m>> {
     Ok(Ends::new(move || Ok(client), move || Ok(server)))
 }
 
-/// By a way to wake the other side, and one to wait while the word is what it was.
+/// Makes the two ends, by a function that wakes the other side, and one that waits while the word has its
+/// old value.
 fn ping_pong<'m>(
     [request, answer]: [&'m AtomicU32; 2],
     wake: impl Fn(&AtomicU32) -> Result<()> + Copy + 'm,

@@ -83,7 +83,7 @@ pub(super) unsafe fn play(
 /// An order of the client to the server: a contestant, the core where it has to be, and the number of
 /// requests to answer. The server says when it is ready, and when it has answered them.
 type Order = [u32; 3];
-/// In place of a contestant: the server may go.
+/// The value in place of a contestant after which the server may go.
 const END: u32 = u32::MAX;
 
 /// Waits until the other process says that it has come so far.

@@ -5,7 +5,7 @@ use crate::measure::quantile;
 /// The number of round trips of one slice.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Slice {
-    /// Not timed.
+    /// Round trips that are not timed.
     pub(super) warm_up: u32,
     /// Batches that are timed.
     pub(super) batches: u32,

@@ -21,10 +21,10 @@ const FASTEST_NS: u64 = 1_000_000_000 / RATES_HZ[0];
 /// kernels.
 const WINDOW_NS: u64 = 20_000_000;
 
-/// From the making of a turn to its first release: runtimes have started their threads by then.
+/// The time from the making of a turn to its first release: runtimes have started their threads by then.
 const LEAD_NS: u64 = 30_000_000;
 
-/// Not measured: caches and the kernel's choice of idle states settle.
+/// The windows that are not measured: caches and the kernel's choice of idle states settle.
 const WARM_UP_WINDOWS: usize = 1;
 
 /// A servo loop, and when its releases ran.
@@ -35,7 +35,7 @@ pub(super) struct Loop {
     begun_ns: Box<[AtomicU64]>,
 }
 
-/// In place of a time: the release did not run.
+/// The value in place of a time if the release did not run.
 const NEVER: u64 = u64::MAX;
 
 /// Counts the runs of all loops of this process, which plays one turn.

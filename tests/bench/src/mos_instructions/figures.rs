@@ -41,12 +41,12 @@ impl Lines {
 /// The lateness of a handler that begins with the body, from the instant for which the alarm is armed.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Alarm {
-    /// In ticks, the mean over the instants at which the fastest loop is due alone.
+    /// The mean lateness in ticks, over the instants at which the fastest loop is due alone.
     late_ticks: f64,
 }
 
 impl Alarm {
-    /// From the lines of the calibration.
+    /// Computes the lateness from the lines of the calibration.
     ///
     /// # Errors
     /// Returns an error if a line is missing.
@@ -100,17 +100,17 @@ pub(crate) fn check(calibration: &Lines) -> Result<String> {
 pub(crate) struct Figures {
     /// The instructions that a release takes from the background, without the body of the loop.
     pub(crate) per_release: f64,
-    /// The same, with the body.
+    /// The instructions that a release takes from the background, with the body of the loop.
     pub(crate) with_body: f64,
-    /// From the first of the timer's interrupt to the first of the body, one loop being due: how
-    /// many lie before the latter.
+    /// The instructions from the first of the timer's interrupt to the first of the body, which is left
+    /// out, one loop being due.
     pub(crate) to_body: f64,
     /// The number of releases that were measured.
     pub(crate) releases: u32,
 }
 
 impl Figures {
-    /// From the lines of a firmware with three loops.
+    /// Computes the figures from the lines of a firmware with three loops.
     ///
     /// # Errors
     /// Returns an error if a line is missing, or if the loops did not run at their rates.

@@ -77,8 +77,8 @@ impl Trial {
         Estimate::of(pairs.map(|(joints, control)| joints.skipped - control.skipped))
     }
 
-    /// The same for the verdict: where the control itself misses more than every tenth release,
-    /// it says nothing of the loop.
+    /// Returns the excess for the verdict: where the control itself misses more than every tenth release,
+    /// the trial says nothing of the loop, and the excess is infinite.
     fn judged(&self) -> Estimate {
         if self.skips(&self.control) > f64::from(RELEASES) / 10.0 {
             return Estimate::of([f64::INFINITY]);

@@ -38,7 +38,7 @@ pub(super) struct Bench {
     hand: Hand,
     /// The positions of the joints in each tick, and how they move.
     motion: Vec<[[SetPoint<f64>; JOINTS]; FINGERS]>,
-    /// The same as the counts of their sensors.
+    /// The positions of the joints in each tick, as the counts of their sensors.
     counts: Vec<[[u32; JOINTS]; FINGERS]>,
 }
 
@@ -149,7 +149,7 @@ impl<'b, W: MemoryWindow + Clone> Fingers<'b, W> {
         Ok(this)
     }
 
-    /// From the counts of the sensors to those of the drives.
+    /// Runs the loop once, from the counts of the sensors to those of the drives.
     pub(super) fn tick(&mut self) {
         self.follow();
         self.scan();

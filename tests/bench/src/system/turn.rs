@@ -23,7 +23,7 @@ const NUMBER: Processor = Processor(1);
 const PRIORITY: u8 = 80;
 /// Bytes of users' data of each processor.
 const WINDOW_BYTES: u32 = 65_536;
-/// Not counted: caches fill, and the kernel learns how long it is idle.
+/// The time that is not counted: caches fill, and the kernel learns how long it is idle.
 const WARM_UP_NS: u64 = 20_000_000;
 /// The time for which the background serves before it looks around, and the time between two updates of the
 /// counts.
@@ -73,9 +73,9 @@ pub(super) struct Counts {
 }
 
 impl Counts {
-    /// Between two moments in which `asked` releases were due.
+    /// Returns the counts between two moments in which `asked` releases were due.
     ///
-    /// What a schedule was too late even to release has not run either.
+    /// A release for which a schedule was too late has not run either.
     fn between(before: &Statistics, after: &Statistics, asked: u32) -> Self {
         let since = |of: fn(&Statistics) -> u64| of(after).wrapping_sub(of(before)) as u32;
         let released = since(|statistics| statistics.released);
@@ -141,7 +141,7 @@ impl Turn<'_> {
         self.run_on(&machine)
     }
 
-    /// As the program of a servo processor does it.
+    /// Runs the loop as the program of a servo processor does.
     fn run_on<M: Machine>(&self, machine: &M) -> Result<Counts> {
         let [_, Windows { data, .. }, ..] = machine.windows();
         let own = Region::users(data).map_err(display)?;

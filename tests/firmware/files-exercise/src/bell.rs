@@ -9,7 +9,7 @@ use crate::memory::{PROCESSORS, Window};
 
 /// Nothing here takes as long, unless something is broken.
 pub(crate) const PATIENCE: Duration = Duration::from_secs(20);
-/// For waits that must end without success.
+/// The timeout of waits that must end without success.
 pub(crate) const SHORT: Duration = Duration::from_millis(20);
 
 /// The work that one processor does while the other one waits.

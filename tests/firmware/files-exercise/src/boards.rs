@@ -100,7 +100,7 @@ pub(crate) fn boards(
     Ok(devices)
 }
 
-/// As long as there is room, and when there is none.
+/// Checks writes as long as there is room, and when there is none.
 fn writing(
     checks: &mut Checks<'_>,
     pair: &Pair<'_>,

@@ -37,11 +37,11 @@ const PATIENCE: Duration = Duration::from_secs(1);
 /// The answer to the next request.
 #[derive(Clone, Copy)]
 enum Answer {
-    /// As if all were well.
+    /// The request is carried out, as if all were well.
     Done,
-    /// With an error.
+    /// The request fails with an error.
     Failed(Errno),
-    /// Not at all: the request itself is refused.
+    /// The request itself is refused.
     Refused(Errno),
 }
 

@@ -49,7 +49,7 @@ pub(crate) struct Pair<'p> {
     pub(crate) own: Region<Window>,
     pub(crate) area: Layout,
     pub(crate) terminal: &'p Tty,
-    /// With [`OTHERS`].
+    /// The terminal with the vectors [`OTHERS`].
     pub(crate) second: &'p Tty,
     /// The number of interrupts that were typed at the terminal.
     pub(crate) interrupts: &'p AtomicU32,

@@ -2,7 +2,7 @@
 
 use core::fmt::{self, Display, Write as _};
 
-/// Up to `N` bytes; what follows is dropped.
+/// A text of at most `N` bytes; more are dropped.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Text<const N: usize> {
     bytes: [u8; N],

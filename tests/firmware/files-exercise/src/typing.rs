@@ -146,7 +146,7 @@ fn second(checks: &mut Checks<'_>, pair: &Pair<'_>) -> Result<(), Trouble> {
     Ok(())
 }
 
-/// Somebody types while the program waits in a read.
+/// Types a line while the program waits in a read, and checks the line that it reads.
 #[track_caller]
 fn types(
     checks: &mut Checks<'_>,

@@ -10,7 +10,7 @@ pub(crate) struct Digest {
 
 const BASIS: u64 = 0xcbf2_9ce4_8422_2325;
 const PRIME: u64 = 0x0100_0000_01b3;
-/// Not the bits of any number but a NaN, whose payload and sign differ from target to target.
+/// The bits that stand for any NaN, whose payload and sign differ from target to target.
 const NAN: u64 = 0x7ff8_0000_0000_0000;
 
 impl Digest {

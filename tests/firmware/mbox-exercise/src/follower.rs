@@ -53,7 +53,7 @@ impl Resident {
     }
 }
 
-/// So many turns pass before the follower sends again: the leader has more to do than to serve.
+/// The number of turns before the follower sends again: the leader has more to do than to serve.
 const TURNS_PER_TICK: u32 = 64;
 
 /// Makes one pass of the follower's background: publishes, counts under the lock and, if the mailbox

@@ -63,7 +63,8 @@ fn nested<D: Doorbell>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, D>, resident:
     checks.that(served_until(mailbox, || resident.notes.load(Relaxed) >= 3));
 }
 
-/// Between two handlers of the leader there is one of the other end, if it shares the stack.
+/// Checks the stack between two handlers of the leader: the other end has one in between if it shares the
+/// stack.
 fn stack(checks: &mut Checks<'_>, resident: &Resident, ends: usize) {
     let bytes = resident.level.load(Relaxed);
     checks.that(bytes > 0 && bytes <= ends.saturating_mul(LEVEL_BYTES));

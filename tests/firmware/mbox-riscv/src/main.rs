@@ -153,7 +153,7 @@ fn follow(bell: &'static Bell) {
     }
 }
 
-/// With and without an interrupt handler that takes the rings.
+/// Checks the doorbell, with and without an interrupt handler that takes the rings.
 #[cfg(feature = "conformance")]
 fn ring_suite(checks: &mut Checks<'_>, bell: &Bell) {
     let [_, other] = &BELLS;

@@ -22,7 +22,7 @@ pub(crate) struct Told {
     pub(crate) strict: bool,
     /// The most loops in progress at once.
     pub(crate) deepest: usize,
-    /// Nobody is in progress at the end.
+    /// True if no loop is in progress at the end.
     pub(crate) closed: bool,
 }
 

@@ -64,7 +64,7 @@ impl Packages {
         self.all.values().map(|package| package.files).sum()
     }
 
-    /// Which package has which as a normal dependency.
+    /// Returns the pairs of packages of which the first has the second as a normal dependency.
     pub(super) fn arrows(&self) -> BTreeSet<(Directory, Directory)> {
         let packages = self.all.iter();
         let arrows = packages.flat_map(|(from, package)| {

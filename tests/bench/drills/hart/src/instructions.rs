@@ -29,7 +29,7 @@ const MESSAGES: u32 = 1000;
 
 /// Instructions between two reads of the counter.
 const SEQUENCE: u32 = 1000;
-/// Those of the trap handler below.
+/// Instructions of the trap handler below.
 const HANDLER: u32 = 14;
 const HANDLER_RUNS: u32 = 300;
 /// Ticks until the handler is run.

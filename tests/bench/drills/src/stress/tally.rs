@@ -17,7 +17,7 @@ pub(super) const fn counts_of(processor: Processor) -> Published<Counts> {
 /// Bytes of the shared memory that all processors need.
 pub const SHARED_BYTES: u32 = PROCESSORS as u32 * Published::<Counts>::BYTES;
 
-/// Without reply, of backgrounds and of loops, and with reply.
+/// The vectors of messages: without reply, of backgrounds and of loops, and with reply.
 pub(super) const NOTE: Vector = Vector(8);
 pub(super) const TICK: Vector = Vector(9);
 pub(super) const ASK: Vector = Vector(10);

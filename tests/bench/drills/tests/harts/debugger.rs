@@ -601,7 +601,7 @@ fn answer(debugger: &mut UnixStream, packet: &str) -> String {
     answer.into()
 }
 
-/// As LLDB has it step.
+/// Steps a hart as LLDB does.
 #[test]
 #[ignore = "needs the images of tests/firmware, QEMU and gdb-multiarch"]
 fn a_gateway_steps_by_itself() {

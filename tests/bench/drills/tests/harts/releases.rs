@@ -12,9 +12,9 @@ use qemu_virt_host::MachineMemory;
 use crate::debugger::{both_run, contains, described, gdb, kill, start};
 use crate::running::{DRILLS, Up};
 
-/// In a machine whose time counts instructions: a release that a loop skips is not the fault of a busy
-/// computer. Each takes 1 ns; a hart that was held goes through all that was due meanwhile, which keeps the
-/// others from their turns.
+/// Starts a system in a machine whose time counts instructions: a release that a loop skips is not the
+/// fault of a busy computer. Each instruction takes 1 ns; a hart that was held goes through all that was
+/// due meanwhile, which keeps the others from their turns.
 fn up_exactly() -> Up {
     let options = "options = [\"-icount\", \"shift=0,sleep=off\"]\n";
     described("", options, "debugged-alone", "")
@@ -122,7 +122,8 @@ fn killed_debuggers_leave_programs_as_they_were() {
     assert_eq!(skipped, before[1], "loops of the other hart have overruns");
 }
 
-/// So many releases after it was started, a processor is not late any more because of another one that starts.
+/// The number of releases after which a processor that was started is not late any more because another one
+/// starts.
 const STARTED: u64 = 2000;
 
 /// How long a variable is watched, in seconds of 100 reads; the figures of system/boards/qemu-virt/README.md are
