@@ -37,7 +37,7 @@ pub(crate) struct Line {
 }
 
 impl Line {
-    /// A command whose words are separated by blanks, to run in `root`.
+    /// Makes a command whose words are separated by blanks, to run in `root`.
     pub(crate) fn new(line: &str, root: &Path) -> Self {
         Self {
             words: line.split_whitespace().map(str::to_owned).collect(),

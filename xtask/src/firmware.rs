@@ -31,7 +31,7 @@ pub(crate) struct Firmware {
 }
 
 impl Firmware {
-    /// The program that runs it.
+    /// Returns the emulator that runs it.
     pub(crate) fn qemu(&self) -> &'static str {
         match self.target {
             RISCV => "qemu-system-riscv64",
@@ -39,7 +39,7 @@ impl Firmware {
         }
     }
 
-    /// The machine, and how the firmware talks and ends there.
+    /// Returns the options for the machine, and for the way in which the firmware prints and ends there.
     pub(crate) fn machine(&self) -> &'static str {
         match self.target {
             // The received bytes have any value, none of which is a command to QEMU.
@@ -81,7 +81,7 @@ const fn firmware(package: &'static str, exercise: &'static str, target: &'stati
     }
 }
 
-/// The firmwares of each target, which are built in one call.
+/// Returns the firmwares of each target, which are built in one call.
 pub(crate) fn groups() -> Vec<Vec<&'static Firmware>> {
     let mut groups = BTreeMap::<_, Vec<_>>::new();
     for firmware in &FIRMWARES {

@@ -100,12 +100,12 @@ impl Image {
         })
     }
 
-    /// The number of its functions.
+    /// Returns the number of functions of the image.
     pub(crate) fn functions(&self) -> usize {
         self.functions.len()
     }
 
-    /// Whence calls lead to `sink`, if it is in the image at all.
+    /// Returns the places from which calls lead to `sink`, if it is in the image at all.
     ///
     /// Callers are followed through Rust's own libraries, until code of somebody else is met.
     ///
@@ -161,7 +161,7 @@ impl Image {
 
 type Lines<'a> = Context<EndianSlice<'a, LittleEndian>>;
 
-/// The innermost of the functions inlined at `address` that is not of Rust's own libraries.
+/// Returns the innermost of the functions inlined at `address` that is not of Rust's own libraries.
 fn origin(lines: &Lines<'_>, address: u64, function: &Function) -> Result<Option<Origin>> {
     let mut frames = lines.find_frames(address).skip_all_loads()?;
     let mut known = false;

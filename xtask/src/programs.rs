@@ -29,8 +29,8 @@ impl fmt::Display for Program {
     }
 }
 
-/// The name in an identifier such as `path+file:///…/system/host#condor-host@0.1.0`, or `…/condor-mos#0.1.0`
-/// where the directory has the name.
+/// Returns the name in an identifier such as `path+file:///…/system/host#condor-host@0.1.0`, or
+/// `…/condor-mos#0.1.0` where the directory has the name.
 fn package_in(id: &str) -> &str {
     let (path, version) = id.rsplit_once('#').unwrap_or((id, ""));
     match version.split_once('@') {

@@ -32,7 +32,7 @@ pub(crate) fn count_together(tests: &[Line]) -> Result<u32> {
     Ok(all)
 }
 
-/// The number in libtest's `test result: ok. 12 passed; 0 failed; …`.
+/// Returns the number in libtest's `test result: ok. 12 passed; 0 failed; …`.
 pub(crate) fn passed_in(line: &str) -> Option<u32> {
     let counts = line.trim_start().strip_prefix("test result: ok. ")?;
     counts.split_once(" passed;")?.0.parse().ok()

@@ -53,7 +53,7 @@ fn instructions(name: &str) -> Result<f64> {
     Ok(total as f64 / CALLS as f64)
 }
 
-/// The instructions of a whole output of callgrind.
+/// Returns the number of instructions in a whole output of callgrind.
 fn total(output: &str) -> Option<u64> {
     let line = |name| output.lines().find_map(|line| line.strip_prefix(name));
     line("totals:").or(line("summary:"))?.trim().parse().ok()

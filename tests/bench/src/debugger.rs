@@ -236,7 +236,7 @@ fn play(mut command: Command, place: &Path, memory: &str, breakpoint: &str) -> R
     Ok(figures)
 }
 
-/// GDB and gdbserver on a process.
+/// Measures GDB and gdbserver on a process.
 fn gdbserver(place: &Path) -> Result<Figures> {
     let own = std::env::current_exe()?;
     let mut server = tool("gdbserver", "apt-get install gdbserver", |server| {

@@ -10,7 +10,7 @@ use std::fmt;
 /// The chance that an interval may miss the median.
 const RISK: f64 = 0.05;
 
-/// The `quantile` (0 to 1) of `values`, which are sorted by the call; 0 of nothing.
+/// Returns the `quantile` (0 to 1) of `values`, which it sorts; 0 if there are none.
 pub(crate) fn quantile<T: Copy + Into<f64>>(values: &mut [T], quantile: f64) -> f64 {
     values.sort_unstable_by(|a, b| (*a).into().total_cmp(&(*b).into()));
     let rank = (values.len() as f64 * quantile).ceil().max(1.0);
@@ -140,12 +140,12 @@ pub(crate) struct Goal {
 }
 
 impl Goal {
-    /// A figure that should be at most `limit`.
+    /// Makes a goal of a figure that should be at most `limit`.
     pub(crate) fn most(name: &'static str, estimate: Estimate, limit: f64) -> Self {
         Self::new(name, estimate, limit, Better::Lower)
     }
 
-    /// A figure that should be at least `limit`.
+    /// Makes a goal of a figure that should be at least `limit`.
     pub(crate) fn least(name: &'static str, estimate: Estimate, limit: f64) -> Self {
         Self::new(name, estimate, limit, Better::Higher)
     }
@@ -159,7 +159,7 @@ impl Goal {
         }
     }
 
-    /// Whether the goal is reached.
+    /// Compares the figure with its goal.
     pub(crate) fn verdict(&self) -> Verdict {
         let Estimate { value, low, high } = self.estimate;
         let (median, best) = match self.better {

@@ -22,7 +22,7 @@ pub(crate) struct CorePair {
 }
 
 impl CorePair {
-    /// The first two cores that this program may run on.
+    /// Finds the first two cores that this program may run on.
     pub(crate) fn find() -> Result<Self> {
         let allowed = sched_getaffinity(None)?;
         let mut cores = (0..CpuSet::MAX_CPU).filter(|core| allowed.is_set(*core));
@@ -125,7 +125,7 @@ impl Drop for Child {
     }
 }
 
-/// Figures as they go through a pipe.
+/// Converts figures to the bytes that go through a pipe.
 fn bytes_of(figures: &[f64]) -> Vec<u8> {
     figures
         .iter()

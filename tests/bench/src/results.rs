@@ -24,7 +24,7 @@ pub(crate) fn record(name: &str, about: &str, header: &str, report: &impl Displa
     Ok(())
 }
 
-/// The text with other figures in a section, which is added at the end if there is none.
+/// Returns the text with other figures in a section, which is added at the end if there is none.
 fn replaced(text: &str, name: &str, figures: &str) -> String {
     let heading = format!("{HEADING}{name}\n\n");
     let (before, rest) = text.split_once(&heading).unwrap_or((text, ""));

@@ -59,7 +59,7 @@ pub(crate) struct Tables {
 }
 
 impl Tables {
-    /// Tables without rows.
+    /// Makes tables without rows.
     pub(crate) fn new(columns: &'static [Column]) -> Self {
         Self {
             columns,
@@ -86,7 +86,7 @@ impl Tables {
         self.rounds = rounds;
     }
 
-    /// The sum of figures in every round.
+    /// Returns the sum of figures in every round.
     fn column(&self, places: Vec<usize>) -> impl Iterator<Item = f64> {
         let sum = move |round: &Vec<f64>| places.iter().map(|place| round[*place]).sum();
         self.rounds.iter().map(sum)

@@ -150,7 +150,7 @@ mod tests {
     use super::{Interrupts, explore};
     use crate::points::{Section, point};
 
-    /// The orders in which two steps and the ends of interrupts of one step come.
+    /// Returns the orders in which two steps and the ends of interrupts of one step come.
     fn orders(interrupts: Interrupts) -> Vec<String> {
         let mut orders = Vec::new();
         explore(interrupts, |plan| {

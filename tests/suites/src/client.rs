@@ -139,7 +139,7 @@ impl Client {
         Ok(written as u32)
     }
 
-    /// All entries of a directory.
+    /// Returns all entries of a directory.
     pub(crate) fn entries(&self, path: &[u8]) -> Result<Vec<Entry>, FileError> {
         let mut directory = self.files.open_directory(path)?;
         let (mut entries, mut name) = (Vec::new(), [0; 255]);

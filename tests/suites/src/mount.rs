@@ -183,7 +183,7 @@ fn attributes(node: u64, status: &FileStatus) -> FileAttr {
     }
 }
 
-/// A time of a status, which may be before 1970.
+/// Converts a time of a status, which may be before 1970.
 fn system_time(seconds: u64, nanoseconds: u32) -> SystemTime {
     let seconds = seconds.cast_signed();
     let whole = Duration::from_secs(seconds.unsigned_abs());

@@ -68,7 +68,8 @@ pub(crate) struct Supervisor {
 }
 
 impl Supervisor {
-    /// Each server dies after `steps` steps on average, at a number of them that `seed` decides.
+    /// Starts servers. Each of them dies after `steps` steps on average, after a number of steps that
+    /// `seed` decides.
     pub(crate) fn start(
         system: &'static LinuxSystem<N>,
         tree: &Path,

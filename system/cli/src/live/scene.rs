@@ -114,7 +114,7 @@ pub(super) fn picture(robot: &dyn Robot, values: &[f64]) -> Json {
     json!({ "lines": lines, "objects": objects.collect::<Vec<_>>() })
 }
 
-/// A point as exactly as it is drawn.
+/// Rounds a point to the precision with which it is drawn.
 fn near(point: [f64; 3]) -> [f64; 3] {
     point.map(|it| (it * DIGITS).round() / DIGITS)
 }

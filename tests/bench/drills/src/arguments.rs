@@ -3,14 +3,14 @@
 use condor_mbox::Processor;
 use condor_rt::{Machine, PROCESSORS, ProgramError};
 
-/// The value of an argument.
+/// Returns the value of an argument, if it is there.
 fn value<'m, M: Machine>(machine: &'m M, name: &str) -> Option<&'m str> {
     (0..)
         .map_while(|index| machine.argument(index))
         .find_map(|argument| argument.strip_prefix(name)?.strip_prefix('='))
 }
 
-/// Whether an argument is there, without a value.
+/// Returns true if an argument is there, without a value.
 pub(crate) fn is_there<M: Machine>(machine: &M, name: &str) -> bool {
     (0..)
         .map_while(|index| machine.argument(index))

@@ -218,7 +218,7 @@ impl<M: Machine> Running<'_, M> {
         Ok(verdict)
     }
 
-    /// A message without reply.
+    /// Sends a message without reply.
     fn note(&self, peer: Processor) -> Result<(), ProgramError> {
         let number = self.tally.next_note(peer);
         self.until(peer, || {
@@ -236,7 +236,7 @@ impl<M: Machine> Running<'_, M> {
         Ok(())
     }
 
-    /// A message with a reply.
+    /// Sends a message with a reply, and checks the reply.
     fn ask(&self, peer: Processor) -> Result<(), ProgramError> {
         let question = self.tally.next_question(DEPTH);
         let mut ticket: Option<MessageTicket<'_>> = None;
@@ -361,7 +361,7 @@ impl Verdict {
     }
 }
 
-/// Something that lives in floating-point registers for a while; its bits.
+/// Computes in floating-point registers for a while; returns the bits of the result.
 fn compute() -> u64 {
     let (mut even, mut odd) = (core::hint::black_box(1.0_f64), core::hint::black_box(0.5));
     for _ in 0..2000 {

@@ -180,7 +180,7 @@ fn measure<M: Machine>(
     Ok((each, median))
 }
 
-/// The value that has half of all below it, or at it: bit by bit, since sorting can panic.
+/// Returns the value that half of all values are at most: bit by bit, since sorting can panic.
 fn median<'t, T: Iterator<Item = &'t u32>>(times: impl Fn() -> T) -> u32 {
     let half = times().count() / 2;
     (0..u32::BITS).rev().fold(0, |median, bit| {

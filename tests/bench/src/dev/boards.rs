@@ -150,7 +150,7 @@ pub(super) type BenchSwitch = Switch<Memory, NoInterrupts, Boards, 8>;
 /// The device of the typed path.
 pub(super) type PortDevice<'s> = Device<'s, Memory, Port, 8>;
 
-/// One write of sixteen bits, which is peculiar to the port.
+/// Writes sixteen bits at once, which is peculiar to the port.
 #[inline]
 pub(super) fn set<B: Bus>(registers: Registers<'_, B>, value: u16) -> Result<(), B::Error> {
     registers.write16(0x22, value)

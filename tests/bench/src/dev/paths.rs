@@ -172,7 +172,7 @@ pub(crate) fn go(name: &str, calls: usize) -> Result<()> {
     Ok(())
 }
 
-/// Text without newlines.
+/// Returns a letter, so that the text has no newlines.
 fn letter(call: usize) -> u8 {
     b'a' + (call % 26) as u8
 }

@@ -30,7 +30,7 @@ const MOST_TIME: f64 = 1.03;
 /// A read of 4 KiB takes at most so many raw exchanges more than a native one.
 const MOST_RAW: f64 = 3.0;
 
-/// Every operation and size, in the order of the tables.
+/// Returns each operation with each size, in the order of the tables.
 fn cells() -> impl Iterator<Item = (Operation, usize, String)> {
     Operation::ALL.into_iter().flat_map(|operation| {
         SIZES.map(|(size, name)| (operation, size, format!("{operation} of {name}")))

@@ -54,7 +54,7 @@ pub(super) struct Shared {
 }
 
 impl Shared {
-    /// The words of raw exchanges, as far apart as those of `mbox`.
+    /// Returns the words of raw exchanges, as far apart as those of `mbox`.
     pub(super) fn words(&self) -> [&AtomicU32; 2] {
         [0, 2].map(|line| self.lines.line(line))
     }
@@ -96,7 +96,7 @@ pub(super) fn end(mailbox: &Mail<'_>) -> Result<()> {
     Ok(mailbox.send_with_reply(SERVER, END, 0, TIMEOUT).map(drop)?)
 }
 
-/// The server's process: serves what it is asked for, until the last.
+/// Runs the server's process: serves the ends that it is asked for, until the last order.
 pub(super) fn serve(
     shared: &Shared,
     directory: &Path,

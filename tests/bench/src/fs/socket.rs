@@ -114,7 +114,7 @@ fn reply(message: &mut [u8], request: u8, count: usize, data: usize) {
     message[7..REPLY].copy_from_slice(&(count as u32).to_le_bytes());
 }
 
-/// The first four bytes of `bytes`.
+/// Returns the number in the first four bytes of `bytes`.
 fn number(bytes: &[u8]) -> u32 {
     u32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]])
 }

@@ -89,7 +89,7 @@ macro_rules! with_peers {
         ) -> Result<()> {
             type Forces = SVector<f64, $columns>;
 
-            /// The grasp matrix: forces and moments of the fingers' forces.
+            /// Returns the grasp matrix: forces and moments of the fingers' forces.
             #[inline]
             fn matrix(grasp: &Grasp<$fingers>) -> SMatrix<f64, 6, $columns> {
                 let mut matrix = SMatrix::<f64, 6, $columns>::zeros();

@@ -24,7 +24,7 @@ pub(super) fn list(tips: &Tips) -> Vec<f64> {
     list
 }
 
-/// The tips of fingers.
+/// Computes the tips of fingers.
 pub(super) fn tips(
     fingers: &[PlanarFinger; FINGERS],
     q: &[SVector<f64, JOINTS>; FINGERS],
@@ -88,7 +88,8 @@ impl K {
         Ok(Self { fingers, ends })
     }
 
-    /// A Jacobian makes the transformations of its chain, that of the tip too.
+    /// Computes the tip and the Jacobian of a finger. The Jacobian makes the transformations of its chain,
+    /// and so that of the tip.
     fn tip(
         &self,
         finger: usize,

@@ -69,7 +69,7 @@ pub(super) fn enter(
     Ok(format!("Pinocchio {version}: {compiler}"))
 }
 
-/// The program, and the compiler with its flags.
+/// Compiles the program; returns its path, and the compiler with its flags.
 fn compile(environment: Option<&Path>) -> Result<(PathBuf, String)> {
     let here = Path::new(env!("CARGO_MANIFEST_DIR"));
     let target = here.join("target");
@@ -135,7 +135,7 @@ impl Drop for Pinocchio {
     }
 }
 
-/// All numbers of the hand and of its states, in the order of `hand.cpp`.
+/// Returns all numbers of the hand and of its states, in the order of `hand.cpp`.
 fn numbers(subject: &Subject) -> String {
     let mut numbers = vec![FINGERS as f64];
     for finger in &subject.planar {

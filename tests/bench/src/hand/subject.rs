@@ -50,7 +50,7 @@ pub(super) struct Subject {
 }
 
 impl Subject {
-    /// The shipped hand with states all over its range.
+    /// Makes the shipped hand with states all over its range.
     ///
     /// # Errors
     /// Returns an error if its configuration has mistakes.
@@ -87,13 +87,13 @@ impl Subject {
         })
     }
 
-    /// The state of a call.
+    /// Returns the state of a call.
     #[inline]
     pub(super) fn state(&self, call: usize) -> &State {
         &self.states[call % STATES]
     }
 
-    /// The hand as URDF: a palm, and links `finger.joint` and `finger.tip`.
+    /// Returns the hand as URDF: a palm, and links `finger.joint` and `finger.tip`.
     pub(super) fn urdf(&self) -> String {
         let mut text = String::from("<robot name=\"hand\">\n<link name=\"palm\"/>\n");
         for (finger, planar) in self.planar.iter().enumerate() {
@@ -140,7 +140,7 @@ fn list(vector: &Vector3<f64>) -> String {
     format!("{} {} {}", vector.x, vector.y, vector.z)
 }
 
-/// The angles of URDF: about the fixed x, y and z axes, one after the other.
+/// Returns the angles of URDF: about the fixed x, y and z axes, one after the other.
 fn roll_pitch_yaw(rotation: &Matrix3<f64>) -> Vector3<f64> {
     let across = rotation.m11.hypot(rotation.m21);
     Vector3::new(
@@ -150,7 +150,7 @@ fn roll_pitch_yaw(rotation: &Matrix3<f64>) -> Vector3<f64> {
     )
 }
 
-/// All joints of the hand in one list.
+/// Returns all joints of the hand in one list.
 pub(super) fn flat(joints: &Joints) -> [f64; FINGERS * JOINTS] {
     std::array::from_fn(|index| joints[index / JOINTS][index % JOINTS])
 }

@@ -135,7 +135,7 @@ fn vector(tensions: &TendonPairs<f64, JOINTS>) -> Tensions {
     )
 }
 
-/// The tensions with the least sum of squares, which pull and push.
+/// Returns the tensions with the least sum of squares, which pull and push.
 fn least(matrix: &Arms, torque: &SVector<f64, JOINTS>) -> Option<Tensions> {
     let factor = (matrix * matrix.transpose()).cholesky()?;
     Some(matrix.tr_mul(&factor.solve(torque)))

@@ -122,7 +122,7 @@ impl Hand {
         self.ticks += 1;
     }
 
-    /// A tick of joints that follow positions.
+    /// Runs a tick of joints that follow positions.
     fn tick(&mut self) {
         self.follow();
         self.servo();

@@ -20,7 +20,7 @@ pub(super) fn open_spinning<'m>(setup: &Setup<'m>) -> Result<Ends<'m>> {
     Ok(Ends::new(move || Ok(client), move || Ok(server)))
 }
 
-/// The two ends of the spinning ping-pong on two words that are zero: one that sends a value, which
+/// Returns the two ends of the spinning ping-pong on two words that are zero: one that sends a value, which
 /// differs from the one before, and waits for the answer; one that answers so many values.
 pub(crate) fn spinning(
     words: [&AtomicU32; 2],

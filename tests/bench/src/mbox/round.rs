@@ -91,7 +91,7 @@ fn await_word(mut from: &UnixStream) -> Result<()> {
     Ok(from.read_exact(&mut [0])?)
 }
 
-/// The server's process: carries out orders until the last.
+/// Runs the server's process: carries out orders until the last.
 fn serve(mut orders: &UnixStream, contestants: Vec<Ends<'_>>, plan: &Plan) -> Result<()> {
     pin(plan.cores.second)?;
     let servers = contestants
@@ -125,7 +125,7 @@ struct Turn<'a> {
     slice: Slice,
 }
 
-/// The client's process: every contestant has its slices, in an order that changes.
+/// Runs the client's process: every contestant has its slices, in an order that changes.
 fn compete<'a>(
     orders: &UnixStream,
     entries: &'a [Entry],

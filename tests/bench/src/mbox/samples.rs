@@ -24,7 +24,8 @@ impl Slice {
         single: 4,
     };
 
-    /// Round trips that take `half_ns` in batches and `half_ns` one by one, at `call_ns` each.
+    /// Makes a slice whose round trips take `half_ns` in batches and `half_ns` one by one, at `call_ns`
+    /// each.
     pub(super) fn lasting(half_ns: f64, call_ns: f64) -> Self {
         let call_ns = call_ns.max(1.0);
         // Saturates: neither negative nor too large.

@@ -9,7 +9,7 @@ use rustix::time::clock_gettime;
 
 use crate::Result;
 
-/// Nanoseconds of `CLOCK_MONOTONIC`, with which every lateness is measured.
+/// Returns the nanoseconds of `CLOCK_MONOTONIC`, with which every lateness is measured.
 #[inline]
 pub(super) fn now_ns() -> u64 {
     let now = clock_gettime(ClockId::Monotonic);

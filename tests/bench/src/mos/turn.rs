@@ -42,7 +42,7 @@ const NEVER: u64 = u64::MAX;
 static RUNS: AtomicU64 = AtomicU64::new(0);
 
 impl Loop {
-    /// The body: notes the time at which release number `release`, from 0, began.
+    /// Runs the body of the loop: notes the time at which release number `release`, from 0, began.
     ///
     /// Costs one reading of the clock, makes no system call and may run in a signal handler.
     #[inline]
@@ -79,7 +79,7 @@ pub(super) struct Turn {
 }
 
 impl Turn {
-    /// A turn that begins soon and takes about `length`.
+    /// Makes a turn that begins soon and takes about `length`.
     pub(super) fn new(length: Duration) -> Self {
         let windows = WARM_UP_WINDOWS + (length.as_nanos() as u64 / WINDOW_NS).max(2) as usize;
         let end_ns = windows as u64 * WINDOW_NS;
@@ -97,7 +97,7 @@ impl Turn {
         }
     }
 
-    /// The background: runs on the calling thread until the turn is over.
+    /// Runs the background on the calling thread until the turn is over.
     ///
     /// To be called once, on the thread that called the contestant. It does nothing but notice
     /// when it does not run.
@@ -148,7 +148,7 @@ impl Turn {
         (0..slices).map(median_of).sum()
     }
 
-    /// The releases of all loops in one window.
+    /// Returns the releases of all loops in one window.
     fn releases_per_window(&self) -> u64 {
         let releases = |servo_loop: &Loop| WINDOW_NS / servo_loop.period_ns;
         self.loops.iter().map(releases).sum()
@@ -159,7 +159,7 @@ impl Turn {
 mod tests {
     use super::*;
 
-    /// A turn of four windows in which release `n` of the fastest loop is `late(n)` ns late.
+    /// Returns a turn of four windows in which release `n` of the fastest loop is `late(n)` ns late.
     fn played(late: impl Fn(u64) -> u64) -> Turn {
         let turn = Turn::new(Duration::from_millis(60));
         for (release, begun) in (0_u64..).zip(&turn.loops[0].begun_ns) {

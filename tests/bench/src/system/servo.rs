@@ -43,7 +43,7 @@ pub(super) struct Bench {
 }
 
 impl Bench {
-    /// The shipped hand, with every filter that there is.
+    /// Reads the shipped hand, with every filter that there is.
     pub(super) fn new() -> Result<Self> {
         let mut hand = Hand::from_toml(TEXT, "utah-mit.toml").map_err(|error| error.to_string())?;
         swing::filter_all(&mut hand);
@@ -94,7 +94,7 @@ fn line(lines: &mut Lines, channel: Channel) -> &mut u32 {
 }
 
 impl<'b, W: MemoryWindow + Clone> Fingers<'b, W> {
-    /// The fingers, which follow positions.
+    /// Makes the loop of the fingers, which follow positions.
     pub(super) fn new<X: Exclusion>(
         bench: &'b Bench,
         object: &'b mut ServoObject<FINGERS, JOINTS>,
@@ -181,7 +181,7 @@ impl<'b, W: MemoryWindow + Clone> Fingers<'b, W> {
         self.ticks += 1;
     }
 
-    /// The set-points of the master, where its tick is.
+    /// Publishes the set-points of the master, in those ticks in which the master has a tick, too.
     fn follow(&mut self) {
         if !self.ticks.is_multiple_of(self.substeps) {
             return;
@@ -192,7 +192,7 @@ impl<'b, W: MemoryWindow + Clone> Fingers<'b, W> {
         }
     }
 
-    /// The positions at this tick, as the boards show them.
+    /// Copies the positions at this tick, as the boards show them.
     fn scan(&mut self) {
         let counts = &self.bench.counts[self.ticks % TICKS];
         for (entry, counts) in self.entries.iter().zip(counts) {
@@ -202,7 +202,7 @@ impl<'b, W: MemoryWindow + Clone> Fingers<'b, W> {
         }
     }
 
-    /// The tendons, which have the tensions that they are to have.
+    /// Moves the tendons, which reach their tensions at once.
     fn pull(&mut self, entry: &Finger<JOINTS>, tick: &FingerTick<JOINTS>) {
         for (joint, tension) in entry.joints.iter().zip(&tick.output.tension) {
             let (flexor, extensor) = (&joint.flexor.adc, &joint.extensor.adc);

@@ -53,7 +53,7 @@ impl Sink for Memory {
     }
 }
 
-/// A round: nanoseconds of a block by each of the ways.
+/// Plays a round; returns the nanoseconds of a block by each of the ways.
 pub(super) fn play(size: usize, seed: u64) -> Result<[f64; 4]> {
     let calibration = Calibration::begin();
     // One each, so that every ring has been left alone for equally long.

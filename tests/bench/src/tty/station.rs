@@ -31,7 +31,7 @@ pub(super) struct Station<S> {
 }
 
 impl<S: Sink> Station<S> {
-    /// A terminal whose output, as it is, goes to `sink`.
+    /// Makes a terminal whose output, as it is, goes to `sink`.
     pub(super) fn new(sink: S) -> Result<Self> {
         let system = LinuxSystem::<2>::family(RING + 4096)?;
         let join = |claim: Claim<2>| -> Result<(Mail, Region<LinuxWindow>)> {
@@ -60,7 +60,7 @@ impl<S: Sink> Station<S> {
         })
     }
 
-    /// The processor writes a block: into the ring, and a message to the host.
+    /// Has the processor write a block: into the ring, and a message to the host.
     #[inline]
     pub(super) fn write(&self, block: &[u8]) -> Result<()> {
         let written = self.terminal.poster(&self.processor).post(block)?;

@@ -95,7 +95,7 @@ impl<'s> Watchers<'s> {
         })
     }
 
-    /// The time on a core that each has had, in s.
+    /// Returns the time on a core that each watcher has had, in s.
     fn cpu(&self) -> Result<[f64; 3]> {
         Ok([self.recorder.cpu()?, self.plots.cpu()?, self.server.cpu()?])
     }

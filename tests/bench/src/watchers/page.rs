@@ -50,7 +50,7 @@ pub(crate) fn run(options: &Options) -> Result<Report> {
     Ok(report(&played, seconds))
 }
 
-/// Whether the page takes a channel.
+/// Returns true if the page takes a channel.
 fn is_shown(channel: &Value) -> bool {
     let text = |key: &str| channel[key].as_str().unwrap_or_default();
     text("schemaName").starts_with("condor_rows/")

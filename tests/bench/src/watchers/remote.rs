@@ -181,7 +181,7 @@ impl Remote {
         Ok(())
     }
 
-    /// The time on a core that the gateway and all clients have had, in s.
+    /// Returns the time on a core that the gateway and all clients have had, in s.
     fn cpu(&self) -> Result<[f64; 2]> {
         let clients = self.clients.iter().map(|it| it.running.cpu());
         Ok([self.gateway.cpu()?, clients.sum::<Result<f64>>()?])

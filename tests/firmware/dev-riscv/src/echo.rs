@@ -70,7 +70,7 @@ fn write_all(system: &System, fd: Fd, mut from: &[u8]) -> Outcome {
     Ok(())
 }
 
-/// Whether all is sent in time.
+/// Waits until all is sent; returns false if that takes too long.
 fn flush(system: &System, fd: Fd) -> Result<bool, IoError<BusAccessError>> {
     let begin = time::read();
     while !system.is_flushed(fd)? {

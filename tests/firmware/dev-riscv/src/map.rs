@@ -24,7 +24,7 @@ const RAM: usize = 0x8000_0000;
 // write to memory, of virtio, are told no addresses by anybody.
 pub(crate) const BUS: GuardedMmio = unsafe { GuardedMmio::new(Mmio::new(0, RAM)) };
 
-/// The interrupts of hart 0, the only one that runs.
+/// Returns the PLIC for the interrupts of hart 0, the only one that runs.
 pub(crate) const fn plic() -> Plic<GuardedMmio> {
     Plic::new(BUS, PLIC, HART_0, PLIC_SOURCES, HIGHEST)
 }

@@ -118,7 +118,7 @@ pub(crate) fn files(
     run.close()
 }
 
-/// Directories, and names that change.
+/// Checks directories, and names that change.
 #[inline(never)]
 pub(crate) fn names(
     checks: &mut Checks<'_>,
@@ -154,7 +154,7 @@ pub(crate) fn names(
     directory.close()
 }
 
-/// Buffers that are lent, and operations whose end is not known.
+/// Checks buffers that are lent, and operations whose end is not known.
 #[inline(never)]
 pub(crate) fn buffers(
     checks: &mut Checks<'_>,
@@ -273,7 +273,7 @@ fn refused(lent: BufferResult<Window>) -> (Option<Errno>, Option<Buffer<Window>>
     }
 }
 
-/// Readers and writers that make few calls of many.
+/// Checks readers and writers that make few calls of many.
 #[inline(never)]
 pub(crate) fn buffered(
     checks: &mut Checks<'_>,

@@ -133,7 +133,7 @@ pub(crate) fn with_pair(
     work(&pair, &mut places)
 }
 
-/// The handlers of one vector do not interrupt each other here: no indivisible addition.
+/// Counts up. The handlers of one vector do not interrupt each other here, so no atomic addition is needed.
 fn count(counter: &AtomicU32) {
     counter.store(counter.load(Relaxed).wrapping_add(1), Relaxed);
 }

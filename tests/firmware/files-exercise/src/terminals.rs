@@ -81,7 +81,7 @@ pub(crate) fn terminals(
     Ok(())
 }
 
-/// New incarnations of terminals, new hosts, and words that nobody writes.
+/// Checks new incarnations of terminals, new hosts, and words that nobody writes.
 #[inline(never)]
 pub(crate) fn lives(
     checks: &mut Checks<'_>,

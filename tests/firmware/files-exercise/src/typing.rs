@@ -18,7 +18,7 @@ use crate::trouble::Trouble;
 
 type Reading<'t, 'p> = Console<'t, StaticWindow<'static>, CriticalSection, Mail<'p>, AHEAD>;
 
-/// Lines, keys that do something, and raw characters.
+/// Checks lines, keys that do something, and raw characters.
 #[inline(never)]
 pub(crate) fn typing(checks: &mut Checks<'_>, pair: &Pair<'_>) -> Result<(), Trouble> {
     let mut console = pair.terminal.console(pair.hand).with_read_timeout(PATIENCE);

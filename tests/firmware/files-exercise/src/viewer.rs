@@ -58,7 +58,7 @@ impl Viewer {
         self.reader.take()
     }
 
-    /// One turn of the host: serves, shows, and types.
+    /// Runs one turn of the host: serves, shows, and types.
     pub(crate) fn turn(&self, host: &Mail<'_>) {
         // Its own memory is there.
         let _ = host.serve(Duration::ZERO);

@@ -17,7 +17,7 @@ use crate::grasping::POSTURES;
 
 type Finger = config::Finger<4>;
 
-/// A finger through all modes and gains, with sensors that fail, to a fault and back.
+/// Controls a finger through all modes and gains, with sensors that fail, to a fault and back.
 pub(crate) fn finger(digest: &mut Digest, hand: &Shipped) -> Option<()> {
     let finger = hand.fingers.first()?;
     ticks(digest, hand, finger, finger.planar()?)?;
@@ -150,7 +150,7 @@ const LOOPS: u32 = 120;
 
 type Simulated = plant::SimHand<PlanarFinger, FINGERS, 4>;
 
-/// Four fingers on a table that close about a ball on the ground, by what converters say of them.
+/// Controls four fingers on a table that close about a ball on the ground, by what converters read of them.
 pub(crate) fn hand(digest: &mut Digest, hand: &Shipped) -> Option<()> {
     let mut simulated = simulated(hand)?;
     let mut fingers = hand.fingers.iter();
@@ -251,7 +251,7 @@ fn sense(
     sensed
 }
 
-/// The whole state.
+/// Adds the whole state.
 fn observe(digest: &mut Digest, simulated: &Simulated) {
     for finger in simulated.fingers() {
         digest.numbers(finger.q());
@@ -356,7 +356,7 @@ fn cylinder(elastic: Option<Elastic>) -> DriveKind {
     })
 }
 
-/// The sensors of one finger: for each joint a position and two tensions.
+/// Returns the sensors of one finger: for each joint a position and two tensions.
 fn bank<'a>(
     hand: &Shipped,
     script: &'a [SensorFault],

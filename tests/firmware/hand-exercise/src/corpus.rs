@@ -69,7 +69,7 @@ impl Between {
 
 const HALF_TURN: f64 = core::f64::consts::PI;
 
-/// Postures: straight and folded ones, which are singular; each of [`FINITE`] at all joints and at
+/// Returns postures: straight and folded ones, which are singular; each of [`FINITE`] at all joints and at
 /// one; and many of no pattern.
 pub(crate) fn postures<T: Real>() -> impl Iterator<Item = SVector<T, 4>> {
     let singular = [

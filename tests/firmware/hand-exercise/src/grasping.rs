@@ -24,7 +24,7 @@ pub(crate) const POSTURES: [[f64; 4]; 4] = [
 /// About the middle of those tips, m.
 const CENTER: [f64; 3] = [0.07, 0.005, -0.06];
 
-/// The law of a held object that is moved, pushed, overloaded and lost.
+/// Runs the law of a held object that is moved, pushed, overloaded and lost.
 pub(crate) fn grasps(digest: &mut Digest, hand: &Shipped) -> Option<()> {
     held::<f64>(digest, hand)?;
     held::<f32>(digest, hand)

@@ -59,7 +59,7 @@ fn tensions<T: Real>(digest: &mut Digest, hand: &Shipped) -> Option<()> {
     Some(())
 }
 
-/// Tensions to commands.
+/// Converts tensions to commands.
 pub(crate) fn servos(digest: &mut Digest, _: &Shipped) -> Option<()> {
     commands::<f64>(digest)?;
     commands::<f32>(digest)

@@ -56,7 +56,7 @@ pub fn ring(hart: usize, pending: bool) {
     unsafe { msip.write_volatile(pending.into()) };
 }
 
-/// Every trap for which the firmware has no handler comes here from `riscv-rt`.
+/// Handles every trap for which the firmware has no handler; `riscv-rt` calls it.
 #[unsafe(no_mangle)]
 extern "C" fn abort() -> ! {
     print("an exception, or an interrupt that nobody enabled\n");

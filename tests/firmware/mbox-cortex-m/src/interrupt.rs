@@ -73,13 +73,13 @@ fn serve_follower() {
     });
 }
 
-/// The follower's mailbox interrupt.
+/// Serves the follower's mailbox interrupt.
 #[exception]
 fn PendSV() {
     serve_follower();
 }
 
-/// The follower's servo loop; it also looks for what came without a ring.
+/// Runs the follower's servo loop; it also looks for messages that came without a ring.
 #[exception]
 fn SysTick() {
     with(&FOLLOWER_RUNS, |follower| {

@@ -33,7 +33,7 @@ impl LockKind {
         Self::Swap,
     ];
 
-    /// Beside a number of 16 bits.
+    /// Returns the word of the kind, which leaves 16 bits for a number.
     pub(crate) const fn word(self) -> u32 {
         (self as u32 + 1) << 16
     }

@@ -11,7 +11,7 @@ pub(crate) type Window = StaticWindow<'static>;
 const MAIL_WORDS: usize = layout::mail_bytes(PROCESSORS as u32) as usize / 4;
 const DATA_WORDS: usize = (layout::BELL_BYTES + USERS_BYTES) as usize / 4;
 
-/// The memory of both.
+/// Returns the windows of both processors.
 pub(crate) fn windows() -> [Windows<Window>; PROCESSORS] {
     static MAIL: [StaticMemory<MAIL_WORDS>; PROCESSORS] =
         [const { StaticMemory::new() }; PROCESSORS];

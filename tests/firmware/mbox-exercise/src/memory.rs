@@ -80,7 +80,7 @@ fn published<D: Doorbell>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, D>, ram: R
     checks.that(whole);
 }
 
-/// Both count up the same two words, under the lock.
+/// Checks that both count up the same two words, under the lock.
 fn shared_count<D: Doorbell>(
     checks: &mut Checks<'_>,
     mailbox: &Mbox<'_, D>,
@@ -114,7 +114,7 @@ fn shared_count<D: Doorbell>(
     checks.same(ram.get(Offset::at(MAP.counted)), Ok([2 * ROUNDS; 2]));
 }
 
-/// The follower's part: never waits for the lock.
+/// Counts up as the follower: never waits for the lock.
 pub(crate) fn count_some<D: Doorbell>(mailbox: &Mbox<'_, D>) -> Result<(), AccessError> {
     let (Ok(ram), Ok(me)) = (mailbox.region(mailbox.number()), mailbox.owner()) else {
         return Ok(());

@@ -166,7 +166,7 @@ fn kept(checks: &mut Checks<'_>, messenger: &dyn Messenger) {
     checks.same(again.wait(PATIENCE), Ok(Some(977)));
 }
 
-/// A message to the follower, and its reply.
+/// Sends a message to the follower, and returns its reply.
 pub(crate) fn ask<D: Doorbell>(
     mailbox: &Mbox<'_, D>,
     vector: Vector,

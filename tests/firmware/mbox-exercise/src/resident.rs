@@ -134,7 +134,8 @@ impl Resident {
         self.disorder.load(Relaxed)
     }
 
-    /// The place comes from the sender: it may be any number, and is checked by the region.
+    /// Handles [`SUM`]. The place comes from the sender: it may be any number, and is checked by the
+    /// region.
     fn sum(&self, call: &Call<'_>) -> u32 {
         self.data.get(call.sender().index()).map_or(0, |data| {
             answer(call, data, |terms: Terms| {
@@ -145,7 +146,8 @@ impl Resident {
         })
     }
 
-    /// Each end asks the other for one less until nothing is left, or the stack allows no more.
+    /// Handles [`NEST`]: each end asks the other for one less until nothing is left, or the stack allows no
+    /// more.
     fn nest(&self, call: &Call<'_>) -> u32 {
         let Some(less) = call.data().checked_sub(1) else {
             return 0;
@@ -175,7 +177,7 @@ impl Resident {
     }
 }
 
-/// The handlers of one vector do not interrupt each other here: no indivisible addition.
+/// Counts up. The handlers of one vector do not interrupt each other here, so no atomic addition is needed.
 fn count(counter: &AtomicU32) {
     counter.store(counter.load(Relaxed).wrapping_add(1), Relaxed);
 }

@@ -135,7 +135,7 @@ fn counted<D: Doorbell>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, D>) {
     }
 }
 
-/// The leader listens to the follower, and so to its own messages there.
+/// Checks that the leader can listen to the follower, and so to its own messages there.
 fn listening<D: Doorbell>(checks: &mut Checks<'_>, mailbox: &mut Mbox<'_, D>, resident: &Resident) {
     checks.same(mailbox.listens_to(), None);
     checks.same(mailbox.listen(Some(FOLLOWER), PATIENCE), Ok(()));

@@ -49,7 +49,7 @@ pub(crate) fn served_on(hart: usize) -> u32 {
         .map_or(0, |served| served.load(Ordering::Relaxed))
 }
 
-/// The mailbox interrupt of either hart.
+/// Handles the mailbox interrupt of either hart.
 #[core_interrupt(Interrupt::MachineSoft)]
 fn ring() {
     let hart = mhartid::read();

@@ -54,7 +54,7 @@ extern "C" fn _mp_hook(hart: usize) -> bool {
     false
 }
 
-/// The entry of both harts.
+/// Enters the program, on both harts.
 #[machine::entry]
 fn main(hart: usize) -> ! {
     let [first, second] = &BELLS;
@@ -105,7 +105,7 @@ fn lead(checks: &mut Checks<'_>, bell: &'static Bell) {
     checks.same(resided, Ok(()));
 }
 
-/// The background calls nothing of the mailbox: what comes, the interrupt serves.
+/// Checks a background that calls nothing of the mailbox: the interrupt serves all messages.
 fn background(checks: &mut Checks<'_>, bell: &Bell, resident: &Resident) {
     let deadline = bell.now().after(PATIENCE);
     let before = resident.ticks();

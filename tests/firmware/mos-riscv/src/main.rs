@@ -49,7 +49,7 @@ fn main() -> ! {
     })
 }
 
-/// A loop rings its own hart: the interrupt comes in the middle of its arithmetic.
+/// Checks a loop that rings its own hart: the interrupt comes in the middle of its arithmetic.
 fn other_interrupt(checks: &mut Checks<'_>) {
     let (runs, interrupted) = (AtomicU32::new(0), AtomicU32::new(0));
     let right = AtomicBool::new(true);

@@ -172,7 +172,7 @@ impl Levels<'_, '_> {
         Ok(depths)
     }
 
-    /// A message that nobody waits for. Where there is no room, it is sent another time.
+    /// Sends a message for whose end nobody waits. If there is no room, it is sent another time.
     fn tick(&self, me: Processor) {
         let _ = self.mailbox.send(me, TICK, 0, Duration::ZERO);
     }

@@ -257,7 +257,7 @@ fn taken_until(runs: &AtomicU32, number: u32) -> u32 {
     last.wrapping_sub(first).wrapping_sub(own) as u32
 }
 
-/// The counter, which counts this read, too.
+/// Reads the counter, which counts this read, too.
 #[expect(clippy::inline_always, reason = "a call would be counted, too")]
 #[inline(always)]
 fn counter() -> u64 {
@@ -267,7 +267,7 @@ fn counter() -> u64 {
     count
 }
 
-/// Instructions since a read of the counter, and before this one.
+/// Returns the number of instructions since a read of the counter, and before this one.
 #[expect(clippy::inline_always, reason = "a call would be counted, too")]
 #[inline(always)]
 fn since(begun: u64) -> u32 {

@@ -86,12 +86,12 @@ impl Tally {
         self.wrong.load(Relaxed)
     }
 
-    /// The handler of [`NOTE`].
+    /// Handles [`NOTE`].
     pub(super) fn note(&self, call: &Call<'_>) -> u32 {
         self.follows(&self.notes, call)
     }
 
-    /// The handler of [`TICK`].
+    /// Handles [`TICK`].
     pub(super) fn tick(&self, call: &Call<'_>) -> u32 {
         self.follows(&self.ticks, call)
     }
@@ -103,7 +103,7 @@ impl Tally {
         0
     }
 
-    /// The handler of [`ASK`]: asks back first.
+    /// Handles [`ASK`]: asks back first.
     pub(super) fn answer(&self, call: &Call<'_>, timeout: Duration) -> u32 {
         let question = call.data();
         self.calls.fetch_add(1, Relaxed);
@@ -138,7 +138,7 @@ impl Tally {
         self.ticks_sent.set(to, number);
     }
 
-    /// Something to ask, and to be asked back so often.
+    /// Returns a new question, whose receivers ask back to this depth.
     pub(super) fn next_question(&self, depth: u32) -> u32 {
         self.questions.fetch_add(1, Relaxed) << DEPTH_BITS | depth
     }
@@ -177,7 +177,7 @@ fn deeper(question: u32) -> Option<u32> {
         .map(|depth| question >> DEPTH_BITS << DEPTH_BITS | depth)
 }
 
-/// The right answer.
+/// Returns the right answer to a question.
 pub(super) fn answer_to(question: u32) -> u32 {
     question.wrapping_mul(0x9e37_79b1).rotate_left(7)
 }

@@ -25,7 +25,8 @@ fn view(up: &Up) -> View {
     View::open(&up.directory(), window_bytes).unwrap()
 }
 
-/// How many releases the loops of a processor have had, and how many of them they have skipped.
+/// Returns the number of releases that the loops of a processor have had, and the number that they have
+/// skipped.
 fn releases(up: &Up, number: u8) -> [u64; 2] {
     let loops = view(up).loops(Processor(number)).unwrap().overall();
     loops.iter().fold([0; 2], |[released, skipped], it| {
@@ -47,12 +48,12 @@ fn after(up: &Up, number: u8, count: u64) -> [u64; 2] {
     }
 }
 
-/// The number in a variable of the environment.
+/// Returns the number in a variable of the environment, or `default`.
 fn number<T: std::str::FromStr<Err: std::fmt::Debug>>(name: &str, default: T) -> T {
     std::env::var(name).map_or(default, |text| text.parse().unwrap())
 }
 
-/// The processes that a process has started.
+/// Returns the processes that a process has started.
 fn children(pid: u32) -> Vec<u32> {
     let children = std::fs::read_to_string(format!("/proc/{pid}/task/{pid}/children"));
     let children = children.unwrap_or_default();

@@ -75,7 +75,7 @@ pub fn arm_ahead(instant: u32) -> bool {
     set::<0>(instant) != 0
 }
 
-/// Arms the alarm with the ticks that are left, or with `LEAST` if there are none; returns that number.
+/// Sets the alarm to the ticks that are left, or to `LEAST` if there are none; returns that number.
 #[inline(always)]
 fn set<const LEAST: u32>(instant: u32) -> u32 {
     let left: u32;

@@ -83,7 +83,7 @@ fn nops() -> u32 {
     first.wrapping_sub(last)
 }
 
-/// The background with a handler of known length in between, as the schedulers are measured.
+/// Measures the background with a handler of known length in between, as the schedulers are measured.
 fn handler() {
     let trace = &TRACES[0];
     let (mut ticks, mut background) = (0, 0);
