@@ -1,4 +1,4 @@
-//! [`Contestant`]: one way to ask another process and get its answer.
+//! [`Entry`], a contestant: one way to ask another process and get its answer.
 
 use std::path::Path;
 use std::sync::atomic::AtomicU32;
