@@ -37,7 +37,7 @@ pub(crate) struct Line {
 }
 
 impl Line {
-    /// A command whose words are separated by blanks, to run in `root`.
+    /// Makes a command whose words are separated by blanks, to run in `root`.
     pub(crate) fn new(line: &str, root: &Path) -> Self {
         Self {
             words: line.split_whitespace().map(str::to_owned).collect(),
@@ -68,7 +68,7 @@ impl Line {
     /// Runs it; its output goes to the log.
     ///
     /// # Errors
-    /// The command could not be started or did not succeed.
+    /// Returns an error if the command cannot be started or does not succeed.
     pub(crate) fn run(&self) -> Result<()> {
         self.show();
         let status = timed(self, || self.command().status());
@@ -78,7 +78,7 @@ impl Line {
     /// Runs it and returns its standard output, which does not go to the log.
     ///
     /// # Errors
-    /// As [`Line::run`].
+    /// Returns an error if the command cannot be started or does not succeed.
     pub(crate) fn read(&self) -> Result<String> {
         let output = timed(self, || self.command().stderr(Stdio::inherit()).output());
         let output = output.map_err(|error| self.not_started(&error))?;
@@ -89,7 +89,7 @@ impl Line {
     /// Runs it; its standard output goes to the log and, line by line, to `look`.
     ///
     /// # Errors
-    /// As [`Line::run`].
+    /// Returns an error if the command cannot be started or does not succeed.
     pub(crate) fn watch(&self, mut look: impl FnMut(&str)) -> Result<()> {
         self.show();
         let status = timed(self, || -> Result<_> {
@@ -112,7 +112,7 @@ impl Line {
     /// Runs it as [`Line::watch`] does, and returns how many of its checks it has said to be `kept`.
     ///
     /// # Errors
-    /// As [`Line::run`], and if it made no check.
+    /// Returns an error if the command cannot be started, does not succeed, or makes no check.
     pub(crate) fn kept(&self) -> Result<u32> {
         let mut kept = 0;
         self.watch(|line| kept += u32::from(line == "kept"))?;
@@ -125,7 +125,7 @@ impl Line {
     /// Runs it; all that it printed goes to the log once it has ended, and its standard output is given.
     ///
     /// # Errors
-    /// As [`Line::run`].
+    /// Returns an error if the command cannot be started or does not succeed.
     pub(crate) fn collect(&self) -> Result<String> {
         let output = timed(self, || self.command().output());
         let output = output.map_err(|error| self.not_started(&error))?;

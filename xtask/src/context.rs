@@ -59,12 +59,12 @@ impl Context {
         }
     }
 
-    /// A command whose words are separated by blanks, to run in the root of the workspace.
+    /// Makes a command whose words are separated by blanks, to run in the root of the workspace.
     pub(crate) fn command(&self, line: &str) -> Line {
         Line::new(line, &self.root)
     }
 
-    /// The directories of the workspaces besides the root one that are here, relative to the root.
+    /// Returns the directories of the other workspaces that are here, relative to the root.
     pub(crate) fn other_workspaces(&self) -> Vec<&'static str> {
         ["fuzz", "system/python", "system/remote", "tests/bench"]
             .into_iter()
@@ -72,12 +72,12 @@ impl Context {
             .collect()
     }
 
-    /// The directory of what cargo builds.
+    /// Returns the directory in which cargo builds.
     pub(crate) fn target(&self) -> Result<PathBuf> {
         Ok(text(&self.metadata()?["target_directory"]).into())
     }
 
-    /// The packages of the root workspace, as `cargo metadata` describes them.
+    /// Returns the packages of the root workspace, as `cargo metadata` describes them.
     pub(crate) fn members(&self) -> Result<Vec<Value>> {
         match self.metadata()?["packages"].take() {
             Value::Array(packages) => Ok(packages),
@@ -85,13 +85,13 @@ impl Context {
         }
     }
 
-    /// The root workspace, as `cargo metadata` describes it.
+    /// Returns the root workspace, as `cargo metadata` describes it.
     fn metadata(&self) -> Result<Value> {
         let line = self.command("cargo metadata --format-version 1 --no-deps");
         Ok(serde_json::from_str(&line.read()?)?)
     }
 
-    /// The packages of the root workspace that have an integration test of this name.
+    /// Returns the packages of the root workspace that have an integration test of this name.
     pub(crate) fn packages_with_test(&self, test: &str) -> Result<Vec<String>> {
         let is_it =
             |target: &Value| text(&target["kind"][0]) == "test" && text(&target["name"]) == test;
@@ -105,12 +105,12 @@ impl Context {
     }
 }
 
-/// The members of a JSON array; none if it is something else.
+/// Returns the members of a JSON array; none if the value is something else.
 pub(crate) fn list(value: &Value) -> &[Value] {
     value.as_array().map_or(&[], Vec::as_slice)
 }
 
-/// The JSON string; empty if it is something else.
+/// Returns a JSON string; an empty one if the value is something else.
 pub(crate) fn text(value: &Value) -> &str {
     value.as_str().unwrap_or_default()
 }

@@ -19,7 +19,7 @@ pub(crate) const COUNTED_TARGET: &str = CORTEX_M3;
 /// The target of the images that harts run beside a host.
 pub(crate) const HARTS_TARGET: &str = "riscv64gc-unknown-none-elf";
 
-/// Those images.
+/// The images that harts run beside a host.
 pub(crate) const HART_IMAGES: [&str; 3] = ["monitor", "drills-hart", "utah-mit-hand-hart"];
 
 /// One of the firmware tests.
@@ -31,7 +31,7 @@ pub(crate) struct Firmware {
 }
 
 impl Firmware {
-    /// The program that runs it.
+    /// Returns the emulator that runs it.
     pub(crate) fn qemu(&self) -> &'static str {
         match self.target {
             RISCV => "qemu-system-riscv64",
@@ -39,7 +39,7 @@ impl Firmware {
         }
     }
 
-    /// The machine, and how the firmware talks and ends there.
+    /// Returns the options for the machine, and for the way in which the firmware prints and ends there.
     pub(crate) fn machine(&self) -> &'static str {
         match self.target {
             // The received bytes have any value, none of which is a command to QEMU.
@@ -81,7 +81,7 @@ const fn firmware(package: &'static str, exercise: &'static str, target: &'stati
     }
 }
 
-/// The firmwares of each target, which are built in one call.
+/// Returns the firmwares of each target, which are built in one call.
 pub(crate) fn groups() -> Vec<Vec<&'static Firmware>> {
     let mut groups = BTreeMap::<_, Vec<_>>::new();
     for firmware in &FIRMWARES {
@@ -90,11 +90,11 @@ pub(crate) fn groups() -> Vec<Vec<&'static Firmware>> {
     groups.into_values().collect()
 }
 
-/// Builds packages in one call and one profile, and says in which directory the images
-/// are. The target must be there.
+/// Builds packages in one call and one profile, and returns the directory of the images. The target must be
+/// there.
 ///
 /// # Errors
-/// One cannot be built.
+/// Returns an error if one of them cannot be built.
 pub(crate) fn build(
     context: &Context,
     packages: &[&str],

@@ -13,7 +13,7 @@ use crate::Result;
 
 /// An image with symbols, relocations (`--emit-relocs`) and line numbers.
 pub(crate) struct Image {
-    /// By address.
+    /// The functions, by address.
     functions: BTreeMap<u64, Function>,
     /// For each function, the addresses in code that refer to it.
     references: BTreeMap<u64, BTreeSet<u64>>,
@@ -45,7 +45,7 @@ impl Image {
     /// Reads an ELF image.
     ///
     /// # Errors
-    /// It is none, or its relocations were dropped.
+    /// Returns an error if the file is not an image, or if its relocations were dropped.
     pub(crate) fn read(path: &Path) -> Result<Self> {
         let bytes = std::fs::read(path)?;
         let file = object::File::parse(&*bytes)?;
@@ -100,17 +100,17 @@ impl Image {
         })
     }
 
-    /// The number of its functions.
+    /// Returns the number of functions of the image.
     pub(crate) fn functions(&self) -> usize {
         self.functions.len()
     }
 
-    /// Whence calls lead to `sink`, if it is in the image at all.
+    /// Returns the places from which calls lead to `sink`, if it is in the image at all.
     ///
     /// Callers are followed through Rust's own libraries, until code of somebody else is met.
     ///
     /// # Errors
-    /// The line numbers cannot be read.
+    /// Returns an error if the line numbers cannot be read.
     pub(crate) fn origins_of(&self, sink: &str) -> Result<Option<Vec<Origin>>> {
         let Some((&sink, _)) = self
             .functions
@@ -161,7 +161,7 @@ impl Image {
 
 type Lines<'a> = Context<EndianSlice<'a, LittleEndian>>;
 
-/// The innermost of the functions inlined at `address` that is not of Rust's own libraries.
+/// Returns the innermost of the functions inlined at `address` that is not of Rust's own libraries.
 fn origin(lines: &Lines<'_>, address: u64, function: &Function) -> Result<Option<Origin>> {
     let mut frames = lines.find_frames(address).skip_all_loads()?;
     let mut known = false;

@@ -64,7 +64,7 @@ pub(crate) fn verify(context: &Context, rest: bool) -> ExitCode {
     }
 }
 
-/// A row for each part, below it the longest of what it ran.
+/// Returns a table with a row for each part, and below it the longest of its steps.
 fn table(records: &[Record]) -> String {
     /// Commands that took less are in the records alone.
     const LONG: f64 = 5.0;
@@ -115,7 +115,7 @@ struct Record {
     state: State,
     summary: String,
     seconds: f64,
-    /// Of all processes that it started and waited for.
+    /// The CPU time of all processes that the part started and waited for.
     cpu_seconds: f64,
     /// The seconds of what it ran.
     steps: Vec<(f64, String)>,
@@ -137,7 +137,7 @@ impl Record {
         context.root.join("target/checks").join(part)
     }
 
-    /// The columns are separated by tabs; the first line is that of the part.
+    /// Writes the record. The columns are separated by tabs; the first line is that of the part.
     fn write(&self, context: &Context) -> Result<()> {
         let path = Self::path(context, &self.name);
         fs::create_dir_all(path.parent().unwrap_or(&path))?;
@@ -221,7 +221,8 @@ fn run(context: &Context, part: &Part) -> Record {
     record
 }
 
-/// The processor time of all processes that this one has waited for; 0 where the system does not tell.
+/// Returns the processor time of all processes that this one has waited for; 0 where the system does not
+/// tell.
 fn cpu_seconds() -> f64 {
     /// Linux counts these times in hundredths of a second.
     const TICKS: f64 = 100.0;

@@ -66,7 +66,7 @@ pub(crate) struct Summary {
 }
 
 impl Summary {
-    /// Everything that the part stands for was checked.
+    /// Makes the summary of a part all of whose checks were made.
     pub(crate) fn of(checked: impl Into<String>) -> Self {
         Self {
             checked: checked.into(),
@@ -75,7 +75,7 @@ impl Summary {
         }
     }
 
-    /// Nothing could be checked on this machine.
+    /// Makes the summary of a part of which nothing could be checked on this machine.
     pub(crate) fn skipped(why: impl Into<String>) -> Self {
         Self {
             skipped: true,
@@ -83,7 +83,7 @@ impl Summary {
         }
     }
 
-    /// Something could not be checked on this machine, which the summary line says in capitals.
+    /// Notes a thing that could not be checked on this machine, which the summary line says in capitals.
     pub(crate) fn leaving_out(self, what: impl Into<String>) -> Self {
         Self {
             left_out: Some(what.into()),

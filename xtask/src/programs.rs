@@ -29,8 +29,8 @@ impl fmt::Display for Program {
     }
 }
 
-/// The name in an identifier such as `path+file:///…/system/host#condor-host@0.1.0`, or `…/condor-mos#0.1.0`
-/// where the directory has the name.
+/// Returns the name in an identifier such as `path+file:///…/system/host#condor-host@0.1.0`, or
+/// `…/condor-mos#0.1.0` where the directory has the name.
 fn package_in(id: &str) -> &str {
     let (path, version) = id.rsplit_once('#').unwrap_or((id, ""));
     match version.split_once('@') {
@@ -43,7 +43,7 @@ fn package_in(id: &str) -> &str {
 /// `--message-format json-render-diagnostics`.
 ///
 /// # Errors
-/// Something does not compile, or there is no test.
+/// Returns an error if something does not compile, or if there is no test.
 pub(crate) fn build(line: &Line) -> Result<Vec<Program>> {
     let messages = line.read()?;
     let mut programs = Vec::new();
@@ -83,7 +83,7 @@ pub(crate) fn build(line: &Line) -> Result<Vec<Program>> {
 /// of tests that passed.
 ///
 /// # Errors
-/// A test failed; all programs are run.
+/// Returns an error if a test fails; all programs are run.
 pub(crate) fn run(programs: &[Program], arguments: &[&str]) -> Result<u32> {
     let done = AtomicUsize::new(0);
     let passed = side_by_side(programs, |program| {

@@ -6,7 +6,7 @@ use crate::command::{Line, together};
 /// Runs a `cargo test` command and returns the number of tests that passed in it.
 ///
 /// # Errors
-/// A test failed, or the run was successful because there was nothing to run.
+/// Returns an error if a test fails, or if there was no test to run.
 pub(crate) fn count(tests: &Line) -> Result<u32> {
     let mut passed = 0;
     tests.watch(|line| passed += passed_in(line).unwrap_or(0))?;
@@ -32,7 +32,7 @@ pub(crate) fn count_together(tests: &[Line]) -> Result<u32> {
     Ok(all)
 }
 
-/// The number in libtest's `test result: ok. 12 passed; 0 failed; …`.
+/// Returns the number in libtest's `test result: ok. 12 passed; 0 failed; …`.
 pub(crate) fn passed_in(line: &str) -> Option<u32> {
     let counts = line.trim_start().strip_prefix("test result: ok. ")?;
     counts.split_once(" passed;")?.0.parse().ok()

@@ -7,7 +7,7 @@ use crate::Result;
 use crate::command::Line;
 use crate::context::Context;
 
-/// The standard library of a target, for the toolchain in use.
+/// Installs the standard library of a target for the toolchain in use, unless it is there.
 pub(crate) fn need_target(context: &Context, target: &str) -> Result<()> {
     let installed = context.command("rustup target list --installed").read()?;
     if installed.lines().any(|line| line == target) {
@@ -16,7 +16,7 @@ pub(crate) fn need_target(context: &Context, target: &str) -> Result<()> {
     install(&context.command(&format!("rustup target add {target}")))
 }
 
-/// A toolchain, such as `nightly` or `1.88`.
+/// Installs a toolchain, such as `nightly` or `1.88`, unless it is there.
 pub(crate) fn need_toolchain(context: &Context, toolchain: &str) -> Result<()> {
     let installed = context.command("rustup toolchain list").read()?;
     if installed
@@ -29,7 +29,7 @@ pub(crate) fn need_toolchain(context: &Context, toolchain: &str) -> Result<()> {
     install(&context.command(&line))
 }
 
-/// A component of a toolchain; of the one in use if none is named.
+/// Installs a component of a toolchain, of the one in use if none is named, unless it is there.
 pub(crate) fn need_component(
     context: &Context,
     toolchain: Option<&str>,
@@ -49,7 +49,8 @@ pub(crate) fn need_component(
     install(&context.command(&format!("rustup component add {of} {component}")))
 }
 
-/// A sub-command of cargo that is published as a crate of its name, such as `cargo-hack`.
+/// Installs a sub-command of cargo that is published as a crate of its name, such as `cargo-hack`, unless
+/// it is there.
 pub(crate) fn need_cargo_tool(context: &Context, tool: &str) -> Result<()> {
     if on_path(tool).is_some() {
         return Ok(());
@@ -60,7 +61,7 @@ pub(crate) fn need_cargo_tool(context: &Context, tool: &str) -> Result<()> {
     present(tool, tool)
 }
 
-/// A program that a Debian package brings.
+/// Installs the Debian package that brings a program, unless the program is there.
 pub(crate) fn need_debian(context: &Context, package: &str, program: &str) -> Result<()> {
     if on_path(program).is_some() {
         return Ok(());
@@ -69,7 +70,7 @@ pub(crate) fn need_debian(context: &Context, package: &str, program: &str) -> Re
     present(program, package)
 }
 
-/// An emulator, such as `qemu-system-arm`.
+/// Installs an emulator, such as `qemu-system-arm`, unless it is there.
 pub(crate) fn need_qemu(context: &Context, program: &str) -> Result<()> {
     let package = match program {
         "qemu-system-riscv64" => "qemu-system-misc",
@@ -100,7 +101,8 @@ fn debian(context: &Context, packages: &str) -> Result<()> {
     install(&context.command(&apt_get))
 }
 
-/// A Python of its own, in a directory relative to the root, with these packages; returns the path of its program.
+/// Makes a Python environment with these packages, in a directory relative to the root; returns the path of
+/// its program.
 pub(crate) fn need_python(context: &Context, dir: &str, packages: &str) -> Result<String> {
     need_debian(context, "python3", "python3")?;
     let python = format!("{dir}/bin/python");

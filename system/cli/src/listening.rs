@@ -35,7 +35,7 @@ impl fmt::Display for Token {
     }
 }
 
-/// What a client says of itself when it connects.
+/// The parts of a client's request that decide whether it is admitted.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Visit<'a> {
     /// The header `Host`; `None` if there is none, or more than one.
@@ -48,7 +48,7 @@ pub(crate) struct Visit<'a> {
     pub(crate) local: IpAddr,
 }
 
-/// What a client may do.
+/// The rights of a client.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Trust {
     /// The client has not shown the token, and may only look.

@@ -54,18 +54,18 @@ pub(crate) struct Stage<'s> {
     /// Patterns of the variables to show.
     pub(crate) patterns: &'s [String],
     pub(crate) robot: Option<&'s dyn Robot>,
-    /// What tries postures and motions of the robot.
+    /// The parts of a simulation in which clients try postures and motions of the robot.
     pub(crate) workshop: Option<Workshop<'s>>,
     pub(crate) door: Door,
 }
 
-/// Where clients connect, and the rules for them.
+/// The address at which clients connect, and the rules for them.
 pub(crate) struct Door {
     pub(crate) listen: SocketAddr,
     pub(crate) rules: Rules,
 }
 
-/// What runs while clients are served.
+/// The parts that run while clients are served.
 struct Live<'s> {
     view: &'s View,
     is_simulated: bool,

@@ -25,23 +25,23 @@ pub const NAME_BYTES: usize = 32;
 /// The first part of all keys.
 const ROOT: &str = "condor";
 
-/// What a client may do.
+/// A right of a client, by which the access control of zenoh admits its requests.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Right {
-    /// It may see states, variables, parameters and streams.
+    /// To see states, variables, parameters and streams.
     Look,
-    /// It may set parameters.
+    /// To set parameters.
     Tune,
-    /// It may send messages, and have the robot move and stop.
+    /// To send messages, and to have the robot move and stop.
     Move,
 }
 
 impl Right {
-    /// All of them.
+    /// All rights, in the order of the variants.
     pub const ALL: [Self; 3] = [Self::Look, Self::Tune, Self::Move];
 
-    /// Returns its word in keys.
+    /// Returns the word that stands for the right in keys.
     #[must_use]
     pub const fn word(self) -> &'static str {
         match self {
@@ -52,13 +52,13 @@ impl Right {
     }
 }
 
-/// The identity of a request of a motion: a client never uses it for another motion.
+/// The identity of a request to run a motion: a client never uses it for another motion.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub struct Id {
-    /// The incarnation of the client: a number that each incarnation of it has for itself, and greater than those of former
-    /// lives. The gateway gives it: see [`RemoteRequest::Join`].
+    /// The incarnation of the client: a number that the gateway assigns to each incarnation of the client,
+    /// greater than all earlier ones. See [`RemoteRequest::Join`].
     pub incarnation: u64,
-    /// The number of the request in this incarnation.
+    /// The number of the request in this incarnation of the client.
     pub number: u64,
 }
 
@@ -79,61 +79,63 @@ pub enum RemoteRequest {
     Topics {},
     /// Asks for variables, parameters and fields of published cells, with values.
     Variables {
-        /// The names; all, if there are none, but then variables have no values.
+        /// The names; if empty, all of them are listed, variables without values.
         #[serde(default, skip_serializing_if = "Vec::is_empty")]
         names: Vec<String>,
     },
     /// Asks for the value of a variable, of a parameter, or of a field of a published cell.
     Get {
-        /// Its name.
+        /// The name of the variable, parameter or field.
         name: String,
     },
     /// Sets a parameter, and returns the value that it had.
     Set {
-        /// Its name.
+        /// The name of the parameter.
         name: String,
-        /// The value that it must have now; `null` for any.
+        /// The value that the parameter must have now; `null` for any.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         from: Option<Json>,
         /// The new value: a number, a boolean or a label.
         value: Json,
     },
-    /// Sends a message, and returns the reply. It may reach the program although no answer comes, at most once.
+    /// Sends a message, and returns the reply. The program receives the message at most once, and may have
+    /// received it even if no answer comes.
     Send {
         /// The name of the processor.
         processor: String,
         /// The name or the number of the vector.
         vector: String,
-        /// The data.
+        /// The word of data that the handler of the vector gets.
         data: u32,
     },
-    /// Asks for the incarnation of a client that begins; returns a number that is greater than all
-    /// those before.
+    /// Asks for the incarnation of a client that begins; returns a number that is greater than all earlier
+    /// ones.
     Join {},
-    /// Has a motion enqueued, if this request was never received before; returns a [`RemoteOutcome`].
+    /// Enqueues a motion, unless this request was received before; returns a [`RemoteOutcome`].
     Offer {
-        /// Its identity.
+        /// The identity of the motion.
         id: Id,
-        /// Whether it takes control from another program.
+        /// True if the motion takes control from another program.
         #[serde(default)]
         takes_control: bool,
     },
-    /// Asks what has become of a motion; returns a [`RemoteOutcome`].
+    /// Asks for the outcome of a motion; returns a [`RemoteOutcome`].
     Outcome {
-        /// Its identity.
+        /// The identity of the motion.
         id: Id,
     },
-    /// Has a motion never run if it was not received yet; returns a [`RemoteOutcome`], which is never [`RemoteState::New`].
+    /// Ensures that a motion never runs if it was not received yet; returns a [`RemoteOutcome`], which is
+    /// never [`RemoteState::New`].
     Withdraw {
-        /// Its identity.
+        /// The identity of the motion.
         id: Id,
     },
-    /// Ends all motion of the robot, also that of others.
+    /// Ends all motion of the robot, also that of other clients.
     Stop {},
 }
 
 impl RemoteRequest {
-    /// Returns the right that it needs.
+    /// Returns the right that the request needs.
     #[must_use]
     pub const fn right(&self) -> Right {
         match self {
@@ -150,7 +152,7 @@ impl RemoteRequest {
         }
     }
 
-    /// Returns the payload of its query.
+    /// Returns the payload of the query that carries the request.
     #[must_use]
     pub fn payload(&self) -> Vec<u8> {
         let mut json = serde_json::to_value(self).unwrap_or_default();
@@ -166,17 +168,18 @@ impl RemoteRequest {
 pub struct ClientRequest {
     /// The name of the client.
     pub client: String,
-    /// The request.
+    /// The request that the client makes.
     pub request: RemoteRequest,
-    /// The bytes of a motion; empty for other requests.
+    /// The bytes of the motion of a [`RemoteRequest::Offer`]; empty for other requests.
     pub motion: Vec<u8>,
 }
 
 impl ClientRequest {
-    /// Reads a request from what came from the network.
+    /// Reads a request from the key, the payload and the attachment of a query to the gateway of `robot`.
     ///
     /// # Errors
-    /// A refusal that says what is wrong with it.
+    /// Returns a [`RemoteRefusal`], which says what is wrong, if the key, the version, the request or the
+    /// length of the payload or the attachment is not valid.
     pub fn read(
         robot: &str,
         key: &str,
@@ -236,14 +239,15 @@ impl ClientRequest {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, thiserror::Error)]
 #[error("{error}")]
 pub struct RemoteRefusal {
-    /// The reason, for people.
+    /// The reason, as a text for people.
     pub error: String,
-    /// Whether the same request may succeed later. It is no outcome of a motion: see [`RemoteRequest::Withdraw`].
+    /// True if the same request may succeed later. A refusal does not say what becomes of a motion: see
+    /// [`RemoteRequest::Withdraw`].
     pub again: bool,
 }
 
 impl RemoteRefusal {
-    /// Makes a refusal.
+    /// Makes a refusal with this reason.
     #[must_use]
     pub fn new(error: impl Into<String>, again: bool) -> Self {
         Self {
@@ -257,38 +261,40 @@ impl RemoteRefusal {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum RemoteState {
-    /// The gateway has not received it. A request that is still on its way may arrive; see [`RemoteRequest::Withdraw`].
+    /// The gateway has not received the motion. A request that is still on its way may arrive; see
+    /// [`RemoteRequest::Withdraw`].
     New,
-    /// The gateway has sent it to the robot, and does not know yet whether it was accepted.
+    /// The gateway has sent the motion to the robot, and does not know yet whether the robot has accepted
+    /// it.
     Offered,
-    /// It waits for its turn.
+    /// The motion waits for its turn.
     Accepted,
-    /// It runs.
+    /// The motion runs.
     Started,
-    /// It was done.
+    /// The motion has run to its end.
     Done,
-    /// It ran until a guard of its own stopped it.
+    /// The motion ran until a guard of its own stopped it.
     Stopped,
-    /// It waited or ran, and was ended by a command, a failure, or the absence of its client.
+    /// The motion waited or ran, and was ended by a command, a failure, or the absence of its client.
     Aborted,
-    /// The robot refused it: it did not run.
+    /// The robot refused the motion: it did not run.
     Refused,
-    /// The robot's program ended before its turn came: it did not run.
+    /// The robot's program ended before the turn of the motion came: it did not run.
     Lost,
-    /// The robot's program ended while it ran.
+    /// The robot's program ended while the motion ran.
     BrokenOff,
-    /// The gateway ended before the robot had it: it did not run.
+    /// The gateway ended before the robot had the motion: it did not run.
     Never,
-    /// The client has withdrawn it before it was received: it did not run.
+    /// The client withdrew the motion before it was received: it did not run.
     Withdrawn,
-    /// A later incarnation of the client came before it: it did not run.
+    /// A later incarnation of the client began before the motion was received: it did not run.
     Superseded,
-    /// It will not run, and nobody knows any more whether it did.
+    /// The motion will not run any more, and no record tells whether it did.
     Forgotten,
 }
 
 impl RemoteState {
-    /// Returns whether nothing changes any more.
+    /// Returns true if the state does not change any more.
     #[must_use]
     pub const fn is_final(self) -> bool {
         !matches!(
@@ -297,7 +303,7 @@ impl RemoteState {
         )
     }
 
-    /// Returns whether it is certain that the motion has not run, and never will.
+    /// Returns true if it is certain that the motion has not run, and never will.
     #[must_use]
     pub const fn did_not_run(self) -> bool {
         use RemoteState::{Lost, Never, Refused, Superseded, Withdrawn};
@@ -312,15 +318,16 @@ impl core::fmt::Display for RemoteState {
     }
 }
 
-/// What has become of a motion.
+/// The outcome of a motion so far: its state, the reason for it, and the progress.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RemoteOutcome {
-    /// Its state.
+    /// The present or final state of the motion.
     pub state: RemoteState,
-    /// The reason why it was refused or has ended early; empty if there is none.
+    /// The reason for which the motion was refused or has ended early; empty if there is none.
     #[serde(default)]
     pub reason: String,
-    /// How much of it is done, in 0..=1; `None` if it does not run, or if nobody knows.
+    /// The part of the motion that is done, in 0..=1; `None` if the motion does not run, or if this is not
+    /// known.
     #[serde(default)]
     pub progress: Option<f64>,
 }
@@ -335,30 +342,31 @@ impl From<RemoteState> for RemoteOutcome {
     }
 }
 
-/// A topic of streams.
+/// A topic whose messages a client can receive as a stream.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct RemoteTopic {
-    /// Its name, as in a recording, such as `/servo_a/servo`.
+    /// The name of the topic, as in a recording, such as `/servo_a/servo`.
     pub name: String,
-    /// The name of the type of its messages.
+    /// The name of the type of the messages.
     pub schema_name: String,
-    /// The text of the type, as `ros2msg`. Messages are CDR.
+    /// The text of the type, as `ros2msg`. Messages are encoded as CDR.
     pub schema: String,
-    /// Whether each message is a row of variables; otherwise it is an event.
+    /// True if each message is a row of variables; otherwise each is an event.
     pub has_rows: bool,
 }
 
-/// The place of a message in its stream, as its attachment has it.
+/// The position of a message in its stream, which is the attachment of the message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct StreamPosition {
-    /// A number that each incarnation of the stream has for itself.
+    /// A number that no other incarnation of the stream has.
     pub incarnation: u64,
-    /// The number of the message in this incarnation, from 0. Numbers that are missing were lost on the way.
+    /// The number of the message in this incarnation, from 0. Numbers that are missing were lost on the
+    /// way.
     pub number: u64,
 }
 
 impl StreamPosition {
-    /// Returns its bytes: both numbers, little-endian.
+    /// Returns the position as bytes: both numbers, little-endian.
     #[must_use]
     pub fn bytes(self) -> [u8; 16] {
         let mut bytes = [0; 16];
@@ -368,7 +376,7 @@ impl StreamPosition {
         bytes
     }
 
-    /// Reads it from its bytes; `None` if they are not 16.
+    /// Reads a position from its bytes; returns `None` if there are not 16 of them.
     #[must_use]
     pub fn read(bytes: &[u8]) -> Option<Self> {
         let (incarnation, number) = bytes.split_first_chunk::<8>()?;
@@ -391,7 +399,7 @@ pub fn alive(robot: &str) -> String {
     format!("{ROOT}/{robot}/alive")
 }
 
-/// Returns the robot whose gateway has this liveliness token.
+/// Returns the robot whose gateway has this liveliness token; `None` if the key is not one of such a token.
 #[must_use]
 pub fn robot_of(alive: &str) -> Option<&str> {
     alive
@@ -400,19 +408,21 @@ pub fn robot_of(alive: &str) -> Option<&str> {
         .strip_suffix("/alive")
 }
 
-/// Returns the key of the liveliness token of a client, which no other one may have: `token` is random.
+/// Returns the key of the liveliness token of a client. `token` is a random number, so that no other client
+/// has the same key.
 #[must_use]
 pub fn here(robot: &str, client: &str, token: u64) -> String {
     format!("{ROOT}/{robot}/here/{client}/{token}")
 }
 
-/// Returns the expression of the liveliness tokens of a client; `*` is any client.
+/// Returns the key expression of all liveliness tokens of a client; `*` is any client.
 #[must_use]
 pub fn all_here(robot: &str, client: &str) -> String {
     format!("{ROOT}/{robot}/here/{client}/*")
 }
 
-/// Returns the client that has this liveliness token, and the token's number.
+/// Returns the client that has this liveliness token, and the number of the token; `None` if the key is not
+/// one of such a token.
 #[must_use]
 pub fn client_of(robot: &str, here: &str) -> Option<(String, u64)> {
     let rest = here.strip_prefix(&format!("{ROOT}/{robot}/here/"))?;
@@ -426,7 +436,7 @@ pub fn by(robot: &str, client: &str, right: &str) -> String {
     format!("{ROOT}/{robot}/by/{client}/{right}")
 }
 
-/// Returns the key of the stream of a topic, whose name begins with `/`; `/**` is all.
+/// Returns the key of the stream of a topic, whose name begins with `/`; `/**` stands for all topics.
 #[must_use]
 pub fn stream(robot: &str, topic: &str) -> String {
     format!("{ROOT}/{robot}/streams{topic}")
@@ -435,7 +445,7 @@ pub fn stream(robot: &str, topic: &str) -> String {
 /// Checks the name of a robot or a client, called `what` in errors.
 ///
 /// # Errors
-/// A text that says which names are right.
+/// Returns the text of an error, which says which names are right, if this one is not.
 pub fn check_name(what: &str, name: &str) -> Result<(), String> {
     let is_right = |byte: u8| byte.is_ascii_alphanumeric() || matches!(byte, b'-' | b'_');
     if (1..=NAME_BYTES).contains(&name.len()) && name.bytes().all(is_right) {

@@ -7,7 +7,7 @@ use std::process::Command;
 
 use crate::Result;
 
-/// How often a path is gone: some buffers full, and enough to divide what is done once.
+/// The number of calls of a path: enough to fill some buffers, and to divide by what is done only once.
 const CALLS: usize = 4096;
 
 /// The argument by which the program is asked to go down one path and nothing else.
@@ -16,7 +16,7 @@ pub(crate) const PATH: &str = "path";
 /// Writes a table of the instructions of calls, on average, of paths with their descriptions; returns them.
 ///
 /// # Errors
-/// valgrind is missing or fails, or counted nothing.
+/// Returns an error if valgrind is missing or fails, or has counted nothing.
 pub(crate) fn table<const N: usize>(
     text: &mut String,
     head: &str,
@@ -53,7 +53,7 @@ fn instructions(name: &str) -> Result<f64> {
     Ok(total as f64 / CALLS as f64)
 }
 
-/// The instructions of a whole output of callgrind.
+/// Returns the number of instructions in a whole output of callgrind.
 fn total(output: &str) -> Option<u64> {
     let line = |name| output.lines().find_map(|line| line.strip_prefix(name));
     line("totals:").or(line("summary:"))?.trim().parse().ok()

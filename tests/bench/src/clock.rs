@@ -1,4 +1,4 @@
-//! Time stamps that are cheap beside a round trip of a hundred nanoseconds.
+//! Timestamps that are cheap beside a round trip of a hundred nanoseconds.
 
 use std::time::Instant;
 
@@ -28,7 +28,7 @@ pub(crate) fn ticks() -> u64 {
     }
 }
 
-/// Learns the rate of [`ticks`] from the system's clock over the time it lives.
+/// Learns the rate of [`ticks`] from the system's clock, over the time from its beginning to its end.
 pub(crate) struct Calibration {
     ticks: u64,
     instant: Instant,
@@ -43,7 +43,7 @@ impl Calibration {
         }
     }
 
-    /// Nanoseconds of one tick, the better the longer this has lived.
+    /// Returns the nanoseconds of one tick, the more exact the later it is called.
     pub(crate) fn ns_per_tick(&self) -> f64 {
         let passed = ticks().wrapping_sub(self.ticks).max(1);
         self.instant.elapsed().as_nanos() as f64 / passed as f64

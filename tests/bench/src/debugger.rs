@@ -19,20 +19,20 @@ use crate::rounds;
 pub(crate) const DEBUGGEE: &str = "debuggee-of-gdbserver";
 const TARGET: &str = "riscv64gc-unknown-none-elf";
 const GDB: &str = "gdb-multiarch";
-/// Where the breakpoint of the hart is.
+/// The function of the hart at which the breakpoint is.
 const TIMER: &str = "qemu_virt_board::trap::condor_timer";
 /// The bytes that are read and written at once.
 const BYTES: usize = 1 << 20;
-/// How often the rest is done.
+/// The number of repetitions of steps, breakpoint hits and reads.
 const STEPS: u32 = 300;
 const HITS: u32 = 100;
 const READS: u32 = 2000;
-/// What is measured, as the script prints it.
+/// The figures, as the script prints their names.
 const FIGURES: [&str; 5] = ["read", "write", "page", "step", "hit"];
-/// Before a figure.
+/// The text before a figure.
 const MARK: &str = "figure ";
 
-/// What GDB does; a breakpoint is at `PLACE`, and memory at `MEMORY`.
+/// The script that GDB runs; a breakpoint is at `PLACE`, and memory at `MEMORY`.
 const SCRIPT: &str = "\
 set pagination off
 set confirm off
@@ -187,7 +187,7 @@ impl Up {
         play(command, self.place.path(), &begin, TIMER)
     }
 
-    /// Where the program is: what the gateway tells GDB of its symbols.
+    /// Returns the offset at which the program is loaded, which the gateway tells GDB with the symbols.
     fn begin(&self) -> Result<String> {
         let output = Command::new(&self.drills)
             .env("XDG_RUNTIME_DIR", self.place.path())
@@ -205,7 +205,7 @@ impl Up {
 
 impl Drop for Up {
     fn drop(&mut self) {
-        // It may have ended.
+        // The process may have ended by itself.
         let _ = self.child.kill();
         let _ = self.child.wait();
     }
@@ -236,7 +236,7 @@ fn play(mut command: Command, place: &Path, memory: &str, breakpoint: &str) -> R
     Ok(figures)
 }
 
-/// GDB and gdbserver on a process.
+/// Measures GDB and gdbserver on a process.
 fn gdbserver(place: &Path) -> Result<Figures> {
     let own = std::env::current_exe()?;
     let mut server = tool("gdbserver", "apt-get install gdbserver", |server| {
@@ -277,7 +277,7 @@ fn traced(server: &mut Child, own: &Path, place: &Path) -> Result<Figures> {
     play(command, place, memory, "condor_bench_turn")
 }
 
-/// What the traced process reads and writes; GDB does it.
+/// The memory that the traced process reads, and GDB reads and writes.
 // SAFETY: nothing else has this name.
 #[unsafe(no_mangle)]
 static CONDOR_BENCH_BUFFER: [AtomicU8; BYTES] = [const { AtomicU8::new(1) }; BYTES];

@@ -6,11 +6,11 @@ use std::process::{Command, Stdio};
 
 use crate::Result;
 
-/// Builds packages of the workspace in `dir` for release, with its own lock file, or all of them if none
-/// is named; says where the images are.
+/// Builds packages of the workspace in `dir` for release, with its own lock file, or all of them if none is
+/// named; returns the directory of the images.
 ///
 /// # Errors
-/// A tool is missing, or a package does not build.
+/// Returns an error if a tool is missing, or if a package does not build.
 pub(crate) fn build(dir: &Path, target: &str, packages: &[&str]) -> Result<PathBuf> {
     let target_dir = dir.join("target");
     // Flags for this machine's compiler would reach the firmware's.
@@ -33,10 +33,10 @@ pub(crate) fn build(dir: &Path, target: &str, packages: &[&str]) -> Result<PathB
     Ok(target_dir.join(target).join("release"))
 }
 
-/// Runs a tool, or says how to get it.
+/// Runs a tool. If it is not installed, the error says how to get it.
 ///
 /// # Errors
-/// It is missing, or cannot be run.
+/// Returns an error if the tool is missing, or cannot be run.
 pub(crate) fn tool<T>(
     name: &str,
     how: &str,

@@ -3,7 +3,7 @@
 use std::fs;
 use std::process::Command;
 
-/// Machine, kernel, commit and compiler, a line each.
+/// Returns the machine, the kernel, the commit and the compiler, a line each.
 pub(crate) fn describe() -> String {
     let uname = rustix::system::uname();
     let cpuinfo = fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
@@ -30,7 +30,7 @@ pub(crate) fn describe() -> String {
     )
 }
 
-/// The commit of the source, and whether it was changed since.
+/// Returns the commit of the source, and whether it was changed since.
 fn commit() -> Option<String> {
     let git = |arguments: &[&str]| {
         let output = Command::new("git")

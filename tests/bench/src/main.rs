@@ -35,7 +35,7 @@ use clap::Parser as _;
 use measure::Report;
 use options::Options;
 
-/// What every part of the program answers with.
+/// The result of every part of the program.
 type Result<T> = std::result::Result<T, Box<dyn Error>>;
 
 /// A sub-command: the name to call it by, what it measures, and the function that does.

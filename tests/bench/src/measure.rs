@@ -1,4 +1,4 @@
-//! From figures of single rounds to estimates with intervals, and goals.
+//! Estimates with intervals, and goals, from figures of single rounds.
 //!
 //! Two programs, or one program on two mappings of memory, differ by chance more than the
 //! things that are compared. So everything is a ratio of two figures of the *same* round, and
@@ -10,7 +10,7 @@ use std::fmt;
 /// The chance that an interval may miss the median.
 const RISK: f64 = 0.05;
 
-/// The `quantile` (0 to 1) of `values`, which are sorted by the call; 0 of nothing.
+/// Returns the `quantile` (0 to 1) of `values`, which it sorts; 0 if there are none.
 pub(crate) fn quantile<T: Copy + Into<f64>>(values: &mut [T], quantile: f64) -> f64 {
     values.sort_unstable_by(|a, b| (*a).into().total_cmp(&(*b).into()));
     let rank = (values.len() as f64 * quantile).ceil().max(1.0);
@@ -32,7 +32,7 @@ pub(crate) struct Estimate {
 }
 
 impl Estimate {
-    /// From one value a round.
+    /// Makes an estimate from one value a round.
     pub(crate) fn of(rounds: impl IntoIterator<Item = f64>) -> Self {
         let mut values: Vec<f64> = rounds.into_iter().collect();
         let value = {
@@ -53,13 +53,13 @@ impl Estimate {
         }
     }
 
-    /// What is the same every time.
+    /// Returns the estimate of a figure that is the same every time.
     pub(crate) fn exactly(value: f64) -> Self {
         let (low, high) = (value, value);
         Self { value, low, high }
     }
 
-    /// From the ratio of two figures of every round.
+    /// Makes an estimate from the ratio of two figures of every round.
     pub(crate) fn ratio(
         these: impl IntoIterator<Item = f64>,
         to: impl IntoIterator<Item = f64>,
@@ -79,7 +79,8 @@ impl fmt::Display for Estimate {
     }
 }
 
-/// With so many digits after the point, or as a power of ten where those would all be zero.
+/// Returns the number with `digits` digits after the point, or as a power of ten where those would all be
+/// zero.
 fn number(value: f64, digits: usize) -> String {
     if value != 0.0 && value.abs() < 0.1_f64.powi(i32::try_from(digits).unwrap_or(i32::MAX)) {
         format!("{value:.1e}")
@@ -88,7 +89,7 @@ fn number(value: f64, digits: usize) -> String {
     }
 }
 
-/// How many of `count` sorted values may be left out at either end of the interval.
+/// Returns how many of `count` sorted values may be left out at either end of the interval.
 fn ranks_outside(count: usize) -> usize {
     let mut outside = 0;
     // Binomial with probability 1/2: the chance that at most `outside` values lie below.
@@ -105,7 +106,7 @@ fn ranks_outside(count: usize) -> usize {
     outside
 }
 
-/// Which way a figure should go.
+/// The direction in which a figure should go.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Better {
     /// Small figures are good.
@@ -114,7 +115,7 @@ enum Better {
     Higher,
 }
 
-/// What was found of a goal.
+/// The result of the comparison of a figure with its goal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Verdict {
     /// The median reaches the goal.
@@ -128,23 +129,23 @@ pub(crate) enum Verdict {
 /// A figure with a goal.
 #[derive(Clone, Debug)]
 pub(crate) struct Goal {
-    /// The name.
+    /// The name of the figure, as reports print it.
     pub(crate) name: &'static str,
-    /// What was measured.
+    /// The figure that was measured.
     pub(crate) estimate: Estimate,
-    /// What should be reached.
+    /// The value that the figure should reach.
     pub(crate) limit: f64,
-    /// On which side of it.
+    /// The side of `limit` on which the figure should be.
     better: Better,
 }
 
 impl Goal {
-    /// A figure that should be at most `limit`.
+    /// Makes a goal of a figure that should be at most `limit`.
     pub(crate) fn most(name: &'static str, estimate: Estimate, limit: f64) -> Self {
         Self::new(name, estimate, limit, Better::Lower)
     }
 
-    /// A figure that should be at least `limit`.
+    /// Makes a goal of a figure that should be at least `limit`.
     pub(crate) fn least(name: &'static str, estimate: Estimate, limit: f64) -> Self {
         Self::new(name, estimate, limit, Better::Higher)
     }
@@ -158,7 +159,7 @@ impl Goal {
         }
     }
 
-    /// Whether the goal is reached.
+    /// Compares the figure with its goal.
     pub(crate) fn verdict(&self) -> Verdict {
         let Estimate { value, low, high } = self.estimate;
         let (median, best) = match self.better {
@@ -173,7 +174,7 @@ impl Goal {
     }
 }
 
-/// What a sub-command found.
+/// The findings of a sub-command.
 #[derive(Debug)]
 pub(crate) struct Report {
     /// Tables and remarks for people.

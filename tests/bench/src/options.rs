@@ -1,4 +1,4 @@
-//! What the command line asks of a sub-command.
+//! The options of a sub-command on the command line.
 
 use std::path::PathBuf;
 
@@ -9,10 +9,10 @@ use crate::{COMMANDS, Command};
 /// Benchmarks of the Condor crates beside their peers
 #[derive(Debug, Parser)]
 pub(crate) struct Options {
-    /// What to measure
+    /// Benchmark to run
     #[arg(value_parser = command)]
     pub(crate) command: &'static Command,
-    /// How many rounds to play: an interval of a median over fewer than seven says nothing
+    /// Number of rounds: an interval of a median over fewer than seven says nothing
     #[arg(long, value_parser = clap::value_parser!(u16).range(7..))]
     rounds: Option<u16>,
     /// Write what comes out to `RESULTS.md`, too
@@ -36,7 +36,7 @@ fn command(name: &str) -> Result<&'static Command, String> {
 }
 
 impl Options {
-    /// How many rounds to play: what was asked for, or the usual number, or that of a quick run.
+    /// Returns the number of rounds: the one of the command line, or the usual one, or that of a quick run.
     pub(crate) fn rounds(&self, usual: usize, quick: usize) -> usize {
         let own = if self.quick { quick } else { usual };
         self.rounds.map_or(own, usize::from)

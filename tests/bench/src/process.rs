@@ -22,7 +22,7 @@ pub(crate) struct CorePair {
 }
 
 impl CorePair {
-    /// The first two cores that this program may run on.
+    /// Finds the first two cores that this program may run on.
     pub(crate) fn find() -> Result<Self> {
         let allowed = sched_getaffinity(None)?;
         let mut cores = (0..CpuSet::MAX_CPU).filter(|core| allowed.is_set(*core));
@@ -99,7 +99,7 @@ impl Child {
     /// Waits until the process has ended, and returns its figures.
     ///
     /// # Errors
-    /// It has not ended well, or not in time.
+    /// Returns an error if the process has not ended well, or not in time.
     pub(crate) fn figures(mut self) -> Result<Vec<f64>> {
         let mut bytes = Vec::new();
         self.figures.read_to_end(&mut bytes)?;
@@ -125,7 +125,7 @@ impl Drop for Child {
     }
 }
 
-/// Figures as they go through a pipe.
+/// Converts figures to the bytes that go through a pipe.
 fn bytes_of(figures: &[f64]) -> Vec<u8> {
     figures
         .iter()
@@ -133,7 +133,7 @@ fn bytes_of(figures: &[f64]) -> Vec<u8> {
         .collect()
 }
 
-/// What [`bytes_of`] was given.
+/// Returns the figures from which [`bytes_of`] made these bytes.
 fn figures_of(bytes: &[u8]) -> Vec<f64> {
     let (figures, _) = bytes.as_chunks();
     figures.iter().copied().map(f64::from_ne_bytes).collect()

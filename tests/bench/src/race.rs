@@ -7,8 +7,8 @@ use crate::measure::quantile;
 use crate::rounds::{self, Column, Tables};
 use crate::shuffle::Shuffle;
 
-/// How long a turn is, ns: long beside the reading of the clock, short beside the time that a
-/// scheduler gives to another program.
+/// The length of a turn, ns: long beside the reading of the clock, short beside the time slice that a
+/// scheduler grants to another program.
 const TURN_NS: f64 = 200_000.0;
 
 /// Turns of each contestant in a round, whose median is the time of the round.
@@ -79,7 +79,7 @@ impl<'r> Race<'r> {
     /// Plays so many rounds.
     ///
     /// # Errors
-    /// That of a turn.
+    /// Returns the error of the first turn that fails.
     pub(crate) fn run(mut self, rounds: usize) -> Result<Tables> {
         let calls = self.calls()?;
         let mut order = Shuffle(0);
@@ -88,16 +88,16 @@ impl<'r> Race<'r> {
         Ok(self.tables)
     }
 
-    /// Plays a round alone; returns nanoseconds of a call of each that takes part.
+    /// Plays a round alone; returns the nanoseconds of a call of each contestant.
     ///
     /// # Errors
-    /// That of a turn.
+    /// Returns the error of the first turn that fails.
     pub(crate) fn once(mut self, seed: u64) -> Result<Vec<f64>> {
         let calls = self.calls()?;
         self.round(&calls, &mut Shuffle(seed))
     }
 
-    /// How many calls fill a turn of each.
+    /// Returns the number of calls that fill a turn of each contestant.
     fn calls(&mut self) -> Result<Vec<usize>> {
         self.turns.iter_mut().map(calls_of_a_turn).collect()
     }
@@ -116,7 +116,7 @@ impl<'r> Race<'r> {
     }
 }
 
-/// How many calls fill a turn, by the fastest of a few turns.
+/// Returns the number of calls that fill a turn, by the fastest of a few turns.
 fn calls_of_a_turn(turn: &mut Turn<'_>) -> Result<usize> {
     let mut calls = 1;
     loop {

@@ -8,7 +8,7 @@ use crate::Result;
 
 const FILE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/RESULTS.md");
 const HEADING: &str = "\n## ";
-/// Before what people write below the figures, which stays.
+/// The line above the remarks of people, which stay when the figures are replaced.
 const REMARKS: &str = "<!-- remarks -->\n";
 
 /// Puts a report into the section of a sub-command, in the place of the one before.
@@ -24,7 +24,7 @@ pub(crate) fn record(name: &str, about: &str, header: &str, report: &impl Displa
     Ok(())
 }
 
-/// The text with other figures in a section, which is added at the end if there is none.
+/// Returns the text with other figures in a section, which is added at the end if there is none.
 fn replaced(text: &str, name: &str, figures: &str) -> String {
     let heading = format!("{HEADING}{name}\n\n");
     let (before, rest) = text.split_once(&heading).unwrap_or((text, ""));

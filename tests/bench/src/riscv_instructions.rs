@@ -24,8 +24,8 @@ const PATIENCE: Duration = Duration::from_secs(120);
 /// Builds the images, and has the hart count twice.
 ///
 /// # Errors
-/// A tool is missing; the hart does not come to an end; it counts what is known as something else, or
-/// not the same in both runs.
+/// Returns an error if a tool is missing, if the hart does not come to an end, if it counts known sequences
+/// as something else, or if its two counts differ.
 pub(crate) fn run(_: &Options) -> Result<Report> {
     let dir = Path::new(env!("CARGO_MANIFEST_DIR")).join("../firmware");
     let images = firmware::build(&dir, TARGET, &["monitor", "drills-hart"])?;
@@ -48,10 +48,10 @@ fn count(images: &Path) -> Result<Counts> {
     Ok(counts.ok_or("the hart has published nothing")?)
 }
 
-/// Compares what was counted of what is known.
+/// Compares counts of known sequences with their lengths.
 ///
 /// # Errors
-/// A count is off, so that nothing could be said of anything else.
+/// Returns an error if a count is off, so that nothing could be said of anything else.
 fn check(counts: &Counts) -> Result<()> {
     let known = [
         (

@@ -9,7 +9,7 @@ use crate::measure::Estimate;
 /// Plays rounds by their number, and shows on a terminal how far it is.
 ///
 /// # Errors
-/// That of a round.
+/// Returns the error of the first round that fails.
 pub(crate) fn play<T>(rounds: usize, mut round: impl FnMut(usize) -> Result<T>) -> Result<Vec<T>> {
     let shown = std::io::stderr().is_terminal();
     let mut played = Vec::new();
@@ -59,7 +59,7 @@ pub(crate) struct Tables {
 }
 
 impl Tables {
-    /// Tables without rows.
+    /// Makes tables without rows.
     pub(crate) fn new(columns: &'static [Column]) -> Self {
         Self {
             columns,
@@ -86,7 +86,7 @@ impl Tables {
         self.rounds = rounds;
     }
 
-    /// The sum of figures in every round.
+    /// Returns the sum of figures in every round.
     fn column(&self, places: Vec<usize>) -> impl Iterator<Item = f64> {
         let sum = move |round: &Vec<f64>| places.iter().map(|place| round[*place]).sum();
         self.rounds.iter().map(sum)
@@ -102,18 +102,18 @@ impl Tables {
         lanes.iter().map(place).collect()
     }
 
-    /// The sum of figures in every round.
+    /// Returns the sum of figures in every round.
     ///
     /// # Errors
-    /// There is no such row.
+    /// Returns an error if there is no such row.
     pub(crate) fn values(&self, lanes: &[Lane<'_>]) -> Result<Vec<f64>> {
         Ok(self.column(self.places(lanes)?).collect())
     }
 
-    /// How many times as large the ones are together as the others.
+    /// Returns the ratio of the sum of `these` rows to the sum of `to`.
     ///
     /// # Errors
-    /// There is no such row.
+    /// Returns an error if there is no such row.
     pub(crate) fn ratio(&self, these: &[Lane<'_>], to: &[Lane<'_>]) -> Result<Estimate> {
         Ok(Estimate::ratio(self.values(these)?, self.values(to)?))
     }

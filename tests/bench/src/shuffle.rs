@@ -11,7 +11,7 @@ impl Shuffle {
         }
     }
 
-    /// A number between two, each as likely as any other.
+    /// Returns a number between two, each as likely as any other.
     pub(crate) fn between(&mut self, low: f64, high: f64) -> f64 {
         // 53 bits are exact.
         let part = (self.next() >> 11) as f64 / (1_u64 << 53) as f64;

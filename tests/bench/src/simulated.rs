@@ -12,7 +12,7 @@ use crate::rounds;
 
 /// Loops that compute all the time, on a machine of two cores.
 const BUSY: usize = 8;
-/// Before the factor in the summary of a run.
+/// The text after the factor in the summary of a run.
 const FACTOR: &str = " × real time";
 
 /// Runs the sub-command.
@@ -47,7 +47,7 @@ pub(crate) fn run(options: &Options) -> Result<Report> {
     Ok(Report { text, goals })
 }
 
-/// Simulated seconds per real second, as the summary of a run says.
+/// Returns the simulated seconds per real second, as the summary of a run says.
 fn factor(program: &Path, span: &str) -> Result<f64> {
     let place = tempfile::tempdir_in("/dev/shm")?;
     let output = Command::new(program)

@@ -25,8 +25,8 @@ pub(crate) fn filter_all<const F: usize>(hand: &mut Hand<F, JOINTS>) {
     }
 }
 
-/// Where the joints of fingers with these limits are in each tick, and how they move, when they swing so
-/// far as part of their ranges.
+/// Returns the positions of the joints in each tick, and their velocities and accelerations, when joints
+/// with these limits swing by `swing` of their ranges to either side of the middle.
 pub(crate) fn motion<const F: usize>(
     limits: &[MotionLimits<JOINTS>; F],
     swing: f64,

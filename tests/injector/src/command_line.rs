@@ -5,7 +5,7 @@ use std::time::SystemTime;
 /// arguments, which are libtest's, count for nothing.
 ///
 /// # Errors
-/// The value is missing, or is no `T`.
+/// Returns the parse error of `T` if the value is missing or is not a `T`.
 pub fn argument<T: FromStr>(name: &str, usual: T) -> Result<T, T::Err> {
     let mut arguments = std::env::args().skip_while(|argument| argument != name);
     match arguments.next() {
@@ -17,7 +17,7 @@ pub fn argument<T: FromStr>(name: &str, usual: T) -> Result<T, T::Err> {
 /// Returns the value of `--seed`, or another number each time; prints it.
 ///
 /// # Errors
-/// The value is missing, or is no number.
+/// Returns the parse error if the value is missing or is not a number.
 pub fn seed() -> Result<u64, std::num::ParseIntError> {
     let since = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH);
     let seed = argument("--seed", since.unwrap_or_default().subsec_nanos().into())?;

@@ -1,4 +1,4 @@
-//! [`Plan`]: at which points of a run interrupts come, and [`explore`], which tries all plans.
+//! [`Plan`]: the points of a run at which interrupts come, and [`explore`], which tries all plans.
 
 use std::cell::Cell;
 use std::ops::Range;
@@ -6,17 +6,17 @@ use std::rc::Rc;
 
 use crate::points::with_points;
 
-/// Which interrupts come in one run.
+/// The interrupts that may come in one run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Interrupts {
-    /// Up to this many, each within the one before.
+    /// Up to this many interrupts, each within the previous one.
     Nested(usize),
-    /// Up to `most`, each after the beginning of the one before: within it or not. Each is of one of
-    /// `sources`; a source interrupts the background and the sources of lower numbers.
+    /// Up to `most` interrupts, each after the beginning of the previous one: within it or not. Each is of
+    /// one of `sources`; a source interrupts the background and the sources of lower numbers.
     Ranked {
-        /// How many come in one run at most.
+        /// The greatest number of interrupts in one run.
         most: usize,
-        /// How many sources there are.
+        /// The number of sources.
         sources: usize,
     },
 }
@@ -36,11 +36,11 @@ pub struct Plan {
     /// The points at which interrupts come, counted from 0 in the order in which the run reaches them,
     /// and the source of each. Sources of nested interrupts are numbered by depth.
     places: Vec<(u32, usize)>,
-    /// How many interrupts have come.
+    /// The number of interrupts that have come.
     came: Cell<usize>,
-    /// How many points have passed.
+    /// The number of points that have passed.
     passed: Cell<u32>,
-    /// How many points had passed when the last interrupt that is placed returned.
+    /// The number of points that had passed when the last interrupt that has a place returned.
     last_ended: Cell<u32>,
     /// Sources of lower numbers cannot interrupt at present.
     level: Cell<usize>,
@@ -150,7 +150,7 @@ mod tests {
     use super::{Interrupts, explore};
     use crate::points::{Section, point};
 
-    /// The orders in which two steps and the ends of interrupts of one step come.
+    /// Returns the orders in which two steps and the ends of interrupts of one step come.
     fn orders(interrupts: Interrupts) -> Vec<String> {
         let mut orders = Vec::new();
         explore(interrupts, |plan| {

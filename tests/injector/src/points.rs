@@ -1,4 +1,5 @@
-//! Where an interrupt can come: whenever a context of this thread, unmasked, reaches shared state.
+//! The points at which an interrupt can come: whenever a context of this thread, unmasked, reaches shared
+//! state.
 
 use std::cell::{Cell, RefCell};
 use std::rc::Rc;
@@ -24,7 +25,7 @@ pub fn quietly<R>(f: impl FnOnce() -> R) -> R {
     result
 }
 
-/// A point, unless it is masked.
+/// Calls the function that [`with_points`] was given, unless interrupts are masked.
 pub fn point() {
     if DEPTH.get() == 0
         && let Some(on_point) = ON_POINT.with_borrow(Clone::clone)

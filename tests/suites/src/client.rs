@@ -12,14 +12,14 @@ use crate::server::SERVER;
 use crate::{AnyError, N};
 
 const CLIENT: Processor = Processor(1);
-/// How many files it can have open. fsx leaves mapped what it has read so, and thereby open.
+/// The greatest number of open files. fsx leaves mapped what it has read by a mapping, and thereby open.
 const FILES: usize = 256;
 /// The longest path that the server takes, in bytes.
 const PATH: u32 = 4095;
 /// Bytes of a file's buffer: what one call moves. The kernel asks for more at once, so that the server
 /// also dies between the parts of a write.
 const BUFFER: u32 = 16 * 1024;
-/// How long an operation may take over all deaths of the server.
+/// The time that an operation may take over all deaths of the server.
 const TIMEOUT: Duration = Duration::from_secs(60);
 
 type Mail = LinuxMailbox<'static, N>;
@@ -46,7 +46,7 @@ impl Client {
         let mut claim = system.claim(CLIENT)?;
         let own = Region::users(claim.windows()[CLIENT.index()].data.clone())?;
         let area = Area::<FILES>::new(&mut claim.places()?, PATH, BUFFER)?;
-        // It is mounted as long as this process lives.
+        // The filesystem is mounted until this process ends.
         let handler = Box::leak(Box::new(area.handler()));
         let mailbox = Box::leak(Box::new(claim.mailbox()?));
         mailbox.set_vector(OPEN_FILES, handler, "open files")?;
@@ -94,7 +94,7 @@ impl Client {
         self.open.remove(&handle).ok_or(Errno::BADF)?.file.close()
     }
 
-    /// What is known of a node: by its path, or by a file that is open if it has none.
+    /// Returns the status of a node: by its path, or by an open file of it if it has none.
     pub(crate) fn status(&self, node: u64, path: Option<&[u8]>) -> Result<FileStatus, FileError> {
         if let Some(path) = path {
             return self.files.status(path);
@@ -122,7 +122,7 @@ impl Client {
         let (file, appends) = (&mut open.file, open.appends);
         let mut written = 0;
         while written < data.len() {
-            // What is appended has no other position than the end.
+            // Appended bytes go to the end only.
             let part = if appends {
                 file.write(&data[written..])
             } else {
@@ -131,7 +131,7 @@ impl Client {
             match part {
                 Ok(0) => break,
                 Ok(more) => written += more,
-                // What was written before is not to be lost sight of.
+                // The bytes that were written before the error are reported.
                 Err(FileError::Errno(_)) if written > 0 => break,
                 Err(error) => return Err(error),
             }
@@ -139,7 +139,7 @@ impl Client {
         Ok(written as u32)
     }
 
-    /// All entries of a directory.
+    /// Returns all entries of a directory.
     pub(crate) fn entries(&self, path: &[u8]) -> Result<Vec<Entry>, FileError> {
         let mut directory = self.files.open_directory(path)?;
         let (mut entries, mut name) = (Vec::new(), [0; 255]);

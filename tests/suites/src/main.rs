@@ -29,15 +29,15 @@ const BYTES: u32 = 8 * 1024 * 1024;
 /// random steps meanwhile
 #[derive(Parser)]
 struct Arguments {
-    /// What decides at which steps the server dies; another number each time if not given
+    /// Seed of the steps at which the server dies; another number each time if not given
     #[arg(long)]
     seed: Option<u64>,
     /// The server dies at one of so many steps; at none if 0
     #[arg(long, default_value_t = 400)]
     steps: u64,
-    /// Where the tree is made, on a disk
+    /// Directory on a disk in which the tree is made
     directory: PathBuf,
-    /// What is run, and its arguments, in which `{}` stands for the mount point
+    /// Program to run, and its arguments, in which `{}` stands for the mount point
     #[arg(required = true, trailing_var_arg = true, allow_hyphen_values = true)]
     command: Vec<String>,
 }
@@ -63,7 +63,7 @@ fn run() -> Result<ExitCode, AnyError> {
     let place = tempfile::tempdir_in(&arguments.directory)?;
     let tree = place.path().join("tree");
     std::fs::create_dir(&tree)?;
-    // Where every user of the suites can go, whoever may read the directory.
+    // Every user of the suites can enter this directory, whoever may read `arguments.directory`.
     let open = std::fs::Permissions::from_mode(0o755);
     let mount_point = tempfile::Builder::new().permissions(open).tempdir()?;
     let mounted = mount_point.path();

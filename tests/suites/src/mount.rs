@@ -1,8 +1,8 @@
-//! [`Mount`]: what the kernel asks of a file system, as calls of a [`Client`].
+//! [`Mount`]: what the kernel asks of a filesystem, as calls of a [`Client`].
 //!
 //! Nothing is cached: names and attributes are forgotten at once, and reads and writes are passed on as
-//! they are, where the kernel can map the pages of such files. What condor-fs does not have is
-//! `EOPNOTSUPP`.
+//! they are, where the kernel can map the pages of such files. An operation that condor-fs does not have
+//! fails with `EOPNOTSUPP`.
 
 use std::collections::HashMap;
 use std::ffi::OsStr;
@@ -24,17 +24,17 @@ use crate::N;
 use crate::client::{Client, Entry};
 use crate::nodes::Nodes;
 
-/// How long the kernel may believe what it was told.
+/// The time for which the kernel may keep names and attributes.
 const TTL: Duration = Duration::ZERO;
 /// No number of a node is used twice.
 const GENERATION: Generation = Generation(0);
 
 const UNSUPPORTED: Errno = Errno::EOPNOTSUPP;
 
-/// The mounted file system. One thread is the processor; it does what the kernel asks in turn.
+/// The mounted filesystem. One thread is the processor; it does what the kernel asks in turn.
 pub(crate) struct Mount {
     jobs: Sender<Job>,
-    /// How files are opened: past the cache of the kernel, if it can map such files.
+    /// The way files are opened: past the cache of the kernel, if it can map such files.
     direct: FopenFlags,
 }
 
@@ -43,12 +43,12 @@ type Job = Box<dyn FnOnce(&mut Inner) + Send>;
 struct Inner {
     client: Client,
     nodes: Nodes,
-    /// What each open directory has, as read at its beginning.
+    /// The entries of each open directory, as read at its beginning.
     directories: HashMap<u64, Vec<Entry>>,
     last_directory: u64,
 }
 
-/// What the kernel is told of a node, or why nothing.
+/// The attributes of a node for the kernel, or the error.
 type Found = Result<FileAttr, Errno>;
 
 impl Mount {
@@ -95,7 +95,7 @@ impl Inner {
         path.ok_or(Errno::ENOENT)
     }
 
-    /// What is at `path`, which the kernel now knows.
+    /// Returns the attributes of the node at `path`, which the kernel knows from now on.
     fn entry(&mut self, path: Vec<u8>) -> Found {
         let status = self.client.files.status(&path).map_err(errno)?;
         let node = self.nodes.look_up(path);
@@ -183,7 +183,7 @@ fn attributes(node: u64, status: &FileStatus) -> FileAttr {
     }
 }
 
-/// A time of a status, which may be before 1970.
+/// Converts a time of a status, which may be before 1970.
 fn system_time(seconds: u64, nanoseconds: u32) -> SystemTime {
     let seconds = seconds.cast_signed();
     let whole = Duration::from_secs(seconds.unsigned_abs());
@@ -226,7 +226,7 @@ fn errno(error: FileError) -> Errno {
         .map_or(Errno::EIO, |errno| Errno::from_i32(errno.0.into()))
 }
 
-/// From the flags of `open(2)`.
+/// Converts the flags of `open(2)`.
 fn options(flags: i32) -> OpenOptions {
     let mut options = OpenOptions::new();
     let access = flags & libc::O_ACCMODE;
@@ -251,7 +251,7 @@ fn options(flags: i32) -> OpenOptions {
     options
 }
 
-/// From the mode of `fallocate(2)`.
+/// Converts the mode of `fallocate(2)`.
 fn allocation(mode: i32) -> Result<AllocationMode, Errno> {
     const PUNCH: i32 = libc::FALLOC_FL_PUNCH_HOLE | libc::FALLOC_FL_KEEP_SIZE;
     const ZERO_KEPT: i32 = libc::FALLOC_FL_ZERO_RANGE | libc::FALLOC_FL_KEEP_SIZE;
@@ -265,7 +265,7 @@ fn allocation(mode: i32) -> Result<AllocationMode, Errno> {
     }
 }
 
-/// From the type bits of `st_mode`, shifted right by 12.
+/// Converts the type bits of `st_mode`, shifted right by 12.
 fn kind(bits: u32) -> FileType {
     match bits {
         1 => FileType::NamedPipe,

@@ -22,12 +22,12 @@ impl Nodes {
         }
     }
 
-    /// The path of a node, if it has one.
+    /// Returns the path of a node, if it has one.
     pub(crate) fn path(&self, number: u64) -> Option<&[u8]> {
         self.paths.get(&number)?.as_deref()
     }
 
-    /// The path of an entry of a directory.
+    /// Returns the path of an entry of a directory.
     pub(crate) fn child(&self, parent: u64, name: &[u8]) -> Option<Vec<u8>> {
         if parent == ROOT {
             return Some(name.to_vec());
@@ -35,7 +35,7 @@ impl Nodes {
         Some([self.path(parent)?, name].join(&b'/'))
     }
 
-    /// The number of what is at `path`, of which the kernel is told.
+    /// Returns the number of the node at `path`, which the kernel is told.
     pub(crate) fn look_up(&mut self, path: Vec<u8>) -> u64 {
         *self.numbers.entry(path).or_insert_with_key(|path| {
             self.last += 1;
@@ -44,20 +44,20 @@ impl Nodes {
         })
     }
 
-    /// Nothing has this path any more.
+    /// Removes a path: the node that had it has none any more.
     pub(crate) fn remove(&mut self, path: &[u8]) {
         if let Some(number) = self.numbers.remove(path) {
             self.paths.insert(number, None);
         }
     }
 
-    /// What was at `from`, and all below it, is at `to`.
+    /// Moves the node at `from`, and all below it, to `to`.
     pub(crate) fn rename(&mut self, from: &[u8], to: &[u8]) {
         self.remove(to);
         self.move_all(|path| moved(path, from, to));
     }
 
-    /// What was at each of them, and all below it, is at the other.
+    /// Exchanges the nodes at the two paths, with all below them.
     pub(crate) fn exchange(&mut self, one: &[u8], other: &[u8]) {
         self.move_all(|path| moved(path, one, other).or_else(|| moved(path, other, one)));
     }
@@ -78,7 +78,7 @@ impl Nodes {
     }
 }
 
-/// The path of what was at `from`, or below it, when that has come to `to`.
+/// Returns the new path of the node at `path` if it was at `from`, or below it, and that has come to `to`.
 fn moved(path: &[u8], from: &[u8], to: &[u8]) -> Option<Vec<u8>> {
     let rest = path.strip_prefix(from)?;
     (rest.is_empty() || rest.starts_with(b"/")).then(|| [to, rest].concat())

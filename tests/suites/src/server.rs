@@ -61,14 +61,15 @@ pub(crate) fn served() -> Result<bool, AnyError> {
     Ok(true)
 }
 
-/// Starts a server again whenever one was killed, for as long as this process lives.
+/// Starts a server again whenever one was killed, until this process ends.
 pub(crate) struct Supervisor {
     kills: Arc<AtomicU64>,
     thread: JoinHandle<AnyError>,
 }
 
 impl Supervisor {
-    /// Each server dies after `steps` steps on average, at a number of them that `seed` decides.
+    /// Starts servers. Each of them dies after `steps` steps on average, after a number of steps that
+    /// `seed` decides.
     pub(crate) fn start(
         system: &'static LinuxSystem<N>,
         tree: &Path,
@@ -97,10 +98,10 @@ impl Supervisor {
         Self { kills, thread }
     }
 
-    /// How often a server was killed.
+    /// Returns the number of servers that were killed.
     ///
     /// # Errors
-    /// A server could not be started, or ended by itself.
+    /// Returns an error if a server could not be started, or ended by itself.
     pub(crate) fn kills(self) -> Result<u64, AnyError> {
         if self.thread.is_finished() {
             return Err(self.thread.join().map_err(|_| "the supervisor panicked")?);

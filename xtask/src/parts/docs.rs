@@ -3,8 +3,8 @@ use crate::context::{Context, list, text};
 use crate::parts::Summary;
 use crate::tools;
 
-/// The documentation of the workspace, and that of each package for the targets for which its manifest
-/// asks for it.
+/// Builds the documentation of the workspace, and that of each package for the targets for which its
+/// manifest asks for it.
 pub(crate) fn run(context: &Context) -> Result<Summary> {
     let members = context.members()?;
     document(context, "--workspace")?;

@@ -62,7 +62,7 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
     })
 }
 
-/// The one `rust-version` of all members.
+/// Returns the one `rust-version` of all members.
 fn promised(members: &[Value]) -> Result<String> {
     let versions: BTreeSet<&str> = members
         .iter()
@@ -93,7 +93,7 @@ fn features(package: &Value) -> Features {
     names.map(|name| (name.clone(), enabled(name))).collect()
 }
 
-/// No feature, each and each two but [`ALONE`], as what they come to: every set once.
+/// Returns no feature, each and each two except [`ALONE`], as the sets that they enable: every set once.
 fn combined(features: &Features) -> BTreeSet<BTreeSet<String>> {
     let mut sets = BTreeSet::from([BTreeSet::new()]);
     for (first, enabled) in features {

@@ -39,7 +39,7 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
     )))
 }
 
-/// The names of the Rust files in a directory, without their extension.
+/// Returns the names of the Rust files in a directory, without their extension.
 fn sources(dir: &Path) -> Result<Vec<String>> {
     let mut names = Vec::new();
     for entry in std::fs::read_dir(dir)? {

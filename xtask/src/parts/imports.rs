@@ -49,7 +49,7 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
     )))
 }
 
-/// All circles of the repository, and all sources of others, each in a line.
+/// Returns all circles of the repository, and all sources of others, each in a line.
 fn found(packages: &Packages) -> Vec<String> {
     let arrows = told("packages", circles(&packages.arrows()));
     let inside = packages.all.values().flat_map(|package| {
@@ -62,8 +62,8 @@ fn found(packages: &Packages) -> Vec<String> {
     arrows.chain(inside).collect()
 }
 
-/// The floors of the packages from bottom to top, each in a line: a package depends on those of lower floors alone.
-/// The figures are lines of code.
+/// Returns the floors of the packages from bottom to top, each in a line: a package depends on those of
+/// lower floors alone. The figures are lines of code.
 fn picture(packages: &Packages) -> String {
     let floors = floors(packages.all.keys(), &packages.arrows());
     let lines = floors.iter().enumerate().map(|(floor, directories)| {
@@ -77,7 +77,7 @@ fn picture(packages: &Packages) -> String {
     lines.collect()
 }
 
-/// The circles of files, without those of a module and what lies in it.
+/// Returns the circles of files, without those of a module and what lies in it.
 fn of_files(modules: &Modules) -> impl Iterator<Item = String> {
     let imports = modules.imports();
     let others = imports.filter(|import| {
@@ -87,7 +87,7 @@ fn of_files(modules: &Modules) -> impl Iterator<Item = String> {
     told("files", circles(&edges))
 }
 
-/// The circles of rooms in each folder.
+/// Returns the circles of rooms in each folder.
 fn of_rooms(modules: &Modules) -> impl Iterator<Item = String> {
     let edges: BTreeSet<_> = modules
         .imports()
@@ -118,7 +118,7 @@ mod tests {
 
     use super::{Packages, found, picture};
 
-    /// A package whose modules `a` and `b` are these.
+    /// Writes a package whose modules `a` and `b` are these.
     fn package(directory: &Path, manifest: &str, a: &str, b: &str) {
         let source = directory.join("src");
         fs::create_dir_all(&source).unwrap();

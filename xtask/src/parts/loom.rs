@@ -30,7 +30,7 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
     )))
 }
 
-/// The packages that have a test named `loom`, as arguments of cargo.
+/// Returns the packages that have a test named `loom`, as arguments of cargo.
 pub(crate) fn packages(context: &Context) -> Result<String> {
     let packages = context.packages_with_test("loom")?;
     if packages.is_empty() {

@@ -13,7 +13,7 @@ struct Suite {
     units: bool,
     /// The test program, without which there are no modules.
     program: &'static str,
-    /// Those that make no system call that Miri lacks and end within a minute in it.
+    /// The modules that make no system call that Miri lacks, and end within a minute in it.
     modules: &'static [&'static str],
     /// Tests of many thousand cases, which only `test` makes, by a part of their names.
     skipped: &'static [&'static str],

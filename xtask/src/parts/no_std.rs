@@ -3,7 +3,7 @@ use crate::context::Context;
 use crate::parts::Summary;
 use crate::tools::need_target;
 
-/// From the smallest (no compare-and-swap) to the one whose harts run under QEMU.
+/// The targets, from the smallest (no compare-and-swap) to the one whose harts run under QEMU.
 const TARGETS: [&str; 4] = [
     "thumbv6m-none-eabi",
     "thumbv7em-none-eabihf",

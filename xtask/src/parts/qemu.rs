@@ -154,7 +154,7 @@ fn exchange(
     }
 }
 
-/// Bytes of all values in no order (xorshift; Marsaglia, 2003).
+/// Yields bytes of all values in no order (xorshift; Marsaglia, 2003).
 fn noise() -> impl Iterator<Item = u8> {
     let step = |state: &u32| {
         let state = state ^ state << 13;
@@ -164,7 +164,7 @@ fn noise() -> impl Iterator<Item = u8> {
     std::iter::successors(Some(0x9e37_79b9), step).map(|state| (state >> 24) as u8)
 }
 
-/// The number of checks that passed, if all did and the firmware said so itself.
+/// Returns the number of checks that passed, if all did and the firmware said so itself.
 fn judge(output: &str, ended: Option<ExitStatus>) -> Result<u32> {
     let Some(status) = ended else {
         return Err(format!("not done after {} s", LIMIT.as_secs()).into());
@@ -187,7 +187,8 @@ mod tests {
 
     use super::{judge, listen, noise};
 
-    /// A firmware that has been listened to before it was spoken to: it knows the noise.
+    /// Listens to a firmware that echoes the noise, spoilt by `spoil`; returns the output, and the bytes
+    /// that were sent.
     fn echoing(count: usize, spoil: impl FnOnce(&mut Vec<u8>)) -> (String, Vec<u8>) {
         let mut bytes: Vec<u8> = noise().take(count).collect();
         spoil(&mut bytes);

@@ -10,7 +10,8 @@ use crate::parts::test;
 use crate::programs;
 use crate::tools::{need_debian, need_qemu, need_target};
 
-/// By the real clock a servo is late on a machine that is busy, and a finger lets go.
+/// The number of runs of the hand: by the real clock a servo is late on a machine that is busy, and a
+/// finger lets go.
 const HAND_RUNS: u32 = 3;
 /// The seconds for which the hand runs, and the harts whose time counts instructions.
 const HAND_SECONDS: u32 = 10;
@@ -20,7 +21,8 @@ const JOINTS: u32 = 16;
 /// The master's words if it cannot load the motion that its description has typed. Whether a motion
 /// comes to its end is a question of time: a busy machine misses deadlines, which stops fingers.
 const NO_MOTION: &str = "wave.motion:";
-/// In simulated time it does, and the summary ends with a hash of all positions of the joints.
+/// The text at the end of the motion, which comes in simulated time. The summary ends with a hash of all
+/// positions of the joints.
 const DONE: &str = "wave is done";
 const HASH: &str = ": hash ";
 

@@ -12,7 +12,7 @@ use crate::{programs, tests_run};
 const ALL: &str = "--workspace --all-features";
 
 pub(crate) fn run(context: &Context) -> Result<Summary> {
-    // How long each unit takes to compile is reported in `target/cargo-timings`.
+    // The time that each unit takes to compile is reported in `target/cargo-timings`.
     let line = format!("{} --timings", build_line());
     let programs = programs::build(&context.command(&line))?;
     if let Some(rounds) = context.again {

@@ -69,7 +69,7 @@ fn uses_in(text: &str) -> usize {
         .count()
 }
 
-/// The rows of a table that name a source file and a number.
+/// Returns the rows of a table that name a source file and a number.
 fn listed(readme: &str) -> Counts {
     let row = |line: &str| {
         let mut cells = line.strip_prefix("| `")?.split('|');
@@ -80,7 +80,7 @@ fn listed(readme: &str) -> Counts {
     readme.lines().filter_map(row).collect()
 }
 
-/// The first file of which the two say different things.
+/// Returns the first file of which the two have different counts.
 fn difference(counted: &Counts, listed: &Counts) -> Option<String> {
     let of = |counts: &Counts, name: &String| counts.get(name).copied().unwrap_or(0);
     counted

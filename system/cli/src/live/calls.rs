@@ -24,7 +24,7 @@ impl Service {
     }
 }
 
-/// A call that is to be answered.
+/// A call to answer.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Call {
     /// The place of the service in the catalog.
@@ -40,7 +40,7 @@ pub(crate) struct Call {
 pub(crate) struct Calls {
     waiting: VecDeque<Call>,
     is_asked: bool,
-    /// The frame of an answer that is to be sent.
+    /// The frame of an answer to send.
     response: Option<Vec<u8>>,
 }
 
@@ -116,7 +116,7 @@ impl Calls {
         Ok(())
     }
 
-    /// Returns the answer that is to be sent.
+    /// Takes the answer to send, if there is one.
     pub(crate) fn next(&mut self) -> Option<Vec<u8>> {
         self.response.take()
     }

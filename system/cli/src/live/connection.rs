@@ -29,10 +29,10 @@ pub(crate) const HANDSHAKE: Duration = Duration::from_secs(5);
 pub(crate) const MESSAGE: usize = 64 << 10;
 /// The room for frames on their way to the socket, in bytes. No message of the server is as large.
 const ROOM: usize = 16 << 20;
-/// How many frames are read, or written at once, before others have their turn.
+/// The number of frames that are read, or written, at once before other clients have their turn.
 const TURN: usize = 32;
-/// How many bytes are read before others have their turn. Fragments without content are no frames, and
-/// cost as much.
+/// The number of bytes that are read before other clients have their turn. Fragments without content are
+/// not frames, and cost as much.
 const BYTES: usize = 128 << 10;
 
 /// The end of a connection.
@@ -50,7 +50,7 @@ pub(crate) enum End {
 pub(crate) struct Connection<S: Read + Write> {
     stage: Stage<MeteredStream<S>>,
     gate: Gate,
-    /// How many bytes may still be read in this turn.
+    /// The number of bytes that may still be read in this turn.
     left: Rc<Cell<usize>>,
     began: Instant,
 }
@@ -62,14 +62,14 @@ enum Stage<S: Read + Write> {
     Answering(S, Cursor<Vec<u8>>, Option<String>),
     Greeting(Box<MidHandshake<ServerHandshake<S, Gate>>>),
     Open(Box<OpenConnection<S>>),
-    /// Between two stages.
+    /// The connection is between two stages.
     Over,
 }
 
 /// A stream that has nothing to read after the bytes of a turn.
 struct MeteredStream<S> {
     stream: S,
-    /// What was read before, and is read again.
+    /// The bytes that were read before, and are read again.
     head: Cursor<Vec<u8>>,
     left: Rc<Cell<usize>>,
 }
@@ -84,7 +84,7 @@ pub(crate) struct ServerSettings {
     pub(crate) rules: Rules,
     /// The greatest number of clients.
     pub(crate) most: usize,
-    /// How many are.
+    /// The number of clients that are present.
     pub(crate) present: Cell<usize>,
 }
 
@@ -96,7 +96,7 @@ struct Gate {
     admitted: Rc<Cell<Option<AdmittedRequest>>>,
 }
 
-/// What a client may do, and wants.
+/// The rights of an admitted client, and the rate that it wants.
 #[derive(Clone, Copy)]
 struct AdmittedRequest {
     trust: Trust,
@@ -310,7 +310,7 @@ impl<S: Read + Write> OpenConnection<S> {
                 };
                 match self.socket.write(message) {
                     Ok(()) => {}
-                    // It is in the buffer all the same.
+                    // The message is in the buffer all the same.
                     Err(error) if is_waiting(&error) => return Ok(()),
                     Err(error) => return Err(self.end(&error)),
                 }
@@ -341,7 +341,7 @@ impl<S: Read + Write> OpenConnection<S> {
                 .collect::<String>()
                 .into(),
         };
-        // It ends, whether the client takes that or not.
+        // The connection ends, whether the client takes the frame or not.
         let _ = self.socket.close(Some(frame));
         End::Refused(text)
     }

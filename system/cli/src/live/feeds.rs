@@ -22,7 +22,7 @@ use condor_host::watching::{CatalogEntry, RowSource, SourceRow, VariableCatalog}
 const FRAMES_NS: u64 = 16_000_000;
 /// The robot and what it handles, as the page draws them.
 const SCENE: &str = "/scene";
-/// What the parameters are.
+/// The description of all parameters: types, units and bounds.
 const PARAMETERS: &str = "/parameters";
 
 /// A message of a channel.
@@ -34,7 +34,7 @@ pub(super) struct Sample {
 
 /// Turns rows into the messages of channels.
 pub(super) struct Feeds<'r> {
-    /// By the number of the source: the number of its channel, and the layout of its rows.
+    /// The number of the channel and the layout of the rows of each source, by its number.
     layouts: Vec<(usize, Layout)>,
     topics: Topics,
     pose: Option<PoseMessages<'r>>,
@@ -45,7 +45,7 @@ pub(super) struct Feeds<'r> {
     frames: usize,
     /// When the frames that each source moves were sent last.
     framed_ns: Vec<u64>,
-    /// What is added to the time of rows.
+    /// The time that is added to that of rows, ns.
     ahead_ns: u64,
 }
 

@@ -38,7 +38,7 @@ fn catalog() -> Catalog {
     }
 }
 
-/// What the samples of a subscription must be.
+/// The samples that a subscription must still get.
 #[derive(Default)]
 struct Expected {
     /// The numbers of the first sample that may still come, and of the one after the last.
@@ -52,15 +52,16 @@ struct Trial {
     session: Session,
     now: Instant,
     asks: Vec<Ask>,
-    /// The call that is to be answered.
+    /// The call to answer.
     call: Option<Call>,
-    /// How many calls were heard, and how many were answered or refused in a frame that was read.
+    /// The number of calls that were heard, and the number that were answered or refused in a frame that was read.
     called: usize,
     told: usize,
-    /// How many requests for parameters with an id were heard, and how many were answered in a frame that was read.
+    /// The number of requests for parameters with an id that were heard, and the number that were answered in a
+    /// frame that was read.
     named: usize,
     valued: usize,
-    /// By the number of the subscription; its channel, and its samples.
+    /// The channel and the samples of each subscription, by its number.
     expected: BTreeMap<u32, (usize, Expected)>,
     pushed: u64,
     dropped: u64,
@@ -178,7 +179,7 @@ impl Trial {
             return;
         }
         if kind.is_multiple_of(2) {
-            // Whatever it is, it is answered once.
+            // A call is answered once, whether it is valid or not.
             let is_call = !matches!(ServiceCall::read(frame), Err((_, None)));
             self.called += usize::from(is_call);
             self.session.hear_binary(frame, &self.catalog);

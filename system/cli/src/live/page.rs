@@ -57,19 +57,19 @@ const SCRIPT: &str = "text/javascript; charset=utf-8";
 const SVG: &str = "image/svg+xml";
 const TEXT: &str = "text/plain; charset=utf-8";
 
-/// What the head of a request asks for.
+/// The kind of a request, by its head.
 #[derive(Debug, PartialEq, Eq)]
 pub(crate) enum PageRequest {
     /// The head is not complete.
     More,
-    /// A websocket.
+    /// The request asks for a websocket.
     Websocket,
     /// A file: the answer, and the reason why it is a refusal.
     File(Vec<u8>, Option<String>),
 }
 
-/// Reads the head of a request of a client that has connected to the address `local`. Returns an error if it is
-/// none.
+/// Reads the head of a request of a client that has connected to the address `local`. Returns an error if
+/// the head is not one of HTTP, or is too long.
 pub(crate) fn read(head: &[u8], rules: &Rules, local: IpAddr) -> Result<PageRequest, String> {
     let mut headers = [httparse::EMPTY_HEADER; HEADERS];
     let mut request = httparse::Request::new(&mut headers);

@@ -124,7 +124,7 @@ impl ParameterWorker {
 
     fn order(&self, order: Order) {
         if let Some(orders) = &self.orders {
-            // The thread receives as long as this lives.
+            // The thread receives as long as `self` exists.
             let _ = orders.send(order);
         }
     }
@@ -196,7 +196,7 @@ impl Clerk<'_> {
             Ask::Set { wanted, id } => {
                 let mut troubles = self.set(&wanted);
                 let wanted = wanted.into_iter().map(|(name, place, _)| (name, place));
-                // Whatever became of it, the client gets what is there now.
+                // Whether that succeeded or not, the client gets the present values.
                 let (parameters, more) = self.get(wanted);
                 troubles.extend(more);
                 (parameters, id, troubles)

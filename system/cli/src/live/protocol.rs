@@ -24,7 +24,7 @@ pub(crate) enum Request {
     Unsubscribe {
         subscription_ids: Vec<u32>,
     },
-    /// Without names, all parameters are meant.
+    /// Asks for parameters; without names, for all.
     GetParameters {
         parameter_names: Vec<String>,
         id: Option<String>,
@@ -33,11 +33,11 @@ pub(crate) enum Request {
         parameters: Vec<Parameter>,
         id: Option<String>,
     },
-    /// Without names, all parameters are meant.
+    /// Subscribes to changes of parameters; without names, of all.
     SubscribeParameterUpdates {
         parameter_names: Vec<String>,
     },
-    /// Without names, all parameters are meant.
+    /// Ends the subscription to changes of parameters; without names, of all.
     UnsubscribeParameterUpdates {
         parameter_names: Vec<String>,
     },
@@ -89,7 +89,7 @@ pub(crate) enum Answer<'a> {
     ServerInfo {
         name: &'a str,
         capabilities: &'a [&'a str],
-        /// Of what clients send beside text.
+        /// The encodings that clients may send beside text.
         #[serde(skip_serializing_if = "<[_]>::is_empty")]
         supported_encodings: &'a [&'a str],
         session_id: &'a str,
@@ -211,8 +211,8 @@ pub(crate) struct ServiceCall<'f> {
 }
 
 impl<'f> ServiceCall<'f> {
-    /// Reads a binary frame. Returns an error that says why it is no call, and the service and the number of the
-    /// call as far as there are some.
+    /// Reads a binary frame. Returns an error that says why the frame is not a call, with the service and
+    /// the number of the call if the frame has them.
     pub(crate) fn read(frame: &'f [u8]) -> Result<Self, (String, Option<[u32; 2]>)> {
         let Some((&CALL, rest)) = frame.split_first() else {
             let text = "binary messages are not understood, but for calls of services: \

@@ -17,7 +17,7 @@ pub(super) struct Scene<'r> {
     robot: &'r dyn Robot,
     /// The last values of [`variables`].
     values: Vec<f64>,
-    /// For each source of rows, the places of values among its fields, and among `values`.
+    /// The places of values among the fields of each source of rows, and among `values`.
     places: Vec<Vec<(usize, usize)>>,
     drawn: Option<Instant>,
 }
@@ -114,7 +114,7 @@ pub(super) fn picture(robot: &dyn Robot, values: &[f64]) -> Json {
     json!({ "lines": lines, "objects": objects.collect::<Vec<_>>() })
 }
 
-/// A point as exactly as it is drawn.
+/// Rounds a point to the precision with which it is drawn.
 fn near(point: [f64; 3]) -> [f64; 3] {
     point.map(|it| (it * DIGITS).round() / DIGITS)
 }

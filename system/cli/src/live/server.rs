@@ -29,12 +29,12 @@ const HANDSHAKES: usize = 64;
 /// The bytes that the operating system keeps for a client. What waits longer may be replaced by what is
 /// newer.
 const SOCKET: usize = 128 << 10;
-/// How long a client may be idle before the operating system asks whether it is there, and the time
-/// between two such probes.
+/// The time for which a client may be idle before the operating system asks whether it is there, and the
+/// time between two such probes.
 const IDLE: Duration = Duration::from_secs(10);
 /// The number of probes without an answer that ends a connection.
 const PROBES: u32 = 3;
-/// How long what was sent may wait for the client's machine to confirm it, in ms.
+/// The time for which sent bytes may wait for the client's machine to confirm them, in ms.
 const VANISHED_MS: u32 = 30_000;
 /// The least time between two reports that no connection can be accepted.
 const REPORT: Duration = Duration::from_secs(1);
@@ -144,7 +144,7 @@ impl Server {
         Some((number, session.calls.take()?))
     }
 
-    /// Gives the answer to a call to its client.
+    /// Passes the answer to a call on to its client.
     pub(super) fn respond(&mut self, client: u64, call: &Call, result: Result<Vec<u8>, String>) {
         if let Some(session) = self.session(client) {
             session.respond(call, result);
@@ -161,7 +161,7 @@ impl Server {
                 Err(error) if is_fatal(&error) => {
                     return Err(format!("cannot accept a connection: {error}").into());
                 }
-                // Such as too many open files: those who are here go on.
+                // An error such as too many open files: the clients that are connected go on.
                 Err(error) => {
                     if self.reported.is_none_or(|at| now - at >= REPORT) {
                         eprintln!("{}: cannot accept a connection: {error}", me());
@@ -183,7 +183,7 @@ impl Server {
                 self.end(client, &End::Refused(reason));
             }
             let Ok(local) = prepare(&stream) else {
-                // It has gone again.
+                // The client has gone again.
                 continue;
             };
             self.clients.push(Client {
@@ -239,7 +239,7 @@ impl Server {
         }
     }
 
-    /// Gives a sample to all who have subscribed to its channel.
+    /// Pushes a sample to all clients that have subscribed to its channel.
     pub(super) fn push(&mut self, sample: &Sample) {
         let Sample {
             channel,
@@ -251,7 +251,7 @@ impl Server {
         }
     }
 
-    /// Gives the time to all.
+    /// Tells all clients the time.
     pub(super) fn set_time(&mut self, at_ns: u64) {
         for session in self.sessions() {
             session.set_time(at_ns);
@@ -265,7 +265,7 @@ impl Server {
         }
     }
 
-    /// Gives what was asked to its client, and changes to all who want to know.
+    /// Passes an answer on to the client that asked, and a change to all clients that watch the parameter.
     pub(super) fn take(&mut self, told: WorkerMessage) {
         match told {
             WorkerMessage::Answer {

@@ -30,7 +30,7 @@ const REASON: usize = 4 << 10;
 /// The least time between two statuses of lost samples.
 const TELLING: Duration = Duration::from_secs(1);
 
-/// What the server offers to all clients.
+/// The offer of the server to all clients: its channels, services and parameters.
 #[derive(Default)]
 pub(crate) struct Catalog {
     /// The name of the system.
@@ -102,7 +102,7 @@ pub(crate) enum Frame {
 pub(crate) struct Session {
     trust: Trust,
     pace: Option<Pace>,
-    /// By the number that the client has chosen.
+    /// The subscriptions, by the number that the client has chosen.
     subscriptions: BTreeMap<u32, Subscription>,
     /// The parameters of which the client wants to know changes, by the names that it uses.
     watched: BTreeMap<String, usize>,
@@ -116,7 +116,7 @@ pub(crate) struct Session {
     /// The number of the next sample.
     order: u64,
     lost: Lost,
-    /// How many samples were sent.
+    /// The number of samples that were sent.
     pub(crate) sent: u64,
 }
 
@@ -142,7 +142,7 @@ struct Sample {
 #[derive(Default)]
 struct Lost {
     all: u64,
-    /// By channel, since the client was told last.
+    /// The number of samples lost since the client was told last, by channel.
     untold: BTreeMap<usize, u64>,
     told: Option<Instant>,
 }
@@ -207,7 +207,7 @@ impl Session {
             Ok(request) => request,
             Err(error) => {
                 self.tell(Level::Error, &format!("not understood: {error}"));
-                // A client that gives an id waits for it.
+                // A client that sends an id waits for the answer with that id.
                 let id = protocol::id_of_parameters(text).filter(|id| id.len() <= ID)?;
                 let wanted = Vec::new();
                 self.asked += 1;
@@ -313,13 +313,13 @@ impl Session {
                     }
                 }
                 let sets = wanted.iter().any(|(.., value)| value.is_some());
-                // A client that gives an id waits for the values that hold, whatever was refused.
+                // A client that sends an id waits for the values that hold, whatever was refused.
                 return (sets || id.is_some()).then_some(Ask::Set { wanted, id });
             }
             Request::SubscribeParameterUpdates { parameter_names } => {
                 let wanted: BTreeMap<_, _> = catalog.places(parameter_names, troubles).collect();
                 self.watched.extend(wanted.clone());
-                // What was set between its last question and this is no change any more.
+                // A value that was set between the last question and this one is not a change any more.
                 return (!wanted.is_empty()).then_some(Ask::Get { wanted, id: None });
             }
             Request::UnsubscribeParameterUpdates { parameter_names } => {

@@ -33,7 +33,7 @@ const SAVE: &str = "/sim/save";
 const ENQUEUE: &str = "/sim/enqueue";
 const OUTCOME: &str = "/sim/outcome";
 
-/// What a simulation is made of.
+/// The parts of which a simulation is made.
 #[derive(Clone, Copy)]
 pub(crate) struct Workshop<'s> {
     pub(crate) application: &'s dyn Application,

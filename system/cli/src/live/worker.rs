@@ -63,13 +63,13 @@ impl Worker {
         Ok((worker, services))
     }
 
-    /// Takes the next call of the clients if the thread is free, waits for an answer, at most for this time,
-    /// and gives it to its client.
+    /// Takes the next call of the clients if the thread is free, waits for an answer, at most for this
+    /// time, and passes it on to its client.
     pub(super) fn turn(&mut self, server: &mut Server, wait: Duration) {
         if !self.is_asked
             && let Some(next) = server.call()
         {
-            // The thread receives as long as this lives.
+            // The thread receives as long as `self` exists.
             self.is_asked = self.calls.send(next).is_ok();
         }
         if let Ok(done) = self.done.recv_timeout(wait) {

@@ -19,7 +19,7 @@ use crate::stress::SHARED_BYTES;
 const QEMU: &str = "qemu-system-riscv64";
 const MEMORY_BYTES: u32 = 64 << 20;
 const USER_BYTES: u32 = 64 << 10;
-/// How often it is looked whether it is over.
+/// The time between two looks whether all programs have ended.
 const LOOK: Duration = Duration::from_millis(100);
 
 /// Harts that are ready to be switched on, and what they leave behind.
@@ -27,15 +27,15 @@ const LOOK: Duration = Duration::from_millis(100);
 pub struct Alone {
     harts: u8,
     memory: MachineMemory,
-    /// Where the memory is, as long as this is there.
+    /// The directory of the memory, which exists as long as this value.
     _directory: TempDir,
 }
 
 impl Alone {
-    /// As many harts with the program in the ELF file `image`, whose arguments are `words`.
+    /// Loads the program in the ELF file `image`, with the arguments `words`, for `harts` harts.
     ///
     /// # Errors
-    /// There is no place for the memory, or the image cannot be read or loaded.
+    /// Returns an error if there is no place for the memory, or if the image cannot be read or loaded.
     pub fn new(harts: u8, image: &Path, words: &[&str]) -> Result<Self, Box<dyn Error>> {
         let file = std::fs::read(image).map_err(|error| format!("{}: {error}", image.display()))?;
         let directory = tempfile::tempdir_in("/dev/shm")?;
@@ -62,7 +62,8 @@ impl Alone {
     /// file `monitor`, and waits until all programs have ended well.
     ///
     /// # Errors
-    /// The emulator cannot be started, or ends before its harts; a program does not end well, or not in time.
+    /// Returns an error if the emulator cannot be started or ends before its harts, or if a program does
+    /// not end well, or not in time.
     pub fn play(
         &self,
         monitor: &Path,
@@ -95,10 +96,10 @@ impl Alone {
         }
     }
 
-    /// What users have of a hart's `data`: what its program has published lies there.
+    /// Returns the users' part of a hart's `data`, in which its program publishes.
     ///
     /// # Errors
-    /// There is no such hart.
+    /// Returns an [`AccessError`] if there is no such hart.
     pub fn region(&self, hart: u8) -> Result<Region<LinuxWindow>, AccessError> {
         let (map, bell) = (self.memory.map(), layout::BELL_BYTES);
         let data = map.data.at(hart.into()).saturating_add(bell);
@@ -126,7 +127,7 @@ struct Machine(Child);
 
 impl Drop for Machine {
     fn drop(&mut self) {
-        // It may have ended.
+        // The machine may have ended by itself.
         let _ = self.0.kill();
         let _ = self.0.wait();
     }

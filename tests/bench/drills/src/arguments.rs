@@ -3,21 +3,21 @@
 use condor_mbox::Processor;
 use condor_rt::{Machine, PROCESSORS, ProgramError};
 
-/// The value of an argument.
+/// Returns the value of an argument, if it is there.
 fn value<'m, M: Machine>(machine: &'m M, name: &str) -> Option<&'m str> {
     (0..)
         .map_while(|index| machine.argument(index))
         .find_map(|argument| argument.strip_prefix(name)?.strip_prefix('='))
 }
 
-/// Whether an argument is there, without a value.
+/// Returns true if an argument is there, without a value.
 pub(crate) fn is_there<M: Machine>(machine: &M, name: &str) -> bool {
     (0..)
         .map_while(|index| machine.argument(index))
         .any(|argument| argument == name)
 }
 
-/// A number that an argument gives, or `usual`.
+/// Returns the number that follows `name` in the arguments, or `usual` if there is none.
 pub(crate) fn number<M: Machine>(machine: &M, name: &str, usual: u32) -> Result<u32, ProgramError> {
     let number = |text: &str| text.parse().map_err(|_| wrong("NAME=NUMBER"));
     value(machine, name).map_or(Ok(usual), number)

@@ -1,4 +1,5 @@
-//! How deep the stack of a hart gets: measured by painting, beside what its levels alone add up to.
+//! Measures the depth of a hart's stack by painting, and compares it with the sum of what its levels take
+//! alone.
 
 use std::time::Duration;
 
@@ -14,7 +15,8 @@ const PATIENCE: Duration = Duration::from_secs(300);
 /// Plays it, and prints what came out: the arguments are the monitor and the image.
 ///
 /// # Errors
-/// What is missing; a stack that is deeper than its levels, or levels that did not nest.
+/// Returns an error if an argument is missing, if the stack is deeper than its levels, or if the levels did
+/// not nest.
 pub(crate) fn run(arguments: &[String]) -> Result<(), AnyError> {
     let [monitor, image] = arguments else {
         return Err("usage: drills stack MONITOR IMAGE".into());
@@ -67,7 +69,7 @@ fn most(depths: &Depths, more: usize) -> u32 {
     depths.bound().saturating_add(nested)
 }
 
-/// That the stack is no deeper than its levels, all of which took part.
+/// Checks that the stack is at most as deep as its levels together, all of which took part.
 fn check(depths: &Depths) -> Result<(), String> {
     let (deepest, bound) = (depths.deepest, depths.bound());
     if deepest > bound {

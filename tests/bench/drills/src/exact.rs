@@ -11,14 +11,14 @@ use crate::summary;
 const HARTS: u8 = 4;
 /// An instruction takes 2⁴ ns.
 const SHIFT: u8 = 4;
-/// How long a second of the machine may take, and all else, in seconds.
+/// The longest time that a second of the machine may take, and that all else may take, in seconds.
 const SLOWEST: u64 = 10;
 const PATIENCE: Duration = Duration::from_secs(60);
 
 /// Plays it: the arguments are the monitor, the image and how many seconds.
 ///
 /// # Errors
-/// What is missing; a stress that goes wrong.
+/// Returns an error if an argument is missing, or if the stress goes wrong.
 pub(crate) fn run(arguments: &[String]) -> Result<(), AnyError> {
     let [monitor, image, seconds] = arguments else {
         return Err("usage: drills exact MONITOR IMAGE SECONDS".into());
@@ -40,7 +40,7 @@ pub(crate) fn run(arguments: &[String]) -> Result<(), AnyError> {
         regions.push((format!("hart {number}"), harts.region(number)?));
     }
     let verdicts = summary::verdicts(regions.iter().map(|(name, region)| (name.as_str(), region)));
-    // Why a machine ended says more than what its harts did not do.
+    // The reason for which a machine ended says more than what its harts did not do.
     ended?;
     verdicts
 }

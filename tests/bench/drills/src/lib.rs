@@ -28,10 +28,10 @@ pub use stress::Stress;
 pub use table::{Echo, Table};
 pub use variables::Variables;
 
-/// What a drill ends with that has counted something wrong.
+/// The error text of a drill that has counted something wrong.
 pub const WRONG: &str = "something is wrong; see the counts";
 
-/// A processor that is not ready in time.
+/// Returns the error of a processor that is not ready in time.
 fn late(processor: condor_mbox::Processor) -> condor_rt::ProgramError {
     let number = processor.0;
     condor_rt::ProgramError::program(&format_args!("processor {number} is not ready in time"))

@@ -17,34 +17,34 @@ use crate::arguments::{self, Peers};
 /// The name under which a [`Record`] is published.
 pub const NAME: &str = "record";
 
-/// Of loops, without reply, and of backgrounds, with reply.
+/// The vectors of messages: of loops, without reply, and of backgrounds, with reply.
 const TICK: Vector = Vector(13);
 const ASK: Vector = Vector(14);
 const PATIENCE: Duration = Duration::from_millis(20);
 const LOOPS: [&str; 2] = ["fast", "slow"];
 const RATES: [Rate; 2] = [Rate::hz(400), Rate::hz(100)];
-/// How often a program looks whether it is to end.
+/// The time between two looks of a program whether it must end.
 const NAP: Duration = Duration::from_millis(50);
 
 /// The program.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Order;
 
-/// What came out.
+/// The results of the program.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
 pub struct Record {
-    /// All that was seen, folded.
+    /// All values that were seen, folded.
     pub seen: u64,
     /// The instant of the last answer, in nanoseconds.
     pub at_ns: u64,
     /// Questions that were answered.
     pub answered: u32,
-    /// Questions that were not.
+    /// Questions that were not answered.
     pub unanswered: u32,
     /// Releases of both loops.
     pub released: [u32; 2],
-    /// Those that were skipped.
+    /// Releases that were skipped.
     pub skipped: [u32; 2],
 }
 
@@ -123,7 +123,7 @@ impl Program for Order {
 struct Seen(AtomicU64);
 
 impl Seen {
-    /// Folds words in, and gives some bits of what comes out.
+    /// Folds words in, and returns some bits of the result.
     fn fold<const N: usize>(&self, words: [u64; N]) -> u32 {
         let seen = words.into_iter().fold(self.0.load(Relaxed), |seen, word| {
             (seen ^ word)

@@ -1,4 +1,4 @@
-//! What processors publish for each other.
+//! Reading of values that processors publish for each other.
 
 use condor_mbox::published::{PublishedReadError, Subscriber};
 use condor_mbox::{MemoryWindow, Published, Region};
@@ -6,10 +6,10 @@ use condor_rt::ProgramError;
 use condor_rt::objects::{self, ObjectKind};
 use zerocopy::{FromBytes, IntoBytes};
 
-/// What a processor has published under a name; `None` if it has not yet.
+/// Returns the value that a processor has published under a name; `None` if it has not published one yet.
 ///
 /// # Errors
-/// The memory's.
+/// Returns the error of the memory if an access fails.
 pub fn published<T, W>(region: &Region<W>, name: &str) -> Result<Option<T>, ProgramError>
 where
     T: FromBytes + IntoBytes,

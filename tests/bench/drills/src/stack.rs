@@ -1,4 +1,4 @@
-//! What the levels of a hart's program have taken of its stack, each alone and all together.
+//! The bytes of stack that the levels of a hart's program have taken, each alone and all together.
 //!
 //! The program is in `tests/bench/drills/hart`, since it paints the stack of a hart.
 
@@ -8,7 +8,7 @@ use zerocopy::{FromBytes, Immutable, IntoBytes};
 /// The name under which [`Depths`] are published.
 pub const NAME: &str = "stack";
 
-/// How deep the handlers of the drill nest.
+/// The depth to which the handlers of the drill nest.
 pub const NESTED: usize = 6;
 const _: () = assert!(NESTED <= Call::MAX_DEPTH as usize);
 
@@ -16,20 +16,20 @@ const _: () = assert!(NESTED <= Call::MAX_DEPTH as usize);
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
 pub struct Depths {
-    /// What there is.
+    /// The size of the stack.
     pub stack: u32,
-    /// From the end of the stack to the deepest frame of the background, with interrupts masked.
+    /// The depth of the background from the end of the stack to its deepest frame, with interrupts masked.
     pub background: u32,
     /// The mailbox interrupt above an idle background, with one handler, with two that are nested, and
     /// so on.
     pub mailbox: [u32; NESTED],
     /// The slow loop above an idle background, with a ring while it runs.
     pub slow: u32,
-    /// The same of the fast loop.
+    /// The fast loop above an idle background, with a ring while it runs.
     pub fast: u32,
-    /// From the end of the stack to the deepest frame when all of that runs.
+    /// The depth from the end of the stack to the deepest frame when all levels run.
     pub deepest: u32,
-    /// How often the fast loop ran above the slow one, above the innermost handler.
+    /// The number of runs of the fast loop above the slow one, above the innermost handler.
     pub at_once: u32,
     /// Releases that were skipped: a timer's interrupt while the same loop runs is a level that was not
     /// measured.
@@ -37,8 +37,9 @@ pub struct Depths {
 }
 
 impl Depths {
-    /// The deepest that there can be: the background, and each level once. The timer's interrupt lets
-    /// only faster loops in, the mailbox interrupt masks itself, and loops only note rings.
+    /// Returns the greatest depth that is possible: that of the background, and of each level once. The
+    /// timer's interrupt lets only faster loops in, the mailbox interrupt masks itself, and loops only note
+    /// rings.
     #[must_use]
     pub fn bound(&self) -> u32 {
         [self.background, self.mailbox_bound(), self.slow, self.fast]
@@ -46,13 +47,13 @@ impl Depths {
             .fold(0, u32::saturating_add)
     }
 
-    /// The mailbox interrupt with as many nested handlers as the drill has.
+    /// Returns the depth of the mailbox interrupt with as many nested handlers as the drill has.
     #[must_use]
     pub fn mailbox_bound(&self) -> u32 {
         self.mailbox.into_iter().max().unwrap_or(0)
     }
 
-    /// What one more nested handler takes at most.
+    /// Returns the most bytes that one more nested handler takes.
     #[must_use]
     pub fn nested(&self) -> u32 {
         let (shallower, deeper) = (self.mailbox.iter(), self.mailbox.iter().skip(1));

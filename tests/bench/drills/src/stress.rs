@@ -30,11 +30,11 @@ pub const NAME: &str = "verdict";
 
 /// Nothing takes as long, unless something is broken.
 const PATIENCE: Duration = Duration::from_secs(30);
-/// How long a look for messages waits.
+/// The time that a look for messages waits.
 const NAP: Duration = Duration::from_millis(5);
 const LOOPS: [&str; 2] = ["fast", "slow"];
 const RATES: [Rate; 2] = [Rate::hz(400), Rate::hz(100)];
-/// How deep a message with a reply is asked back.
+/// The depth to which receivers of a message with a reply ask back.
 const DEPTH: u32 = 2;
 
 /// The program.
@@ -44,7 +44,7 @@ const DEPTH: u32 = 2;
 #[derive(Clone, Copy, Debug)]
 pub struct Stress<F>(pub F);
 
-/// What came out.
+/// The results of the program.
 #[derive(Clone, Copy, Debug, Default, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
 pub struct Verdict {
@@ -55,7 +55,7 @@ pub struct Verdict {
     pub wrong: u32,
     /// Messages without reply that were received, of backgrounds.
     pub notes: u32,
-    /// The same, of loops.
+    /// Messages without reply that were received, of loops.
     pub ticks: u32,
     /// Calls that were answered.
     pub calls: u32,
@@ -63,14 +63,13 @@ pub struct Verdict {
     pub nested: u32,
     /// Releases of both loops.
     pub released: [u32; 2],
-    /// Those that were skipped.
+    /// Releases that were skipped.
     pub skipped: [u32; 2],
-    /// By how much the releases of the loops are not those of the time that passed, counted in
-    /// releases.
+    /// The difference between the releases of the loops and those that were due in the time that passed.
     pub drift: [u32; 2],
     /// The worst lateness of each, in ticks of the timer.
     pub lateness: [u32; 2],
-    /// How deep the stack was, in bytes; 0 if nobody knows.
+    /// The greatest depth of the stack, in bytes; 0 if it is not known.
     pub stack: u32,
 }
 
@@ -96,7 +95,7 @@ impl<F: Fn() -> u32> Program for Stress<F> {
             .servo(LOOPS[0], RATES[0], &mut |tick| {
                 if let Some(peer) = peers.nth(tick.number).filter(|_| sends.load(Relaxed)) {
                     let number = tally.next_tick(peer);
-                    // Where there is no room, it is sent another time.
+                    // If there is no room, the message is sent another time.
                     if tick.send(peer, TICK, number).is_ok() {
                         tally.tick_sent(peer, number);
                     }
@@ -122,7 +121,8 @@ struct Running<'r, M: Machine> {
     tally: &'r Tally,
     peers: Peers,
     sends: &'r AtomicBool,
-    /// Where all say how far they are, and what they have sent: the memory that belongs to nobody.
+    /// The memory that belongs to no processor, where each publishes how far it is, and how much it has
+    /// sent.
     board: Region<M::Window>,
 }
 
@@ -218,7 +218,7 @@ impl<M: Machine> Running<'_, M> {
         Ok(verdict)
     }
 
-    /// A message without reply.
+    /// Sends a message without reply.
     fn note(&self, peer: Processor) -> Result<(), ProgramError> {
         let number = self.tally.next_note(peer);
         self.until(peer, || {
@@ -236,7 +236,7 @@ impl<M: Machine> Running<'_, M> {
         Ok(())
     }
 
-    /// A message with a reply.
+    /// Sends a message with a reply, and checks the reply.
     fn ask(&self, peer: Processor) -> Result<(), ProgramError> {
         let question = self.tally.next_question(DEPTH);
         let mut ticket: Option<MessageTicket<'_>> = None;
@@ -318,7 +318,7 @@ impl<M: Machine> Running<'_, M> {
         Ok(())
     }
 
-    /// What a peer has put on the board; `None` if nothing yet.
+    /// Returns the counts that a peer has published; `None` if there are none yet.
     fn counts(&self, peer: Processor) -> Result<Option<Counts>, ProgramError> {
         match tally::counts_of(peer).subscriber(&self.board)?.read() {
             Ok(latest) => Ok(Some(latest.value)),
@@ -361,7 +361,7 @@ impl Verdict {
     }
 }
 
-/// Something that lives in floating-point registers for a while; its bits.
+/// Computes in floating-point registers for a while; returns the bits of the result.
 fn compute() -> u64 {
     let (mut even, mut odd) = (core::hint::black_box(1.0_f64), core::hint::black_box(0.5));
     for _ in 0..2000 {

@@ -1,4 +1,4 @@
-//! What came out of a drill.
+//! The summary of a drill's results.
 
 use condor_host::description::SystemDescription;
 use condor_host::error::AnyError;
@@ -12,7 +12,8 @@ use drills::table::{self, Times};
 /// Prints the verdicts and times of the processors of a running system.
 ///
 /// # Errors
-/// The memory's; a processor that has counted something wrong, or has not come to an end.
+/// Returns an error if the memory cannot be read, or if a processor has counted something wrong, or has not
+/// come to an end.
 pub(crate) fn of(
     description: &SystemDescription,
     directory: &SystemDirectory,
@@ -47,9 +48,11 @@ pub(crate) fn of(
 }
 
 /// Prints verdicts.
+/// Prints the verdicts of processors.
 ///
 /// # Errors
-/// As [`of`].
+/// Returns an error if the memory cannot be read, or if a processor has counted something wrong, or has not
+/// come to an end.
 pub(crate) fn verdicts<'r>(
     regions: impl Iterator<Item = (&'r str, &'r Region<LinuxWindow>)>,
 ) -> Result<(), AnyError> {

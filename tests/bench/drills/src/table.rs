@@ -30,15 +30,16 @@ pub struct Table;
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Echo;
 
-/// How long messages to each processor have taken, ns; 0 where none were sent.
+/// The times that messages to each processor have taken, ns; 0 where none were sent.
 #[derive(Clone, Copy, Debug, Default, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
 pub struct Times {
     /// 1 if all has been measured.
     pub is_complete: u32,
-    /// Without reply: from the first of many to the time when the last has been handled, for each.
+    /// The time of a message without reply: that from the first of many to the end of the last one's
+    /// handler, divided by their number.
     pub sent: [u32; PROCESSORS],
-    /// With reply: the median.
+    /// The time of a message with reply: the median.
     pub replied: [u32; PROCESSORS],
 }
 
@@ -140,7 +141,7 @@ fn wait<M: Machine>(
 /// Rounds of which one time is taken, at most.
 const MOST: usize = 4096;
 
-/// How long a message takes without and with reply, ns.
+/// Returns the time that a message takes without and with reply, ns.
 fn measure<M: Machine>(
     machine: &M,
     mailbox: &MailboxOf<'_, M>,
@@ -172,14 +173,14 @@ fn measure<M: Machine>(
     for data in 0..rounds {
         mailbox.send(peer, NOTHING, data, PATIENCE)?;
     }
-    // It is handled after all that was sent before.
+    // This message is handled after all that were sent before.
     call(0)?;
     let all = clock.now().ns_since(begun);
     let each = u32::try_from(all / u64::from(rounds)).unwrap_or(u32::MAX);
     Ok((each, median))
 }
 
-/// The value that has half of all below it, or at it: bit by bit, since sorting can panic.
+/// Returns the value that half of all values are at most: bit by bit, since sorting can panic.
 fn median<'t, T: Iterator<Item = &'t u32>>(times: impl Fn() -> T) -> u32 {
     let half = times().count() / 2;
     (0..u32::BITS).rev().fold(0, |median, bit| {

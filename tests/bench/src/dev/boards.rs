@@ -131,7 +131,7 @@ written_in! {
     Port, u16, write16, 0x22
 }
 
-/// Where the port is.
+/// The address of the port.
 pub(super) const PORT: usize = 0x700;
 
 device_switch! {
@@ -150,11 +150,11 @@ pub(super) type BenchSwitch = Switch<Memory, NoInterrupts, Boards, 8>;
 /// The device of the typed path.
 pub(super) type PortDevice<'s> = Device<'s, Memory, Port, 8>;
 
-/// One write of sixteen bits, which is peculiar to the port.
+/// Writes sixteen bits at once, which is peculiar to the port.
 #[inline]
 pub(super) fn set<B: Bus>(registers: Registers<'_, B>, value: u16) -> Result<(), B::Error> {
     registers.write16(0x22, value)
 }
 
-/// How the port is opened.
+/// The mode in which the port is opened.
 pub(super) const MODE: OpenMode = OpenMode::WRITE;

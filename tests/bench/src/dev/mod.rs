@@ -29,7 +29,7 @@ const WRITE2: &str = "write(2) to /dev/null";
 /// Counts and times all paths.
 ///
 /// # Errors
-/// valgrind is missing or fails.
+/// Returns an error if valgrind is missing or fails.
 pub(crate) fn run(options: &Options) -> Result<Report> {
     let mut text = String::new();
     let [direct, fd, dynamic, _, direct16, typed, putc, ..] = callgrind::table(

@@ -128,7 +128,7 @@ type Path = Box<dyn FnMut(usize) -> bool>;
 /// Goes `calls` times down one path: what callgrind runs.
 ///
 /// # Errors
-/// There is no such path, or the device refused.
+/// Returns an error if there is no such path, or if the device refuses.
 pub(crate) fn go(name: &str, calls: usize) -> Result<()> {
     let (switch, fd) = open()?;
     let board: &'static Board<Port> = Box::leak(Box::new(Board::new(&BUS, PORT)));
@@ -172,7 +172,7 @@ pub(crate) fn go(name: &str, calls: usize) -> Result<()> {
     Ok(())
 }
 
-/// Text without newlines.
+/// Returns a letter, so that the text has no newlines.
 fn letter(call: usize) -> u8 {
     b'a' + (call % 26) as u8
 }

@@ -29,7 +29,7 @@ impl<D: Driver> Board<D> {
 
 type DriverResult = std::result::Result<usize, DeviceError<<Memory as Bus>::Error>>;
 
-/// What a switch of trait objects calls.
+/// The calls of a switch of trait objects.
 pub(super) trait AnyBoard: Sync {
     #[allow(
         dead_code,
@@ -63,7 +63,7 @@ fn wanted(generation: u16, mode: OpenMode) -> u32 {
 }
 
 impl DynSwitch {
-    /// All boards of the benchmark, the port as the last one.
+    /// Makes a switch of all boards of the benchmark, the port as the last one.
     pub(super) fn new(bus: &'static Memory, port: usize) -> Self {
         fn boards<D: Driver>(bus: &'static Memory, first: usize) -> [&'static dyn AnyBoard; 2] {
             [first, first + 0x100].map(|base| -> &'static dyn AnyBoard {
@@ -125,7 +125,7 @@ impl<D: Driver + Send> DeviceMmio for Board<D> {
     }
 }
 
-/// rust-vmm's manager with all boards of the benchmark.
+/// Makes the manager of rust-vmm with all boards of the benchmark.
 pub(super) fn io_manager(bus: &'static Memory, port: usize) -> Result<IoManager> {
     fn register<D: Driver + Send>(
         manager: &mut IoManager,

@@ -21,7 +21,7 @@ use crate::options::Options;
 use crate::process::CorePair;
 use crate::rounds::{self, NS, Tables};
 
-/// What is moved by one call, in bytes.
+/// The bytes that one call moves, and their name.
 const SIZES: [(usize, &str); 3] = [(4 << 10, "4 KiB"), (64 << 10, "64 KiB"), (1 << 20, "1 MiB")];
 
 /// A transfer of 1 MiB takes at most so many times the native time.
@@ -30,7 +30,7 @@ const MOST_TIME: f64 = 1.03;
 /// A read of 4 KiB takes at most so many raw exchanges more than a native one.
 const MOST_RAW: f64 = 3.0;
 
-/// Every operation and size, in the order of the tables.
+/// Returns each operation with each size, in the order of the tables.
 fn cells() -> impl Iterator<Item = (Operation, usize, String)> {
     Operation::ALL.into_iter().flat_map(|operation| {
         SIZES.map(|(size, name)| (operation, size, format!("{operation} of {name}")))
@@ -67,7 +67,7 @@ pub(crate) fn run(options: &Options) -> Result<Report> {
 
 fn goals(tables: &Tables) -> Result<Vec<Goal>> {
     let read_4k = |way| tables.values(&[("read of 4 KiB", way, 0)]);
-    // What a read takes beyond a native one, in times of another way.
+    // The ratio of the time that a read takes beyond a native one, to that of another way.
     let beyond_native = |unit| -> Result<Estimate> {
         let beyond = read_4k(OURS)?.into_iter().zip(read_4k(NATIVE)?);
         let beyond = beyond.map(|(ours, native)| ours - native);

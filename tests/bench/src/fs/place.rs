@@ -1,4 +1,4 @@
-//! [`Place`]: a directory on a disk's file system.
+//! [`Place`]: a directory on a disk's filesystem.
 
 use std::path::{Path, PathBuf};
 
@@ -7,7 +7,7 @@ use tempfile::TempDir;
 
 use crate::Result;
 
-/// `TMPFS_MAGIC` and `RAMFS_MAGIC` of Linux: file systems without a page cache of their own.
+/// `TMPFS_MAGIC` and `RAMFS_MAGIC` of Linux: filesystems without a page cache of their own.
 const IN_MEMORY: [FsWord; 2] = [0x0102_1994, 0x8584_58f6];
 
 /// A directory that is removed when this is dropped.
@@ -17,10 +17,10 @@ pub(super) struct Place {
 }
 
 impl Place {
-    /// In the temporary directory, or in another one if that is in memory.
+    /// Makes a directory in the temporary directory, or in `/var/tmp` if that one is in memory.
     ///
     /// # Errors
-    /// There is none on a disk.
+    /// Returns an error if neither is on a disk, or if the directory cannot be made.
     pub(super) fn new() -> Result<Self> {
         for parent in [std::env::temp_dir(), PathBuf::from("/var/tmp")] {
             let magic = rustix::fs::statfs(&parent)?.f_type;
@@ -34,12 +34,12 @@ impl Place {
         Err("no temporary directory is on a disk: set TMPDIR".into())
     }
 
-    /// Its path.
+    /// Returns the path of the directory.
     pub(super) fn directory(&self) -> &Path {
         self.directory.path()
     }
 
-    /// What it is on.
+    /// Returns the name of the filesystem of the directory.
     pub(super) fn file_system(&self) -> String {
         match self.magic {
             0xef53 => "ext4".to_owned(),

@@ -35,7 +35,7 @@ const LINES: usize = 4;
 /// Users' bytes of a window: two buffers of the largest transfer, and the blocks.
 const WINDOW: u32 = 2 * MOST as u32 + 64 * 1024;
 
-/// The client's end of a way that moves its own memory.
+/// Makes the client's end of a way that moves its own memory.
 fn owning<'c>(
     transfer: impl FnMut(Operation, &mut [u8]) -> Result<usize> + 'c,
 ) -> Box<dyn Client + 'c> {
@@ -81,14 +81,14 @@ pub(super) unsafe fn play(cores: CorePair, place: &Path, number: u64) -> Result<
     Ok(figures)
 }
 
-/// What the file holds, from its beginning on.
+/// Returns the content of the file, from its beginning on.
 fn pattern() -> Vec<u8> {
     (0..MOST as u32)
         .map(|at| (at.wrapping_mul(0x9e37_79b1) >> 24) as u8)
         .collect()
 }
 
-/// The places of a client, and those of its chunks and of its buffer.
+/// Allocates the places of a client, and those of its chunks and of its buffer.
 fn laid_out() -> Result<(Area<1>, u32, Allocator)> {
     let mut places = Allocator::new(WINDOW);
     let area = Area::<1>::new(&mut places, 64, MOST as u32)?;
@@ -96,7 +96,7 @@ fn laid_out() -> Result<(Area<1>, u32, Allocator)> {
     Ok((area, block, places))
 }
 
-/// A client's mailbox, which spins, and its own region.
+/// Joins a client's mailbox, which spins; returns it with the client's own region.
 fn join<'v>(
     system: &LinuxSystem<N>,
     handler: &'v (dyn Fn(&Call<'_>) -> u32 + Sync),
@@ -110,7 +110,7 @@ fn join<'v>(
     Ok((mailbox, own))
 }
 
-/// The client's process: gives every way its turns, in an order that changes.
+/// Runs the client's process: every way has its turns, in an order that changes.
 fn compete(
     shared: &Shared,
     file: &File,
@@ -199,7 +199,8 @@ fn compete(
     Ok(figures)
 }
 
-/// That reads and writes arrive; leaves the file, and what the client holds, as the file was.
+/// Checks that reads and writes arrive; leaves the file, and the bytes that the client holds, as the file
+/// was.
 fn check(client: &mut dyn Client, file: &File, size: usize) -> Result<()> {
     let pattern = &pattern()[..size];
     let other: Vec<u8> = pattern.iter().map(|byte| !byte).collect();

@@ -22,10 +22,10 @@ use crate::mbox::{Mapping, spinning};
 pub(super) const N: usize = 2;
 /// The number of the server.
 pub(super) const SERVER: Processor = Processor(0);
-/// The client.
+/// The number of the client.
 pub(super) const CLIENT: Processor = Processor(1);
 
-/// Gives back what came.
+/// Returns the data that came.
 pub(super) const ECHO: Vector = Vector(1);
 /// Ends the server's turn.
 const END: Vector = Vector(2);
@@ -44,32 +44,32 @@ pub(super) const NAME: &str = "file";
 /// A mailbox.
 pub(super) type Mail<'v> = LinuxMailbox<'v, N, SingleContext>;
 
-/// What both processes have from the beginning.
+/// The memory that both processes have from the beginning.
 pub(super) struct Shared {
     pub(super) system: LinuxSystem<N>,
-    /// Where chunks lie in the client's region.
+    /// The position of chunks in the client's region.
     pub(super) block: u32,
     /// Memory for raw exchanges.
     pub(super) lines: Mapping,
 }
 
 impl Shared {
-    /// The words of raw exchanges, as far apart as those of `mbox`.
+    /// Returns the words of raw exchanges, as far apart as those of `mbox`.
     pub(super) fn words(&self) -> [&AtomicU32; 2] {
         [0, 2].map(|line| self.lines.line(line))
     }
 }
 
-/// Which of its ends the server serves.
+/// The end that the server serves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Turn {
-    /// The mailbox.
+    /// Messages of the mailbox.
     Mailbox = 1,
-    /// The socket.
+    /// Requests on the socket.
     Socket,
     /// Raw exchanges, as many as the order says.
     Raw,
-    /// None ever again.
+    /// No end any more: the server ends.
     Quit,
 }
 
@@ -77,12 +77,12 @@ pub(super) enum Turn {
 type Order = [u32; 2];
 
 impl Turn {
-    /// Asks the server for it; the server is there when this returns.
+    /// Asks the server for this turn; the server is there when this returns.
     pub(super) fn begin(self, orders: &UnixStream) -> Result<()> {
         self.begin_of(orders, 0)
     }
 
-    /// The same, for so many calls, which raw exchanges have to know.
+    /// Asks like [`begin`](Self::begin) for a turn of so many exchanges, which raw ones have to know.
     pub(super) fn begin_of(self, mut orders: &UnixStream, exchanges: u32) -> Result<()> {
         let order: Order = [self as u32, exchanges];
         orders.write_all(order.map(u32::to_ne_bytes).as_flattened())?;
@@ -96,7 +96,7 @@ pub(super) fn end(mailbox: &Mail<'_>) -> Result<()> {
     Ok(mailbox.send_with_reply(SERVER, END, 0, TIMEOUT).map(drop)?)
 }
 
-/// The server's process: serves what it is asked for, until the last.
+/// Runs the server's process: serves the ends that it is asked for, until the last order.
 pub(super) fn serve(
     shared: &Shared,
     directory: &Path,

@@ -19,7 +19,7 @@ const REPLY: usize = 11;
 
 const TREAD: u8 = 116;
 const TWRITE: u8 = 118;
-/// In place of a request: the turn has ended.
+/// A message in place of a request: the turn has ended.
 const END: u8 = 0;
 
 /// Moves all of `data` from or to the beginning of the file.
@@ -114,7 +114,7 @@ fn reply(message: &mut [u8], request: u8, count: usize, data: usize) {
     message[7..REPLY].copy_from_slice(&(count as u32).to_le_bytes());
 }
 
-/// The first four bytes of `bytes`.
+/// Returns the number in the first four bytes of `bytes`.
 fn number(bytes: &[u8]) -> u32 {
     u32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]])
 }

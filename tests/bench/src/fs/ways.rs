@@ -9,17 +9,17 @@ use embedded_io::SeekFrom;
 
 use crate::Result;
 
-/// What is done.
+/// The operation of a call.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Operation {
-    /// Of the file's beginning.
+    /// Reads the file's beginning.
     Read,
-    /// Over the file's beginning.
+    /// Writes over the file's beginning.
     Write,
 }
 
 impl Operation {
-    /// Both.
+    /// Both operations.
     pub(super) const ALL: [Self; 2] = [Self::Read, Self::Write];
 }
 
@@ -41,7 +41,7 @@ pub(super) const ROUND_TRIP: &str = "a message with a reply, without any file";
 /// The calls of condor-fs that do not copy.
 pub(super) const OURS: &str = "condor-fs, no copy";
 
-/// What the tables call all ways.
+/// The names of all ways in the tables.
 pub(super) const WAYS: [&str; 7] = [
     NATIVE,
     "  the same once more (control)",
@@ -60,11 +60,11 @@ pub(super) trait Client {
     /// Puts bytes where writes come from and reads go to.
     fn fill(&mut self, bytes: &[u8]) -> Result<()>;
 
-    /// What is there.
+    /// Copies the bytes of the buffer into `into`.
     fn held(&self, into: &mut [u8]) -> Result<()>;
 }
 
-/// That a call moved what it should.
+/// Checks that a call moved all bytes.
 fn all(moved: usize, len: usize) -> Result<()> {
     if moved == len {
         Ok(())

@@ -19,7 +19,7 @@ pub(super) const FORWARD_ROUNDING: f64 = 1e-10;
 pub(super) const INVERSE: &str = "inverse dynamics";
 pub(super) const FORWARD: &str = "forward dynamics";
 
-/// The torques of a motion.
+/// Computes the torques of a motion.
 pub(super) fn inverse(fingers: &[PlanarFinger; FINGERS], state: &State, torque: &mut Joints) {
     for (finger, (torque, mechanism)) in torque.iter_mut().zip(fingers).enumerate() {
         let (q, qd, qdd) = (&state.q[finger], &state.qd[finger], &state.qdd[finger]);
@@ -27,7 +27,7 @@ pub(super) fn inverse(fingers: &[PlanarFinger; FINGERS], state: &State, torque: 
     }
 }
 
-/// The accelerations that torques cause; NaN where there are none.
+/// Computes the accelerations that torques cause; NaN where there are none.
 pub(super) fn forward(fingers: &[PlanarFinger; FINGERS], state: &State, acceleration: &mut Joints) {
     let no_armature = SVector::zeros();
     for (finger, (acceleration, mechanism)) in acceleration.iter_mut().zip(fingers).enumerate() {

@@ -20,7 +20,7 @@ const TRIALS: usize = 10_000;
 /// Below this, relative to the largest, a singular value counts as none.
 const SINGULAR: f64 = 1e-12;
 
-/// What is asked of the fingers.
+/// The contacts of a grasp, and the wrench that the fingers must exert.
 #[derive(Clone, Copy, Debug)]
 struct Grasp<const M: usize> {
     tips: [Vector3<f64>; M],
@@ -30,7 +30,7 @@ struct Grasp<const M: usize> {
 
 /// The tasks: three fingers and four.
 pub(super) const TASKS: [&str; 2] = ["forces of 3 fingers", "forces of 4 fingers"];
-/// What takes part in both.
+/// The contestants of both tasks.
 pub(super) const OURS: &str = "Contacts";
 pub(super) const CHOLESKY: &str = "nalgebra, Cholesky of G Gᵀ";
 pub(super) const SVD: &str = "nalgebra, SVD of G";
@@ -39,7 +39,7 @@ pub(super) const SVD: &str = "nalgebra, SVD of G";
 /// Cholesky's.
 ///
 /// # Errors
-/// One of them finds other forces, or none.
+/// Returns an error if one of them finds other forces, or none.
 pub(super) fn enter(race: &mut Race<'_>, subject: &'static Subject) -> Result<[f64; 2]> {
     let mut residuals = [0.0; 2];
     enter_three(race, subject, [0, 1, 3], &mut residuals)?;
@@ -78,7 +78,7 @@ fn ours<const M: usize>(grasp: &Grasp<M>) -> std::result::Result<[Vector3<f64>; 
     Ok(contacts.forces(&wrench, &grasp.about)?.forces)
 }
 
-/// What is written once for each number of fingers, since matrices of 3 M columns cannot be named.
+/// Defines the entry of the peers for a number of fingers, since matrices of 3 M columns cannot be named.
 macro_rules! with_peers {
     ($enter:ident, $fingers:literal, $columns:literal) => {
         fn $enter(
@@ -89,7 +89,7 @@ macro_rules! with_peers {
         ) -> Result<()> {
             type Forces = SVector<f64, $columns>;
 
-            /// The grasp matrix: forces and moments of the fingers' forces.
+            /// Returns the grasp matrix: forces and moments of the fingers' forces.
             #[inline]
             fn matrix(grasp: &Grasp<$fingers>) -> SMatrix<f64, 6, $columns> {
                 let mut matrix = SMatrix::<f64, 6, $columns>::zeros();

@@ -13,7 +13,7 @@ use crate::race::Race;
 /// The tips of all fingers with their Jacobians.
 pub(super) type Tips = [(Pose, Jacobian<f64, JOINTS>); FINGERS];
 
-/// The same results, as one list: positions, rotations and Jacobians, column by column.
+/// Returns the results as one list: positions, rotations and Jacobians, column by column.
 pub(super) fn list(tips: &Tips) -> Vec<f64> {
     let mut list = Vec::new();
     for (pose, jacobian) in tips {
@@ -24,7 +24,7 @@ pub(super) fn list(tips: &Tips) -> Vec<f64> {
     list
 }
 
-/// The tips of fingers.
+/// Computes the tips of fingers.
 pub(super) fn tips(
     fingers: &[PlanarFinger; FINGERS],
     q: &[SVector<f64, JOINTS>; FINGERS],
@@ -45,7 +45,7 @@ pub(super) const TIPS: &str = "4 tips and their Jacobians";
 /// Checks that all have the same tips, and lets them take part.
 ///
 /// # Errors
-/// One of them does not read the hand, or has other tips.
+/// Returns an error if one of them does not read the hand, or has other tips.
 pub(super) fn enter(race: &mut Race<'_>, subject: &'static Subject) -> Result<()> {
     let k = K::new(subject)?;
     for state in &subject.states {
@@ -88,7 +88,8 @@ impl K {
         Ok(Self { fingers, ends })
     }
 
-    /// A Jacobian makes the transformations of its chain, that of the tip too.
+    /// Computes the tip and the Jacobian of a finger. The Jacobian makes the transformations of its chain,
+    /// and so that of the tip.
     fn tip(
         &self,
         finger: usize,

@@ -29,7 +29,7 @@ use crate::rounds::Lane;
 /// Checks and times all contestants.
 ///
 /// # Errors
-/// One of them finds other results, or the Pinocchio that was asked for is not
+/// Returns an error if one of them finds other results, or if the Pinocchio that was asked for is not
 /// there.
 pub(crate) fn run(options: &Options) -> Result<Report> {
     let subject: &'static Subject = Box::leak(Box::new(Subject::new()?));

@@ -1,4 +1,4 @@
-//! The same tasks in Pinocchio, by a program in C++ that is compiled here and asked line by line.
+//! The tasks in Pinocchio, by a program in C++ that is compiled here and asked line by line.
 
 use std::cell::RefCell;
 use std::io::{BufRead as _, BufReader, Write as _};
@@ -14,7 +14,7 @@ use super::subject::{FINGERS, GRAVITY, Subject, agree, flat};
 use crate::Result;
 use crate::race::Race;
 
-/// What the tables call it.
+/// The name of Pinocchio in the tables.
 pub(super) const PINOCCHIO: &str = "Pinocchio";
 
 /// The program while it runs.
@@ -28,7 +28,8 @@ struct Pinocchio {
 /// and what it was compiled with.
 ///
 /// # Errors
-/// The packages cannot be had, the program cannot be compiled, or its results are others.
+/// Returns an error if the packages cannot be installed, if the program cannot be compiled, or if its
+/// results differ.
 pub(super) fn enter(
     race: &mut Race<'_>,
     subject: &'static Subject,
@@ -68,7 +69,7 @@ pub(super) fn enter(
     Ok(format!("Pinocchio {version}: {compiler}"))
 }
 
-/// The program, and the compiler with its flags.
+/// Compiles the program; returns its path, and the compiler with its flags.
 fn compile(environment: Option<&Path>) -> Result<(PathBuf, String)> {
     let here = Path::new(env!("CARGO_MANIFEST_DIR"));
     let target = here.join("target");
@@ -134,7 +135,7 @@ impl Drop for Pinocchio {
     }
 }
 
-/// All numbers of the hand and of its states, in the order of `hand.cpp`.
+/// Returns all numbers of the hand and of its states, in the order of `hand.cpp`.
 fn numbers(subject: &Subject) -> String {
     let mut numbers = vec![FINGERS as f64];
     for finger in &subject.planar {

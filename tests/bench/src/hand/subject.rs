@@ -41,19 +41,19 @@ pub(super) struct State {
 
 /// The shipped hand.
 pub(super) struct Subject {
-    /// As it is configured.
+    /// The configuration of the hand.
     pub(super) config: config::Hand<FINGERS, JOINTS>,
     /// Its fingers in closed form.
     pub(super) planar: [PlanarFinger; FINGERS],
-    /// Where it is seen.
+    /// The states in which the hand is computed.
     pub(super) states: [State; STATES],
 }
 
 impl Subject {
-    /// The shipped hand with states all over its range.
+    /// Makes the shipped hand with states all over its range.
     ///
     /// # Errors
-    /// Its configuration has mistakes.
+    /// Returns an error if its configuration has mistakes.
     pub(super) fn new() -> Result<Self> {
         let config = config::Hand::<FINGERS, JOINTS>::from_toml(TEXT, "utah-mit.toml")
             .map_err(|error| format!("{error}"))?;
@@ -87,13 +87,13 @@ impl Subject {
         })
     }
 
-    /// The state of a call.
+    /// Returns the state of a call.
     #[inline]
     pub(super) fn state(&self, call: usize) -> &State {
         &self.states[call % STATES]
     }
 
-    /// The hand as URDF: a palm, and links `finger.joint` and `finger.tip`.
+    /// Returns the hand as URDF: a palm, and links `finger.joint` and `finger.tip`.
     pub(super) fn urdf(&self) -> String {
         let mut text = String::from("<robot name=\"hand\">\n<link name=\"palm\"/>\n");
         for (finger, planar) in self.planar.iter().enumerate() {
@@ -140,7 +140,7 @@ fn list(vector: &Vector3<f64>) -> String {
     format!("{} {} {}", vector.x, vector.y, vector.z)
 }
 
-/// The angles of URDF: about the fixed x, y and z axes, one after the other.
+/// Returns the angles of URDF: about the fixed x, y and z axes, one after the other.
 fn roll_pitch_yaw(rotation: &Matrix3<f64>) -> Vector3<f64> {
     let across = rotation.m11.hypot(rotation.m21);
     Vector3::new(
@@ -150,15 +150,15 @@ fn roll_pitch_yaw(rotation: &Matrix3<f64>) -> Vector3<f64> {
     )
 }
 
-/// All joints of the hand in one list.
+/// Returns all joints of the hand in one list.
 pub(super) fn flat(joints: &Joints) -> [f64; FINGERS * JOINTS] {
     std::array::from_fn(|index| joints[index / JOINTS][index % JOINTS])
 }
 
-/// How far two results are apart, relative to the largest number in them.
+/// Returns the distance of two results, relative to the largest number in them.
 ///
 /// # Errors
-/// Farther than `limit`, or of other lengths.
+/// Returns an error if the distance exceeds `limit`, or if the lengths differ.
 pub(super) fn agree(what: &str, ours: &[f64], theirs: &[f64], limit: f64) -> Result<f64> {
     if ours.len() != theirs.len() {
         return Err(format!("{what}: {} numbers, not {}", theirs.len(), ours.len()).into());

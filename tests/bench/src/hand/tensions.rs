@@ -61,7 +61,7 @@ impl Finger {
 /// Checks that the tensions of all make the torques, and lets them take part.
 ///
 /// # Errors
-/// Those of one of them do not.
+/// Returns an error if the tensions of one of them do not.
 pub(super) fn enter(race: &mut Race<'_>, subject: &'static Subject) -> Result<()> {
     let fingers = (0..FINGERS)
         .map(|number| Finger::new(subject, number))
@@ -135,7 +135,7 @@ fn vector(tensions: &TendonPairs<f64, JOINTS>) -> Tensions {
     )
 }
 
-/// The tensions with the least sum of squares, which pull and push.
+/// Returns the tensions with the least sum of squares, which pull and push.
 fn least(matrix: &Arms, torque: &SVector<f64, JOINTS>) -> Option<Tensions> {
     let factor = (matrix * matrix.transpose()).cholesky()?;
     Some(matrix.tr_mul(&factor.solve(torque)))

@@ -21,7 +21,7 @@ use crate::Result;
 use crate::race::Race;
 use crate::swing::{self, TICKS};
 
-/// How far the joints swing, as a part of their ranges.
+/// The amplitude of the joints, as a part of their ranges.
 const SWING: f64 = 0.2;
 
 type Controllers = [FingerController<PlanarFinger, JOINTS>; FINGERS];
@@ -42,10 +42,10 @@ const GUARD: StopGuard = StopGuard {
 /// A hand in motion: sensors say what was asked of them.
 struct Hand {
     controllers: Controllers,
-    /// Where the joints are in each tick, and how fast they move.
+    /// The positions of the joints in each tick, and their velocities.
     motion: Vec<[[SetPoint<f64>; JOINTS]; FINGERS]>,
     tensions: [TendonPairs<f64, JOINTS>; FINGERS],
-    /// Of the last tick.
+    /// The positions of the last tick.
     position: Joints,
     tips: Tips,
     guard: StopGuard,
@@ -92,7 +92,7 @@ impl Hand {
         Ok(hand)
     }
 
-    /// The set-points of the master, where its tick is.
+    /// Passes the set-points of the master on, in those ticks in which the master has a tick, too.
     fn follow(&mut self) {
         if !self.ticks.is_multiple_of(self.substeps) {
             return;
@@ -104,7 +104,7 @@ impl Hand {
         }
     }
 
-    /// From sensors to commands.
+    /// Computes commands from sensors.
     fn servo(&mut self) {
         let now = &self.motion[self.ticks % TICKS];
         for (finger, controller) in self.controllers.iter_mut().enumerate() {
@@ -122,7 +122,7 @@ impl Hand {
         self.ticks += 1;
     }
 
-    /// A tick of joints that follow positions.
+    /// Runs a tick of joints that follow positions.
     fn tick(&mut self) {
         self.follow();
         self.servo();
@@ -137,7 +137,7 @@ impl Hand {
 /// Lets the ticks take part.
 ///
 /// # Errors
-/// The hand has no controllers; a tick finds a fault.
+/// Returns an error if the hand has no controllers, or if a tick finds a fault.
 pub(super) fn enter(race: &mut Race<'_>, subject: &Subject) -> Result<()> {
     for (name, guard) in [(POSITIONS, StopGuard::NONE), (GUARDED, GUARD)] {
         let mut hand = Hand::new(subject, guard)?;

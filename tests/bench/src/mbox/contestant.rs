@@ -1,4 +1,4 @@
-//! [`Contestant`]: one way to ask another process and get its answer.
+//! [`Entry`], a contestant: one way to ask another process and get its answer.
 
 use std::path::Path;
 use std::sync::atomic::AtomicU32;
@@ -7,7 +7,7 @@ use super::samples::{Samples, Slice};
 use crate::Result;
 use crate::clock::ticks;
 
-/// Where the two processes run.
+/// The cores on which the two processes run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Cores {
     /// Client and server each have a core.
@@ -18,9 +18,9 @@ pub(super) enum Cores {
 
 /// A contestant and how to build it.
 pub(super) struct Entry {
-    /// What the table calls it.
+    /// The name of the contestant in the table.
     pub(super) name: &'static str,
-    /// Where it runs.
+    /// The cores on which it runs.
     pub(super) cores: Cores,
     /// Builds it, before client and server are forked.
     pub(super) open: Open,
@@ -29,13 +29,13 @@ pub(super) struct Entry {
 /// Builds a contestant.
 pub(super) type Open = for<'m> fn(&Setup<'m>) -> Result<Ends<'m>>;
 
-/// What a contestant may build on.
+/// The means with which a contestant may be built.
 pub(super) struct Setup<'m> {
     /// Words of the mapping of this round, on cache lines of their own.
     pub(super) words: [&'m AtomicU32; 2],
     /// A directory for its files, removed at the end.
     pub(super) directory: &'m Path,
-    /// How its files outside of that directory must begin; those are removed, too.
+    /// The beginning that its files outside of that directory must have; those are removed, too.
     pub(super) prefix: &'m str,
     /// A name that no other contestant has.
     pub(super) service: String,
@@ -53,9 +53,9 @@ pub(super) struct Ends<'m> {
 }
 
 impl<'m> Ends<'m> {
-    /// Of two functions that are called in the processes of client and server. The client's returns a
-    /// function that sends a value and waits for the answer; the server's one that answers so many
-    /// requests with the values that came.
+    /// Makes the ends by two functions that are called in the processes of client and server. The client's
+    /// returns a function that sends a value and waits for the answer; the server's returns one that
+    /// answers as many requests as it is told, with the values that came.
     pub(super) fn new<C, S>(
         client: impl FnOnce() -> Result<C> + 'm,
         server: impl FnOnce() -> Result<S> + 'm,
@@ -71,19 +71,19 @@ impl<'m> Ends<'m> {
     }
 }
 
-/// The end that answers so many requests with the values that came.
+/// The end that answers as many requests as it is told, with the values that came.
 pub(super) type Server<'m> = dyn FnMut(u32) -> Result<()> + 'm;
 
 /// The end that asks: a function that sends a value, which differs from the one before and is not zero, and
 /// waits for the answer.
 ///
-/// Nobody waits for ever: whoever still waits when the time of its round is up is killed.
+/// No client waits for ever: a process that still waits when the time of its round is up is killed.
 pub(super) trait Client {
     /// Makes the round trips of a slice, and checks every answer.
     ///
-    /// Half of them are timed in batches, of which the table shows the median: a time stamp
-    /// would cost a good part of a round trip. The other half is timed one by one, of which the
-    /// table shows the 99th percentile.
+    /// Half of them are timed in batches, of which the table shows the median: a timestamp would cost a
+    /// good part of a round trip. The other half is timed one by one, of which the table shows the 99th
+    /// percentile.
     fn play(&mut self, slice: &Slice, values: &mut Values, samples: &mut Samples) -> Result<()>;
 }
 

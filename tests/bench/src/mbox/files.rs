@@ -1,11 +1,11 @@
-//! What contestants leave in the file system, and its removal.
+//! The files that contestants leave in the filesystem, and their removal.
 
 use std::path::Path;
 use std::{fs, io, process};
 
 use tempfile::TempDir;
 
-/// Where the system keeps named shared memory.
+/// The directory of the system's named shared memory.
 const SHARED_MEMORY: &str = "/dev/shm";
 
 /// A directory and a prefix of this process; everything under either is removed when dropped.
@@ -23,12 +23,12 @@ impl Files {
         })
     }
 
-    /// For files.
+    /// Returns the directory for files.
     pub(super) fn directory(&self) -> &Path {
         self.directory.path()
     }
 
-    /// For the names of files elsewhere.
+    /// Returns the prefix for the names of files elsewhere.
     pub(super) fn prefix(&self) -> &str {
         &self.prefix
     }
@@ -39,7 +39,7 @@ impl Drop for Files {
         for entry in fs::read_dir(SHARED_MEMORY).into_iter().flatten().flatten() {
             let name = entry.file_name();
             if name.as_encoded_bytes().starts_with(self.prefix.as_bytes()) {
-                // What has gone already is no reason to lose the figures.
+                // If the file is already gone, the figures still count.
                 let _ = fs::remove_file(entry.path());
             }
         }

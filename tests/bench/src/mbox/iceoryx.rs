@@ -24,7 +24,7 @@ pub(super) fn open_request_response<'m>(setup: &Setup<'m>) -> Result<Ends<'m>> {
             let service = builder.request_response::<u32, u32>().open_or_create()?;
             let port = service.client_builder().create()?;
             Ok(move |value| {
-                // It ends with its last port.
+                // The node ends with its last port.
                 let _ = &node;
                 let pending = port.loan_uninit()?.write_payload(value).send()?;
                 loop {
@@ -57,7 +57,7 @@ pub(super) fn open_request_response<'m>(setup: &Setup<'m>) -> Result<Ends<'m>> {
     ))
 }
 
-/// Where the services of one contestant are found.
+/// The configuration and the name under which the services of one contestant are found.
 #[derive(Clone)]
 struct Family {
     config: Config,

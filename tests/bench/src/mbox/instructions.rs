@@ -84,7 +84,7 @@ extern "Rust" fn condor_path_message_16(client: &End<16>, value: u32) -> bool {
 /// Makes round trips by the function that callgrind counts, if `name` is that of one.
 ///
 /// # Errors
-/// The system cannot be had, or a reply is not right.
+/// Returns an error if the system cannot be created, or if a reply is not right.
 pub(crate) fn go(name: &str, calls: usize) -> Option<Result<()>> {
     match name {
         MESSAGE_2 => Some(make(calls, condor_path_message_2)),

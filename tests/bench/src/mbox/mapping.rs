@@ -27,7 +27,7 @@ impl Mapping {
         Ok(Self { base, lines })
     }
 
-    /// The first word of cache line `line`.
+    /// Returns the first word of cache line `line`.
     pub(crate) fn line(&self, line: usize) -> &AtomicU32 {
         assert!(line < self.lines, "line {line} of {}", self.lines);
         // SAFETY: inside the mapping, by the assertion; it is aligned to pages, was zeroed, and lives

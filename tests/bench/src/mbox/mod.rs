@@ -43,8 +43,8 @@ const ICEORYX_REQUEST: &str = "iceoryx2 request-response";
 const FUTEX: &str = "raw futex ping-pong";
 const OURS_BLOCKING: &str = "condor-mbox, blocking";
 
-/// Every contestant; the first on one core and on two is the baseline of its kind, and the
-/// second the control.
+/// Returns every contestant; the first on one core and on two is the baseline of its kind, and the second
+/// the control.
 fn entries() -> Vec<Entry> {
     let on = |cores| move |name, open| Entry { name, cores, open };
     let (two, one) = (on(Cores::Two), on(Cores::One));

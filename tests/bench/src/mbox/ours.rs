@@ -1,4 +1,4 @@
-//! condor-mbox: calls with a reply to a handler that gives back what it got.
+//! condor-mbox: calls with a reply to a handler that returns the data of the call.
 //!
 //! Every call has a deadline, an epoch, a checked vector and a handler table, like any user's; the
 //! windows and doorbells are those of the Linux backend. Its memory is a family of its own, fresh
@@ -70,7 +70,7 @@ fn open<'m, const N: usize>(waiting: Waiting, depth: u8) -> Result<Ends<'m>> {
     ))
 }
 
-/// Gives back what came, after a call to the sender's next lower vector if there is one.
+/// Returns the data of the call, after a call to the sender's next lower vector if there is one.
 fn answer(call: &Call<'_>) -> u32 {
     match call.vector().0.checked_sub(1) {
         None => call.data(),

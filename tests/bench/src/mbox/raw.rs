@@ -20,7 +20,7 @@ pub(super) fn open_spinning<'m>(setup: &Setup<'m>) -> Result<Ends<'m>> {
     Ok(Ends::new(move || Ok(client), move || Ok(server)))
 }
 
-/// The two ends of the spinning ping-pong on two words that are zero: one that sends a value, which
+/// Returns the two ends of the spinning ping-pong on two words that are zero: one that sends a value, which
 /// differs from the one before, and waits for the answer; one that answers so many values.
 pub(crate) fn spinning(
     words: [&AtomicU32; 2],
@@ -49,7 +49,8 @@ pub(super) fn open_futex<'m>(setup: &Setup<'m>) -> Result<Ends<'m>> {
     Ok(Ends::new(move || Ok(client), move || Ok(server)))
 }
 
-/// By a way to wake the other side, and one to wait while the word is what it was.
+/// Makes the two ends, by a function that wakes the other side, and one that waits while the word has its
+/// old value.
 fn ping_pong<'m>(
     [request, answer]: [&'m AtomicU32; 2],
     wake: impl Fn(&AtomicU32) -> Result<()> + Copy + 'm,
@@ -73,7 +74,7 @@ fn ping_pong<'m>(
             wait(word, old)?;
         }
     };
-    // What either side has seen last of the other side's word.
+    // The value of the other side's word that either side has seen last.
     let (mut answered, mut requested) = (0, 0);
     let client = move |value| {
         publish(request, value)?;

@@ -13,7 +13,7 @@ use crate::clock::Calibration;
 use crate::process::{Child, CorePair, pin};
 use crate::shuffle::Shuffle;
 
-/// How long a round is.
+/// The length of a round, and its cores.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Plan {
     /// Slices of every contestant.
@@ -80,10 +80,10 @@ pub(super) unsafe fn play(
     Ok(figures)
 }
 
-/// What the client tells the server: a contestant, the core where it has to be, and how many requests are to
-/// be answered. The server says when it is ready, and when it has done that.
+/// An order of the client to the server: a contestant, the core where it has to be, and the number of
+/// requests to answer. The server says when it is ready, and when it has answered them.
 type Order = [u32; 3];
-/// In place of a contestant: the server may go.
+/// The value in place of a contestant after which the server may go.
 const END: u32 = u32::MAX;
 
 /// Waits until the other process says that it has come so far.
@@ -91,7 +91,7 @@ fn await_word(mut from: &UnixStream) -> Result<()> {
     Ok(from.read_exact(&mut [0])?)
 }
 
-/// The server's process: carries out orders until the last.
+/// Runs the server's process: carries out orders until the last.
 fn serve(mut orders: &UnixStream, contestants: Vec<Ends<'_>>, plan: &Plan) -> Result<()> {
     pin(plan.cores.second)?;
     let servers = contestants
@@ -125,7 +125,7 @@ struct Turn<'a> {
     slice: Slice,
 }
 
-/// The client's process: gives every contestant its slices, in an order that changes.
+/// Runs the client's process: every contestant has its slices, in an order that changes.
 fn compete<'a>(
     orders: &UnixStream,
     entries: &'a [Entry],

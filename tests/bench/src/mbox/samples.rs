@@ -1,11 +1,11 @@
-//! How many round trips a slice has, and what becomes of their times.
+//! The number of round trips of a slice, and the figures that are made of their times.
 
 use crate::measure::quantile;
 
 /// The number of round trips of one slice.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Slice {
-    /// Not timed.
+    /// Round trips that are not timed.
     pub(super) warm_up: u32,
     /// Batches that are timed.
     pub(super) batches: u32,
@@ -24,7 +24,8 @@ impl Slice {
         single: 4,
     };
 
-    /// Round trips that take `half_ns` in batches and `half_ns` one by one, at `call_ns` each.
+    /// Makes a slice whose round trips take `half_ns` in batches and `half_ns` one by one, at `call_ns`
+    /// each.
     pub(super) fn lasting(half_ns: f64, call_ns: f64) -> Self {
         let call_ns = call_ns.max(1.0);
         // Saturates: neither negative nor too large.
@@ -39,13 +40,13 @@ impl Slice {
         }
     }
 
-    /// How many requests the server has to answer.
+    /// Returns the number of requests that the server has to answer.
     pub(super) fn round_trips(&self) -> u32 {
         self.warm_up + self.batches * self.batch + self.single
     }
 }
 
-/// Nanoseconds of a batch: long beside a time stamp, short beside a tick of the kernel.
+/// Nanoseconds of a batch: long beside a timestamp, short beside a tick of the kernel.
 const BATCH_NS: f64 = 20_000.0;
 /// Nanoseconds until caches and branch predictors know the contestant again.
 const WARM_UP_NS: f64 = 100_000.0;

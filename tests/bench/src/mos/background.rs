@@ -1,4 +1,4 @@
-//! How much of a processor is taken from the thread that runs when no loop does.
+//! The share of a processor that is taken from the thread that runs when no loop does.
 //!
 //! The CPU clocks of threads and `getrusage` leave out what the kernel does in an interrupt, or
 //! charge it to whom it interrupts, and the work of a release is just that: a timer interrupt, a

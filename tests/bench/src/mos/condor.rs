@@ -56,7 +56,7 @@ fn body(servo_loop: &'static Loop) -> impl FnMut(u64) + Send {
     }
 }
 
-/// The largest distance, in ticks, between a release and its exact instant, over 10^6 hyperperiods
+/// Returns the largest distance, in ticks, between a release and its exact instant, over 10^6 hyperperiods
 /// of 400, 60 and 7 Hz in ticks that none of them divides.
 pub(super) fn drift_ticks() -> Result<f64> {
     let clock = ClockSpec::of::<u64>(Rate::fraction(14_318_180, 12));

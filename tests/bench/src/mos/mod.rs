@@ -41,7 +41,7 @@ const fn column(head: &'static str) -> Column {
     Column { head, digits: 0 }
 }
 
-/// Every contestant; the first is the baseline and the second the control.
+/// Returns every contestant; the first is the baseline and the second the control.
 fn entries() -> Vec<Entry> {
     let entry = |name, run| Entry { name, run };
     vec![

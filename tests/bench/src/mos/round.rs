@@ -12,7 +12,7 @@ use crate::shuffle::Shuffle;
 
 /// A contestant.
 pub(super) struct Entry {
-    /// What the table calls it.
+    /// The name of the contestant in the table.
     pub(super) name: &'static str,
     /// Starts the loops of the turn, each of which calls [`Loop::run`](super::turn::Loop::run)
     /// once a release, and calls [`Turn::background`] on the thread that called.
@@ -22,10 +22,10 @@ pub(super) struct Entry {
     pub(super) run: fn(&'static Turn) -> Result<()>,
 }
 
-/// How long a round is.
+/// The length of a round, and the core on which it runs.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Plan {
-    /// How often every contestant has its turn in a round.
+    /// The number of turns that every contestant has in a round.
     pub(super) turns: u32,
     /// The length of a turn.
     pub(super) length: Duration,
@@ -68,7 +68,7 @@ unsafe fn play_one(entry: &Entry, plan: &Plan) -> Result<Vec<f64>> {
     let child = unsafe {
         Child::fork("contestant", plan.length + GRACE, || {
             pin(plan.core)?;
-            // Where that is not permitted, the report says so.
+            // If that is not permitted, the report says so.
             let _ = be_fifo(Rank::Background);
             let calibration = Calibration::begin();
             let turn: &'static Turn = Box::leak(Box::new(Turn::new(plan.length)));

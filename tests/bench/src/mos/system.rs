@@ -1,4 +1,4 @@
-//! What the contestants ask of the kernel.
+//! The calls of the kernel that contestants need.
 
 use std::io;
 use std::mem;
@@ -9,7 +9,7 @@ use rustix::time::clock_gettime;
 
 use crate::Result;
 
-/// Nanoseconds of `CLOCK_MONOTONIC`, with which every lateness is measured.
+/// Returns the nanoseconds of `CLOCK_MONOTONIC`, with which every lateness is measured.
 #[inline]
 pub(super) fn now_ns() -> u64 {
     let now = clock_gettime(ClockId::Monotonic);
@@ -35,7 +35,8 @@ fn timespec(ns: u64) -> Timespec {
     }
 }
 
-/// What runs before what, under `SCHED_FIFO`.
+/// The rank of a thread under `SCHED_FIFO`: a faster loop runs before a slower one, and any loop before the
+/// background.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Rank {
     /// The thread that runs when no loop does.
@@ -47,7 +48,7 @@ pub(super) enum Rank {
 /// Puts the calling thread, and those that it will start, under `SCHED_FIFO`.
 ///
 /// # Errors
-/// It is not permitted.
+/// Returns the system's error if it is not permitted.
 pub(super) fn be_fifo(rank: Rank) -> Result<()> {
     let priority = match rank {
         Rank::Background => 1,

@@ -15,7 +15,7 @@ pub(super) fn run(turn: &'static Turn) -> Result<()> {
     for (index, servo_loop) in turn.loops.iter().enumerate() {
         let ready = Arc::clone(&ready);
         thread::Builder::new().spawn(move || {
-            // Where that is not permitted, the report says so.
+            // If that is not permitted, the report says so.
             let _ = be_fifo(Rank::Loop(index));
             ready.wait();
             if let Err(error) = run_loop(servo_loop, turn.start_ns) {

@@ -21,10 +21,10 @@ const FASTEST_NS: u64 = 1_000_000_000 / RATES_HZ[0];
 /// kernels.
 const WINDOW_NS: u64 = 20_000_000;
 
-/// From the making of a turn to its first release: runtimes have started their threads by then.
+/// The time from the making of a turn to its first release: runtimes have started their threads by then.
 const LEAD_NS: u64 = 30_000_000;
 
-/// Not measured: caches and the kernel's choice of idle states settle.
+/// The windows that are not measured: caches and the kernel's choice of idle states settle.
 const WARM_UP_WINDOWS: usize = 1;
 
 /// A servo loop, and when its releases ran.
@@ -35,14 +35,14 @@ pub(super) struct Loop {
     begun_ns: Box<[AtomicU64]>,
 }
 
-/// In place of a time: the release did not run.
+/// The value in place of a time if the release did not run.
 const NEVER: u64 = u64::MAX;
 
 /// Counts the runs of all loops of this process, which plays one turn.
 static RUNS: AtomicU64 = AtomicU64::new(0);
 
 impl Loop {
-    /// The body: notes the time at which release number `release`, from 0, began.
+    /// Runs the body of the loop: notes the time at which release number `release`, from 0, began.
     ///
     /// Costs one reading of the clock, makes no system call and may run in a signal handler.
     #[inline]
@@ -57,7 +57,7 @@ impl Loop {
         }
     }
 
-    /// How late each release began, in nanoseconds.
+    /// Returns the lateness of each release that began, in nanoseconds.
     fn lateness(&self, start_ns: u64) -> Vec<f64> {
         let late = |(release, begun): (usize, &AtomicU64)| {
             let begun = begun.load(Ordering::Relaxed);
@@ -79,7 +79,7 @@ pub(super) struct Turn {
 }
 
 impl Turn {
-    /// A turn that begins soon and takes about `length`.
+    /// Makes a turn that begins soon and takes about `length`.
     pub(super) fn new(length: Duration) -> Self {
         let windows = WARM_UP_WINDOWS + (length.as_nanos() as u64 / WINDOW_NS).max(2) as usize;
         let end_ns = windows as u64 * WINDOW_NS;
@@ -97,7 +97,7 @@ impl Turn {
         }
     }
 
-    /// The background: runs on the calling thread until the turn is over.
+    /// Runs the background on the calling thread until the turn is over.
     ///
     /// To be called once, on the thread that called the contestant. It does nothing but notice
     /// when it does not run.
@@ -112,12 +112,12 @@ impl Turn {
         )?)
     }
 
-    /// What was reached, once the background has ended: median and 99th percentile of the lateness of
-    /// the fastest loop, ns; the CPU that a release takes from the background, ns, the median over the
-    /// windows.
+    /// Returns the figures of the turn, once the background has ended: median and 99th percentile of the
+    /// lateness of the fastest loop, ns; the CPU that a release takes from the background, ns, the median
+    /// over the windows.
     ///
     /// # Errors
-    /// The fastest loop did not run.
+    /// Returns an error if the fastest loop did not run.
     pub(super) fn figures(&self, ns_per_tick: f64) -> Result<[f64; 3]> {
         let per_window = (WINDOW_NS / FASTEST_NS) as usize;
         let mut lateness = self.loops[0].lateness(self.start_ns);
@@ -148,7 +148,7 @@ impl Turn {
         (0..slices).map(median_of).sum()
     }
 
-    /// The releases of all loops in one window.
+    /// Returns the releases of all loops in one window.
     fn releases_per_window(&self) -> u64 {
         let releases = |servo_loop: &Loop| WINDOW_NS / servo_loop.period_ns;
         self.loops.iter().map(releases).sum()
@@ -159,7 +159,7 @@ impl Turn {
 mod tests {
     use super::*;
 
-    /// A turn of four windows in which release `n` of the fastest loop is `late(n)` ns late.
+    /// Returns a turn of four windows in which release `n` of the fastest loop is `late(n)` ns late.
     fn played(late: impl Fn(u64) -> u64) -> Turn {
         let turn = Turn::new(Duration::from_millis(60));
         for (release, begun) in (0_u64..).zip(&turn.loops[0].begun_ns) {

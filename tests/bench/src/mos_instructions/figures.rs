@@ -1,4 +1,4 @@
-//! From the lines of a firmware to instructions.
+//! Conversion of the lines of a firmware to instructions.
 
 use std::collections::BTreeMap;
 
@@ -10,8 +10,10 @@ use crate::Result;
 pub(crate) struct Lines(BTreeMap<String, u32>);
 
 impl Lines {
+    /// Parses the lines of a firmware.
+    ///
     /// # Errors
-    /// A line has another form.
+    /// Returns an error if a line has another form.
     pub(crate) fn parse(text: &str) -> Result<Self> {
         let line = |line: &str| {
             let (name, value) = line.split_once(' ')?;
@@ -29,25 +31,25 @@ impl Lines {
         Ok(f64::from(*value))
     }
 
-    /// How many instructions take the ticks of this name, or of as many as are given.
+    /// Returns the number of instructions that take `ticks` ticks.
     fn instructions(&self, ticks: f64) -> Result<f64> {
         let ns = ticks * 1e9 / self.get("hertz")?;
         Ok(ns / f64::from(1_u32 << ICOUNT_SHIFT))
     }
 }
 
-/// How long after the instant for which the alarm is armed a handler begins with the body.
+/// The lateness of a handler that begins with the body, from the instant for which the alarm is armed.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Alarm {
-    /// In ticks, the mean over the instants at which the fastest loop is due alone.
+    /// The mean lateness in ticks, over the instants at which the fastest loop is due alone.
     late_ticks: f64,
 }
 
 impl Alarm {
-    /// From the lines of the calibration.
+    /// Computes the lateness from the lines of the calibration.
     ///
     /// # Errors
-    /// A line is missing.
+    /// Returns an error if a line is missing.
     pub(crate) fn of(calibration: &Lines) -> Result<Self> {
         Ok(Self {
             late_ticks: calibration.get("alarm_ticks_sum")? / calibration.get("alarm_count")?,
@@ -58,7 +60,7 @@ impl Alarm {
 /// Compares what the calibration counted with what is known, and says so.
 ///
 /// # Errors
-/// A count is off, so that nothing could be said of any firmware.
+/// Returns an error if a count is off, so that nothing could be said of any firmware.
 pub(crate) fn check(calibration: &Lines) -> Result<String> {
     let off = |what: &str, found: f64, known: f64| {
         format!("calibration is off: {what} is {known} instructions and was counted as {found:.3}")
@@ -93,25 +95,25 @@ pub(crate) fn check(calibration: &Lines) -> Result<String> {
     ))
 }
 
-/// What is reported of a scheduler, in instructions.
+/// The figures of a scheduler, in instructions.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Figures {
-    /// What a release takes from the background, without the body of the loop.
+    /// The instructions that a release takes from the background, without the body of the loop.
     pub(crate) per_release: f64,
-    /// The same, with the body.
+    /// The instructions that a release takes from the background, with the body of the loop.
     pub(crate) with_body: f64,
-    /// From the first of the timer's interrupt to the first of the body, one loop being due: how
-    /// many lie before the latter.
+    /// The instructions from the first of the timer's interrupt to the first of the body, which is left
+    /// out, one loop being due.
     pub(crate) to_body: f64,
-    /// How many releases were measured.
+    /// The number of releases that were measured.
     pub(crate) releases: u32,
 }
 
 impl Figures {
-    /// From the lines of a firmware with three loops.
+    /// Computes the figures from the lines of a firmware with three loops.
     ///
     /// # Errors
-    /// A line is missing, or the loops did not run at their rates.
+    /// Returns an error if a line is missing, or if the loops did not run at their rates.
     pub(crate) fn of(lines: &Lines, alarm: Alarm) -> Result<Self> {
         let passed = lines.instructions(lines.get("ticks")?)?;
         let taken = passed - lines.get("background_instructions")?;

@@ -22,17 +22,17 @@ impl Workspace {
     /// Builds all firmwares for release.
     ///
     /// # Errors
-    /// A tool is missing, or a firmware does not build.
+    /// Returns an error if a tool is missing, or if a firmware does not build.
     pub(crate) fn build() -> Result<Self> {
         let dir = Path::new(env!("CARGO_MANIFEST_DIR")).join("../firmware");
         let images = firmware::build(&dir, TARGET, &["calibration", "condor-loops", "rtic-loops"])?;
         Ok(Self { images })
     }
 
-    /// Runs the firmware of a package and gives back what it printed.
+    /// Runs the firmware of a package and returns the text that it printed.
     ///
     /// # Errors
-    /// QEMU is missing, or the firmware fails.
+    /// Returns an error if QEMU is missing, or if the firmware fails.
     pub(crate) fn run(&self, package: &str) -> Result<String> {
         let how = format!("apt-get install --no-install-recommends {QEMU}");
         let output = tool(QEMU, &how, |qemu| {

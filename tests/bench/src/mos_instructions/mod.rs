@@ -17,7 +17,7 @@ use crate::Result;
 use crate::measure::{Estimate, Goal, Report};
 use crate::options::Options;
 
-/// What people call the schedulers, and the packages in `tests/bench/firmware`.
+/// The names of the schedulers, and their packages in `tests/bench/firmware`.
 const CONTESTANTS: [(&str, &str); 3] = [
     ("condor-mos", "condor-loops-plain"),
     ("with counts", "condor-loops"),
@@ -27,7 +27,8 @@ const CONTESTANTS: [(&str, &str); 3] = [
 /// Builds and runs all firmwares, the calibration first.
 ///
 /// # Errors
-/// A tool is missing, a firmware does not build or end, or the calibration is off.
+/// Returns an error if a tool is missing, if a firmware does not build or end, or if the calibration is
+/// off.
 pub(crate) fn run(_: &Options) -> Result<Report> {
     let workspace = Workspace::build()?;
     let calibration = Lines::parse(&workspace.run("calibration")?)?;

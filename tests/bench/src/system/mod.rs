@@ -31,12 +31,12 @@ const ROUNDS: usize = 7;
 /// real-time work: turn and pause must fit into a second without meeting that.
 const TURN: Duration = Duration::from_millis(750);
 const PAUSE: Duration = Duration::from_millis(100);
-/// How long one way may take; a run of both stays below four minutes.
+/// The time that one way may take; a run of both stays below four minutes.
 const PATIENCE: Duration = Duration::from_secs(105);
 /// The rates of the memo, section 4.2, and of its servo processors.
 const MEMO: &str = "The memo: 400 Hz with 8 joints a processor.";
 
-/// What is asked of a way.
+/// A question to answer: the highest clean rate of a way, beside its goal.
 struct Question {
     way: Way,
     about: &'static str,
@@ -77,8 +77,8 @@ impl Trial {
         Estimate::of(pairs.map(|(joints, control)| joints.skipped - control.skipped))
     }
 
-    /// The same for the verdict: where the control itself misses more than every tenth release,
-    /// it says nothing of the loop.
+    /// Returns the excess for the verdict: where the control itself misses more than every tenth release,
+    /// the trial says nothing of the loop, and the excess is infinite.
     fn judged(&self) -> Estimate {
         if self.skips(&self.control) > f64::from(RELEASES) / 10.0 {
             return Estimate::of([f64::INFINITY]);
@@ -102,14 +102,14 @@ impl Trial {
     }
 }
 
-/// How often, and how many releases a turn.
+/// Returns the number of rounds, and the number of releases of a turn.
 fn rounds(rate_hz: u32, least: usize) -> (usize, u32) {
     let releases = (u64::from(rate_hz) * TURN.as_millis() as u64 / 1000) as u32;
     let rounds = (RELEASES.div_ceil(releases.max(1)) as usize).max(least);
     (rounds, releases.max(1))
 }
 
-/// Where and when turns are played.
+/// The core, the system, the order and the deadline of turns.
 struct Stage<'s> {
     core: usize,
     system: &'s Path,
@@ -238,7 +238,8 @@ unsafe fn answer(question: &Question, stage: &mut Stage<'_>, text: &mut String) 
     ))
 }
 
-/// What the kernel does not grant of what a servo processor asks for.
+/// Returns the privileges that a servo processor asks for and the kernel does not grant; `None` if it
+/// grants all.
 fn refused(core: usize) -> Option<String> {
     // A thread of its own keeps what it gets to itself.
     let asked = thread::spawn(move || {

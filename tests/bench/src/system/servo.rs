@@ -21,7 +21,7 @@ use crate::swing::{self, TICKS};
 const FINGERS: usize = 4;
 const JOINTS: usize = 4;
 const TEXT: &str = include_str!("../../../../condor-hand/hands/utah-mit.toml");
-/// How far the joints swing, as a part of their ranges.
+/// The amplitude of the joints, as a part of their ranges.
 const SWING: f64 = 0.2;
 /// Boards and lines that a channel may name.
 const BOARDS: usize = 8;
@@ -30,20 +30,20 @@ const LINES: usize = 64;
 type Hand = condor_hand::config::Hand<FINGERS, JOINTS>;
 /// The counts of all lines.
 type Lines = [[u32; LINES]; BOARDS];
-/// What is published of a tick: positions and velocities.
+/// The published values of a tick: positions and velocities.
 pub(super) type Joints = [[f64; 8]; FINGERS];
 
-/// What is prepared before the loop begins.
+/// The parts that are prepared before the loop begins.
 pub(super) struct Bench {
     hand: Hand,
-    /// Where the joints are in each tick, and how they move.
+    /// The positions of the joints in each tick, and how they move.
     motion: Vec<[[SetPoint<f64>; JOINTS]; FINGERS]>,
-    /// The same as the counts of their sensors.
+    /// The positions of the joints in each tick, as the counts of their sensors.
     counts: Vec<[[u32; JOINTS]; FINGERS]>,
 }
 
 impl Bench {
-    /// The shipped hand, with every filter that there is.
+    /// Reads the shipped hand, with every filter that there is.
     pub(super) fn new() -> Result<Self> {
         let mut hand = Hand::from_toml(TEXT, "utah-mit.toml").map_err(|error| error.to_string())?;
         swing::filter_all(&mut hand);
@@ -79,7 +79,7 @@ pub(super) struct Fingers<'b, W> {
     points: Vec<SetPoints<W, JOINTS>>,
     joints: Publisher<Joints, Region<W>>,
     gravity: Vector3<f64>,
-    /// What the converters read, and what they are given.
+    /// The counts that the converters read, and those that they are given.
     inputs: Lines,
     outputs: Lines,
     ticks: usize,
@@ -94,7 +94,7 @@ fn line(lines: &mut Lines, channel: Channel) -> &mut u32 {
 }
 
 impl<'b, W: MemoryWindow + Clone> Fingers<'b, W> {
-    /// The fingers, which follow positions.
+    /// Makes the loop of the fingers, which follow positions.
     pub(super) fn new<X: Exclusion>(
         bench: &'b Bench,
         object: &'b mut ServoObject<FINGERS, JOINTS>,
@@ -149,7 +149,7 @@ impl<'b, W: MemoryWindow + Clone> Fingers<'b, W> {
         Ok(this)
     }
 
-    /// From the counts of the sensors to those of the drives.
+    /// Runs the loop once, from the counts of the sensors to those of the drives.
     pub(super) fn tick(&mut self) {
         self.follow();
         self.scan();
@@ -181,7 +181,7 @@ impl<'b, W: MemoryWindow + Clone> Fingers<'b, W> {
         self.ticks += 1;
     }
 
-    /// The set-points of the master, where its tick is.
+    /// Publishes the set-points of the master, in those ticks in which the master has a tick, too.
     fn follow(&mut self) {
         if !self.ticks.is_multiple_of(self.substeps) {
             return;
@@ -192,7 +192,7 @@ impl<'b, W: MemoryWindow + Clone> Fingers<'b, W> {
         }
     }
 
-    /// The positions at this tick, as the boards show them.
+    /// Copies the positions at this tick, as the boards show them.
     fn scan(&mut self) {
         let counts = &self.bench.counts[self.ticks % TICKS];
         for (entry, counts) in self.entries.iter().zip(counts) {
@@ -202,7 +202,7 @@ impl<'b, W: MemoryWindow + Clone> Fingers<'b, W> {
         }
     }
 
-    /// The tendons, which have the tensions that they are to have.
+    /// Moves the tendons, which reach their tensions at once.
     fn pull(&mut self, entry: &Finger<JOINTS>, tick: &FingerTick<JOINTS>) {
         for (joint, tension) in entry.joints.iter().zip(&tick.output.tension) {
             let (flexor, extensor) = (&joint.flexor.adc, &joint.extensor.adc);
@@ -211,10 +211,10 @@ impl<'b, W: MemoryWindow + Clone> Fingers<'b, W> {
         }
     }
 
-    /// Whether what ran was the tick of fingers that move.
+    /// Checks that the ticks that ran were those of fingers that move.
     ///
     /// # Errors
-    /// There were faults, or nothing came to the drives.
+    /// Returns an error if there were faults, or if nothing came to the drives.
     pub(super) fn check(&self) -> Result<()> {
         if self.faults > 0 {
             return Err(format!("{} faults in {} ticks", self.faults, self.ticks).into());

@@ -23,24 +23,25 @@ const NUMBER: Processor = Processor(1);
 const PRIORITY: u8 = 80;
 /// Bytes of users' data of each processor.
 const WINDOW_BYTES: u32 = 65_536;
-/// Not counted: caches fill, and the kernel learns how long it is idle.
+/// The time that is not counted: caches fill, and the kernel learns how long it is idle.
 const WARM_UP_NS: u64 = 20_000_000;
-/// How long the background serves before it looks around, and how often it shows the counts.
+/// The time for which the background serves before it looks around, and the time between two updates of the
+/// counts.
 const NAP_NS: u64 = 20_000_000;
 const REPORT_NS: u64 = 50_000_000;
 /// A turn that takes so much longer has gone wrong.
 const GRACE: Duration = Duration::from_secs(5);
 
-/// How loops come to run.
+/// The way in which loops come to run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Way {
     /// In signal handlers, above a background that sleeps.
     Sleeping,
-    /// Where the background polls.
+    /// In the background, which polls.
     Spinning,
 }
 
-/// What the loop does.
+/// The work of the loop.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Load {
     /// Nothing: the control.
@@ -49,7 +50,7 @@ pub(super) enum Load {
     Joints,
 }
 
-/// A turn.
+/// A turn of one way at one rate, with one load.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Turn<'t> {
     pub(super) way: Way,
@@ -62,19 +63,19 @@ pub(super) struct Turn<'t> {
     pub(super) system: &'t Path,
 }
 
-/// What was counted in a turn.
+/// The counts of a turn.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Counts {
     /// Releases that did not run.
     pub(super) skipped: f64,
-    /// The mean of the runs, ns.
+    /// The mean run time of the loop, ns.
     pub(super) mean_run_ns: f64,
 }
 
 impl Counts {
-    /// Between two moments in which `asked` releases were due.
+    /// Returns the counts between two moments in which `asked` releases were due.
     ///
-    /// What a schedule was too late even to release has not run either.
+    /// A release for which a schedule was too late has not run either.
     fn between(before: &Statistics, after: &Statistics, asked: u32) -> Self {
         let since = |of: fn(&Statistics) -> u64| of(after).wrapping_sub(of(before)) as u32;
         let released = since(|statistics| statistics.released);
@@ -140,7 +141,7 @@ impl Turn<'_> {
         self.run_on(&machine)
     }
 
-    /// As the program of a servo processor does it.
+    /// Runs the loop as the program of a servo processor does.
     fn run_on<M: Machine>(&self, machine: &M) -> Result<Counts> {
         let [_, Windows { data, .. }, ..] = machine.windows();
         let own = Region::users(data).map_err(display)?;
@@ -163,12 +164,12 @@ impl Turn<'_> {
     }
 }
 
-/// What errors of the crates say: many of them are for processors without `std`, and borrow.
+/// Returns the text of an error of the crates: many of them are for processors without `std`, and borrow.
 fn display(error: impl std::fmt::Display) -> String {
     error.to_string()
 }
 
-/// What runs when the loop does not: it serves messages and shows the counts of the loop.
+/// The background, which runs when the loop does not: it serves messages and shows the counts of the loop.
 struct Background<'b, 'v, M: Machine> {
     turn: &'b Turn<'b>,
     machine: &'b M,

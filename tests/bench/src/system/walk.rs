@@ -30,12 +30,13 @@ impl Walk {
         }
     }
 
-    /// The rate to try, if there is any left.
+    /// Returns the rate to try, if there is any left.
     pub(super) fn next(&self) -> Option<u32> {
         LADDER.get(self.next?).copied()
     }
 
-    /// What was found of that rate: by how many skips a round had more than the control.
+    /// Records the finding at the present rate, and moves on: `excess` is the number of skips that a round had
+    /// more than the control.
     pub(super) fn found(&mut self, excess: Estimate) {
         let (Some(tried), Some(rate)) = (self.next, self.next()) else {
             return;
@@ -53,7 +54,7 @@ impl Walk {
         };
     }
 
-    /// The highest clean rate, Hz, with the highest that is certainly clean and the highest that is
+    /// Returns the highest clean rate, Hz, with the highest that is certainly clean and the highest that is
     /// not certainly unclean; 0 for none.
     pub(super) fn highest_clean(&self) -> Estimate {
         let highest = |is_clean: fn(&Estimate) -> bool| {
@@ -72,8 +73,8 @@ impl Walk {
 mod tests {
     use super::*;
 
-    /// What is tried from `start` on if rates up to `clean` are clean and those above `limit`
-    /// certainly not, and what is found.
+    /// Returns the rates that are tried from `start` on if rates up to `clean` are clean and those above
+    /// `limit` certainly not, and the findings.
     fn walk(start: u32, clean: u32, limit: u32) -> (Vec<u32>, [f64; 3]) {
         let mut walk = Walk::from(start);
         let mut tried = Vec::new();

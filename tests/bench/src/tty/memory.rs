@@ -11,7 +11,7 @@ use crate::clock::{Calibration, ticks};
 use crate::measure::quantile;
 use crate::shuffle::Shuffle;
 
-/// What is compared.
+/// The ways that are compared.
 pub(super) const WAYS: [&str; 4] = [
     "memcpy into a ring of the same size",
     "  the same once more (control)",
@@ -53,7 +53,7 @@ impl Sink for Memory {
     }
 }
 
-/// A round: nanoseconds of a block by each of the ways.
+/// Plays a round; returns the nanoseconds of a block by each of the ways.
 pub(super) fn play(size: usize, seed: u64) -> Result<[f64; 4]> {
     let calibration = Calibration::begin();
     // One each, so that every ring has been left alone for equally long.

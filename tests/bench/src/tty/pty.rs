@@ -16,7 +16,7 @@ use crate::measure::quantile;
 use crate::process::{Child, CorePair, pin};
 use crate::shuffle::Shuffle;
 
-/// What is compared.
+/// The ways that are compared.
 pub(super) const WAYS: [&str; 3] = [
     "write(2)",
     "  the same once more (control)",
@@ -35,7 +35,7 @@ const ROUND_LIMIT: Duration = Duration::from_secs(60);
 /// A pty whose reader is gone for so long will never be read.
 const PATIENCE: Duration = Duration::from_secs(10);
 
-/// A round: nanoseconds of a block by each of the ways.
+/// Plays a round; returns the nanoseconds of a block by each of the ways.
 ///
 /// # Safety
 /// The calling process must have one thread only, since it is forked.
@@ -82,7 +82,7 @@ pub(super) unsafe fn play(size: usize, seed: u64, cores: CorePair) -> Result<[f6
     Ok(samples.each_mut().map(|ns| quantile(ns, 0.5)))
 }
 
-/// write(2), until all is written.
+/// Calls write(2) until all is written.
 fn write_block(pty: &Pty, mut block: &[u8]) -> Result<()> {
     while !block.is_empty() {
         match rustix::io::write(pty, block) {
@@ -94,7 +94,7 @@ fn write_block(pty: &Pty, mut block: &[u8]) -> Result<()> {
     Ok(())
 }
 
-/// The processor writes a block, and the host moves it until all is in the pty.
+/// Has the processor write a block, and the host move it until all is in the pty.
 fn send_block(station: &mut Station<Pty>, block: &[u8]) -> Result<()> {
     station.write(block)?;
     let mut left = block.len();
@@ -116,7 +116,7 @@ fn await_room(pty: &Pty) -> Result<()> {
     }
 }
 
-/// The other process: reads whatever comes, until it is killed.
+/// Runs the other process: reads whatever comes, until it is killed.
 fn read_all(paths: &[&Path; 3]) -> Result<Vec<f64>> {
     let mut files = Vec::new();
     for path in paths {

@@ -15,7 +15,7 @@ const HAND: Processor = Processor(1);
 /// Bytes of a ring.
 pub(super) const RING: u32 = 256 << 10;
 
-/// Whoever waits so long for the host has lost.
+/// The longest wait for the host; after it the processor fails.
 const PATIENCE: Duration = Duration::from_secs(1);
 
 type Mail = LinuxMailbox<'static, 2, SingleContext>;
@@ -31,7 +31,7 @@ pub(super) struct Station<S> {
 }
 
 impl<S: Sink> Station<S> {
-    /// A terminal whose output, as it is, goes to `sink`.
+    /// Makes a terminal whose output, as it is, goes to `sink`.
     pub(super) fn new(sink: S) -> Result<Self> {
         let system = LinuxSystem::<2>::family(RING + 4096)?;
         let join = |claim: Claim<2>| -> Result<(Mail, Region<LinuxWindow>)> {
@@ -60,7 +60,7 @@ impl<S: Sink> Station<S> {
         })
     }
 
-    /// The processor writes a block: into the ring, and a message to the host.
+    /// Has the processor write a block: into the ring, and a message to the host.
     #[inline]
     pub(super) fn write(&self, block: &[u8]) -> Result<()> {
         let written = self.terminal.poster(&self.processor).post(block)?;
@@ -71,7 +71,7 @@ impl<S: Sink> Station<S> {
         }
     }
 
-    /// The host takes the message, and moves what it can; gives how many bytes.
+    /// Has the host take the message, and move all bytes that it can; returns their number.
     #[inline]
     pub(super) fn serve(&mut self) -> Result<usize> {
         self.mailbox.serve(Duration::ZERO)?;

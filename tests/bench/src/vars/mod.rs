@@ -18,7 +18,7 @@ const WIDTHS: [&str; 2] = ["2 500 variables of 32 bits", "2 500 variables of 64 
 /// Runs the sub-command.
 ///
 /// # Errors
-/// valgrind is missing or fails.
+/// Returns an error if valgrind is missing or fails.
 pub(crate) fn run(options: &Options) -> Result<Report> {
     let rounds = options.rounds(31, 9);
     pin(CorePair::find()?.first)?;

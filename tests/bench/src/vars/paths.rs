@@ -10,7 +10,7 @@ use condor_vars::{Catalog, Sampler, Selections, Var, VariableSettings, Watch};
 
 use crate::Result;
 
-/// How many variables a tick sets.
+/// The number of variables that a tick sets.
 pub(super) const SET: usize = 16;
 
 type Loop = Sampler<'static, StaticWindow<'static>, SET>;
@@ -72,7 +72,7 @@ pub(crate) fn go(name: &str, calls: usize) -> Option<Result<()>> {
                 return Err(format!("tick {tick} failed").into());
             }
         }
-        // What was set is there.
+        // The values that were set are there.
         let is_set = |words: &[AtomicU32]| words.iter().any(|it| it.load(Ordering::Relaxed) != 0);
         let expected = name != "vars_idle";
         if (is_set(NARROW[SET - 1].words()) || is_set(WIDE[SET - 1].words())) == expected {

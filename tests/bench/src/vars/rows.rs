@@ -15,7 +15,7 @@ use crate::measure::quantile;
 use crate::rounds;
 use crate::shuffle::Shuffle;
 
-/// What is compared.
+/// The ways that are compared.
 pub(super) const WAYS: [&str; 5] = [
     "memcpy into a ring of as many rows",
     "  the same once more (control)",
@@ -115,7 +115,7 @@ fn sample<const SOURCES: usize>(sampler: &mut Loop<SOURCES>, tick: u64) -> Resul
     Ok(sampler.end(tick, Instant::from_ns(tick))?)
 }
 
-/// A loop with a watcher that has selected everything.
+/// Makes a loop with a watcher that has selected everything.
 fn begin<V: Watch, const SOURCES: usize>(variables: &'static [V]) -> Result<Loop<SOURCES>> {
     let shown: Vec<&'static dyn Watch> = variables.iter().map(|it| it as _).collect();
     let catalog = Catalog::new(Vec::leak(shown), &[]);

@@ -20,10 +20,10 @@ use crate::shuffle::Shuffle;
 /// The patterns of the variables that are drawn and served: a hundred.
 const SHOWN: [&str; 2] = ["a.?", "a.??"];
 
-/// How long everything runs before it is measured.
+/// The time for which everything runs before it is measured.
 const WARM_UP: Duration = Duration::from_secs(1);
 
-/// Who watches the variables of the loop in a turn.
+/// The watchers of the loop's variables in a turn.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Way {
     Nobody,
@@ -31,7 +31,7 @@ enum Way {
     All,
 }
 
-/// What came out of a round.
+/// The results of a round.
 #[derive(Clone, Copy, Default)]
 struct Round {
     /// Overruns of the turns in the order of [`Way`].
@@ -95,7 +95,7 @@ impl<'s> Watchers<'s> {
         })
     }
 
-    /// The time on a core that each has had, in s.
+    /// Returns the time on a core that each watcher has had, in s.
     fn cpu(&self) -> Result<[f64; 3]> {
         Ok([self.recorder.cpu()?, self.plots.cpu()?, self.server.cpu()?])
     }

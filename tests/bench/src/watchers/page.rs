@@ -17,7 +17,7 @@ use crate::shuffle::Shuffle;
 /// The page's wish: 30 samples a second of each channel.
 const QUERY: &str = "?hz=30";
 
-/// Who looks at the hand in a turn.
+/// The watcher of the hand in a turn.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Way {
     Nobody,
@@ -25,7 +25,7 @@ enum Way {
     Page,
 }
 
-/// What came out of a round.
+/// The results of a round.
 #[derive(Clone, Copy, Default)]
 struct Round {
     /// Overruns of the turns in the order of [`Way`].
@@ -50,7 +50,7 @@ pub(crate) fn run(options: &Options) -> Result<Report> {
     Ok(report(&played, seconds))
 }
 
-/// Whether the page takes a channel.
+/// Returns true if the page takes a channel.
 fn is_shown(channel: &Value) -> bool {
     let text = |key: &str| channel[key].as_str().unwrap_or_default();
     text("schemaName").starts_with("condor_rows/")

@@ -17,7 +17,7 @@ use tungstenite::client::IntoClientRequest as _;
 use crate::Result;
 use crate::firmware::tool;
 
-/// How long anything may take to come up.
+/// The time that anything may take to come up.
 const PATIENCE: Duration = Duration::from_secs(30);
 /// The time between two looks whether it has.
 const LOOK: Duration = Duration::from_millis(20);
@@ -45,7 +45,7 @@ pub(super) fn build_in(tree: &Path, workspace: &str, what: &[&str]) -> Result<Pa
 /// A system on the real clock.
 pub(super) struct System {
     program: PathBuf,
-    /// Where its socket and the recordings are.
+    /// The directory of its socket and of the recordings.
     place: PathBuf,
     up: Running,
 }
@@ -57,7 +57,7 @@ pub(super) struct Running {
     client: Option<JoinHandle<f64>>,
 }
 
-/// What the watchers of a turn had in the end.
+/// The totals of the watchers at the end of a turn.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Ended {
     /// Rows of the recording.
@@ -92,14 +92,14 @@ impl System {
         command
     }
 
-    /// A command that is another program, which finds the system.
+    /// Returns a command for another program, which finds the system.
     pub(super) fn other(&self, program: &Path) -> Command {
         let mut command = Command::new(program);
         command.env("XDG_RUNTIME_DIR", &self.place);
         command
     }
 
-    /// The time on a core that the supervisor and the processors have had, in s.
+    /// Returns the time on a core that the supervisor and the processors have had, in s.
     pub(super) fn cpu(&self) -> Result<f64> {
         let output = self.command(&["ps", "--json"]).output()?;
         let answer: Value = serde_json::from_slice(&output.stdout)?;
@@ -121,7 +121,7 @@ impl System {
         Ok(())
     }
 
-    /// The overruns of all loops since they began.
+    /// Returns the overruns of all loops since they began.
     pub(super) fn overruns(&self) -> Result<f64> {
         let output = self.command(&["top", "--once", "--json"]).output()?;
         let answer: Value = serde_json::from_slice(&output.stdout)?;
@@ -169,7 +169,8 @@ impl System {
         Ok(running)
     }
 
-    /// The live server with a client that takes some channels, as `is_taken` says of each, at a pace.
+    /// Starts the live server with a client that takes the channels for which `is_taken` returns true, at a
+    /// pace.
     pub(super) fn server(
         &self,
         names: &[&str],
@@ -229,12 +230,12 @@ impl Running {
         Ok(Self { child, client })
     }
 
-    /// The time on a core that it has had, in s.
+    /// Returns the time on a core that the process has had, in s.
     pub(super) fn cpu(&self) -> Result<f64> {
         cpu_of(self.child.id().into())
     }
 
-    /// Its standard input and output, which are pipes.
+    /// Takes the standard input and output of the process, which are pipes.
     pub(super) fn pipes(&mut self) -> Result<(ChildStdin, ChildStdout)> {
         let pipes = (self.child.stdin.take(), self.child.stdout.take());
         match pipes {
@@ -262,7 +263,7 @@ impl Running {
     }
 }
 
-/// The time on a core that a process has had, in s.
+/// Returns the time on a core that a process has had, in s.
 fn cpu_of(pid: u64) -> Result<f64> {
     let stat = fs::read_to_string(format!("/proc/{pid}/stat"))?;
     // The name of the program is in parentheses, and may contain anything.
@@ -277,7 +278,7 @@ fn cpu_of(pid: u64) -> Result<f64> {
 impl Drop for Running {
     fn drop(&mut self) {
         if matches!(self.child.try_wait(), Ok(None)) && self.interrupt().is_ok() {
-            // It has ended, whatever it says.
+            // The process has ended, whatever its status is.
             let _ = self.child.wait();
         }
     }

@@ -29,10 +29,10 @@ const VARIABLES: [&str; 6] = [
     "servo-?:*.tension",
     "servo-?:*.touch",
 ];
-/// What a client says that it takes.
+/// The line that a client prints when it receives its streams.
 const TAKEN: &str = "2 streams of 100 variables\n";
 
-/// Who looks at the hand in a turn.
+/// The watchers of the hand in a turn.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Way {
     Nobody,
@@ -40,7 +40,7 @@ enum Way {
     Clients,
 }
 
-/// What came out of a round.
+/// The results of a round.
 #[derive(Clone, Copy, Default)]
 struct Round {
     /// Overruns of the turns in the order of [`Way`].
@@ -90,7 +90,7 @@ pub(crate) fn run(options: &Options) -> Result<Report> {
 
 impl Programs {
     fn new(release: &Path, place: &Path) -> Result<Self> {
-        // It was free a moment ago.
+        // The port was free a moment ago.
         let port = TcpListener::bind("127.0.0.1:0")?.local_addr()?.port();
         let at = format!("tcp/127.0.0.1:{port}");
         let clients: String = CLIENTS
@@ -181,7 +181,7 @@ impl Remote {
         Ok(())
     }
 
-    /// The time on a core that the gateway and all clients have had, in s.
+    /// Returns the time on a core that the gateway and all clients have had, in s.
     fn cpu(&self) -> Result<[f64; 2]> {
         let clients = self.clients.iter().map(|it| it.running.cpu());
         Ok([self.gateway.cpu()?, clients.sum::<Result<f64>>()?])

@@ -12,7 +12,7 @@ pub struct Checks<'p> {
 }
 
 impl<'p> Checks<'p> {
-    /// No checks yet; `print` puts text on the console.
+    /// Creates checks of which none is made yet; `print` puts text on the console.
     pub fn new(print: &'p dyn Fn(&str)) -> Self {
         Self {
             print,
@@ -21,13 +21,13 @@ impl<'p> Checks<'p> {
         }
     }
 
-    /// A line of its own that begins a group of checks.
+    /// Prints a line of its own that begins a group of checks.
     pub fn group(&self, name: &str) {
         (self.print)(name);
         (self.print)("\n");
     }
 
-    /// Notes whether something is so.
+    /// Checks that a condition holds.
     #[track_caller]
     pub fn that(&mut self, holds: bool) {
         self.same(holds, true);

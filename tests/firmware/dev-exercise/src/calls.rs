@@ -39,7 +39,7 @@ type Devices = Switch<Mmio, NoInterrupts, Boards, COUNT>;
 static MEMORY: Memory = Memory::new();
 static SWITCH: Devices = Switch::new(MEMORY.bus(), NoInterrupts, Boards::new());
 
-/// The memory that answers as boards, from [`BASE`] on.
+/// Returns the memory that answers as boards, from [`BASE`] on.
 #[must_use]
 pub fn memory() -> Mmio {
     MEMORY.bus()
@@ -134,7 +134,7 @@ fn misuse(checks: &mut Checks<'_>, switch: &Devices) {
     checks.same(switch.close(fd), Err(IoError::Fd(FdError::Closed { fd })));
 }
 
-/// What the first three channels read as, in bytes.
+/// Returns the bytes that the first three channels must read.
 fn sequence() -> [u16; 6] {
     let mut bytes = [0; 6];
     for (pair, channel) in bytes.as_chunks_mut::<2>().0.iter_mut().zip([0_u16, 0, 1]) {

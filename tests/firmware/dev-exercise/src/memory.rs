@@ -20,7 +20,7 @@ impl Memory {
         Self(UnsafeCell::new([0; WORDS]))
     }
 
-    /// The bus addresses from [`BASE`] on.
+    /// Returns the bus with the addresses from [`BASE`] on.
     pub(crate) const fn bus(&'static self) -> Mmio {
         // SAFETY: the memory is aligned to words, lives for ever and has no references into it.
         unsafe { Mmio::translated(self.0.get().cast(), BASE, 4 * WORDS) }

@@ -1,4 +1,4 @@
-//! Gives back what comes, interrupt-driven.
+//! The echo of bytes that come, interrupt-driven.
 
 use checks::Checks;
 use condor_dev::{BusAccessError, Fd, IoError, OpenMode};
@@ -6,7 +6,7 @@ use riscv::register::{mstatus, time};
 
 use crate::{Machine, System};
 
-/// How many bytes; the text says the same.
+/// The number of bytes; [`INVITATION`] says the same number.
 const BYTES: usize = 1 << 20;
 /// Ticks of the machine's clock that the last bytes may take: 10 s.
 const PATIENCE: usize = 100_000_000;
@@ -70,7 +70,7 @@ fn write_all(system: &System, fd: Fd, mut from: &[u8]) -> Outcome {
     Ok(())
 }
 
-/// Whether all is sent in time.
+/// Waits until all is sent; returns false if that takes too long.
 fn flush(system: &System, fd: Fd) -> Result<bool, IoError<BusAccessError>> {
     let begin = time::read();
     while !system.is_flushed(fd)? {

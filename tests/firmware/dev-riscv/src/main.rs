@@ -1,8 +1,8 @@
 //! The device switch on hardware that nobody here wrote: boards that are there and boards that are
 //! not, and a serial port that interrupts through a PLIC.
 //!
-//! It makes the calls of [`dev_exercise`], looks for its own boards by real access faults, and then
-//! says `echo` and a number: so many bytes it gives back as they come.
+//! It makes the calls of [`dev_exercise`], looks for its own boards by real access faults, and then prints
+//! `echo` and a number: it sends back that many bytes as they come.
 #![no_std]
 #![no_main]
 

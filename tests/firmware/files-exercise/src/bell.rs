@@ -9,17 +9,17 @@ use crate::memory::{PROCESSORS, Window};
 
 /// Nothing here takes as long, unless something is broken.
 pub(crate) const PATIENCE: Duration = Duration::from_secs(20);
-/// For waits that must end without success.
+/// The timeout of waits that must end without success.
 pub(crate) const SHORT: Duration = Duration::from_millis(20);
 
-/// What a processor does while the other one waits.
+/// The work that one processor does while the other one waits.
 pub(crate) type Turn<'t> = Cell<Option<&'t dyn Fn()>>;
 
 /// The mailbox of one of the two.
 pub(crate) type Mail<'p> = Mailbox<'p, (Window, Bell<'p>, CriticalSection), PROCESSORS>;
 
-/// The doorbell of one of the two: who waits gives the other one the turn instead of sleeping, so
-/// that nobody needs a ring.
+/// The doorbell of one of the two: a processor that waits lets the other one work instead of sleeping, so
+/// that no ring is needed.
 #[derive(Clone, Copy)]
 pub(crate) struct Bell<'t> {
     pub(crate) other: &'t Turn<'t>,

@@ -29,7 +29,7 @@ static POST: Post = Post;
 static BOARD: StaticCell<Board> = StaticCell::new();
 static PANEL: Mutex<Cell<Option<&'static dyn AnyTerminal>>> = Mutex::new(Cell::new(None));
 
-/// What is made once in a program was made before.
+/// Returns the error of a value that the program has made before, although it may make it only once.
 fn twice() -> Trouble {
     Trouble::new("made twice")
 }
@@ -57,7 +57,7 @@ fn put(board: Option<&'static dyn AnyTerminal>) {
     critical_section::with(|token| PANEL.borrow(token).set(board));
 }
 
-/// Opens, writes, reads and closes one; gives the switch.
+/// Opens, writes, reads and closes a terminal; returns the switch.
 #[inline(never)]
 pub(crate) fn boards(
     checks: &mut Checks<'_>,
@@ -100,7 +100,7 @@ pub(crate) fn boards(
     Ok(devices)
 }
 
-/// As long as there is room, and when there is none.
+/// Checks writes as long as there is room, and when there is none.
 fn writing(
     checks: &mut Checks<'_>,
     pair: &Pair<'_>,

@@ -22,7 +22,7 @@ pub(crate) type System<'p> = FileSystem<'p, Mail<'p>, Window, FILES>;
 const READ: OpenOptions = OpenOptions::new().read();
 const BOTH: OpenOptions = OpenOptions::new().read().write();
 
-/// Why a call did not do what it was asked to.
+/// Returns the error number of a call that failed with one.
 fn errno<T>(outcome: Result<T, FileError>) -> Option<Errno> {
     outcome.err().and_then(|error| error.errno())
 }
@@ -118,7 +118,7 @@ pub(crate) fn files(
     run.close()
 }
 
-/// Directories, and names that change.
+/// Checks directories, and names that change.
 #[inline(never)]
 pub(crate) fn names(
     checks: &mut Checks<'_>,
@@ -154,7 +154,7 @@ pub(crate) fn names(
     directory.close()
 }
 
-/// Buffers that are lent, and operations whose end is not known.
+/// Checks buffers that are lent, and operations whose end is not known.
 #[inline(never)]
 pub(crate) fn buffers(
     checks: &mut Checks<'_>,
@@ -265,7 +265,7 @@ pub(crate) fn tickets(
     file.begin_close().wait(PATIENCE)
 }
 
-/// Why a buffer was not read or written, and the buffer, either way.
+/// Returns the error number if the buffer was not read or written, and the buffer, either way.
 fn refused(lent: BufferResult<Window>) -> (Option<Errno>, Option<Buffer<Window>>) {
     match lent {
         Ok((_, buffer)) => (None, Some(buffer)),
@@ -273,7 +273,7 @@ fn refused(lent: BufferResult<Window>) -> (Option<Errno>, Option<Buffer<Window>>
     }
 }
 
-/// Readers and writers that make few calls of many.
+/// Checks readers and writers that make few calls of many.
 #[inline(never)]
 pub(crate) fn buffered(
     checks: &mut Checks<'_>,

@@ -89,7 +89,7 @@ pub(crate) fn descriptors<'p>(
     Ok(())
 }
 
-/// What cannot be done with a file that is open for writing; closes it.
+/// Checks calls that a file refuses which is open for writing; closes it.
 fn refusals(checks: &mut Checks<'_>, pair: &Pair<'_>, switch: &Files<'_, '_>, log: Fd) {
     let (wanted, opened) = (OpenMode::READ, OpenMode::WRITE);
     let direction = FdError::Direction {

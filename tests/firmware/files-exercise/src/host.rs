@@ -1,8 +1,9 @@
 //! [`Host`]: a file service that answers from a script.
 //!
-//! It keeps no files. It takes a request out of the client's slot, asks for the client's table as a service does,
-//! and answers as it was told to. If it was told nothing, all that is read are the [`CONTENT`] from the request's
-//! position on, and all that is to be written is written. What a real service does is shown where one runs.
+//! It keeps no files. It takes a request out of the client's slot, asks for the client's table as a service
+//! does, and answers as it was told to. If it was told nothing, a read gets the [`CONTENT`] from the
+//! request's position on, and a write takes all bytes. Other tests, in which a real service runs, show what
+//! that does.
 
 use core::cell::Cell;
 use core::time::Duration;
@@ -14,7 +15,7 @@ use condor_fs::{Errno, FileStatus};
 use condor_mbox::{AccessError, Call, MemoryWindow as _, Messenger as _, Region, StaticWindow};
 use critical_section::Mutex;
 
-/// What all files have.
+/// The content of all files.
 pub(crate) const CONTENT: &[u8] = b"tendon 3 is slack\n";
 /// Two files, `a` and `monday`, as an answer lays them out: cookie, kind, length, name.
 const ENTRIES: [[u32; 6]; 2] = [
@@ -30,21 +31,21 @@ const ENTRIES: [[u32; 6]; 2] = [
 ];
 /// Bytes of an entry before its name.
 const HEAD: u32 = 16;
-/// What a client answers within.
+/// The time within which a client answers.
 const PATIENCE: Duration = Duration::from_secs(1);
 
-/// How the next request is answered.
+/// The answer to the next request.
 #[derive(Clone, Copy)]
 enum Answer {
-    /// As if all were well.
+    /// The request is carried out, as if all were well.
     Done,
-    /// With an error.
+    /// The request fails with an error.
     Failed(Errno),
-    /// Not at all: the request itself is refused.
+    /// The request itself is refused.
     Refused(Errno),
 }
 
-/// What may be shared with the handler of a mailbox.
+/// The state of the service, which may be shared with the handler of a mailbox.
 pub(crate) struct Host<'s> {
     /// The users' part of the client's `data`.
     theirs: Region<StaticWindow<'s>>,
@@ -73,7 +74,7 @@ impl<'s> Host<'s> {
         self.set(Answer::Failed(errno));
     }
 
-    /// What a mailbox does for [`FILES`].
+    /// Serves [`FILES`], as the handler of a mailbox.
     pub(crate) fn serve(&self, call: &Call<'_>) -> u32 {
         let next = critical_section::with(|token| self.next.borrow(token).replace(Answer::Done));
         let fault = REFUSED | u32::from(Errno::FAULT.0);
@@ -121,7 +122,7 @@ impl<'s> Host<'s> {
         Ok(DONE)
     }
 
-    /// What comes of a request if all is well.
+    /// Carries out a request; returns the result that it has if all is well.
     fn carry_out(&self, request: &RequestSlot) -> Result<u64, AccessError> {
         let (buffer, position) = (request.buffer, request.position);
         Ok(match Operation::from_word(request.operation) {

@@ -1,8 +1,8 @@
 //! Uses every call of `condor-fs` and `condor-tty` that runs without an operating system.
 //!
-//! The processor and its host are two mailboxes of one program. Whoever waits gives the other one the
-//! turn ([`bell`]), so that every run is the same. The host's file service answers from a script
-//! ([`host`]); its terminals have a [`Reader`](condor_tty::Reader) in front of them.
+//! The processor and its host are two mailboxes of one program. A processor that waits lets the other one
+//! work ([`bell`]), so that every run is the same. The host's file service answers from a script
+//! ([`host`]); its terminals have a [`TerminalReader`](condor_tty::TerminalReader) in front of them.
 #![no_std]
 
 mod bell;

@@ -4,9 +4,9 @@ use condor_mbox::{Processor, StaticMemory, StaticWindow, Windows, layout};
 
 /// The processors of the system.
 pub(crate) const PROCESSORS: usize = 2;
-/// Whose files they are, and who looks at the terminals.
+/// The processor that has the files, and looks at the terminals.
 pub(crate) const HOST: Processor = Processor(0);
-/// Who opens files, and has terminals.
+/// The processor that opens files, and has terminals.
 pub(crate) const HAND: Processor = Processor(1);
 
 /// The memory of a processor.

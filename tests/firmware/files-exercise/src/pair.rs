@@ -49,11 +49,11 @@ pub(crate) struct Pair<'p> {
     pub(crate) own: Region<Window>,
     pub(crate) area: Layout,
     pub(crate) terminal: &'p Tty,
-    /// With [`OTHERS`].
+    /// The terminal with the vectors [`OTHERS`].
     pub(crate) second: &'p Tty,
-    /// How often somebody has interrupted at the terminal.
+    /// The number of interrupts that were typed at the terminal.
     pub(crate) interrupts: &'p AtomicU32,
-    /// How many messages about output have come to the host.
+    /// The number of messages about output that have come to the host.
     pub(crate) told: &'p AtomicU32,
 }
 
@@ -133,7 +133,7 @@ pub(crate) fn with_pair(
     work(&pair, &mut places)
 }
 
-/// The handlers of one vector do not interrupt each other here: no indivisible addition.
+/// Counts up. The handlers of one vector do not interrupt each other here, so no atomic addition is needed.
 fn count(counter: &AtomicU32) {
     counter.store(counter.load(Relaxed).wrapping_add(1), Relaxed);
 }

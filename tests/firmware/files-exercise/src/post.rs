@@ -8,10 +8,11 @@ use condor_mbox::{
 
 use crate::memory::HAND;
 
-/// What a terminal of a device switch posts to.
+/// The messenger to which a terminal of a device switch posts.
 pub(crate) struct Post;
 
-/// Everything is refused but what is sent without waiting: who never waits asks for nothing else.
+/// Refuses everything except messages that are sent without waiting: a terminal that never waits sends no
+/// others.
 impl Messenger for Post {
     fn number(&self) -> Processor {
         HAND

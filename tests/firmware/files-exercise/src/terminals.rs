@@ -15,7 +15,7 @@ use crate::memory::HOST;
 use crate::pair::{OTHERS, Pair, RING, Tty};
 use crate::trouble::Trouble;
 
-/// Before a host has attached, and one that comes and goes.
+/// Checks terminals before a host has attached, and with one that comes and goes.
 #[inline(never)]
 pub(crate) fn terminals(
     checks: &mut Checks<'_>,
@@ -81,7 +81,7 @@ pub(crate) fn terminals(
     Ok(())
 }
 
-/// New incarnations of terminals, new hosts, and words that nobody writes.
+/// Checks new incarnations of terminals, new hosts, and words that nobody writes.
 #[inline(never)]
 pub(crate) fn lives(
     checks: &mut Checks<'_>,

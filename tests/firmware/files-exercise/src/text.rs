@@ -2,7 +2,7 @@
 
 use core::fmt::{self, Display, Write as _};
 
-/// Up to `N` bytes; what follows is dropped.
+/// A text of at most `N` bytes; more are dropped.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Text<const N: usize> {
     bytes: [u8; N],
@@ -17,10 +17,10 @@ impl<const N: usize> Text<N> {
         }
     }
 
-    /// What `value` is, for people.
+    /// Returns `value` as a text for people.
     pub(crate) fn of(value: &dyn Display) -> Self {
         let mut text = Self::new();
-        // It takes everything.
+        // The text takes everything.
         let _ = write!(text, "{value}");
         text
     }

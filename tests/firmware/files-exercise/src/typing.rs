@@ -1,4 +1,4 @@
-//! What is typed.
+//! Input that is typed at a terminal.
 
 use core::sync::atomic::Ordering::Relaxed;
 
@@ -18,7 +18,7 @@ use crate::trouble::Trouble;
 
 type Reading<'t, 'p> = Console<'t, StaticWindow<'static>, CriticalSection, Mail<'p>, AHEAD>;
 
-/// Lines, keys that do something, and raw characters.
+/// Checks lines, keys that do something, and raw characters.
 #[inline(never)]
 pub(crate) fn typing(checks: &mut Checks<'_>, pair: &Pair<'_>) -> Result<(), Trouble> {
     let mut console = pair.terminal.console(pair.hand).with_read_timeout(PATIENCE);
@@ -146,7 +146,7 @@ fn second(checks: &mut Checks<'_>, pair: &Pair<'_>) -> Result<(), Trouble> {
     Ok(())
 }
 
-/// Somebody types while the program waits in a read.
+/// Types a line while the program waits in a read, and checks the line that it reads.
 #[track_caller]
 fn types(
     checks: &mut Checks<'_>,

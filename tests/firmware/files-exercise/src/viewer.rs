@@ -11,19 +11,19 @@ use crate::bell::{Mail, PATIENCE};
 use crate::memory::{HAND, Window};
 use crate::text::Text;
 
-/// What is fetched in one turn: less than a ring, so that writers do wait.
+/// The bytes that are fetched in one turn: fewer than a ring has, so that writers do wait.
 const FETCHED: usize = 24;
 
-/// It looks at most at one terminal at a time.
+/// A viewer of terminals, which looks at most at one of them at a time.
 pub(crate) struct Viewer {
     reader: Cell<Option<TerminalReader<Window>>>,
     vectors: Cell<TerminalVectors>,
-    /// What has been shown since the last look.
+    /// The output that has been shown since the last look.
     shown: RefCell<Text<256>>,
     pub(crate) skipped: Cell<u32>,
-    /// What is yet to be typed.
+    /// The bytes that are yet to be typed.
     pub(crate) typing: Cell<&'static [u8]>,
-    /// What ended the view.
+    /// The error that ended the view.
     pub(crate) ended: Cell<Option<TerminalReaderError>>,
 }
 
@@ -53,12 +53,12 @@ impl Viewer {
         Ok(())
     }
 
-    /// Looks away; gives what looked.
+    /// Ends the view; returns its reader.
     pub(crate) fn take(&self) -> Option<TerminalReader<Window>> {
         self.reader.take()
     }
 
-    /// One turn of the host: serves, shows, and types.
+    /// Runs one turn of the host: serves, shows, and types.
     pub(crate) fn turn(&self, host: &Mail<'_>) {
         // Its own memory is there.
         let _ = host.serve(Duration::ZERO);
@@ -90,7 +90,7 @@ impl Viewer {
         self.skipped
             .set(self.skipped.get().wrapping_add(fetched.skipped));
         if reader.acknowledge(fetched.len)? && fetched.len > 0 {
-            // Who waits looks by itself, too.
+            // A processor that waits looks by itself, too.
             let _ = host.send(
                 HAND,
                 self.vectors.get().room,
@@ -125,7 +125,7 @@ impl Viewer {
         }
     }
 
-    /// What has been shown since the last look, and what is there to be shown.
+    /// Returns the output that has been shown since the last look, and that which can be shown now.
     pub(crate) fn look(&self, host: &Mail<'_>) -> Text<256> {
         for _ in 0..8 {
             self.turn(host);

@@ -16,7 +16,7 @@ const LONG: &[u8; 100] = b"\
     A finger has three joints, and four tendons that pull them: what one lets go of, the others take up.";
 const LATE: ConsoleError = ConsoleError::TimedOut { lost: 0 };
 
-/// Each policy, with a host that looks and with one that does not.
+/// Checks each policy, with a host that looks and with one that does not.
 #[inline(never)]
 pub(crate) fn writing(checks: &mut Checks<'_>, pair: &Pair<'_>) -> Result<(), Trouble> {
     let (terminal, viewer) = (pair.terminal, pair.viewer);

@@ -18,7 +18,7 @@ fn main() -> ! {
     })
 }
 
-/// What the exercise may take of the stack, the checks and the host's end included.
+/// Checks the stack that the exercise takes, including that of the checks and the host's end.
 #[cfg(target_arch = "arm")]
 fn stack(checks: &mut checks::Checks<'_>) {
     use core::fmt::Write as _;

@@ -6,7 +6,7 @@ use crate::Shipped;
 use crate::corpus::{Between, any};
 use crate::digest::Digest;
 
-/// Filters, on signals with jumps and with what is no number.
+/// Filters signals with jumps, and values that are not numbers.
 pub(crate) fn control(digest: &mut Digest, _: &Shipped) -> Option<()> {
     each::<f64>(digest)?;
     each::<f32>(digest)

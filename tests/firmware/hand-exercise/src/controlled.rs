@@ -17,7 +17,7 @@ use crate::grasping::POSTURES;
 
 type Finger = config::Finger<4>;
 
-/// A finger through all modes and gains, with sensors that fail, to a fault and back.
+/// Controls a finger through all modes and gains, with sensors that fail, to a fault and back.
 pub(crate) fn finger(digest: &mut Digest, hand: &Shipped) -> Option<()> {
     let finger = hand.fingers.first()?;
     ticks(digest, hand, finger, finger.planar()?)?;
@@ -77,7 +77,7 @@ fn ticks(
             }
         }
         if let Some(fault) = digest.answer(tick.fault) {
-            // What a sensor said.
+            // The value that a sensor measured.
             digest.reading(fault.value);
         }
         // The tendons follow, and the joints wander.
@@ -87,7 +87,7 @@ fn ticks(
     Some(())
 }
 
-/// What a user does to a joint before a tick.
+/// Changes a joint as a user does before a tick.
 fn change<M: Dynamics<f64, 4>>(
     digest: &mut Digest,
     controller: &mut FingerController<M, 4>,
@@ -150,7 +150,7 @@ const LOOPS: u32 = 120;
 
 type Simulated = plant::SimHand<PlanarFinger, FINGERS, 4>;
 
-/// Four fingers on a table that close about a ball on the ground, by what converters say of them.
+/// Controls four fingers on a table that close about a ball on the ground, by what converters read of them.
 pub(crate) fn hand(digest: &mut Digest, hand: &Shipped) -> Option<()> {
     let mut simulated = simulated(hand)?;
     let mut fingers = hand.fingers.iter();
@@ -204,7 +204,7 @@ pub(crate) fn hand(digest: &mut Digest, hand: &Shipped) -> Option<()> {
     Some(())
 }
 
-/// Where all joints are to be.
+/// Returns the set-points of all joints.
 fn finger_points(closing: f64) -> [SetPoint<f64>; 4] {
     [0.0, 0.85 + closing, 0.8 + closing, 0.55].map(SetPoint::rest)
 }
@@ -221,7 +221,7 @@ fn controller(
     Some(controller)
 }
 
-/// What the converters of a finger say.
+/// Returns the readings of the converters of a finger.
 fn sense(
     digest: &mut Digest,
     bank: &mut SensorBank<'_, CHANNELS>,
@@ -251,7 +251,7 @@ fn sense(
     sensed
 }
 
-/// The whole state.
+/// Adds the whole state.
 fn observe(digest: &mut Digest, simulated: &Simulated) {
     for finger in simulated.fingers() {
         digest.numbers(finger.q());
@@ -356,7 +356,7 @@ fn cylinder(elastic: Option<Elastic>) -> DriveKind {
     })
 }
 
-/// The sensors of one finger: for each joint a position and two tensions.
+/// Returns the sensors of one finger: for each joint a position and two tensions.
 fn bank<'a>(
     hand: &Shipped,
     script: &'a [SensorFault],

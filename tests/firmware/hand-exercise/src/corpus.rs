@@ -1,4 +1,4 @@
-//! What goes in.
+//! The input of the corpus.
 
 use condor_hand::Real;
 use condor_hand::math::real;
@@ -33,7 +33,7 @@ pub(crate) const FINITE: [f64; 24] = [
     1e15,
 ];
 
-/// What a broken sensor or a careless user may say besides.
+/// Numbers that a broken sensor or a careless user may send besides.
 pub(crate) const HOSTILE: [f64; 5] = [
     f64::NAN,
     f64::INFINITY,
@@ -42,7 +42,7 @@ pub(crate) const HOSTILE: [f64; 5] = [
     f64::MIN,
 ];
 
-/// Both of them.
+/// Returns all numbers, finite and hostile ones.
 pub(crate) fn any<T: Real>() -> impl Iterator<Item = T> {
     FINITE.into_iter().chain(HOSTILE).map(real)
 }
@@ -69,7 +69,7 @@ impl Between {
 
 const HALF_TURN: f64 = core::f64::consts::PI;
 
-/// Postures: straight and folded ones, which are singular; each of [`FINITE`] at all joints and at
+/// Returns postures: straight and folded ones, which are singular; each of [`FINITE`] at all joints and at
 /// one; and many of no pattern.
 pub(crate) fn postures<T: Real>() -> impl Iterator<Item = SVector<T, 4>> {
     let singular = [

@@ -10,7 +10,7 @@ pub(crate) struct Digest {
 
 const BASIS: u64 = 0xcbf2_9ce4_8422_2325;
 const PRIME: u64 = 0x0100_0000_01b3;
-/// Not the bits of any number but a NaN, whose payload and sign differ from target to target.
+/// The bits that stand for any NaN, whose payload and sign differ from target to target.
 const NAN: u64 = 0x7ff8_0000_0000_0000;
 
 impl Digest {
@@ -25,7 +25,7 @@ impl Digest {
         self.hash
     }
 
-    /// Whether there was a NaN where none may be.
+    /// Returns true if there was a NaN where none may be.
     pub(crate) const fn is_spoilt(&self) -> bool {
         self.spoilt
     }
@@ -36,14 +36,14 @@ impl Digest {
         }
     }
 
-    /// A number that is not a NaN.
+    /// Adds a number that must not be a NaN.
     pub(crate) fn number<T: Real>(&mut self, value: T) {
         let value = value.to_f64();
         self.spoilt |= value.is_nan();
         self.bits(if value.is_nan() { NAN } else { value.to_bits() });
     }
 
-    /// A number that may well be a NaN.
+    /// Adds a number that may be a NaN.
     pub(crate) fn reading(&mut self, value: f64) {
         self.bits(if value.is_nan() { NAN } else { value.to_bits() });
     }
@@ -67,7 +67,7 @@ impl Digest {
         self.number(point.acceleration);
     }
 
-    /// Whether there is an answer, and the answer.
+    /// Adds whether there is an answer; returns the answer.
     pub(crate) fn answer<U>(&mut self, answer: Option<U>) -> Option<U> {
         self.bits(u64::from(answer.is_some()));
         answer

@@ -24,7 +24,7 @@ pub(crate) const POSTURES: [[f64; 4]; 4] = [
 /// About the middle of those tips, m.
 const CENTER: [f64; 3] = [0.07, 0.005, -0.06];
 
-/// The law of a held object that is moved, pushed, overloaded and lost.
+/// Runs the law of a held object that is moved, pushed, overloaded and lost.
 pub(crate) fn grasps(digest: &mut Digest, hand: &Shipped) -> Option<()> {
     held::<f64>(digest, hand)?;
     held::<f32>(digest, hand)
@@ -43,7 +43,7 @@ fn held<T: Real>(digest: &mut Digest, hand: &Shipped) -> Option<()> {
     let mut tuning = tuning::<T>()?;
     let mut grasp = GraspStiffness::engage(&engaged, tuning).ok()?;
     for step in 0..60_u32 {
-        // Displaced by ever more, until it is no rigid displacement.
+        // Displaced by ever more, until the displacement is not rigid any more.
         let size = 0.002 * f64::from(step / 2);
         if step == 20 {
             tuning.limits = [TorqueLimits::symmetric(&SVector::repeat(real(0.15))); 4];
@@ -84,7 +84,7 @@ fn held<T: Real>(digest: &mut Digest, hand: &Shipped) -> Option<()> {
     Some(())
 }
 
-/// How hard the fingers must press.
+/// Computes the forces with which the fingers must press.
 fn squeezes<T: Real>(
     digest: &mut Digest,
     tuning: &GraspTuning<T, 4, 4>,
@@ -126,7 +126,7 @@ fn tuning<T: Real>() -> Option<GraspTuning<T, 4, 4>> {
     })
 }
 
-/// What the fingers measure `size` rad about the posture of the grasp.
+/// Returns the states that the fingers measure, at most `size` rad from the posture of the grasp.
 fn states<T: Real>(
     fingers: &[PlanarFinger<T>; 4],
     gravity: &Vector3<T>,

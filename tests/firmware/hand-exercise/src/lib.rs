@@ -1,9 +1,9 @@
-//! The same input gives the same bits: a corpus runs through every level of `condor-hand`, and what
-//! comes out is hashed to one number for each level.
+//! The same input yields the same bits: a corpus runs through every level of `condor-hand`, and the results
+//! are hashed to one number for each level.
 //!
-//! The numbers are committed here. A host and a firmware make the same checks, so a target on which
-//! one bit differs fails. The corpus has zeros of both signs, subnormal numbers, singular postures,
-//! limits and saturation, and NaN and infinities wherever sensors and users can say such things.
+//! The numbers are committed here. A host and a firmware make the same checks, so a target on which one bit
+//! differs fails. The corpus has zeros of both signs, subnormal numbers, singular postures, limits and
+//! saturation, and NaN and infinities wherever sensors and users can send such values.
 #![no_std]
 #![allow(
     clippy::match_same_arms,

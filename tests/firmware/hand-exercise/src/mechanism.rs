@@ -8,7 +8,7 @@ use crate::Shipped;
 use crate::corpus::{Between, HOSTILE, postures};
 use crate::digest::Digest;
 
-/// A finger of the shipped hand in another width.
+/// Returns a finger of the shipped hand in another width.
 pub(crate) fn planar<T: Real>(hand: &Shipped, finger: usize) -> Option<PlanarFinger<T>> {
     let finger = hand.fingers.get(finger)?.planar()?;
     let base = Pose {
@@ -23,7 +23,7 @@ pub(crate) fn planar<T: Real>(hand: &Shipped, finger: usize) -> Option<PlanarFin
     PlanarFinger::new(base, finger.lengths().map(real), bodies).ok()
 }
 
-/// Poses, Jacobians and what is made of them.
+/// Computes poses, Jacobians and the quantities that are made of them.
 pub(crate) fn kinematics(digest: &mut Digest, hand: &Shipped) -> Option<()> {
     // The index finger and the thumb, which is turned.
     for finger in [0, 3] {
@@ -51,7 +51,8 @@ fn moved<T: Real>(digest: &mut Digest, finger: &impl Kinematics<T, 4>) {
     }
 }
 
-/// Postures for points: reachable ones, ones too far, ones on the first axis, and no points at all.
+/// Computes postures for points: reachable ones, ones too far, ones on the first axis, and no points at
+/// all.
 pub(crate) fn inverse(digest: &mut Digest, hand: &Shipped) -> Option<()> {
     postures_for::<f64>(digest, hand)?;
     postures_for::<f32>(digest, hand)
@@ -93,7 +94,7 @@ fn postures_for<T: Real>(digest: &mut Digest, hand: &Shipped) -> Option<()> {
     Some(())
 }
 
-/// Torques for accelerations, and accelerations for torques.
+/// Computes torques for accelerations, and accelerations for torques.
 pub(crate) fn dynamics(digest: &mut Digest, hand: &Shipped) -> Option<()> {
     let wide = planar::<f64>(hand, 3)?;
     let narrow = planar::<f32>(hand, 3)?;

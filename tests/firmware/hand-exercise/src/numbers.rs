@@ -5,7 +5,7 @@ use crate::Shipped;
 use crate::corpus::{FINITE, any};
 use crate::digest::Digest;
 
-/// Every function of `math`.
+/// Computes every function of `math`.
 pub(crate) fn functions(digest: &mut Digest, _: &Shipped) -> Option<()> {
     each::<f64>(digest);
     each::<f32>(digest);

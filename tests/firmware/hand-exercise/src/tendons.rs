@@ -9,7 +9,8 @@ use crate::Shipped;
 use crate::corpus::{Between, any};
 use crate::digest::Digest;
 
-/// Torques to tensions: within what tendons can give, beyond it, and for what is no torque.
+/// Converts torques to tensions: within the range of the tendons, beyond it, and for values that are not
+/// torques.
 pub(crate) fn allocation(digest: &mut Digest, hand: &Shipped) -> Option<()> {
     tensions::<f64>(digest, hand)?;
     tensions::<f32>(digest, hand)
@@ -58,7 +59,7 @@ fn tensions<T: Real>(digest: &mut Digest, hand: &Shipped) -> Option<()> {
     Some(())
 }
 
-/// Tensions to commands.
+/// Converts tensions to commands.
 pub(crate) fn servos(digest: &mut Digest, _: &Shipped) -> Option<()> {
     commands::<f64>(digest)?;
     commands::<f32>(digest)

@@ -32,7 +32,7 @@ fn sampled<T: Real>(
     }
 }
 
-/// Polynomials, splines and time-optimal motions between states of all kinds.
+/// Computes polynomials, splines and time-optimal motions between states of all kinds.
 pub(crate) fn profiles(digest: &mut Digest, _: &Shipped) -> Option<()> {
     between_states::<f64>(digest)?;
     between_states::<f32>(digest)
@@ -92,7 +92,7 @@ const JOINTS: usize = 8;
 const TICKS: u32 = 220;
 const SUBSTEPS: u16 = 8;
 
-/// Primitives at 50 Hz, and what servos at 400 Hz make of them when some ticks do not come.
+/// Runs primitives at 50 Hz, and servos at 400 Hz that follow them when some ticks do not come.
 pub(crate) fn motion(digest: &mut Digest, hand: &Shipped) -> Option<()> {
     moves::<f64>(digest, hand)?;
     moves::<f32>(digest, hand)
@@ -174,7 +174,7 @@ fn moves<T: Real>(digest: &mut Digest, hand: &Shipped) -> Option<()> {
     Some(())
 }
 
-/// What begins with a tick.
+/// Returns the primitive that begins with a tick, if one does.
 fn primitive<T: Real>(
     tick: u32,
     limits: &[ProfileLimits<T>; JOINTS],

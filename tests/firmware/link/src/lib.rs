@@ -1,4 +1,4 @@
-//! For build scripts of firmwares.
+//! The linking of firmwares, for their build scripts.
 
 /// Has the linker make an image of a package's programs by `link.x` of riscv-rt or cortex-m-rt.
 pub fn firmware() {

@@ -6,7 +6,7 @@ use cortex_m_rt::STACK_PAINT_VALUE;
 pub use cortex_m_rt::entry;
 use cortex_m_semihosting::{debug, hprint};
 
-/// How fast the core is.
+/// The frequency of the core, Hz.
 pub const CORE_HZ: u32 = if cfg!(microbit) {
     16_000_000
 } else {
@@ -34,7 +34,8 @@ unsafe extern "C" {
     static _stack_start: u32;
 }
 
-/// The most bytes of stack that were in use at a time since the start, when `cortex-m-rt` painted it.
+/// Returns the most bytes of stack that were in use at a time since the start, when `cortex-m-rt` painted
+/// it.
 #[must_use]
 pub fn stack_used() -> usize {
     let start = (&raw const _stack_start).addr();
@@ -67,7 +68,8 @@ pub fn start_clock() {
     write(TASKS_START, 1);
 }
 
-/// Nanoseconds since then. An interrupt in between that asks too makes it later, never earlier.
+/// Returns the nanoseconds since [`start_clock`]. If an interrupt asks in between, the result is later,
+/// never earlier.
 #[must_use]
 pub fn now_ns() -> u64 {
     write(TASKS_CAPTURE_0, 1);

@@ -41,7 +41,7 @@ fn panic(info: &PanicInfo<'_>) -> ! {
     condor_firmware_panicked()
 }
 
-/// The name that is searched for in the linked image: it is there only if something can panic.
+/// Names the place that is searched for in the linked image: it is there only if something can panic.
 #[unsafe(no_mangle)]
 #[inline(never)]
 extern "C" fn condor_firmware_panicked() -> ! {

@@ -5,7 +5,7 @@ pub use riscv_rt::entry;
 
 /// The core-local interruptor.
 pub const CLINT: usize = 0x0200_0000;
-/// How often its `mtime` counts in a second.
+/// The frequency of its `mtime`, Hz.
 pub const MTIME_HZ: u32 = 10_000_000;
 const TICK_NS: u64 = 1_000_000_000 / MTIME_HZ as u64;
 
@@ -36,13 +36,13 @@ pub fn switch_off(success: bool) -> ! {
     }
 }
 
-/// Makes every use of floating point an exception, in a program that is to have none.
+/// Makes every use of floating point an exception, in a program that must not use it.
 pub fn switch_floats_off() {
     // SAFETY: such a program has nothing in these registers.
     unsafe { mstatus::set_fs(mstatus::FS::Off) };
 }
 
-/// Nanoseconds since the start.
+/// Returns the nanoseconds since the start.
 #[must_use]
 pub fn now_ns() -> u64 {
     time::read64().saturating_mul(TICK_NS)
@@ -56,7 +56,7 @@ pub fn ring(hart: usize, pending: bool) {
     unsafe { msip.write_volatile(pending.into()) };
 }
 
-/// Every trap for which the firmware has no handler comes here from `riscv-rt`.
+/// Handles every trap for which the firmware has no handler; `riscv-rt` calls it.
 #[unsafe(no_mangle)]
 extern "C" fn abort() -> ! {
     print("an exception, or an interrupt that nobody enabled\n");

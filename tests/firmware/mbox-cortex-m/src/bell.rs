@@ -8,13 +8,13 @@ use mbox_exercise::{FOLLOWER, PROCESSORS};
 
 use crate::interrupt::serve_other;
 
-/// How often each processor was rung.
+/// The number of rings of each processor.
 static RINGS: [AtomicU32; PROCESSORS] = [const { AtomicU32::new(0) }; PROCESSORS];
 
-/// The doorbell of one of the two.
+/// The doorbell of one of the two processors.
 ///
-/// The leader is the background of the core, and the follower lives in its interrupts: to ring
-/// the follower pends `PendSV`.
+/// The leader is the background of the core, and the follower runs in its interrupts: to ring the follower
+/// pends `PendSV`.
 #[derive(Clone, Copy)]
 pub(crate) struct Bell {
     pub(crate) me: Processor,

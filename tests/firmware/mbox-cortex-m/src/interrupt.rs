@@ -1,4 +1,4 @@
-//! The interrupts in which the follower lives, nested into the leader's background.
+//! The interrupts in which the follower runs, nested into the leader's background.
 
 use core::ptr;
 use core::sync::atomic::{AtomicPtr, AtomicU32, Ordering};
@@ -18,7 +18,7 @@ pub(crate) struct Runnable<'r, 'v> {
 
 static LEADER_RUNS: AtomicPtr<Runnable<'static, 'static>> = AtomicPtr::new(ptr::null_mut());
 static FOLLOWER_RUNS: AtomicPtr<Runnable<'static, 'static>> = AtomicPtr::new(ptr::null_mut());
-/// How many requests were served in interrupts.
+/// The number of requests that were served in interrupts.
 static SERVED: AtomicU32 = AtomicU32::new(0);
 
 /// Runs `body` while others can run `processor`.
@@ -35,7 +35,7 @@ pub(crate) fn running<R>(runnable: &Runnable<'_, '_>, body: impl FnOnce() -> R) 
     result
 }
 
-/// How many requests were served in interrupts.
+/// Returns the number of requests that were served in interrupts.
 pub(crate) fn served() -> u32 {
     SERVED.load(Ordering::Relaxed)
 }
@@ -44,7 +44,7 @@ pub(crate) fn served() -> u32 {
 pub(crate) fn serve_other(me: Processor) {
     if me == FOLLOWER {
         with(&LEADER_RUNS, |leader| {
-            // It was there when it was published; if its memory is gone, nothing is served.
+            // The leader was there when it was published; if its memory is gone, nothing is served.
             let _ = leader.mailbox.serve(Duration::ZERO);
         });
     } else {
@@ -73,13 +73,13 @@ fn serve_follower() {
     });
 }
 
-/// The follower's mailbox interrupt.
+/// Serves the follower's mailbox interrupt.
 #[exception]
 fn PendSV() {
     serve_follower();
 }
 
-/// The follower's servo loop; it also looks for what came without a ring.
+/// Runs the follower's servo loop; it also looks for messages that came without a ring.
 #[exception]
 fn SysTick() {
     with(&FOLLOWER_RUNS, |follower| {

@@ -5,7 +5,7 @@ use condor_mbox::{Doorbell, MemoryWindow as _, StoreOrder, Windows, conformance}
 use crate::map::{Window, windows};
 use crate::{Checks, LEADER};
 
-/// The memory that nobody uses yet.
+/// Checks the memory, which no processor uses yet.
 pub fn memories(checks: &mut Checks<'_>) {
     checks.group("backends");
     let [Windows { mail, data }, _] = windows();
@@ -22,7 +22,7 @@ fn window(checks: &mut Checks<'_>, window: &Window) {
     }
 }
 
-/// The doorbell of the leader, who has not joined yet; `ring` rings it as the follower does.
+/// Checks the doorbell of the leader, which has not joined yet; `ring` rings it as the follower does.
 pub fn doorbell<D: Doorbell>(checks: &mut Checks<'_>, bell: &D, ring: impl Fn()) {
     checks.same(conformance::doorbell(bell, LEADER, ring), Ok(()));
 }

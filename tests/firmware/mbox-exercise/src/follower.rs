@@ -1,4 +1,4 @@
-//! What the follower does between messages.
+//! The work of the follower between messages.
 
 use core::time::Duration;
 
@@ -9,7 +9,7 @@ use crate::memory::count_some;
 use crate::resident::{Resident, TICK};
 use crate::{LEADER, Mbox};
 
-/// What the leader wants the follower to do.
+/// An order of the leader to the follower.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Order {
     /// Serve while waiting, and do nothing else.
@@ -35,7 +35,7 @@ impl Order {
 }
 
 impl Resident {
-    /// What the leader wants.
+    /// Returns the present order of the leader; [`Order::Stop`] if the memory is gone.
     #[must_use]
     pub fn order(&self) -> Order {
         let word = self.ram.word(MAP.order);
@@ -53,14 +53,14 @@ impl Resident {
     }
 }
 
-/// So many turns pass before the follower sends again: the leader has more to do than to serve.
+/// The number of turns before the follower sends again: the leader has more to do than to serve.
 const TURNS_PER_TICK: u32 = 64;
 
-/// One pass of the follower's background: publishes, counts under the lock and, if the mailbox
+/// Makes one pass of the follower's background: publishes, counts under the lock and, if the mailbox
 /// interrupt serves, sends. Never waits.
 ///
 /// # Errors
-/// The memory is gone.
+/// Returns an [`AccessError`] if the memory is gone.
 pub fn turn<D: Doorbell>(mailbox: &Mbox<'_, D>, resident: &Resident) -> Result<(), AccessError> {
     count_some(mailbox)?;
     let mut publisher = MAP.sample.publisher(&resident.ram)?;

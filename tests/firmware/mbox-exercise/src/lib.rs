@@ -31,9 +31,9 @@ use core::time::Duration;
 
 /// The processors of the system.
 pub const PROCESSORS: usize = 2;
-/// Who makes the checks.
+/// The processor that makes the checks.
 pub const LEADER: Processor = Processor(0);
-/// Who obeys.
+/// The processor that obeys orders.
 pub const FOLLOWER: Processor = Processor(1);
 
 /// The mailbox of either.

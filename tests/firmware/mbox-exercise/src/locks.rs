@@ -13,7 +13,7 @@ use crate::{PROCESSORS, Window};
 /// A lock of any kind.
 pub(crate) type Lock<'l> = SpinLock<&'l dyn TestAndSet>;
 
-/// What a lock is made of.
+/// The means of which a lock is made.
 #[derive(Clone, Copy)]
 pub(crate) enum LockKind {
     /// Loads and stores.
@@ -33,7 +33,7 @@ impl LockKind {
         Self::Swap,
     ];
 
-    /// Beside a number of 16 bits.
+    /// Returns the word of the kind, which leaves 16 bits for a number.
     pub(crate) const fn word(self) -> u32 {
         (self as u32 + 1) << 16
     }

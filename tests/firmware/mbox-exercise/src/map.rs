@@ -11,7 +11,7 @@ pub(crate) type Window = StaticWindow<'static>;
 const MAIL_WORDS: usize = layout::mail_bytes(PROCESSORS as u32) as usize / 4;
 const DATA_WORDS: usize = (layout::BELL_BYTES + USERS_BYTES) as usize / 4;
 
-/// The memory of both.
+/// Returns the windows of both processors.
 pub(crate) fn windows() -> [Windows<Window>; PROCESSORS] {
     static MAIL: [StaticMemory<MAIL_WORDS>; PROCESSORS] =
         [const { StaticMemory::new() }; PROCESSORS];
@@ -34,13 +34,13 @@ pub(crate) type Sample = [u32; 6];
 pub(crate) struct Map {
     /// Words for the leader to read and write.
     pub(crate) words: u32,
-    /// What the follower shall do.
+    /// The order that the follower must obey.
     pub(crate) order: u32,
-    /// What the follower does.
+    /// The order that the follower obeys.
     pub(crate) obeyed: u32,
-    /// How often the follower shall count up under the lock.
+    /// The number of times that the follower must count up under the lock.
     pub(crate) to_count: u32,
-    /// What both count up, in two words.
+    /// The two words that both count up.
     pub(crate) counted: u32,
     pub(crate) sample: Published<Sample>,
     /// A lock of any kind; that of loads and stores is the largest.

@@ -9,10 +9,10 @@ use crate::map::{MAP, Sample};
 use crate::messages::served_until;
 use crate::{Checks, FOLLOWER, Mbox, PATIENCE, Window};
 
-/// How often each of the two counts up under a lock.
+/// The number of times that each of the two counts up under a lock.
 const ROUNDS: u32 = 300;
 
-/// Everybody lives.
+/// Incarnations of which all are current.
 struct Everybody;
 
 impl Incarnations for Everybody {
@@ -21,8 +21,7 @@ impl Incarnations for Everybody {
     }
 }
 
-/// The leader's checks of memory that it shares with a follower that takes its
-/// [turns](crate::turn).
+/// Checks the memory that the leader shares with a follower that takes its [turns](crate::turn).
 pub fn memory<D: Doorbell>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, D>) {
     let Ok(ram) = mailbox.region(FOLLOWER) else {
         return checks.that(false);
@@ -81,7 +80,7 @@ fn published<D: Doorbell>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, D>, ram: R
     checks.that(whole);
 }
 
-/// Both count up the same two words, under the lock.
+/// Checks that both count up the same two words, under the lock.
 fn shared_count<D: Doorbell>(
     checks: &mut Checks<'_>,
     mailbox: &Mbox<'_, D>,
@@ -115,7 +114,7 @@ fn shared_count<D: Doorbell>(
     checks.same(ram.get(Offset::at(MAP.counted)), Ok([2 * ROUNDS; 2]));
 }
 
-/// The follower's part: never waits for the lock.
+/// Counts up as the follower: never waits for the lock.
 pub(crate) fn count_some<D: Doorbell>(mailbox: &Mbox<'_, D>) -> Result<(), AccessError> {
     let (Ok(ram), Ok(me)) = (mailbox.region(mailbox.number()), mailbox.owner()) else {
         return Ok(());
@@ -131,7 +130,7 @@ pub(crate) fn count_some<D: Doorbell>(mailbox: &Mbox<'_, D>) -> Result<(), Acces
                 continue;
             };
             let right = count_up(ram) == Ok(true);
-            // What was not right is never counted, and the leader waits in vain.
+            // A count that was not right does not count as done, and the leader waits in vain.
             left -= u32::from(guard.release().is_ok() && right);
         }
     })?;

@@ -16,7 +16,8 @@ use crate::{Checks, FOLLOWER, LEADER, Mbox, PATIENCE};
 /// The most stack that a level of nesting takes.
 const LEVEL_BYTES: usize = 1024;
 
-/// The leader's messages to a follower that serves; `ends` of the two share the leader's stack.
+/// Checks the leader's messages to a follower that serves. `ends` of the two processors use the leader's
+/// stack.
 pub fn messages<D: Doorbell>(
     checks: &mut Checks<'_>,
     mailbox: &Mbox<'_, D>,
@@ -62,7 +63,8 @@ fn nested<D: Doorbell>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, D>, resident:
     checks.that(served_until(mailbox, || resident.notes.load(Relaxed) >= 3));
 }
 
-/// Between two handlers of the leader there is one of the other end, if it shares the stack.
+/// Checks the stack between two handlers of the leader: the other end has one in between if it shares the
+/// stack.
 fn stack(checks: &mut Checks<'_>, resident: &Resident, ends: usize) {
     let bytes = resident.level.load(Relaxed);
     checks.that(bytes > 0 && bytes <= ends.saturating_mul(LEVEL_BYTES));
@@ -131,7 +133,7 @@ fn typed<D: Doorbell>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, D>) {
         return checks.that(false);
     };
     let mut places = Allocator::new(own.size());
-    // What else uses this memory.
+    // The first bytes of this memory have other uses.
     let exchange = places
         .bytes(WORDS_BYTES)
         .and_then(|_| Exchange::<_, _, Terms, u32>::new(mailbox, own, &mut places));
@@ -164,7 +166,7 @@ fn kept(checks: &mut Checks<'_>, messenger: &dyn Messenger) {
     checks.same(again.wait(PATIENCE), Ok(Some(977)));
 }
 
-/// A message to the follower, and its reply.
+/// Sends a message to the follower, and returns its reply.
 pub(crate) fn ask<D: Doorbell>(
     mailbox: &Mbox<'_, D>,
     vector: Vector,

@@ -1,4 +1,4 @@
-//! What each of the two processors has: its vectors and what they do.
+//! The vectors of each of the two processors, and what their handlers do.
 
 use core::ptr;
 use core::sync::atomic::{AtomicU32, AtomicUsize, Ordering::Relaxed};
@@ -12,11 +12,11 @@ use condor_mbox::{
 
 use crate::{LEADER, Mbox, PATIENCE, PROCESSORS, Window, windows};
 
-/// Gives the word at an offset of the users' `data` (memo, section 3.3.1).
+/// Returns the word at an offset of the users' `data` (memo, section 3.3.1).
 pub(crate) const READ: Vector = Vector(12);
-/// Counts messages that come in the order of their data; gives how many did not.
+/// Counts messages that come in the order of their data; returns the number of those that did not.
 pub(crate) const IN_ORDER: Vector = Vector(1);
-/// Calls back until its data is used up; gives how deep that was.
+/// Calls back until its data is used up; returns the depth that was reached.
 pub(crate) const NEST: Vector = Vector(2);
 /// Adds up terms.
 pub(crate) const SUM: Vector = Vector(3);
@@ -31,10 +31,10 @@ pub(crate) const REFUSE: Vector = Vector(7);
 /// Has no handler.
 pub(crate) const NOBODY: Vector = Vector(63);
 
-/// What is added up.
+/// The terms of a sum.
 pub(crate) type Terms = [u32; 4];
 
-/// What the handlers of one processor work on.
+/// The state of the handlers of one processor.
 pub struct Resident {
     me: Processor,
     pub(crate) ram: Region<Window>,
@@ -45,7 +45,7 @@ pub struct Resident {
     pub(crate) noted: AtomicU32,
     pub(crate) notes: AtomicU32,
     ticks: AtomicU32,
-    /// Where on the stack the innermost handler of `NEST` runs; 0 if none does.
+    /// The place on the stack where the innermost handler of `NEST` runs; 0 if none does.
     innermost: AtomicUsize,
     /// The fewest bytes of stack between two of them: an interrupt in between takes its own besides.
     pub(crate) level: AtomicUsize,
@@ -56,7 +56,8 @@ pub struct Resident {
 /// Lets `body` have the mailbox of `me`, not joined yet, with its vectors.
 ///
 /// # Errors
-/// As [`Mailbox::new`](condor_mbox::Mailbox::new).
+/// Returns [`MailboxError::Window`] if a `data` window has no room for users; otherwise the error of
+/// [`Mailbox::new`](condor_mbox::Mailbox::new) or of `set_vector` if one of them fails.
 pub fn reside<D: Doorbell, R>(
     me: Processor,
     doorbell: D,
@@ -111,7 +112,7 @@ impl Resident {
         })
     }
 
-    /// How many messages have come that the other one sent on its own account.
+    /// Returns the number of messages that have come, and that the other processor sent on its own account.
     pub fn ticks(&self) -> u32 {
         self.ticks.load(Relaxed)
     }
@@ -133,7 +134,8 @@ impl Resident {
         self.disorder.load(Relaxed)
     }
 
-    /// The place comes from the sender: it may be any number, and is checked by the region.
+    /// Handles [`SUM`]. The place comes from the sender: it may be any number, and is checked by the
+    /// region.
     fn sum(&self, call: &Call<'_>) -> u32 {
         self.data.get(call.sender().index()).map_or(0, |data| {
             answer(call, data, |terms: Terms| {
@@ -144,7 +146,8 @@ impl Resident {
         })
     }
 
-    /// Each end asks the other for one less until nothing is left, or the stack allows no more.
+    /// Handles [`NEST`]: each end asks the other for one less until nothing is left, or the stack allows no
+    /// more.
     fn nest(&self, call: &Call<'_>) -> u32 {
         let Some(less) = call.data().checked_sub(1) else {
             return 0;
@@ -174,12 +177,12 @@ impl Resident {
     }
 }
 
-/// The handlers of one vector do not interrupt each other here: no indivisible addition.
+/// Counts up. The handlers of one vector do not interrupt each other here, so no atomic addition is needed.
 fn count(counter: &AtomicU32) {
     counter.store(counter.load(Relaxed).wrapping_add(1), Relaxed);
 }
 
-/// Gives how many of the ways went well: 4.
+/// Sends to the sender in each way that a handler has; returns the number of ways that went well: 4.
 fn send_back(call: &Call<'_>) -> u32 {
     let (to, data) = (call.sender(), call.data());
     let sent = call.send(to, NOTE, data, PATIENCE).is_ok();

@@ -14,7 +14,7 @@ use crate::messages::{ask, served_until};
 use crate::resident::{NOBODY, NOTE, READ, Resident};
 use crate::{Checks, FOLLOWER, LEADER, Mbox, PATIENCE, PROCESSORS, windows};
 
-/// Before and while the leader joins for the first time.
+/// Checks the states of the leader's mailbox before and while it joins for the first time.
 pub fn first_incarnation<D: Doorbell>(checks: &mut Checks<'_>, mailbox: &mut Mbox<'_, D>, bell: D) {
     let number = Processor(PROCESSORS as u8);
     checks.same(
@@ -68,7 +68,7 @@ fn vectors<D: Doorbell>(checks: &mut Checks<'_>, mailbox: &mut Mbox<'_, D>) {
     );
 }
 
-/// What happens while the follower holds, what was counted, listening, and an incarnation after leaving.
+/// Checks a follower that holds, the counts, listening, and an incarnation after leaving.
 pub fn second_incarnation<D: Doorbell>(
     checks: &mut Checks<'_>,
     mailbox: &mut Mbox<'_, D>,
@@ -135,7 +135,7 @@ fn counted<D: Doorbell>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, D>) {
     }
 }
 
-/// The leader listens to the follower, and so to its own messages there.
+/// Checks that the leader can listen to the follower, and so to its own messages there.
 fn listening<D: Doorbell>(checks: &mut Checks<'_>, mailbox: &mut Mbox<'_, D>, resident: &Resident) {
     checks.same(mailbox.listens_to(), None);
     checks.same(mailbox.listen(Some(FOLLOWER), PATIENCE), Ok(()));
@@ -162,7 +162,7 @@ pub fn last_order<D: Doorbell>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, D>) {
     ));
 }
 
-/// Gives an order and waits until it is obeyed.
+/// Sends an order and waits until it is obeyed.
 pub fn give<D: Doorbell>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, D>, order: Order) {
     let Ok(ram) = mailbox.region(FOLLOWER) else {
         return checks.that(false);

@@ -15,7 +15,7 @@ use crate::Mail;
 /// The mailbox that each hart's interrupt serves, or null.
 static MAILBOX: [AtomicPtr<Mail<'static>>; PROCESSORS] =
     [const { AtomicPtr::new(ptr::null_mut()) }; PROCESSORS];
-/// How many requests each hart's interrupt has served.
+/// The number of requests that each hart's interrupt has served.
 static SERVED: [AtomicU32; PROCESSORS] = [const { AtomicU32::new(0) }; PROCESSORS];
 
 /// Runs `body` while the mailbox interrupt of this hart serves `mailbox`.
@@ -42,14 +42,14 @@ pub(crate) fn served_by_interrupt<R>(mailbox: &Mail<'_>, body: impl FnOnce() -> 
     result
 }
 
-/// How many requests the interrupt of hart `hart` has served.
+/// Returns the number of requests that the interrupt of hart `hart` has served.
 pub(crate) fn served_on(hart: usize) -> u32 {
     SERVED
         .get(hart)
         .map_or(0, |served| served.load(Ordering::Relaxed))
 }
 
-/// The mailbox interrupt of either hart.
+/// Handles the mailbox interrupt of either hart.
 #[core_interrupt(Interrupt::MachineSoft)]
 fn ring() {
     let hart = mhartid::read();

@@ -35,8 +35,8 @@ const fn bell(me: Processor) -> Bell {
     unsafe { Bell::new(CLINT, me, [0, 1], HZ) }.unwrap()
 }
 
-/// Where `riscv-rt` asks whether this hart initializes memory: hart 1 comes when hart 0, which has done
-/// that, rings it.
+/// Tells `riscv-rt` whether this hart initializes memory. Hart 0 does, then rings hart 1, which waits here
+/// until then.
 #[unsafe(no_mangle)]
 extern "C" fn _mp_hook(hart: usize) -> bool {
     if hart == 0 {
@@ -54,7 +54,7 @@ extern "C" fn _mp_hook(hart: usize) -> bool {
     false
 }
 
-/// Where both harts come.
+/// Enters the program, on both harts.
 #[machine::entry]
 fn main(hart: usize) -> ! {
     let [first, second] = &BELLS;
@@ -105,7 +105,7 @@ fn lead(checks: &mut Checks<'_>, bell: &'static Bell) {
     checks.same(resided, Ok(()));
 }
 
-/// The background calls nothing of the mailbox: what comes, the interrupt serves.
+/// Checks a background that calls nothing of the mailbox: the interrupt serves all messages.
 fn background(checks: &mut Checks<'_>, bell: &Bell, resident: &Resident) {
     let deadline = bell.now().after(PATIENCE);
     let before = resident.ticks();
@@ -131,7 +131,7 @@ fn follow(bell: &'static Bell) {
                 Order::Interrupts => {
                     ended = mailbox.ring_always(true);
                     served_by_interrupt(mailbox, || {
-                        // What came before rings were asked for.
+                        // For messages that came before rings were asked for.
                         bell.ring(FOLLOWER);
                         while resident.order() == order {
                             let _ = mbox_exercise::turn(mailbox, resident);
@@ -153,7 +153,7 @@ fn follow(bell: &'static Bell) {
     }
 }
 
-/// With and without an interrupt handler that takes the rings.
+/// Checks the doorbell, with and without an interrupt handler that takes the rings.
 #[cfg(feature = "conformance")]
 fn ring_suite(checks: &mut Checks<'_>, bell: &Bell) {
     let [_, other] = &BELLS;

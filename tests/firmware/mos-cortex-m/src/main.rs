@@ -60,7 +60,7 @@ fn PendSV() {
     SCANNED.on_timer();
 }
 
-/// The vectors of the ranks behind the fastest, which is the timer's. The macro wants `unsafe`.
+/// Handles the vectors of the ranks behind the fastest, which is the timer's. The macro wants `unsafe`.
 #[exception]
 unsafe fn DefaultHandler(interrupt: i16) {
     let rank = match interrupt.cast_unsigned() {

@@ -1,4 +1,4 @@
-//! How late loops may end.
+//! The times within which loops end.
 
 use checks::Checks;
 use condor_mos::{Analysis, Load, LoopId, Loops, Platform, Rate, ResponseTime, Scheduler};
@@ -15,7 +15,7 @@ const LOADS: [Load; LOOPS] = [
 const ANALYSIS: Analysis<LOOPS> = Analysis::new(Rate::hz(1), LOADS);
 const _: () = assert!(ANALYSIS.is_schedulable());
 
-/// What is declared.
+/// Checks the analysis of loads that are declared.
 pub(crate) fn declared(checks: &mut Checks<'_>) {
     let loads = core::hint::black_box(LOADS);
     let responses = |analysis: Analysis<LOOPS>| [0, 1, 2].map(|id| analysis.response(LoopId(id)));
@@ -37,7 +37,7 @@ pub(crate) fn declared(checks: &mut Checks<'_>) {
     checks.that(difference < 1e-9 && difference > -1e-9);
 }
 
-/// What was measured, of loops that have run.
+/// Checks the analysis of run times that were measured, of loops that have run.
 pub(crate) fn measured<P: Platform + Sync, const E: usize>(
     checks: &mut Checks<'_>,
     scheduler: &Scheduler<P, LOOPS, E>,

@@ -7,14 +7,14 @@ use condor_mos::{Latest, LatestReader, LatestWriter, LoopId, Loops, Overrun, Pla
 
 use crate::{LOOPS, await_until};
 
-/// What is handed over: one number, as often as there is place.
+/// A value that is handed over: one number, in each of the words.
 type Words = [u32; 16];
 
-/// How often the background hands over, and the loop at least.
+/// The number of times that the background hands over, and the least number for the loop.
 const ROUNDS: u32 = 2000;
 const RUNS: u32 = 10;
 
-/// A cell in a `static`.
+/// Checks a cell in a `static`.
 pub(crate) fn calls(checks: &mut Checks<'_>) {
     static CELL: Latest<u8> = Latest::new(5);
     let Some((mut writer, mut reader)) = CELL.split() else {
@@ -26,7 +26,7 @@ pub(crate) fn calls(checks: &mut Checks<'_>) {
     checks.same(*reader.read(), 7);
 }
 
-/// A loop writes what the background reads, and reads what the background writes.
+/// Checks a loop that writes values for the background, and reads those that the background writes.
 pub(crate) fn latest<P: Platform + Sync, const E: usize>(
     checks: &mut Checks<'_>,
     scheduler: &Scheduler<P, LOOPS, E>,
@@ -86,7 +86,7 @@ fn send(to: &mut LatestWriter<'_, Words>, number: u32) {
     to.publish();
 }
 
-/// The number that is read, if all words are that, and none is older than `since`.
+/// Reads a value; returns its number if all words are equal and not older than `since`.
 fn take(from: &mut LatestReader<'_, Words>, since: u32) -> Option<u32> {
     let fresh = from.is_fresh();
     let [number, others @ ..] = from.read();

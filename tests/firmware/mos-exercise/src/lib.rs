@@ -17,7 +17,7 @@ mod trace;
 use checks::Checks;
 use condor_mos::{ClockSpec, CounterReading, EventTable, Platform, Rate, Scan, Scheduler};
 
-/// How many loops there are.
+/// The number of loops.
 pub const LOOPS: usize = 3;
 /// Their rates, the fastest first.
 pub const RATES: [Rate; LOOPS] = [Rate::hz(200), Rate::hz(50), Rate::hz(10)];
@@ -29,12 +29,12 @@ pub type Tabled<P> = Scheduler<P, LOOPS, EVENTS>;
 /// A scheduler with a scan.
 pub type Scanned<P> = Scheduler<P, LOOPS, 0>;
 
-/// A scheduler of the loops for a platform with this clock.
+/// Creates a scheduler of the loops, with an event table, for a platform with this clock.
 pub const fn tabled<P: Platform + Sync>(platform: P, clock: ClockSpec) -> Tabled<P> {
     Scheduler::new(platform, EventTable::new(&RATES, clock))
 }
 
-/// The same without a table.
+/// Creates a scheduler of the loops, with a scan, for a platform with this clock.
 pub const fn scanned<P: Platform + Sync>(platform: P, clock: ClockSpec) -> Scanned<P> {
     Scheduler::new(platform, Scan::new(&RATES, clock))
 }

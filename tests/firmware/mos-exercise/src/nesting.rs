@@ -8,7 +8,7 @@ use condor_mos::{LoopId, Loops, Overrun, Platform, Scheduler, StartError, Statis
 use crate::trace::{Told, Trace};
 use crate::{LOOPS, await_until};
 
-/// How often the slowest loop runs.
+/// The number of runs of the slowest loop.
 const ROUNDS: u32 = 5;
 
 pub(crate) fn nesting<P: Platform + Sync, const E: usize>(
@@ -94,7 +94,7 @@ pub(crate) fn nesting<P: Platform + Sync, const E: usize>(
     show(checks, scheduler);
 }
 
-/// Whether no release is lost or doubled.
+/// Returns true if no release is lost or doubled.
 fn is_balanced(counts: &Statistics) -> bool {
     let Statistics {
         released,
@@ -111,7 +111,7 @@ fn is_balanced(counts: &Statistics) -> bool {
             .wrapping_add(pending)
 }
 
-/// The table of statistics. `core` prints numbers with a fraction by code that can panic.
+/// Prints the table of statistics. `core` prints numbers with a fraction by code that can panic.
 #[cfg(feature = "values")]
 fn show<P: Platform + Sync, const E: usize>(
     checks: &mut Checks<'_>,
@@ -135,7 +135,7 @@ fn count(runs: &AtomicU32) {
     runs.store(runs.load(Relaxed).wrapping_add(1), Relaxed);
 }
 
-/// Something that lives in floating-point registers for a while.
+/// Computes in floating-point registers for a while.
 fn compute(seed: f64) -> f64 {
     let (mut even, mut odd) = (core::hint::black_box(seed), core::hint::black_box(0.5));
     for _ in 0..50 {

@@ -1,4 +1,4 @@
-//! What is made before anything runs.
+//! Rates, tables and schedulers before anything runs.
 
 use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
 

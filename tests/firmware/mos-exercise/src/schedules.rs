@@ -40,7 +40,7 @@ pub(crate) fn schedules(checks: &mut Checks<'_>) {
     checks.same(late, Some(phase));
 }
 
-/// What a platform does for its scheduler, by the background.
+/// Checks the calls by which a scheduler uses its platform, from the background.
 pub(crate) fn platform<P: Platform + Sync>(checks: &mut Checks<'_>, platform: &P) {
     checks.that(platform.is_loops_stack());
     checks.same(platform.masked(|_| 5), 5);

@@ -1,4 +1,4 @@
-//! What is told to people.
+//! The texts for people.
 
 use core::fmt::Write as _;
 

@@ -4,7 +4,7 @@ use core::sync::atomic::{AtomicU8, AtomicUsize, Ordering::Relaxed};
 
 use crate::LOOPS;
 
-/// What is kept of a run.
+/// The number of entries and exits that are kept of a run.
 const LENGTH: usize = 1024;
 const EXIT: u8 = 0x80;
 
@@ -14,7 +14,7 @@ pub(crate) struct Trace {
     len: AtomicUsize,
 }
 
-/// What a trace tells.
+/// The findings of a trace.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Told {
     /// Each exit is that of the latest entry, and each entry that of a faster loop than what it
@@ -22,7 +22,7 @@ pub(crate) struct Told {
     pub(crate) strict: bool,
     /// The most loops in progress at once.
     pub(crate) deepest: usize,
-    /// Nobody is in progress at the end.
+    /// True if no loop is in progress at the end.
     pub(crate) closed: bool,
 }
 
@@ -51,7 +51,7 @@ impl Trace {
         });
     }
 
-    /// What it tells, up to the last time that nobody was in progress, if it is full.
+    /// Returns the findings; if the trace is full, up to the last time that no loop was in progress.
     pub(crate) fn told(&self) -> Told {
         let mut stack = [0; LOOPS];
         let mut told = Told {

@@ -49,7 +49,7 @@ fn main() -> ! {
     })
 }
 
-/// A loop rings its own hart: the interrupt comes in the middle of its arithmetic.
+/// Checks a loop that rings its own hart: the interrupt comes in the middle of its arithmetic.
 fn other_interrupt(checks: &mut Checks<'_>) {
     let (runs, interrupted) = (AtomicU32::new(0), AtomicU32::new(0));
     let right = AtomicBool::new(true);
@@ -57,7 +57,7 @@ fn other_interrupt(checks: &mut Checks<'_>) {
         let before = RUNG.load(Relaxed);
         let mut sum = core::hint::black_box(0.0_f64);
         for round in 0..1000 {
-            // It comes within some instructions, or when no loop is left.
+            // The interrupt comes within some instructions, or when no loop is left.
             if round == 5 {
                 ring(0, true);
             }

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-/// The sets of two nodes or more in which each can be reached from each other.
+/// Returns the sets of two nodes or more in which each node can be reached from each other one.
 pub(super) fn circles<N: Ord + Clone>(edges: &BTreeSet<(N, N)>) -> Vec<Vec<N>> {
     let mut circles: Vec<Vec<N>> = Vec::new();
     for (node, _) in edges {

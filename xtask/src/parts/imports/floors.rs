@@ -2,8 +2,8 @@
 
 use std::collections::BTreeSet;
 
-/// The nodes by floors, from bottom to top: each is as low as it can be above all that its edges lead to. Nodes of
-/// circles are on none.
+/// Returns the nodes by floors, from bottom to top: each is as low as it can be above all that its edges
+/// lead to. Nodes of circles are on none.
 pub(super) fn floors<'n, N: Ord + Clone + 'n>(
     nodes: impl Iterator<Item = &'n N>,
     edges: &BTreeSet<(N, N)>,

@@ -93,7 +93,7 @@ impl Modules {
         Ok(())
     }
 
-    /// The file of what a path names, as far as it is one of the crate.
+    /// Returns the module in whose file the item of a path is, as far as it is one of the crate.
     fn resolve(&self, from: &Name, path: &[String], depth: u32) -> Option<Name> {
         // Names that stand for each other would not end.
         if depth > 16 {
@@ -214,7 +214,7 @@ impl<'ast> Visit<'ast> for Paths<'_> {
     fn visit_visibility(&mut self, _: &'ast syn::Visibility) {}
 }
 
-/// The names that an item defines.
+/// Returns the names that an item defines.
 fn defined(item: &Item) -> Option<String> {
     let name = match item {
         Item::Const(item) => &item.ident,

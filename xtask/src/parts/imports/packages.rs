@@ -28,7 +28,8 @@ pub(super) struct Package {
     /// Lines of their files that are neither empty nor a comment.
     pub(super) lines: usize,
     files: usize,
-    /// What of its sources lies outside of it, each in a line; here with its tests and all else.
+    /// The sources that lie outside of its directory, each in a line; here with those of its tests and all
+    /// else.
     pub(super) reaches: Vec<String>,
     /// The packages that its normal dependencies are.
     dependencies: BTreeSet<Directory>,
@@ -63,7 +64,7 @@ impl Packages {
         self.all.values().map(|package| package.files).sum()
     }
 
-    /// Which package has which as a normal dependency.
+    /// Returns the pairs of packages of which the first has the second as a normal dependency.
     pub(super) fn arrows(&self) -> BTreeSet<(Directory, Directory)> {
         let packages = self.all.iter();
         let arrows = packages.flat_map(|(from, package)| {

@@ -5,8 +5,9 @@ use std::path::{Component, Path, PathBuf};
 
 use crate::Result;
 
-/// What reaches out of a package: the sources of `targets`, which are those of its manifest with its build script, and what
-/// its files name by `#[path]` or `include!`. Texts and data (`include_str!`) may be those of others.
+/// Returns the places that reach out of a package: the sources of `targets`, which are those of its
+/// manifest with its build script, and the files that its sources name by `#[path]` or `include!`. Texts
+/// and data (`include_str!`) may be those of other packages.
 pub(super) fn reaches<'t>(
     package: &Path,
     targets: impl Iterator<Item = &'t Path>,
@@ -29,7 +30,7 @@ pub(super) fn reaches<'t>(
     Ok(found)
 }
 
-/// The file that a line takes as source.
+/// Returns the file that a line takes as source.
 fn named(line: &str) -> Option<&str> {
     let attribute = line.trim_start().strip_prefix("#[path = \"");
     let included = || Some(line.split_once("include!(\"")?.1);
@@ -37,7 +38,7 @@ fn named(line: &str) -> Option<&str> {
     Some(name)
 }
 
-/// The path without `..`, as no folder is a link.
+/// Returns the path without `..`, as no folder is a link.
 fn plain(path: &Path) -> PathBuf {
     let mut plain = PathBuf::new();
     for component in path.components() {
@@ -49,7 +50,7 @@ fn plain(path: &Path) -> PathBuf {
     plain
 }
 
-/// The Rust files of a package, without those of packages in its folders.
+/// Finds the Rust files of a package, without those of packages in its folders.
 fn sources(directory: &Path, files: &mut Vec<PathBuf>) -> Result<()> {
     for entry in fs::read_dir(directory)? {
         let path = entry?.path();

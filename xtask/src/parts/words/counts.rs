@@ -65,7 +65,8 @@ pub(super) fn compare(listed: &Table, found: &Table) -> (Vec<String>, Vec<String
 /// Returns the text of `words.toml` with the counts of `found`. A file without counts takes any.
 ///
 /// # Errors
-/// Names the files whose count would rise. New paths may have as many findings as those that are not in `files` any more.
+/// Returns an error that names the files whose count would rise. New paths may have as many findings as
+/// those that are not in `files` any more.
 pub(super) fn recorded(
     text: &str,
     listed: Option<&Table>,

@@ -6,7 +6,7 @@ use core::time::Duration;
 use condor_rt::{Machine, Program, ProgramError, Rate, Setup};
 use nalgebra::Vector3;
 
-/// What a debugger reads and changes.
+/// The words that a debugger reads and changes.
 #[repr(C)]
 pub(crate) struct Watched {
     /// Bits of an `f32`.
@@ -61,7 +61,7 @@ impl Program for Debugged {
     }
 }
 
-/// Long enough for the other loop, and never for ever.
+/// Waits long enough for the other loop, but never for ever.
 #[inline(never)]
 fn wait_for_fast() {
     let before = WATCHED.fast.load(Relaxed);
@@ -71,7 +71,7 @@ fn wait_for_fast() {
     }
 }
 
-/// One line after the other, to be stepped through.
+/// Computes in one line after the other, through which a debugger can step.
 #[inline(never)]
 fn torque(error: Vector3<f32>) -> f32 {
     let gain = f32::from_bits(WATCHED.gain.load(Relaxed));

@@ -1,7 +1,7 @@
-//! How deep the levels of a program go: background, mailbox interrupt with handlers that call back, a
-//! slow loop and a fast one; each alone, and all together.
+//! Measures the stack that the levels of a program take: background, mailbox interrupt with handlers that
+//! call back, a slow loop and a fast one; each alone, and all together.
 //!
-//! The machine is to run with `-icount`, so that what is too late is so by the program's fault.
+//! The machine must run with `-icount`, so that whatever is too late is so by the program's fault.
 
 use core::cell::Cell;
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
@@ -20,16 +20,16 @@ const SLOW: LoopId = LoopId(1);
 const ASK: Vector = Vector(10);
 const TICK: Vector = Vector(9);
 
-/// What the slow loop computes, and the innermost handler: long enough to be interrupted by all that is
-/// above them.
+/// The time for which the slow loop computes, and the innermost handler: long enough to be interrupted by
+/// all that is above them.
 const SLOW_TAKES: Duration = Duration::from_micros(3500);
 const HANDLER_TAKES: Duration = Duration::from_millis(4);
-/// How often each level is looked at alone, and how long, in ticks of the timer.
+/// The number of measurements of each level alone, and the length of each, in ticks of the timer.
 const LOOKS: u32 = 50;
 const PERIOD_OF_FAST: u64 = 25_000;
 const PERIOD_OF_SLOW: u64 = 100_000;
 const LONGER_THAN_HANDLER: u64 = 50_000;
-/// How long all run together.
+/// The time for which all levels run together.
 const TOGETHER: Duration = Duration::from_secs(3);
 const PATIENCE: Duration = Duration::from_secs(1);
 
@@ -58,12 +58,13 @@ pub(crate) fn run(hart: &Hart) -> Result<(), ProgramError> {
     Ok(())
 }
 
-/// What levels tell each other. One hart: what an interrupt has stored is there.
+/// The flags and counts by which levels tell each other how far they are. On one hart, what an interrupt
+/// has stored is visible at once.
 #[derive(Default)]
 struct Reached {
     in_handler: AtomicBool,
     in_slow: AtomicBool,
-    /// How often the fast loop ran above both.
+    /// The number of runs of the fast loop above both.
     at_once: AtomicU32,
     failed: AtomicBool,
 }
@@ -171,12 +172,12 @@ impl Levels<'_, '_> {
         Ok(depths)
     }
 
-    /// A message that nobody waits for. Where there is no room, it is sent another time.
+    /// Sends a message for whose end nobody waits. If there is no room, it is sent another time.
     fn tick(&self, me: Processor) {
         let _ = self.mailbox.send(me, TICK, 0, Duration::ZERO);
     }
 
-    /// What the first of two loops takes above an idle background.
+    /// Returns the stack that the first of two loops takes above an idle background, in bytes.
     fn alone(&self, scheduler: &Two, loops: [LoopId; 2], ticks: u64) -> Result<u32, ProgramError> {
         let [alone, not] = loops;
         scheduler.enable(alone)?;
@@ -193,7 +194,7 @@ impl Levels<'_, '_> {
         Ok(most)
     }
 
-    /// What the mailbox interrupt takes above an idle background.
+    /// Returns the stack that the mailbox interrupt takes above an idle background, in bytes.
     fn mailbox_alone(&self, me: Processor, nested: u32) -> Result<u32, ProgramError> {
         let mut most = 0;
         for _ in 0..LOOKS {

@@ -1,7 +1,7 @@
-//! What releases and messages cost this hart, in instructions.
+//! Counts the instructions that releases and messages cost this hart.
 //!
-//! The machine is to run with `-icount shift=0`, where `minstret` counts one for every instruction and a
-//! trap takes none. What interrupts take is found by a background that knows how many instructions it
+//! The machine must run with `-icount shift=0`, where `minstret` counts one for every instruction and a
+//! trap takes none. The cost of interrupts is found by a background that knows how many instructions it
 //! runs itself; sequences and a trap handler of known length are counted first, in the same ways.
 #![allow(clippy::inline_always, reason = "a call would be counted, too")]
 
@@ -29,7 +29,7 @@ const MESSAGES: u32 = 1000;
 
 /// Instructions between two reads of the counter.
 const SEQUENCE: u32 = 1000;
-/// Those of the trap handler below.
+/// Instructions of the trap handler below.
 const HANDLER: u32 = 14;
 const HANDLER_RUNS: u32 = 300;
 /// Ticks until the handler is run.
@@ -40,7 +40,7 @@ const TIMER: usize = 1 << 7;
 const INCREMENT: Vector = Vector(12);
 const PATIENCE: Duration = Duration::from_secs(1);
 
-/// How often each loop has run; the trap handler counts as the first.
+/// The number of runs of each loop; the trap handler counts as the first.
 static RUNS: [AtomicU32; LOOPS] = [const { AtomicU32::new(0) }; LOOPS];
 
 // Counts a run, and disables the timer's interrupt.
@@ -84,7 +84,7 @@ pub(crate) fn run(hart: &Hart) -> Result<(), ProgramError> {
     Ok(())
 }
 
-/// What is known beforehand.
+/// Counts a sequence and a trap handler whose lengths are known beforehand.
 fn known(hart: &Hart, counts: &mut Counts) {
     let (first, last): (u64, u64);
     // SAFETY: the counter can be read in machine mode.
@@ -141,7 +141,7 @@ fn known(hart: &Hart, counts: &mut Counts) {
     RUNS[0].store(0, Ordering::Relaxed);
 }
 
-/// What releases take from the background.
+/// Counts the instructions that releases take from the background.
 fn releases(hart: &Hart, counts: &mut Counts) -> Result<(), ProgramError> {
     let table = EventTable::<LOOPS, EVENTS>::try_new(&RATES, ClockSpec::of::<u64>(MTIME))?;
     let scheduler: Scheduler<_, LOOPS, EVENTS> = Scheduler::new(hart.platform(), table);
@@ -173,7 +173,7 @@ fn releases(hart: &Hart, counts: &mut Counts) -> Result<(), ProgramError> {
     Ok(())
 }
 
-/// What messages to itself take.
+/// Counts the instructions of messages of the hart to itself.
 fn messages(
     hart: &Hart,
     mailbox: &MailboxOf<'_, Hart>,
@@ -257,7 +257,7 @@ fn taken_until(runs: &AtomicU32, number: u32) -> u32 {
     last.wrapping_sub(first).wrapping_sub(own) as u32
 }
 
-/// The counter, which counts this read, too.
+/// Reads the counter, which counts this read, too.
 #[expect(clippy::inline_always, reason = "a call would be counted, too")]
 #[inline(always)]
 fn counter() -> u64 {
@@ -267,7 +267,7 @@ fn counter() -> u64 {
     count
 }
 
-/// Instructions since a read of the counter, and before this one.
+/// Returns the number of instructions since a read of the counter, and before this one.
 #[expect(clippy::inline_always, reason = "a call would be counted, too")]
 #[inline(always)]
 fn since(begun: u64) -> u32 {

@@ -9,7 +9,7 @@ use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 use super::Verdict;
 
-/// Where in the shared memory a processor publishes its [`Counts`].
+/// Returns the place in the shared memory where a processor publishes its [`Counts`].
 pub(super) const fn counts_of(processor: Processor) -> Published<Counts> {
     Published::at((processor.0 as u32).wrapping_mul(Published::<Counts>::BYTES))
 }
@@ -17,12 +17,12 @@ pub(super) const fn counts_of(processor: Processor) -> Published<Counts> {
 /// Bytes of the shared memory that all processors need.
 pub const SHARED_BYTES: u32 = PROCESSORS as u32 * Published::<Counts>::BYTES;
 
-/// Without reply, of backgrounds and of loops, and with reply.
+/// The vectors of messages: without reply, of backgrounds and of loops, and with reply.
 pub(super) const NOTE: Vector = Vector(8);
 pub(super) const TICK: Vector = Vector(9);
 pub(super) const ASK: Vector = Vector(10);
 
-/// How far a processor has come.
+/// The steps of a drill, in the state of a processor.
 pub(super) const JOINED: u32 = 1;
 pub(super) const SENT: u32 = 2;
 pub(super) const COMPARED: u32 = 3;
@@ -30,7 +30,7 @@ pub(super) const COMPARED: u32 = 3;
 /// Bits of a question that say how deep it is asked back.
 const DEPTH_BITS: u32 = 4;
 
-/// What a processor says it has sent to each.
+/// The number of messages that a processor says it has sent to each other one.
 #[derive(Clone, Copy, Debug, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
 pub(super) struct Counts {
@@ -62,7 +62,7 @@ impl Row {
     }
 }
 
-/// What was sent and what has come.
+/// The counts of messages that were sent and that have come.
 #[derive(Default)]
 pub(super) struct Tally {
     notes_sent: Row,
@@ -86,12 +86,12 @@ impl Tally {
         self.wrong.load(Relaxed)
     }
 
-    /// The handler of [`NOTE`].
+    /// Handles [`NOTE`].
     pub(super) fn note(&self, call: &Call<'_>) -> u32 {
         self.follows(&self.notes, call)
     }
 
-    /// The handler of [`TICK`].
+    /// Handles [`TICK`].
     pub(super) fn tick(&self, call: &Call<'_>) -> u32 {
         self.follows(&self.ticks, call)
     }
@@ -103,7 +103,7 @@ impl Tally {
         0
     }
 
-    /// The handler of [`ASK`]: asks back first.
+    /// Handles [`ASK`]: asks back first.
     pub(super) fn answer(&self, call: &Call<'_>, timeout: Duration) -> u32 {
         let question = call.data();
         self.calls.fetch_add(1, Relaxed);
@@ -138,7 +138,7 @@ impl Tally {
         self.ticks_sent.set(to, number);
     }
 
-    /// Something to ask, and to be asked back so often.
+    /// Returns a new question, whose receivers ask back to this depth.
     pub(super) fn next_question(&self, depth: u32) -> u32 {
         self.questions.fetch_add(1, Relaxed) << DEPTH_BITS | depth
     }
@@ -151,7 +151,7 @@ impl Tally {
         }
     }
 
-    /// How many messages of `from` to `me` have not come.
+    /// Returns the number of messages from `from` to `me` that have not come.
     pub(super) fn missing(&self, me: Processor, from: Processor, sent: &Counts) -> u32 {
         let of = |sent: &[u32; PROCESSORS], row: &Row| {
             let sent = sent.get(me.index()).copied().unwrap_or(0);
@@ -169,7 +169,7 @@ impl Tally {
     }
 }
 
-/// What whoever is asked `question` asks back.
+/// Returns the question that the receiver of `question` asks back, if there is one.
 fn deeper(question: u32) -> Option<u32> {
     let depth = question & ((1 << DEPTH_BITS) - 1);
     depth
@@ -177,7 +177,7 @@ fn deeper(question: u32) -> Option<u32> {
         .map(|depth| question >> DEPTH_BITS << DEPTH_BITS | depth)
 }
 
-/// The right answer.
+/// Returns the right answer to a question.
 pub(super) fn answer_to(question: u32) -> u32 {
     question.wrapping_mul(0x9e37_79b1).rotate_left(7)
 }

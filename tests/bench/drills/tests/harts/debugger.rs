@@ -12,7 +12,7 @@ use crate::running::{DRILLS, Up};
 
 const NEEDS: &str = "the images of tests/firmware";
 
-/// A system with two harts that run the program `debugged`.
+/// Starts a system with two harts that run the program `debugged`.
 pub(crate) fn up(keys: &str) -> Up {
     up_with("", keys)
 }
@@ -453,7 +453,7 @@ fn what_the_stub_calls_may_have_breakpoints() {
     both_run(&up);
 }
 
-/// What `print` prints of a processor, and whether it succeeds.
+/// Returns the text that `print` prints of a processor, and true if it succeeds.
 fn print(up: &Up, arguments: &[&str]) -> (bool, String) {
     let output = Command::new(DRILLS)
         .env("XDG_RUNTIME_DIR", up.place())
@@ -585,7 +585,7 @@ fn held(up: &Up, name: &str) -> (Child, UnixStream) {
     (gateway, debugger)
 }
 
-/// The answer to a packet.
+/// Sends a packet, and returns the answer.
 fn answer(debugger: &mut UnixStream, packet: &str) -> String {
     let sum = packet.bytes().fold(0_u8, u8::wrapping_add);
     write!(debugger, "${packet}#{sum:02x}").unwrap();
@@ -601,7 +601,7 @@ fn answer(debugger: &mut UnixStream, packet: &str) -> String {
     answer.into()
 }
 
-/// As LLDB has it step.
+/// Steps a hart as LLDB does.
 #[test]
 #[ignore = "needs the images of tests/firmware, QEMU and gdb-multiarch"]
 fn a_gateway_steps_by_itself() {

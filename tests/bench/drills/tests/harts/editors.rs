@@ -44,14 +44,14 @@ impl Editor {
         }
     }
 
-    /// Gives a command, and returns its result.
+    /// Sends a command, and returns its result.
     fn tell(&mut self, command: &str) -> String {
         println!("> {command}");
         writeln!(self.input, "{command}").unwrap();
         self.wait("^", "")
     }
 
-    /// Gives a command after which programs run.
+    /// Sends a command after which programs run.
     fn run(&mut self, command: &str) {
         assert!(self.tell(command).starts_with("^running"), "{command}");
     }
@@ -62,7 +62,7 @@ impl Editor {
     }
 }
 
-/// Where the program calls `scale`.
+/// Returns the line in which the program calls `scale`.
 fn line() -> usize {
     let source = include_str!("../../hart/src/debugged.rs");
     let before = source

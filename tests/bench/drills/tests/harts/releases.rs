@@ -12,9 +12,9 @@ use qemu_virt_host::MachineMemory;
 use crate::debugger::{both_run, contains, described, gdb, kill, start};
 use crate::running::{DRILLS, Up};
 
-/// In a machine whose time counts instructions: a release that a loop skips is not the fault of a busy
-/// computer. Each takes 1 ns; a hart that was held goes through all that was due meanwhile, which keeps the
-/// others from their turns.
+/// Starts a system in a machine whose time counts instructions: a release that a loop skips is not the
+/// fault of a busy computer. Each instruction takes 1 ns; a hart that was held goes through all that was
+/// due meanwhile, which keeps the others from their turns.
 fn up_exactly() -> Up {
     let options = "options = [\"-icount\", \"shift=0,sleep=off\"]\n";
     described("", options, "debugged-alone", "")
@@ -25,7 +25,8 @@ fn view(up: &Up) -> View {
     View::open(&up.directory(), window_bytes).unwrap()
 }
 
-/// How many releases the loops of a processor have had, and how many of them they have skipped.
+/// Returns the number of releases that the loops of a processor have had, and the number that they have
+/// skipped.
 fn releases(up: &Up, number: u8) -> [u64; 2] {
     let loops = view(up).loops(Processor(number)).unwrap().overall();
     loops.iter().fold([0; 2], |[released, skipped], it| {
@@ -47,12 +48,12 @@ fn after(up: &Up, number: u8, count: u64) -> [u64; 2] {
     }
 }
 
-/// The number in a variable of the environment.
+/// Returns the number in a variable of the environment, or `default`.
 fn number<T: std::str::FromStr<Err: std::fmt::Debug>>(name: &str, default: T) -> T {
     std::env::var(name).map_or(default, |text| text.parse().unwrap())
 }
 
-/// The processes that a process has started.
+/// Returns the processes that a process has started.
 fn children(pid: u32) -> Vec<u32> {
     let children = std::fs::read_to_string(format!("/proc/{pid}/task/{pid}/children"));
     let children = children.unwrap_or_default();
@@ -122,7 +123,8 @@ fn killed_debuggers_leave_programs_as_they_were() {
     assert_eq!(skipped, before[1], "loops of the other hart have overruns");
 }
 
-/// So many releases after it was started, a processor is not late any more because of another one that starts.
+/// The number of releases after which a processor that was started is not late any more because another one
+/// starts.
 const STARTED: u64 = 2000;
 
 /// How long a variable is watched, in seconds of 100 reads; the figures of system/boards/qemu-virt/README.md are

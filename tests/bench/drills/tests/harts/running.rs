@@ -14,13 +14,13 @@ const DEADLINE: Duration = Duration::from_secs(120);
 pub(crate) const DRILLS: &str = env!("CARGO_BIN_EXE_drills");
 const ALL_STARTED: &str = " have been started";
 
-/// An image of the workspace of the harts.
+/// Returns the path of an image of the workspace of the harts.
 pub(crate) fn image(name: &str) -> String {
     let images = "../../firmware/target/riscv64gc-unknown-none-elf/release";
     format!("{}/{images}/{name}", env!("CARGO_MANIFEST_DIR"))
 }
 
-/// Another program that was built with this one.
+/// Returns the path of another program that was built with this one.
 pub(crate) fn host_program(name: &str) -> PathBuf {
     Path::new(DRILLS).with_file_name(name)
 }
@@ -112,7 +112,7 @@ impl Up {
         }
     }
 
-    /// What changes when a program is started anew.
+    /// Returns the values that change when a program is started anew.
     pub(crate) fn pid_and_state(&self, name: &str) -> (Option<u32>, MemberState, u32) {
         let member = self.member(name);
         (member.pid, member.state, member.restarts)

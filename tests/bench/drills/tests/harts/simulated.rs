@@ -43,7 +43,7 @@ fn start(harts: &[u8], speed: &str) -> Up {
     Up::prepared(&condor, &clock, &processors, NEEDS, |_| {})
 }
 
-/// What all processors have seen, once they have come to the end of their rounds.
+/// Returns the records of all processors, once they have come to the end of their rounds.
 fn records(up: &Up) -> [Record; NUMBERS.len()] {
     let memory = MachineMemory::open(up.directory().path().join("memory")).unwrap();
     let begun = Instant::now();

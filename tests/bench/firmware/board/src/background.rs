@@ -1,11 +1,11 @@
-//! What runs when no loop does: it knows how many instructions it takes.
+//! A background of known length: it runs when no loop does, and counts its own instructions.
 
 use core::arch::asm;
 
 use crate::body::Trace;
 use crate::timer::COUNTER_VALUE;
 
-/// What has passed while the background ran.
+/// The ticks and instructions that have passed while the background ran.
 #[derive(Clone, Copy, Debug)]
 pub struct Passed {
     /// Ticks between the two reads of the counter.
@@ -14,7 +14,7 @@ pub struct Passed {
     pub own_instructions: u32,
 }
 
-/// How many instructions a turn of [`until`] is.
+/// The number of instructions of a turn of [`until`].
 const TURN: u32 = 4;
 
 /// Turns until the loop has run `runs` times, and says what has passed.
@@ -45,7 +45,7 @@ pub fn until(trace: &Trace, runs: u32) -> Passed {
         );
     }
     Passed {
-        // It counts down.
+        // The counter counts down.
         ticks: first.wrapping_sub(last),
         own_instructions: TURN * turns + 1,
     }

@@ -6,38 +6,38 @@ use core::sync::atomic::{AtomicU32, Ordering};
 use crate::LOOPS;
 use crate::timer::COUNTER_VALUE;
 
-/// What the body of a loop leaves behind.
+/// The count of a loop's runs and the time of the last one, which its body stores.
 #[derive(Debug)]
 #[repr(C)]
 pub struct Trace {
     /// The counter at the start of the last run, as read: it counts down.
     counter: AtomicU32,
-    /// How often the loop has run.
+    /// The number of runs of the loop.
     runs: AtomicU32,
 }
 
 impl Trace {
-    /// When the last run began, in ticks.
+    /// Returns the time at which the last run began, in ticks.
     #[must_use]
     pub fn began(&self) -> u32 {
         // One core: what an interrupt has stored is there.
         !self.counter.load(Ordering::Relaxed)
     }
 
-    /// How often the loop has run.
+    /// Returns the number of runs of the loop.
     #[must_use]
     pub fn runs(&self) -> u32 {
         // One core: what an interrupt has stored is there.
         self.runs.load(Ordering::Relaxed)
     }
 
-    /// Where the number of runs is, for the background, whose turns have a known length.
+    /// Returns the address of the number of runs, for the background, whose turns have a known length.
     pub(crate) fn runs_address(&self) -> *const u32 {
         self.runs.as_ptr()
     }
 }
 
-/// What the loops leave behind.
+/// The traces of the loops, the fastest first.
 pub static TRACES: [Trace; LOOPS] = [const {
     Trace {
         counter: AtomicU32::new(0),
@@ -45,7 +45,7 @@ pub static TRACES: [Trace; LOOPS] = [const {
     }
 }; LOOPS];
 
-/// How many instructions [`body`] is.
+/// The number of instructions of [`body`].
 pub const INSTRUCTIONS: u32 = 9;
 
 /// The text of the body for the loop at `{trace}` bytes of `{traces}`, with the counter at

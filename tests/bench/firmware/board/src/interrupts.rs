@@ -2,7 +2,7 @@
 
 use cortex_m::interrupt::InterruptNumber;
 
-/// How many bits of a priority the core has. QEMU has eight; these are those of the FPGA image.
+/// The number of bits of a priority of the core. QEMU has eight; these are those of the FPGA image.
 pub const NVIC_PRIO_BITS: u8 = 3;
 
 /// An interrupt, by its number.
@@ -36,7 +36,7 @@ unsafe impl InterruptNumber for Interrupt {
     }
 }
 
-/// What the NVIC takes for a priority of 1 (lowest) to 8 (highest), as RTIC counts them.
+/// Converts a priority of 1 (lowest) to 8 (highest), as RTIC counts them, to the value that the NVIC takes.
 #[must_use]
 pub const fn hardware_priority(logical: u8) -> u8 {
     ((1 << NVIC_PRIO_BITS) - logical) << (8 - NVIC_PRIO_BITS)

@@ -46,7 +46,7 @@ pub use interrupts::{Interrupt, NVIC_PRIO_BITS, hardware_priority};
 /// RTIC looks for the interrupts by this name, too.
 pub use interrupts::Interrupt as interrupt;
 
-/// How many loops there are.
+/// The number of loops.
 pub const LOOPS: usize = 3;
 
 /// The rates of the loops in hertz, the fastest first.

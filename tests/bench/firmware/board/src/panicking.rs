@@ -1,4 +1,4 @@
-//! What happens when a firmware panics: it says so, and QEMU ends with an error.
+//! The handler of panics: it prints the panic, and QEMU ends with an error.
 
 use core::panic::PanicInfo;
 

@@ -1,4 +1,4 @@
-//! What a firmware measures and prints: lines of `name value`, all whole numbers.
+//! The measurements of a firmware, printed as lines of `name value`, all whole numbers.
 
 use cortex_m_semihosting::hprintln;
 
@@ -42,7 +42,7 @@ pub fn loops() -> ! {
     switch_off(true)
 }
 
-/// Whether a slower loop is due with this release of the fastest one, 0 being the first.
+/// Returns true if a slower loop is due with this release of the fastest one, the first release being 0.
 #[must_use]
 pub fn is_shared(release: u32) -> bool {
     release.is_multiple_of(PERIODS[FASTEST + 1] / PERIODS[FASTEST])
@@ -52,8 +52,8 @@ fn releases() -> u32 {
     TRACES.iter().map(body::Trace::runs).sum()
 }
 
-/// How many ticks after the instant of its release the body of the fastest loop begins, when no
-/// other loop is due.
+/// Prints the ticks from the instant of its release to the body of the fastest loop, summed over the
+/// releases at which no other loop is due.
 fn lateness() {
     let (mut sum, mut count) = (0, 0);
     let fastest = &TRACES[FASTEST];

@@ -5,24 +5,24 @@
 
 use core::arch::asm;
 
-/// How many ticks the counter makes in a second.
+/// The number of ticks of the counter in a second.
 pub const HERTZ: u32 = 25_000_000;
 
 const ALARM: usize = 0x4000_0000;
 const ALARM_CONTROL: usize = ALARM;
 const ALARM_RELOAD: usize = ALARM + 0x8;
 
-/// Where the alarm's interrupt is seen, and withdrawn by writing 1.
+/// The address of the alarm's interrupt status; writing 1 withdraws the interrupt.
 pub const ALARM_STATUS: usize = ALARM + 0xC;
 
-/// Where the alarm's present value is: what is written is counted down to the interrupt.
+/// The address of the alarm's present value: a value that is written is counted down to the interrupt.
 pub const ALARM_VALUE: usize = ALARM + 0x4;
 
 const COUNTER: usize = 0x4000_2000;
 const COUNTER_LOAD: usize = COUNTER;
 const COUNTER_CONTROL: usize = COUNTER + 0x8;
 
-/// Where the counter's present value is; it counts down.
+/// The address of the counter's present value; it counts down.
 pub const COUNTER_VALUE: usize = COUNTER + 0x4;
 
 const ALARM_ENABLE: u32 = 1;
@@ -30,7 +30,7 @@ const ALARM_INTERRUPT: u32 = 1 << 3;
 const COUNTER_32_BIT: u32 = 1 << 1;
 const COUNTER_ENABLE: u32 = 1 << 7;
 
-/// Stops both, with the counter at 0: the alarm can be armed, and does not go off.
+/// Stops counter and alarm, with the counter at 0: the alarm can be armed, and does not go off.
 pub fn stop_at_zero() {
     write(COUNTER_CONTROL, COUNTER_32_BIT);
     write(COUNTER_LOAD, u32::MAX);
@@ -42,13 +42,13 @@ pub fn stop_at_zero() {
     write(ALARM_VALUE, u32::MAX);
 }
 
-/// Lets both run.
+/// Starts counter and alarm.
 pub fn start() {
     write(ALARM_CONTROL, ALARM_ENABLE | ALARM_INTERRUPT);
     write(COUNTER_CONTROL, COUNTER_32_BIT | COUNTER_ENABLE);
 }
 
-/// The time in ticks since [`start`]; it wraps after 171 s.
+/// Returns the time since [`start`], in ticks; it wraps after 171 s.
 #[inline(always)]
 #[must_use]
 pub fn now() -> u32 {
@@ -67,14 +67,15 @@ pub fn arm(instant: u32) {
     let _ = set::<1>(instant);
 }
 
-/// As [`arm`], but an instant that has passed raises no interrupt; says whether it is ahead.
+/// Sets the alarm like [`arm`], but an instant that has passed raises no interrupt; returns true if the
+/// instant is ahead.
 #[must_use]
 #[inline(always)]
 pub fn arm_ahead(instant: u32) -> bool {
     set::<0>(instant) != 0
 }
 
-/// Arms the alarm with the ticks that are left, or with `LEAST` if there are none; gives them.
+/// Sets the alarm to the ticks that are left, or to `LEAST` if there are none; returns that number.
 #[inline(always)]
 fn set<const LEAST: u32>(instant: u32) -> u32 {
     let left: u32;

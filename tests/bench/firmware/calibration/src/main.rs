@@ -83,7 +83,7 @@ fn nops() -> u32 {
     first.wrapping_sub(last)
 }
 
-/// The background with a handler of known length in between, as the schedulers are measured.
+/// Measures the background with a handler of known length in between, as the schedulers are measured.
 fn handler() {
     let trace = &TRACES[0];
     let (mut ticks, mut background) = (0, 0);
@@ -99,7 +99,7 @@ fn handler() {
     line("handler_background_instructions", background);
 }
 
-/// How late the first instruction of a handler is.
+/// Measures the lateness of the first instruction of a handler.
 fn alarm() {
     let trace: &Trace = &TRACES[0];
     let (mut sum, mut least, mut most) = (0, u32::MAX, 0);

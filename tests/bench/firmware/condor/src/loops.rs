@@ -41,7 +41,7 @@ fn start() -> Option<()> {
     SCHEDULER.start().ok()
 }
 
-/// The alarm, and the vector of rank 0.
+/// Handles the alarm, and is the vector of rank 0.
 // SAFETY: the name is that of the interrupt in the vector table, and only the hardware calls it.
 #[unsafe(no_mangle)]
 extern "C" fn TIMER0() {
@@ -49,14 +49,14 @@ extern "C" fn TIMER0() {
     SCHEDULER.on_timer();
 }
 
-/// The vector of rank 1.
+/// Is the vector of rank 1.
 // SAFETY: as above.
 #[unsafe(no_mangle)]
 extern "C" fn SPARE1() {
     SCHEDULER.on_vector(1);
 }
 
-/// The vector of rank 2.
+/// Is the vector of rank 2.
 // SAFETY: as above.
 #[unsafe(no_mangle)]
 extern "C" fn SPARE2() {

@@ -53,7 +53,7 @@ impl TimerQueueBackend for Counter {
     }
 }
 
-/// The interrupt of the alarm.
+/// Handles the interrupt of the alarm.
 // SAFETY: the name is that of the interrupt in the vector table, and only the hardware calls it.
 #[unsafe(no_mangle)]
 extern "C" fn TIMER0() {
