@@ -56,7 +56,7 @@ pub(crate) fn descriptors<'p>(
             "fs/run",
             0,
             OpenMode::empty(),
-            "fs/run cannot be opened for Mode(0x0)",
+            "fs/run cannot be opened for nothing",
         ),
     ] {
         let error = switch.open(name, board, mode).err();

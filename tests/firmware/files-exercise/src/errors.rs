@@ -53,7 +53,7 @@ pub(crate) fn errors(checks: &mut Checks<'_>) {
             "what was asked before in time",
         ),
         (&kept, "for vector 40"),
-        (&FileError::from(ACCESS), "OutOfBounds"),
+        (&FileError::from(ACCESS), "not wholly inside the window"),
         (
             &TerminalError::Capacity { capacity: 100 },
             "from 8 to 1073741824",
