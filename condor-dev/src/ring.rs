@@ -102,7 +102,7 @@ impl<const N: usize> Ring<N> {
         self.len() == 0
     }
 
-    /// Returns true if there is no room at this moment.
+    /// Returns true if the ring is full now.
     #[inline]
     #[must_use]
     pub fn is_full(&self) -> bool {

@@ -15,6 +15,7 @@ mod outcome;
 mod parts;
 mod programs;
 mod request;
+mod sources;
 mod tests_run;
 mod tools;
 

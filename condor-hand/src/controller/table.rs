@@ -116,7 +116,7 @@ pub struct TableTick {
     pub state: TableState,
 }
 
-/// The reason why there is no table, or for which it refuses a motion.
+/// The reason why no table can be made, or why a table refuses a motion.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum TableError {

@@ -139,7 +139,7 @@ pub enum RefusalReason {
     Full = 1,
     /// Another session is in control, or none is.
     NotInControl = 2,
-    /// The request is not a motion that this program can read, or there is no motion of its name.
+    /// The program cannot read the bytes of the request, or has no motion with the name in it.
     NoMotion = 3,
     /// A position, a pace or a guard is not possible.
     Limits = 4,

@@ -65,7 +65,7 @@ impl<const N: usize> Claim<N> {
     /// Returns the users' region of a processor's `data`.
     ///
     /// # Errors
-    /// [`SystemError::NoSuchProcessor`] if there is no such number.
+    /// [`SystemError::NoSuchProcessor`] if no processor has the number.
     pub fn region(&self, processor: Processor) -> Result<Region<LinuxWindow>, SystemError> {
         let windows = self.windows.get(processor.index());
         windows

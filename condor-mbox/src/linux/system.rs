@@ -247,7 +247,7 @@ impl<const N: usize> LinuxSystem<N> {
     /// program started keeps the lock until it executes another program.
     ///
     /// # Errors
-    /// [`SystemError::NoSuchProcessor`] if there is no such number, [`SystemError::NumberTaken`] if
+    /// [`SystemError::NoSuchProcessor`] if no processor has the number, [`SystemError::NumberTaken`] if
     /// another claim holds it for longer than that; other variants if a file of the system cannot be created, opened
     /// or mapped, or has the wrong kind, owner or size.
     pub fn claim(&self, number: Processor) -> Result<Claim<N>, SystemError> {

@@ -112,7 +112,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
     /// ```
     ///
     /// # Errors
-    /// [`MailboxError::NoSuchProcessor`] if there is no such number, [`MailboxError::ListensToItself`] if it is
+    /// [`MailboxError::NoSuchProcessor`] if no processor has the number, [`MailboxError::ListensToItself`] if it is
     /// this mailbox's number, [`MailboxError::NotJoined`] if this mailbox has not joined;
     /// [`MailboxError::TimedOut`] or [`MailboxError::Stalled`] if the holder does not admit this mailbox in
     /// time; [`MailboxError::PeerDied`], [`MailboxError::PeerLeft`] or [`MailboxError::PeerRestarted`] if the

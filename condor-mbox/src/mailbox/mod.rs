@@ -130,7 +130,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
     /// Returns the windows of a processor.
     ///
     /// # Errors
-    /// [`MailboxError::NoSuchProcessor`] if there is no such number.
+    /// [`MailboxError::NoSuchProcessor`] if no processor has the number.
     pub fn windows(&self, processor: Processor) -> Result<&Windows<B::Window>, MailboxError> {
         Ok(&self.peer(processor)?.windows)
     }
@@ -138,7 +138,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
     /// Returns the state of `processor`, as far as it is known.
     ///
     /// # Errors
-    /// [`MailboxError::NoSuchProcessor`] if there is no such number; [`MailboxError::Window`] if its memory is
+    /// [`MailboxError::NoSuchProcessor`] if no processor has the number; [`MailboxError::Window`] if its memory is
     /// gone.
     pub fn peer_state(&self, processor: Processor) -> Result<PeerState, MailboxError> {
         let peer = self.peer(processor)?;
@@ -158,7 +158,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
     /// Returns the users' region of a processor's `data`; offsets count from its beginning.
     ///
     /// # Errors
-    /// [`MailboxError::NoSuchProcessor`] if there is no such number; [`MailboxError::Window`] if the window is
+    /// [`MailboxError::NoSuchProcessor`] if no processor has the number; [`MailboxError::Window`] if the window is
     /// too small.
     pub fn region(&self, processor: Processor) -> Result<Region<&B::Window>, MailboxError> {
         Region::users(&self.windows(processor)?.data).map_err(|error| MailboxError::Window {

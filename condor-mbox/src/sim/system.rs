@@ -181,7 +181,7 @@ impl<const N: usize> SimSystem<N> {
     /// In virtual time it sleeps whenever it waits, so that the others run.
     ///
     /// # Errors
-    /// [`MailboxError::NoSuchProcessor`] if there is no such number; [`MailboxError::Window`] if its memory was
+    /// [`MailboxError::NoSuchProcessor`] if no processor has the number; [`MailboxError::Window`] if its memory was
     /// made to fail by [`SimWindow::lose`].
     pub fn mailbox<'v>(&self, number: Processor) -> Result<SimMailbox<'v, N>, MailboxError> {
         if number.index() >= N {

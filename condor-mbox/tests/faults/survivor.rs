@@ -138,7 +138,7 @@ impl Player<'_, '_> {
         }
     }
 
-    /// A call whose reply must be right; gives the incarnation that replied.
+    /// Makes a call, checks its reply, and returns the incarnation that replied.
     fn call(&mut self, vector: Vector, nested: u32) -> Option<u32> {
         let number = self.next_number();
         let (outcome, span) = self.watched(true, |mailbox, patience| {

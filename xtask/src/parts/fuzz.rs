@@ -1,16 +1,19 @@
-use std::path::Path;
-
 use crate::Result;
 use crate::command::together;
 use crate::context::Context;
 use crate::parts::Summary;
+use crate::sources;
 use crate::tools::{need_cargo_tool, need_debian, need_toolchain};
 
 pub(crate) fn run(context: &Context) -> Result<Summary> {
     need_toolchain(context, "nightly")?;
     need_cargo_tool(context, "cargo-fuzz")?;
     need_debian(context, "g++", "c++")?;
-    let targets = sources(&context.root.join("fuzz/src/bin"))?;
+    let files = sources::below(&context.root.join("fuzz/src/bin"), &|_| false)?;
+    let names = files.iter().filter_map(|file| file.file_stem());
+    let targets: Vec<_> = names
+        .map(|name| name.to_string_lossy().into_owned())
+        .collect();
     if targets.is_empty() {
         return Err("fuzz/src/bin has no target".into());
     }
@@ -37,19 +40,4 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
         "{} targets, {seconds} s each",
         targets.len()
     )))
-}
-
-/// Returns the names of the Rust files in a directory, without their extension.
-fn sources(dir: &Path) -> Result<Vec<String>> {
-    let mut names = Vec::new();
-    for entry in std::fs::read_dir(dir)? {
-        let path = entry?.path();
-        if path.extension().is_some_and(|extension| extension == "rs")
-            && let Some(name) = path.file_stem()
-        {
-            names.push(name.to_string_lossy().into_owned());
-        }
-    }
-    names.sort();
-    Ok(names)
 }

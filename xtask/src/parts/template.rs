@@ -19,6 +19,7 @@ use crate::parts::Summary;
 use crate::parts::panics::{self, PANICKED};
 use crate::parts::test;
 use crate::programs;
+use crate::sources;
 use crate::tools::{need_qemu, need_target};
 
 /// The name of the project, and of its systems.
@@ -85,20 +86,15 @@ fn check(context: &Context, outside: &Path) -> Result<&'static str> {
 /// Counts lines of Rust, and finds no unsafe code.
 fn lines(directory: &Path) -> Result<usize> {
     let mut count = 0;
-    for entry in fs::read_dir(directory)? {
-        let path = entry?.path();
-        if path.is_dir() && !path.ends_with("target") {
-            count += lines(&path)?;
-        } else if path.extension().is_some_and(|extension| extension == "rs") {
-            let code = fs::read_to_string(&path)?;
-            if code.contains("unsafe") {
-                return Err(format!("{} has unsafe code", path.display()).into());
-            }
-            let code = code.lines().map(str::trim);
-            count += code
-                .filter(|line| !line.is_empty() && !line.starts_with("//"))
-                .count();
+    for path in sources::below(directory, &|_| false)? {
+        let code = fs::read_to_string(&path)?;
+        if code.contains("unsafe") {
+            return Err(format!("{} has unsafe code", path.display()).into());
         }
+        let code = code.lines().map(str::trim);
+        count += code
+            .filter(|line| !line.is_empty() && !line.starts_with("//"))
+            .count();
     }
     Ok(count)
 }

@@ -2,11 +2,12 @@
 
 use std::collections::BTreeMap;
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use crate::Result;
 use crate::context::{Context, text};
 use crate::parts::Summary;
+use crate::sources;
 
 /// The number of times that each file has the word.
 type Counts = BTreeMap<String, usize>;
@@ -36,28 +37,14 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
 
 /// Counts the word in the sources below `root`.
 fn counted(root: &Path) -> Result<Counts> {
-    let mut files = Vec::new();
-    sources(&root.join("src"), &mut files)?;
     let mut counts = Counts::new();
-    for file in files {
+    for file in sources::below(&root.join("src"), &|_| false)? {
         let count = uses_in(&fs::read_to_string(&file)?);
         if count > 0 {
             counts.insert(file.strip_prefix(root)?.display().to_string(), count);
         }
     }
     Ok(counts)
-}
-
-fn sources(directory: &Path, found: &mut Vec<PathBuf>) -> Result<()> {
-    for entry in fs::read_dir(directory)? {
-        let path = entry?.path();
-        if path.is_dir() {
-            sources(&path, found)?;
-        } else {
-            found.push(path);
-        }
-    }
-    Ok(())
 }
 
 /// Returns the number of times that the code of a file has the word, comments left out.

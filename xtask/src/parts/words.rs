@@ -5,7 +5,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use crate::Result;
 use crate::command::side_by_side;
@@ -186,25 +186,4 @@ fn is_of_tests(root: &Path, path: &Path) -> bool {
             let package = folder.parent().map(|it| root.join(it));
             folder.ends_with("tests") && package.is_some_and(|it| it.join("src").is_dir())
         })
-}
-
-/// Adds the sources below `folder`, without those of tests, benchmarks and examples.
-fn sources(folder: &Path, found: &mut Vec<PathBuf>) -> Result<()> {
-    let mut entries = Vec::new();
-    for entry in fs::read_dir(folder).map_err(|error| format!("{}: {error}", folder.display()))? {
-        entries.push(entry?.path());
-    }
-    entries.sort();
-    for path in entries {
-        let name = path.file_name().unwrap_or_default().to_string_lossy();
-        if path.is_dir() {
-            let others = ["tests", "benches", "examples", "target"];
-            if !others.contains(&&*name) && !name.starts_with('.') {
-                sources(&path, found)?;
-            }
-        } else if name.ends_with(".rs") && name != "tests.rs" && name != "build.rs" {
-            found.push(path);
-        }
-    }
-    Ok(())
 }

@@ -120,7 +120,7 @@ pub struct PlantResponse {
 #[repr(u32)]
 #[non_exhaustive]
 pub enum PlantRefusal {
-    /// There is no such operation.
+    /// The number of the operation is unknown.
     Operation = 1,
     /// The robot is busy with another request: ask again.
     Busy = 2,

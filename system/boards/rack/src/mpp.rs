@@ -144,7 +144,7 @@ impl Mpp {
     }
 }
 
-/// Transfers items of `unit` bytes until `transfer` fails or says that there is no more, and returns the
+/// Transfers items of `unit` bytes until `transfer` fails or has no more items, and returns the
 /// number of bytes that were transferred; bytes transferred before a failure count.
 fn each<T, E>(
     items: impl IntoIterator<Item = T>,

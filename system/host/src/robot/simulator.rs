@@ -31,8 +31,7 @@ pub trait Simulator: Send + Sync {
     /// Joints that do not carry the frame stay.
     ///
     /// # Errors
-    /// Returns an error if there is no frame of this name, or if a number is not possible; the text names the
-    /// frame or the number.
+    /// Returns an error that names the frame if the robot does not have it, or the number that cannot be used.
     fn dragged(&self, positions: &[f64], frame: &str, to: [f64; 3])
     -> Result<DragResult, AnyError>;
 

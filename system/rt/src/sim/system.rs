@@ -100,7 +100,7 @@ impl<'env, B: Bus + Clone + Send + Sync> VirtualSystem<'env, B> {
     /// Sets the arguments of the program on processor `number`.
     ///
     /// # Errors
-    /// [`SimError::NoSuchProcessor`] if there is no such number.
+    /// [`SimError::NoSuchProcessor`] if no processor has the number.
     pub fn arguments<A: Into<String>>(
         &mut self,
         number: mbox::Processor,
@@ -114,7 +114,7 @@ impl<'env, B: Bus + Clone + Send + Sync> VirtualSystem<'env, B> {
     /// `rank` selects the loop: the fastest loop has rank 0. A rank that no loop has is ignored.
     ///
     /// # Errors
-    /// [`SimError::NoSuchProcessor`] if there is no such number.
+    /// [`SimError::NoSuchProcessor`] if no processor has the number.
     pub fn set_work(
         &mut self,
         number: mbox::Processor,
@@ -131,7 +131,7 @@ impl<'env, B: Bus + Clone + Send + Sync> VirtualSystem<'env, B> {
     /// Programs that begin at the same instant do so in the order of their numbers.
     ///
     /// # Errors
-    /// [`SimError::NoSuchProcessor`] if there is no such number.
+    /// [`SimError::NoSuchProcessor`] if no processor has the number.
     pub fn begin_at(&mut self, number: mbox::Processor, ns: u64) -> Result<(), SimError> {
         self.seat(number)?.begins_at = ns;
         Ok(())
@@ -140,7 +140,7 @@ impl<'env, B: Bus + Clone + Send + Sync> VirtualSystem<'env, B> {
     /// Makes processor `number` run a program.
     ///
     /// # Errors
-    /// [`SimError::NoSuchProcessor`] if there is no such number, [`SimError::Taken`] if it has a
+    /// [`SimError::NoSuchProcessor`] if no processor has the number, [`SimError::Taken`] if it has a
     /// program.
     pub fn spawn<P: Program + Sync>(
         &mut self,
@@ -153,7 +153,7 @@ impl<'env, B: Bus + Clone + Send + Sync> VirtualSystem<'env, B> {
     /// Makes processor `number` run a closure. Use it for parts of the host, such as a service.
     ///
     /// # Errors
-    /// [`SimError::NoSuchProcessor`] if there is no such number, [`SimError::Taken`] if it has a
+    /// [`SimError::NoSuchProcessor`] if no processor has the number, [`SimError::Taken`] if it has a
     /// program.
     pub fn host<E: fmt::Display>(
         &mut self,

@@ -5,9 +5,10 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use syn::visit::{self, Visit};
-use syn::{Attribute, Item, Meta, UseTree};
+use syn::{Attribute, Item, UseTree};
 
 use crate::Result;
+use crate::sources::{is_for_fuzzing, is_for_tests};
 
 /// The path of a module from the root of its crate; that of the root is empty.
 type Name = Vec<String>;
@@ -145,7 +146,8 @@ impl Modules {
 impl Module {
     fn add(&mut self, items: &[Item], children: &mut Vec<String>) {
         for item in items {
-            if is_for_tests(attributes(item)) {
+            let attributes = attributes(item);
+            if is_for_tests(attributes) || is_for_fuzzing(attributes) {
                 continue;
             }
             match item {
@@ -242,18 +244,4 @@ fn attributes(item: &Item) -> &[Attribute] {
         Item::Use(item) => &item.attrs,
         _ => &[],
     }
-}
-
-/// Returns true if there is a `#[cfg(test)]`, one of loom's, or one of what tests share with fuzz targets.
-fn is_for_tests(attributes: &[Attribute]) -> bool {
-    attributes.iter().any(|attribute| {
-        let Meta::List(list) = &attribute.meta else {
-            return false;
-        };
-        let condition = list.tokens.to_string();
-        list.path.is_ident("cfg")
-            && (condition == "test"
-                || condition.starts_with("all (test")
-                || condition.contains("feature = \"hostile\""))
-    })
 }

@@ -4,6 +4,7 @@ use std::fs;
 use std::path::{Component, Path, PathBuf};
 
 use crate::Result;
+use crate::sources;
 
 /// Returns the places that reach out of a package: the sources of `targets`, which are those of its
 /// manifest with its build script, and the files that its sources name by `#[path]` or `include!`. Texts
@@ -17,9 +18,8 @@ pub(super) fn reaches<'t>(
         .filter(|path| outside(path))
         .map(|path| format!("Cargo.toml reaches {}", plain(path).display()))
         .collect();
-    let mut files = Vec::new();
-    sources(package, &mut files)?;
-    for file in files {
+    // Packages in its folders answer for themselves.
+    for file in sources::below(package, &|folder| folder.join("Cargo.toml").is_file())? {
         let source = fs::read_to_string(&file)?;
         let directory = file.parent().unwrap_or(package);
         let named = source.lines().filter_map(named);
@@ -48,22 +48,4 @@ fn plain(path: &Path) -> PathBuf {
         }
     }
     plain
-}
-
-/// Finds the Rust files of a package, without those of packages in its folders.
-fn sources(directory: &Path, files: &mut Vec<PathBuf>) -> Result<()> {
-    for entry in fs::read_dir(directory)? {
-        let path = entry?.path();
-        let name = path.file_name().unwrap_or_default();
-        if path.is_dir() {
-            let is_built = name == "target" || name.as_encoded_bytes().starts_with(b".");
-            if !is_built && !path.join("Cargo.toml").is_file() {
-                sources(&path, files)?;
-            }
-        } else if path.extension().is_some_and(|it| it == "rs") {
-            files.push(path);
-        }
-    }
-    files.sort();
-    Ok(())
 }

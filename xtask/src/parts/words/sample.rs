@@ -7,10 +7,11 @@
 use std::path::Path;
 
 use super::text::{Kind, Text};
-use super::{Rules, check, read, sources, told};
+use super::{Rules, check, read, told};
 use crate::Result;
 use crate::context::Context;
 use crate::parts::Summary;
+use crate::sources;
 
 pub(super) fn run(context: &Context, rules: &Rules) -> Result<Summary> {
     let (mut checked, mut refused, mut unread) = (0, 0, 0);
@@ -18,10 +19,14 @@ pub(super) fn run(context: &Context, rules: &Rules) -> Result<Summary> {
         let folder = folder
             .canonicalize()
             .map_err(|error| format!("{}: {error}", folder.display()))?;
-        let mut files = Vec::new();
-        sources(&folder, &mut files)?;
+        // Tests, benchmarks and examples are left out.
+        let others = ["tests", "benches", "examples"];
+        let files = sources::below(&folder, &|it| others.iter().any(|name| it.ends_with(name)))?;
         let mut texts = Vec::new();
         for file in files {
+            if file.ends_with("tests.rs") || file.ends_with("build.rs") {
+                continue;
+            }
             let name = file.strip_prefix(&context.root).unwrap_or(&file);
             let name = name.display().to_string();
             match read(&file)? {

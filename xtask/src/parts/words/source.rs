@@ -6,6 +6,7 @@ use syn::{Attribute, Expr, Lit, LitStr, Meta, Visibility};
 
 use super::text::{Kind, Text};
 use crate::Result;
+use crate::sources::is_for_tests;
 
 /// Returns the texts of a file, in which what is for tests alone is left out.
 pub(super) fn read(source: &str) -> Result<Vec<Text>> {
@@ -311,17 +312,6 @@ fn has_help(attributes: &[Attribute]) -> bool {
         Meta::List(list) if list.path.is_ident("derive") => {
             let mut tokens = list.tokens.clone().into_iter();
             tokens.any(|token| derives.contains(&token.to_string().as_str()))
-        }
-        _ => false,
-    })
-}
-
-/// Returns true if there is a `#[cfg(test)]`, or one of loom's tests.
-fn is_for_tests(attributes: &[Attribute]) -> bool {
-    attributes.iter().any(|attribute| match &attribute.meta {
-        Meta::List(list) if list.path.is_ident("cfg") => {
-            let condition = list.tokens.to_string();
-            condition == "test" || condition.starts_with("all (test")
         }
         _ => false,
     })
