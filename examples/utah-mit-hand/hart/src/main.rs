@@ -1,13 +1,13 @@
-//! The processors of the Utah/MIT hand. The programs are those of the package `utah-mit-hand`; the
-//! first argument selects one of them.
+//! The processors of the Utah/MIT hand. The programs are those of `condor-robot`; the first
+//! argument selects one of them.
 #![no_std]
 #![no_main]
 
 use board::Hart;
-use utah_mit_hand::master::Master;
-use utah_mit_hand::replay::Replay;
-use utah_mit_hand::servo::Servo;
-use utah_mit_hand::table::Table;
+use condor_robot::master::Master;
+use condor_robot::replay::Replay;
+use condor_robot::servo::Servo;
+use condor_robot::table::Table;
 
 board::program!(main);
 

@@ -11,10 +11,10 @@ use condor_hand::servo::{FingerReadings, ServoMode};
 use condor_hand::tendon::Pair;
 use condor_hand::tendon::fault::{FaultCode, FaultSite, FingerFault};
 use condor_hand::trajectory::{Generator, Observations, SetPoint, StopGuard, motion};
+use condor_robot::compile::joint_names;
+use condor_robot::plant as plant_of_the_hand;
+use condor_robot::{FINGERS, JOINTS, UtahMit};
 use nalgebra::{SVector, Vector3};
-use utah_mit_hand::compile::joint_names;
-use utah_mit_hand::plant as plant_of_the_hand;
-use utah_mit_hand::{FINGERS, JOINTS, UtahMit};
 
 const HAND: &str = include_str!("../../../../condor-hand/hands/utah-mit.toml");
 const ALL: usize = FINGERS * JOINTS;

@@ -1,6 +1,6 @@
 //! How joints leave their stops, at which most of them lie when nobody holds them.
 
-use utah_mit_hand::{JOINTS, UtahMit, objects};
+use condor_robot::{JOINTS, UtahMit, objects};
 
 use crate::typist::{Typist, hand, run, run_with};
 

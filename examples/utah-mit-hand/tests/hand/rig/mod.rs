@@ -17,16 +17,16 @@ use condor_mbox::{
     Windows,
 };
 use condor_mos::{Loops, Rate};
+use condor_robot::plant::{self, Plant, TrueState};
+use condor_robot::servo::{Servo, Tracking};
+use condor_robot::table::{self, Table};
+use condor_robot::{FINGERS, IMAGE, JOINTS, UtahMit, boards, grasp, objects, servo};
 use condor_rt::objects::ObjectKind;
 use condor_rt::sim::{Bell, SimCriticalSection, SimMachine as Simulated, VirtualSystem};
 use condor_rt::{Machine, PROCESSORS, Program, ProgramError, ServoLoop, loops, numbers};
 use condor_tty::TerminalReader;
 use condor_vars::{AnyValue, VARS, VariableClient};
 use tempfile::TempDir;
-use utah_mit_hand::plant::{self, Plant, TrueState};
-use utah_mit_hand::servo::{Servo, Tracking};
-use utah_mit_hand::table::{self, Table};
-use utah_mit_hand::{FINGERS, IMAGE, JOINTS, UtahMit, boards, grasp, objects, servo};
 use zerocopy::IntoBytes;
 
 pub(crate) const MASTER: Processor = Processor(0);

@@ -12,17 +12,17 @@ use condor_mbox::{
     Call, Mailbox, MemoryWindow as _, Messenger, PeerState, Processor, Region, Waiting, Windows,
 };
 use condor_mos::{Loops, Rate};
+use condor_robot::compile::{compile_grasps, compile_motions, joint_names};
+use condor_robot::master::{DesiredPositions, Master};
+use condor_robot::plant::{Plant, TrueState};
+use condor_robot::servo::Servo;
+use condor_robot::table::Table;
+use condor_robot::{FINGERS, IMAGE, JOINTS, UtahMit, boards, objects};
 use condor_rt::objects::{self as table, ObjectKind};
 use condor_rt::sim::{Bell, SimCriticalSection, SimMachine as Simulated, VirtualSystem};
 use condor_rt::{Machine, PROCESSORS, Program, ProgramError, ServoLoop, loops, numbers};
 use condor_tty::layout::{ALIGNMENT, reply};
 use condor_tty::{TerminalReader, TerminalVectors};
-use utah_mit_hand::compile::{compile_grasps, compile_motions, joint_names};
-use utah_mit_hand::master::{DesiredPositions, Master};
-use utah_mit_hand::plant::{Plant, TrueState};
-use utah_mit_hand::servo::Servo;
-use utah_mit_hand::table::Table;
-use utah_mit_hand::{FINGERS, IMAGE, JOINTS, UtahMit, boards, objects};
 
 pub(crate) const MASTER: Processor = Processor(0);
 pub(crate) const FIRST: Processor = Processor(1);

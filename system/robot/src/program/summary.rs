@@ -3,14 +3,14 @@
 
 use std::error::Error;
 
+use crate::compile::read_hand;
+use crate::{FINGERS, JOINTS, objects};
 use condor_hand::config::{Finger, Hand};
 use condor_host::description::SystemDescription;
 use condor_host::system::SystemDirectory;
 use condor_host::view::View;
 use condor_mbox::linux::LinuxWindow;
 use condor_mbox::{Processor, Region};
-use utah_mit_hand::compile::read_hand;
-use utah_mit_hand::{FINGERS, JOINTS, objects};
 
 /// Prints the tracking errors of all joints.
 ///

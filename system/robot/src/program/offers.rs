@@ -6,6 +6,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use crate::compile::compile_motion;
+use crate::objects;
 use condor_hand::message::motions::{MotionsClient, MotionsError};
 use condor_hand::queue::{QueueAnswer, RefusalReason, RequestIdentity};
 use condor_host::control::ControlClient;
@@ -16,8 +18,6 @@ use condor_host::view::{Post, View};
 use condor_mbox::Processor;
 use condor_mbox::linux::LinuxWindow;
 use condor_platform::linux::WholeFile;
-use utah_mit_hand::compile::compile_motion;
-use utah_mit_hand::objects;
 
 /// The time in which the master must answer a person who waits at a page.
 const ANSWER: Duration = Duration::from_secs(5);

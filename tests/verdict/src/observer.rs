@@ -8,8 +8,8 @@ use std::time::Duration;
 use condor_rt::{Background, Machine, Program, ProgramError, Setup, users};
 
 use super::log::{JOINTS, MASTER, PLACE};
-use crate::master::DesiredPositions;
-use crate::objects;
+use condor_robot::master::DesiredPositions;
+use condor_robot::objects;
 
 const LOG: &str = "observed";
 /// The time between two looks, a fraction of a tick.

@@ -7,20 +7,20 @@ use std::time::Duration;
 use condor_hand::message::motions::{MotionsClient, MotionsError, RequestProgress, SentPoints};
 use condor_hand::queue::{QueueAnswer, RequestIdentity, RequestState};
 use condor_host::control::ControlClient;
-use condor_host::error::AnyError;
+use condor_host::error::{AnyError, me};
 use condor_host::system::{self, SystemDirectory};
 use condor_mbox::{MemoryWindow, Messenger};
 use condor_platform::linux::read_text;
 
-use crate::offers::{Queue, take_control};
-use crate::points::Points;
+use super::offers::{Queue, take_control};
+use super::points::Points;
 
 pub(crate) const ABOUT: &str =
     "Enqueues motions at the master of a running hand, and waits for their end";
 
 const USAGE: &str = "\
-Usage: utah-mit-hand motion [--system NAME] [--control] MOTION...
-       utah-mit-hand motion [--system NAME] [--control] --stream FILE
+Usage: PROGRAM motion [--system NAME] [--control] MOTION...
+       PROGRAM motion [--system NAME] [--control] --stream FILE
 
 Each MOTION is the name of one, as `motions` lists them at the master's terminal. They run one after
 another. A stream moves joints through the points of a table while it is sent.
@@ -36,6 +36,10 @@ const ANSWER: Duration = Duration::from_secs(10);
 /// The time between two looks.
 const PAUSE: Duration = Duration::from_millis(20);
 
+fn usage() -> String {
+    USAGE.replace("PROGRAM", &me())
+}
+
 /// The parsed arguments.
 #[derive(Debug, Default)]
 struct MotionArguments {
@@ -47,18 +51,18 @@ struct MotionArguments {
 
 pub(crate) fn run(arguments: Vec<String>) -> ExitCode {
     if arguments.iter().any(|it| it == "--help" || it == "-h") {
-        print!("{USAGE}");
+        print!("{}", usage());
         return ExitCode::SUCCESS;
     }
     let Some(asked) = asked(arguments) else {
-        eprint!("{USAGE}");
+        eprint!("{}", usage());
         return ExitCode::from(2);
     };
     match enqueue(&asked) {
         Ok(true) => ExitCode::SUCCESS,
         Ok(false) => ExitCode::FAILURE,
         Err(error) => {
-            eprintln!("utah-mit-hand motion: {error}");
+            eprintln!("{} motion: {error}", me());
             ExitCode::FAILURE
         }
     }
@@ -108,8 +112,8 @@ fn tell_if_paused(directory: &SystemDirectory) -> Result<(), AnyError> {
     let status = ControlClient::connect(directory)?.status()?;
     if status.clock.is_some_and(|clock| clock.paused) {
         eprintln!(
-            "utah-mit-hand motion: waits, since the simulated time is paused; `utah-mit-hand clock resume` or \
-             `step` lets it go on"
+            "{me} motion: waits, since the simulated time is paused; `{me} clock resume` or `step` lets it go on",
+            me = me()
         );
     }
     Ok(())

@@ -1,6 +1,6 @@
 //! The hand at work while its services and its user interface are killed again and again.
 //!
-//! `cargo run --release -p utah-mit-hand --example kills -- --for 60s [--seed N]`
+//! `cargo test --release -p utah-mit-hand --test kills -- --for 60s [--seed N]`
 //!
 //! Runs the hand with two programs that count all they do, first undisturbed, then for the same time
 //! with a `kill -9` every few hundred milliseconds, at random to the file service, the terminal service
@@ -13,54 +13,27 @@ mod killer;
 mod system;
 mod teller;
 
-use std::path::Path;
 use std::process::ExitCode;
 use std::time::{Duration, SystemTime};
 
-use condor_cli::{AnyError, Application, ProgramFunction};
-use condor_host::description::SystemDescription;
+use condor_robot::program::RobotApplication;
 use condor_rt::linux;
-use utah_mit_hand::compile::{compile_all, read_hand};
-use utah_mit_hand::processes;
 
 use drive::Seen;
-use system::PACKAGE;
 use teller::Teller;
 
 const USAGE: &str = "usage: kills [--for SECONDSs] [--seed N]";
 
-/// The programs of the processors.
-struct Hand;
-
-impl Application for Hand {
-    fn programs(&self) -> &[(&'static str, ProgramFunction)] {
-        &[
-            ("master", processes::master),
-            ("plant", processes::plant),
-            ("servo", processes::servo),
-            ("table", processes::table),
-            ("teller", |arguments| linux::run(&Teller, arguments)),
-        ]
-    }
-
-    fn check_robot(&self, robot: &Path) -> Result<(), AnyError> {
-        read_hand(robot)?;
-        Ok(())
-    }
-
-    fn prepare(&self, description: &SystemDescription) -> Result<(), AnyError> {
-        let (Some(hand), Some(files)) = (&description.robot, &description.files) else {
-            return Err("the hand needs `robot` and `[files]`".into());
-        };
-        Ok(compile_all(hand, Path::new(PACKAGE), &files.root)?)
-    }
-}
+/// The hand, with the program that counts what it does.
+const HAND: RobotApplication =
+    RobotApplication::new(concat!(env!("CARGO_MANIFEST_DIR"), "/system.toml"))
+        .with_programs(&[("teller", |arguments| linux::run(&Teller, arguments))]);
 
 fn main() -> ExitCode {
     // What the supervisor starts is this program, too.
     let word = std::env::args().nth(1);
     if word.is_some_and(|word| !word.starts_with('-')) {
-        return condor_cli::main(&Hand);
+        return HAND.run();
     }
     if std::env::args().any(|it| it == "--help" || it == "-h") {
         println!("{USAGE}");

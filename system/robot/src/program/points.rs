@@ -1,9 +1,9 @@
 //! [`Points`]: the points of a stream from a text.
 
+use crate::ALL;
 use condor_hand::message::motions::Batch;
 use condor_hand::trajectory::StreamPoint;
 use condor_host::error::AnyError;
-use utah_mit_hand::ALL;
 
 /// The points of a stream, as a table of numbers with commas between them has them.
 #[derive(Debug)]

@@ -28,10 +28,9 @@ pub mod compile;
 #[cfg(all(feature = "linux", not(test)))]
 pub mod processes;
 
-// For tests here and of the gateway.
-#[cfg(feature = "program")]
-#[doc(hidden)]
-pub mod verdict;
+// The program `condor` for a robot.
+#[cfg(all(feature = "program", not(test)))]
+pub mod program;
 
 mod arguments;
 mod desired;

@@ -9,7 +9,7 @@ use std::path::Path;
 pub mod log;
 pub mod observer;
 
-use crate::compile::read_hand;
+use condor_robot::compile::read_hand;
 use log::{CLIENTS, JOINTS, Line, target};
 use observer::Sample;
 

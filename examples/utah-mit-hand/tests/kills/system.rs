@@ -19,7 +19,7 @@ pub(crate) type Outcome<T> = Result<T, Box<dyn Error>>;
 pub(crate) const DEADLINE: Duration = Duration::from_secs(60);
 pub(crate) const LOOK: Duration = Duration::from_millis(10);
 
-pub(crate) const PACKAGE: &str = env!("CARGO_MANIFEST_DIR");
+const PACKAGE: &str = env!("CARGO_MANIFEST_DIR");
 const NAME: &str = "kills";
 pub(crate) const MASTER: &str = "master";
 /// Names and numbers of the tellers.
@@ -241,6 +241,7 @@ fn describe(place: &Path) -> Outcome<PathBuf> {
     }
     // However often they are killed, they are not given up.
     text += "\n[services]\nrestarts = 1000000\n";
+    std::os::unix::fs::symlink(package.join("motions"), place.join("motions"))?;
     let description = place.join("system.toml");
     fs::write(&description, text)?;
     Ok(description)
