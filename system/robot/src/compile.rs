@@ -15,8 +15,11 @@ use condor_hand::trajectory::motion::load;
 use condor_platform::linux::{WholeFile, read_text};
 use thiserror::Error;
 
+use crate::boards::BoardError;
+#[cfg(doc)]
+use crate::boards::Boards;
 use crate::start::IMAGE_BYTES;
-use crate::{FINGERS, IMAGE, JOINTS, UtahMit, boards};
+use crate::{FINGERS, IMAGE, JOINTS, RobotDescription};
 
 /// Bytes of a sequence that the master has room for.
 const BYTES: usize = crate::master::MOTION_BYTES;
@@ -48,7 +51,7 @@ pub enum CompileError {
 
 /// Returns the names of all joints, FINGER.JOINT, in the order of their numbers.
 #[must_use]
-pub fn joint_names(hand: &UtahMit) -> Vec<String> {
+pub fn joint_names(hand: &RobotDescription) -> Vec<String> {
     let fingers = hand.fingers.iter();
     let names = fingers.flat_map(|finger| {
         let joints = finger.joints.iter();
@@ -57,37 +60,43 @@ pub fn joint_names(hand: &UtahMit) -> Vec<String> {
     names.collect()
 }
 
-/// Reads the configuration of the hand.
+/// Reads the description of a robot, whose boards are checked by `check`: [`Boards::check`].
 ///
 /// # Errors
 /// Returns [`CompileError::Io`] if the file cannot be read; [`CompileError::Text`] if it has a mistake;
-/// [`CompileError::Whole`] if the boards of the rack cannot serve the hand.
-pub fn read_hand(path: &Path) -> Result<UtahMit, CompileError> {
+/// [`CompileError::Whole`] if the boards cannot serve the robot.
+pub fn read_robot(
+    path: &Path,
+    check: impl FnOnce(&RobotDescription) -> Result<(), BoardError>,
+) -> Result<RobotDescription, CompileError> {
     let text = read_text(path).map_err(io(path))?;
-    let hand = UtahMit::from_toml(&text, &path.to_string_lossy())?;
-    boards::check(&hand).map_err(whole(path))?;
-    Ok(hand)
+    let robot = RobotDescription::from_toml(&text, &path.to_string_lossy())?;
+    check(&robot).map_err(whole(path))?;
+    Ok(robot)
 }
 
-/// Compiles the configuration in the file `hand` to [`IMAGE`] in the directory `files`, which is made if it is
-/// not there, and the texts in `motions` and `grasps` of the directory `texts`, if these are there, to
-/// directories of the same names in `files`.
+/// Compiles the description `robot` to [`IMAGE`] in the directory `files`, which is made if it is not there, and
+/// the texts in `motions` and `grasps` of the directory `texts`, if these are there, to directories of the same
+/// names in `files`.
 ///
 /// # Errors
 /// Returns the first error; the files before it have been written. It is [`CompileError::Io`] if a file cannot
 /// be read or written; [`CompileError::Text`] if a text has a mistake; [`CompileError::Whole`] if a result is
-/// too long, or the boards cannot serve the hand.
-pub fn compile_all(hand: &Path, texts: &Path, files: &Path) -> Result<(), CompileError> {
+/// too long.
+pub fn compile_all(
+    robot: &RobotDescription,
+    texts: &Path,
+    files: &Path,
+) -> Result<(), CompileError> {
     fs::create_dir_all(files).map_err(io(files))?;
-    let configuration = read_hand(hand)?;
     let mut image = vec![0; IMAGE_BYTES];
-    let len = configuration.to_image(&mut image).map_err(whole(hand))?;
+    let path = files.join(IMAGE);
+    let len = robot.to_image(&mut image).map_err(whole(&path))?;
     image.truncate(len);
-    write(&files.join(IMAGE), &image)?;
+    write(&path, &image)?;
     let motions = texts.join("motions");
     if motions.is_dir() {
-        let names = joint_names(&configuration);
-        compile_motions(&motions, &files.join("motions"), &names)?;
+        compile_motions(&motions, &files.join("motions"), &joint_names(robot))?;
     }
     let grasps = texts.join("grasps");
     if grasps.is_dir() {

@@ -6,7 +6,7 @@ use condor_hand::kinematics::JointLimitsError;
 use condor_hand::plant::PlantError;
 use thiserror::Error;
 
-use crate::boards::{BoardError, WiresError};
+use crate::boards::{BoardError, BusFault};
 use crate::recording::ServoRecordingError;
 
 /// The text of an error from elsewhere, cut to 80 bytes.
@@ -36,20 +36,12 @@ pub enum Failure {
         /// The text of the reader's error.
         error: FailureText,
     },
-    /// The boards of the rack cannot serve the configuration.
+    /// The boards cannot serve the description, or cannot be opened.
     #[error(transparent)]
     Boards(#[from] BoardError),
-    /// A board cannot be opened.
-    #[error(transparent)]
-    Wires(#[from] WiresError),
     /// The bus did not answer the simulated robot.
-    #[error("the bus at address {address:#x}: {kind}")]
-    Bus {
-        /// The address on the bus.
-        address: usize,
-        /// The kind of the error.
-        kind: condor_dev::BusErrorKind,
-    },
+    #[error(transparent)]
+    Bus(#[from] BusFault),
     /// The configuration assigns no finger to a servo processor.
     #[error("the configuration has no finger for processor {processor}")]
     NoFinger {

@@ -12,7 +12,7 @@ use core::mem::offset_of;
 use nalgebra::Vector4;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
-use crate::{FINGERS, JOINTS, UtahMit};
+use crate::{FINGERS, JOINTS, RobotDescription};
 
 mod partner;
 
@@ -106,7 +106,10 @@ impl TickTime for Joints {
 /// Returns the tips of all fingers (m, in the axes of the palm) for the positions `joints` (rad); `None` for a
 /// hand whose fingers are not planar ones of four joints.
 #[must_use]
-pub fn tips(hand: &UtahMit, joints: &[[f64; JOINTS]; FINGERS]) -> Option<[[f64; 3]; FINGERS]> {
+pub fn tips(
+    hand: &RobotDescription,
+    joints: &[[f64; JOINTS]; FINGERS],
+) -> Option<[[f64; 3]; FINGERS]> {
     let mut tips = [[0.0; 3]; FINGERS];
     if hand.fingers.len() != FINGERS {
         return None;
@@ -125,7 +128,7 @@ pub fn tips(hand: &UtahMit, joints: &[[f64; JOINTS]; FINGERS]) -> Option<[[f64; 
 /// value of one processor. `None` while a processor has published nothing.
 #[must_use]
 pub fn joints(
-    hand: &UtahMit,
+    hand: &RobotDescription,
     mut published: impl FnMut(u8) -> Option<Joints>,
 ) -> Option<[[f64; JOINTS]; FINGERS]> {
     let mut all = [[0.0; JOINTS]; FINGERS];

@@ -2,7 +2,7 @@
 #![cfg_attr(not(any(feature = "std", test)), no_std)]
 #![forbid(unsafe_code)]
 
-// The robot's wires.
+// The boards on the bus.
 pub mod boards;
 
 // The messages between processors.
@@ -48,8 +48,8 @@ pub const JOINTS: usize = 4;
 /// Joints of the hand, in the order of the fingers.
 pub const ALL: usize = FINGERS * JOINTS;
 
-/// The configuration of the hand.
-pub type UtahMit = condor_hand::config::Hand<FINGERS, JOINTS>;
+/// The description of a robot.
+pub type RobotDescription = condor_hand::config::Hand<FINGERS, JOINTS>;
 
 /// The file of the compiled configuration, as the file service has it.
 pub const IMAGE: &str = "hand.image";

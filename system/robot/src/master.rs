@@ -32,7 +32,7 @@ use embedded_io::{Read, ReadReady};
 
 use crate::failure::Failure;
 use crate::objects::MOTIONS_NAME;
-use crate::{FINGERS, UtahMit, start};
+use crate::{FINGERS, RobotDescription, start};
 
 mod commands;
 mod drive;
@@ -228,7 +228,7 @@ fn listen<M: Machine>(
 }
 
 /// The limits of all joints of the hand, which has as many.
-fn limits(hand: &UtahMit) -> [ProfileLimits<f64>; ALL] {
+fn limits(hand: &RobotDescription) -> [ProfileLimits<f64>; ALL] {
     let mut limits = [ProfileLimits {
         low: -1.0,
         high: 1.0,

@@ -30,6 +30,7 @@
 
 use condor_vars::{CellField, CellStruct, ValueKind};
 use core::cell::RefCell;
+use core::marker::PhantomData;
 use core::mem::offset_of;
 
 use condor_hand::grasp::Wrench;
@@ -42,12 +43,12 @@ use critical_section::Mutex;
 use nalgebra::Vector3;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
-use crate::{FINGERS, JOINTS, start};
+use crate::boards::SimBoards;
+use crate::{FINGERS, Failure, JOINTS, start};
 
 mod arguments;
 mod ball;
 mod camera;
-mod registers;
 mod requests;
 mod robot;
 mod watchdog;
@@ -55,7 +56,6 @@ mod watchdog;
 use arguments::Arguments;
 use camera::Camera;
 pub use camera::CameraObject;
-use registers::Registers;
 pub use requests::{
     NumberRange, PlantOperation, PlantRefusal, PlantRequest, PlantResponse, PlantTarget,
 };
@@ -171,21 +171,29 @@ impl CellStruct for TrueState {
 /// The robot, between handlers and the loop.
 type SharedRobot = Mutex<RefCell<Robot>>;
 
-/// The program.
+/// The program that simulates a robot with boards `B`.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Plant;
+pub struct Plant<B>(PhantomData<B>);
 
-impl Program for Plant {
+impl<B> Plant<B> {
+    /// Makes the program.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self(PhantomData)
+    }
+}
+
+impl<B: SimBoards> Program for Plant<B> {
     fn run<M: Machine>(&self, machine: &M) -> Result<(), ProgramError> {
         let arguments = Arguments::of(machine)?;
-        let registers = Registers::new(machine.bus());
+        let bus = machine.bus();
         // Boards of a former incarnation answer no more.
-        registers.unplug()?;
+        B::plug(&bus, false).map_err(Failure::from)?;
         let mut place = None;
         let (hand, robot) = start::configured(machine, &mut place, |_, hand| {
-            let robot = Robot::new(hand, &arguments)?;
-            robot.show(&registers)?;
-            registers.plug()?;
+            let robot = Robot::new::<B>(hand, &arguments)?;
+            robot.show::<B, _>(&bus)?;
+            B::plug(&bus, true).map_err(Failure::from)?;
             Ok((hand, robot))
         })?;
         let shared: SharedRobot = Mutex::new(RefCell::new(robot));
@@ -212,7 +220,7 @@ impl Program for Plant {
             .watch(&resting)
             .servo("robot", start::rate(arguments.rate_hz), &mut |_| {
                 let done = with(&shared, |robot| {
-                    let now = robot.tick(&registers);
+                    let now = robot.tick::<B, _>(&bus);
                     (now, camera.look(robot.ball(), now.time_s))
                 });
                 if let Some((now, picture)) = done {

@@ -1,7 +1,4 @@
-//! The programs of the hand as processes of Linux.
-//!
-//! They are functions of this library, so that each program that brings the hand up links them and
-//! compiles none of them anew.
+//! The programs of a robot as processes of Linux.
 
 use std::process::ExitCode;
 use std::string::String;
@@ -9,38 +6,61 @@ use std::vec::Vec;
 
 use condor_rt::linux;
 
+use crate::RobotDescription;
+#[cfg(doc)]
+use crate::boards::Boards;
+use crate::boards::{BoardError, SimBoards};
 use crate::master::Master;
 use crate::plant::Plant;
 use crate::replay::Replay;
 use crate::servo::Servo;
 use crate::table::Table;
 
-/// Runs the master, and returns its exit status.
-#[must_use]
-pub fn master(arguments: Vec<String>) -> ExitCode {
-    linux::run(&Master, arguments)
+/// A program: it gets its arguments, and returns its exit status.
+type Run = fn(Vec<String>) -> ExitCode;
+
+/// The programs of a robot as processes of Linux, each with its name.
+///
+/// A crate of boards has them in a `static`, so that robots with these boards do not compile the programs anew.
+#[derive(Clone, Copy, Debug)]
+pub struct Processes {
+    check: fn(&RobotDescription) -> Result<(), BoardError>,
+    programs: [(&'static str, Run); 5],
 }
 
-/// Runs the simulated robot, and returns its exit status.
-#[must_use]
-pub fn plant(arguments: Vec<String>) -> ExitCode {
-    linux::run(&Plant, arguments)
-}
+impl Processes {
+    /// Returns the programs of a robot with boards `B`.
+    #[must_use]
+    pub const fn on<B: SimBoards>() -> Self {
+        Self {
+            check: B::check,
+            programs: [
+                ("master", |arguments| linux::run(&Master, arguments)),
+                ("plant", |arguments| {
+                    linux::run(&Plant::<B>::new(), arguments)
+                }),
+                ("replay", |arguments| linux::run(&Replay, arguments)),
+                ("servo", |arguments| {
+                    linux::run(&Servo::<B>::new(), arguments)
+                }),
+                ("table", |arguments| {
+                    linux::run(&Table::<B>::new(), arguments)
+                }),
+            ],
+        }
+    }
 
-/// Runs the replay of a recording, and returns its exit status.
-#[must_use]
-pub fn replay(arguments: Vec<String>) -> ExitCode {
-    linux::run(&Replay, arguments)
-}
+    /// Returns the programs, each with its name.
+    #[must_use]
+    pub const fn programs(&self) -> &[(&'static str, Run)] {
+        &self.programs
+    }
 
-/// Runs a servo processor, and returns its exit status.
-#[must_use]
-pub fn servo(arguments: Vec<String>) -> ExitCode {
-    linux::run(&Servo, arguments)
-}
-
-/// Runs the table, and returns its exit status.
-#[must_use]
-pub fn table(arguments: Vec<String>) -> ExitCode {
-    linux::run(&Table, arguments)
+    /// Checks whether the boards can serve a robot.
+    ///
+    /// # Errors
+    /// Returns the [`BoardError`] of [`Boards::check`] if they cannot.
+    pub fn check(&self, robot: &RobotDescription) -> Result<(), BoardError> {
+        (self.check)(robot)
+    }
 }

@@ -13,8 +13,9 @@ use condor_host::robot::{MotionFiles, MotionSender, Robot};
 use condor_host::system::SystemDirectory;
 use condor_scene::{Ball, HandView};
 
-use crate::compile::{compile_all, joint_names, read_hand};
-use crate::processes;
+use crate::RobotDescription;
+use crate::compile::{CompileError, compile_all, joint_names, read_robot};
+use crate::processes::Processes;
 
 mod motion;
 mod offers;
@@ -32,15 +33,6 @@ const BALL: Ball<'_> = Ball {
     touching: "ball.touching",
 };
 
-/// The programs of every robot.
-const PROGRAMS: Programs<'static> = Programs::new(&[
-    ("master", processes::master),
-    ("plant", processes::plant),
-    ("replay", processes::replay),
-    ("servo", processes::servo),
-    ("table", processes::table),
-]);
-
 /// A command: its name, its line in the help, and the function that gets its arguments.
 type Command = (&'static str, &'static str, ProgramFunction);
 
@@ -49,6 +41,7 @@ type Command = (&'static str, &'static str, ProgramFunction);
 #[derive(Clone, Copy)]
 pub struct RobotApplication {
     system: &'static str,
+    processes: &'static Processes,
     own: Programs<'static>,
     commands: &'static [Command],
     extensions: &'static [&'static dyn Extension],
@@ -56,11 +49,12 @@ pub struct RobotApplication {
 
 impl RobotApplication {
     /// Makes the program of the robot in the system description `system`, which is used when the command line
-    /// names no other.
+    /// names no other. `processes` are those of the robot's boards.
     #[must_use]
-    pub const fn new(system: &'static str) -> Self {
+    pub const fn new(system: &'static str, processes: &'static Processes) -> Self {
         Self {
             system,
+            processes,
             own: Programs::new(&[]),
             commands: &[],
             extensions: &[],
@@ -86,6 +80,14 @@ impl RobotApplication {
         Self { extensions, ..self }
     }
 
+    fn of_boards(&self) -> Programs<'static> {
+        Programs::new(self.processes.programs())
+    }
+
+    fn read(&self, robot: &Path) -> Result<RobotDescription, CompileError> {
+        read_robot(robot, |robot| self.processes.check(robot))
+    }
+
     /// Obeys the command line, and returns the exit status.
     #[must_use]
     pub fn run(&self) -> ExitCode {
@@ -95,12 +97,12 @@ impl RobotApplication {
 
 impl Application for RobotApplication {
     fn programs(&self) -> Vec<&'static str> {
-        [PROGRAMS.programs(), self.own.programs()].concat()
+        [self.of_boards().programs(), self.own.programs()].concat()
     }
 
     fn run_program(&self, program: &str, arguments: Vec<String>) -> ExitCode {
-        if PROGRAMS.programs().contains(&program) {
-            PROGRAMS.run_program(program, arguments)
+        if self.of_boards().programs().contains(&program) {
+            self.of_boards().run_program(program, arguments)
         } else {
             self.own.run_program(program, arguments)
         }
@@ -123,12 +125,12 @@ impl Application for RobotApplication {
     }
 
     fn check_robot(&self, robot: &Path) -> Result<(), AnyError> {
-        read_hand(robot)?;
+        self.read(robot)?;
         Ok(())
     }
 
     fn robot(&self, robot: &Path) -> Result<Option<Box<dyn Robot>>, AnyError> {
-        let hand = HandView::new(&read_hand(robot)?);
+        let hand = HandView::new(&self.read(robot)?);
         Ok(Some(Box::new(hand.with_ball(&BALL))))
     }
 
@@ -144,7 +146,7 @@ impl Application for RobotApplication {
         let Some(texts) = texts else { return Ok(None) };
         Ok(Some(Box::new(Texts {
             directory: texts.join("motions"),
-            joints: joint_names(&read_hand(robot)?),
+            joints: joint_names(&self.read(robot)?),
         })))
     }
 
@@ -156,7 +158,7 @@ impl Application for RobotApplication {
         let (Some(hand), Some(files)) = (&description.robot, &description.files) else {
             return Ok(None);
         };
-        let joints = joint_names(&read_hand(hand)?);
+        let joints = joint_names(&self.read(hand)?);
         Ok(Some(Box::new(Offers::new(directory, &files.root, joints))))
     }
 
@@ -165,7 +167,11 @@ impl Application for RobotApplication {
             return Ok(());
         };
         offers::clear(&files.root);
-        Ok(compile_all(hand, &texts_of(files), &files.root)?)
+        Ok(compile_all(
+            &self.read(hand)?,
+            &texts_of(files),
+            &files.root,
+        )?)
     }
 
     fn summarize(
@@ -173,7 +179,9 @@ impl Application for RobotApplication {
         description: &SystemDescription,
         directory: &SystemDirectory,
     ) -> Result<(), AnyError> {
-        summary::of(description, directory)
+        let robot = description.robot.as_ref();
+        let robot = robot.ok_or("the system description names no `robot`")?;
+        summary::of(&self.read(robot)?, description, directory)
     }
 }
 

@@ -32,7 +32,7 @@ use crate::arguments::Replay as Arguments;
 use crate::failure::Failure;
 use crate::recording::{Difference, Fnv, Row, Rows, ServoOutputs, ServoRecordingError};
 use crate::servo::{Control, Controllers, Servos, controllers, rate_hz, served};
-use crate::{JOINTS, UtahMit, start};
+use crate::{JOINTS, RobotDescription, start};
 
 /// Bytes of the recording that are read at once.
 const READ: usize = 256;
@@ -63,7 +63,7 @@ impl Program for Replay {
 /// The state of a replay.
 struct Replaying<'r, M: Machine> {
     background: &'r Background<'r, M>,
-    hand: &'r UtahMit,
+    hand: &'r RobotDescription,
     arguments: Arguments<'r>,
 }
 

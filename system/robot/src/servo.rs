@@ -32,6 +32,7 @@
 //! least ones more gently than closing it would.
 
 use core::fmt::{self, Arguments};
+use core::marker::PhantomData;
 use core::time::Duration;
 
 use condor_fs::OpenOptions;
@@ -47,13 +48,13 @@ use condor_rt::{
 };
 
 use crate::arguments::Record;
-use crate::boards::{self, Wires};
+use crate::boards::{Boards, Wires};
 use crate::desired::WANTED_NAME;
 use crate::failure::Failure;
 use crate::grasp::{HandGraspLayout, JOINTS_NAME, NAME, Partner, PartnerState};
 use crate::guards::{FELT_NAME, STOPS_NAME};
 use crate::recording::{Head, Recorder, Ring, ServoRecordingError, Tape, TapeState};
-use crate::{FINGERS, JOINTS, UtahMit, start, table};
+use crate::{FINGERS, JOINTS, RobotDescription, start, table};
 
 mod control;
 mod feeling;
@@ -78,20 +79,28 @@ pub const TRACKING_NAME: &str = "tracking-2";
 /// The name of the loop.
 pub const LOOP: &str = "servo";
 
-/// The program.
+/// The program of a servo processor of a robot with boards `B`.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Servo;
+pub struct Servo<B>(PhantomData<B>);
 
-impl Program for Servo {
+impl<B> Servo<B> {
+    /// Makes the program.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self(PhantomData)
+    }
+}
+
+impl<B: Boards> Program for Servo<B> {
     fn run<M: Machine>(&self, machine: &M) -> Result<(), ProgramError> {
         let number = machine.number().0;
         let record = Record::of(machine)?;
         let (mut place, mut panel) = (None, None);
-        let (hand, wires) = start::configured(machine, &mut place, |background, hand| {
-            let panel = panel.insert(boards::open(machine.bus(), hand, number));
-            Ok((hand, start::wires(background, panel, hand)?))
+        let (hand, mut wires) = start::configured(machine, &mut place, |background, hand| {
+            let panel = panel.insert(B::panel(machine.bus(), hand, number));
+            Ok((hand, start::wires::<M, B>(background, panel, hand)?))
         })?;
-        serve(machine, hand, wires, record)
+        serve(machine, hand, &mut wires, record)
     }
 }
 
@@ -99,8 +108,8 @@ impl Program for Servo {
 #[inline(never)]
 fn serve<M: Machine>(
     machine: &M,
-    hand: &UtahMit,
-    wires: Wires<'_, M::Bus>,
+    hand: &RobotDescription,
+    wires: &mut dyn Wires,
     record: Option<Record<'_>>,
 ) -> Result<(), ProgramError> {
     let number = machine.number().0;
@@ -145,7 +154,6 @@ fn serve<M: Machine>(
     let recorder = recording.as_ref().zip(record);
     let recorder = recorder.map(|(recording, record)| recording.recorder(record.ticks));
     let mut fingers = Fingers::<M> {
-        hand,
         control,
         servos,
         variables: &variables,
@@ -236,7 +244,7 @@ impl<W: MemoryWindow + Clone> Partners<W> {
     /// Finds the partners of a processor; the processor itself stands for one that is not there.
     fn new<M: Machine<Window = W>>(
         machine: &M,
-        hand: &UtahMit,
+        hand: &RobotDescription,
         number: u8,
     ) -> Result<Self, ProgramError> {
         let one = |number, name| Ok::<_, ProgramError>(Partner::new(users(machine, number)?, name));
@@ -264,7 +272,7 @@ impl<W: MemoryWindow + Clone> Partners<W> {
 }
 
 /// The other processors of fingers.
-fn others(hand: &UtahMit, number: u8) -> heapless::Vec<Processor, FINGERS> {
+fn others(hand: &RobotDescription, number: u8) -> heapless::Vec<Processor, FINGERS> {
     let mut others = heapless::Vec::new();
     for other in hand.fingers.iter().filter_map(Finger::processor) {
         if other != number && !others.contains(&Processor(other)) {
@@ -276,7 +284,7 @@ fn others(hand: &UtahMit, number: u8) -> heapless::Vec<Processor, FINGERS> {
 }
 
 /// The first processor of a kind.
-fn number_of(hand: &UtahMit, kind: ProcessorKind) -> Option<u8> {
+fn number_of(hand: &RobotDescription, kind: ProcessorKind) -> Option<u8> {
     let mut processors = hand.processors.iter();
     let found = processors.find(|processor| processor.kind == kind);
     found.map(|processor| processor.number)
@@ -286,7 +294,7 @@ fn number_of(hand: &UtahMit, kind: ProcessorKind) -> Option<u8> {
 type ServedFingers<'h> = heapless::Vec<&'h Finger<JOINTS>, FINGERS>;
 
 /// The fingers of a processor.
-fn fingers_on(hand: &UtahMit, number: u8) -> ServedFingers<'_> {
+fn fingers_on(hand: &RobotDescription, number: u8) -> ServedFingers<'_> {
     let mut served = ServedFingers::new();
     for (_, finger) in hand.fingers_on(number) {
         // As many as the hand has, at most.
@@ -296,7 +304,7 @@ fn fingers_on(hand: &UtahMit, number: u8) -> ServedFingers<'_> {
 }
 
 /// Which fingers of the hand a processor serves.
-pub(crate) fn served(hand: &UtahMit, number: u8) -> [bool; FINGERS] {
+pub(crate) fn served(hand: &RobotDescription, number: u8) -> [bool; FINGERS] {
     let mut served = [false; FINGERS];
     for (finger, _) in hand.fingers_on(number) {
         if let Some(place) = served.get_mut(finger) {
@@ -307,14 +315,14 @@ pub(crate) fn served(hand: &UtahMit, number: u8) -> [bool; FINGERS] {
 }
 
 /// Returns the rate of a processor's loop, Hz.
-pub(crate) fn rate_hz(hand: &UtahMit, number: u8) -> u32 {
+pub(crate) fn rate_hz(hand: &RobotDescription, number: u8) -> u32 {
     let processor = hand.processor(number);
     processor.map_or(hand.servo_hz, |processor| hand.rate_hz(processor))
 }
 
 /// The controllers of the fingers that a processor serves, of which there must be one.
 #[allow(clippy::large_stack_arrays, reason = "nothing is allocated")]
-pub(crate) fn controllers(hand: &UtahMit, number: u8) -> Result<Controllers, Failure> {
+pub(crate) fn controllers(hand: &RobotDescription, number: u8) -> Result<Controllers, Failure> {
     let mut controllers = [const { None }; FINGERS];
     for (finger, entry) in hand.fingers_on(number) {
         let mechanism = entry.planar().ok_or(Failure::Form { finger })?;
@@ -332,7 +340,7 @@ pub(crate) fn controllers(hand: &UtahMit, number: u8) -> Result<Controllers, Fai
 
 /// The names of some fingers, as people list them.
 #[derive(Clone, Copy)]
-pub(crate) struct Names<'h>(pub(crate) &'h UtahMit, pub(crate) [bool; FINGERS]);
+pub(crate) struct Names<'h>(pub(crate) &'h RobotDescription, pub(crate) [bool; FINGERS]);
 
 impl fmt::Display for Names<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {

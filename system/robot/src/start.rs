@@ -10,10 +10,10 @@ use condor_mos::Rate;
 use condor_rt::{Background, Machine, ProgramError, Setup, ShortText};
 use condor_tty::TerminalSettings;
 
-use crate::boards::{Panel, Wires};
+use crate::boards::Boards;
 use crate::failure::Failure;
 use crate::file;
-use crate::{FINGERS, IMAGE, JOINTS, UtahMit, boards};
+use crate::{FINGERS, IMAGE, JOINTS, RobotDescription};
 
 /// Bytes of a compiled configuration, at most.
 pub(crate) const IMAGE_BYTES: usize = 16 * 1024;
@@ -25,8 +25,8 @@ const NAP: Duration = Duration::from_millis(20);
 /// The first incarnation of a program: reads the configuration, and makes what follows from it alone.
 pub(crate) fn configured<'h, M: Machine, R>(
     machine: &M,
-    place: &'h mut Option<UtahMit>,
-    make: impl FnOnce(&Background<'_, M>, &'h UtahMit) -> Result<R, ProgramError>,
+    place: &'h mut Option<RobotDescription>,
+    make: impl FnOnce(&Background<'_, M>, &'h RobotDescription) -> Result<R, ProgramError>,
 ) -> Result<R, ProgramError> {
     // A result that is returned through all functions of a background is on the stack many times.
     let mut result = None;
@@ -44,10 +44,10 @@ pub(crate) fn configured<'h, M: Machine, R>(
     })
 }
 
-/// The configuration, from the file service, as far as the boards of the rack can serve it.
+/// The description, from the file service.
 pub(crate) fn configuration<M: Machine>(
     background: &Background<'_, M>,
-) -> Result<UtahMit, ProgramError> {
+) -> Result<RobotDescription, ProgramError> {
     let failed = |error| Failure::File { name: IMAGE, error };
     let files = background.files()?;
     let mut image = [0; IMAGE_BYTES];
@@ -56,14 +56,13 @@ pub(crate) fn configuration<M: Machine>(
         name: IMAGE,
         error: ShortText::of(&error),
     };
-    let hand = UtahMit::from_image(image.get(..len).unwrap_or(&[])).map_err(broken)?;
-    boards::check(&hand).map_err(Failure::from)?;
+    let hand = RobotDescription::from_image(image.get(..len).unwrap_or(&[])).map_err(broken)?;
     Ok(hand)
 }
 
 /// The fingers with their closed forms, which all of them must have.
 pub(crate) fn fingers(
-    hand: &UtahMit,
+    hand: &RobotDescription,
 ) -> Result<[(&Finger<JOINTS>, PlanarFinger); FINGERS], Failure> {
     let mut fingers = heapless::Vec::<_, FINGERS>::new();
     for (finger, entry) in hand.fingers.iter().enumerate() {
@@ -79,18 +78,19 @@ pub(crate) fn fingers(
 }
 
 /// The channels of this processor, on boards that may still be about to be plugged in.
-pub(crate) fn wires<'s, M: Machine>(
+pub(crate) fn wires<'s, M: Machine, B: Boards>(
     background: &Background<'_, M>,
-    panel: &'s Panel<M::Bus>,
-    hand: &UtahMit,
-) -> Result<Wires<'s, M::Bus>, ProgramError> {
+    panel: &'s B::Panel<M::Bus>,
+    hand: &RobotDescription,
+) -> Result<B::Wires<'s, M::Bus>, ProgramError> {
+    B::check(hand).map_err(Failure::from)?;
     let (number, clock) = (
         background.machine().number().0,
         background.machine().doorbell(),
     );
     let deadline = clock.now().after(BOARDS_TIMEOUT);
     loop {
-        match Wires::new(panel, hand, number, |channel| at_rest(hand, channel)) {
+        match B::open(panel, hand, number, |channel| at_rest(hand, channel)) {
             Ok(wires) => return Ok(wires),
             Err(error) if background.is_stopping() || clock.now() >= deadline => {
                 return Err(Failure::from(error).into());
@@ -101,7 +101,7 @@ pub(crate) fn wires<'s, M: Machine>(
 }
 
 /// The counts of an output while nothing is controlled: of the least tension, and of no force.
-fn at_rest(hand: &UtahMit, channel: Channel) -> u32 {
+fn at_rest(hand: &RobotDescription, channel: Channel) -> u32 {
     let wire = hand.wire(channel);
     let newtons = match wire {
         Some(Wire::Flexor { finger, joint }) => {

@@ -13,6 +13,7 @@
 //! A table takes motions after it has been home.
 
 use core::fmt;
+use core::marker::PhantomData;
 
 use condor_vars::{CellField, CellStruct, ValueKind};
 use core::cell::RefCell;
@@ -31,10 +32,10 @@ use condor_vars::Vars;
 use critical_section::Mutex;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
-use crate::boards::{self, Wires};
+use crate::boards::{Boards, Wires};
 use crate::failure::Failure;
 use crate::grasp::TickTime;
-use crate::{UtahMit, start};
+use crate::{RobotDescription, start};
 
 /// The vector of requests to the table.
 pub const TABLE: Vector = Vector(3);
@@ -236,15 +237,23 @@ struct DrivenTable {
     axes: usize,
 }
 
-/// The program.
+/// The program of the table of a robot with boards `B`.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Table;
+pub struct Table<B>(PhantomData<B>);
 
-impl Program for Table {
+impl<B> Table<B> {
+    /// Makes the program.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self(PhantomData)
+    }
+}
+
+impl<B: Boards> Program for Table<B> {
     fn run<M: Machine>(&self, machine: &M) -> Result<(), ProgramError> {
         let number = machine.number().0;
         let (mut place, mut panel) = (None, None);
-        let (hand, rate_hz, driven, wires) =
+        let (hand, rate_hz, driven, mut wires) =
             start::configured(machine, &mut place, |background, hand| {
                 let processor = hand.processor(number);
                 let processor = processor.ok_or(Failure::NoProcessor { processor: number })?;
@@ -252,8 +261,8 @@ impl Program for Table {
                     controller: TableController::new(hand).map_err(Failure::from)?,
                     axes: hand.table.as_ref().map_or(0, |table| table.axes.len()),
                 };
-                let panel = panel.insert(boards::open(machine.bus(), hand, number));
-                let wires = start::wires(background, panel, hand)?;
+                let panel = panel.insert(B::panel(machine.bus(), hand, number));
+                let wires = start::wires::<M, B>(background, panel, hand)?;
                 Ok((hand, hand.rate_hz(processor), driven, wires))
             })?;
         let shared: SharedTable = Mutex::new(RefCell::new(driven));
@@ -264,7 +273,7 @@ impl Program for Table {
         let mut axes = Axes::<M> {
             hand,
             shared: &shared,
-            wires,
+            wires: &mut wires,
             publisher: setup.publish_fields(PALM_NAME)?,
             variables: &variables,
             clock: &clock,
@@ -321,9 +330,9 @@ impl Variables {
 
 /// All that happens in a tick of the table's loop.
 struct Axes<'r, M: Machine> {
-    hand: &'r UtahMit,
+    hand: &'r RobotDescription,
     shared: &'r SharedTable,
-    wires: Wires<'r, M::Bus>,
+    wires: &'r mut dyn Wires,
     publisher: Publisher<Palm, Region<M::Window>>,
     variables: &'r Variables,
     clock: &'r M::Doorbell,
@@ -341,14 +350,14 @@ impl<M: Machine> Axes<'_, M> {
         let since = (self.last.replace(now)).map(|last| now.ns_since(last) as f64 * 1e-9);
         let period_s = since.unwrap_or(self.period_s);
         self.wires.scan();
-        let position = read_table(table, |channel| self.wires.read(self.hand, channel));
+        let position = read_table(table, |channel| self.wires.read(channel));
         // Nobody else has it: handlers are interrupted outside of their sections only.
         let Some(tick) = with(self.shared, |table| {
             table.controller.tick(&position, period_s)
         }) else {
             return;
         };
-        let wires = &mut self.wires;
+        let wires = &mut *self.wires;
         write_table(table, &tick.force, |channel, counts| {
             wires.write(channel, counts);
         });

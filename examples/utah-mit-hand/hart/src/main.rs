@@ -8,6 +8,7 @@ use condor_robot::master::Master;
 use condor_robot::replay::Replay;
 use condor_robot::servo::Servo;
 use condor_robot::table::Table;
+use utah_mit_boards::robot::Rack;
 
 board::program!(main);
 
@@ -18,8 +19,8 @@ fn main(mut hart: Hart) -> u32 {
     match hart.program() {
         Some("master") => board::run(&Master, &hart),
         Some("replay") => board::run(&Replay, &hart),
-        Some("servo") => board::run(&Servo, &hart),
-        Some("table") => board::run(&Table, &hart),
+        Some("servo") => board::run(&Servo::<Rack>::new(), &hart),
+        Some("table") => board::run(&Table::<Rack>::new(), &hart),
         _ => NO_PROGRAM,
     }
 }

@@ -12,7 +12,6 @@ use condor_hand::tendon::Pair;
 use condor_hand::trajectory::StopGuard;
 use condor_mbox::{MemoryWindow, Processor, Region, StoreOrder};
 use condor_mcap::MessageHead;
-use condor_robot::boards::{Board, address, output_counts, socket, zero_of};
 use condor_robot::recording::{OUTPUTS, ServoOutputs};
 use condor_robot::replay::Replay;
 use condor_robot::{objects, plant, table};
@@ -20,6 +19,7 @@ use condor_rt::objects::ObjectKind;
 use condor_rt::sim::VirtualSystem;
 use condor_rt::{Machine, Program, numbers};
 use condor_vars::AnyValue;
+use utah_mit_boards::robot::{Board, address, output_counts, socket, zero_of};
 
 use crate::rig::{
     FIRST, Master, Posture, SOON, TWO, WINDOW_BYTES, console, files, run_on, serve_files,

@@ -18,6 +18,7 @@ use std::time::{Duration, SystemTime};
 
 use condor_robot::program::RobotApplication;
 use condor_rt::linux;
+use utah_mit_boards::robot::PROCESSES;
 
 use drive::Seen;
 use teller::Teller;
@@ -25,9 +26,8 @@ use teller::Teller;
 const USAGE: &str = "usage: kills [--for SECONDSs] [--seed N]";
 
 /// The hand, with the program that counts what it does.
-const HAND: RobotApplication =
-    RobotApplication::new(concat!(env!("CARGO_MANIFEST_DIR"), "/system.toml"))
-        .with_programs(&[("teller", |arguments| linux::run(&Teller, arguments))]);
+const HAND: RobotApplication = RobotApplication::new("system.toml", &PROCESSES)
+    .with_programs(&[("teller", |arguments| linux::run(&Teller, arguments))]);
 
 fn main() -> ExitCode {
     // What the supervisor starts is this program, too.

@@ -22,6 +22,7 @@ use std::time::{Duration, Instant};
 
 use condor_robot::program::RobotApplication;
 use condor_rt::linux;
+use utah_mit_boards::robot::PROCESSES;
 use verdict::log::PLACE;
 use verdict::observer::Observer;
 
@@ -33,11 +34,10 @@ const PATIENCE: Duration = Duration::from_secs(300);
 const PATIENCE_EACH: Duration = Duration::from_secs(5);
 
 /// The hand, with the programs that enqueue motions and watch.
-const HAND: RobotApplication =
-    RobotApplication::new(concat!(env!("CARGO_MANIFEST_DIR"), "/system.toml")).with_programs(&[
-        ("client", |arguments| linux::run(&Client, arguments)),
-        ("observer", |arguments| linux::run(&Observer, arguments)),
-    ]);
+const HAND: RobotApplication = RobotApplication::new("system.toml", &PROCESSES).with_programs(&[
+    ("client", |arguments| linux::run(&Client, arguments)),
+    ("observer", |arguments| linux::run(&Observer, arguments)),
+]);
 
 fn main() -> ExitCode {
     // What the test starts is this program, too.

@@ -22,7 +22,7 @@ use super::words::{Problem, Words};
 use crate::grasp;
 use crate::plant::{self, NumberRange, PlantTarget};
 use crate::table::{self, TableStatus};
-use crate::{FINGERS, JOINTS, UtahMit};
+use crate::{FINGERS, JOINTS, RobotDescription};
 
 mod complete;
 mod gains;
@@ -75,7 +75,7 @@ const SECONDS: &str = "a time above 0, s";
 
 /// The state that commands share.
 pub(super) struct Commands<'r, 'p, M: Machine> {
-    pub(super) hand: &'r UtahMit,
+    pub(super) hand: &'r RobotDescription,
     pub(super) background: &'r Background<'r, M>,
     pub(super) shared: &'r SharedDrive<'p, M::Window>,
     pub(super) servos: Servos<'r, 'p, M>,

@@ -14,7 +14,7 @@ use super::play::Title;
 use super::servos::Servos;
 use crate::servo::Figures;
 use crate::tracking::TrackingReport;
-use crate::{FINGERS, UtahMit, objects};
+use crate::{FINGERS, RobotDescription, objects};
 
 /// The number of looks for the figures of a motion that has ended.
 const LOOKS: u32 = 25;
@@ -82,7 +82,7 @@ impl<M: Machine> Follow<M> {
     pub(super) fn look(
         &mut self,
         servos: &Servos<'_, '_, M>,
-        hand: &UtahMit,
+        hand: &RobotDescription,
         say: impl Fn(Arguments<'_>),
     ) {
         let Some(run) = &self.ended else {

@@ -10,7 +10,7 @@ use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 use super::words::Problem;
 use crate::plant::CameraObject;
-use crate::{UtahMit, objects, plant, table};
+use crate::{RobotDescription, objects, plant, table};
 
 /// The time in which the table or the robot must answer.
 const ANSWER: Duration = Duration::from_millis(500);
@@ -93,7 +93,7 @@ const BALL: Ball = Ball {
 impl<'r, M: Machine> Others<'r, M> {
     pub(super) fn new(
         machine: &M,
-        hand: &UtahMit,
+        hand: &RobotDescription,
         mailbox: &'r MailboxOf<'r, M>,
     ) -> Result<Self, ProgramError> {
         let mut processors = hand.processors.iter();

@@ -12,7 +12,7 @@ use condor_hand::trajectory::{
 use super::drive::{ALL, Drive, SharedDrive, with};
 use super::sequence::Sequence;
 use super::words::{GuardText, Problem};
-use crate::{FINGERS, JOINTS, UtahMit};
+use crate::{FINGERS, JOINTS, RobotDescription};
 
 /// The title of a motion.
 pub(super) type Title = heapless::String<32>;
@@ -122,7 +122,7 @@ impl Player {
     /// # Errors
     /// Returns the [`Problem`] if there is a guard of contact without a sensor, a target or via point beyond
     /// the limits, or no motion.
-    pub(super) fn fingers(&self, hand: &UtahMit) -> Result<u32, Problem<'static>> {
+    pub(super) fn fingers(&self, hand: &RobotDescription) -> Result<u32, Problem<'static>> {
         let motions = self.running.motions().map_err(Problem::Recording)?;
         let mut fingers = 0;
         for (number, motion) in (1..).zip(motions.iter()) {
@@ -216,7 +216,7 @@ impl Player {
     /// ended and how, if one has.
     pub(super) fn play<W>(
         &mut self,
-        hand: &UtahMit,
+        hand: &RobotDescription,
         shared: &SharedDrive<'_, W>,
         mut say: impl FnMut(Arguments<'_>),
     ) -> Option<(Title, RequestState, RefusalReason)> {

@@ -7,7 +7,7 @@ use condor_rt::{FilesOf, Machine};
 
 use super::drive::{ALL, Motion};
 use super::words::{Path, Problem};
-use crate::{UtahMit, file};
+use crate::{RobotDescription, file};
 
 /// Bytes of a sequence of motions, at most.
 pub const MOTION_BYTES: usize = 8192;
@@ -75,7 +75,7 @@ impl Sequence {
     pub(super) fn feed<const Q: usize, const N: usize>(
         &self,
         next: u32,
-        hand: &UtahMit,
+        hand: &RobotDescription,
         generator: &mut Generator<ALL, Q>,
         tickets: &mut heapless::Vec<MotionTicket, N>,
     ) -> (u32, Result<(), PrimitiveError>) {

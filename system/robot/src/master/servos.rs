@@ -15,7 +15,7 @@ use super::drive::{FingerServos, Link, Motion, OfServos, ServoIncarnation, Share
 use super::words::Problem;
 use crate::failure::Failure;
 use crate::servo::{self, Names};
-use crate::{FINGERS, JOINTS, UtahMit, objects};
+use crate::{FINGERS, JOINTS, RobotDescription, objects};
 
 /// The time in which a servo must answer.
 pub(super) const ANSWER: Duration = Duration::from_millis(500);
@@ -46,7 +46,7 @@ struct Servo<'r, M: Machine> {
 
 /// The servo processors.
 pub(super) struct Servos<'r, 'p, M: Machine> {
-    hand: &'r UtahMit,
+    hand: &'r RobotDescription,
     background: &'r Background<'r, M>,
     shared: &'r SharedDrive<'p, M::Window>,
     seats: FingerServos,
@@ -61,7 +61,7 @@ pub(super) struct Servos<'r, 'p, M: Machine> {
 }
 
 /// The numbers of the servo processors, and which of them serves each finger.
-pub(super) fn seats(hand: &UtahMit) -> Result<(OfServos<u8>, FingerServos), Failure> {
+pub(super) fn seats(hand: &RobotDescription) -> Result<(OfServos<u8>, FingerServos), Failure> {
     let mut numbers = OfServos::<u8>::new();
     let mut seats = [0; FINGERS];
     let fingers = hand.fingers.len();
@@ -85,7 +85,7 @@ pub(super) fn seats(hand: &UtahMit) -> Result<(OfServos<u8>, FingerServos), Fail
 impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
     pub(super) fn new(
         background: &'r Background<'r, M>,
-        hand: &'r UtahMit,
+        hand: &'r RobotDescription,
         shared: &'r SharedDrive<'p, M::Window>,
         numbers: &[u8],
         seats: FingerServos,
@@ -514,6 +514,6 @@ fn needs_set_points(status: &ServoStatus<JOINTS>) -> bool {
     works(status) && status.modes.contains(&ServoMode::Position)
 }
 
-fn name(hand: &UtahMit, finger: usize) -> &str {
+fn name(hand: &RobotDescription, finger: usize) -> &str {
     hand.fingers.get(finger).map_or("", |finger| &finger.name)
 }

@@ -19,7 +19,7 @@ use condor_rt::supervisor::SupervisorError;
 use condor_vars::{RequestError, VariableTableError};
 use thiserror::Error;
 
-use crate::UtahMit;
+use crate::RobotDescription;
 use crate::{JOINTS, plant, table};
 
 /// The reason why a command is not done.
@@ -386,7 +386,7 @@ impl<'l> Words<'l> {
     }
 
     /// The next word as a finger of the hand, from 0.
-    pub(super) fn finger(&mut self, hand: &UtahMit) -> Result<Option<usize>, Problem<'l>> {
+    pub(super) fn finger(&mut self, hand: &RobotDescription) -> Result<Option<usize>, Problem<'l>> {
         let Some(word) = self.0.next() else {
             return Ok(None);
         };
@@ -394,7 +394,7 @@ impl<'l> Words<'l> {
     }
 
     /// The next word as FINGER.JOINT: both from 0.
-    pub(super) fn joint(&mut self, hand: &UtahMit) -> Result<(usize, usize), Problem<'l>> {
+    pub(super) fn joint(&mut self, hand: &RobotDescription) -> Result<(usize, usize), Problem<'l>> {
         let word = self.word("FINGER.JOINT")?;
         let what = "FINGER.JOINT";
         let dot = word.bytes().position(|byte| byte == b'.');
@@ -427,7 +427,7 @@ impl<'l> Words<'l> {
 }
 
 /// The finger that is called so, from 0.
-fn named<'l>(word: &'l str, hand: &UtahMit) -> Result<usize, Problem<'l>> {
+fn named<'l>(word: &'l str, hand: &RobotDescription) -> Result<usize, Problem<'l>> {
     let mut fingers = hand.fingers.iter();
     let found = fingers.position(|finger| finger.name == word);
     let problem = || Problem::Finger {

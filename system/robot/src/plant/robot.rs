@@ -3,7 +3,7 @@
 use core::array;
 
 use condor_dev::Bus;
-use condor_hand::config::{Finger, InputChannel, OutputChannel as Dac, Wire};
+use condor_hand::config::{Finger, InputChannel, OutputChannel, Wire};
 use condor_hand::grasp::Wrench;
 use condor_hand::kinematics::PlanarFinger;
 use condor_hand::math::abs;
@@ -12,17 +12,15 @@ use condor_hand::plant::{
 };
 use condor_hand::tendon::{Pair, TendonPairs};
 use nalgebra::{SVector, Vector3};
-use utah_mit_boards::Dac16;
 
 use super::TrueState;
 use super::arguments::Arguments;
 use super::ball::Support;
-use super::registers::{Output, Registers};
 use super::requests::{NumberRange, PlantRefusal, PlantTarget};
 use super::watchdog::{BoardInput, Watchdog};
-use crate::boards::{Board, Socket, address, input_register, output_counts, socket, zero_of};
+use crate::boards::{BoardEvent, SimBoards};
 use crate::recording::Fnv;
-use crate::{FINGERS, Failure, JOINTS, UtahMit, start};
+use crate::{FINGERS, Failure, JOINTS, RobotDescription, start};
 
 /// The least rate of updates of the simulation, Hz: contacts of 5e4 N/m bear it.
 const UPDATE_HZ: u32 = 10_000;
@@ -35,6 +33,9 @@ const BEYOND_RAD: f64 = 0.3;
 /// Sensors of the hand and its table, at most.
 const INPUTS: usize = (3 * JOINTS + 1) * FINGERS + AXES;
 const AXES: usize = 3;
+/// Boards of outputs, at most, and the outputs of one.
+const BOARDS: usize = 16;
+const LINES: usize = 32;
 
 /// The properties of the simulated robot that its configuration does not have, with one update for each tick.
 pub const MACHINE: PlantModel = PlantModel {
@@ -66,7 +67,7 @@ pub(super) struct Robot {
     ticks: u64,
     /// The hash of all positions so far.
     hash: Fnv,
-    boards: [OutputBoard; address::DAC.len()],
+    boards: heapless::Vec<OutputBoard, BOARDS>,
     inputs: heapless::Vec<Sensor, INPUTS>,
     /// In the axes of the palm.
     directions: [Vector3<f64>; AXES],
@@ -83,18 +84,16 @@ pub(super) struct Robot {
     limits: [[(f64, f64); JOINTS]; FINGERS],
 }
 
-/// A D/A board and what is at its lines.
-#[derive(Clone, Copy)]
+/// A board of outputs and what is at its lines.
 struct OutputBoard {
-    lines: [Option<Line>; Dac16::CHANNELS],
-    watchdog: Watchdog<{ Dac16::CHANNELS }>,
+    number: u8,
+    lines: heapless::Vec<Line, LINES>,
+    watchdog: Watchdog<LINES>,
 }
 
-#[derive(Clone, Copy)]
 struct Line {
     wire: Wire,
-    dac: Dac,
-    zero: u32,
+    output: OutputChannel,
 }
 
 /// A sensor, and the register that shows what it says.
@@ -102,13 +101,15 @@ struct Line {
 struct Sensor {
     wire: Wire,
     adc: InputChannel,
-    socket: Socket,
     /// The counts at which the sensor is stuck.
     stuck: Option<u32>,
 }
 
 impl Robot {
-    pub(super) fn new(hand: &UtahMit, arguments: &Arguments) -> Result<Self, Failure> {
+    pub(super) fn new<B: SimBoards>(
+        hand: &RobotDescription,
+        arguments: &Arguments,
+    ) -> Result<Self, Failure> {
         let finger = |(entry, mechanism): (&Finger<JOINTS>, PlanarFinger)| {
             let limits = entry.limits();
             let q = limits.low + (limits.high - limits.low) * BEGINS_AT;
@@ -147,7 +148,7 @@ impl Robot {
             period_s,
             ticks: 0,
             hash: Fnv::new(),
-            boards: output_boards(hand, arguments),
+            boards: output_boards::<B>(hand, arguments),
             inputs: sensors(hand),
             directions,
             cut: [[Pair::both(false); JOINTS]; FINGERS],
@@ -162,8 +163,8 @@ impl Robot {
     }
 
     /// One period: actuators do what the boards say, time passes, and sensors are read.
-    pub(super) fn tick<B: Bus>(&mut self, registers: &Registers<B>) -> TrueState {
-        if let Err(cause) = self.advance(registers) {
+    pub(super) fn tick<B: SimBoards, S: Bus>(&mut self, bus: &S) -> TrueState {
+        if let Err(cause) = self.advance::<B, S>(bus) {
             self.failures = self.failures.saturating_add(1);
             self.cause = Some(cause);
         }
@@ -183,28 +184,28 @@ impl Robot {
         self.truth()
     }
 
-    fn advance<B: Bus>(&mut self, registers: &Registers<B>) -> Result<(), Failure> {
+    fn advance<B: SimBoards, S: Bus>(&mut self, bus: &S) -> Result<(), Failure> {
         let mut commands = [[Pair::both(0.0); JOINTS]; FINGERS];
         let mut force = Vector3::zeros();
-        for (number, board) in self.boards.iter_mut().enumerate() {
-            let outputs = board.update(registers.output(number)?);
+        for board in &mut self.boards {
+            let outputs = board.update::<B, S>(bus)?;
             for (line, output) in board.lines.iter().zip(outputs) {
-                match line.map(|line| line.wire) {
-                    Some(Wire::Axis { axis }) => {
+                match line.wire {
+                    Wire::Axis { axis } => {
                         let direction = self.directions.get(axis).copied();
                         force += direction.unwrap_or_default() * output;
                     }
-                    Some(Wire::Flexor { finger, joint }) => {
+                    Wire::Flexor { finger, joint } => {
                         if let Some(pair) = part(&mut commands, finger, joint) {
                             pair.flexor = output;
                         }
                     }
-                    Some(Wire::Extensor { finger, joint }) => {
+                    Wire::Extensor { finger, joint } => {
                         if let Some(pair) = part(&mut commands, finger, joint) {
                             pair.extensor = output;
                         }
                     }
-                    Some(Wire::Position { .. } | Wire::Touch { .. }) | None => {}
+                    Wire::Position { .. } | Wire::Touch { .. } => {}
                 }
             }
         }
@@ -221,7 +222,7 @@ impl Robot {
         self.hand.push_object(wrench)?;
         self.hand.step(&commands)?;
         self.ticks = self.ticks.wrapping_add(1);
-        self.show(registers)
+        self.show::<B, S>(bus)
     }
 
     /// Returns the wrench on the ball beside fingers and gravity.
@@ -237,15 +238,9 @@ impl Robot {
     }
 
     /// Brings what the sensors say into the registers.
-    pub(super) fn show<B: Bus>(&self, registers: &Registers<B>) -> Result<(), Failure> {
+    pub(super) fn show<B: SimBoards, S: Bus>(&self, bus: &S) -> Result<(), Failure> {
         for sensor in &self.inputs {
-            let Socket { board, line } = sensor.socket;
-            let counts = self.counts(sensor);
-            match board {
-                Board::Adc(board) => registers.set_input(board, line, input_register(counts))?,
-                Board::Encoder => registers.set_counter(line, counts)?,
-                Board::Dac(_) => {}
-            }
+            B::set_input(bus, sensor.adc.channel(), self.counts(sensor))?;
         }
         Ok(())
     }
@@ -336,11 +331,9 @@ impl Robot {
         self.bits(Watchdog::is_tripped)
     }
 
-    fn bits(&self, is: fn(&Watchdog<{ Dac16::CHANNELS }>) -> bool) -> u64 {
-        let boards = self.boards.iter().zip(0_u32..);
-        boards.fold(0, |bits, (board, number)| {
-            bits | u64::from(is(&board.watchdog)) << number
-        })
+    fn bits(&self, is: fn(&Watchdog<LINES>) -> bool) -> u64 {
+        let boards = self.boards.iter().filter(|board| is(&board.watchdog));
+        boards.fold(0, |bits, board| bits | bit(board.number))
     }
 
     /// Ticks in which the robot or its bus failed since it was mended.
@@ -489,86 +482,92 @@ impl Robot {
 
 impl OutputBoard {
     /// Returns the output of its lines in this tick, N.
-    fn update(&mut self, output: Output) -> [f64; Dac16::CHANNELS] {
-        let told = match output {
-            Output::Disconnected => BoardInput::Closed,
-            Output::Same => BoardInput::Nothing,
-            Output::Strobed(registers) => {
-                let mut values = [0.0; Dac16::CHANNELS];
-                for ((value, line), register) in values.iter_mut().zip(&self.lines).zip(registers) {
-                    *value = line.map_or(0.0, |line| {
-                        // 0 V is nothing, also where no whole number of counts is.
-                        if register == 0 {
-                            0.0
-                        } else {
-                            line.dac.value(output_counts(line.zero, register))
-                        }
-                    });
+    fn update<B: SimBoards, S: Bus>(&mut self, bus: &S) -> Result<[f64; LINES], Failure> {
+        let told = match B::look(bus, self.number)? {
+            BoardEvent::Closed => BoardInput::Closed,
+            BoardEvent::Nothing => BoardInput::Nothing,
+            BoardEvent::Written => {
+                let mut values = [0.0; LINES];
+                for (value, line) in values.iter_mut().zip(&self.lines) {
+                    // 0 V is nothing, also where no whole number of counts is.
+                    *value = match B::output(bus, &line.output)? {
+                        Some(counts) => line.output.value(counts),
+                        None => 0.0,
+                    };
                 }
                 BoardInput::Values(values)
             }
         };
-        self.watchdog.update(told)
+        Ok(self.watchdog.update(told))
     }
 }
 
-/// The D/A boards with the wires of a configuration.
-fn output_boards(hand: &UtahMit, arguments: &Arguments) -> [OutputBoard; address::DAC.len()] {
+/// The boards of outputs with the wires of a description.
+fn output_boards<B: SimBoards>(
+    hand: &RobotDescription,
+    arguments: &Arguments,
+) -> heapless::Vec<OutputBoard, BOARDS> {
     let patience = arguments.ticks(arguments.watchdog_ms);
     let ramp = arguments.ticks(arguments.ramp_ms);
-    let mut lines = [[None; Dac16::CHANNELS]; address::DAC.len()];
-    let mut least = [[0.0; Dac16::CHANNELS]; address::DAC.len()];
-    for (channel, wire) in hand.wires() {
-        let (
-            Some(Socket {
-                board: Board::Dac(board),
-                line,
-            }),
-            Some(dac),
-        ) = (socket(channel), hand.output(wire))
-        else {
-            continue;
-        };
-        let (board, line) = (usize::from(board), usize::from(line));
-        if let (Some(place), Some(least)) = (
-            lines.get_mut(board).and_then(|lines| lines.get_mut(line)),
-            least.get_mut(board).and_then(|least| least.get_mut(line)),
-        ) {
-            *place = Some(Line {
-                wire,
-                dac: *dac,
-                zero: zero_of(dac),
-            });
-            *least = match wire {
-                Wire::Flexor { finger, joint } => hand
-                    .joint(finger, joint)
-                    .map_or(0.0, |joint| joint.flexor.min_n),
-                Wire::Extensor { finger, joint } => hand
-                    .joint(finger, joint)
-                    .map_or(0.0, |joint| joint.extensor.min_n),
-                Wire::Position { .. } | Wire::Touch { .. } | Wire::Axis { .. } => 0.0,
+    let of_board = |number: u8| {
+        let (mut lines, mut least) = (heapless::Vec::new(), [0.0; LINES]);
+        for (channel, wire) in hand.wires() {
+            let output = hand.output(wire).filter(|it| it.channel() == channel);
+            let (Some(output), true) = (output, B::output_board(channel) == Some(number)) else {
+                continue;
             };
+            if let Some(place) = least.get_mut(lines.len()) {
+                *place = least_n(hand, wire);
+            }
+            // A board has no more lines.
+            let _ = lines.push(Line {
+                wire,
+                output: *output,
+            });
+        }
+        let watchdog = Watchdog::new(least, patience, ramp);
+        OutputBoard {
+            number,
+            lines,
+            watchdog,
+        }
+    };
+    let mut boards = heapless::Vec::new();
+    for number in 0..BOARDS as u8 {
+        let board = of_board(number);
+        if !board.lines.is_empty() {
+            // There is room for all numbers.
+            let _ = boards.push(board);
         }
     }
-    let mut least = least.into_iter();
-    lines.map(|lines| OutputBoard {
-        lines,
-        // As many of each.
-        watchdog: Watchdog::new(least.next().unwrap_or_default(), patience, ramp),
-    })
+    boards
 }
 
-/// The sensors with the wires of a configuration.
-fn sensors(hand: &UtahMit) -> heapless::Vec<Sensor, INPUTS> {
+/// The least tension of a tendon; no force of other drives, N.
+fn least_n(hand: &RobotDescription, wire: Wire) -> f64 {
+    let tendon = match wire {
+        Wire::Flexor { finger, joint } => hand.joint(finger, joint).map(|joint| joint.flexor),
+        Wire::Extensor { finger, joint } => hand.joint(finger, joint).map(|joint| joint.extensor),
+        Wire::Position { .. } | Wire::Touch { .. } | Wire::Axis { .. } => None,
+    };
+    tendon.map_or(0.0, |tendon| tendon.min_n)
+}
+
+/// The bit of a board.
+fn bit(number: u8) -> u64 {
+    1_u64.checked_shl(number.into()).unwrap_or(0)
+}
+
+/// The sensors with the wires of a description.
+fn sensors(hand: &RobotDescription) -> heapless::Vec<Sensor, INPUTS> {
     let mut sensors = heapless::Vec::new();
     for (channel, wire) in hand.wires() {
         let adc = hand.input(wire).filter(|adc| adc.channel() == channel);
-        if let (Some(adc), Some(socket)) = (adc, socket(channel)) {
-            // There is room for all that a configuration of this size has.
+        if let Some(adc) = adc {
+            // There is room for all that a description of this size has.
             let _ = sensors.push(Sensor {
                 wire,
                 adc: *adc,
-                socket,
                 stuck: None,
             });
         }
@@ -603,12 +602,13 @@ fn is_possible(wrench: &Wrench) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::boards::none::NoBoards;
 
     #[test]
     fn a_simulation_that_has_failed_begins_again_when_it_is_mended() {
         let text = include_str!("../../../../condor-hand/hands/utah-mit.toml");
-        let hand = UtahMit::from_toml(text, "utah-mit.toml").unwrap();
-        let mut robot = Robot::new(&hand, &Arguments::default()).unwrap();
+        let hand = RobotDescription::from_toml(text, "utah-mit.toml").unwrap();
+        let mut robot = Robot::new::<NoBoards>(&hand, &Arguments::default()).unwrap();
         let begins = robot.start;
         let center = Vector3::new(0.085, 0.004, -0.0625);
         robot.place_ball(center, 0.02, 0.05).unwrap();

@@ -3,8 +3,7 @@
 
 use std::error::Error;
 
-use crate::compile::read_hand;
-use crate::{FINGERS, JOINTS, objects};
+use crate::{FINGERS, JOINTS, RobotDescription, objects};
 use condor_hand::config::{Finger, Hand};
 use condor_host::description::SystemDescription;
 use condor_host::system::SystemDirectory;
@@ -66,17 +65,13 @@ fn print_joints(
 /// # Errors
 /// Returns an error if the configuration or the system's memory cannot be read.
 pub(crate) fn of(
+    hand: &RobotDescription,
     description: &SystemDescription,
     directory: &SystemDirectory,
 ) -> Result<(), Box<dyn Error>> {
-    let file = description
-        .robot
-        .as_ref()
-        .ok_or("the description has no `robot`")?;
-    let hand = read_hand(file)?;
     let view = View::open(directory, description.window_bytes)?;
-    print(&view, &hand)?;
-    print_motions(&view, &hand, description)?;
+    print(&view, hand)?;
+    print_motions(&view, hand, description)?;
     print_hash(&view, description)
 }
 

@@ -9,7 +9,7 @@ use nalgebra::Vector3;
 use zerocopy::FromZeros as _;
 
 use crate::recording::{INPUTS_OF_FINGER, Inputs, ServoOutputs, TickInputs};
-use crate::{FINGERS, Failure, JOINTS, UtahMit, start};
+use crate::{FINGERS, Failure, JOINTS, RobotDescription, start};
 
 /// The readings of the sensors of a hand's fingers; nothing for fingers of other processors.
 pub(crate) struct HandReadings {
@@ -35,7 +35,7 @@ pub(crate) trait Servos: FingerControllers<PlanarFinger, JOINTS> {
 
 /// The servos of a processor, but for their controllers: from counts to counts.
 pub(crate) struct Control<'r> {
-    hand: &'r UtahMit,
+    hand: &'r RobotDescription,
     served: [bool; FINGERS],
     grasp: DistributedGrasp<PlanarFinger, FINGERS, JOINTS>,
     /// The rates of the last tick, rad/s.
@@ -44,7 +44,10 @@ pub(crate) struct Control<'r> {
 
 impl<'r> Control<'r> {
     /// Before the first tick of a processor, which serves these fingers.
-    pub(crate) fn new(hand: &'r UtahMit, served: [bool; FINGERS]) -> Result<Self, Failure> {
+    pub(crate) fn new(
+        hand: &'r RobotDescription,
+        served: [bool; FINGERS],
+    ) -> Result<Self, Failure> {
         Ok(Self {
             hand,
             served,

@@ -6,7 +6,7 @@ use condor_hand::tendon::MomentArms;
 use zerocopy::FromZeros as _;
 
 use crate::guards::{Felt, Stops};
-use crate::{FINGERS, JOINTS, UtahMit};
+use crate::{FINGERS, JOINTS, RobotDescription};
 
 /// The greatest of what fingers felt since a tick of the trajectories ago: in the present stretch of as
 /// many servo ticks, and in the one before.
@@ -24,7 +24,7 @@ pub(super) struct Feeling {
 
 impl Feeling {
     /// Before the first tick of a loop at this rate.
-    pub(super) fn new(hand: &UtahMit, rate_hz: u32) -> Self {
+    pub(super) fn new(hand: &RobotDescription, rate_hz: u32) -> Self {
         let mut contact_n = [f64::INFINITY; FINGERS];
         for (place, finger) in contact_n.iter_mut().zip(&hand.fingers) {
             if let Some(touch) = &finger.touch {
@@ -111,7 +111,7 @@ mod tests {
     #[test]
     fn what_lasted_a_tick_is_felt_for_a_tick_of_the_trajectories() {
         let text = include_str!("../../../../condor-hand/hands/utah-mit.toml");
-        let hand = UtahMit::from_toml(text, "utah-mit.toml").unwrap();
+        let hand = RobotDescription::from_toml(text, "utah-mit.toml").unwrap();
         let arms = hand.fingers[1].moment_arms().unwrap();
         let mut feeling = Feeling::new(&hand, hand.servo_hz);
         let calm = FingerReadings {

@@ -23,7 +23,7 @@ use crate::grasp::{Joints, Partner, PartnerState};
 use crate::guards::{Felt, Stops};
 use crate::recording::{Recorder, TickInputs};
 use crate::table::Palm;
-use crate::{FINGERS, JOINTS, UtahMit};
+use crate::{FINGERS, JOINTS};
 
 /// After such a time without one, s, an acceleration of the table counts as over.
 const SILENT_S: f64 = 0.1;
@@ -36,14 +36,13 @@ const TRACKING_TICKS: u64 = 16;
 
 /// All that happens in a tick of the servo loop.
 pub(super) struct Fingers<'r, M: Machine> {
-    pub(super) hand: &'r UtahMit,
     pub(super) control: Control<'r>,
     pub(super) servos: HandLoop<'r, PlanarFinger, M::Window, FINGERS, JOINTS>,
     pub(super) variables: &'r Variables<'r>,
     pub(super) gains: &'r Gains<'r>,
     /// The version of the gains that the controllers have.
     pub(super) tuned: [u32; 2],
-    pub(super) wires: Wires<'r, M::Bus>,
+    pub(super) wires: &'r mut dyn Wires,
     pub(super) grasp: GraspEnd<M::Window, FINGERS>,
     pub(super) partners: &'r [Partner<M::Window>],
     pub(super) heard: [PartnerState<Joints>; FINGERS],
@@ -71,10 +70,9 @@ impl<M: Machine> Fingers<'_, M> {
     pub(super) fn tick(&mut self, due: Instant) {
         let (due_ns, period_s) = (due.as_ns(), self.elapsed_s());
         self.wires.scan();
-        let (wires, hand) = (&self.wires, self.hand);
-        let measured = (self.control).measure(period_s, &mut self.servos, |_, channel| {
-            wires.read(hand, channel)
-        });
+        let wires = &*self.wires;
+        let measured =
+            (self.control).measure(period_s, &mut self.servos, |_, channel| wires.read(channel));
         let acceleration = self.acceleration(due_ns, period_s);
         self.ticks += 1;
         // After an error readers find the former values, and notice their age.
@@ -102,7 +100,7 @@ impl<M: Machine> Fingers<'_, M> {
         }
         let ticks = self.control.step(&measured, &given, &mut servos);
         self.grasp.tell(self.control.grasp().report());
-        let wires = &mut self.wires;
+        let wires = &mut *self.wires;
         let output = (self.control).output(&ticks, |channel, counts| wires.write(channel, counts));
         self.wires.put();
         if let Some(recorder) = &mut self.recorder {

@@ -264,7 +264,7 @@ mod tests {
     #[test]
     fn a_gain_can_be_set_to_what_is_configured() {
         let text = include_str!("../../../../condor-hand/hands/utah-mit.toml");
-        let hand = crate::UtahMit::from_toml(text, "utah-mit.toml").unwrap();
+        let hand = crate::RobotDescription::from_toml(text, "utah-mit.toml").unwrap();
         let tension = TensionGains {
             kt: 500.0,
             ki: 0.25,
@@ -303,7 +303,7 @@ mod tests {
     #[test]
     fn a_gain_that_is_set_is_that_of_its_joint_alone() {
         let text = include_str!("../../../../condor-hand/hands/utah-mit.toml");
-        let hand = crate::UtahMit::from_toml(text, "utah-mit.toml").unwrap();
+        let hand = crate::RobotDescription::from_toml(text, "utah-mit.toml").unwrap();
         let tension = |kt| TensionGains {
             kt,
             ki: 0.25,

@@ -5,7 +5,7 @@ use core::fmt::Arguments;
 use condor_hand::grasp::distributed::{GraspReason, GraspState};
 use condor_hand::tendon::fault::FingerFault;
 
-use crate::{FINGERS, UtahMit};
+use crate::{FINGERS, RobotDescription};
 
 /// The state that the loop passes to the background, which reports changes of it to people.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -25,7 +25,12 @@ impl LoopNews {
     };
 
     /// Calls `say` with a sentence for each difference from `before`.
-    pub(super) fn tell(&self, before: &Self, hand: &UtahMit, mut say: impl FnMut(Arguments<'_>)) {
+    pub(super) fn tell(
+        &self,
+        before: &Self,
+        hand: &RobotDescription,
+        mut say: impl FnMut(Arguments<'_>),
+    ) {
         for (finger, (now, before)) in hand
             .fingers
             .iter()

@@ -169,7 +169,7 @@ mod tests {
     #[test]
     fn each_word_has_a_name_of_its_own_and_its_kind() {
         let text = include_str!("../../../../condor-hand/hands/utah-mit.toml");
-        let hand = crate::UtahMit::from_toml(text, "utah-mit.toml").unwrap();
+        let hand = crate::RobotDescription::from_toml(text, "utah-mit.toml").unwrap();
         let variables = Variables::new(super::super::fingers_on(&hand, 1));
         let names: Vec<String> = (0..variables.words().len())
             .map(|index| {

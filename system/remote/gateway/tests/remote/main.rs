@@ -21,6 +21,7 @@ use std::process::ExitCode;
 
 use condor_robot::program::RobotApplication;
 use condor_rt::linux;
+use utah_mit_boards::robot::PROCESSES;
 use verdict::log::PLACE;
 use verdict::observer::Observer;
 
@@ -30,7 +31,7 @@ use system::Outcome;
 type Test = fn() -> Outcome<()>;
 
 /// The hand, with a program that watches, and clients and routers as commands.
-const HAND: RobotApplication = RobotApplication::new("system.toml")
+const HAND: RobotApplication = RobotApplication::new("system.toml", &PROCESSES)
     .with_programs(&[("observer", |arguments| linux::run(&Observer, arguments))])
     .with_commands(&[
         ("client", "Enqueues motions", |arguments| {

@@ -5,7 +5,7 @@ use condor_hand::tendon::Pair;
 use condor_rt::Machine;
 
 use super::{Commands, JOINTS, Problem, Words, plant, with};
-use crate::UtahMit;
+use crate::RobotDescription;
 
 /// The damping of an impedance for each unit of its stiffness, s, unless the command has one. Position laws of
 /// up to 10 Hz have more.
@@ -128,7 +128,10 @@ impl<M: Machine> Commands<'_, '_, M> {
 }
 
 /// The next word as FINGER or FINGER.JOINT.
-fn place<'l>(words: &mut Words<'l>, hand: &UtahMit) -> Result<(usize, Option<usize>), Problem<'l>> {
+fn place<'l>(
+    words: &mut Words<'l>,
+    hand: &RobotDescription,
+) -> Result<(usize, Option<usize>), Problem<'l>> {
     if words.peek().next().is_some_and(|word| word.contains('.')) {
         let (finger, joint) = words.joint(hand)?;
         return Ok((finger, Some(joint)));

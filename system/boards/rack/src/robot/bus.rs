@@ -1,4 +1,4 @@
-//! [`Rack`]: a bus on which a processor sees its own boards.
+//! [`RackBus`]: a bus on which a processor sees its own boards.
 
 use condor_dev::{Bus, BusError, BusErrorKind, Width};
 use thiserror::Error;
@@ -14,14 +14,14 @@ pub struct Boards(u64);
 /// Start-up initialises every board that answers, and the outputs of a board that is initialised go
 /// to rest. A processor that starts while the others run must therefore not see their boards.
 #[derive(Clone, Debug)]
-pub struct Rack<B> {
+pub struct RackBus<B> {
     bus: B,
     seen: Boards,
 }
 
 /// An access that failed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
-pub enum RackError<E: BusError> {
+pub enum RackBusError<E: BusError> {
     /// The board belongs to another processor, or there is none.
     #[error("this processor sees no board at bus address {address:#x}")]
     Hidden {
@@ -69,19 +69,19 @@ fn bit(address: usize) -> u64 {
     number.map_or(0, |number| 1_u64.checked_shl(number).unwrap_or(0))
 }
 
-impl<B> Rack<B> {
+impl<B> RackBus<B> {
     /// Makes a bus on which only the boards `seen` answer.
     pub const fn new(bus: B, seen: Boards) -> Self {
         Self { bus, seen }
     }
 
-    fn of<E: BusError>(&self, address: usize) -> Result<&B, RackError<E>> {
+    fn of<E: BusError>(&self, address: usize) -> Result<&B, RackBusError<E>> {
         let seen = self.seen.reaches(address).then_some(&self.bus);
-        seen.ok_or(RackError::Hidden { address })
+        seen.ok_or(RackBusError::Hidden { address })
     }
 }
 
-impl<E: BusError> BusError for RackError<E> {
+impl<E: BusError> BusError for RackBusError<E> {
     fn kind(&self) -> BusErrorKind {
         match self {
             Self::Hidden { .. } => BusErrorKind::NoAnswer,
@@ -90,20 +90,20 @@ impl<E: BusError> BusError for RackError<E> {
     }
 }
 
-impl<B: Bus> Bus for Rack<B> {
-    type Error = RackError<B::Error>;
+impl<B: Bus> Bus for RackBus<B> {
+    type Error = RackBusError<B::Error>;
 
     #[inline]
     fn read(&self, address: usize, width: Width) -> Result<u32, Self::Error> {
         self.of(address)?
             .read(address, width)
-            .map_err(RackError::Bus)
+            .map_err(RackBusError::Bus)
     }
 
     #[inline]
     fn write(&self, address: usize, width: Width, value: u32) -> Result<(), Self::Error> {
         let bus = self.of(address)?;
-        bus.write(address, width, value).map_err(RackError::Bus)
+        bus.write(address, width, value).map_err(RackBusError::Bus)
     }
 }
 

@@ -1,35 +1,35 @@
-//! [`Wires`]: the channels of one processor, transferred board by board.
+//! [`RackWires`]: the channels of one processor, transferred board by board.
 
-use condor_dev::{Bus, Device, NoInterrupts, OpenError, OpenMode, Switch};
-use condor_hand::config::{Channel, Hand};
-use thiserror::Error;
-use utah_mit_boards::{Adc16, Dac16, Encoder8};
+use condor_dev::{Bus, Device, NoInterrupts, OpenMode, Switch};
+use condor_hand::config::Channel;
+use condor_robot::RobotDescription;
+use condor_robot::boards::{BoardError, Wires, processor};
 
-use super::rack::{Boards, Rack};
-use super::{
-    Board, HandBoards, Socket, address, encoder_counts, input_counts, output_register, processor,
-    socket, zero_of,
-};
+use super::bus::RackBus;
+use super::{Board, RackBoards, Socket, address, input_counts, output_register, socket, zero_of};
+use crate::{Adc16, Dac16, Encoder8};
 
 /// Boards that a processor can have open: all of them.
 const OPEN: usize = address::ADC.len() + address::DAC.len() + 1;
 
-/// The device switch of a processor of the hand.
-pub type Panel<B> = Switch<Rack<B>, NoInterrupts, HandBoards, OPEN>;
+/// The device switch of a processor.
+pub(super) type Panel<B> = Switch<RackBus<B>, NoInterrupts, RackBoards, OPEN>;
 
-type Open<'s, B, D> = Option<Device<'s, Rack<B>, D, OPEN>>;
+type Open<'s, B, D> = Option<Device<'s, RackBus<B>, D, OPEN>>;
 
-/// The channels that a processor's own part of the configuration names, on boards that are open.
+/// The channels at which a processor has a wire, on boards that are open.
 ///
-/// [`scan`](Self::scan) reads each board of inputs once, [`put`](Self::put) writes each board of
+/// [`scan`](Wires::scan) reads each board of inputs once, [`put`](Wires::put) writes each board of
 /// outputs once; in between channels are looked up in memory. The channels that one board has of
 /// several processors are read by each of them.
 #[derive(Debug)]
-pub struct Wires<'s, B: Bus> {
+pub struct RackWires<'s, B: Bus> {
     adc: [Converters<Open<'s, B, Adc16>, Option<i16>>; address::ADC.len()],
     dac: [Converters<Open<'s, B, Dac16>, (i16, u32)>; address::DAC.len()],
     encoder: Open<'s, B, Encoder8>,
     counters: Option<[i32; Encoder8::COUNTERS]>,
+    /// The largest counts of the input at each counter.
+    full_scale: [u32; Encoder8::COUNTERS],
     /// Transfers of a board that failed; wraps.
     failures: u32,
 }
@@ -43,50 +43,21 @@ struct Converters<D, L> {
     used: usize,
 }
 
-/// Boards that a processor cannot have.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
-#[non_exhaustive]
-pub enum WiresError {
-    /// A board cannot be opened.
-    #[error(transparent)]
-    Open(#[from] OpenError<'static>),
-}
-
-/// Returns the device switch of a processor; of all boards it sees those at which the processor has a wire.
-pub fn open<B: Bus, const F: usize, const N: usize>(
-    bus: B,
-    hand: &Hand<F, N>,
-    number: u8,
-) -> Panel<B> {
-    let mut boards = Boards::default();
-    for socket in sockets(hand, number) {
-        boards.insert(socket.board);
-    }
-    Switch::new(Rack::new(bus, boards), NoInterrupts, HandBoards::new())
-}
-
 /// The sockets of a processor.
-fn sockets<const F: usize, const N: usize>(
-    hand: &Hand<F, N>,
-    number: u8,
-) -> impl Iterator<Item = Socket> + '_ {
+pub(super) fn sockets(hand: &RobotDescription, number: u8) -> impl Iterator<Item = Socket> + '_ {
     hand.wires()
         .filter(move |(_, wire)| processor(hand, *wire) == Some(number))
         .filter_map(|(channel, _)| socket(channel))
 }
 
-impl<'s, B: Bus> Wires<'s, B> {
-    /// Opens the boards at which a processor has a wire, and sets its outputs to the counts of `rest`.
-    ///
-    /// # Errors
-    /// Returns [`WiresError::Open`] if a board cannot be opened; the call can be repeated for a board that is
-    /// not there yet.
-    pub fn new<const F: usize, const N: usize>(
+impl<'s, B: Bus + Send + Sync> RackWires<'s, B> {
+    /// Opens the boards at which a processor has a wire.
+    pub(super) fn new(
         panel: &'s Panel<B>,
-        hand: &Hand<F, N>,
+        hand: &RobotDescription,
         number: u8,
-        mut rest: impl FnMut(Channel) -> u32,
-    ) -> Result<Self, WiresError> {
+        rest: impl Fn(Channel) -> u32,
+    ) -> Result<Self, BoardError> {
         panel.start();
         let mut wires = Self {
             adc: [const {
@@ -105,6 +76,7 @@ impl<'s, B: Bus> Wires<'s, B> {
             }; address::DAC.len()],
             encoder: None,
             counters: None,
+            full_scale: [0; Encoder8::COUNTERS],
             failures: 0,
         };
         for (channel, wire) in hand.wires() {
@@ -119,7 +91,7 @@ impl<'s, B: Bus> Wires<'s, B> {
                 Board::Adc(number) => {
                     if let Some(adc) = wires.adc.get_mut(usize::from(number)) {
                         if adc.device.is_none() {
-                            let open = panel.open_typed(HandBoards::adc, number, OpenMode::READ)?;
+                            let open = panel.open_typed(RackBoards::adc, number, OpenMode::READ)?;
                             adc.device = Some(open);
                         }
                         adc.used = adc.used.max(line + 1);
@@ -130,7 +102,7 @@ impl<'s, B: Bus> Wires<'s, B> {
                     if let Some(dac) = wires.dac.get_mut(usize::from(number)) {
                         if dac.device.is_none() {
                             let open =
-                                panel.open_typed(HandBoards::dac, number, OpenMode::WRITE)?;
+                                panel.open_typed(RackBoards::dac, number, OpenMode::WRITE)?;
                             dac.device = Some(open);
                         }
                         if let Some(place) = dac.lines.get_mut(line) {
@@ -140,8 +112,12 @@ impl<'s, B: Bus> Wires<'s, B> {
                 }
                 Board::Encoder => {
                     if wires.encoder.is_none() {
-                        let open = panel.open_typed(HandBoards::encoder, 0, OpenMode::READ)?;
+                        let open = panel.open_typed(RackBoards::encoder, 0, OpenMode::READ)?;
                         wires.encoder = Some(open);
+                    }
+                    let input = hand.input(wire);
+                    if let (Some(place), Some(input)) = (wires.full_scale.get_mut(line), input) {
+                        *place = input.full_scale();
                     }
                 }
             }
@@ -149,9 +125,10 @@ impl<'s, B: Bus> Wires<'s, B> {
         wires.put();
         Ok(wires)
     }
+}
 
-    /// Reads every board of inputs.
-    pub fn scan(&mut self) {
+impl<B: Bus + Send + Sync> Wires for RackWires<'_, B> {
+    fn scan(&mut self) {
         for adc in &mut self.adc {
             let Some(device) = &adc.device else { continue };
             let mut registers = [0; Adc16::CHANNELS];
@@ -176,13 +153,7 @@ impl<'s, B: Bus> Wires<'s, B> {
         }
     }
 
-    /// Returns the counts of an input at the last scan; `None` if its board did not answer, or
-    /// shows a value that the input cannot have.
-    pub fn read<const F: usize, const N: usize>(
-        &self,
-        hand: &Hand<F, N>,
-        channel: Channel,
-    ) -> Option<u32> {
+    fn read(&self, channel: Channel) -> Option<u32> {
         let Socket { board, line } = socket(channel)?;
         let line = usize::from(line);
         match board {
@@ -191,18 +162,14 @@ impl<'s, B: Bus> Wires<'s, B> {
                 adc.lines.get(line).copied().flatten().map(input_counts)
             }
             Board::Encoder => {
-                // There are three axes at most, and this is asked for them alone.
-                let table = hand.table.as_ref()?;
-                let mut inputs = table.axes.iter().map(|axis| &axis.adc);
-                let input = inputs.find(|input| input.channel() == channel)?;
-                encoder_counts(input, *self.counters?.get(line)?)
+                let counts = u32::try_from(*self.counters?.get(line)?).ok()?;
+                (counts <= *self.full_scale.get(line)?).then_some(counts)
             }
             Board::Dac(_) => None,
         }
     }
 
-    /// Sets the counts that the next [`put`](Self::put) writes to an output.
-    pub fn write(&mut self, channel: Channel, counts: u32) {
+    fn write(&mut self, channel: Channel, counts: u32) {
         if let Some(Socket {
             board: Board::Dac(number),
             line,
@@ -214,8 +181,7 @@ impl<'s, B: Bus> Wires<'s, B> {
         }
     }
 
-    /// Writes every board of outputs; its channels change at the same instant.
-    pub fn put(&mut self) {
+    fn put(&mut self) {
         for dac in &self.dac {
             let Some(device) = &dac.device else { continue };
             let values = dac.lines.map(|(register, _)| register);
@@ -225,9 +191,7 @@ impl<'s, B: Bus> Wires<'s, B> {
         }
     }
 
-    /// Transfers of a board that failed; wraps.
-    #[must_use]
-    pub const fn failures(&self) -> u32 {
+    fn failures(&self) -> u32 {
         self.failures
     }
 }
