@@ -37,14 +37,15 @@ use crate::failure::Failure;
 use crate::grasp::TickTime;
 use crate::{RobotDescription, start};
 
-/// The vector of requests to the table.
+/// The vector of messages with requests to the table: see [`TableRequest`].
 pub const TABLE: Vector = Vector(3);
-/// The name of the table's blocks in its processor's object table.
+/// The name of the blocks for requests to the table in its processor's object table.
 pub const NAME: &str = "table";
-/// The name of the published [`Palm`].
+/// The name of the published [`Palm`] in the object table of the table's processor.
 pub const PALM_NAME: &str = "palm";
 
-/// The state of the table, published in every tick.
+/// The state of the table that carries the hand, which its processor publishes in every tick: the positions of its
+/// axes, and the acceleration of the palm.
 #[derive(Clone, Copy, Debug, PartialEq, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
 pub struct Palm {
@@ -87,7 +88,7 @@ impl CellStruct for Palm {
     ];
 }
 
-/// The activity of the table.
+/// The state of the table: whether it is off, goes home, takes motions, or has failed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 #[non_exhaustive]
@@ -127,7 +128,8 @@ impl TableStatus {
         }
     }
 
-    /// Returns the state that has this number in messages; `None` if there is none.
+    /// Returns the state with the number `number`, which is in a [`Palm`] or a [`TableResponse`]; `None` for an unknown
+    /// number.
     #[must_use]
     pub const fn from_number(number: u32) -> Option<Self> {
         match number {
@@ -141,7 +143,7 @@ impl TableStatus {
     }
 }
 
-/// The operation of a request to the table.
+/// The operation that a [`TableRequest`] asks the table for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 #[non_exhaustive]
@@ -160,7 +162,7 @@ pub enum TableOperation {
     Clear = 5,
 }
 
-/// A request to the table; its response is a [`TableResponse`].
+/// A request to the table, such as to go home or to move. The table answers with a [`TableResponse`].
 #[derive(Clone, Copy, Debug, PartialEq, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
 pub struct TableRequest {
@@ -184,7 +186,7 @@ pub struct TableResponse {
     pub state: u32,
 }
 
-/// The reason why the table refuses a request.
+/// The reason why the table refuses a [`TableRequest`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 #[non_exhaustive]
@@ -214,7 +216,8 @@ impl fmt::Display for TableRefusal {
 }
 
 impl TableRefusal {
-    /// Returns the refusal with this number; `None` for 0, and for an unknown number.
+    /// Returns the refusal with the number `number`, which is in a [`TableResponse`]. Returns `None` for 0, which means
+    /// that the request was accepted, and for an unknown number.
     #[must_use]
     pub const fn from_number(number: u32) -> Option<Self> {
         match number {
@@ -237,7 +240,7 @@ struct DrivenTable {
     axes: usize,
 }
 
-/// The program of the table of a robot with boards `B`.
+/// The program of the table's processor, which moves the three axes that carry the hand.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Table<B>(PhantomData<B>);
 

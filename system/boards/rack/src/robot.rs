@@ -57,17 +57,17 @@ impl Boards for Rack {
     }
 }
 
-/// The addresses on the bus at which the boards begin.
+/// The addresses on the bus at which the boards begin, and the sizes of the bus and of a board's part of it.
 pub mod address {
-    /// The analog-to-digital boards.
+    /// The addresses of the analog-to-digital boards, by their numbers.
     pub const ADC: [usize; 4] = [0x0000, 0x0100, 0x0200, 0x0300];
-    /// The digital-to-analog boards.
+    /// The addresses of the digital-to-analog boards, by their numbers.
     pub const DAC: [usize; 6] = [0x1000, 0x1100, 0x1200, 0x1300, 0x1400, 0x1500];
-    /// The encoder board.
+    /// The address of the encoder board.
     pub const ENCODER: usize = 0x2000;
-    /// Bytes of the bus on which all of them are.
+    /// The size of the bus that the boards share, in bytes.
     pub const BUS_BYTES: usize = 0x4000;
-    /// The number of bytes of the bus that each board has for itself.
+    /// The size of the part of the bus that belongs to one board, in bytes.
     pub const BOARD_BYTES: usize = 0x100;
 }
 
@@ -77,7 +77,7 @@ const ENCODER_SLOT: u8 = 2;
 const IN_SLOT: u8 = 2;
 
 device_switch! {
-    /// All boards that a processor may find.
+    /// The drivers of all boards of the rack, each with its address. A processor opens those that it needs.
     #[derive(Debug)]
     pub struct RackBoards {
         adc: Adc16 = [
@@ -98,7 +98,7 @@ device_switch! {
     }
 }
 
-/// A board of the rack.
+/// A board of the rack: its kind, and its number among the boards of this kind.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Board {
     /// An analog-to-digital board, from 0.
@@ -109,7 +109,7 @@ pub enum Board {
     Encoder,
 }
 
-/// One channel of a board.
+/// The place at which a wire of the hand is connected: a channel of a board of the rack.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Socket {
     /// The board that has the channel.
@@ -118,7 +118,8 @@ pub struct Socket {
     pub line: u8,
 }
 
-/// Returns the socket of a channel of the configuration; `None` if the rack does not have the channel.
+/// Returns the board of the rack, and the channel there, that `channel` of the configuration means; `None` if the rack
+/// does not have it. A board number in the configuration is a slot of the rack, which may have two boards.
 #[must_use]
 pub fn socket(channel: Channel) -> Option<Socket> {
     let Channel {
@@ -189,31 +190,33 @@ fn check(hand: &RobotDescription) -> Result<(), BoardError> {
     Ok(())
 }
 
-/// Returns the counts of an output at which its register is 0.
+/// Returns the counts of an output for 0 N. The register of the output is 0 at these counts: see [`output_register`].
 #[must_use]
 pub fn zero_of(output: &OutputChannel) -> u32 {
     output.counts(0.0)
 }
 
-/// Returns the content of an output's register for `counts`, if the register is 0 at `zero` counts.
+/// Converts the `counts` of an output to the content of its register. The register counts from `zero`: it is 0 at
+/// `zero` counts.
 #[must_use]
 pub const fn output_register(zero: u32, counts: u32) -> i16 {
     (counts.wrapping_sub(zero) as u16).cast_signed()
 }
 
-/// Returns the counts of an output from the content of its register, which is 0 at `zero` counts.
+/// Converts the content of an output's register to the counts of the output. The register counts from `zero`: it is 0
+/// at `zero` counts.
 #[must_use]
 pub const fn output_counts(zero: u32, register: i16) -> u32 {
     zero.saturating_add_signed(register as i32)
 }
 
-/// Returns the content of an input's register for `counts`.
+/// Converts the `counts` of an input to the content of its register, which has the same 16 bits as a signed number.
 #[must_use]
 pub const fn input_register(counts: u32) -> i16 {
     (counts as u16).cast_signed()
 }
 
-/// Returns the counts of an input from the content of its register.
+/// Converts the content of an input's register to the counts of the input.
 #[must_use]
 pub const fn input_counts(register: i16) -> u32 {
     register.cast_unsigned() as u32

@@ -37,7 +37,8 @@ const AXES: usize = 3;
 const BOARDS: usize = 16;
 const LINES: usize = 32;
 
-/// The properties of the simulated robot that its configuration does not have, with one update for each tick.
+/// The physical properties of the simulated robot that the configuration of the hand does not have, such as the
+/// stiffness of its stops. The number of updates per tick is 1 here; the robot replaces it by one that fits its rate.
 pub const MACHINE: PlantModel = PlantModel {
     actuator: DriveKind::exact,
     joint_stop: SimStop {

@@ -17,11 +17,11 @@ pub(super) type Panel<B> = Switch<RackBus<B>, NoInterrupts, RackBoards, OPEN>;
 
 type Open<'s, B, D> = Option<Device<'s, RackBus<B>, D, OPEN>>;
 
-/// The channels at which a processor has a wire, on boards that are open.
+/// The channels of the rack at which one processor has a wire, on boards that are open.
 ///
-/// [`scan`](Wires::scan) reads each board of inputs once, [`put`](Wires::put) writes each board of
-/// outputs once; in between channels are looked up in memory. The channels that one board has of
-/// several processors are read by each of them.
+/// [`scan`](Self::scan) reads each board of inputs once, and [`put`](Self::put) writes each board of outputs once.
+/// [`read`](Self::read) and [`write`](Self::write) only access memory in between. If several processors have wires at
+/// one board of inputs, each of them reads the board.
 #[derive(Debug)]
 pub struct RackWires<'s, B: Bus> {
     adc: [Converters<Open<'s, B, Adc16>, Option<i16>>; address::ADC.len()],
