@@ -180,6 +180,12 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
         self.servo.mechanism()
     }
 
+    /// Returns the number of joints that the finger has, at most `N`.
+    #[must_use]
+    pub const fn joints(&self) -> usize {
+        self.joints
+    }
+
     /// Returns the present mode of joint number `joint` (from 0); `None` for a joint that the
     /// finger does not have.
     #[must_use]

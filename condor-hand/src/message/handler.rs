@@ -199,18 +199,22 @@ impl<'o, W: MemoryWindow, X: Exclusion, const F: usize, const N: usize>
 
 impl<const N: usize> FingerMemory<N> {
     fn joint(&self, joint: u32) -> Result<&JointMemory, ServoRefusal> {
-        self.joints
-            .get(joint as usize)
-            .ok_or(ServoRefusal::NoJoint {
-                joint,
-                joints: N as u32,
-            })
+        let joints = self.all();
+        joints.get(joint as usize).ok_or(ServoRefusal::NoJoint {
+            joint,
+            joints: joints.len() as u32,
+        })
+    }
+
+    /// The joints that the finger has.
+    fn all(&self) -> &[JointMemory] {
+        self.joints.get(..self.count).unwrap_or(&self.joints)
     }
 
     /// One joint, or all of them.
     fn chosen(&self, joint: u32) -> Result<&[JointMemory], ServoRefusal> {
         if joint == ALL_JOINTS {
-            return Ok(&self.joints);
+            return Ok(self.all());
         }
         self.joint(joint).map(core::slice::from_ref)
     }

@@ -11,6 +11,8 @@ pub(super) struct FingerMemory<const N: usize> {
     words: StaticMemory<16>,
     report: StaticMemory<{ Published::<Report>::BYTES as usize / 4 }>,
     pub(super) joints: [JointMemory; N],
+    /// The number of joints that the finger has; the places after them are empty.
+    pub(super) count: usize,
 }
 
 /// The memory of one joint that both ends share.
@@ -48,6 +50,7 @@ impl<const N: usize> FingerMemory<N> {
             words: StaticMemory::new(),
             report: StaticMemory::new(),
             joints: [const { JointMemory::new() }; N],
+            count: N,
         }
     }
 

@@ -123,6 +123,9 @@ impl<const F: usize, const N: usize> ServoObject<F, N> {
         X: Exclusion,
     {
         places.check(region)?;
+        for (memory, controller) in self.fingers.iter_mut().zip(&controllers) {
+            memory.count = controller.as_ref().map_or(0, FingerController::joints);
+        }
         let this = &*self;
         let served = (0..).zip(&controllers);
         let served = served.fold(0, |mask, (finger, controller)| {

@@ -18,6 +18,7 @@ use thiserror::Error;
 use crate::boards::BoardError;
 #[cfg(doc)]
 use crate::boards::Boards;
+use crate::joints::{JointName, JointNumbers};
 use crate::start::IMAGE_BYTES;
 use crate::{FINGERS, IMAGE, JOINTS, RobotDescription};
 
@@ -52,12 +53,10 @@ pub enum CompileError {
 /// Returns the names of all joints of `hand`, such as `index.proximal`, finger by finger.
 #[must_use]
 pub fn joint_names(hand: &RobotDescription) -> Vec<String> {
-    let fingers = hand.fingers.iter();
-    let names = fingers.flat_map(|finger| {
-        let joints = finger.joints.iter();
-        joints.map(|joint| format!("{}.{}", finger.name, joint.name))
-    });
-    names.collect()
+    let joints = 0..JointNumbers::of(hand).count();
+    joints
+        .map(|number| JointName(hand, number).to_string())
+        .collect()
 }
 
 /// Reads the text of the hand's configuration in the file `path`, and checks that the boards of the rack can serve the

@@ -54,20 +54,6 @@ pub enum Failure {
         /// The number of the processor.
         processor: u8,
     },
-    /// The form of a finger has no closed solution.
-    #[error("finger {finger} is not a planar one of four joints")]
-    Form {
-        /// The finger, from 0.
-        finger: usize,
-    },
-    /// The hand has another number of fingers than the simulated robot.
-    #[error("the configuration has {fingers} fingers, the simulated robot {simulated}")]
-    Hand {
-        /// The number of fingers in the configuration.
-        fingers: usize,
-        /// The number of fingers of the simulated robot.
-        simulated: usize,
-    },
     /// A finger cannot be controlled.
     #[error("finger {finger}: {error}")]
     Controller {

@@ -9,7 +9,7 @@ use condor_hand::grasp::distributed::HandJoints;
 use condor_hand::kinematics::Kinematics;
 use condor_vars::{CellField, CellStruct, ValueKind};
 use core::mem::offset_of;
-use nalgebra::Vector4;
+use nalgebra::SVector;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 use crate::{FINGERS, JOINTS, RobotDescription};
@@ -105,25 +105,16 @@ impl TickTime for Joints {
     }
 }
 
-/// Returns the places of all fingertips (m, in the axes of the palm) if the joints have the positions `joints` (rad).
-/// Returns `None` if `hand` has another number of fingers, or one that is not a planar finger of four joints.
+/// Returns the positions of the fingertips (m, in the axes of the palm) for the positions `joints` (rad). The tip of a
+/// finger that the robot does not have is at the origin.
 #[must_use]
-pub fn tips(
-    hand: &RobotDescription,
-    joints: &[[f64; JOINTS]; FINGERS],
-) -> Option<[[f64; 3]; FINGERS]> {
+pub fn tips(robot: &RobotDescription, joints: &[[f64; JOINTS]; FINGERS]) -> [[f64; 3]; FINGERS] {
     let mut tips = [[0.0; 3]; FINGERS];
-    if hand.fingers.len() != FINGERS {
-        return None;
+    for ((tip, finger), joints) in tips.iter_mut().zip(&robot.fingers).zip(joints) {
+        let joints = SVector::from(*joints);
+        *tip = finger.chain().tip(&joints).position.into();
     }
-    for ((tip, finger), joints) in tips.iter_mut().zip(&hand.fingers).zip(joints) {
-        *tip = finger
-            .planar()?
-            .tip(&Vector4::from(*joints))
-            .position
-            .into();
-    }
-    Some(tips)
+    tips
 }
 
 /// Returns the positions of the joints of all fingers (rad), as the servo processors publish them. `published` returns

@@ -36,20 +36,24 @@ mod arguments;
 mod desired;
 mod failure;
 mod file;
+mod joints;
 mod start;
 mod tracking;
 
 pub use failure::{Failure, FailureText, FileName};
 
-/// The number of fingers of the hand.
+/// The greatest number of fingers of a robot.
 pub const FINGERS: usize = 4;
-/// The number of joints of each finger.
+/// The greatest number of joints of a finger.
 pub const JOINTS: usize = 4;
-/// The number of joints of the hand. A list of all joints goes finger by finger.
+/// The greatest number of joints of a robot. Lists of all joints go finger by finger, proximal joints first.
 pub const ALL: usize = FINGERS * JOINTS;
 
 /// The description of a robot.
 pub type RobotDescription = condor_hand::config::Hand<FINGERS, JOINTS>;
+
+/// The mechanism of a finger: any chain of joints.
+pub type Mechanism = condor_hand::kinematics::Chain<f64, JOINTS>;
 
 /// The name of the file with the compiled configuration, which each program reads through the file service.
 pub const IMAGE: &str = "hand.image";

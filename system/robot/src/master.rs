@@ -31,6 +31,7 @@ use critical_section::Mutex;
 use embedded_io::{Read, ReadReady};
 
 use crate::failure::Failure;
+use crate::joints::JointNumbers;
 use crate::objects::MOTIONS_NAME;
 use crate::{FINGERS, RobotDescription, start};
 
@@ -76,7 +77,7 @@ impl Program for Master {
     fn run<M: Machine>(&self, machine: &M) -> Result<(), ProgramError> {
         let mut place = None;
         let hand = start::configured(machine, &mut place, |_, hand| Ok(hand))?;
-        let (numbers, seats) = servos::seats(hand)?;
+        let (numbers, seats) = servos::seats(hand);
         let mut ears = OfServos::new();
         for &number in &numbers {
             // As many as there are.
@@ -92,7 +93,14 @@ impl Program for Master {
         let middles = limits.map(|limits| f64::midpoint(limits.low, limits.high));
         let generator = Generator::new(limits, middles, period_s).map_err(Failure::from)?;
         let generator = generator.with_guards_in_servos();
-        let drive = Drive::new(generator, seats, &ears, publisher, period_s);
+        let drive = Drive::new(
+            generator,
+            JointNumbers::of(hand),
+            seats,
+            &ears,
+            publisher,
+            period_s,
+        );
         let shared = Mutex::new(RefCell::new(drive));
         let wanted = Vars::<f64, ALL>::numbered("joint", "rad");
         let wanted = wanted.about("Where it is to be; joints in the order of the fingers.");
@@ -139,6 +147,7 @@ impl Program for Master {
                 files.set_timeout(FILES_TIMEOUT);
                 let commands = Commands {
                     hand,
+                    numbers: JointNumbers::of(hand),
                     background,
                     shared: &shared,
                     servos: Servos::new(background, hand, &shared, &numbers, seats)?,

@@ -15,10 +15,10 @@
 
 use core::fmt::Write as _;
 
+use crate::Mechanism;
 use condor_fs::{Errno, FileSystem, FileWriter, OpenOptions};
 use condor_hand::controller::{FingerController, FingerTick};
 use condor_hand::grasp::distributed::FingerControllers;
-use condor_hand::kinematics::PlanarFinger;
 use condor_hand::servo::FingerReadings;
 use condor_mbox::{MemoryWindow, Messenger};
 use condor_rt::{
@@ -87,7 +87,7 @@ impl<'r, M: Machine> Replaying<'r, M> {
                 configured_hz,
             })));
         }
-        let mut control = Control::new(self.hand, served(self.hand, number))?;
+        let mut control = Control::new(self.hand, served(self.hand, number));
         let mut servos = ReplayedControllers {
             controllers: controllers(self.hand, number)?,
             row: None,
@@ -196,8 +196,8 @@ impl ReplayedControllers {
     }
 }
 
-impl FingerControllers<PlanarFinger, JOINTS> for ReplayedControllers {
-    fn of_finger(&mut self, finger: usize) -> Option<&mut FingerController<PlanarFinger, JOINTS>> {
+impl FingerControllers<Mechanism, JOINTS> for ReplayedControllers {
+    fn of_finger(&mut self, finger: usize) -> Option<&mut FingerController<Mechanism, JOINTS>> {
         self.controllers.of_finger(finger)
     }
 }

@@ -115,7 +115,7 @@ fn serve<M: Machine>(
 ) -> Result<(), ProgramError> {
     let number = machine.number().0;
     let controllers = controllers(hand, number)?;
-    let control = Control::new(hand, served(hand, number))?;
+    let control = Control::new(hand, served(hand, number));
     let entries = fingers_on(hand, number);
     let rate_hz = rate_hz(hand, number);
     let period_s = 1.0 / f64::from(rate_hz);
@@ -326,8 +326,7 @@ pub(crate) fn rate_hz(hand: &RobotDescription, number: u8) -> u32 {
 pub(crate) fn controllers(hand: &RobotDescription, number: u8) -> Result<Controllers, Failure> {
     let mut controllers = [const { None }; FINGERS];
     for (finger, entry) in hand.fingers_on(number) {
-        let mechanism = entry.planar().ok_or(Failure::Form { finger })?;
-        let controller = FingerController::new(hand, entry, mechanism);
+        let controller = FingerController::new(hand, entry, entry.chain());
         let controller = controller.map_err(|error| Failure::Controller { finger, error })?;
         if let Some(place) = controllers.get_mut(finger) {
             *place = Some(controller);

@@ -3,8 +3,7 @@
 use core::time::Duration;
 
 use condor_fs::OpenOptions;
-use condor_hand::config::{Channel, Finger, HandImageError, Wire};
-use condor_hand::kinematics::PlanarFinger;
+use condor_hand::config::{Channel, HandImageError, Wire};
 use condor_mbox::Clock;
 use condor_mos::Rate;
 use condor_rt::{Background, Machine, ProgramError, Setup, ShortText};
@@ -13,7 +12,7 @@ use condor_tty::TerminalSettings;
 use crate::boards::Boards;
 use crate::failure::Failure;
 use crate::file;
-use crate::{FINGERS, IMAGE, JOINTS, RobotDescription};
+use crate::{IMAGE, RobotDescription};
 
 /// Bytes of a compiled configuration, at most.
 pub(crate) const IMAGE_BYTES: usize = 16 * 1024;
@@ -58,23 +57,6 @@ pub(crate) fn configuration<M: Machine>(
     };
     let hand = RobotDescription::from_image(image.get(..len).unwrap_or(&[])).map_err(broken)?;
     Ok(hand)
-}
-
-/// The fingers with their closed forms, which all of them must have.
-pub(crate) fn fingers(
-    hand: &RobotDescription,
-) -> Result<[(&Finger<JOINTS>, PlanarFinger); FINGERS], Failure> {
-    let mut fingers = heapless::Vec::<_, FINGERS>::new();
-    for (finger, entry) in hand.fingers.iter().enumerate() {
-        let mechanism = entry.planar().ok_or(Failure::Form { finger })?;
-        // As many as the configuration has room for.
-        let _ = fingers.push((entry, mechanism));
-    }
-    let wrong = Failure::Hand {
-        fingers: fingers.len(),
-        simulated: FINGERS,
-    };
-    fingers.into_array().map_err(|_| wrong)
 }
 
 /// The channels of this processor, on boards that may still be about to be plugged in.

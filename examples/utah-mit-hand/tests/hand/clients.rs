@@ -314,7 +314,7 @@ fn what_is_typed_waits_like_all_requests_and_ends_no_other() {
         typist.types("to thumb.middle 7 1");
         typist.types("to thumb.middle 0.8 0.4");
         typist.expect("open is done\n", 20.0);
-        typist.expect("joint 14 would go to 7 rad", 1.0);
+        typist.expect("thumb.middle cannot go to 7 rad", 1.0);
         typist.expect("thumb.middle is done\n", 2.0);
         let other = open(typist);
         control(typist, other, true);

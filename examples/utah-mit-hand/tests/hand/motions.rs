@@ -513,7 +513,7 @@ fn one_joint_moves_stops_and_is_tuned_and_the_table_goes_home() {
         assert!(
             typist
                 .says("to thumb.middle 7 1")
-                .contains("joint 14 would go to 7 rad; it may be in")
+                .contains("thumb.middle cannot go to 7 rad (")
         );
         assert_eq!(typist.says("to thumb.middle 1 0.4"), "");
         typist.wait(0.5);

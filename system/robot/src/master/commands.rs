@@ -18,8 +18,10 @@ use super::play::{Player, Title};
 use super::queue::{Requests, Work};
 use super::sequence::Store;
 use super::servos::Servos;
+use super::servos::are_all;
 use super::words::{Problem, Words};
 use crate::grasp;
+use crate::joints::JointNumbers;
 use crate::plant::{self, NumberRange, PlantTarget};
 use crate::table::{self, TableStatus};
 use crate::{FINGERS, JOINTS, RobotDescription};
@@ -76,6 +78,7 @@ const SECONDS: &str = "a time above 0, s";
 /// The state that commands share.
 pub(super) struct Commands<'r, 'p, M: Machine> {
     pub(super) hand: &'r RobotDescription,
+    pub(super) numbers: JointNumbers,
     pub(super) background: &'r Background<'r, M>,
     pub(super) shared: &'r SharedDrive<'p, M::Window>,
     pub(super) servos: Servos<'r, 'p, M>,
@@ -133,10 +136,12 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
 
     /// Returns true if all fingers have reported their state and positions.
     pub(super) fn sees_all(&self) -> bool {
+        let count = self.hand.fingers.len();
         let measured = with(self.shared, |drive| {
-            drive.measured.iter().all(Option::is_some)
+            let mut fingers = drive.measured.iter().take(count);
+            fingers.all(Option::is_some)
         });
-        measured == Some(true) && (0..FINGERS).all(|finger| self.servos.status(finger).is_some())
+        measured == Some(true) && (0..count).all(|finger| self.servos.status(finger).is_some())
     }
 
     /// Looks at the servos. All motion stops when a finger does not follow any more.
@@ -279,7 +284,10 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
     /// finger that they move.
     fn prepare(&mut self, work: &Work) -> Result<u32, Problem<'static>> {
         if let Some(mask) = work.stream {
-            let fingers = Player::fingers_of(mask);
+            self.numbers
+                .check(mask)
+                .map_err(|joint| Problem::NoSuchJoint { joint })?;
+            let fingers = self.numbers.fingers(mask);
             self.check_follows(fingers)?;
             return Ok(fingers);
         }
@@ -548,7 +556,8 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
         let only = words.finger(self.hand)?;
         words.end()?;
         let mut outcome = Ok(());
-        for finger in (0..FINGERS).filter(|&it| only.is_none_or(|only| only == it)) {
+        let fingers = 0..self.hand.fingers.len();
+        for finger in fingers.filter(|&it| only.is_none_or(|only| only == it)) {
             let done = work(&mut self.servos, finger);
             if only.is_some() {
                 outcome = done;
@@ -576,7 +585,7 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
                 .find(|(mode, _)| **mode != ServoMode::Position);
             return Err(match other {
                 _ if status.modes.contains(&ServoMode::Grasp) => Problem::InGrasp(name),
-                Some((mode, joint)) if status.modes != [ServoMode::Off; JOINTS] => {
+                Some((mode, joint)) if !are_all(status, entry.joints.len(), ServoMode::Off) => {
                     Problem::OtherMode {
                         finger: name,
                         joint: joint.name.clone(),
@@ -622,8 +631,10 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
         let seconds = words.positive(SECONDS)?;
         words.end()?;
         let pace = seconds.map_or(Pace::Speed(0.1), Pace::Duration);
-        let mut motion = Motion::new(pace, Profile::MinimumJerk)
-            .with(finger * JOINTS + joint, Target::Absolute(position))?;
+        let mut motion = Motion::new(pace, Profile::MinimumJerk).with(
+            self.numbers.number(finger, joint),
+            Target::Absolute(position),
+        )?;
         motion.begin = Begin::Beside;
         let mut image = [0; BODY_BYTES];
         let len = append(&motion, &mut image, 0).map_err(Problem::Recording)?;

@@ -17,6 +17,7 @@ pub(super) use crate::ALL;
 use crate::desired::DesiredPositions;
 use crate::grasp::{JOINTS_NAME, Joints, Partner, PartnerState};
 use crate::guards::{FELT_NAME, Felt, STOPS_NAME, Stops};
+use crate::joints::JointNumbers;
 use crate::{FINGERS, JOINTS};
 
 mod stream;
@@ -64,7 +65,7 @@ impl<W: MemoryWindow> ServoIncarnation<W> {
 /// The place for the set-points of a servo processor, of the fingers that it serves.
 pub(super) struct Link<W> {
     incarnation: ServoIncarnation<W>,
-    points: [SetPoints<W, JOINTS>; FINGERS],
+    points: heapless::Vec<SetPoints<W, JOINTS>, FINGERS>,
 }
 
 impl<W: MemoryWindow + Clone> Link<W> {
@@ -73,8 +74,11 @@ impl<W: MemoryWindow + Clone> Link<W> {
         places: &ServoLayout<FINGERS, JOINTS>,
     ) -> Result<Self, AccessError> {
         let region = &incarnation.data;
-        let points = |finger| places.set_points(finger, region);
-        let points = [points(0)?, points(1)?, points(2)?, points(3)?];
+        let mut points = heapless::Vec::new();
+        for finger in 0..FINGERS {
+            // There is a place for each.
+            let _ = points.push(places.set_points(finger, region)?);
+        }
         Ok(Self {
             incarnation,
             points,
@@ -138,6 +142,7 @@ type FingerStop = (usize, GuardStop);
 /// The state of the loop of the trajectories.
 pub(super) struct Drive<'p, W> {
     pub(super) generator: Generator<ALL, QUEUE>,
+    numbers: JointNumbers,
     pub(super) links: [Option<Link<W>>; FINGERS],
     /// A bit for each finger that does not follow.
     pub(super) loose: u32,
@@ -171,6 +176,7 @@ impl<'p, W: MemoryWindow + Clone> Drive<'p, W> {
     /// Makes the state with all fingers loose, and no links.
     pub(super) fn new(
         generator: Generator<ALL, QUEUE>,
+        numbers: JointNumbers,
         seats: FingerServos,
         ears: &'p [ServoListener<W>],
         publisher: Publisher<DesiredPositions, Region<W>>,
@@ -178,6 +184,7 @@ impl<'p, W: MemoryWindow + Clone> Drive<'p, W> {
     ) -> Self {
         Self {
             generator,
+            numbers,
             links: [const { None }; FINGERS],
             loose: u32::MAX,
             adrift: u32::MAX,
@@ -210,14 +217,9 @@ impl<'p, W: MemoryWindow + Clone> Drive<'p, W> {
                 }
             }
         }
-        let mut fingers = [[SetPoint::rest(0.0); JOINTS]; FINGERS];
-        for (to, from) in fingers.as_flattened_mut().iter_mut().zip(points) {
-            *to = from;
-        }
-        let mut guards = [[StopGuard::NONE; JOINTS]; FINGERS];
-        for (to, from) in (guards.as_flattened_mut().iter_mut()).zip(self.generator.guards()) {
-            *to = from;
-        }
+        let fingers = self.numbers.by_finger(&points, SetPoint::rest(0.0));
+        let guards = self.generator.guards();
+        let guards = self.numbers.by_finger(&guards, StopGuard::NONE);
         let wanted = self.seats.iter().zip(fingers.iter().zip(&guards));
         for (finger, (&servo, (points, guards))) in wanted.enumerate() {
             let Some(Some(link)) = self.links.get_mut(servo) else {
@@ -270,7 +272,7 @@ impl<'p, W: MemoryWindow + Clone> Drive<'p, W> {
                 let Some(stop) = stops.of(finger, joint) else {
                     continue;
                 };
-                let first = finger * JOINTS;
+                let first = self.numbers.number(finger, 0);
                 let mut positions = [0.0; ALL];
                 if let Some(place) = positions.get_mut(first + joint) {
                     *place = stop.position;
@@ -296,23 +298,30 @@ impl<'p, W: MemoryWindow + Clone> Drive<'p, W> {
             tensions: [f64::NAN; ALL],
             contacts: 0,
         };
-        let (torques, _) = observed.torques.as_chunks_mut::<JOINTS>();
-        let (tensions, _) = observed.tensions.as_chunks_mut::<JOINTS>();
-        let fingers = self.seats.iter().zip(torques.iter_mut().zip(tensions));
-        for (finger, (&servo, (torques, tensions))) in fingers.enumerate() {
+        for (finger, &servo) in self.seats.iter().enumerate() {
             let heard = self.heard.get(servo).map(|heard| &heard.felt);
             let heard = heard.filter(|heard| heard.age_s <= SILENT_S);
             let Some(felt) = heard.and_then(|heard| heard.value) else {
                 continue;
             };
-            if let (Some(torque), Some(tension)) =
-                (felt.torque.get(finger), felt.tension.get(finger))
+            let range = self.numbers.range(finger);
+            let places = (
+                observed.torques.get_mut(range.clone()),
+                observed.tensions.get_mut(range),
+            );
+            if let (Some(torques), Some(tensions)) = places
+                && let (Some(torque), Some(tension)) =
+                    (felt.torque.get(finger), felt.tension.get(finger))
             {
-                *torques = *torque;
-                *tensions = *tension;
+                for (place, torque) in torques.iter_mut().zip(torque) {
+                    *place = *torque;
+                }
+                for (place, tension) in tensions.iter_mut().zip(tension) {
+                    *place = *tension;
+                }
             }
             if felt.contacts >> finger & 1 == 1 {
-                observed.contacts |= ((1 << JOINTS) - 1) << (finger * JOINTS);
+                observed.contacts |= self.numbers.mask(finger);
             }
         }
         observed
@@ -326,8 +335,7 @@ impl<'p, W: MemoryWindow + Clone> Drive<'p, W> {
             let Some(joints) = *measured else {
                 continue;
             };
-            let first = finger * JOINTS;
-            for (joint, position) in (first..).zip(joints) {
+            for (joint, position) in self.numbers.range(finger).zip(joints) {
                 if let Some(place) = positions.get_mut(joint)
                     && self.adrift >> joint & 1 == 1
                 {

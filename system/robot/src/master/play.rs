@@ -1,6 +1,6 @@
 //! [`Player`]: the motion that runs, and the one that is recorded.
 
-use core::fmt::Arguments;
+use core::fmt::{Arguments, Write as _};
 
 use condor_hand::queue::{RefusalReason, RequestState};
 use condor_hand::trajectory::image::MotionImageError;
@@ -12,7 +12,8 @@ use condor_hand::trajectory::{
 use super::drive::{ALL, Drive, SharedDrive, with};
 use super::sequence::Sequence;
 use super::words::{GuardText, Problem};
-use crate::{FINGERS, JOINTS, RobotDescription};
+use crate::RobotDescription;
+use crate::joints::{JointName, JointNumbers};
 
 /// The title of a motion.
 pub(super) type Title = heapless::String<32>;
@@ -124,22 +125,26 @@ impl Player {
     /// the limits, or no motion.
     pub(super) fn fingers(&self, hand: &RobotDescription) -> Result<u32, Problem<'static>> {
         let motions = self.running.motions().map_err(Problem::Recording)?;
+        let numbers = JointNumbers::of(hand);
         let mut fingers = 0;
         for (number, motion) in (1..).zip(motions.iter()) {
             if motion.start.contact || motion.stop.contact {
                 for (finger, entry) in hand.fingers.iter().enumerate() {
-                    let moves = motion.mask >> (finger * JOINTS) & ((1 << JOINTS) - 1) != 0;
+                    let moves = motion.mask & numbers.mask(finger) != 0;
                     if moves && entry.touch.is_none() {
                         let finger = entry.name.clone();
                         return Err(Problem::Guard { number, finger });
                     }
                 }
             }
+            numbers
+                .check(motion.mask)
+                .map_err(|joint| Problem::NoSuchJoint { joint })?;
+            fingers |= numbers.fingers(motion.mask);
             for (joint, limits) in self.limits.iter().enumerate() {
                 if motion.mask >> joint & 1 == 0 {
                     continue;
                 }
-                fingers |= 1 << (joint / JOINTS);
                 let Some(&Target::Absolute(target)) = motion.targets.get(joint) else {
                     continue;
                 };
@@ -150,9 +155,12 @@ impl Player {
                 for &value in vias.chain([&target]) {
                     if !limits.contains(value) {
                         let (low, high) = (limits.low, limits.high);
+                        let mut name = heapless::String::new();
+                        // The names of a description are short enough.
+                        let _ = write!(name, "{}", JointName(hand, joint));
                         return Err(Problem::Beyond {
                             number,
-                            joint,
+                            joint: name,
                             value,
                             low,
                             high,
@@ -164,7 +172,7 @@ impl Player {
         if fingers == 0 {
             return Err(Problem::Nothing);
         }
-        Ok(fingers & ((1 << FINGERS) - 1))
+        Ok(fingers)
     }
 
     /// Sets the name of the sequence that is recorded or loaded.
@@ -199,12 +207,6 @@ impl Player {
         self.stop();
         self.title = Some(title);
         (self.is_stream, self.fingers) = (true, fingers);
-    }
-
-    /// The fingers of a mask of joints, a bit for each.
-    pub(super) fn fingers_of(mask: u32) -> u32 {
-        let joints = (0..ALL).filter(|joint| mask >> joint & 1 == 1);
-        joints.fold(0, |fingers, joint| fingers | 1 << (joint / JOINTS))
     }
 
     /// The limits of all joints.

@@ -14,6 +14,7 @@ use condor_vars::VariableTable;
 use super::drive::{FingerServos, Link, Motion, OfServos, ServoIncarnation, SharedDrive, with};
 use super::words::Problem;
 use crate::failure::Failure;
+use crate::joints::JointNumbers;
 use crate::servo::{self, Names};
 use crate::{FINGERS, JOINTS, RobotDescription, objects};
 
@@ -26,9 +27,6 @@ const REST: Duration = Duration::from_secs(3);
 const ROOM_RAD: f64 = 0.02;
 const LEAVE_SPEED: f64 = 0.02;
 const NAP: Duration = Duration::from_millis(20);
-/// The bits of the joints of the first finger.
-const ALL_JOINTS: u32 = (1 << JOINTS) - 1;
-
 type Client<'r, M> =
     ServoClient<'r, condor_rt::MailboxOf<'r, M>, <M as Machine>::Window, FINGERS, JOINTS>;
 
@@ -58,17 +56,14 @@ pub(super) struct Servos<'r, 'p, M: Machine> {
     /// A bit for each finger that may still follow a former incarnation of the master. Nobody knows its set-points: it gets
     /// none, and so gives up.
     inherited: u32,
+    numbers: JointNumbers,
 }
 
 /// The numbers of the servo processors, and which of them serves each finger.
-pub(super) fn seats(hand: &RobotDescription) -> Result<(OfServos<u8>, FingerServos), Failure> {
+pub(super) fn seats(hand: &RobotDescription) -> (OfServos<u8>, FingerServos) {
     let mut numbers = OfServos::<u8>::new();
-    let mut seats = [0; FINGERS];
-    let fingers = hand.fingers.len();
-    if fingers != FINGERS {
-        let simulated = FINGERS;
-        return Err(Failure::Hand { fingers, simulated });
-    }
+    // Nobody serves a finger that the robot does not have.
+    let mut seats = [usize::MAX; FINGERS];
     for (seat, entry) in seats.iter_mut().zip(&hand.fingers) {
         // A configuration has all joints of a finger on one processor.
         let processor = entry.processor().unwrap_or(0);
@@ -79,7 +74,7 @@ pub(super) fn seats(hand: &RobotDescription) -> Result<(OfServos<u8>, FingerServ
             let _ = numbers.push(processor);
         }
     }
-    Ok((numbers, seats))
+    (numbers, seats)
 }
 
 impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
@@ -115,6 +110,7 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
             status: [None; FINGERS],
             has_lost: false,
             inherited: u32::MAX,
+            numbers: JointNumbers::of(hand),
         })
     }
 
@@ -148,7 +144,15 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
 
     /// Returns true if a finger follows its set-points.
     pub(super) fn follows(&self, finger: usize) -> bool {
-        self.inherited >> finger & 1 == 0 && self.status(finger).is_some_and(follows)
+        let joints = self.joints(finger);
+        let status = self.status(finger);
+        self.inherited >> finger & 1 == 0 && status.is_some_and(|it| follows(it, joints))
+    }
+
+    /// Returns the number of joints of a finger.
+    fn joints(&self, finger: usize) -> usize {
+        let finger = self.hand.fingers.get(finger);
+        finger.map_or(0, |finger| finger.joints.len())
     }
 
     /// Looks how all are.
@@ -192,9 +196,11 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
         let names = Names(self.hand, served);
         if servo.incarnation.is_some() && servo.incarnation != incarnation {
             (servo.incarnation, servo.client) = (None, None);
-            for (status, _) in self.status.iter_mut().zip(served).filter(|(_, it)| *it) {
+            let fingers = self.status.iter_mut().zip(&self.hand.fingers);
+            for ((status, finger), _) in fingers.zip(served).filter(|(_, it)| *it) {
                 let former = status.take();
-                self.has_lost |= former.is_some_and(|it| follows(&it));
+                let joints = finger.joints.len();
+                self.has_lost |= former.is_some_and(|it| follows(&it, joints));
             }
             with(self.shared, |drive| {
                 if let Some(link) = drive.links.get_mut(index) {
@@ -248,6 +254,7 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
     /// Asks how a finger is, and says what is new.
     fn look(&mut self, finger: usize, index: usize, say: &mut impl FnMut(Arguments<'_>)) {
         let name = name(self.hand, finger);
+        let joints = self.joints(finger);
         let Some(servo) = self.processors.get_mut(index) else {
             return;
         };
@@ -259,7 +266,7 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
             return;
         };
         let former = kept.replace(status);
-        self.has_lost |= former.is_some_and(|it| follows(&it)) && !follows(&status);
+        self.has_lost |= former.is_some_and(|it| follows(&it, joints)) && !follows(&status, joints);
         let (fault, refused) = former.map_or((None, status.refused_set_points), |former| {
             (former.fault, former.refused_set_points)
         });
@@ -290,7 +297,7 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
             };
             for (joint, mode) in status.modes.iter().enumerate() {
                 if *mode == ServoMode::Position {
-                    adrift &= !(1 << (finger * JOINTS + joint));
+                    adrift &= !(1 << self.numbers.number(finger, joint));
                 }
             }
         }
@@ -346,9 +353,11 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
         let status = self.ask(finger, |client, finger, timeout| {
             client.status(finger, timeout)
         })??;
+        let joints = self.joints(finger);
         if let Some(kept) = self.status.get_mut(finger) {
             let former = kept.replace(status);
-            self.has_lost |= former.is_some_and(|it| follows(&it)) && !follows(&status);
+            self.has_lost |=
+                former.is_some_and(|it| follows(&it, joints)) && !follows(&status, joints);
         }
         Ok(status)
     }
@@ -366,7 +375,7 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
             self.disable(finger)?;
             status = self.refresh(finger)?;
         }
-        if follows(&status) {
+        if follows(&status, self.joints(finger)) {
             return Ok(());
         }
         if status.fault.is_some() || status.is_resting {
@@ -396,7 +405,7 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
                 drive.hold_loose();
                 // From here on the set-points stay where the finger was just measured.
                 drive.loose &= !(1 << finger);
-                drive.adrift &= !(ALL_JOINTS << (finger * JOINTS));
+                drive.adrift &= !self.numbers.mask(finger);
             }
             measured.is_some()
         });
@@ -416,7 +425,7 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
     /// Has the joints of a finger that are where the servos push them from their stops come out of
     /// there: a position that is held against such a push makes a joint tremble.
     fn leave_stops(&self, finger: usize) -> Result<(), Problem<'static>> {
-        let first = finger * JOINTS;
+        let first = self.numbers.number(finger, 0);
         let Some(entry) = self.hand.fingers.get(finger) else {
             return Ok(());
         };
@@ -505,8 +514,14 @@ fn works(status: &ServoStatus<JOINTS>) -> bool {
     status.fault.is_none() && !status.is_resting
 }
 
-fn follows(status: &ServoStatus<JOINTS>) -> bool {
-    works(status) && status.modes.iter().all(|&mode| mode == ServoMode::Position)
+/// Returns true if all joints of a finger, of which there are so many, follow set-points.
+fn follows(status: &ServoStatus<JOINTS>, joints: usize) -> bool {
+    works(status) && are_all(status, joints, ServoMode::Position)
+}
+
+/// Returns true if all joints of a finger, of which there are so many, are in a mode.
+pub(super) fn are_all(status: &ServoStatus<JOINTS>, joints: usize, mode: ServoMode) -> bool {
+    status.modes.iter().take(joints).all(|&it| it == mode)
 }
 
 /// Returns true if a finger gives up without set-points.

@@ -118,17 +118,19 @@ pub(super) enum Problem<'l> {
     Ledger(LedgerError),
     #[error("nothing is recorded or loaded")]
     Nothing,
+    #[error("the robot has no joint of number {joint}, which the motion moves")]
+    NoSuchJoint { joint: u32 },
     #[error("motion {number} has a guard of contact, and {finger} has no tactile sensor")]
     Guard { number: u32, finger: ShortName },
     #[error(
-        "motion {number}: joint {joint} would go to {value} rad; it may be in {low}..={high} rad",
+        "motion {number}: {joint} cannot go to {value} rad ({low} to {high})",
         value = Decimal(*.value),
         low = Decimal(*.low),
         high = Decimal(*.high),
     )]
     Beyond {
         number: u32,
-        joint: usize,
+        joint: heapless::String<40>,
         value: f64,
         low: f64,
         high: f64,

@@ -2,10 +2,10 @@
 
 use core::array;
 
+use crate::Mechanism;
 use condor_dev::Bus;
 use condor_hand::config::{Finger, InputChannel, OutputChannel, Wire};
 use condor_hand::grasp::Wrench;
-use condor_hand::kinematics::PlanarFinger;
 use condor_hand::math::abs;
 use condor_hand::plant::{
     self, DriveKind, ObjectParameters, PlantModel, SimHand, SimObject, SimStop, SimSurface,
@@ -20,7 +20,7 @@ use super::requests::{NumberRange, PlantRefusal, PlantTarget};
 use super::watchdog::{BoardInput, Watchdog};
 use crate::boards::{BoardEvent, SimBoards};
 use crate::recording::Fnv;
-use crate::{FINGERS, Failure, JOINTS, RobotDescription, start};
+use crate::{FINGERS, Failure, JOINTS, RobotDescription, joints};
 
 /// The least rate of updates of the simulation, Hz: contacts of 5e4 N/m bear it.
 const UPDATE_HZ: u32 = 10_000;
@@ -62,7 +62,7 @@ pub const MACHINE: PlantModel = PlantModel {
 
 /// The simulated robot: the hand, the ball, the boards and the faults that were requested.
 pub(super) struct Robot {
-    hand: SimHand<PlanarFinger, FINGERS, JOINTS>,
+    hand: SimHand<Mechanism, FINGERS, JOINTS>,
     gravity: Vector3<f64>,
     period_s: f64,
     ticks: u64,
@@ -111,20 +111,23 @@ impl Robot {
         hand: &RobotDescription,
         arguments: &Arguments,
     ) -> Result<Self, Failure> {
-        let finger = |(entry, mechanism): (&Finger<JOINTS>, PlanarFinger)| {
+        let finger = |(entry, mechanism): (&Finger<JOINTS>, Mechanism)| {
             let limits = entry.limits();
             let q = limits.low + (limits.high - limits.low) * BEGINS_AT;
             MACHINE.finger(entry, mechanism, q)
         };
-        let [first, second, third, fourth] = start::fingers(hand)?;
-        let fingers = [
-            finger(first)?,
-            finger(second)?,
-            finger(third)?,
-            finger(fourth)?,
-        ];
+        let absent = joints::absent();
+        let entries = joints::with_mechanisms(hand, &absent);
+        let mut fingers = heapless::Vec::<_, FINGERS>::new();
+        for entry in entries {
+            // There is one for each place.
+            let _ = fingers.push(finger(entry)?);
+        }
+        let Ok(fingers) = fingers.into_array::<FINGERS>() else {
+            return Err(Failure::NoFinger { processor: 0 });
+        };
         let start = fingers.each_ref().map(|finger| *finger.q());
-        let limits = [first.0, second.0, third.0, fourth.0].map(|entry| {
+        let limits = entries.map(|(entry, _)| {
             let limits = entry.limits();
             array::from_fn(|joint| {
                 let of = |all: &SVector<f64, JOINTS>| all.get(joint).copied().unwrap_or(0.0);

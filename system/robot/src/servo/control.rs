@@ -1,15 +1,15 @@
 //! [`Control`]: what the servos of a processor compute, of what is measured now or was once.
 
+use crate::Mechanism;
 use condor_hand::config::{Channel, Finger};
 use condor_hand::controller::{FingerController, FingerTick, read_finger, write_finger};
 use condor_hand::grasp::distributed::{DistributedGrasp, FingerControllers, HandJoints};
-use condor_hand::kinematics::PlanarFinger;
 use condor_hand::servo::FingerReadings;
 use nalgebra::Vector3;
 use zerocopy::FromZeros as _;
 
 use crate::recording::{INPUTS_OF_FINGER, Inputs, ServoOutputs, TickInputs};
-use crate::{FINGERS, Failure, JOINTS, RobotDescription, start};
+use crate::{FINGERS, JOINTS, RobotDescription, joints};
 
 /// The readings of the sensors of a hand's fingers; nothing for fingers of other processors.
 pub(crate) struct HandReadings {
@@ -22,7 +22,7 @@ pub(crate) struct HandReadings {
 pub(crate) type OfFingers<T> = [Option<T>; FINGERS];
 
 /// The controllers of the fingers, which do what they are asked for before each tick.
-pub(crate) trait Servos: FingerControllers<PlanarFinger, JOINTS> {
+pub(crate) trait Servos: FingerControllers<Mechanism, JOINTS> {
     /// One tick of a finger of the hand; none if the processor does not serve it.
     fn tick(
         &mut self,
@@ -37,26 +37,25 @@ pub(crate) trait Servos: FingerControllers<PlanarFinger, JOINTS> {
 pub(crate) struct Control<'r> {
     hand: &'r RobotDescription,
     served: [bool; FINGERS],
-    grasp: DistributedGrasp<PlanarFinger, FINGERS, JOINTS>,
+    grasp: DistributedGrasp<Mechanism, FINGERS, JOINTS>,
     /// The rates of the last tick, rad/s.
     velocity: [[f64; JOINTS]; FINGERS],
 }
 
 impl<'r> Control<'r> {
     /// Before the first tick of a processor, which serves these fingers.
-    pub(crate) fn new(
-        hand: &'r RobotDescription,
-        served: [bool; FINGERS],
-    ) -> Result<Self, Failure> {
-        Ok(Self {
+    pub(crate) fn new(hand: &'r RobotDescription, served: [bool; FINGERS]) -> Self {
+        let absent = joints::absent();
+        let fingers = joints::with_mechanisms(hand, &absent);
+        Self {
             hand,
             served,
-            grasp: DistributedGrasp::new(start::fingers(hand)?, served),
+            grasp: DistributedGrasp::new(fingers, served),
             velocity: [[0.0; JOINTS]; FINGERS],
-        })
+        }
     }
 
-    pub(crate) const fn grasp(&self) -> &DistributedGrasp<PlanarFinger, FINGERS, JOINTS> {
+    pub(crate) const fn grasp(&self) -> &DistributedGrasp<Mechanism, FINGERS, JOINTS> {
         &self.grasp
     }
 
@@ -75,7 +74,7 @@ impl<'r> Control<'r> {
     pub(crate) fn measure(
         &self,
         period_s: f64,
-        controllers: &mut impl FingerControllers<PlanarFinger, JOINTS>,
+        controllers: &mut impl FingerControllers<Mechanism, JOINTS>,
         mut read: impl FnMut(usize, Channel) -> Option<u32>,
     ) -> HandReadings {
         let mut inputs = Inputs::new_zeroed();
@@ -169,4 +168,4 @@ impl<'r> Control<'r> {
 }
 
 /// The controllers of the fingers that a processor serves.
-pub(crate) type Controllers = OfFingers<FingerController<PlanarFinger, JOINTS>>;
+pub(crate) type Controllers = OfFingers<FingerController<Mechanism, JOINTS>>;

@@ -1,8 +1,8 @@
 //! [`Fingers`]: the servo loop.
 
+use crate::Mechanism;
 use condor_hand::controller::{FingerController, FingerTick};
 use condor_hand::grasp::distributed::{FingerControllers, GraspInputs, HandJoints};
-use condor_hand::kinematics::PlanarFinger;
 use condor_hand::message::{FingerRequest, GraspEnd, HandLoop};
 use condor_hand::servo::FingerReadings;
 use condor_mbox::published::Publisher;
@@ -37,7 +37,7 @@ const TRACKING_TICKS: u64 = 16;
 /// All that happens in a tick of the servo loop.
 pub(super) struct Fingers<'r, M: Machine> {
     pub(super) control: Control<'r>,
-    pub(super) servos: HandLoop<'r, PlanarFinger, M::Window, FINGERS, JOINTS>,
+    pub(super) servos: HandLoop<'r, Mechanism, M::Window, FINGERS, JOINTS>,
     pub(super) variables: &'r Variables<'r>,
     pub(super) gains: &'r Gains<'r>,
     /// The version of the gains that the controllers have.
@@ -198,7 +198,7 @@ impl<M: Machine> Fingers<'_, M> {
 
 /// The controllers, which messages tell what to do.
 struct FingerCommands<'t, 'r, W> {
-    servos: &'t mut HandLoop<'r, PlanarFinger, W, FINGERS, JOINTS>,
+    servos: &'t mut HandLoop<'r, Mechanism, W, FINGERS, JOINTS>,
     recorder: Option<&'t mut Recorder<'r, W>>,
 }
 
@@ -228,8 +228,8 @@ impl<W: MemoryWindow> FingerCommands<'_, '_, W> {
     }
 }
 
-impl<W: MemoryWindow> FingerControllers<PlanarFinger, JOINTS> for FingerCommands<'_, '_, W> {
-    fn of_finger(&mut self, finger: usize) -> Option<&mut FingerController<PlanarFinger, JOINTS>> {
+impl<W: MemoryWindow> FingerControllers<Mechanism, JOINTS> for FingerCommands<'_, '_, W> {
+    fn of_finger(&mut self, finger: usize) -> Option<&mut FingerController<Mechanism, JOINTS>> {
         self.servos.controller_mut(finger)
     }
 }

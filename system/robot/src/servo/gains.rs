@@ -3,6 +3,7 @@
 use core::fmt::{self, Write};
 use core::sync::atomic::AtomicU32;
 
+use condor_hand::config::{Finger, Joint};
 use condor_hand::math::max;
 use condor_hand::servo::{JointGains, PositionLaw};
 use condor_hand::tendon::{Pair, TensionGains};
@@ -99,8 +100,12 @@ impl<'h> Gains<'h> {
         let mut numbers = [0.0; NUMBERS];
         let (of_joints, _) = numbers.as_chunks_mut();
         let mut most = MOST;
-        for (joint, (law, numbers)) in laws.iter_mut().zip(of_joints).enumerate() {
-            if let Some(gains) = of(joint / JOINTS, joint % JOINTS) {
+        let joints = (0..fingers.len()).flat_map(|place| {
+            let joints = fingers.get(place).map_or(0, |finger| finger.joints.len());
+            (0..joints).map(move |joint| (place, joint))
+        });
+        for ((place, joint), (law, numbers)) in joints.zip(laws.iter_mut().zip(of_joints)) {
+            if let Some(gains) = of(place, joint) {
                 (*law, *numbers) = split(&gains);
                 for (most, &configured) in most.iter_mut().zip(&*numbers) {
                     *most = max(*most, configured);
@@ -128,9 +133,12 @@ impl<'h> Gains<'h> {
         [self.laws.params.version(), self.numbers.params.version()]
     }
 
-    /// Returns the gains of a joint in this tick.
-    pub(super) fn of(&self, finger: usize, joint: usize) -> Option<JointGains<f64>> {
-        let joint = finger * JOINTS + joint;
+    /// Returns the gains of a joint in this tick, of the finger at a place among those that are served.
+    pub(super) fn of(&self, place: usize, joint: usize) -> Option<JointGains<f64>> {
+        let fingers = &self.laws.fingers;
+        let of_finger = fingers.get(place)?.joints.len();
+        let before = fingers.iter().take(place).map(|finger| finger.joints.len());
+        let joint = (joint < of_finger).then_some(before.sum::<usize>() + joint)?;
         let law = self.laws.params.get_at(joint)?;
         let first = joint * GAIN.len();
         let number = |index| self.numbers.params.get_at(first + index);
@@ -192,7 +200,18 @@ fn split(gains: &JointGains<f64>) -> (Law, [f64; GAIN.len()]) {
     (law, numbers)
 }
 
-impl<P, const N: usize> OfJoints<'_, P, N> {
+impl<'h, P, const N: usize> OfJoints<'h, P, N> {
+    /// Returns a joint that is served, by its number among these, and its finger.
+    fn joint(&self, mut number: usize) -> Option<(&'h Finger<JOINTS>, &'h Joint<JOINTS>)> {
+        for finger in &self.fingers {
+            if let Some(joint) = finger.joints.get(number) {
+                return Some((finger, joint));
+            }
+            number -= finger.joints.len();
+        }
+        None
+    }
+
     /// The greatest value of a number.
     fn most(&self, index: usize) -> Option<f64> {
         self.most.as_ref()?.get(index % N).copied()
@@ -202,14 +221,15 @@ impl<P, const N: usize> OfJoints<'_, P, N> {
 impl<P: Tune, const N: usize> Watch for OfJoints<'_, P, N> {
     fn words(&self) -> &[AtomicU32] {
         let words = self.params.words();
-        // Others are those of fingers on other processors.
-        let len = words.len() / FINGERS * self.fingers.len();
+        // The others are of joints that this processor does not serve.
+        let joints = self.fingers.iter().map(|finger| finger.joints.len());
+        let len = words.len() / ALL * joints.sum::<usize>();
         words.get(..len).unwrap_or(words)
     }
 
     fn describe(&self, index: usize) -> Option<VarDescription<'_>> {
         let (_, unit, about) = *self.names.get(index % N)?;
-        self.fingers.get(index / N / JOINTS)?;
+        self.joint(index / N)?;
         let mut description = self.params.describe(index)?;
         if let Some(most) = self.most(index) {
             description.bounds = [0.0, most].map(Scalar::to_words);
@@ -222,9 +242,7 @@ impl<P: Tune, const N: usize> Watch for OfJoints<'_, P, N> {
     }
 
     fn name(&self, index: usize, to: &mut dyn Write) -> fmt::Result {
-        let joint = index / N;
-        let finger = self.fingers.get(joint / JOINTS).ok_or(fmt::Error)?;
-        let joint = finger.joints.get(joint % JOINTS).ok_or(fmt::Error)?;
+        let (finger, joint) = self.joint(index / N).ok_or(fmt::Error)?;
         let (name, ..) = self.names.get(index % N).ok_or(fmt::Error)?;
         write!(to, "{}.{}.{name}", finger.name, joint.name)
     }

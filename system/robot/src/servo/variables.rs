@@ -3,6 +3,7 @@
 use core::fmt::{self, Write};
 use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
+use condor_hand::config::Finger;
 use condor_hand::controller::FingerTick;
 use condor_hand::servo::FingerReadings;
 use condor_vars::{ValueKind, VarDescription, Watch};
@@ -67,23 +68,43 @@ impl<'h> Variables<'h> {
     ) {
         let served = sensed.iter().zip(ticks);
         let served = served.filter_map(|(sensed, tick)| sensed.as_ref().zip(tick.as_ref()));
-        let (fingers, _) = self.words.as_chunks::<OF_FINGER>();
-        for ((words, finger), (sensed, tick)) in fingers.iter().zip(&self.fingers).zip(served) {
-            let (joints, rest) = words.as_chunks::<{ JOINT.len() }>();
-            for (joint, words) in joints.iter().enumerate() {
-                let values = of_joint(joint, sensed, tick).into_iter().flatten();
-                for (word, value) in words.iter().zip(values) {
+        let mut words = self.words.iter();
+        for (finger, (sensed, tick)) in self.fingers.iter().zip(served) {
+            for joint in 0..finger.joints.len() {
+                let values = of_joint(joint, sensed, tick).unwrap_or([f64::NAN; JOINT.len()]);
+                for (value, word) in values.into_iter().zip(words.by_ref()) {
                     word.store((value as f32).to_bits(), Relaxed);
                 }
             }
             let fault = tick.fault.map_or(0, |fault| fault.code as u32 + 1);
             let touch = finger.touch.as_ref().map_or(f64::NAN, |_| sensed.touch);
-            let touch = (touch as f32).to_bits();
-            for (word, value) in rest.iter().zip([touch, tick.output.saturated, fault]) {
+            let values = [(touch as f32).to_bits(), tick.output.saturated, fault];
+            for (value, word) in values.into_iter().zip(words.by_ref()) {
                 word.store(value, Relaxed);
             }
         }
     }
+
+    /// Returns the finger of a variable, and the part of it that the variable is about.
+    fn part(&self, mut index: usize) -> Option<(&'h Finger<JOINTS>, Part)> {
+        for finger in &self.fingers {
+            let of_joints = finger.joints.len() * JOINT.len();
+            if index < of_joints {
+                let joint = Part::Joint(index / JOINT.len(), JOINT.get(index % JOINT.len())?);
+                return Some((finger, joint));
+            }
+            if let Some(of_finger) = FINGER.get(index - of_joints) {
+                return Some((finger, Part::Finger(of_finger)));
+            }
+            index -= variables_of(finger);
+        }
+        None
+    }
+}
+
+/// Returns the number of variables of a finger and its joints.
+fn variables_of(finger: &Finger<JOINTS>) -> usize {
+    finger.joints.len() * JOINT.len() + FINGER.len()
 }
 
 /// In the order of [`JOINT`]; `None` for a joint that there is not.
@@ -114,18 +135,18 @@ fn of_joint(
 
 impl Watch for Variables<'_> {
     fn words(&self) -> &[AtomicU32] {
-        let len = self.fingers.len() * OF_FINGER;
+        let len = self.fingers.iter().map(|finger| variables_of(finger)).sum();
         self.words.get(..len).unwrap_or(&self.words)
     }
 
     fn describe(&self, index: usize) -> Option<VarDescription<'_>> {
-        let (kind, unit, about) = match part(index) {
+        let (kind, unit, about) = match self.part(index)?.1 {
             Part::Finger(&(_, "", about)) => (ValueKind::U32, "", about),
             Part::Joint(_, &(_, unit, about)) | Part::Finger(&(_, unit, about)) => {
                 (ValueKind::F32, unit, about)
             }
         };
-        (index < self.words().len()).then_some(VarDescription {
+        Some(VarDescription {
             kind,
             unit,
             about,
@@ -135,8 +156,8 @@ impl Watch for Variables<'_> {
     }
 
     fn name(&self, index: usize, to: &mut dyn Write) -> fmt::Result {
-        let finger = self.fingers.get(index / OF_FINGER).ok_or(fmt::Error)?;
-        match part(index) {
+        let (finger, part) = self.part(index).ok_or(fmt::Error)?;
+        match part {
             Part::Joint(joint, (name, ..)) => {
                 let joint = finger.joints.get(joint).ok_or(fmt::Error)?;
                 write!(to, "{}.{}.{name}", finger.name, joint.name)
@@ -150,16 +171,6 @@ impl Watch for Variables<'_> {
 enum Part {
     Joint(usize, &'static (&'static str, &'static str, &'static str)),
     Finger(&'static (&'static str, &'static str, &'static str)),
-}
-
-fn part(index: usize) -> Part {
-    let within = index % OF_FINGER;
-    let [.., fault] = &FINGER;
-    let joint = (within / JOINT.len() < JOINTS).then(|| JOINT.get(within % JOINT.len()));
-    match joint.flatten() {
-        Some(of_joint) => Part::Joint(within / JOINT.len(), of_joint),
-        None => Part::Finger(FINGER.get(within - JOINTS * JOINT.len()).unwrap_or(fault)),
-    }
 }
 
 #[cfg(test)]

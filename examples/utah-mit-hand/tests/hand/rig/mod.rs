@@ -448,7 +448,7 @@ impl Master<'_> {
             let cell = objects::joints(&region).unwrap()?;
             Some(cell.subscriber(&region).unwrap().read().ok()?.value)
         });
-        grasp::tips(&self.hand, &joints.unwrap()).unwrap()
+        grasp::tips(&self.hand, &joints.unwrap())
     }
 
     fn count(&mut self) {

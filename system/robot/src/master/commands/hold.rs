@@ -11,10 +11,11 @@ use condor_hand::servo::ServoMode;
 use condor_mbox::Clock as _;
 use condor_rt::Machine;
 
-use super::{Closing, Commands, FINGERS, JOINTS, Problem, Words, grasp, with};
+use super::{Closing, Commands, FINGERS, JOINTS, Problem, Words, are_all, grasp, with};
 use crate::master::drive::OfServos;
 use crate::master::words::{Path, is_name, number};
 use crate::{file, objects};
+use condor_hand::config::Finger;
 
 /// The stiffness of a ball, N/m, unless the command has one.
 const STIFFNESS: f64 = 200.0;
@@ -53,11 +54,8 @@ impl<M: Machine> Commands<'_, '_, M> {
             return Ok(());
         };
         // Unless a finger has left it.
-        let statuses = (0..FINGERS).filter_map(|finger| self.servos.status(finger));
-        if statuses
-            .into_iter()
-            .any(|it| it.modes == [ServoMode::Grasp; JOINTS])
-        {
+        let mut fingers = self.hand.fingers.iter().enumerate();
+        if fingers.any(|(finger, entry)| self.is_in_grasp(finger, entry)) {
             self.hold(&closed.settings)?;
         }
         Ok(())
@@ -76,7 +74,7 @@ impl<M: Machine> Commands<'_, '_, M> {
         {
             *to = from.ok_or(Problem::NotMeasured(entry.name.clone()))?;
         }
-        let tips = grasp::tips(self.hand, &all).unwrap_or([[0.0; 3]; FINGERS]);
+        let tips = grasp::tips(self.hand, &all);
         let seen = self.others.see(self.background)?;
         let ball = MeasuredBall::new(seen.position, seen.orientation, seen.radius_m);
         self.order(&settings.order(fingers, &tips, &ball, &self.hand.gravity))
@@ -115,14 +113,17 @@ impl<M: Machine> Commands<'_, '_, M> {
         }
     }
 
+    fn is_in_grasp(&self, finger: usize, entry: &Finger<JOINTS>) -> bool {
+        let status = self.servos.status(finger);
+        status.is_some_and(|it| are_all(it, entry.joints.len(), ServoMode::Grasp))
+    }
+
     /// Returns the fingers for a grasp, a bit for each: those that follow, or are in a grasp already.
     fn holding(&self) -> Result<u64, Problem<'static>> {
         let mut fingers = 0_u64;
         let mut missing = None;
         for (finger, entry) in self.hand.fingers.iter().enumerate() {
-            let status = self.servos.status(finger);
-            let in_grasp = status.is_some_and(|it| it.modes == [ServoMode::Grasp; JOINTS]);
-            if in_grasp || self.servos.follows(finger) {
+            if self.is_in_grasp(finger, entry) || self.servos.follows(finger) {
                 fingers |= 1 << finger;
             } else {
                 missing = missing.or_else(|| Some(entry.name.clone()));

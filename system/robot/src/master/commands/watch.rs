@@ -78,9 +78,9 @@ impl<'r, M: Machine> Commands<'r, '_, M> {
         while let Some(word) = words.peek().next() {
             if word.bytes().any(|byte| byte == b'.') {
                 let (finger, joint) = words.joint(self.hand)?;
-                chosen |= 1 << (finger * JOINTS + joint);
+                chosen |= 1 << self.numbers.number(finger, joint);
             } else if let Some(finger) = words.finger(self.hand)? {
-                chosen |= ((1 << JOINTS) - 1) << (finger * JOINTS);
+                chosen |= self.numbers.mask(finger);
             }
         }
         if chosen == 0 {
@@ -101,7 +101,7 @@ impl<'r, M: Machine> Commands<'r, '_, M> {
         let mut wanted = OfServos::<(Processor, VariableTable<M::Window>, Columns)>::new();
         for (finger, entry) in self.hand.fingers.iter().enumerate() {
             for (joint, named) in entry.joints.iter().enumerate() {
-                let place = finger * JOINTS + joint;
+                let place = self.numbers.number(finger, joint);
                 if chosen >> place & 1 == 0 {
                     continue;
                 }
@@ -202,7 +202,9 @@ impl<'r, M: Machine> Commands<'r, '_, M> {
             if self.watching.chosen >> place & 1 == 0 {
                 continue;
             }
-            let (finger, joint) = (place / JOINTS, place % JOINTS);
+            let Some((finger, joint)) = self.numbers.place(place) else {
+                continue;
+            };
             let names = self.hand.fingers.get(finger);
             let names = names.and_then(|it| Some((&*it.name, &*it.joints.get(joint)?.name)));
             let row = Row {

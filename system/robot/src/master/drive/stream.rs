@@ -5,7 +5,7 @@ use condor_hand::queue::{RequestIdentity, SessionOwner};
 use condor_hand::trajectory::{JointStream, ProfileLimits, SetPoint, StreamEnd, TrajectoryError};
 
 use super::{ALL, Drive};
-use crate::{FINGERS, JOINTS};
+use crate::FINGERS;
 
 /// The time for which a stream waits for its first points, s.
 const FIRST_POINTS_S: f64 = 2.0;
@@ -74,7 +74,7 @@ impl<W> Drive<'_, W> {
         let Streaming { request, cut } = self.stream.as_mut()?;
         let stream = &mut request.stream;
         for finger in (0..FINGERS).filter(|finger| self.loose >> finger & 1 == 1) {
-            *cut |= ((1 << JOINTS) - 1) << (finger * JOINTS);
+            *cut |= self.numbers.mask(finger);
         }
         if *cut & stream.mask() != 0 {
             stream.abort();
