@@ -20,7 +20,7 @@ pub(crate) const COUNTED_TARGET: &str = CORTEX_M3;
 pub(crate) const HARTS_TARGET: &str = "riscv64gc-unknown-none-elf";
 
 /// The images that harts run beside a host.
-pub(crate) const HART_IMAGES: [&str; 3] = ["monitor", "drills-hart", "utah-mit-hand-hart"];
+pub(crate) const HART_IMAGES: [&str; 3] = ["monitor", "drills-hart", "rack-hart"];
 
 /// One of the firmware tests.
 pub(crate) struct Firmware {

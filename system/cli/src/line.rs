@@ -34,7 +34,7 @@ struct Line {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Makes a new project with programs for two processors
+    /// Makes a new project: programs for two processors, or a robot
     New(new::NewArguments),
     /// Checks the description of a system (a TOML file) and explains every mistake
     Check {

@@ -25,7 +25,10 @@ const SETS: [(&str, &str); 3] = [
          condor-hand/sim,condor-mbox/async,condor-mbox/conformance,condor-mbox/riscv,condor-mos/conformance,\
          condor-mos/cortex-m,condor-mos/riscv,condor-tty/dev",
     ),
-    ("-p two-processors -p utah-mit-boards", "--features utah-mit-boards/robot"),
+    (
+        "-p two-processors -p utah-mit-boards",
+        "--features utah-mit-boards/robot",
+    ),
 ];
 
 /// Nothing is run; the manifest has these optimized for the tests.

@@ -21,9 +21,11 @@ const JOINTS: u32 = 16;
 /// The master's words if it cannot load the motion that its description has typed. Whether a motion
 /// comes to its end is a question of time: a busy machine misses deadlines, which stops fingers.
 const NO_MOTION: &str = "wave.motion:";
-/// The text at the end of the motion, which comes in simulated time. The summary ends with a hash of all
+/// The robots that run on harts as they do in processes.
+const ROBOTS: [&str; 2] = ["one-finger", "utah-mit-hand"];
+/// The text at the end of a motion, which comes in simulated time. The summary ends with a hash of all
 /// positions of the joints.
-const DONE: &str = "wave is done";
+const DONE: &str = " is done";
 const HASH: &str = ": hash ";
 
 pub(crate) fn run(context: &Context) -> Result<Summary> {
@@ -57,13 +59,17 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
         }
         println!("{seen}; run {run} of {HAND_RUNS}");
     }
-    let (harts, processes) = (
-        moved(context, "harts.toml")?,
-        moved(context, "system.toml")?,
-    );
-    if harts.len() != 2 || harts != processes {
-        let seen = format!("in simulated time, {harts:?} on harts, {processes:?} as processes");
-        return Err(seen.into());
+    for robot in ROBOTS {
+        let (harts, processes) = (
+            moved(context, robot, "harts.toml")?,
+            moved(context, robot, "system.toml")?,
+        );
+        if harts.len() != 2 || harts != processes {
+            let seen = format!(
+                "{robot} in simulated time: {harts:?} on harts, {processes:?} as processes"
+            );
+            return Err(seen.into());
+        }
     }
     let images = images.display();
     let exact =
@@ -77,14 +83,15 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
         return Err("no program has tests of harts".into());
     }
     Ok(Summary::of(format!(
-        "the hand on harts for {HAND_SECONDS} s, {EXACT_SECONDS} s of exact stress, {passed} tests"
+        "{} on harts for {HAND_SECONDS} s, {EXACT_SECONDS} s of exact stress, {passed} tests",
+        ROBOTS.join(" and ")
     )))
 }
 
-/// Returns the lines of the hand of a description, run in simulated time.
-fn moved(context: &Context, description: &str) -> Result<Vec<String>> {
+/// Returns the last lines of a robot, run in simulated time.
+fn moved(context: &Context, robot: &str, description: &str) -> Result<Vec<String>> {
     let hand = format!(
-        "target/debug/utah-mit-hand up examples/utah-mit-hand/{description} --clock simulated --speed max --headless --for {HAND_SECONDS}s"
+        "target/debug/{robot} up examples/{robot}/{description} --clock simulated --speed max --headless --for {HAND_SECONDS}s"
     );
     let mut seen = Vec::new();
     context.command(&hand).watch(|line| {

@@ -24,6 +24,10 @@ use crate::tools::{need_qemu, need_target};
 
 /// The name of the project, and of its systems.
 const NAME: &str = "template-check";
+/// The name of a project that begins with a robot.
+const ROBOT: &str = "robot-check";
+/// Lines that the robot may have: its description and its program.
+const ROBOT_LINES: usize = 150;
 /// Lines of Rust that the template may have, without comments and empty lines.
 const LINES: usize = 150;
 /// The time that the joint may take to its target.
@@ -47,23 +51,16 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
 }
 
 fn check(context: &Context, outside: &Path) -> Result<&'static str> {
-    let condor = context.root.join("target/debug/condor");
-    let made = Command::new(condor)
-        .args(["new", NAME, "--path"])
-        .arg(&context.root)
-        .current_dir(outside)
-        .status()?;
-    if !made.success() {
-        return Err(format!("`condor new`: {made}").into());
+    let robot = make(context, outside, ROBOT, &["--robot"])?;
+    let mut lines = 0;
+    for file in ["finger.toml", "src/main.rs"] {
+        lines += fs::read_to_string(robot.directory.join(file))?.lines().count();
     }
-    let project = Project {
-        context,
-        directory: outside.join(NAME),
-    };
-    // Kept from run to run.
-    let target = context.root.join("target/template");
-    fs::create_dir_all(&target)?;
-    symlink(target, project.directory.join("target"))?;
+    if lines > ROBOT_LINES {
+        return Err(format!("the robot has {lines} lines, and may have {ROBOT_LINES}").into());
+    }
+    robot.cargo("cargo test --offline").run()?;
+    let project = make(context, outside, NAME, &[])?;
     project.cargo("cargo test --offline").run()?;
     project.bring_up("condor.toml", NAME, true)?;
 
@@ -81,6 +78,30 @@ fn check(context: &Context, outside: &Path) -> Result<&'static str> {
     firmware::build(context, &["monitor"], HARTS_TARGET, "release", &[])?;
     project.bring_up("harts.toml", &format!("{NAME}-on-harts"), false)?;
     Ok(" and on a hart")
+}
+
+/// Makes a project outside of the tree, as a new user does.
+fn make<'c>(
+    context: &'c Context,
+    outside: &Path,
+    name: &str,
+    options: &[&str],
+) -> Result<Project<'c>> {
+    let made = Command::new(context.root.join("target/debug/condor"))
+        .args(["new", name, "--path"])
+        .arg(&context.root)
+        .args(options)
+        .current_dir(outside)
+        .status()?;
+    if !made.success() {
+        return Err(format!("`condor new {name}`: {made}").into());
+    }
+    let directory = outside.join(name);
+    // Kept from run to run.
+    let target = context.root.join("target/template");
+    fs::create_dir_all(&target)?;
+    symlink(target, directory.join("target"))?;
+    Ok(Project { context, directory })
 }
 
 /// Counts lines of Rust, and finds no unsafe code.

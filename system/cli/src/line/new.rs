@@ -1,4 +1,4 @@
-//! `condor new`: a project of one's own, made from `examples/two-processors`.
+//! `condor new`: a project of one's own, made from an example.
 
 use std::fs::{self, Permissions};
 use std::io;
@@ -11,20 +11,47 @@ use tempfile::Builder;
 
 use super::AnyError;
 
-/// The place of the template in Condor's source tree, and its name.
-const TEMPLATE: &str = "examples/two-processors";
-const NAME: &str = "two-processors";
-/// The files that are made there when it is built or run.
-const MADE: [&str; 3] = ["target", "Cargo.lock", ".condor-fs"];
-/// The text that only the manifest of a package outside of another workspace has.
-const WORKSPACE: &str = "
+/// An example that becomes a project.
+struct Template {
+    /// The name of its package, and of its directory in `examples`.
+    name: &'static str,
+    /// The files that are made there when it is built or run.
+    made: &'static [&'static str],
+    /// The text that only the manifest of a package outside of another workspace has.
+    workspace: &'static str,
+    /// The commands to type next.
+    next: &'static str,
+}
+
+const PROCESSORS: Template = Template {
+    name: "two-processors",
+    made: &["target", "Cargo.lock", ".condor-fs"],
+    workspace: "
 [workspace]
 members = [\"hart\"]
 
 [profile.release]
 debug = 1
 lto = \"fat\"
-";
+",
+    next: "    \
+           cargo test         # both programs in virtual time\n    \
+           cargo run -- up    # both as processes of this machine; F1 is help",
+};
+
+const ROBOT: Template = Template {
+    name: "one-finger",
+    made: &["target", "Cargo.lock", "files", ".gitignore"],
+    workspace: "
+[workspace]
+
+[profile.release]
+debug = 1
+",
+    next: "    \
+           cargo test                   # the robot moves in simulated time\n    \
+           cargo run --release -- up    # the robot, with its master's terminal; F1 is help",
+};
 
 #[derive(Debug, Args)]
 pub(super) struct NewArguments {
@@ -33,6 +60,9 @@ pub(super) struct NewArguments {
     /// The directory with Condor's source tree; the project depends on the crates there
     #[arg(long, value_name = "CONDOR")]
     path: PathBuf,
+    /// Begins with a robot that a file describes, instead of two processors with programs
+    #[arg(long)]
+    robot: bool,
 }
 
 impl NewArguments {
@@ -46,9 +76,13 @@ impl NewArguments {
             )
         })?;
         let tree = fs::canonicalize(&self.path).map_err(|error| format!("`{condor}`: {error}"))?;
-        let template = tree.join(TEMPLATE);
-        if !template.is_dir() {
-            let text = format!("`{condor}` is not Condor's source tree: it has no `{TEMPLATE}`");
+        let template = if self.robot { ROBOT } else { PROCESSORS };
+        let from = tree.join("examples").join(template.name);
+        if !from.is_dir() {
+            let text = format!(
+                "`{condor}` is not Condor's source tree: it has no `examples/{}`",
+                template.name
+            );
             return Err(text.into());
         }
         let plain = |path: &&str| !path.contains(['"', '\\']);
@@ -69,14 +103,14 @@ impl NewArguments {
             .permissions(Permissions::from_mode(0o777))
             .tempdir_in(parent.unwrap_or(Path::new(".")))
             .map_err(io)?;
-        copy(&template, part.path(), &|text| {
+        copy(&from, part.path(), template.made, &|text| {
             text.replace("../../../", "../../")
                 .replace("../../", &format!("{tree_name}/"))
-                .replace(NAME, name)
-                .replace(&NAME.replace('-', "_"), &name.replace('-', "_"))
+                .replace(template.name, name)
+                .replace(&template.name.replace('-', "_"), &name.replace('-', "_"))
         })?;
         let manifest = part.path().join("Cargo.toml");
-        let text = fs::read_to_string(&manifest)? + WORKSPACE;
+        let text = fs::read_to_string(&manifest)? + template.workspace;
         fs::write(manifest, text)?;
         // The versions with which the crates are tested.
         let lock = tree.join("Cargo.lock");
@@ -94,9 +128,8 @@ impl NewArguments {
         // The directory has its own name now, and nothing is left to remove.
         let _ = part.keep();
         println!(
-            "`{directory}` is made. Its README.md says what to do next:\n\n    cd {directory}\n    \
-             cargo test         # both programs in virtual time\n    \
-             cargo run -- up    # both as processes of this machine; F1 is help"
+            "`{directory}` is made. Its README.md says what to do next:\n\n    cd {directory}\n{}",
+            template.next
         );
         Ok(())
     }
@@ -110,16 +143,21 @@ fn is_package(name: &str) -> bool {
 }
 
 /// Copies what is in a directory, with its texts changed.
-fn copy(from: &Path, to: &Path, change: &dyn Fn(String) -> String) -> Result<(), AnyError> {
+fn copy(
+    from: &Path,
+    to: &Path,
+    made: &[&str],
+    change: &dyn Fn(String) -> String,
+) -> Result<(), AnyError> {
     for entry in fs::read_dir(from)? {
         let entry = entry?;
-        if MADE.iter().any(|made| entry.file_name() == *made) {
+        if made.iter().any(|made| entry.file_name() == *made) {
             continue;
         }
         let (from, to) = (entry.path(), to.join(entry.file_name()));
         if from.is_dir() {
             fs::create_dir(&to)?;
-            copy(&from, &to, change)?;
+            copy(&from, &to, made, change)?;
         } else {
             let text = fs::read_to_string(&from);
             let text = text.map_err(|error| format!("`{}`: {error}", from.display()))?;

@@ -125,7 +125,7 @@ fn the_hand_is_controlled_by_the_same_bits_as_on_this_machine() {
          arguments = [{}]\non_failure = \"leave\"\n\
          [[processors]]\nnumber = 4\nname = \"p4\"\nprogram = {:?}\narguments = [\"program\", {}]\n\
          on_failure = \"leave\"\n",
-        image("utah-mit-hand-hart"),
+        image("rack-hart"),
         replay("hart.out"),
         condor,
         replay("process.out"),

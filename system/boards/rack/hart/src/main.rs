@@ -1,4 +1,4 @@
-//! The processors of the Utah/MIT hand. The programs are those of `condor-robot`; the first
+//! The processors of a robot whose boards are the rack. The programs are those of `condor-robot`; the first
 //! argument selects one of them.
 #![no_std]
 #![no_main]
