@@ -15,7 +15,7 @@ use crate::wire::{FileStatus, Operation, RequestSlot, Space, rename, slot};
 /// A file operation in progress: `.await` it, or block on it with [`wait`](Self::wait).
 ///
 /// The methods whose names begin with `begin_` return tickets. The request is sent when the ticket is
-/// first polled and no other operation is under way. From then on the ticket occupies the file system
+/// first polled and no other operation is under way. From then on the ticket occupies the filesystem
 /// until it completes or is dropped. Meanwhile a call from a context that interrupts it returns
 /// [`Errno::BUSY`], a call from any other context waits, and other tickets are queued.
 ///

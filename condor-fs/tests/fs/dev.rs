@@ -107,7 +107,7 @@ fn every_misuse_has_its_error() {
                 "nothing",
                 0,
                 OpenMode::READ,
-                "there is no device nothing; there are: adc",
+                "there is no device nothing; the devices are: adc",
             ),
             (
                 ":fs/none",
@@ -119,13 +119,13 @@ fn every_misuse_has_its_error() {
                 "fs/../a",
                 0,
                 OpenMode::READ,
-                "fs/../a: Outside of the tree, or on another file system (EXDEV)",
+                "fs/../a: The path is outside of the served tree, or on another filesystem (EXDEV)",
             ),
             (
                 ":fs/a",
                 1,
                 OpenMode::READ,
-                "there is no :fs/a board 1: there may be 1",
+                "there is no :fs/a board 1: the program has 1, numbered from 0",
             ),
         ] {
             let error = switch.open(name, board, mode).unwrap_err();

@@ -9,7 +9,7 @@ pub type AccessOutcome = Result<u32, WindowErrorKind>;
 
 /// The failure of a window's check.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{check}: {len} bytes at offset {offset:#x} gave {found:x?}, expected {expected:x?}")]
+#[error("{check}: {len} bytes at offset {offset:#x} returned {found:x?}, expected {expected:x?}")]
 pub struct WindowFailure {
     /// The rule that is broken.
     pub check: &'static str,

@@ -62,7 +62,7 @@ pub enum HostError {
     #[error(transparent)]
     Reader(#[from] TerminalReaderError),
     /// The sink returned this error.
-    #[error("the sink of a terminal fails: {0}")]
+    #[error("cannot pass on the output of a terminal: {0}")]
     Sink(#[from] io::Error),
     /// The mailbox returned this error.
     #[error(transparent)]
