@@ -44,7 +44,11 @@ impl Queue {
                 return Ok(Self { view, master });
             }
         }
-        Err(format!("no processor of `{}` is a master", status.system).into())
+        Err(format!(
+            "no running processor of `{}` is a master: start the processor of the master",
+            status.system
+        )
+        .into())
     }
 
     pub(crate) const fn post(&self) -> &Post {
@@ -204,7 +208,7 @@ impl MotionSender for Offers {
         let offered = client.offer(identity, name.as_bytes(), ANSWER);
         // An accepted motion runs all the same, and others need not take control away.
         let given_up = client.give_up_control(session, ANSWER);
-        let uncertain = |error: MotionsError| format!("{error}; the motion may run all the same");
+        let uncertain = |error: MotionsError| format!("{error}; the motion may run nevertheless");
         offered.map_err(uncertain)?;
         given_up?;
         Ok(self.last)

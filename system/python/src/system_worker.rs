@@ -72,7 +72,7 @@ impl SystemWorker {
         ready.unwrap_or_else(|_| {
             let after = timeout.as_secs_f64();
             Err(Failure::timed_out(format!(
-                "the system was not joined within {after} s"
+                "the system could not be joined within {after} s"
             )))
         })?;
         Ok(Self {
@@ -95,7 +95,9 @@ impl SystemWorker {
         });
         let sent = match &*self.jobs.lock().unwrap_or_else(PoisonError::into_inner) {
             Some(jobs) => jobs.send(job).is_ok(),
-            None => return Err(Failure::new_other("the system was left").into()),
+            None => {
+                return Err(Failure::new_other("the connection to the system was closed").into());
+            }
         };
         if !sent {
             return Err(Failure::new_other(ENDED).into());
@@ -113,7 +115,7 @@ impl SystemWorker {
                 Err(RecvTimeoutError::Disconnected) => return Err(Failure::new_other(ENDED).into()),
                 Err(RecvTimeoutError::Timeout) if begun.elapsed() > timeout + PATIENCE => {
                     let after = begun.elapsed().as_secs();
-                    let text = format!("the system could not be asked within {after} s");
+                    let text = format!("the system did not answer within {after} s");
                     return Err(Failure::timed_out(text).into());
                 }
                 Err(RecvTimeoutError::Timeout) => py.check_signals()?,
@@ -131,7 +133,7 @@ impl SystemWorker {
     }
 }
 
-const ENDED: &str = "the thread that visits the system has ended";
+const ENDED: &str = "the thread that exchanges messages with the system has ended";
 
 fn take<T>(from: &Mutex<Option<T>>) -> Option<T> {
     from.lock().unwrap_or_else(PoisonError::into_inner).take()

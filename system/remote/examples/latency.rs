@@ -65,7 +65,7 @@ fn main() -> ExitCode {
 fn run() -> Result<(), AnyError> {
     let words: Vec<_> = std::env::args().skip(1).collect();
     let [place, client, robot] = &words[..] else {
-        return Err("expected a place, the name of a client, and a robot".into());
+        return Err("expected an address, the name of a client, and the name of a robot".into());
     };
     let network = Network::open(&RemoteAccess::to(place), client, PATIENCE)?;
     let remote = Remote::new(&network, robot)?;

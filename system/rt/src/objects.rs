@@ -96,14 +96,14 @@ pub struct SharedObject {
 pub enum ObjectError {
     /// The table would not lie at the offset 0, where hosts look for it.
     #[error(
-        "the object table would be at offset {offset}, but hosts look for it at 0: make it first of all"
+        "the object table would be at offset {offset}, but hosts look for it at 0: make it before all other objects"
     )]
     NotFirst {
         /// The offset at which it would lie, in bytes.
         offset: u32,
     },
     /// A name is longer than [`NAME_BYTES`].
-    #[error("an object's name has at most {NAME_BYTES} bytes, and that of `{name}...` has {len}")]
+    #[error("an object's name has at most {NAME_BYTES} bytes, but `{name}...` has {len}")]
     Name {
         /// The beginning of the name.
         name: ShortText<32>,

@@ -35,7 +35,7 @@ pub enum CatalogError {
         most: usize,
     },
     /// The variables that a [`Watch`] describes need more or fewer words than [`Watch::words`] has.
-    #[error("block {block} has {words} words, but its variables do not")]
+    #[error("block {block} has {words} words, but its variables need another number")]
     Block {
         /// The index of the `Watch` in the catalog: variables first, then parameters.
         block: usize,
@@ -50,7 +50,7 @@ pub enum CatalogError {
         parameter: usize,
     },
     /// There are more of some item than the layout or the object can hold.
-    #[error("{count} {what}; {most} is the most")]
+    #[error("there are {count} {what}, but at most {most} are possible")]
     TooMany {
         /// The kind of item.
         what: &'static str,

@@ -160,7 +160,7 @@ pub enum CellError {
     #[error("the table describes no published cell")]
     NoCell,
     /// The buffer is too short for the value.
-    #[error("the value has {bytes} bytes, and there is room for {room}")]
+    #[error("the value has {bytes} bytes, but there is room for {room}")]
     Room {
         /// The size of the value, in bytes.
         bytes: usize,

@@ -220,7 +220,7 @@ fn time_stands_until_a_killed_program_has_entered_again() {
                 break;
             }
             let clock = status.clock.unwrap();
-            if clock.waits_for != "the program of processor 0, which has not entered" {
+            if clock.waits_for != "the program of processor 0, which does not run yet" {
                 // The other one still has the turn, or the program has just entered again.
                 if stood.is_some() {
                     break;

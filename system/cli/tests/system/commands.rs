@@ -401,7 +401,10 @@ fn watchers_have_a_selection_each_and_end_by_themselves() {
             watch("a:soft", "1"),
         ];
         let wrong = complaint(&up, &["vars", "get", "a:ticks"]);
-        assert!(wrong.contains("all 4 slots are claimed"), "{wrong}");
+        assert!(
+            wrong.contains("all 4 slots for watchers are in use"),
+            "{wrong}"
+        );
         for ((mut child, mut lines, mut text), (name, every)) in watchers.into_iter().zip([
             ("a:ticks", 3),
             ("a:joint.position", 1),
@@ -442,7 +445,10 @@ fn the_slot_of_a_killed_watcher_is_taken_back() {
         })
         .collect();
     let wrong = complaint(&up, &["vars", "get", "a:ticks"]);
-    assert!(wrong.contains("all 4 slots are claimed"), "{wrong}");
+    assert!(
+        wrong.contains("all 4 slots for watchers are in use"),
+        "{wrong}"
+    );
     let (killed, _) = &mut watchers[1];
     killed.kill().unwrap();
     killed.wait().unwrap();

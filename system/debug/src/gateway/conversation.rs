@@ -102,7 +102,7 @@ impl<W: MemoryWindow> Session<W> {
             Ok(true) => {}
             Ok(false) => {
                 return Err(SessionError::Connection(
-                    "it does not begin like GDB's".into(),
+                    "the client did not begin as GDB does".into(),
                 ));
             }
             Err(error) => return Err(SessionError::Connection(error.to_string())),
@@ -418,7 +418,9 @@ impl<'s, W: MemoryWindow> Conversation<'s, W> {
         };
         if !self.is_non_stop {
             let name = &attached.debuggee.name;
-            let text = format!("{name}: no step leads there; break where the program goes on\n");
+            let text = format!(
+                "{name}: cannot step from here; set a breakpoint where the program continues\n"
+            );
             let packet = [b"O", &*hexed(text.as_bytes())].concat();
             self.stream.send(&packet).map_err(|it| lost(&it))?;
         }

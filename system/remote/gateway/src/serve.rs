@@ -151,7 +151,10 @@ impl Door {
             }
             let (client, right) = (&asked.client, right.word());
             self.tell(client, right);
-            let error = format!("the client `{client}` has no right to {right}");
+            let error = format!(
+                "the client `{client}` does not have the right `{right}`; the gateway's \
+                                 configuration grants rights"
+            );
             Err(RemoteRefusal::new(error, false))
         });
         let job = match asked {
@@ -168,7 +171,7 @@ impl Door {
         };
         if let Err(TrySendError::Full(job) | TrySendError::Disconnected(job)) = to.try_send(job) {
             job.refuse(&RemoteRefusal::new(
-                format!("{WAITING} requests wait already"),
+                format!("{WAITING} requests are waiting already; try again"),
                 true,
             ));
         }
@@ -182,7 +185,10 @@ impl Door {
         // Names are made up easily.
         if told.len() < WAITING && !told.contains_key(client) {
             told.insert(client.into(), (now, 0));
-            log::tell(client, &format!("was refused: it has no right to {right}"));
+            log::tell(
+                client,
+                &format!("was refused: it does not have the right `{right}`"),
+            );
         }
     }
 }

@@ -364,7 +364,7 @@ type Sim = sim::SimMachine<condor_rt::Silent>;
 fn what_is_wrong_with_a_setup_is_said_with_its_name() {
     assert_eq!(
         error(4096, |machine| Setup::new(machine)?.console().map(|_| ())),
-        "`console` needs 8320 bytes of the window, and 4032 are left: raise `window_bytes` by 4288"
+        "`console` needs 8320 bytes of the processor's window, but 4032 are left: raise `window_bytes` by 4288"
     );
     assert_eq!(
         error(WINDOW_BYTES, |machine| Setup::new(machine)?

@@ -164,9 +164,9 @@ fn what_is_over_the_capacity_is_refused_with_its_number() {
         opened.map(drop).map_err(|error| error.to_string())
     };
     assert_eq!(open(&[&one, &one, &one], 4), Ok(()));
-    let many = "4 blocks of variables; 3 is the most".to_owned();
+    let many = "there are 4 blocks of variables, but at most 3 are possible".to_owned();
     assert_eq!(open(&[&one, &one, &one, &one], 4), Err(many));
-    let watchers = "5 watchers; 4 is the most".to_owned();
+    let watchers = "there are 5 watchers, but at most 4 are possible".to_owned();
     assert_eq!(open(&[&one], 5), Err(watchers));
 }
 

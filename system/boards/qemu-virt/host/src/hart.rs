@@ -26,10 +26,9 @@ use condor_rt::numbers::PROCESSORS;
 const BACK: Duration = Duration::from_secs(3);
 
 /// The end of a program that was taken off its hart.
-const ABANDONED: &str = "killed: its hart is in the monitor again";
+const ABANDONED: &str = "killed; its hart can run another program";
 /// The end of a program whose hart does not answer.
-const UNREACHABLE: &str =
-    "its hart does not come back to the monitor until `machine` is started again";
+const UNREACHABLE: &str = "its hart no longer answers; restart the service `machine`";
 
 /// A record of whether a machine is on, by which its [`HartLauncher`]s know it. The code that switches the
 /// machine calls [`switch`](Self::switch). All clones are the same record.
@@ -65,13 +64,13 @@ impl Power {
 #[non_exhaustive]
 pub enum HartError {
     /// The hart belongs to a machine that is not on, or has not come up.
-    #[error("its machine is not on, or its hart {hart} has not come up")]
+    #[error("its machine is not running, or its hart {hart} has not started yet")]
     Off {
         /// The index of the hart.
         hart: u32,
     },
     /// The file is not a program that the hart can run.
-    #[error("{file:?} is no program for hart {hart}: {source}")]
+    #[error("hart {hart} cannot run {file:?}: {source}")]
     Image {
         /// The index of the hart.
         hart: u32,
@@ -90,7 +89,7 @@ pub enum HartError {
     },
     /// The arguments are longer than a hart takes.
     #[error(
-        "these arguments have {found} bytes, each with a zero after it, and a hart takes {ARGUMENT_BYTES}"
+        "the arguments need {found} bytes, with a zero after each; a hart has room for {ARGUMENT_BYTES}"
     )]
     Arguments {
         /// The size of the arguments in bytes, with a zero after each.
@@ -241,7 +240,7 @@ impl HartLauncher {
         let lock = debuggee::lock(&self.memory, self.number);
         // Without the memory there is nothing to be released.
         if self.cleaner.look(&self.tracer, &lock) == Ok(true) {
-            self.report = Some("its debugger has died: breakpoints are removed".into());
+            self.report = Some("its debugger has died, so its breakpoints were removed".into());
         }
     }
 
