@@ -86,7 +86,7 @@ pub struct Socket {
 pub enum BoardError {
     /// A channel without a socket.
     #[error(
-        "the rack has no {} board {} with a channel {}",
+        "the rack has no {} board {} that has a channel {}; correct the channel in the configuration",
         channel.converter, channel.board, channel.channel
     )]
     NoSocket {
@@ -95,7 +95,7 @@ pub enum BoardError {
     },
     /// Counts that do not fit into a register.
     #[error(
-        "{} board {} channel {} has {bits} bits from {zero} counts at zero, and a register 16 bits",
+        "{} board {} channel {} has {bits} bits from {zero} counts at zero, but a register has 16 bits",
         channel.converter, channel.board, channel.channel
     )]
     Bits {
@@ -108,7 +108,7 @@ pub enum BoardError {
     },
     /// A board of outputs that two processors write; opening it rests the outputs of both.
     #[error(
-        "processors {first} and {second} both write D/A board {board}, and a board has one owner"
+        "processors {first} and {second} both write D/A board {board}, but a board must have one owner"
     )]
     Shared {
         /// The board of the rack, from 0.

@@ -43,7 +43,7 @@ pub enum Failure {
     #[error(transparent)]
     Wires(#[from] WiresError),
     /// The bus did not answer the simulated robot.
-    #[error("the bus at address {address:#x}: {kind}")]
+    #[error("the bus failed at address {address:#x}: {kind}")]
     Bus {
         /// The address on the bus.
         address: usize,
@@ -63,13 +63,13 @@ pub enum Failure {
         processor: u8,
     },
     /// The form of a finger has no closed solution.
-    #[error("finger {finger} is not a planar one of four joints")]
+    #[error("finger {finger} must be a planar finger of four joints")]
     Form {
         /// The finger, from 0.
         finger: usize,
     },
     /// The hand has another number of fingers than the simulated robot.
-    #[error("the configuration has {fingers} fingers, the simulated robot {simulated}")]
+    #[error("the configuration has {fingers} fingers, but the simulated robot has {simulated}")]
     Hand {
         /// The number of fingers in the configuration.
         fingers: usize,
@@ -77,7 +77,7 @@ pub enum Failure {
         simulated: usize,
     },
     /// A finger cannot be controlled.
-    #[error("finger {finger}: {error}")]
+    #[error("cannot control finger {finger}: {error}")]
     Controller {
         /// The finger, from 0.
         finger: usize,

@@ -94,7 +94,7 @@ fn enqueue(asked: &MotionArguments) -> Result<bool, AnyError> {
     let mut client = queue.client()?;
     let session = client.open(ANSWER)?;
     take_control(&mut client, session, asked.from_other, ANSWER)
-        .map_err(|error| format!("{error}; `--control` takes it"))?;
+        .map_err(|error| format!("{error}; `--control` takes control from it"))?;
     let outcome = match &points {
         Some(points) => run_stream(&mut client, queue.post(), session, points),
         None => run_all(&mut client, queue.post(), session, &asked.motions),
@@ -108,8 +108,8 @@ fn tell_if_paused(directory: &SystemDirectory) -> Result<(), AnyError> {
     let status = ControlClient::connect(directory)?.status()?;
     if status.clock.is_some_and(|clock| clock.paused) {
         eprintln!(
-            "utah-mit-hand motion: waits, since the simulated time is paused; `utah-mit-hand clock resume` or \
-             `step` lets it go on"
+            "utah-mit-hand motion: the motion waits, since the simulated time is paused; `utah-mit-hand clock \
+             resume` or `step` continues it"
         );
     }
     Ok(())

@@ -58,7 +58,7 @@ impl Queue {
     /// Makes the client, of which there may be one at a time.
     pub(crate) fn client(&self) -> Result<MotionsClient<'_, Post, LinuxWindow>, AnyError> {
         let region = self.view.region(self.master)?;
-        let blocks = objects::motions(&region)?.ok_or("the master has ended")?;
+        let blocks = objects::motions(&region)?.ok_or("the program of the master has ended")?;
         Ok(MotionsClient::new(
             self.post(),
             self.master,
@@ -77,7 +77,7 @@ pub(crate) fn take_control(
 ) -> Result<(), AnyError> {
     match client.control(session, from_other, timeout)? {
         own if own == session => Ok(()),
-        other => Err(format!("session {other} is in control").into()),
+        other => Err(format!("another program is in control, by session {other}").into()),
     }
 }
 
@@ -116,7 +116,7 @@ impl Offers {
     /// Looks what has become of a motion.
     fn look(&mut self, id: u64) -> Result<MotionOutcome, AnyError> {
         let (Some(request), Some(queue)) = (self.requests.get_mut(&id), &self.queue) else {
-            return Err(format!("motion {id} is not known, or no longer").into());
+            return Err(format!("the master does not know motion {id}, or no longer").into());
         };
         let seen = queue.client()?.look(request.identity, ANSWER)?;
         let (state, reason, is_final) = match seen.answer {

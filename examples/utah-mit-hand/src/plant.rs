@@ -228,7 +228,7 @@ impl Program for Plant {
             })
             .background(|background| {
                 let (name, hz) = (&hand.name, arguments.rate_hz);
-                background.print(format_args!("is the hand {name}, at {hz} Hz\n"));
+                background.print(format_args!("simulates the hand {name} at {hz} Hz\n"));
                 let (mut tripped, mut failures, mut lost) = (0, 0, 0);
                 start::attend(background, || {
                     let seen = with(&shared, |robot| {
@@ -242,16 +242,16 @@ impl Program for Plant {
                         let ms = arguments.watchdog_ms;
                         if is_new && now >> board & 1 != 0 {
                             background.print(format_args!(
-                                "D/A board {board} rests: nothing came for {ms} ms\n"
+                                "D/A board {board} rests: no values came for {ms} ms\n"
                             ));
                         } else if is_new {
-                            background.print(format_args!("D/A board {board} goes on\n"));
+                            background.print(format_args!("D/A board {board} works again\n"));
                         }
                     }
                     if let Some(cause) = cause.filter(|_| failed != failures) {
                         background.print(format_args!(
-                            "{failed} ticks in which the robot or its bus failed: {cause}; `clear` at \
-                             the master puts the robot back to its start\n"
+                            "the robot or its bus failed in {failed} ticks: {cause}; `clear` at the master puts the \
+                             robot back to its start\n"
                         ));
                     }
                     if balls != lost {

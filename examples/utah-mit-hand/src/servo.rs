@@ -184,7 +184,7 @@ fn serve<M: Machine>(
         .background(|background| {
             let say = |line: Arguments<'_>| background.print(format_args!("{line}\n"));
             let names = Names(hand, served(hand, number));
-            say(format_args!("serves {names} at {rate_hz} Hz"));
+            say(format_args!("controls {names} at {rate_hz} Hz"));
             let mut heard = LoopNews::NOTHING;
             attend(background, recording.as_ref(), || {
                 partners.look()?;

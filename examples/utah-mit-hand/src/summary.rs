@@ -72,7 +72,7 @@ pub(crate) fn of(
     let file = description
         .robot
         .as_ref()
-        .ok_or("the description has no `robot`")?;
+        .ok_or("the description of the system has no key `robot`")?;
     let hand = read_hand(file)?;
     let view = View::open(directory, description.window_bytes)?;
     print(&view, &hand)?;

@@ -203,11 +203,11 @@ pub enum TableRefusal {
 impl fmt::Display for TableRefusal {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
-            Self::Operation => "it has no such operation",
+            Self::Operation => "it does not know this operation",
             Self::Busy => "it is busy with another request: ask again",
-            Self::NotReady => "it has not been home, or has failed: `table home`",
-            Self::Speed => "a speed is above 0 and at most 1",
-            Self::Motion => "the motion goes beyond its limits, or is one too many",
+            Self::NotReady => "it has not been home, or has failed: type `table home`",
+            Self::Speed => "the speed must be above 0 and at most 1",
+            Self::Motion => "the motion goes beyond the limits of the table, or is one too many",
         })
     }
 }

@@ -23,7 +23,7 @@ impl Texts {
     fn path(&self, file: &str) -> Result<PathBuf, AnyError> {
         if !file.strip_suffix(SUFFIX).is_some_and(is_name) {
             return Err(format!(
-                "{file:?} is no name of a motion file: it has up to 24 letters, digits, `-` and `_`, and \
+                "{file:?} cannot be the name of a motion file: a name has up to 24 letters, digits, `-` and `_`, and \
                  ends with {SUFFIX}"
             )
             .into());
@@ -74,7 +74,7 @@ impl MotionFiles for Texts {
         };
         match write() {
             Err(error) if error.kind() == ErrorKind::AlreadyExists => {
-                Err(format!("there is a file {file} already").into())
+                Err(format!("the file {file} exists already").into())
             }
             written => Ok(written.map_err(|error| told(&path, &error))?),
         }
@@ -135,7 +135,7 @@ mod tests {
         texts.write("former.toml", &long(), true).unwrap();
         texts.write("new.toml", &long(), false).unwrap();
         let again = texts.write("new.toml", &long(), false).unwrap_err();
-        assert_eq!(again.to_string(), "there is a file new.toml already");
+        assert_eq!(again.to_string(), "the file new.toml exists already");
         assert_eq!(texts.read("former.toml").unwrap(), long());
         assert_eq!(texts.list().unwrap(), ["former.toml", "new.toml"]);
     }

@@ -229,10 +229,10 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
             let number = servo.number;
             if servo.is_known {
                 say(format_args!(
-                    "processor {number} was restarted: `enable` takes up {names} again"
+                    "processor {number} was restarted: `enable` makes {names} hold again"
                 ));
             } else {
-                say(format_args!("processor {number} serves {names}"));
+                say(format_args!("processor {number} controls {names}"));
             }
             servo.is_known = true;
         }

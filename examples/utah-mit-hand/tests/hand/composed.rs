@@ -244,7 +244,7 @@ fn motions_are_opened_and_saved() {
     page.fails(
         "/sim/save",
         &save(&other, false),
-        "there is a file mine.toml already",
+        "the file mine.toml exists already",
     );
     assert_eq!(files(&mut stranger), json!(["mine.toml"]));
     let open = json!({ "file": "mine.toml" });

@@ -341,7 +341,7 @@ fn a_guard_of_contact_needs_a_sensor() {
         );
         assert_eq!(
             typist.says("run close"),
-            "motion 1 has a guard of contact, and ring has no tactile sensor\n"
+            "motion 1 is to stop at contact, but ring has no tactile sensor\n"
         );
         typist.writes(
             "close",
