@@ -258,8 +258,8 @@ impl<'s> Live<'s> {
         let channels = self.feeds.add(first, sources, &columns);
         self.server.advertise(channels);
         if ones.iter().any(CatalogEntry::can_be_set) {
-            let text = "parameters of programs that have come later are set by `condor vars set`, or \
-                        here after `condor view` is started again";
+            let text = "parameters of programs that started later can be set by `condor vars set`, or here after \
+                        `condor view` is started again";
             eprintln!("condor: {text}");
             self.server.tell(text);
         }

@@ -28,7 +28,7 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
         Ok(()) => (format!("+{msrv}"), None),
         Err(problem) => (
             String::new(),
-            Some(format!("{msrv}, not to be had: {problem}")),
+            Some(format!("{msrv}, which cannot be installed: {problem}")),
         ),
     };
     let check = |what: &str| -> Line {
@@ -70,7 +70,7 @@ fn promised(members: &[Value]) -> Result<String> {
         .collect();
     match versions.iter().collect::<Vec<_>>()[..] {
         [one] if !one.is_empty() => Ok((*one).to_owned()),
-        _ => Err(format!("not one rust-version, but {versions:?}").into()),
+        _ => Err(format!("the packages must have the same rust-version, not {versions:?}").into()),
     }
 }
 

@@ -34,7 +34,7 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
     }
     if !found.is_empty() {
         return Err(format!(
-            "{} circles and sources of others in {files} files",
+            "{} cycles of imports and sources of other packages in {files} files",
             found.len()
         )
         .into());
@@ -43,7 +43,7 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
         print!("{}", picture(&packages));
     }
     Ok(Summary::of(format!(
-        "no circle and no source of others in {files} files of {} packages in {} workspaces",
+        "no cycle of imports and no source of another package in {files} files of {} packages in {} workspaces",
         packages.all.len(),
         packages.workspaces
     )))
@@ -107,7 +107,7 @@ fn of_rooms(modules: &Modules) -> impl Iterator<Item = String> {
 fn told(what: &'static str, circles: Vec<Vec<Vec<String>>>) -> impl Iterator<Item = String> {
     circles.into_iter().map(move |circle| {
         let names: Vec<_> = circle.iter().map(|path| path.join("::")).collect();
-        format!("a circle of {what}: {}", names.join(", "))
+        format!("a cycle of {what}: {}", names.join(", "))
     })
 }
 
@@ -158,7 +158,7 @@ mod tests {
 
         let packages = Packages::read(root.path()).unwrap();
         assert_eq!((packages.workspaces, packages.files()), (2, 6));
-        assert_eq!(found(&packages), ["top: a circle of files: a, b"]);
+        assert_eq!(found(&packages), ["top: a cycle of files: a, b"]);
         assert_eq!(picture(&packages), " 0  bottom 4\n 1  top 6\n");
     }
 

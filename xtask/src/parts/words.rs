@@ -94,7 +94,7 @@ fn judge(listed: &Table, counts: &Table, found: &Findings) -> Result<()> {
     }
     let (fewer, more) = (remedies.len() - more.len(), more.len());
     Err(format!(
-        "{more} files have too many findings, {fewer} have fewer than xtask/words.toml says"
+        "{more} files have too many findings, and {fewer} have fewer than xtask/words.toml says"
     )
     .into())
 }

@@ -38,21 +38,22 @@ const LOOK: Duration = Duration::from_millis(250);
 #[derive(Debug, Args)]
 pub(crate) struct Plot {
     /// The variables of the first pane, of any loops; if several have the same name, put PROCESSOR: or
-    /// PROCESSOR:LOOP: before it. PROCESSOR:EXPRESSION is a number of a hart's program, as `print` has it. In a name, * stands for any characters, and ? for one. A first name
-    /// that ends with .mcap is the recording whose variables are drawn, instead of those of a system
+    /// PROCESSOR:LOOP: before it. PROCESSOR:EXPRESSION is a number of a hart's program, as for `print`. In a name,
+    /// * stands for any characters, and ? for one. If the first name ends with .mcap, it is a recording, and
+    /// variables of the recording are drawn instead of those of a system
     #[arg(required_unless_present_any = ["panes", "robot"])]
     names: Vec<String>,
-    /// Adds a pane with these variables, separated by blanks; may be given several times
+    /// Adds a pane with these variables, separated by spaces; may be given several times
     #[arg(long = "pane", value_name = "NAMES")]
     panes: Vec<String>,
-    /// The time that is seen at once, such as 10s, which is the default; of a recording, all by default
+    /// The length of time that is shown, such as 10s; by default 10s, or all of a recording
     #[arg(long, value_name = "TIME", value_parser = duration)]
     span: Option<Duration>,
     /// Shows the time around each instant at which a variable passes a level: NAME>LEVEL or NAME<LEVEL,
-    /// and ~WIDTH behind it for a hysteresis
+    /// followed by ~WIDTH for a hysteresis
     #[arg(long, value_name = "CONDITION")]
     trigger: Option<Condition>,
-    /// Draws the robot, too
+    /// Also draws the robot
     #[arg(long)]
     robot: bool,
     #[command(flatten)]
@@ -135,7 +136,7 @@ impl Plot {
         let robot = file.map(|file| robot_of(&file, application));
         let robot = robot.transpose()?.flatten();
         if self.robot && robot.is_none() {
-            return Err("this program has no lines for the robot".into());
+            return Err("this program cannot draw the robot".into());
         }
         let span = self.span.unwrap_or(span);
         let mut plot = plot::Plot::new(span, robot.map(Figure::new), has_colors());

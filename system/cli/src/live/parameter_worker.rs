@@ -245,7 +245,7 @@ impl Clerk<'_> {
         let value = self.clients.value(one);
         let value = value.map_err(|error| self.failed(number, &error))?;
         self.silent.remove(&number);
-        let value = value.ok_or_else(|| "it is no parameter any more".to_owned())?;
+        let value = value.ok_or_else(|| "it is not a parameter any more".to_owned())?;
         let is_float = matches!(one.of.kind, ValueKind::F32 | ValueKind::F64);
         let parameter = Parameter {
             name: String::new(),

@@ -179,7 +179,7 @@ impl Server {
                 && pending.count() + 1 >= HANDSHAKES
             {
                 let client = self.clients.remove(oldest);
-                let reason = format!("more than {HANDSHAKES} handshakes go on");
+                let reason = format!("more than {HANDSHAKES} handshakes are in progress");
                 self.end(client, &End::Refused(reason));
             }
             let Ok(local) = prepare(&stream) else {

@@ -149,7 +149,7 @@ fn a_real_clock_cannot_be_changed() {
     for (change, expected) in [
         (
             &["speed", "0"][..],
-            "\"0\" is no speed: a speed is a number from 0.001 to 1000, or `max`",
+            "\"0\" is not a speed: a speed is a number from 0.001 to 1000, or `max`",
         ),
         (&["speed", "fast"], "\"fast\" is no speed"),
         (&["step", "soon"], "write a time such as 10s or 500ms"),

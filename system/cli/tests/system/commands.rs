@@ -472,7 +472,7 @@ fn a_watch_tells_of_programs_that_come_later() {
     let others = thread::spawn(|| rows.for_each(|row| drop(row.unwrap())));
     load_joint(&up);
     let told = BufReader::new(child.stderr.take().unwrap()).lines();
-    let text = "condor: b:servo has come and is not shown; begin again to watch it";
+    let text = "condor: b:servo started later and is not shown; run the command again to watch it";
     let is_told = told.map(Result::unwrap).any(|line| line == text);
     running::signal(child.id(), Signal::INT);
     assert!(child.wait().unwrap().success() && is_told);

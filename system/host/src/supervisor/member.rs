@@ -529,7 +529,7 @@ impl Member {
                 self.phase = Phase::Failed;
                 self.tell(
                     journal,
-                    format!("failed: {exit}, which a restart would not mend"),
+                    format!("failed: {exit}; a restart would not help, so there is none"),
                 );
             }
             Phase::Starting => self.failed(&format!("ended before it joined: {exit}"), journal),
