@@ -19,7 +19,7 @@ use serving::{AnyError, BYTES, Files, N, ServerProcess, on_processor, served};
 
 const COPIER: Processor = Processor(1);
 const PERIOD: Duration = Duration::from_millis(50);
-/// How many files there are to copy.
+/// The number of files to copy.
 const COUNT: u64 = 1500;
 /// Bytes that are moved at a time.
 const CHUNK: u32 = 64 * 1024;
@@ -74,7 +74,7 @@ fn run() -> Result<(), AnyError> {
     }
 }
 
-/// Kills a server every 50 ms and starts another one; gives how many were killed.
+/// Kills a server every 50 ms and starts another one; returns the number of killed servers.
 fn kill_until(done: &AtomicBool, system: &LinuxSystem<N>, root: &Path) -> Result<u32, AnyError> {
     let mut kills = 0;
     loop {
@@ -91,7 +91,7 @@ fn kill_until(done: &AtomicBool, system: &LinuxSystem<N>, root: &Path) -> Result
     }
 }
 
-/// What runs on the processor: gives how many bytes it copied.
+/// Copies all files, as the program of the processor; returns the number of copied bytes.
 fn copy_tree(
     files: &Files<'_, '_>,
     own: &Region<LinuxWindow>,

@@ -104,7 +104,7 @@ struct Hand(Child);
 
 impl Drop for Hand {
     fn drop(&mut self) {
-        // It has ended already, unless we failed first.
+        // Both fail if the process has ended already, as it does unless this process failed first.
         let _ = self.0.kill();
         let _ = self.0.wait();
     }

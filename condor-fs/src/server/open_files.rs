@@ -328,5 +328,5 @@ pub(super) fn system_flags(flags: u32) -> OFlags {
 /// The name X of WIRE.md.
 pub(super) fn unique_name(processor: Processor, session: u64, sequence: u64) -> CString {
     let name = format!("{:02x}-{session:016x}-{sequence:016x}", processor.0);
-    CString::new(name).unwrap_or_default() // It has no zero.
+    CString::new(name).unwrap_or_default() // The name has no zero byte.
 }

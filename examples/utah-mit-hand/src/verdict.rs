@@ -16,9 +16,9 @@ use observer::Sample;
 /// Set-points are as exact as this, rad.
 const EXACT: f64 = 1e-9;
 
-/// What clients were told, and what was observed.
+/// The outcomes that clients were told, compared with the observed motions.
 pub struct Verdict {
-    /// How often each outcome was told.
+    /// The number of times that each outcome was told.
     counts: BTreeMap<String, u64>,
     /// The requests that were offered.
     pub offered: u64,
@@ -75,7 +75,7 @@ impl fmt::Display for Verdict {
 /// Compares what the clients were told with what was observed.
 ///
 /// # Errors
-/// The hand cannot be read.
+/// Returns an error if the configuration of the hand cannot be read.
 pub fn of(place: &Path) -> Result<Verdict, Box<dyn Error>> {
     let samples = observer::read(place);
     let mut wrong = jumps(&samples)?;
@@ -132,9 +132,9 @@ fn is_loose(sample: &Sample, client: usize) -> bool {
     sample.loose >> (JOINTS[client] / 4) & 1 == 1
 }
 
-/// What was seen of a client's joint.
+/// The observed motion of a client's joint.
 struct Observed {
-    /// Where it came to rest, by its place in units of [`UNIT`]: the samples, and the exact places, rad.
+    /// The positions at which it came to rest, in units of [`UNIT`]: the samples, and the exact positions, rad.
     rests: BTreeMap<i64, Vec<(usize, f64)>>,
     gaps: Vec<Gap>,
 }

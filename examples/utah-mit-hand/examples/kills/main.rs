@@ -57,7 +57,7 @@ impl Application for Hand {
 }
 
 fn main() -> ExitCode {
-    // What the supervisor starts is this program, too.
+    // The supervisor starts this program again, for its processors.
     let word = std::env::args().nth(1);
     if word.is_some_and(|word| !word.starts_with('-')) {
         return condor_cli::main(&Hand);
@@ -114,7 +114,7 @@ fn options(mut arguments: impl Iterator<Item = String>) -> Option<(Duration, u64
     Some((length, seed))
 }
 
-/// What a run has done, in a line.
+/// Returns the results of a run as text.
 fn sum(seen: &Seen) -> String {
     let Seen {
         kills,

@@ -13,7 +13,7 @@ pub const JOINTS: [usize; 3] = [2, 6, 10];
 /// The processor whose set-points are observed.
 pub const MASTER: Processor = Processor(0);
 
-/// The target of a client's request, counted from 0, rad: all differ by more than the set-points are
+/// Returns the target of a client's request, counted from 0, rad: all differ by more than the set-points are
 /// exact.
 #[must_use]
 pub fn target(index: u32) -> f64 {

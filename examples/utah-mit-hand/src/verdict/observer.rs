@@ -60,7 +60,7 @@ impl Sample {
     }
 }
 
-/// What was observed, in the order of time.
+/// Reads the observed samples, in the order of time.
 pub(super) fn read(place: &Path) -> Vec<Sample> {
     let text = std::fs::read_to_string(place.join(LOG)).unwrap_or_default();
     let mut is_first = false;
@@ -75,7 +75,7 @@ pub(super) fn read(place: &Path) -> Vec<Sample> {
     samples
 }
 
-/// Whether a finger of the clients did not follow when it was looked at last.
+/// Returns true if a finger of the clients did not follow at the last look.
 #[must_use]
 pub fn is_loose(place: &Path) -> bool {
     let tail = || {

@@ -10,7 +10,7 @@ mod mpp;
 #[cfg(feature = "sim")]
 pub mod sim;
 
-// What tests and fuzz targets make of bytes.
+// Functions that tests and fuzz targets call with arbitrary bytes.
 #[cfg(feature = "hostile")]
 #[doc(hidden)]
 pub mod hostile;
