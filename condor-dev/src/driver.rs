@@ -11,8 +11,9 @@ use crate::bus::{Bus, Registers, Width};
 ///
 /// # For implementers
 /// A value has the state and the buffer of one board. It lives in a `static`, and background, servo
-/// loops and interrupts access it at the same time through `&self`. The interrupt handler and the other calls share the buffer by atomics, so that neither ever waits for the
-/// other. No call waits for the board: if something cannot be done now, it returns
+/// loops and interrupts access it at the same time through `&self`. The interrupt handler and the other calls share the
+/// buffer by atomics, so that neither ever waits for the other. No call waits for the board: if something cannot be
+/// done now, it returns
 /// [`DeviceError::WouldBlock`].
 ///
 /// Only [`NEW`](Self::NEW) is required; the defaults make a device that has only its own methods

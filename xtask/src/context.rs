@@ -26,7 +26,8 @@ pub(crate) struct Context {
 /// The texts that `words` checks instead of the repository's, and whether it lowers the counts.
 #[derive(clap::Args)]
 pub(crate) struct Words {
-    /// Makes `words` print all findings of the sources in FOLDER and their share, here or of another project; may be repeated
+    /// Makes `words` print all findings of the sources in FOLDER and their share, here or of another project; may be
+    /// repeated
     #[arg(long, value_name = "FOLDER")]
     pub path: Vec<PathBuf>,
     /// With `--path`: checks only the first paragraphs of N public items of each folder

@@ -54,8 +54,8 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize>
 }
 
 impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'m, S, W, FILES> {
-    /// Returns a ticket for the result of the call that ended with [`FileError::TimedOut`](super::FileError::TimedOut) and this
-    /// `receipt`. Bytes that it read into the file's own buffer are copied to `into`, which must have
+    /// Returns a ticket for the result of the call that ended with [`FileError::TimedOut`](super::FileError::TimedOut)
+    /// and this `receipt`. Bytes that it read into the file's own buffer are copied to `into`, which must have
     /// room for them; it may be empty for every other call.
     ///
     /// The result of the last operation that was in doubt is kept, also if other calls have waited for

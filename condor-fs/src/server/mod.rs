@@ -86,8 +86,8 @@ impl FileServer {
     /// lock may outlive it by some milliseconds.
     ///
     /// # Errors
-    /// [`ServerError::Served`] if another running server has this tree for longer than that; [`ServerError::Journal`] if
-    /// its disk is full; [`ServerError::FileMode`] if the server could not open its own files with
+    /// [`ServerError::Served`] if another running server has this tree for longer than that; [`ServerError::Journal`]
+    /// if its disk is full; [`ServerError::FileMode`] if the server could not open its own files with
     /// the modes of `options`; [`ServerError::System`] if the operating system refuses, or if
     /// something cannot be counted for the quota.
     pub fn new(root: impl AsRef<Path>, options: ServerOptions) -> Result<Self, ServerError> {

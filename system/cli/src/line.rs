@@ -51,7 +51,8 @@ enum Command {
     Restart(requests::OneProcessor),
     /// Stops the program of a processor and starts another one there
     Load(requests::Load),
-    /// Stops all programs and services of a running system, within 10 s; kills and names those that do not end when asked
+    /// Stops all programs and services of a running system, within 10 s; kills and names those that do not end when
+    /// asked
     Down(SystemChoice),
     /// Shows a running system on this terminal: terminals, loops, messages, log
     Ui(ui::Ui),

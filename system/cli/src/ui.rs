@@ -56,8 +56,8 @@ pub enum UiError {
 }
 
 /// Shows a running system on this terminal until a person leaves or a signal comes. `tools` are the
-/// programs that the person can start on a processor; `robot` is drawn beside plots, which also show numbers of programs
-/// of `extensions`.
+/// programs that the person can start on a processor; `robot` is drawn beside plots, which also show numbers of
+/// programs of `extensions`.
 ///
 /// # Errors
 /// Returns [`UiError`] if the supervisor or the terminal fails; the terminal is restored then.

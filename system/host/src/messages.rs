@@ -40,8 +40,8 @@ pub fn wall_ns() -> u64 {
     now.map_or(0, |now| u64::try_from(now.as_nanos()).unwrap_or(u64::MAX))
 }
 
-/// Returns the topic, the name of the type, and the layout of the rows of each source. `columns` are the variables in the
-/// columns of the rows.
+/// Returns the topic, the name of the type, and the layout of the rows of each source. `columns` are the variables in
+/// the columns of the rows.
 pub fn layouts(
     topics: &mut Topics,
     sources: &[RowSource],

@@ -190,7 +190,7 @@ class SystemTest(unittest.TestCase):
             watch.read()
             waiting = threading.Thread(target=lambda: read.append(watch.read(100, timeout=DEADLINE_S)))
             waiting.start()
-            # If the thread that waits kept others from running, time would not go on before its time-out.
+            # If the thread that waits kept others from running, time would not go on before its timeout.
             self.system.resume()
             waiting.join(DEADLINE_S)
         (samples,) = read

@@ -231,7 +231,8 @@ impl Remote {
         self.wait(id, left())
     }
 
-    /// Aborts the motion that runs and all that wait: the joints brake within their limits. It is not an emergency stop.
+    /// Aborts the motion that runs and all that wait: the joints brake within their limits. It is not an emergency
+    /// stop.
     ///
     /// # Errors
     /// [`RemoteError::Refused`] if the gateway refuses; [`RemoteError::NoAnswer`] if no answer comes within

@@ -137,8 +137,8 @@ pub trait Machine: Sync {
     /// [`on_one_stack`](crate::on_one_stack).
     ///
     /// # Errors
-    /// [`ProgramError::Rate`] if the rates cannot be scheduled, [`ProgramError::Loop`] or [`ProgramError::Start`] if the
-    /// loops cannot start; `background` has not run then.
+    /// [`ProgramError::Rate`] if the rates cannot be scheduled, [`ProgramError::Loop`] or [`ProgramError::Start`] if
+    /// the loops cannot start; `background` has not run then.
     fn with_loops<R>(
         &self,
         loops: &mut [ServoLoop<'_>],

@@ -431,7 +431,8 @@ impl<'e, M: Machine> Setup<'e, M> {
     /// [`TerminalSettings::OUTPUT`](condor_tty::TerminalSettings::OUTPUT) leaves what is typed to the second.
     ///
     /// # Errors
-    /// [`ProgramError::Full`], [`ProgramError::VectorTaken`], [`ProgramError::LeftOver`], [`ProgramError::Variables`] or
+    /// [`ProgramError::Full`], [`ProgramError::VectorTaken`], [`ProgramError::LeftOver`], [`ProgramError::Variables`]
+    /// or
     /// [`ProgramError::Window`] if something was wrong with the setup; [`ProgramError::Mailbox`] if the mailbox
     /// cannot join; [`ProgramError::Rate`], [`ProgramError::Loop`] or [`ProgramError::Start`] if the loops cannot run;
     /// otherwise the error that `background` returned.

@@ -1,5 +1,5 @@
-//! Each feature and each two: a mistake between features shows with two of them, or with all, which `lint` looks at. The
-//! same builds show that the oldest toolchain suffices: the MSRV is written once, as `rust-version` of
+//! Each feature and each two: a mistake between features shows with two of them, or with all, which `lint` looks at.
+//! The same builds show that the oldest toolchain suffices: the MSRV is written once, as `rust-version` of
 //! the root manifest.
 
 use std::collections::{BTreeMap, BTreeSet};

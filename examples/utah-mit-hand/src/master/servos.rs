@@ -55,8 +55,8 @@ pub(super) struct Servos<'r, 'p, M: Machine> {
     status: [Option<ServoStatus<JOINTS>>; FINGERS],
     /// Whether a finger that followed does not any more, since somebody asked.
     has_lost: bool,
-    /// A bit for each finger that may still follow a former incarnation of the master. Nobody knows its set-points: it gets
-    /// none, and so gives up.
+    /// A bit for each finger that may still follow a former incarnation of the master. Nobody knows its set-points: it
+    /// gets none, and so gives up.
     inherited: u32,
 }
 

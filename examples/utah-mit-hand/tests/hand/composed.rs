@@ -138,7 +138,7 @@ impl Page {
     }
 }
 
-/// Reads a message. A read with a time-out is not restarted after a signal, such as that of a child's end.
+/// Reads a message. A read with a timeout is not restarted after a signal, such as that of a child's end.
 fn read(socket: &mut WebSocket<TcpStream>) -> Message {
     loop {
         match socket.read() {

@@ -224,8 +224,8 @@ impl Iterator for ControlEvents {
     }
 }
 
-/// Makes the path of a program for [`ControlRequest::Load`] absolute, since the supervisor has another working directory than
-/// this program. A name without a slash stays as it is: the supervisor searches for it.
+/// Makes the path of a program for [`ControlRequest::Load`] absolute, since the supervisor has another working
+/// directory than this program. A name without a slash stays as it is: the supervisor searches for it.
 ///
 /// # Errors
 /// Returns the operating system's error if there is no working directory; an error that names the path if the

@@ -135,8 +135,8 @@ impl Journal {
         Ok((journal, records(path, &bytes)?))
     }
 
-    /// Adds a record. When this returns it is on the disk, as far as the disk keeps what was synchronized. `all` are the
-    /// records that the file needs, the new one among them: sometimes it is made anew.
+    /// Adds a record. When this returns it is on the disk, as far as the disk keeps what was synchronized. `all` are
+    /// the records that the file needs, the new one among them: sometimes it is made anew.
     ///
     /// # Errors
     /// [`JournalError::Io`]; whether the record is there is not known then, until the next one is added.

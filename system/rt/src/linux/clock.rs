@@ -151,7 +151,8 @@ impl HostClock {
     }
 
     /// Asks for the turn, and does not wait: at the instant `at`, in nanoseconds, or as soon as no
-    /// processor has anything to do, whichever is later. The doorbell rings when this part of the host [has](Self::has_turn) it.
+    /// processor has anything to do, whichever is later. The doorbell rings when this part of the host
+    /// [has](Self::has_turn) it.
     pub fn request(&self, at: u64) {
         self.page.request(self.number, at, &self.by);
     }
