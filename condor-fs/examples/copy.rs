@@ -49,8 +49,8 @@ fn run() -> Result<(), AnyError> {
     let begun = Instant::now();
     let (kills, copied) = std::thread::scope(|threads| {
         let copier = threads.spawn(|| {
-            let copied = on_processor(&system, COPIER, |files, own, places| {
-                copy_tree(files, own, places, "source", "copy")
+            let copied = on_processor(&system, COPIER, |files, own, allocator| {
+                copy_tree(files, own, allocator, "source", "copy")
             });
             done.store(true, Ordering::SeqCst);
             copied
@@ -95,11 +95,11 @@ fn kill_until(done: &AtomicBool, system: &LinuxSystem<N>, root: &Path) -> Result
 fn copy_tree(
     files: &Files<'_, '_>,
     own: &Region<LinuxWindow>,
-    places: &mut Allocator,
+    allocator: &mut Allocator,
     from: &str,
     to: &str,
 ) -> Result<u64, AnyError> {
-    let mut buffer = Buffer::new(own, places, CHUNK)?;
+    let mut buffer = Buffer::new(own, allocator, CHUNK)?;
     let mut copied = 0;
     let mut left = vec![String::new()];
     files.make_directory(to)?;

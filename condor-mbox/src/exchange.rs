@@ -65,8 +65,8 @@ const REFUSED: u32 = 0;
 /// std::thread::scope(|threads| {
 ///     threads.spawn(move || controller.serve(Duration::from_secs(10)));
 ///     let own = host.region(HOST)?;
-///     let mut places = Allocator::new(own.size());
-///     let mut exchange = Exchange::<_, _, Gains, f32>::new(host, own, &mut places)?;
+///     let mut allocator = Allocator::new(own.size());
+///     let mut exchange = Exchange::<_, _, Gains, f32>::new(host, own, &mut allocator)?;
 ///     let gains = Gains { joint: 3, proportional: 1.5, derivative: 0.1 };
 ///     let doubled = exchange.call(CONTROLLER, SET_GAINS, &gains, Duration::from_secs(10))?;
 ///     assert_eq!(doubled.to_bits(), 3.0_f32.to_bits());
@@ -119,17 +119,17 @@ where
     /// cache lines, and the response.
     pub const BYTES: usize = response_at::<Q>(0) as usize + size_of::<R>();
 
-    /// Makes an exchange. It takes its block from `places` in `own`, the users' region of the
+    /// Makes an exchange. It takes its block from `allocator` in `own`, the users' region of the
     /// sender.
     ///
     /// # Errors
-    /// [`AccessError`] of the kind `OutOfBounds` if `places` has no room for [`Self::BYTES`].
+    /// [`AccessError`] of the kind `OutOfBounds` if `allocator` has no room for [`Self::BYTES`].
     pub fn new(
         messenger: &'m M,
         own: Region<W>,
-        places: &mut Allocator,
+        allocator: &mut Allocator,
     ) -> Result<Self, AccessError> {
-        let offset = places.bytes(Self::BYTES)?;
+        let offset = allocator.bytes(Self::BYTES)?;
         Ok(Self {
             messenger,
             own,

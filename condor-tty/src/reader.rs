@@ -22,8 +22,8 @@ use crate::sync::{Ordering, fence};
 ///
 /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
 /// let ram = Region::users(MEMORY.window())?;
-/// let mut places = Allocator::new(ram.size());
-/// let terminal = Terminal::<_, _, 64>::new(ram, &mut places, 256, CriticalSection)?;
+/// let mut allocator = Allocator::new(ram.size());
+/// let terminal = Terminal::<_, _, 64>::new(ram, &mut allocator, 256, CriticalSection)?;
 /// terminal.accept(b'a')?; // which is echoed
 ///
 /// let mut reader = TerminalReader::attach(ram, terminal.offset(), Processor(1))?;

@@ -87,12 +87,12 @@ pub(crate) fn on_processor<R>(
 ) -> Result<R, AnyError> {
     let mut claim = system.claim(number)?;
     let own = Region::users(claim.windows()[number.index()].data.clone())?;
-    let mut places = claim.places()?;
-    let area = Area::<FILES>::new(&mut places, 256, 4096)?;
+    let mut allocator = claim.places()?;
+    let area = Area::<FILES>::new(&mut allocator, 256, 4096)?;
     let handler = area.handler();
     let mut mailbox = claim.mailbox()?;
     mailbox.set_vector(OPEN_FILES, &handler, "open files")?;
     mailbox.join()?;
     let files = FileSystem::connect(&mailbox, SERVER, own.clone(), area, TIMEOUT)?;
-    program(&files, &own, &mut places)
+    program(&files, &own, &mut allocator)
 }

@@ -20,14 +20,18 @@ pub struct Buffer<W> {
 }
 
 impl<W: MemoryWindow + Clone> Buffer<W> {
-    /// Takes `bytes` bytes, a multiple of four, from `places`. The memory lies in `own`, the users'
+    /// Takes `bytes` bytes, a multiple of four, from `allocator`. The memory lies in `own`, the users'
     /// region of the processor's own `data`.
     ///
     /// # Errors
     /// [`AccessError`] of the kind `OutOfBounds` if there is no room, `Misaligned` if `bytes` is
     /// not a multiple of four.
-    pub fn new(own: &Region<W>, places: &mut Allocator, bytes: u32) -> Result<Self, AccessError> {
-        let offset = places.bytes(bytes as usize)?;
+    pub fn new(
+        own: &Region<W>,
+        allocator: &mut Allocator,
+        bytes: u32,
+    ) -> Result<Self, AccessError> {
+        let offset = allocator.bytes(bytes as usize)?;
         Ok(Self {
             memory: own.part(offset, bytes)?,
             offset,

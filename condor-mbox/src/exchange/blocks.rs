@@ -25,12 +25,12 @@ impl<Q, R> Blocks<Q, R> {
     /// The size of a block, in bytes.
     const BLOCK: u32 = response_at::<Q>(0) + (size_of::<R>() as u32).next_multiple_of(LINE);
 
-    /// Takes room from `places`, for requests from `processors` processors.
+    /// Takes room from `allocator`, for requests from `processors` processors.
     ///
     /// # Errors
     /// [`AccessError`] of the kind `OutOfBounds` if there is no room.
-    pub const fn new(places: &mut Allocator, processors: u8) -> Result<Self, AccessError> {
-        match places.bytes(processors as usize * Self::BLOCK as usize) {
+    pub const fn new(allocator: &mut Allocator, processors: u8) -> Result<Self, AccessError> {
+        match allocator.bytes(processors as usize * Self::BLOCK as usize) {
             Ok(offset) => Ok(Self::at(offset, processors)),
             Err(error) => Err(error),
         }

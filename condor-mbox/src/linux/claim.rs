@@ -23,7 +23,7 @@ use crate::windows::Windows;
 #[derive(Debug)]
 pub struct Claim<const N: usize> {
     number: Processor,
-    places: Option<Allocator>,
+    allocator: Option<Allocator>,
     windows: [Windows<LinuxWindow>; N],
     doorbell: LinuxDoorbell<N>,
 }
@@ -48,7 +48,7 @@ impl<const N: usize> Claim<N> {
         &self.doorbell
     }
 
-    /// Returns the distributor of this number's own memory, the users' region of its `data`.
+    /// Returns the allocator of this number's own memory, the users' region of its `data`.
     ///
     /// There is only one for a claim, so the parts that users take from it cannot overlap; lend it
     /// to every user of the memory.
@@ -57,7 +57,7 @@ impl<const N: usize> Claim<N> {
     /// [`SystemError::PlacesTaken`] if it was returned before.
     pub fn places(&mut self) -> Result<Allocator, SystemError> {
         let number = self.number;
-        self.places
+        self.allocator
             .take()
             .ok_or(SystemError::PlacesTaken { number })
     }
@@ -148,7 +148,7 @@ impl<const N: usize> Claim<N> {
         .map_err(SystemError::os("duplicate", objects.path(own, "bell")))?;
         Ok(Some(Self {
             number,
-            places: Some(Allocator::new(data_bytes.saturating_sub(BELL_BYTES))),
+            allocator: Some(Allocator::new(data_bytes.saturating_sub(BELL_BYTES))),
             windows: one_for_each(windows),
             doorbell,
         }))

@@ -47,7 +47,7 @@ pub enum SystemError {
         /// The name that was given.
         name: String,
     },
-    /// [`Claim::places`](super::Claim::places) has already returned the distributor of this
+    /// [`Claim::places`](super::Claim::places) has already returned the allocator of this
     /// number's memory.
     #[error("the allocator of the memory of {number} was already taken: share that one")]
     PlacesTaken {

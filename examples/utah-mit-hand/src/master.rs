@@ -75,7 +75,7 @@ impl Program for Master {
     fn run<M: Machine>(&self, machine: &M) -> Result<(), ProgramError> {
         let mut place = None;
         let hand = start::configured(machine, &mut place, |_, hand| Ok(hand))?;
-        let (numbers, seats) = servos::seats(hand)?;
+        let (numbers, finger_servos) = servos::finger_servos(hand)?;
         let mut ears = OfServos::new();
         for &number in &numbers {
             // As many as there are.
@@ -91,19 +91,19 @@ impl Program for Master {
         let middles = limits.map(|limits| f64::midpoint(limits.low, limits.high));
         let generator = Generator::new(limits, middles, period_s).map_err(Failure::from)?;
         let generator = generator.with_guards_in_servos();
-        let drive = Drive::new(generator, seats, &ears, publisher, period_s);
+        let drive = Drive::new(generator, finger_servos, &ears, publisher, period_s);
         let shared = Mutex::new(RefCell::new(drive));
         let wanted = Vars::<f64, ALL>::numbered("joint", "rad");
         let wanted = wanted.about("Where it is to be; joints in the order of the fingers.");
         let loose =
             Var::<u32>::new("loose", "").about("A bit for each finger that does not follow.");
-        let tuning = setup.place("tuning", ObjectKind::Other, |places| {
-            let free = places.clone();
-            places.bytes(VariableClient::<MailboxOf<'_, M>, M::Window>::BYTES)?;
+        let tuning = setup.place("tuning", ObjectKind::Other, |allocator| {
+            let free = allocator.clone();
+            allocator.bytes(VariableClient::<MailboxOf<'_, M>, M::Window>::BYTES)?;
             Ok(free)
         })?;
-        let blocks = setup.place(MOTIONS_NAME, ObjectKind::Other, |places| {
-            MotionsBlocks::new(places, PROCESSORS as u8)
+        let blocks = setup.place(MOTIONS_NAME, ObjectKind::Other, |allocator| {
+            MotionsBlocks::new(allocator, PROCESSORS as u8)
         })?;
         let own = setup.own().clone();
         let post = Post::new();
@@ -140,7 +140,7 @@ impl Program for Master {
                     hand,
                     background,
                     shared: &shared,
-                    servos: Servos::new(background, hand, &shared, &numbers, seats)?,
+                    servos: Servos::new(background, hand, &shared, &numbers, finger_servos)?,
                     player: Player::new(&limits),
                     follow: Follow::new(followed),
                     closing: None,

@@ -89,9 +89,9 @@ impl SystemWorker {
         job: impl FnOnce(&mut WorkerState<'_>) -> Result<T, Failure> + Send + 'static,
     ) -> PyResult<T> {
         let (answer, answered) = channel();
-        let job: Job = Box::new(move |seat| {
+        let job: Job = Box::new(move |state| {
             // The thread that asked may have been interrupted.
-            let _ = answer.send(job(seat));
+            let _ = answer.send(job(state));
         });
         let sent = match &*self.jobs.lock().unwrap_or_else(PoisonError::into_inner) {
             Some(jobs) => jobs.send(job).is_ok(),

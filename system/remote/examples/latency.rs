@@ -95,12 +95,12 @@ fn run() -> Result<(), AnyError> {
         let rank = (all.ages_ns.len() * part).div_ceil(100).max(1) - 1;
         all.ages_ns.get(rank).map(|&ns| ns / 1000)
     };
-    let told = json!({
+    let result = json!({
         "rows": all.ages_ns.len(),
         "lost": all.lost,
         "median_us": rank(50),
         "p99_us": rank(99),
     });
-    println!("{told}");
+    println!("{result}");
     Ok(())
 }

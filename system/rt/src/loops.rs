@@ -24,7 +24,7 @@ const FAULTED: u32 = 1 << 1;
 pub struct LoopReport<W>(Publisher<Row, Region<W>>);
 
 impl<W: MemoryWindow + Clone> LoopReport<W> {
-    /// Takes room for the counts of a loop from `places`, and enters it in `table` under `name`.
+    /// Takes room for the counts of a loop from `allocator`, and enters it in `table` under `name`.
     ///
     /// # Errors
     /// [`ObjectError::Access`] if there is no room or the memory cannot be written;
@@ -32,11 +32,11 @@ impl<W: MemoryWindow + Clone> LoopReport<W> {
     /// loop of this name.
     pub fn new(
         region: &Region<W>,
-        places: &mut Allocator,
+        allocator: &mut Allocator,
         table: &mut ObjectTable<W>,
         name: &str,
     ) -> Result<Self, ObjectError> {
-        let row = table.cell::<Row>(places, name, ObjectKind::Loop)?;
+        let row = table.cell::<Row>(allocator, name, ObjectKind::Loop)?;
         Ok(Self(row.publisher(region.clone())?))
     }
 

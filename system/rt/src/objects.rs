@@ -131,13 +131,13 @@ pub struct ObjectTable<W> {
 
 impl<W: MemoryWindow> ObjectTable<W> {
     /// Makes an empty table at the beginning of `region`, the users' region of the program's own
-    /// `data`. Nothing must have been taken from `places` before.
+    /// `data`. Nothing must have been taken from `allocator` before.
     ///
     /// # Errors
-    /// [`ObjectError::NotFirst`] if something was taken from `places` before;
+    /// [`ObjectError::NotFirst`] if something was taken from `allocator` before;
     /// [`ObjectError::Access`] if there is no room.
-    pub fn new(region: Region<W>, places: &mut Allocator) -> Result<Self, ObjectError> {
-        let offset = places.bytes(BYTES as usize)?;
+    pub fn new(region: Region<W>, allocator: &mut Allocator) -> Result<Self, ObjectError> {
+        let offset = allocator.bytes(BYTES as usize)?;
         if offset != 0 {
             return Err(ObjectError::NotFirst { offset });
         }
@@ -156,29 +156,29 @@ impl<W: MemoryWindow> ObjectTable<W> {
     /// [`ObjectError::Taken`] if there is an object of this name and kind.
     pub fn cell<T>(
         &mut self,
-        places: &mut Allocator,
+        allocator: &mut Allocator,
         name: &str,
         kind: ObjectKind,
     ) -> Result<Published<T>, ObjectError> {
-        let cell = places.published::<T>()?;
+        let cell = allocator.published::<T>()?;
         // A former program may have left words there that are not this one's.
         for word in (0..Published::<T>::BYTES).step_by(4) {
             self.region.set_word(cell.offset() + word, 0)?;
         }
         let bytes = Published::<T>::BYTES;
-        self.enter(places, name, kind, cell.offset(), bytes)?;
+        self.enter(allocator, name, kind, cell.offset(), bytes)?;
         Ok(cell)
     }
 
     /// Enters the object that takes `len` bytes at `offset` bytes of the users' region. From then
-    /// on others may read the object, so it must be complete. The entry takes room from `places`.
+    /// on others may read the object, so it must be complete. The entry takes room from `allocator`.
     ///
     /// # Errors
     /// [`ObjectError::Name`] if the name is too long, [`ObjectError::Taken`] if there is an object
     /// of this name and kind, [`ObjectError::Access`] if there is no room.
     pub fn enter(
         &mut self,
-        places: &mut Allocator,
+        allocator: &mut Allocator,
         name: &str,
         kind: ObjectKind,
         offset: u32,
@@ -192,7 +192,7 @@ impl<W: MemoryWindow> ObjectTable<W> {
             let name = ShortText::of(name);
             return Err(ObjectError::Taken { name });
         }
-        let at = places.bytes(entry::NAME as usize + name.len())?;
+        let at = allocator.bytes(entry::NAME as usize + name.len())?;
         self.region.set_word(at + entry::NEXT, 0)?;
         self.region.set_word(at + entry::KIND, kind as u32)?;
         self.region.set_word(at + entry::OFFSET, offset)?;

@@ -212,8 +212,8 @@ impl<'b, M: Machine> Background<'b, M> {
     /// memory cannot be accessed.
     pub fn supervisor(&self) -> Result<Supervisor<'b, M>, ProgramError> {
         let what = "supervisor";
-        let places = self.asks.ok_or(ProgramError::Missing { what })?.clone();
-        Supervisor::new(self.mailbox, self.own.clone(), places)
+        let allocator = self.asks.ok_or(ProgramError::Missing { what })?.clone();
+        Supervisor::new(self.mailbox, self.own.clone(), allocator)
     }
 
     /// Returns the present counts of the loop called `name`.

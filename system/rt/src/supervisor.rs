@@ -194,9 +194,9 @@ impl<'b, M: Machine> Supervisor<'b, M> {
     pub(crate) fn new(
         mailbox: &'b MailboxOf<'b, M>,
         own: Region<M::Window>,
-        mut places: Allocator,
+        mut allocator: Allocator,
     ) -> Result<Self, crate::ProgramError> {
-        let exchange = Exchange::new(mailbox, own, &mut places)?;
+        let exchange = Exchange::new(mailbox, own, &mut allocator)?;
         Ok(Self {
             mailbox,
             exchange,

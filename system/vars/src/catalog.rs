@@ -221,17 +221,17 @@ pub(crate) fn measure(
     Ok((shape, end))
 }
 
-/// Writes a table into the next of `places`; returns the table's region, its offset and its incarnation.
+/// Writes a table into memory from `allocator`; returns the table's region, its offset and its incarnation.
 pub(crate) fn write<W: MemoryWindow + Clone>(
     own: &Region<W>,
-    places: &mut Allocator,
+    allocator: &mut Allocator,
     shape: Shape,
     rate: (u32, u32),
     cell: (u32, u32),
     items: impl FnOnce(&mut Body<'_>) -> Result<(), CatalogError>,
 ) -> Result<(Region<W>, u32, u32), CatalogError> {
     let bytes = shape.bytes().unwrap_or(u32::MAX);
-    let offset = places.bytes(bytes as usize)?;
+    let offset = allocator.bytes(bytes as usize)?;
     let table = own.part(offset, bytes)?;
     let set = |at, word| table.store(at, word, StoreOrder::Relaxed);
     let incarnation = table.load(header::INCARNATION, LoadOrder::Relaxed)?;

@@ -110,7 +110,7 @@ impl CellField {
     }
 }
 
-/// Writes a table that describes the fields of `cell` into the next of `places`. Returns the offset
+/// Writes a table that describes the fields of `cell` into memory from `allocator`. Returns the offset
 /// of the table in bytes, from the beginning of `own`.
 ///
 /// `own` is the users' region of the program's `data`, which must contain the cell, too.
@@ -123,7 +123,7 @@ impl CellField {
 pub fn describe<T: CellStruct, W: MemoryWindow + Clone>(
     cell: Published<T>,
     own: &Region<W>,
-    places: &mut Allocator,
+    allocator: &mut Allocator,
 ) -> Result<u32, CatalogError> {
     let bytes = size_of::<T>();
     for (block, field) in T::FIELDS.iter().enumerate() {
@@ -136,7 +136,7 @@ pub fn describe<T: CellStruct, W: MemoryWindow + Clone>(
     let items = |body: &mut Body<'_>| T::FIELDS.iter().try_for_each(|field| field.each(body));
     let (shape, _) = catalog::measure(items)?;
     let cell = (cell.offset(), bytes as u32);
-    let (_, offset, _) = catalog::write(own, places, shape, (0, 0), cell, items)?;
+    let (_, offset, _) = catalog::write(own, allocator, shape, (0, 0), cell, items)?;
     Ok(offset)
 }
 

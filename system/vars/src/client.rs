@@ -141,7 +141,7 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow> VariableClient<'m, M, W> {
     pub const BYTES: usize = Exchange::<'m, M, Region<W>, Block, Block>::BYTES;
 
     /// Makes a client that sends its requests to the vector `vector` of the processor `to`. It
-    /// takes its block from `places` in `own`, the users' region of the processor on which the
+    /// takes its block from `allocator` in `own`, the users' region of the processor on which the
     /// client runs.
     ///
     /// # Errors
@@ -149,12 +149,12 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow> VariableClient<'m, M, W> {
     pub fn new(
         messenger: &'m M,
         own: Region<W>,
-        places: &mut Allocator,
+        allocator: &mut Allocator,
         to: Processor,
         vector: Vector,
     ) -> Result<Self, AccessError> {
         Ok(Self {
-            exchange: Exchange::new(messenger, own, places)?,
+            exchange: Exchange::new(messenger, own, allocator)?,
             messenger,
             to,
             vector,

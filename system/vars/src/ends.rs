@@ -24,7 +24,7 @@ pub struct VariableSettings {
 }
 
 impl<const N: usize> Selections<N> {
-    /// Makes the table of a loop in the next of `places`. The table lies in `own`, the users'
+    /// Makes the table of a loop in memory from `allocator`. The table lies in `own`, the users'
     /// region of the program's own `data`. Returns the server for the request handler and the
     /// sampler for the loop.
     ///
@@ -40,7 +40,7 @@ impl<const N: usize> Selections<N> {
         &'e mut self,
         catalog: Catalog<'e>,
         own: &Region<W>,
-        places: &mut Allocator,
+        allocator: &mut Allocator,
         settings: &VariableSettings,
         exclusion: X,
         incarnation: &'e (dyn Fn(Processor) -> u32 + Sync),
@@ -50,7 +50,7 @@ impl<const N: usize> Selections<N> {
         X: Exclusion,
     {
         *self = Self::new();
-        let desk = &*self;
+        let selections = &*self;
         let at_most = |most, count, what| match count {
             count if count > most => Err(CatalogError::TooMany { what, count, most }),
             _ => Ok(()),
@@ -60,10 +60,10 @@ impl<const N: usize> Selections<N> {
         let shape = catalog.shape(settings.watchers, settings.rows)?;
         let items = |body: &mut Body<'_>| catalog.each(body);
         let (table, offset, table_incarnation) =
-            catalog::write(own, places, shape, settings.rate, (0, 0), items)?;
-        let sampler = Sampler::new(desk, table.clone(), shape, &catalog);
+            catalog::write(own, allocator, shape, settings.rate, (0, 0), items)?;
+        let sampler = Sampler::new(selections, table.clone(), shape, &catalog);
         let server = VariableServer {
-            desk,
+            selections,
             table,
             offset,
             table_incarnation,

@@ -1,7 +1,7 @@
 // The first definition of a link counts: here those of README.md lead to items instead of files.
 //! [layout]: mod@layout
 //! [watch]: Watch
-//! [desk]: Selections
+//! [selections]: Selections
 //! [client]: VariableClient
 //! [watcher]: Watcher
 //!

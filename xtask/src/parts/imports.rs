@@ -51,7 +51,7 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
 
 /// Returns all circles of the repository, and all sources of others, each in a line.
 fn found(packages: &Packages) -> Vec<String> {
-    let arrows = told("packages", circles(&packages.arrows()));
+    let arrows = circle_lines("packages", circles(&packages.arrows()));
     let inside = packages.all.values().flat_map(|package| {
         let crates = package.crates.iter();
         let circles = crates.flat_map(|modules| of_files(modules).chain(of_rooms(modules)));
@@ -84,7 +84,7 @@ fn of_files(modules: &Modules) -> impl Iterator<Item = String> {
         !import.from.starts_with(&import.to) && !import.to.starts_with(&import.from)
     });
     let edges: BTreeSet<_> = others.map(|Import { from, to }| (from, to)).collect();
-    told("files", circles(&edges))
+    circle_lines("files", circles(&edges))
 }
 
 /// Returns the circles of rooms in each folder.
@@ -101,10 +101,13 @@ fn of_rooms(modules: &Modules) -> impl Iterator<Item = String> {
     let circles = circles(&edges).into_iter();
     // Others are circles of files.
     let folders = circles.filter(|circle| circle.iter().any(|room| modules.has_children(room)));
-    told("folders", folders.collect())
+    circle_lines("folders", folders.collect())
 }
 
-fn told(what: &'static str, circles: Vec<Vec<Vec<String>>>) -> impl Iterator<Item = String> {
+fn circle_lines(
+    what: &'static str,
+    circles: Vec<Vec<Vec<String>>>,
+) -> impl Iterator<Item = String> {
     circles.into_iter().map(move |circle| {
         let names: Vec<_> = circle.iter().map(|path| path.join("::")).collect();
         format!("a cycle of {what}: {}", names.join(", "))

@@ -82,7 +82,7 @@ fn judge(listed: &Table, counts: &Table, found: &Findings) -> Result<()> {
                 (listed.private, counts[path].private)
             };
             if there > allowed {
-                eprintln!("{}", told(path, finding));
+                eprintln!("{}", finding_line(path, finding));
             }
         }
     }
@@ -99,7 +99,7 @@ fn judge(listed: &Table, counts: &Table, found: &Findings) -> Result<()> {
     .into())
 }
 
-fn told(path: &str, finding: &Finding) -> String {
+fn finding_line(path: &str, finding: &Finding) -> String {
     let Finding {
         line,
         rule,

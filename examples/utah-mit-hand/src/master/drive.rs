@@ -154,9 +154,9 @@ pub(super) struct Drive<'p, W> {
     pub(super) stream: Option<Streaming>,
     /// The end of the last stream, until it is taken.
     pub(super) stream_end: Option<StreamEnd>,
-    seats: FingerServos,
+    finger_servos: FingerServos,
     ears: &'p [ServoListener<W>],
-    heard: [ServoReport; FINGERS],
+    reports: [ServoReport; FINGERS],
     /// Stops that the background has not told yet.
     pub(super) stops: heapless::Deque<FingerStop, { 2 * FINGERS }>,
     publisher: Publisher<DesiredPositions, Region<W>>,
@@ -171,7 +171,7 @@ impl<'p, W: MemoryWindow + Clone> Drive<'p, W> {
     /// Makes the state with all fingers loose, and no links.
     pub(super) fn new(
         generator: Generator<ALL, QUEUE>,
-        seats: FingerServos,
+        finger_servos: FingerServos,
         ears: &'p [ServoListener<W>],
         publisher: Publisher<DesiredPositions, Region<W>>,
         period_s: f64,
@@ -186,9 +186,9 @@ impl<'p, W: MemoryWindow + Clone> Drive<'p, W> {
             measured: [None; FINGERS],
             stream: None,
             stream_end: None,
-            seats,
+            finger_servos,
             ears,
-            heard: [ServoReport::NOTHING; FINGERS],
+            reports: [ServoReport::NOTHING; FINGERS],
             stops: heapless::Deque::new(),
             publisher,
             period_s,
@@ -218,7 +218,7 @@ impl<'p, W: MemoryWindow + Clone> Drive<'p, W> {
         for (to, from) in (guards.as_flattened_mut().iter_mut()).zip(self.generator.guards()) {
             *to = from;
         }
-        let wanted = self.seats.iter().zip(fingers.iter().zip(&guards));
+        let wanted = self.finger_servos.iter().zip(fingers.iter().zip(&guards));
         for (finger, (&servo, (points, guards))) in wanted.enumerate() {
             let Some(Some(link)) = self.links.get_mut(servo) else {
                 continue;
@@ -243,17 +243,17 @@ impl<'p, W: MemoryWindow + Clone> Drive<'p, W> {
     }
 
     fn measure(&mut self) {
-        for (ears, heard) in self.ears.iter().zip(&mut self.heard) {
-            ears.joints.read(&mut heard.joints, self.period_s);
-            ears.felt.read(&mut heard.felt, self.period_s);
-            ears.stops.read(&mut heard.stops, self.period_s);
+        for (ears, reports) in self.ears.iter().zip(&mut self.reports) {
+            ears.joints.read(&mut reports.joints, self.period_s);
+            ears.felt.read(&mut reports.felt, self.period_s);
+            ears.stops.read(&mut reports.stops, self.period_s);
         }
-        let fingers = self.seats.iter().zip(&mut self.measured);
+        let fingers = self.finger_servos.iter().zip(&mut self.measured);
         for (finger, (&servo, measured)) in fingers.enumerate() {
-            let heard = self.heard.get(servo).map(|heard| &heard.joints);
-            let joints = heard.filter(|heard| heard.age_s <= SILENT_S);
+            let reports = self.reports.get(servo).map(|reports| &reports.joints);
+            let joints = reports.filter(|reports| reports.age_s <= SILENT_S);
             let position = joints
-                .and_then(|heard| heard.value)
+                .and_then(|reports| reports.value)
                 .and_then(|joints| joints.position.get(finger).copied());
             *measured = position.filter(|joints| joints.iter().all(|joint| joint.is_finite()));
         }
@@ -261,9 +261,9 @@ impl<'p, W: MemoryWindow + Clone> Drive<'p, W> {
 
     /// Joints that a guard has stopped in a servo rest there.
     fn take_stops(&mut self) {
-        for (finger, &servo) in self.seats.iter().enumerate() {
-            let heard = self.heard.get(servo);
-            let Some(stops) = heard.and_then(|heard| heard.stops.value) else {
+        for (finger, &servo) in self.finger_servos.iter().enumerate() {
+            let reports = self.reports.get(servo);
+            let Some(stops) = reports.and_then(|reports| reports.stops.value) else {
                 continue;
             };
             for joint in 0..JOINTS {
@@ -298,11 +298,14 @@ impl<'p, W: MemoryWindow + Clone> Drive<'p, W> {
         };
         let (torques, _) = observed.torques.as_chunks_mut::<JOINTS>();
         let (tensions, _) = observed.tensions.as_chunks_mut::<JOINTS>();
-        let fingers = self.seats.iter().zip(torques.iter_mut().zip(tensions));
+        let fingers = self
+            .finger_servos
+            .iter()
+            .zip(torques.iter_mut().zip(tensions));
         for (finger, (&servo, (torques, tensions))) in fingers.enumerate() {
-            let heard = self.heard.get(servo).map(|heard| &heard.felt);
-            let heard = heard.filter(|heard| heard.age_s <= SILENT_S);
-            let Some(felt) = heard.and_then(|heard| heard.value) else {
+            let reports = self.reports.get(servo).map(|reports| &reports.felt);
+            let reports = reports.filter(|reports| reports.age_s <= SILENT_S);
+            let Some(felt) = reports.and_then(|reports| reports.value) else {
                 continue;
             };
             if let (Some(torque), Some(tension)) =

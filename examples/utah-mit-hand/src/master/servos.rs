@@ -49,7 +49,7 @@ pub(super) struct Servos<'r, 'p, M: Machine> {
     hand: &'r UtahMit,
     background: &'r Background<'r, M>,
     shared: &'r SharedDrive<'p, M::Window>,
-    seats: FingerServos,
+    finger_servos: FingerServos,
     processors: OfServos<Servo<'r, M>>,
     /// The last status of each finger.
     status: [Option<ServoStatus<JOINTS>>; FINGERS],
@@ -61,25 +61,25 @@ pub(super) struct Servos<'r, 'p, M: Machine> {
 }
 
 /// The numbers of the servo processors, and which of them serves each finger.
-pub(super) fn seats(hand: &UtahMit) -> Result<(OfServos<u8>, FingerServos), Failure> {
+pub(super) fn finger_servos(hand: &UtahMit) -> Result<(OfServos<u8>, FingerServos), Failure> {
     let mut numbers = OfServos::<u8>::new();
-    let mut seats = [0; FINGERS];
+    let mut finger_servos = [0; FINGERS];
     let fingers = hand.fingers.len();
     if fingers != FINGERS {
         let simulated = FINGERS;
         return Err(Failure::Hand { fingers, simulated });
     }
-    for (seat, entry) in seats.iter_mut().zip(&hand.fingers) {
+    for (servo, entry) in finger_servos.iter_mut().zip(&hand.fingers) {
         // A configuration has all joints of a finger on one processor.
         let processor = entry.processor().unwrap_or(0);
         let known = numbers.iter().position(|&it| it == processor);
-        *seat = known.unwrap_or(numbers.len());
+        *servo = known.unwrap_or(numbers.len());
         if known.is_none() {
             // At most one for each finger.
             let _ = numbers.push(processor);
         }
     }
-    Ok((numbers, seats))
+    Ok((numbers, finger_servos))
 }
 
 impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
@@ -88,7 +88,7 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
         hand: &'r UtahMit,
         shared: &'r SharedDrive<'p, M::Window>,
         numbers: &[u8],
-        seats: FingerServos,
+        finger_servos: FingerServos,
     ) -> Result<Self, ProgramError> {
         let mut processors = OfServos::new();
         for &number in numbers {
@@ -110,7 +110,7 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
             hand,
             background,
             shared,
-            seats,
+            finger_servos,
             processors,
             status: [None; FINGERS],
             has_lost: false,
@@ -132,7 +132,7 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
 
     /// The processor of a finger.
     pub(super) fn processor(&self, finger: usize) -> u8 {
-        let servo = self.seats.get(finger).copied();
+        let servo = self.finger_servos.get(finger).copied();
         let servo = servo.and_then(|servo| self.processors.get(servo));
         servo.map_or(0, |servo| servo.number)
     }
@@ -188,7 +188,7 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
             } => Some(incarnation),
             _ => None,
         };
-        let served = self.seats.map(|seat| seat == index);
+        let served = self.finger_servos.map(|servo| servo == index);
         let names = Names(self.hand, served);
         if servo.incarnation.is_some() && servo.incarnation != incarnation {
             (servo.incarnation, servo.client) = (None, None);
@@ -308,7 +308,7 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
         let number = self.processor(finger);
         let absent = Problem::Absent(number);
         let state = self.background.mailbox().peer_state(Processor(number))?;
-        let servo = self.seats.get(finger).copied();
+        let servo = self.finger_servos.get(finger).copied();
         let Some(servo) = servo.and_then(|servo| self.processors.get_mut(servo)) else {
             return Err(absent);
         };
@@ -331,7 +331,7 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
         self.ask(finger, |_, _, _| ())?;
         let number = self.processor(finger);
         let absent = || Problem::Absent(number);
-        let servo = self.seats.get(finger).copied();
+        let servo = self.finger_servos.get(finger).copied();
         let known = servo.and_then(|servo| self.processors.get(servo));
         let known = known.ok_or_else(absent)?;
         let object =

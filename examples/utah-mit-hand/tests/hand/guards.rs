@@ -65,9 +65,9 @@ impl Targets {
                 .collect();
             assert!(entries.is_sorted());
             let own = typist.region(numbers::TERMINALS);
-            let mut places = Allocator::new(own.size());
+            let mut allocator = Allocator::new(own.size());
             let mut client =
-                VariableClient::new(typist.mailbox(), own, &mut places, number, VARS).unwrap();
+                VariableClient::new(typist.mailbox(), own, &mut allocator, number, VARS).unwrap();
             let mut watcher = client.claim(&table, SOON).unwrap();
             client.select(&mut watcher, &entries, 1, SOON).unwrap();
             watcher

@@ -82,16 +82,16 @@ impl Print {
             return Err(format!("{} {text}", member.name).into());
         };
         let names = peek.names()?;
-        let asked = self
+        let requests = self
             .expressions
             .iter()
             .map(|text| ParsedArgument::parse(&names, text));
-        let asked: Vec<ParsedArgument<'_, '_, '_>> = asked.collect::<Result<_, _>>()?;
+        let requests: Vec<ParsedArgument<'_, '_, '_>> = requests.collect::<Result<_, _>>()?;
         for ParsedArgument {
             expression,
             value,
             new,
-        } in &asked
+        } in &requests
         {
             if let Some(bytes) = new {
                 let written = peek.write(value.address, bytes);
@@ -103,7 +103,7 @@ impl Print {
         loop {
             for ParsedArgument {
                 expression, value, ..
-            } in &asked
+            } in &requests
             {
                 let bytes = peek.read(value.address, value.bytes);
                 let bytes = bytes

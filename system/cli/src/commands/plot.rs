@@ -75,7 +75,7 @@ impl Plot {
         }
         let (recording, names) = self.split();
         let end = signals::flag()?;
-        let (sender, heard) = channel();
+        let (sender, events) = channel();
         let news = sender.clone();
         let tell = move |it| news.send(PlotEvent::Plot(it)).is_ok();
         let (mut plot, feed);
@@ -96,7 +96,7 @@ impl Plot {
         }
         feed.wish(plot.wish());
         // If nothing can be plotted, the reason is told without a picture.
-        match heard.recv() {
+        match events.recv() {
             Ok(PlotEvent::Plot(FeedEvent::Trouble(text))) => return Err(text.into()),
             Ok(PlotEvent::Plot(news)) => plot.hear(news),
             _ => {}
@@ -109,7 +109,7 @@ impl Plot {
                     .is_ok()
             });
         });
-        Ok(show(screen, &mut plot, &heard, &feed, &end)?)
+        Ok(show(screen, &mut plot, &events, &feed, &end)?)
     }
 
     /// Splits the recording from the names.
@@ -158,7 +158,7 @@ impl Plot {
 fn show(
     mut screen: Screen,
     plot: &mut plot::Plot,
-    heard: &Receiver<PlotEvent>,
+    events: &Receiver<PlotEvent>,
     feed: &PlotFeed,
     end: &AtomicBool,
 ) -> io::Result<()> {
@@ -190,7 +190,7 @@ fn show(
         } else {
             LOOK
         };
-        let mut next = heard.recv_timeout(patience).ok();
+        let mut next = events.recv_timeout(patience).ok();
         while let Some(one) = next {
             changed = true;
             match one {
@@ -205,7 +205,7 @@ fn show(
                 }
                 PlotEvent::Input(_) => {}
             }
-            next = heard.try_recv().ok();
+            next = events.try_recv().ok();
         }
     }
     Ok(())

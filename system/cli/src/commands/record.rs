@@ -176,7 +176,7 @@ impl Record {
             return print(format_args!("{file} is complete already\n"));
         }
         for topic in &completed.topics {
-            print(format_args!("{}\n", plain(&told(topic))))?;
+            print(format_args!("{}\n", plain(&topic_line(topic))))?;
         }
         if let Damage { places: 1.., bytes } = completed.damage {
             let places = completed.damage.places;
@@ -236,7 +236,7 @@ impl Record {
     }
 }
 
-fn told(topic: &RecordedTopic) -> String {
+fn topic_line(topic: &RecordedTopic) -> String {
     let RecordedTopic {
         name,
         messages,

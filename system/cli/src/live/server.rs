@@ -266,8 +266,8 @@ impl Server {
     }
 
     /// Passes an answer on to the client that asked, and a change to all clients that watch the parameter.
-    pub(super) fn take(&mut self, told: WorkerMessage) {
-        match told {
+    pub(super) fn take(&mut self, message: WorkerMessage) {
+        match message {
             WorkerMessage::Answer {
                 client,
                 parameters,

@@ -103,7 +103,7 @@ impl<'s> Simulation<'s> {
             (POSE, ..) => self.pose(&read(name, payload)?)?,
             (PLAN, ..) => {
                 let Plan { from, text } = read(name, payload)?;
-                plan::told(&self.simulator.plan(&from, &text, MOTION)?)
+                plan::plan_json(&self.simulator.plan(&from, &text, MOTION)?)
             }
             (STEPS, ..) => {
                 let Text { text } = read(name, payload)?;

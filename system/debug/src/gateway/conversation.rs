@@ -243,8 +243,8 @@ impl<'s, W: MemoryWindow> Conversation<'s, W> {
         }
         if self.reports.is_empty() {
             let notification = format!("Stop:{report}");
-            let told = self.stream.notify(notification.as_bytes());
-            told.map_err(|it| lost(&it))?;
+            let sent = self.stream.notify(notification.as_bytes());
+            sent.map_err(|it| lost(&it))?;
         }
         self.reports.push_back(report);
         Ok(())

@@ -285,8 +285,8 @@ fn what_loops_show_is_watched_and_set() {
             let names = [contact, servo, rest, slow].map(|table| table.0.as_str());
             assert_eq!(names, ["contact", "servo", "rest", "slow"]);
             let table = VariableTable::open(&joint, servo.1).unwrap();
-            let mut places = Allocator::new(own.size());
-            let mut client = VariableClient::new(&mailbox, own, &mut places, SERVO, VARS)?;
+            let mut allocator = Allocator::new(own.size());
+            let mut client = VariableClient::new(&mailbox, own, &mut allocator, SERVO, VARS)?;
             let stiffness = table.find("joint.stiffness").unwrap().unwrap();
             let (two, three) = (AnyValue::F64(2.0), AnyValue::F64(3.0));
             client.set(&table, &stiffness, two, three, SECOND).unwrap();

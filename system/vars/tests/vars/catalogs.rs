@@ -150,13 +150,13 @@ fn what_is_over_the_capacity_is_refused_with_its_number() {
             rows: 2,
             watchers,
         };
-        let mut places = Allocator::new(region.size());
+        let mut allocator = Allocator::new(region.size());
         let catalog = Catalog::new(shown, &[]);
         let mut memory = Selections::<1>::new();
         let opened = memory.open(
             catalog,
             &region,
-            &mut places,
+            &mut allocator,
             &settings,
             CriticalSection,
             &|_| 1,
@@ -174,18 +174,18 @@ fn what_is_over_the_capacity_is_refused_with_its_number() {
 fn sample(shown: &[&dyn Watch], entries: &[u32]) -> Vec<u32> {
     let memory: Box<StaticMemory<8192>> = Box::default();
     let region: Region<StaticWindow<'_>> = Region::whole(memory.window());
-    let mut desk = Selections::<40>::new();
+    let mut selections = Selections::<40>::new();
     let settings = VariableSettings {
         rate: (400, 1),
         rows: 2,
         watchers: 1,
     };
-    let mut places = Allocator::new(region.size());
-    let (server, mut sampler) = desk
+    let mut allocator = Allocator::new(region.size());
+    let (server, mut sampler) = selections
         .open(
             Catalog::new(shown, &[]),
             &region,
-            &mut places,
+            &mut allocator,
             &settings,
             CriticalSection,
             &|_| 1,

@@ -7,7 +7,7 @@
 use std::path::Path;
 
 use super::text::{Kind, Text};
-use super::{Rules, check, read, told};
+use super::{Rules, check, finding_line, read};
 use crate::Result;
 use crate::context::Context;
 use crate::parts::Summary;
@@ -40,7 +40,7 @@ pub(super) fn run(context: &Context, rules: &Rules) -> Result<Summary> {
         for (path, text) in &texts {
             let found = check(rules, path, std::slice::from_ref(text));
             for finding in &found {
-                println!("{}", told(path, finding));
+                println!("{}", finding_line(path, finding));
             }
             checked += 1;
             refused += usize::from(!found.is_empty());

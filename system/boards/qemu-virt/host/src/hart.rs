@@ -223,7 +223,7 @@ impl HartLauncher {
             }
             HartState::Faulted { start } if start == running.start => {
                 let fault = self.control.fault().unwrap_or_default();
-                self.report = Some(self.told(&fault));
+                self.report = Some(self.fault_text(&fault));
                 let HartFault { pc, value, .. } = fault;
                 let name = cause_name(fault.cause);
                 Some(Exit::Other(format!("{name} at {pc:#x}, value {value:#x}")))
@@ -252,7 +252,7 @@ impl HartLauncher {
         Some(String::from_utf8_lossy(error).into_owned())
     }
 
-    fn told(&self, fault: &HartFault) -> String {
+    fn fault_text(&self, fault: &HartFault) -> String {
         let [ra, sp, ..] = fault.registers;
         let linked = |address| {
             let program = self.program.as_ref()?;
