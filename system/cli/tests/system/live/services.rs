@@ -200,7 +200,10 @@ fn calls_that_cannot_be_answered_fail_with_a_reason() {
             &[2, 0, 0][..],
             "the call of a service ends too early, after 3 bytes",
         ),
-        (&[1, 0, 0, 0, 0, 5], "binary messages are not understood"),
+        (
+            &[1, 0, 0, 0, 0, 5],
+            "only calls of services may be binary messages",
+        ),
     ] {
         viewer.socket.send(Message::binary(frame.to_vec())).unwrap();
         assert_eq!(viewer.status(reason)["level"], 2);
