@@ -3,9 +3,10 @@
 use core::convert::Infallible;
 use core::fmt::Debug;
 
-/// The kind of error of an access, for code that is generic over buses.
+/// The reason why an access to a [`Bus`] failed, in a form that code for any bus can match on.
 ///
-/// It is itself a [`BusError`], for buses that have nothing to add.
+/// A bus that has nothing to add to it can use this enum as its error type: it implements
+/// [`BusError`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum BusErrorKind {
@@ -33,9 +34,10 @@ pub enum BusErrorKind {
     Other,
 }
 
-/// An error of a bus: [`BusAccessError`] for those of this crate; a backend may bring its own.
+/// The trait of the error types of buses. The buses of this crate use [`BusAccessError`]; a bus of
+/// your own may use another type.
 pub trait BusError: core::error::Error {
-    /// Returns the kind, which generic code can handle.
+    /// Returns the kind of error, which code for any bus can handle.
     fn kind(&self) -> BusErrorKind;
 }
 
@@ -52,7 +54,8 @@ impl BusError for BusErrorKind {
     }
 }
 
-/// The error of an access that was refused, or to which nothing answered.
+/// The failure of an access to a bus: the address, and the reason. It is the error type of this
+/// crate's buses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("bus error at {address:#x}: {kind}")]
 pub struct BusAccessError {
@@ -68,7 +71,7 @@ impl BusError for BusAccessError {
     }
 }
 
-/// The width of an access. The discriminant is its number of bytes.
+/// The width of an access to a bus: 8, 16 or 32 bits. The discriminant is the number of bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Width {
     /// One byte.
@@ -80,13 +83,14 @@ pub enum Width {
 }
 
 impl Width {
-    /// Returns the number of bytes.
+    /// Returns the number of bytes: 1, 2 or 4.
     #[must_use]
     pub const fn bytes(self) -> usize {
         self as usize
     }
 
-    /// Returns a mask with a one in each bit that a value of this width has.
+    /// Returns a mask of the bits that a value of this width has: `0xff`, `0xffff` or
+    /// `0xffff_ffff`.
     #[must_use]
     pub const fn mask(self) -> u32 {
         u32::MAX >> (32 - 8 * self.bytes())
@@ -129,24 +133,27 @@ macro_rules! typed {
     };
 }
 
-/// Reads and writes of 8, 16 and 32 bits at bus addresses. Each may return a bus error.
+/// A bus: it reads and writes the registers of boards, 8, 16 or 32 bits at a time, by their bus
+/// addresses. A *board* is anything with registers, such as a peripheral of the processor or a chip
+/// on I2C. Each access may return an error.
 ///
 /// # For users
 ///
-/// Each access is made once, in this width, in program order relative to the other accesses of the
-/// same context; registers may change when they are read. Values are as the processor sees them: if
+/// Each access is made once and in the given width, since a register may change when it is read.
+/// The accesses of one context are made in program order. Values are as the processor sees them: if
 /// a board needs bytes swapped, its driver does that.
 ///
 /// # For implementers
 ///
 /// Only [`read`](Self::read) and [`write`](Self::write) are required. A bus on which every transfer
-/// is slow overrides the block transfers. A bus that cannot know whether something answered returns
-/// [`Infallible`](core::convert::Infallible) errors, and overrides [`answers`](Self::answers) if it
-/// can find out at start-up. Never make a Rust reference to the memory behind a bus. An access to
-/// which nothing answers must return an error, never raise a signal or trap. A misaligned access
-/// must be refused, not split. Call [`conformance::bus`](conformance/fn.bus.html) from one test.
+/// is slow overrides the block transfers. A bus that cannot know whether something answered has the
+/// error type [`Infallible`](core::convert::Infallible), and overrides [`answers`](Self::answers)
+/// if it can find out at start-up in another way. Never make a Rust reference to the memory behind
+/// a bus. An access to which nothing answers must return an error, never raise a signal or trap. A
+/// misaligned access must be refused, not split. Call [`conformance::bus`](conformance/fn.bus.html)
+/// from a test: it checks that a bus follows these rules.
 pub trait Bus {
-    /// The backend's error.
+    /// The type of the errors of this bus.
     type Error: BusError;
 
     /// Reads the register at a bus address; if the width is less than 32 bits, the upper bits of
@@ -226,7 +233,8 @@ impl<B: Bus + ?Sized> Bus for &B {
     }
 }
 
-/// The registers of one board: a [`Bus`] whose addresses begin at the board.
+/// The registers of one board, as its driver accesses them: a [`Bus`] on which address 0 is the
+/// board's first register.
 #[derive(Debug)]
 pub struct Registers<'b, B> {
     bus: &'b B,
@@ -242,13 +250,13 @@ impl<B> Clone for Registers<'_, B> {
 impl<B> Copy for Registers<'_, B> {}
 
 impl<'b, B: Bus> Registers<'b, B> {
-    /// Makes the registers of a board from the bus address `base` on.
+    /// Makes a bus of the registers of the board that begins at address `base` of `bus`.
     #[inline]
     pub const fn new(bus: &'b B, base: usize) -> Self {
         Self { bus, base }
     }
 
-    /// Returns the bus address at which the board begins.
+    /// Returns the bus address at which the board begins, for example to print it.
     #[must_use]
     pub const fn base(&self) -> usize {
         self.base

@@ -9,12 +9,13 @@ use crate::error::IoError;
 use crate::fd::{Fd, FdTable};
 use crate::unit::Unit;
 
-/// A board with the type of its driver, for the driver's own methods: it takes the place of
-/// `ioctl`. Its descriptor has been checked.
+/// An open board together with its driver, on which a program calls the driver's own methods. It
+/// takes the place of `ioctl`. [`Switch::open_typed`](crate::Switch::open_typed) and
+/// [`Switch::device`](crate::Switch::device) return it, and check the descriptor once.
 ///
-/// It dereferences to its driver, whose own methods take the [`registers`](Self::registers) first:
-/// `sensor.angle(sensor.registers)`. They cost no more than a direct call of the driver. While a
-/// `Device` is held, its descriptor cannot be closed by others; dropping it closes nothing.
+/// It dereferences to the driver, whose methods take the [`registers`](Self::registers) first, as
+/// in `sensor.angle(sensor.registers)`. Such a call costs no more than a direct call of the driver.
+/// While a `Device` is held, its descriptor cannot be closed by others; dropping it closes nothing.
 pub struct Device<'s, B, D: Driver, const F: usize> {
     /// The registers of the board.
     pub registers: Registers<'s, B>,
@@ -34,17 +35,20 @@ impl<'s, B: Bus, D: Driver, const F: usize> Device<'s, B, D, F> {
         }
     }
 
-    /// Returns the descriptor, for transfers of bytes.
+    /// Returns the descriptor of the board, for [`Switch::read`](crate::Switch::read) and
+    /// [`Switch::write`](crate::Switch::write).
     #[must_use]
     pub const fn fd(&self) -> Fd {
         self.fd
     }
 
-    /// Closes the descriptor. If it is the last one of its board, the board is closed, too.
+    /// Closes the descriptor. The driver also closes the board if no other descriptor of it is
+    /// open.
     ///
     /// # Errors
     /// [`IoError::Fd`] with [`InUse`](crate::FdError::InUse) if there is another `Device` of this
-    /// descriptor; [`IoError::Bus`] if the board fails, whose descriptor is closed all the same.
+    /// descriptor; [`IoError::Bus`] if the bus fails while the driver closes the board; the
+    /// descriptor is closed all the same.
     pub fn close(self) -> Result<(), IoError<B::Error>> {
         let (unit, registers, fds, fd) = (self.unit, self.registers, self.fds, self.fd);
         drop(self);

@@ -14,14 +14,14 @@ use crate::unit::{Presence, Unit};
 const CALM: u32 = 1000;
 
 impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Switch<B, C, S, F> {
-    /// Serves all pending interrupts. The processor's interrupt handler calls it, whatever the
-    /// vector is.
+    /// Serves all pending interrupts. Call this from the processor's interrupt handler, whatever
+    /// the vector is.
     ///
-    /// The boards that share a vector are polled one after the other, each time beginning with
-    /// another one, until none of them asks for service: their line may be edge-triggered. A vector
-    /// that interrupts 16 times in a row although none of its boards asks, or that never ends, is
-    /// disabled and counted as [stuck](InterruptCounts::stuck), so that it does not hang the
-    /// processor.
+    /// The boards that share a vector are polled in turn until none of them asks for service,
+    /// because their line may be edge-triggered. Each interrupt begins with the next board, so that
+    /// all are served alike. A vector is disabled if it interrupts 16 times in a row although none
+    /// of its boards asks, or if its interrupts do not end. It then counts as
+    /// [stuck](InterruptCounts::stuck), so that it does not hang the processor.
     ///
     /// An interrupt of a higher level may come while one of a lower level is being served.
     pub fn on_interrupt(&self) {
@@ -50,13 +50,13 @@ impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Switch<B, C, 
         }
     }
 
-    /// Returns the counts of interrupts so far.
+    /// Returns how many interrupts came since the switch was made, by outcome.
     pub fn interrupt_counts(&self) -> InterruptCounts {
         InterruptCounts::of(self.devices.lines(), &self.interrupts)
     }
 
-    /// Iterates over the first eight vectors that interrupted and belong to no board, with the
-    /// counts of their interrupts.
+    /// Iterates over vectors that interrupted although no board of the set has them, each with its
+    /// number of interrupts. Only the first eight such vectors are remembered.
     pub fn unhandled(&self) -> impl Iterator<Item = (InterruptVector, u32)> + '_ {
         self.interrupts.strangers()
     }

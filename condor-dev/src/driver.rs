@@ -2,7 +2,8 @@
 
 use crate::bus::{Bus, Registers, Width};
 
-/// A driver of one kind of board. A value of it has the state of one board.
+/// A driver of one kind of board, such as a serial port. A value of the type is the driver of one
+/// board.
 ///
 /// # For users
 /// Programs name drivers in a [`device_switch!`](crate::device_switch) and access them through its
@@ -10,11 +11,10 @@ use crate::bus::{Bus, Registers, Width};
 /// as methods of its own, which take the registers first; see [`Device`](crate::Device).
 ///
 /// # For implementers
-/// A value has the state and the buffer of one board. It lives in a `static`, and background, servo
-/// loops and interrupts access it at the same time through `&self`. The interrupt handler and the other calls share the
-/// buffer by atomics, so that neither ever waits for the other. No call waits for the board: if something cannot be
-/// done now, it returns
-/// [`DeviceError::WouldBlock`].
+/// A value has the state and the buffer of one board. It is stored in a `static`, and background,
+/// servo loops and interrupts access it at the same time through `&self`. The interrupt handler and
+/// the other calls share the buffer by atomics, so that neither ever waits for the other. No call
+/// waits for the board: if something cannot be done now, it returns [`DeviceError::WouldBlock`].
 ///
 /// Only [`NEW`](Self::NEW) is required; the defaults make a device that has only its own methods
 /// and transfers no bytes.
@@ -32,9 +32,9 @@ pub trait Driver: Sync + Sized + 'static {
     /// [`device_switch!`](crate::device_switch) refuses others.
     const I2C_ADDRESSES: u128 = u128::MAX;
 
-    /// Returns true if the board is there, before anything else is done to it. It only reads: at the
-    /// address may be another board, which a write would change. The default checks whether a byte
-    /// at its first address answers.
+    /// Returns true if a board of this kind is there. The switch calls this before everything else.
+    /// It must only read: another board may be at the address, and a write could change it. The
+    /// default checks whether the first byte answers.
     #[must_use]
     fn probe<B: Bus>(registers: Registers<'_, B>) -> bool {
         registers.answers(0, Width::Bits8)
@@ -124,7 +124,7 @@ pub trait Driver: Sync + Sized + 'static {
     }
 }
 
-/// The answer of a driver whether its board had asked for an interrupt.
+/// The result of [`Driver::interrupt`]: whether the board had asked for the interrupt.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Attention {
     /// The board had asked, and has been served.
@@ -133,7 +133,7 @@ pub enum Attention {
     NotMine,
 }
 
-/// The reason why a transfer moved nothing.
+/// The reason why a driver's [`read`](Driver::read) or [`write`](Driver::write) moved no bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum DeviceError<E> {
     /// The board has nothing to read, or no room, at this moment.
@@ -160,9 +160,10 @@ pub enum DeviceError<E> {
 }
 
 impl<E> DeviceError<E> {
-    /// Returns the result of a transfer of `bytes` bytes to or from a driver's buffer. `told` is
-    /// the result of the access by which the driver then informed the board. If bytes were moved,
-    /// an error in `told` is dropped, because the next call meets it again.
+    /// Returns the result for a driver's `read` or `write` that moved `bytes` bytes from or to the
+    /// driver's buffer. `told` is the result of the bus access that the driver made afterwards, for
+    /// example to enable an interrupt for more bytes. If bytes were moved, the result is their
+    /// number; an error in `told` is dropped then, because the next call meets it again.
     ///
     /// # Errors
     /// If no bytes were moved: [`Bus`](Self::Bus) with the error in `told`, or

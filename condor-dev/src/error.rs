@@ -7,7 +7,7 @@ use crate::driver::DeviceError;
 use crate::fd::{FdError, OpenMode};
 use crate::unit::Presence;
 
-/// The reason why a device cannot be opened.
+/// The reason why [`Switch::open`](crate::Switch::open) did not open a board.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum OpenError<'n> {
     /// The program was built without such a device.
@@ -73,10 +73,12 @@ pub enum OpenError<'n> {
     },
 }
 
-/// The reason why a transfer through a descriptor moved nothing.
+/// The reason why a call with a descriptor failed, such as [`Switch::read`](crate::Switch::read). A
+/// transfer that failed moved no bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum IoError<E> {
-    /// The descriptor is refused.
+    /// The descriptor is not open, not open in this direction, or held by a
+    /// [`Device`](crate::Device).
     #[error(transparent)]
     Fd(#[from] FdError),
     /// The device has nothing to read, or no room, at this moment.

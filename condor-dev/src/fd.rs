@@ -6,7 +6,7 @@ use core::sync::atomic::{AtomicU32, Ordering};
 use bitflags::bitflags;
 
 bitflags! {
-    /// The mode in which a device is opened: a combination of these.
+    /// The mode in which a board is opened: a combination of these flags, such as `READ | WRITE`.
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
     pub struct OpenMode: u8 {
         /// Opens for reading.
@@ -34,10 +34,12 @@ impl fmt::Display for OpenMode {
     }
 }
 
-/// A file descriptor: an index into the switch's table, and a generation, which counts how often
-/// that entry of the table was used before. So a closed descriptor is never taken for a new one.
+/// The descriptor of an open board: [`Switch::open`](crate::Switch::open) returns it, and calls
+/// such as [`Switch::read`](crate::Switch::read) take it. It is a plain number: an index into the
+/// switch's table of descriptors, and a generation, which counts how often that entry of the table
+/// was used before. So a closed descriptor is not taken for a newer one with the same index.
 ///
-/// The generation wraps after 65 536 opens.
+/// The generation wraps after 65 536 uses of an entry.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Fd {
     index: u16,
@@ -45,10 +47,10 @@ pub struct Fd {
 }
 
 impl Fd {
-    /// Makes a descriptor from an index and a generation. An implementation of
-    /// [`Descriptors`](crate::stream::Descriptors) makes those of its own table so. A
-    /// [`Switch`](crate::Switch) accepts it if index and generation are those of an open
-    /// descriptor.
+    /// Makes a descriptor from the index `number` and a generation. Only implementations of
+    /// [`Descriptors`](crate::stream::Descriptors) need this, for tables of their own. A
+    /// [`Switch`](crate::Switch) accepts the descriptor if it has one open with the same index and
+    /// generation.
     #[must_use]
     pub const fn new(number: u16, generation: u16) -> Self {
         Self {
@@ -57,13 +59,14 @@ impl Fd {
         }
     }
 
-    /// Returns the index into the table.
+    /// Returns the index of the descriptor in the switch's table.
     #[must_use]
     pub const fn number(self) -> u16 {
         self.index
     }
 
-    /// Returns the generation: how often the entry of the table was used before.
+    /// Returns the generation: how often the entry of the table was used for other descriptors
+    /// before.
     #[must_use]
     pub const fn generation(self) -> u16 {
         self.generation
@@ -76,11 +79,11 @@ impl fmt::Display for Fd {
     }
 }
 
-/// The reason why a descriptor is refused.
+/// The reason why a [`Switch`](crate::Switch) refuses a descriptor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum FdError {
-    /// The descriptor has been closed, or is not of this switch; its index may belong to another
-    /// one since.
+    /// The descriptor has been closed, or belongs to another switch. A newer descriptor may have
+    /// its index.
     #[error("descriptor {fd} is not open")]
     Closed {
         /// The descriptor.

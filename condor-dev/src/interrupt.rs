@@ -1,6 +1,6 @@
 //! [`InterruptController`]: enables, claims and completes interrupts.
 
-/// The number of an interrupt vector in its controller.
+/// The number of an interrupt vector, as the interrupt controller counts its vectors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct InterruptVector(pub u16);
 
@@ -23,7 +23,8 @@ pub struct InterruptLevel(pub u8);
 ///   is enabled again.
 /// * All methods ignore vectors that the controller does not have.
 ///
-/// Call [`conformance::interrupt_controller`](conformance/fn.interrupt_controller.html) from one test.
+/// Call [`conformance::interrupt_controller`](conformance/fn.interrupt_controller.html) from a
+/// test: it checks these rules.
 pub trait InterruptController {
     /// Enables a vector, and sets its level.
     fn enable(&self, vector: InterruptVector, level: InterruptLevel);
@@ -61,7 +62,8 @@ impl<C: InterruptController + ?Sized> InterruptController for &C {
     }
 }
 
-/// A controller without interrupts, for systems in which no board interrupts.
+/// An [`InterruptController`] that never interrupts, for a [`Switch`](crate::Switch) in which no
+/// board interrupts.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct NoInterrupts;
 

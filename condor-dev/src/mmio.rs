@@ -4,7 +4,8 @@ use core::ffi::c_void;
 
 use crate::bus::{Bus, BusAccessError, BusErrorKind, Width};
 
-/// A range of addresses at which boards answer: each access of a driver is one volatile access.
+/// A [`Bus`] of memory-mapped registers: a range of the processor's addresses at which boards
+/// answer. Each access is one volatile access.
 ///
 /// Accesses outside of the range, and misaligned ones, are refused without being made. If nothing
 /// answers at an address inside of the range, the result depends on the processor: some read ones,
@@ -29,8 +30,8 @@ unsafe impl Send for Mmio {}
 unsafe impl Sync for Mmio {}
 
 impl Mmio {
-    /// Makes a bus of the `len` bytes at the processor's addresses from `first` on. Bus addresses
-    /// are equal to the processor's addresses.
+    /// Makes a bus of the `len` bytes from the processor's address `first` on. Bus addresses are
+    /// equal to the processor's addresses.
     ///
     /// # Safety
     ///
@@ -40,16 +41,17 @@ impl Mmio {
     /// * every aligned access of 8, 16 and 32 bits in it may be made at any time: if nothing
     ///   answers, the processor reads something and ignores writes, or the access is guarded
     ///   (`riscv::GuardedMmio`);
-    /// * no write in it makes a device change such memory, by DMA for example, except if the
-    ///   program part that gave the device its addresses is responsible for them.
+    /// * no write in it makes a device change such memory, by DMA for example, unless another part
+    ///   of the program gave the device these addresses and is responsible for that.
     #[must_use]
     pub const unsafe fn new(first: usize, len: usize) -> Self {
         // SAFETY: as for this function.
         unsafe { Self::translated(first as *mut u8, first, len) }
     }
 
-    /// Makes a bus of the `len` bytes at `memory`, which have the bus addresses from `first` on. It
-    /// is for processors whose addresses differ from those of the boards.
+    /// Makes a bus of the `len` bytes that the processor sees at `memory`, with the bus addresses
+    /// from `first` on. Use it if the processor's addresses of the boards differ from their bus
+    /// addresses.
     ///
     /// # Safety
     ///

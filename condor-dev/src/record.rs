@@ -17,7 +17,8 @@ pub(crate) const ENDLESS: u32 = 10_000;
 /// The number of different vectors without a driver that are told apart.
 const STRANGERS: usize = 8;
 
-/// Counts of interrupts by outcome. They wrap.
+/// Counts of interrupts by outcome, from [`Switch::interrupt_counts`](crate::Switch::interrupt_counts). The counts
+/// wrap.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct InterruptCounts {
     /// Interrupts of a board that had asked for one and was served.
@@ -50,7 +51,7 @@ pub struct VectorRecord {
 }
 
 impl VectorRecord {
-    /// Makes the record of a vector that has not interrupted.
+    /// Makes the record of a vector that has not interrupted yet: all counts are 0.
     #[must_use]
     #[allow(
         clippy::new_without_default,

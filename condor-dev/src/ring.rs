@@ -5,10 +5,10 @@ use crate::sync::{AtomicBool, AtomicU8, AtomicU32, Ordering, masked};
 /// A queue of `N` bytes with a writer and a reader, both claimed through `&self`. It is the buffer
 /// between a driver's interrupt handler and its other calls. `N` is a power of two.
 ///
-/// A context that has claimed the writer or the reader has it until it is dropped. For other
-/// contexts, which interrupt that context or run beside it, the claim fails meanwhile. So no
-/// context ever waits. The ring needs only loads and stores of atomics, and a critical section of
-/// two accesses for a claim.
+/// A context that has claimed the writer or the reader has it until it drops the [`RingWriter`] or
+/// [`RingReader`]. Meanwhile a claim by another context, which interrupts the first one or runs
+/// beside it, fails. So no context ever waits. The ring needs only loads and stores of atomics, and
+/// a critical section of two accesses for a claim.
 ///
 /// (`heapless::spsc` splits into its two ends by `&mut`, which a driver in a `static` does not
 /// have.)
@@ -70,21 +70,21 @@ impl<const N: usize> Ring<N> {
         }
     }
 
-    /// Claims the writer; returns `None` while another context has it.
+    /// Claims the writer, until the result is dropped; returns `None` while another context has it.
     #[inline]
     #[must_use]
     pub fn writer(&self) -> Option<RingWriter<'_, N>> {
         claim(&self.writing).then(|| RingWriter(self))
     }
 
-    /// Claims the reader; returns `None` while another context has it.
+    /// Claims the reader, until the result is dropped; returns `None` while another context has it.
     #[inline]
     #[must_use]
     pub fn reader(&self) -> Option<RingReader<'_, N>> {
         claim(&self.reading).then(|| RingReader(self))
     }
 
-    /// Returns the number of bytes to read at this moment.
+    /// Returns the number of bytes in the ring at this moment.
     #[inline]
     #[must_use]
     pub fn len(&self) -> usize {
@@ -95,14 +95,14 @@ impl<const N: usize> Ring<N> {
         (written.wrapping_sub(read) as usize).min(N)
     }
 
-    /// Returns true if there is nothing to read at this moment.
+    /// Returns true if the ring has no bytes to read at this moment.
     #[inline]
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// Returns true if the ring is full now.
+    /// Returns true if the ring has no room for another byte at this moment.
     #[inline]
     #[must_use]
     pub fn is_full(&self) -> bool {
@@ -134,26 +134,27 @@ fn claim(taken: &AtomicBool) -> bool {
     })
 }
 
-/// The end of a [`Ring`] that puts bytes in; only one context at a time has it.
+/// The writing end of a [`Ring`], which [`Ring::writer`] returns; only one context at a time has
+/// it. Dropping it ends the claim.
 #[derive(Debug)]
 pub struct RingWriter<'r, const N: usize>(&'r Ring<N>);
 
 impl<const N: usize> RingWriter<'_, N> {
-    /// Returns the number of bytes for which there is room.
+    /// Returns the number of bytes that can be written now.
     #[inline]
     #[must_use]
     pub fn room(&self) -> usize {
         N - self.0.len()
     }
 
-    /// Writes a byte; returns whether there was room.
+    /// Writes a byte, and returns true; returns false if the ring is full, and writes nothing then.
     #[inline]
     pub fn push(&mut self, byte: u8) -> bool {
         self.write(&[byte]) == 1
     }
 
-    /// Writes as many bytes as there is room for, and returns their number. They become readable
-    /// together.
+    /// Writes as many bytes as there is room for, and returns their number. All of them become
+    /// readable at the same time.
     #[inline]
     pub fn write(&mut self, from: &[u8]) -> usize {
         let ring = self.0;
@@ -182,12 +183,13 @@ impl<const N: usize> Drop for RingWriter<'_, N> {
     }
 }
 
-/// The end of a [`Ring`] that takes bytes out; only one context at a time has it.
+/// The reading end of a [`Ring`], which [`Ring::reader`] returns; only one context at a time has
+/// it. Dropping it ends the claim.
 #[derive(Debug)]
 pub struct RingReader<'r, const N: usize>(&'r Ring<N>);
 
 impl<const N: usize> RingReader<'_, N> {
-    /// Returns the next byte without taking it out; `None` if there is none.
+    /// Returns the oldest byte without taking it out; `None` if the ring is empty.
     #[inline]
     #[must_use]
     pub fn peek(&self) -> Option<u8> {
@@ -195,7 +197,8 @@ impl<const N: usize> RingReader<'_, N> {
         (self.copy(&mut byte) == 1).then_some(byte[0])
     }
 
-    /// Takes out the byte that [`peek`](Self::peek) returns; does nothing if there is none.
+    /// Discards the oldest byte, which [`peek`](Self::peek) returns; does nothing if the ring is
+    /// empty.
     #[inline]
     pub fn skip(&mut self) {
         if !self.0.is_empty() {
@@ -203,7 +206,7 @@ impl<const N: usize> RingReader<'_, N> {
         }
     }
 
-    /// Takes out as many bytes as there are and fit in `into`, and returns their number.
+    /// Takes out as many bytes as the ring holds and `into` has room for, and returns their number.
     #[inline]
     pub fn read(&mut self, into: &mut [u8]) -> usize {
         let count = self.copy(into);
@@ -211,7 +214,7 @@ impl<const N: usize> RingReader<'_, N> {
         count
     }
 
-    /// Takes out all bytes.
+    /// Discards all bytes in the ring.
     pub fn clear(&mut self) {
         self.advance(self.0.len() as u32);
     }

@@ -6,12 +6,12 @@ use embedded_hal::spi::{Operation, SpiDevice};
 use crate::bus::{Bus, BusAccessError, BusErrorKind, Width};
 use crate::stdio::ClaimCell;
 
-/// The registers of all parts on one I2C bus, through any [`I2c`] of embedded-hal.
+/// A [`Bus`] of the registers of all parts on one I2C bus, over any controller that implements [`I2c`] of embedded-hal.
 ///
 /// Register `r` of the part with the 7-bit address `d` has the bus address `d << 8 | r`; see
-/// [`Location::i2c`](crate::Location::i2c). Registers have 8 bits. A wider access moves two or four
-/// of them in one transfer, in the processor's byte order; a block of up to 64 is one transfer,
-/// too. If a part does not advance its register number by itself, access it only by bytes.
+/// [`Location::i2c`](crate::Location::i2c). Registers have 8 bits. A wider access moves two or four of them in one
+/// transfer, in the processor's byte order; a block of up to 64 registers is one transfer, too. If a part does not
+/// advance its register number by itself, access it only by bytes.
 ///
 /// Only one context at a time uses the wires. An access of another context meanwhile, such as an
 /// interrupt handler, is refused as [`Busy`](BusErrorKind::Busy). A transfer takes about 25 µs per
@@ -37,14 +37,14 @@ pub struct I2cBus<I> {
 const BLOCK: usize = 64;
 
 impl<I: I2c> I2cBus<I> {
-    /// Makes a bus of the parts at the bus addresses from 0 to 0x7fff.
+    /// Makes a bus of the parts behind the controller `i2c`. Their bus addresses are 0 to 0x7fff.
     #[must_use]
     pub const fn new(i2c: I) -> Self {
         Self::from(0, i2c)
     }
 
-    /// Makes a bus of the parts at the 0x8000 bus addresses from `first` on, a multiple of 4: for a
-    /// second bus in one [`Switch`](crate::Switch).
+    /// Makes a bus like [`new`](Self::new), but with the 0x8000 bus addresses from `first` on, a multiple of 4. Use it
+    /// for a second I2C bus in one [`Switch`](crate::Switch).
     #[must_use]
     pub const fn from(first: usize, i2c: I) -> Self {
         let i2c = ClaimCell::new(i2c);
@@ -109,7 +109,7 @@ impl<I: I2c> Bus for I2cBus<I> {
     }
 }
 
-/// The registers of one part on an SPI bus, through any [`SpiDevice`] of embedded-hal.
+/// A [`Bus`] of the registers of one part on an SPI bus, over any [`SpiDevice`] of embedded-hal.
 ///
 /// A transfer begins with a command byte: the number of the register, and bits for reading or writing, which
 /// the data sheet defines. As with [`I2cBus`], registers have 8 bits, wider accesses and blocks move several of
@@ -122,7 +122,8 @@ pub struct SpiBus<S> {
     command: SpiCommand,
 }
 
-/// The bits of a command byte without the number of the register.
+/// The bits of an SPI part's command byte that select a read or a write. The bits below them are the number of the
+/// register.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct SpiCommand {
     /// The bits that are set for a read; 0x80 for most parts.
@@ -132,8 +133,9 @@ pub struct SpiCommand {
 }
 
 impl<S: SpiDevice> SpiBus<S> {
-    /// Makes a bus of the part's registers, at the bus addresses from `first` on, a multiple of 4.
-    /// The numbers of registers are those below the lowest bit that is set in `command`.
+    /// Makes a bus of the registers of the part behind `spi`. Register 0 has the bus address `first`, a multiple of 4.
+    /// The part has as many registers as there are numbers below the lowest bit set in `command`: 128 if that bit is
+    /// 0x80.
     #[must_use]
     pub const fn new(first: usize, spi: S, command: SpiCommand) -> Self {
         let spi = ClaimCell::new(spi);

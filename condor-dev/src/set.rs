@@ -8,11 +8,12 @@ use crate::fd::Entry;
 use crate::interrupt::InterruptVector;
 use crate::unit::{Location, Unit};
 
-/// The boards that may exist, grouped by kind; [`device_switch!`](crate::device_switch) implements
-/// it.
+/// The set of boards for which a program is built, grouped by kind. A program does not implement
+/// this trait itself: [`device_switch!`](crate::device_switch) declares a type that does.
 ///
-/// A kind is a field of the macro. Kinds, and boards of a kind, are numbered from 0 in the order in
-/// which they are written there; the slot of a board is `kind << 6 | board`.
+/// A kind is a field in the call of the macro. Kinds, and the boards of a kind, are numbered from 0
+/// in the order in which they are written there. The slot of a board is the number `kind << 6 |
+/// board`.
 pub trait DeviceSet: Sync {
     /// The name of each kind, and the number of boards of it that may exist.
     const KINDS: &'static [(&'static str, u8)];
@@ -29,8 +30,10 @@ pub trait DeviceSet: Sync {
     fn visit<V: Visitor>(&self, slot: u16, visitor: V) -> Option<V::Output>;
 }
 
-/// The boards of a field of [`device_switch!`](crate::device_switch), with the type of their driver;
-/// the macro makes one for each field, with its name.
+/// The name of a device of the set `S` together with the type `D` of its driver, such as
+/// `Boards::uart`. It is an argument of [`Switch::open_typed`](crate::Switch::open_typed) and
+/// [`Switch::device`](crate::Switch::device). [`device_switch!`](crate::device_switch) makes a
+/// constant of this type for each field.
 pub struct DriverSlot<S, D> {
     number: u8,
     units: fn(&S) -> &[Unit<D>],
@@ -73,7 +76,7 @@ pub(crate) const fn slot(kind: u8, board: u8) -> u16 {
     (kind as u16) << BOARD | board as u16
 }
 
-/// A board that interrupts.
+/// A board of a [`DeviceSet`] that interrupts, with its vector.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Link {
     /// The vector of the board.
@@ -82,12 +85,13 @@ pub struct Link {
     pub slot: u16,
 }
 
-/// A function that can be called with a board of any driver.
+/// A function that is generic over the driver of a board, for [`DeviceSet::visit`]; a closure
+/// cannot be generic.
 pub trait Visitor {
-    /// The type of its result.
+    /// The type of the function's result.
     type Output;
 
-    /// Runs with the board.
+    /// Calls the function with a board.
     fn board<D: Driver>(self, unit: &Unit<D>) -> Self::Output;
 }
 
@@ -110,7 +114,7 @@ const fn nth(kinds: &[(&str, &[Location])], mut number: usize) -> Option<(u16, L
     None
 }
 
-/// Returns how many of the locations interrupt.
+/// Returns how many of the boards in `kinds` have an interrupt.
 #[doc(hidden)]
 #[must_use]
 pub const fn links(kinds: &[(&str, &[Location])]) -> usize {
@@ -124,7 +128,8 @@ pub const fn links(kinds: &[(&str, &[Location])]) -> usize {
     count
 }
 
-/// Returns the locations that interrupt, in the order of their vectors.
+/// Returns the boards in `kinds` that have an interrupt, sorted by vector. `N` is the result of
+/// [`links`].
 ///
 /// # Panics
 /// If two boards have the same address, or share a vector at different levels; such a set does not

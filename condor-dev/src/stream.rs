@@ -13,10 +13,11 @@ use crate::interrupt::InterruptController;
 use crate::set::DeviceSet;
 use crate::switch::Switch;
 
-/// The transfers of a switch, without the types of which it is made; a [`DeviceStream`] needs them.
+/// Reads and writes by descriptor, as a [`Switch`] makes them. A [`DeviceStream`] needs only this
+/// trait, so the type of the switch does not matter to it.
 ///
 /// # For users
-/// `&dyn Descriptors<Error = …>` names a switch if its full type would be too long.
+/// `&dyn Descriptors<Error = …>` can stand for a switch whose full type is too long to write.
 ///
 /// # For implementers
 /// [`Switch`] implements it. A program can implement it for descriptors of its own, or as a wrapper
@@ -90,9 +91,9 @@ impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Descriptors
     }
 }
 
-/// Returns a way to wait for a [`DeviceStream`]: it looks at the device `count` times and then gives up;
-/// if `count` is 0, it looks once. It is for programs without a clock, and, with 0, for contexts
-/// that must not wait.
+/// Returns a `wait` function for [`DeviceStream::new`] that needs no clock: the stream tries
+/// `count` times without a pause, and then the call fails. With 0 it tries once, for contexts that
+/// must not wait.
 pub fn looks(count: u32) -> impl FnMut(u32) -> bool + Clone {
     move |looks| {
         spin_loop();
@@ -100,11 +101,11 @@ pub fn looks(count: u32) -> impl FnMut(u32) -> bool + Clone {
     }
 }
 
-/// Returns a way to wait for a [`DeviceStream`]: it looks at the device until `ticks` ticks of `clock`
-/// have passed since the first look of a call.
+/// Returns a `wait` function for [`DeviceStream::new`] with a time limit: a call of the stream
+/// fails when the device was not ready for `ticks` ticks of `clock` since its first attempt.
 ///
-/// The clock returns a count, which never runs backwards and may wrap as a `u32` does; then a wait
-/// must look at least once in 2³² ticks to end in time.
+/// `clock` returns a count of ticks, which never runs backwards and may wrap as a `u32` does. The
+/// stream must then try at least once in 2³² ticks to notice the end of the time.
 pub fn timeout(mut clock: impl FnMut() -> u32, ticks: u32) -> impl FnMut(u32) -> bool {
     let mut began = 0;
     move |looks| {
@@ -117,7 +118,7 @@ pub fn timeout(mut clock: impl FnMut() -> u32, ticks: u32) -> impl FnMut(u32) ->
     }
 }
 
-/// The reason why a call of a stream failed.
+/// The reason why a read, write or flush of a [`DeviceStream`] failed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum DeviceStreamError<E: fmt::Debug> {
     /// The device was not ready for as long as the [`DeviceStream`] waits. Nothing was moved.
@@ -158,12 +159,13 @@ impl<E: BusError> embedded_io::Error for IoError<E> {
     }
 }
 
-/// A descriptor of a switch with the traits of `embedded-io`. Reads, writes and flushes wait for
-/// the device as `W` says, and then fail with [`DeviceStreamError::TimedOut`].
+/// An open descriptor of a switch with the traits of `embedded-io`. Reads, writes and flushes wait
+/// for the device for a limited time, and then fail with [`DeviceStreamError::TimedOut`].
 ///
-/// `W` is a function that is called when the device was not ready for the `looks`th time in one
-/// call, and returns whether to look again: [`looks`], [`timeout`], or one that sleeps until an
-/// interrupt. It must end every wait.
+/// The function of type `W` sets the limit. The stream calls it each time the device was not ready,
+/// with the number of attempts in this call so far; it returns true if the stream must try again.
+/// Use [`looks`], [`timeout`], or a function that sleeps until an interrupt. It must return false
+/// at some time.
 ///
 /// The limit applies to each call: `write_all` begins a new wait whenever the device has taken
 /// something. The readiness methods never wait.
@@ -188,12 +190,13 @@ impl<S: ?Sized, W: Clone> Clone for DeviceStream<'_, S, W> {
 }
 
 impl<'s, S: Descriptors + ?Sized, W: FnMut(u32) -> bool> DeviceStream<'s, S, W> {
-    /// Makes a stream of `fd`, whose reads and writes wait as `wait` says.
+    /// Makes a stream of the descriptor `fd` of `switch`. `wait` decides how long reads, writes and
+    /// flushes wait; see [`DeviceStream`].
     pub const fn new(switch: &'s S, fd: Fd, wait: W) -> Self {
         Self { switch, fd, wait }
     }
 
-    /// Returns the descriptor.
+    /// Returns the descriptor that this stream reads and writes.
     #[must_use]
     pub const fn fd(&self) -> Fd {
         self.fd

@@ -12,8 +12,12 @@ use crate::record::Interrupts;
 use crate::set::{DeviceSet, DriverSlot, Visitor, slot};
 use crate::unit::{Presence, Unit};
 
-/// The device switch of one processor (A. I. Memo 977, section 3.1): the devices of a set `S` on a
-/// bus `B`. They interrupt through `C`, and up to `F` descriptors can be open at a time.
+/// The device switch of one processor (A. I. Memo 977, section 3.1): it finds the boards for which
+/// a program is built, opens them by name, and passes reads and writes to their drivers.
+///
+/// `S` is the set of devices, declared by [`device_switch!`](crate::device_switch). `B` is the bus
+/// that reaches their registers, and `C` the controller of their interrupts. Up to `F` descriptors
+/// can be open at a time.
 ///
 /// It allocates nothing, and calls every driver directly. A switch is usually a `static`.
 ///
@@ -41,7 +45,7 @@ pub struct Switch<B, C, S, const F: usize> {
 }
 
 impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Switch<B, C, S, F> {
-    /// Makes a switch that has not started.
+    /// Makes a switch. No board can be opened before [`start`](Self::start) has found it.
     #[must_use]
     pub const fn new(bus: B, controller: C, devices: S) -> Self {
         Self {
@@ -53,8 +57,8 @@ impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Switch<B, C, 
         }
     }
 
-    /// Looks for every possible board, initialises those that are there, and then enables the
-    /// interrupt vectors of those that are present. [`inventory`](Self::inventory) prints the
+    /// Looks for every board of the set, initialises those that are there, and then enables the
+    /// interrupt vectors of those that were initialised. [`inventory`](Self::inventory) prints the
     /// result.
     ///
     /// Boards that are present already are not changed; their vectors that were
@@ -70,15 +74,18 @@ impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Switch<B, C, 
         }
     }
 
-    /// Opens board number `board` of the device `name` and returns its descriptor. `name` is the
-    /// name of a field of the device set; a colon before it is ignored.
+    /// Opens board number `board`, counted from 0, of the device `name` and returns its descriptor.
+    /// `name` is the name of a field of the device set; a colon before it is ignored.
     ///
-    /// Interrupts are not masked while the driver accesses the board. During this call, and during
-    /// a [`close`](Self::close), other contexts get [`Busy`](OpenError::Busy) for the board.
+    /// Interrupts are not masked while the driver accesses the board. While one context opens or
+    /// closes a board, another one that opens it gets [`OpenError::Busy`].
     ///
     /// # Errors
-    /// [`OpenError`] if there is no such device or board, if the board is not ready, is open, or
-    /// does not answer, if it cannot be opened in this mode, or if all descriptors are open.
+    /// [`OpenError::NoSuchDevice`] or [`OpenError::NoSuchBoard`] if the set has no such device or
+    /// board; [`OpenError::NotPresent`] if start-up did not find or not initialise the board;
+    /// [`OpenError::Direction`] if it cannot be opened in this mode; [`OpenError::Busy`] if it is
+    /// open already and not shared; [`OpenError::TooMany`] if all descriptors are open;
+    /// [`OpenError::Bus`] if the bus fails.
     pub fn open<'n>(&self, name: &'n str, board: u8, mode: OpenMode) -> Result<Fd, OpenError<'n>> {
         let plain = name.strip_prefix(':').unwrap_or(name);
         let mut kinds = (0_u8..).zip(S::KINDS);
@@ -88,12 +95,15 @@ impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Switch<B, C, 
         self.open_kind(kind, name, board, mode)
     }
 
-    /// Opens a board of a device with the type of its driver: `open_typed(Boards::adc, 0, mode)` for
-    /// the field `adc` of the set `Boards`.
+    /// Opens board number `board` of the device `kind`, and returns it together with its driver, so
+    /// that a program can call the driver's own methods. For the field `adc` of the set `Boards`,
+    /// call `open_typed(Boards::adc, 0, mode)`.
     ///
     /// # Errors
-    /// [`OpenError`] if there is no such board, if it is not ready, is open, or does not answer, if
-    /// it cannot be opened in this mode, or if all descriptors are open.
+    /// [`OpenError::NoSuchBoard`] if the set has no such board; [`OpenError::NotPresent`] if
+    /// start-up did not find or not initialise it; [`OpenError::Direction`] if it cannot be opened
+    /// in this mode; [`OpenError::Busy`] if it is open already and not shared;
+    /// [`OpenError::TooMany`] if all descriptors are open; [`OpenError::Bus`] if the bus fails.
     pub fn open_typed<D: Driver>(
         &self,
         kind: DriverSlot<S, D>,
@@ -141,13 +151,14 @@ impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Switch<B, C, 
         self.devices.visit(slot, open).unwrap_or(nobody)
     }
 
-    /// Reads at least one byte without waiting, and returns the number of bytes; 0 if `into` is
-    /// empty.
+    /// Reads at least one byte from the board of `fd` into `into`, without waiting, and returns the
+    /// number of bytes. Returns 0 if `into` is empty.
     ///
     /// # Errors
-    /// [`IoError::Fd`] if the descriptor is refused; [`IoError::WouldBlock`] if there is nothing to
-    /// read; [`IoError::Length`], [`IoError::Device`] or [`IoError::Bus`] if the device or the bus
-    /// refuses.
+    /// [`IoError::Fd`] if the descriptor is not open for reading; [`IoError::WouldBlock`] if there
+    /// is nothing to read at this moment; [`IoError::Length`] if the device does not move this
+    /// number of bytes; [`IoError::Device`] or [`IoError::Bus`] if the device or the bus reports an
+    /// error.
     #[inline]
     pub fn read(&self, fd: Fd, into: &mut [u8]) -> Result<usize, IoError<B::Error>> {
         let entry = self.fds.get(fd, OpenMode::READ)?;
@@ -157,13 +168,13 @@ impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Switch<B, C, 
         self.visit(fd, entry, Read(&self.bus, into))?
     }
 
-    /// Writes at least one byte without waiting, and returns the number of bytes; 0 if `from` is
-    /// empty.
+    /// Writes at least one byte of `from` to the board of `fd`, without waiting, and returns the
+    /// number of bytes. Returns 0 if `from` is empty.
     ///
     /// # Errors
-    /// [`IoError::Fd`] if the descriptor is refused; [`IoError::WouldBlock`] if there is no room;
-    /// [`IoError::Length`], [`IoError::Device`] or [`IoError::Bus`] if the device or the bus
-    /// refuses.
+    /// [`IoError::Fd`] if the descriptor is not open for writing; [`IoError::WouldBlock`] if there
+    /// is no room at this moment; [`IoError::Length`] if the device does not move this number of
+    /// bytes; [`IoError::Device`] or [`IoError::Bus`] if the device or the bus reports an error.
     #[inline]
     pub fn write(&self, fd: Fd, from: &[u8]) -> Result<usize, IoError<B::Error>> {
         let entry = self.fds.get(fd, OpenMode::WRITE)?;
@@ -173,26 +184,30 @@ impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Switch<B, C, 
         self.visit(fd, entry, Write(&self.bus, from))?
     }
 
-    /// Returns true if [`read`](Self::read) would read something.
+    /// Returns true if [`read`](Self::read) would read at least one byte now.
     ///
     /// # Errors
-    /// [`IoError::Fd`] if the descriptor is refused, [`IoError::Bus`] if the bus fails.
+    /// [`IoError::Fd`] if the descriptor is not open for reading, [`IoError::Bus`] if the bus
+    /// fails.
     pub fn read_ready(&self, fd: Fd) -> Result<bool, IoError<B::Error>> {
         self.ask(fd, OpenMode::READ, Question::Read)
     }
 
-    /// Returns true if [`write`](Self::write) would write something.
+    /// Returns true if [`write`](Self::write) would write at least one byte now.
     ///
     /// # Errors
-    /// [`IoError::Fd`] if the descriptor is refused, [`IoError::Bus`] if the bus fails.
+    /// [`IoError::Fd`] if the descriptor is not open for writing, [`IoError::Bus`] if the bus
+    /// fails.
     pub fn write_ready(&self, fd: Fd) -> Result<bool, IoError<B::Error>> {
         self.ask(fd, OpenMode::WRITE, Question::Write)
     }
 
-    /// Returns true if all bytes that were written have left the board.
+    /// Returns true if all bytes that were written through descriptors of the board have left the
+    /// board.
     ///
     /// # Errors
-    /// [`IoError::Fd`] if the descriptor is refused, [`IoError::Bus`] if the bus fails.
+    /// [`IoError::Fd`] if the descriptor is not open for writing, [`IoError::Bus`] if the bus
+    /// fails.
     pub fn is_flushed(&self, fd: Fd) -> Result<bool, IoError<B::Error>> {
         self.ask(fd, OpenMode::WRITE, Question::Flushed)
     }
@@ -203,19 +218,21 @@ impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Switch<B, C, 
             .map_err(IoError::Bus)
     }
 
-    /// Closes a descriptor. If it is the last one of its board, the board is closed, too.
+    /// Closes a descriptor. The driver also closes the board if no other descriptor of it is open.
     ///
     /// # Errors
-    /// [`IoError::Fd`] if the descriptor is refused; [`IoError::Bus`] if the board fails, whose
-    /// descriptor is closed all the same.
+    /// [`IoError::Fd`] if the descriptor is not open, or a [`Device`] of it is held;
+    /// [`IoError::Bus`] if the bus fails while the driver closes the board; the descriptor is
+    /// closed all the same.
     pub fn close(&self, fd: Fd) -> Result<(), IoError<B::Error>> {
         let entry = critical_section::with(|_| self.fds.remove(fd))?;
         self.visit(fd, entry, Close(&self.bus))?
             .map_err(IoError::Bus)
     }
 
-    /// Returns the device of a descriptor with its type, for the driver's own methods. The
-    /// descriptor is checked only here.
+    /// Returns the board of the open descriptor `fd` together with its driver, so that a program
+    /// can call the driver's own methods. `kind` is the device, such as `Boards::adc`. The
+    /// descriptor is checked only here, not at each call.
     ///
     /// While the device is held, the descriptor cannot be closed by others.
     ///
@@ -238,7 +255,8 @@ impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Switch<B, C, 
         })
     }
 
-    /// Returns the result of start-up for each board that may exist, to be printed.
+    /// Returns a table to print, with a line for each board of the set: its device and number, its
+    /// address, its interrupt, and the result of start-up.
     pub fn inventory(&self) -> impl fmt::Display + '_ {
         Inventory(self)
     }

@@ -7,8 +7,9 @@ use crate::bus::{Bus, Registers};
 use crate::driver::Driver;
 use crate::interrupt::{InterruptLevel, InterruptVector};
 
-/// A bus address at which a board may be, and its interrupt: an entry of the system
-/// configuration file of A. I. Memo 977.
+/// The bus address at which a board may be, and the board's interrupt, if it has one. A program
+/// lists the locations of its boards in [`device_switch!`](crate::device_switch) (the system
+/// configuration file of A. I. Memo 977).
 ///
 /// ```
 /// use condor_dev::Location;
@@ -26,7 +27,8 @@ pub struct Location {
 }
 
 impl Location {
-    /// Makes the location of a board at a bus address, which does not interrupt.
+    /// Makes the location of a board at the bus address `base`, without an interrupt;
+    /// [`interrupting`](Self::interrupting) adds one.
     #[must_use]
     pub const fn at(base: usize) -> Self {
         Self {
@@ -36,8 +38,8 @@ impl Location {
         }
     }
 
-    /// Makes the location of a part with this 7-bit address on an [`I2cBus`](crate::I2cBus), which
-    /// does not interrupt.
+    /// Makes the location of a part with this 7-bit address on an [`I2cBus`](crate::I2cBus),
+    /// without an interrupt; [`interrupting`](Self::interrupting) adds one.
     ///
     /// # Panics
     /// If the I2C specification (UM10204, section 3.1.12) reserves the address, as it does for 0x00
@@ -49,7 +51,7 @@ impl Location {
     }
 
     /// Makes the location of a part with this 7-bit address on an I2C bus whose bus addresses begin
-    /// at `first`, which is made by [`I2cBus::from`](crate::I2cBus::from).
+    /// at `first`, such as a second one, made by [`I2cBus::from`](crate::I2cBus::from).
     ///
     /// # Panics
     /// If the I2C specification reserves the address; see [`i2c`](Self::i2c).
@@ -65,7 +67,8 @@ impl Location {
         }
     }
 
-    /// Adds an interrupt with `vector` at `level`.
+    /// Adds an interrupt to this location: `vector` is its number in the controller, and `level`
+    /// its urgency.
     #[must_use]
     pub const fn interrupting(self, vector: u16, level: u8) -> Self {
         Self {
@@ -80,14 +83,14 @@ impl Location {
         self.base
     }
 
-    /// Returns the vector and level of its interrupt, if it has one.
+    /// Returns the vector and the level of the board's interrupt; `None` if it has none.
     #[must_use]
     pub const fn interrupt(self) -> Option<(InterruptVector, InterruptLevel)> {
         self.interrupt
     }
 }
 
-/// The result of start-up for a board.
+/// The result of [`Switch::start`](crate::Switch::start) for one board.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Presence {
@@ -113,7 +116,8 @@ impl fmt::Display for Presence {
     }
 }
 
-/// A board at its location, with its driver.
+/// A board of a [`DeviceSet`](crate::DeviceSet): its location, its driver, and the result of
+/// start-up. [`device_switch!`](crate::device_switch) makes one for each location.
 #[derive(Debug)]
 pub struct Unit<D> {
     pub(crate) place: Location,
@@ -129,7 +133,8 @@ const EXCLUSIVE: u16 = 1 << 15;
 const CHANGING: u16 = 1 << 14;
 
 impl<D: Driver> Unit<D> {
-    /// Makes a board that may be at `place`; start-up has not looked for it yet.
+    /// Makes a board that may be at `place`. Its presence is unknown until
+    /// [`Switch::start`](crate::Switch::start) looks for it.
     #[must_use]
     pub const fn new(place: Location) -> Self {
         Self {
@@ -140,7 +145,8 @@ impl<D: Driver> Unit<D> {
         }
     }
 
-    /// Checks a location for [`device_switch!`](crate::device_switch).
+    /// Checks that a part of this kind can be at `place`. [`device_switch!`](crate::device_switch)
+    /// calls this.
     ///
     /// # Panics
     /// If no part of this kind can have that address on I2C; in a constant it does not compile.
@@ -154,7 +160,7 @@ impl<D: Driver> Unit<D> {
         }
     }
 
-    /// Returns the location of the board.
+    /// Returns the location at which the board may be.
     #[must_use]
     pub const fn place(&self) -> Location {
         self.place
@@ -165,7 +171,7 @@ impl<D: Driver> Unit<D> {
         Registers::new(bus, self.place.base())
     }
 
-    /// Returns the result of start-up for the board.
+    /// Returns whether [`Switch::start`](crate::Switch::start) found and initialised the board.
     #[must_use]
     pub fn presence(&self) -> Presence {
         // Acquire: pairs with the Release store below, after the board was initialised.

@@ -2,8 +2,8 @@
 
 use core::fmt;
 
-/// An error number of Linux, as a Unix program would get it. The numbers are those that Linux has on
-/// most kinds of processors.
+/// An error number of Linux, as a Unix program would get it from the same operation. The numbers
+/// are those that Linux has on most kinds of processors.
 ///
 /// ```
 /// use condor_fs::Errno;
@@ -28,8 +28,8 @@ macro_rules! errnos {
                 }
             }
 
-            /// Returns the meaning as a text for people; empty if this crate does not know the
-            /// number.
+            /// Returns a short description for people, in English; empty if this crate does not
+            /// know the number.
             #[must_use]
             pub const fn meaning(self) -> &'static str {
                 match self.0 {

@@ -4,182 +4,203 @@ pub mod again;
 
 use condor_mbox::Vector;
 
-/// The vector of requests, which the server handles.
+/// The vector to which clients send their requests; the server handles it.
 pub const FILES: Vector = Vector(40);
-/// The vector at which the server asks a client for its table of open files.
+/// The vector to which the server sends the question where a client's table of open files is; the
+/// client handles it.
 pub const OPEN_FILES: Vector = Vector(41);
 
-/// The reply to a request whose result is in its slot.
+/// The reply of the server that says: the result of the request is in the slot.
 pub const DONE: u32 = 1;
-/// The number that is added to the value in the reply to a request that has succeeded, if the value
-/// is smaller than this number: the client need not look for it in the slot.
+/// The bit of a reply that says: the request has succeeded, and the rest of the reply is the
+/// returned value. The server uses it for values below this number; then the client need not read
+/// the value in the slot.
 pub const VALUE: u32 = 0x4000_0000;
-/// The number that is added to the errno in the reply to a slot that was refused.
+/// The bit of a reply that says: the server refused the request, and the rest of the reply is the
+/// error number. The slot is unchanged then.
 pub const REFUSED: u32 = 0x8000_0000;
-/// The value that stands for no offset.
+/// The offset that stands for "no table": the reply to [`OPEN_FILES`] of a client without a table
+/// of open files.
 pub const NONE: u32 = u32::MAX;
-/// The session number in a request for a new session.
+/// The session number in the first request of a client, which asks for a new session.
 pub const NO_SESSION: u64 = 0;
 
-/// The greatest number of blocks, one for each open file, in a table of open files.
+/// The greatest number of blocks in a table of open files. There is one block for each open file.
 pub const MAX_FILES: u32 = 4096;
 /// The greatest length of a path, in bytes.
 pub const MAX_PATH: u32 = 4095;
 
-/// The slot of a client: its magic number, its sizes, and the byte offsets of its words.
+/// The slot of a client, which holds its request and the result: its magic number, its sizes, and
+/// the byte offsets of its words.
 pub mod slot {
     /// The magic number of a slot: "CFS2" in little-endian order.
     pub const MAGIC: u32 = 0x3253_4643;
-    /// The number of bytes of a slot.
+    /// The size of a slot, in bytes.
     pub const BYTES: u32 = 320;
-    /// The number of words of the client's part, which begins at offset 0.
+    /// The number of words of a slot that the client writes, from offset 0 on.
     pub const REQUEST_WORDS: usize = 18;
-    /// The number of words of the client's part that every operation has. They are one cache line.
+    /// The number of words of a request that every operation uses: the first cache line of the
+    /// slot. Only some operations use the words behind them.
     pub const LINE_WORDS: usize = 16;
-    /// The sequence number of the request; 2 words.
+    /// The byte offset, in a slot, of the request's sequence number; 2 words.
     pub const SEQUENCE: u32 = 12;
-    /// The number of the requested [`Operation`](super::Operation).
+    /// The byte offset, in a slot, of the number of the requested [`Operation`](super::Operation).
     pub const OPERATION: u32 = 20;
-    /// The number of words of the server's part.
+    /// The number of words of a slot that the server writes, from offset [`STATE`] on.
     pub const RESULT_WORDS: usize = 48;
-    /// The [state](super::state), the first word of the server's part.
+    /// The byte offset, in a slot, of the request's [state](super::state), the first word that the
+    /// server writes.
     pub const STATE: u32 = 128;
-    /// The session to which the state belongs; 2 words.
+    /// The byte offset, in a slot, of the session to which the state belongs; 2 words.
     pub const STATE_SESSION: u32 = 132;
-    /// The sequence number of the request to which the state belongs; 2 words.
+    /// The byte offset, in a slot, of the sequence number of the request to which the state
+    /// belongs; 2 words.
     pub const STATE_SEQUENCE: u32 = 140;
-    /// The number of runs of the server that have taken the request.
+    /// The byte offset, in a slot, of the number of runs of the server that have taken the request.
     pub const INCARNATIONS: u32 = 148;
-    /// The errno with which the operation failed; 0 for success.
+    /// The byte offset, in a slot, of the error number with which the operation failed; this word
+    /// is 0 after success.
     pub const ERRNO: u32 = 152;
-    /// The value that the operation returns, such as the number of bytes read; 2 words.
+    /// The byte offset, in a slot, of the value that the operation returns, such as the number of
+    /// bytes read; 2 words.
     pub const VALUE: u32 = 156;
-    /// The evidence, by which a file is recognised: device, inode and birth time; 8 words. While an
-    /// append is staged, these words hold the end of the file instead.
+    /// The byte offset, in a slot, of the [identity](super::FileIdentity) of the file: device,
+    /// inode and birth time; 8 words. While an append is staged, these words hold the end of the
+    /// file instead.
     pub const EVIDENCE: u32 = 192;
-    /// The [`FileStatus`](super::FileStatus) of the file or directory, or the [`Space`](super::Space) of the
-    /// filesystem.
+    /// The byte offset, in a slot, of the [`FileStatus`](super::FileStatus) of the file or
+    /// directory, or of the [`Space`](super::Space) of the filesystem, if the operation returns
+    /// one.
     pub const STATUS: u32 = 224;
-    /// The number of words of the status.
+    /// The number of words of a slot, from offset [`STATUS`] on, for a status.
     pub const STATUS_WORDS: usize = 24;
-    /// The offset of the file's former mode, in the last word of the [identity](super::FileIdentity). A server that
-    /// opens a file again may have to change its mode for a moment; meanwhile the word is the former mode
-    /// plus [`MODE_CHANGED`]. It is 0 at all other times.
+    /// The byte offset, in a slot, of a mode that the server must restore: the last word of the
+    /// [identity](super::FileIdentity). To open a file again, a server may have to change the
+    /// file's mode for a moment. Meanwhile this word is the former mode plus [`MODE_CHANGED`]; at
+    /// all other times it is 0.
     pub const MODE: u32 = EVIDENCE + 28;
-    /// The bit that says that [`MODE`] holds a mode.
+    /// The bit that is set in the word at [`MODE`] while it holds a mode.
     pub const MODE_CHANGED: u32 = 0x8000_0000;
 }
 
-/// States of a slot.
+/// The states of the request in a slot.
 pub mod state {
-    /// No server has taken the request.
+    /// The state of a request that no server has taken.
     pub const NONE: u32 = 0;
-    /// A server has taken the request, and something may have been done.
+    /// The state of a request that a server has taken, so that something may have been done.
     pub const TAKEN: u32 = 1;
-    /// A server has taken the request and has recorded the facts that the next server must know about it.
+    /// The state of a request for which a server has recorded in the slot what the next server must
+    /// know to finish it.
     pub const STAGED: u32 = 2;
-    /// The operation is done.
+    /// The state of a request whose operation has ended and whose result is in the slot.
     pub const DONE: u32 = 3;
 }
 
-/// The table of open files: its magic number and size.
+/// The head of a client's table of open files: its magic number and size.
 pub mod table {
     /// The magic number of a table: "CFT1" in little-endian order.
     pub const MAGIC: u32 = 0x3154_4643;
-    /// The number of bytes of a table without its blocks.
+    /// The size of the head of a table, without the blocks, in bytes.
     pub const BYTES: u32 = 16;
 }
 
-/// The block of an open file: its magic number, its sizes, and the byte offsets of its words.
+/// The block of an open file in the client's memory: its magic number, its sizes, and the byte
+/// offsets of its words.
 pub mod block {
     /// The magic number of a block: "CFF1" in little-endian order.
     pub const MAGIC: u32 = 0x3146_4643;
-    /// The number of bytes of a block.
+    /// The size of a block, in bytes.
     pub const BYTES: u32 = 72;
-    /// The number of words of a block.
+    /// The size of a block, in words of four bytes.
     pub const WORDS: usize = 18;
-    /// The session of the client that has the file open; 2 words.
+    /// The byte offset, in a block, of the number of the client's session; 2 words.
     pub const SESSION: u32 = 4;
-    /// The handle: the sequence number of the open; 2 words. The low word is 0 if the block is
-    /// free.
+    /// The byte offset, in a block, of the handle: the sequence number of the operation that opened
+    /// the file; 2 words. The low word is 0 if the block is free.
     pub const HANDLE: u32 = 12;
-    /// The [flags](super::open) of the open.
+    /// The byte offset, in a block, of the [flags](super::open) with which the file was opened.
     pub const FLAGS: u32 = 20;
-    /// The path: first its offset, then its length in bytes; 2 words.
+    /// The byte offset, in a block, of the place of the path: first the path's offset in the
+    /// client's memory, then its length in bytes; 2 words.
     pub const PATH: u32 = 24;
-    /// The sequence number of the operation that gave the file a unique ("silly") name; 2 words.
-    /// The low word is 0 if there was none.
+    /// The byte offset, in a block, of the sequence number of the operation that unlinked or
+    /// replaced the open file, and so gave it a unique ("silly") name; 2 words. The low word is 0
+    /// if there was none.
     pub const SILLY: u32 = 32;
-    /// The evidence of the file, as in a [slot](super::slot::EVIDENCE); 8 words.
+    /// The byte offset, in a block, of the [identity](super::FileIdentity) of the file; 8 words.
     pub const EVIDENCE: u32 = 40;
 }
 
-/// Flags of an open.
+/// The flags of a request to open a file.
 pub mod open {
-    /// Open for reading.
+    /// The flag for opening a file for reading.
     pub const READ: u32 = 1;
-    /// Open for writing.
+    /// The flag for opening a file for writing.
     pub const WRITE: u32 = 2;
-    /// Write always at the end of the file.
+    /// The flag for writing always at the end of the file; only with [`WRITE`].
     pub const APPEND: u32 = 4;
-    /// Create the file if it does not exist.
+    /// The flag for creating the file if it does not exist.
     pub const CREATE: u32 = 8;
-    /// Truncate the file to length 0.
+    /// The flag for truncating the file to length 0; only with [`WRITE`].
     pub const TRUNCATE: u32 = 16;
-    /// Fail if the file exists.
+    /// The flag for failing if the file exists; only with [`CREATE`].
     pub const EXCLUSIVE: u32 = 32;
-    /// Open a directory, to read its entries.
+    /// The flag for opening a directory, to read its entries.
     pub const DIRECTORY: u32 = 64;
-    /// The request has the permissions of a file that is created.
+    /// The flag that says that the request has the permissions of a file that is created. Without
+    /// it, the server's options decide.
     pub const MODE: u32 = 128;
     /// All flags of an open, combined.
     pub const ALL: u32 = 255;
 }
 
-/// Flags of making a directory.
+/// The flags of a request to make a directory.
 pub mod make_directory {
-    /// The request has the permissions of the directory.
+    /// The flag that says that the request has the permissions of the directory. Without it, the
+    /// server's options decide.
     pub const MODE: u32 = 128;
 }
 
-/// Numbers of nanoseconds that stand for something else when a time is set.
+/// Nanoseconds in a request to set the times of a file, with the two numbers that have another
+/// meaning.
 pub mod time {
-    /// The greatest number of nanoseconds.
+    /// The greatest number of nanoseconds in a time: just below one second.
     pub const MAX_NS: u32 = 999_999_999;
-    /// The time at which the server sets it.
+    /// The number of nanoseconds that stands for the host's present time.
     pub const NOW: u32 = 0x3fff_ffff;
-    /// The time that the file has.
+    /// The number of nanoseconds that says that the time stays as it is.
     pub const KEEP: u32 = 0x3fff_fffe;
 }
 
-/// Flags of a rename.
+/// The flags of a request to rename a file or directory.
 pub mod rename {
-    /// Fail if the new name exists.
+    /// The flag for failing if the new name exists.
     pub const NO_REPLACE: u32 = 1;
-    /// Exchange the two names, which must both exist.
+    /// The flag for exchanging the two names, which must both exist.
     pub const EXCHANGE: u32 = 2;
 }
 
-/// Flags of finding data or holes.
+/// The flags of a request to find data or holes in a file: one of the two.
 pub mod find {
-    /// Find data.
+    /// The flag for finding data.
     pub const DATA: u32 = 1;
-    /// Find a hole. The end of a file counts as one.
+    /// The flag for finding a hole. The end of the file counts as one.
     pub const HOLE: u32 = 2;
 }
 
-/// Flags of allocating.
+/// The flags of a request to take or release room on the disk for a range of a file.
 pub mod allocate {
-    /// Keep the size of the file.
+    /// The flag for keeping the size of the file.
     pub const KEEP_SIZE: u32 = 1;
-    /// Give the room back, and let the range read as zeros. Only with `KEEP_SIZE`.
+    /// The flag for releasing the room of the range, which then reads as zeros; only with
+    /// [`KEEP_SIZE`].
     pub const PUNCH_HOLE: u32 = 2;
-    /// Let the range read as zeros, and keep the room.
+    /// The flag for making the range read as zeros without releasing its room.
     pub const ZERO: u32 = 4;
 }
 
-/// An operation that a slot requests. The section "Operations" of WIRE.md lists their arguments and
-/// results.
+/// An operation that a client can request. The number of each variant is the word at
+/// [`slot::OPERATION`]. The section "Operations" of WIRE.md lists the arguments and results.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 #[allow(missing_docs)] // The table of WIRE.md.
@@ -209,7 +230,7 @@ pub enum Operation {
 }
 
 impl Operation {
-    /// All operations in the order of their numbers; the number of the first is 1.
+    /// All operations in the order of their numbers, which begin with 1.
     pub const ALL: [Self; 22] = [
         Self::Session,
         Self::Open,
@@ -235,14 +256,14 @@ impl Operation {
         Self::Allocate,
     ];
 
-    /// Returns the operation that has this number; `None` if there is none.
+    /// Returns the operation with the number `word`; `None` if no operation has this number.
     #[must_use]
     pub fn from_word(word: u32) -> Option<Self> {
         Self::ALL.get(word.wrapping_sub(1) as usize).copied()
     }
 
-    /// Returns true if the operation uses the words of the second path, which are behind the line
-    /// that every operation has.
+    /// Returns true if the operation uses the words of the request behind its first
+    /// [`LINE_WORDS`](slot::LINE_WORDS).
     #[must_use]
     pub const fn has_second_line(self) -> bool {
         matches!(
@@ -252,32 +273,35 @@ impl Operation {
     }
 }
 
-/// The client's part of a slot.
+/// A request, as a client writes it into its slot.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct RequestSlot {
-    /// The number of the client's session.
+    /// The number of the client's session, which is the result of the client's first request.
     pub session: u64,
     /// The sequence number of the operation in its session: see [`following`].
     pub sequence: u64,
     /// The number of an [`Operation`].
     pub operation: u32,
-    /// The flags of an open, a rename, or another operation that has some.
+    /// The flags of the operation, if it has some: those of [`open`], [`make_directory`],
+    /// [`rename`], [`find`] or [`allocate`].
     pub flags: u32,
-    /// The sequence number of the open, by which an open file is known.
+    /// The handle of an open file: the sequence number of the operation that opened it.
     pub handle: u64,
-    /// The index of the file's block in the table of open files.
+    /// The index of the open file's block in the client's table of open files.
     pub file: u32,
-    /// The place of a path in the client's `data`.
+    /// The place of the operation's path in the client's memory.
     pub path: Span,
-    /// A position in a file, in bytes from its beginning.
+    /// A position in a file, in bytes from its beginning; some operations use it for a size, a
+    /// mode, or times.
     pub position: u64,
-    /// The place of a buffer for data.
+    /// The place of the buffer for data in the client's memory.
     pub buffer: Span,
-    /// The place of a second path.
+    /// The place of the second path of an operation that has two, such as a rename.
     pub second_path: Span,
 }
 
-/// A range of bytes of the client's `data`, in the part that is for users (the users' region).
+/// A range of bytes in the client's memory: in the users' region of its `data`, the part that is
+/// for programs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Span {
     /// The offset in bytes from the beginning of the users' region.
@@ -286,7 +310,9 @@ pub struct Span {
     pub len: u32,
 }
 
-/// Returns the reply to a request that has succeeded with `value`.
+/// Returns the word of the reply to a request that has succeeded with `value`. It contains the
+/// value if `value` is below [`VALUE`]; otherwise it is [`DONE`], and the client reads the value in
+/// the slot.
 #[must_use]
 pub const fn with_value(value: u64) -> u32 {
     if value < VALUE as u64 {
@@ -296,7 +322,8 @@ pub const fn with_value(value: u64) -> u32 {
     }
 }
 
-/// Returns the value that a reply has with it; `None` if the reply has none.
+/// Returns the value that the word `reply` contains; `None` if the value is in the slot, or if the
+/// server refused the request.
 #[must_use]
 pub const fn value_of(reply: u32) -> Option<u32> {
     match reply ^ VALUE {
@@ -305,23 +332,23 @@ pub const fn value_of(reply: u32) -> Option<u32> {
     }
 }
 
-/// Returns the low and then the high word of a number.
+/// Splits `number` into two words: first the low word, then the high word.
 #[must_use]
 pub const fn halves(number: u64) -> [u32; 2] {
     [number as u32, (number >> 32) as u32]
 }
 
-/// Returns the number that has this low and this high word.
+/// Joins two words into the number with the low word `low` and the high word `high`.
 #[must_use]
 pub const fn whole(low: u32, high: u32) -> u64 {
     low as u64 | (high as u64) << 32
 }
 
 /// Returns the sequence number that follows `sequence`. No number is used twice: at a million
-/// operations a second, they last for half a million years.
+/// operations a second, the numbers last for half a million years.
 ///
-/// The low word is never zero, so this word alone shows whether there is a sequence number. The low
-/// word is written last, so half of a sequence number is never taken for another one.
+/// The low word is never zero, so it alone shows whether there is a sequence number. Whoever stores
+/// a sequence number stores the low word last, so half of a number is never taken for another one.
 #[must_use]
 pub const fn following(sequence: u64) -> u64 {
     let next = sequence.wrapping_add(1);
@@ -405,7 +432,8 @@ words!(
 words!(Space: block_bytes, blocks, free, available, files, free_files, name_bytes);
 
 impl RequestSlot {
-    /// Returns the words of the request, the magic number first.
+    /// Returns the words that a client writes to its slot: the magic number, and then the fields in
+    /// order.
     #[must_use]
     pub fn to_words(&self) -> [u32; slot::REQUEST_WORDS] {
         let mut words = [slot::MAGIC; slot::REQUEST_WORDS];
@@ -414,15 +442,16 @@ impl RequestSlot {
         words
     }
 
-    /// Makes a request from words; returns `None` if they do not begin with the magic number.
+    /// Makes a request from the words of a slot; returns `None` if they do not begin with the magic
+    /// number.
     #[must_use]
     pub fn from_words(words: &[u32; slot::REQUEST_WORDS]) -> Option<Self> {
         let [magic, rest @ ..] = words;
         (*magic == slot::MAGIC).then(|| Self::of(rest))
     }
 
-    /// Returns the request with the times that it sets. They take the places of the second path, the
-    /// position and the buffer.
+    /// Returns the request with `times` in it, for an operation that sets the times of a file. They
+    /// are stored in the fields `second_path`, `position` and `buffer`.
     #[must_use]
     pub fn with_times(self, times: Times) -> Self {
         let (accessed, modified) = (times.accessed.to_wire(), times.modified.to_wire());
@@ -438,7 +467,8 @@ impl RequestSlot {
         }
     }
 
-    /// Returns the request with the length of a range, in bytes. It takes the place of the second path.
+    /// Returns the request with `bytes` in it as the length of a range, for
+    /// [`Operation::Allocate`]. The length is stored in the field `second_path`.
     #[must_use]
     pub fn with_range_len(self, bytes: u64) -> Self {
         let [offset, len] = halves(bytes);
@@ -448,13 +478,15 @@ impl RequestSlot {
         }
     }
 
-    /// Returns the length of a range, in bytes.
+    /// Returns the length of the range that [`with_range_len`](Self::with_range_len) stored, in
+    /// bytes.
     #[must_use]
     pub const fn range_len(&self) -> u64 {
         whole(self.second_path.offset, self.second_path.len)
     }
 
-    /// Returns the times that the request sets; `None` if one of them has too many nanoseconds.
+    /// Returns the times that [`with_times`](Self::with_times) stored; `None` if one of them has
+    /// more than 999 999 999 nanoseconds.
     #[must_use]
     pub fn times(&self) -> Option<Times> {
         let [accessed_ns, modified_ns] = halves(self.position);
@@ -466,22 +498,23 @@ impl RequestSlot {
     }
 }
 
-/// The times that [`FileSystem::set_times`](crate::FileSystem::set_times) sets.
+/// New values for the times of a file, as [`FileSystem::set_times`](crate::FileSystem::set_times)
+/// sets them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Times {
-    /// The time of the last access.
+    /// The new time of the last access.
     pub accessed: SetTime,
-    /// The time of the last modification.
+    /// The new time of the last modification.
     pub modified: SetTime,
 }
 
 /// A new value for one of the times of a file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum SetTime {
-    /// The time that the file has.
+    /// The time stays as it is.
     #[default]
     Keep,
-    /// The time of the host while it sets it.
+    /// The host's present time.
     Now,
     /// This time.
     At {
@@ -511,7 +544,9 @@ impl SetTime {
     }
 }
 
-/// The numbers by which a file is recognised as the same one; inode numbers alone are reused.
+/// The numbers that identify a file of the host. If another file takes its place later, the
+/// identity differs: that file was born at another time, even if the host uses the number of the
+/// inode again.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct FileIdentity {
     /// The number of the device that holds the filesystem.
@@ -525,20 +560,20 @@ pub struct FileIdentity {
 }
 
 impl FileIdentity {
-    /// Returns the words in which a slot or a block holds it.
+    /// Returns the words by which a slot, or the block of an open file, holds the identity.
     #[must_use]
     pub fn to_words(self) -> [u32; 8] {
         self.to_array()
     }
 
-    /// Makes evidence from words.
+    /// Makes an identity from the words of a slot or block.
     #[must_use]
     pub fn from_words(words: &[u32; 8]) -> Self {
         Self::of(words)
     }
 }
 
-/// The status of a file or directory.
+/// The status of a file or directory, as `stat` of Unix tells it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct FileStatus {
     /// The length in bytes.
@@ -563,34 +598,34 @@ pub struct FileStatus {
     pub changed_s: u64,
     /// The nanoseconds of the time of the last change of the inode.
     pub changed_ns: u32,
-    /// The room that it takes on the disk, in blocks of 512 bytes.
+    /// The room that the file takes on the disk, in blocks of 512 bytes.
     pub blocks: u64,
-    /// The user of the host to whom it belongs.
+    /// The number of the user of the host that owns the file.
     pub owner: u32,
-    /// The group of the host to which it belongs.
+    /// The number of the group of the host to which the file belongs.
     pub group: u32,
 }
 
 impl FileStatus {
-    /// Returns true if it is a directory.
+    /// Returns true if this is the status of a directory.
     #[must_use]
     pub const fn is_directory(&self) -> bool {
         self.mode & 0o170_000 == 0o040_000
     }
 
-    /// Returns true if it is a regular file.
+    /// Returns true if this is the status of a regular file.
     #[must_use]
     pub const fn is_file(&self) -> bool {
         self.mode & 0o170_000 == 0o100_000
     }
 
-    /// Returns the words in which a slot holds it.
+    /// Returns the words by which a slot holds the status.
     #[must_use]
     pub fn to_words(self) -> [u32; slot::STATUS_WORDS] {
         self.to_array()
     }
 
-    /// Makes a status from words.
+    /// Makes a status from the words of a slot.
     #[must_use]
     pub fn from_words(words: &[u32; slot::STATUS_WORDS]) -> Self {
         Self::of(words)
@@ -606,7 +641,8 @@ pub struct Space {
     pub blocks: u64,
     /// The number of blocks that are free.
     pub free: u64,
-    /// The number of free blocks that the server may use. A quota of the server counts.
+    /// The number of free blocks that the server may still use; a quota of the server can make it
+    /// smaller.
     pub available: u64,
     /// The number of inodes.
     pub files: u64,
@@ -617,13 +653,13 @@ pub struct Space {
 }
 
 impl Space {
-    /// Returns the words in which a slot holds it.
+    /// Returns the words by which a slot holds the capacity.
     #[must_use]
     pub fn to_words(self) -> [u32; slot::STATUS_WORDS] {
         self.to_array()
     }
 
-    /// Makes it from words.
+    /// Makes a capacity from the words of a slot.
     #[must_use]
     pub fn from_words(words: &[u32; slot::STATUS_WORDS]) -> Self {
         Self::of(words)

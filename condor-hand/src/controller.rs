@@ -2,10 +2,10 @@
 //! with faults.
 //!
 //! A [`FingerController`] is a [`FingerServo`](crate::servo::FingerServo) that follows a master's
-//! set-points between its ticks, watches for faults, and comes to rest by itself after one. In every tick it also checks the
-//! [guards](crate::trajectory::StopGuard) of the motions that it follows; a guard whose condition
-//! holds stops the joints of its motion at once. A [`TableController`] moves the table that carries the hand, and returns the acceleration of the
-//! palm.
+//! set-points between its ticks, watches for faults, and comes to rest by itself after one. In every
+//! tick it also checks the [guards](crate::trajectory::StopGuard) of the motions that it follows: if
+//! the condition of a guard holds, the joints of its motion stop at once. A [`TableController`] moves
+//! the table that carries the hand, and returns the acceleration of the palm.
 
 mod axis;
 mod finger;

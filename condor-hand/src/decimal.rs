@@ -8,10 +8,10 @@ use core::fmt::{self, Write as _};
 
 use crate::math;
 
-/// A number as people write it: `0.25`, `-1200`, `1.5e-21`.
+/// A number that is printed and read as people write it: `0.25`, `-1200`, `1.5e-21`.
 ///
-/// It prints at most twelve significant digits, without zeros at the end, or as many digits after
-/// the point as a precision asks for, as in `{:.3}`. A width is ignored.
+/// `{}` prints at most twelve significant digits, without zeros at the end. A precision, as in
+/// `{:.3}`, is the number of digits after the point. A width is ignored.
 ///
 /// ```
 /// use condor_hand::decimal::Decimal;
@@ -37,11 +37,11 @@ const POWERS: [f64; 23] = [
 const MOST_EXPONENT: i32 = 100_000;
 
 impl Decimal {
-    /// Reads digits with at most one point, a sign before them, and an exponent after `e`; returns
-    /// `None` if `text` is anything else.
+    /// Reads a number from `text`: digits with at most one point, optionally a sign before them,
+    /// and optionally an exponent after `e` or `E`. Returns `None` if `text` is anything else.
     ///
-    /// The result is the nearest number if there are at most fifteen digits, and the exponent,
-    /// counted from the last of them, is at most 22; otherwise it is close to that.
+    /// The result is the nearest `f64` if there are at most fifteen digits and the power of ten of
+    /// the last digit is at most 22 in size. Otherwise the result may be off in its last bits.
     #[must_use]
     pub fn parse(text: &str) -> Option<Self> {
         let (is_negative, text) = sign(text);

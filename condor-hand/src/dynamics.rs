@@ -13,8 +13,9 @@ use nalgebra::{SMatrix, SVector, Vector3};
 
 use crate::Real;
 
-/// The rigid-body dynamics of a serial mechanism of N joints, without friction and armature (the
-/// inertia of the drives), which belong to a [`DriveDynamics`].
+/// The rigid-body dynamics of a serial mechanism of N joints: the torques that a motion needs, and
+/// the motion that torques cause. Friction and armature (the inertia of the drives) are not
+/// included; a [`DriveDynamics`] adds them.
 ///
 /// In all methods `gravity` is the acceleration of gravity in the axes of the palm, m/s². For a
 /// sliding joint, read m for rad, N for N m and kg for kg m². For finite arguments the results are

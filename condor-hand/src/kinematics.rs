@@ -23,11 +23,12 @@ use nalgebra::{SMatrix, SVector};
 
 use crate::{Pose, Real};
 
-/// The Jacobian of a tip: rows x, y, z (m/rad) and then the rotation about x, y, z (rad/rad), in
-/// the axes of the palm; one column for each joint.
+/// The Jacobian of a fingertip, in the axes of the palm: one column for each joint, whose rows are
+/// the motion of the tip along x, y, z (m/rad) and then about x, y, z (rad/rad).
 pub type Jacobian<T, const N: usize> = SMatrix<T, 6, N>;
 
-/// A serial mechanism of N joints with a tip.
+/// The kinematics of a serial mechanism of N joints: where its tip is, and how the joints move the
+/// tip.
 ///
 /// # For users
 ///

@@ -6,7 +6,7 @@
 
 use nalgebra::RealField;
 
-/// A floating-point number of the controller: `f64`, or `f32` where a processor has only that.
+/// The number type of a controller: `f64`, or `f32` for processors that compute only with that.
 pub trait Real: RealField + Copy + sealed::Functions {
     /// Returns the nearest number of this type.
     fn of(value: f64) -> Self;
@@ -77,35 +77,36 @@ functions! {
     finite_() -> bool = f64::is_finite, f32::is_finite;
 }
 
-/// Returns `value` in the type of the caller.
+/// Converts an `f64`, such as a constant, to the number type `T`.
 #[inline(always)]
 #[must_use]
 pub fn real<T: Real>(value: f64) -> T {
     T::of(value)
 }
 
-/// Returns the sine and cosine of an angle in radians.
+/// Returns the sine and the cosine of `angle` (rad), in this order.
 #[inline(always)]
 #[must_use]
 pub fn sin_cos<T: Real>(angle: T) -> (T, T) {
     angle.sin_cos_()
 }
 
-/// Returns the angle from the x axis to the point (x, y), in radians from -pi to pi.
+/// Returns the angle from the x axis to the point (`x`, `y`), in radians from -pi to pi.
 #[inline(always)]
 #[must_use]
 pub fn atan2<T: Real>(y: T, x: T) -> T {
     y.atan2_(x)
 }
 
-/// Returns the angle in 0..=pi whose cosine this is; the argument is clamped to -1..=1.
+/// Returns the arc cosine: the angle in 0..=pi radians whose cosine is `cosine`, which is first
+/// limited to -1..=1.
 #[inline(always)]
 #[must_use]
 pub fn acos<T: Real>(cosine: T) -> T {
     clamp(cosine, -T::one(), T::one()).acos_()
 }
 
-/// Returns the square root; zero for numbers below zero and for NaN.
+/// Returns the square root of `x`; zero if `x` is below zero or NaN.
 #[inline(always)]
 #[must_use]
 pub fn sqrt<T: Real>(x: T) -> T {
@@ -119,21 +120,21 @@ pub fn exp<T: Real>(x: T) -> T {
     x.exp_()
 }
 
-/// Returns the hyperbolic tangent.
+/// Returns the hyperbolic tangent of `x`.
 #[inline(always)]
 #[must_use]
 pub fn tanh<T: Real>(x: T) -> T {
     x.tanh_()
 }
 
-/// Returns the nearest integer, halves away from zero.
+/// Returns the integer nearest to `x`; halves are rounded away from zero.
 #[inline(always)]
 #[must_use]
 pub fn round<T: Real>(x: T) -> T {
     x.round_()
 }
 
-/// Returns the absolute value.
+/// Returns the absolute value of `x`.
 #[inline(always)]
 #[must_use]
 pub fn abs<T: Real>(x: T) -> T {
@@ -147,14 +148,16 @@ pub fn is_finite<T: Real>(x: T) -> bool {
     x.finite_()
 }
 
-/// Returns `x` if it is below `y`, else `y`; so it returns `y` for a NaN `x`, and for two zeros.
+/// Returns the lesser of two numbers. If one of them is NaN, or if both are zeros of any sign, it
+/// returns `y`.
 #[inline(always)]
 #[must_use]
 pub fn min<T: Real>(x: T, y: T) -> T {
     if x < y { x } else { y }
 }
 
-/// Returns `x` if it is above `y`, else `y`; so it returns `y` for a NaN `x`, and for two zeros.
+/// Returns the greater of two numbers. If one of them is NaN, or if both are zeros of any sign, it
+/// returns `y`.
 #[inline(always)]
 #[must_use]
 pub fn max<T: Real>(x: T, y: T) -> T {

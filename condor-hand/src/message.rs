@@ -75,18 +75,19 @@ pub use status::ServoStatus;
 
 use condor_mbox::Vector;
 
-/// The vector of a servo processor for requests to its servos.
+/// The vector of the messages that carry requests to the servos of a processor. Register the
+/// [`ServoHandler`] of the servo processor at this vector.
 pub const SERVO: Vector = Vector(32);
-/// The version of the protocol.
+/// The version of this protocol of servos. A client refuses a servo processor with another version.
 pub const VERSION: u32 = 5;
-/// The number that stands for all joints of a finger, in place of the number of one.
+/// The joint number that stands for all joints of a finger at once, in requests that permit it.
 pub const ALL_JOINTS: u32 = u32::MAX;
-/// The number of 32-bit words of a request, and of a response.
+/// The number of 32-bit words of a request to a servo; a response has as many.
 pub const REQUEST_WORDS: usize = 32;
-/// The size of a block in shared memory, in bytes: a request and its response.
+/// The size of a block in shared memory, in bytes. A block contains one request and its response.
 pub const BLOCK_BYTES: u32 = 8 * REQUEST_WORDS as u32;
 
-/// The operation of a request.
+/// The operation that a request asks of a servo, in word 0 of the request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u32)]
 pub enum ServoOperation {
@@ -106,7 +107,7 @@ pub enum ServoOperation {
 }
 
 impl ServoOperation {
-    /// Returns the operation that has this number; `None` if there is none.
+    /// Returns the operation with this number in the protocol; `None` if no operation has it.
     #[must_use]
     pub const fn from_number(number: u32) -> Option<Self> {
         match number {

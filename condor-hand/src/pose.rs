@@ -2,8 +2,8 @@ use nalgebra::{Matrix3, Vector3};
 
 use crate::math::{Real, sin_cos};
 
-/// The pose of a frame: its axes as columns of a rotation, and its origin in metres, both in the
-/// frame around it.
+/// The pose of a frame relative to a parent frame: its axes as the columns of a rotation matrix,
+/// and its origin in metres.
 ///
 /// ```
 /// use condor_hand::{Pose, rotation_about};
@@ -23,7 +23,7 @@ pub struct Pose<T: Real = f64> {
 }
 
 impl<T: Real> Pose<T> {
-    /// Returns the pose of a frame that is equal to the frame around it.
+    /// Returns the pose of a frame that is the same as its parent frame.
     #[must_use]
     pub fn identity() -> Self {
         Self {
@@ -32,8 +32,8 @@ impl<T: Real> Pose<T> {
         }
     }
 
-    /// Returns the pose of a frame whose origin is at (x, y, z), in m, and whose axes are those of
-    /// the frame around it.
+    /// Returns the pose of a frame whose origin is at (`x`, `y`, `z`), in m, and whose axes are
+    /// those of the parent frame.
     #[must_use]
     pub fn at(x: T, y: T, z: T) -> Self {
         Self {
@@ -42,14 +42,15 @@ impl<T: Real> Pose<T> {
         }
     }
 
-    /// Returns a point, given in this frame, in the coordinates of the frame around it.
+    /// Converts the coordinates of `point` (m) from this frame into the parent frame.
     #[inline(always)]
     #[must_use]
     pub fn transform(&self, point: &Vector3<T>) -> Vector3<T> {
         self.position + self.rotation * point
     }
 
-    /// Returns the pose of `inner`, which is given in this frame, in the frame around this one.
+    /// Combines two poses. `inner` is the pose of a frame relative to this frame; the result is the
+    /// pose of that frame relative to the parent frame of this one.
     #[inline(always)]
     #[must_use]
     pub fn then(&self, inner: &Self) -> Self {
@@ -60,8 +61,8 @@ impl<T: Real> Pose<T> {
     }
 }
 
-/// Returns the rotation by an angle (rad) about a unit axis, by Rodrigues' formula `c 1 + s [a] +
-/// (1 - c) a aᵀ`.
+/// Returns the rotation matrix for a turn by `angle` (rad) about `axis`, a unit vector: Rodrigues'
+/// formula `c 1 + s [a] + (1 - c) a aᵀ`.
 #[inline]
 #[must_use]
 pub fn rotation_about<T: Real>(axis: &Vector3<T>, angle: T) -> Matrix3<T> {

@@ -60,7 +60,7 @@ use crate::decimal::Decimal;
 use crate::math::{Real, abs, is_finite, max, min};
 use crate::number::{NumberError, Requirement, check, finite, is_within, positive};
 
-/// The desired position of a joint at an instant, with its rate and acceleration.
+/// The desired state of a joint at an instant: its position, velocity and acceleration.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct SetPoint<T> {
     /// The position, rad.
@@ -72,7 +72,8 @@ pub struct SetPoint<T> {
 }
 
 impl<T: Real> SetPoint<T> {
-    /// Makes a set-point at rest at `position`, rad.
+    /// Makes a set-point for a joint that rests at `position` (rad): velocity and acceleration are
+    /// zero.
     #[must_use]
     pub fn rest(position: T) -> Self {
         Self {
@@ -87,7 +88,8 @@ impl<T: Real> SetPoint<T> {
     }
 }
 
-/// The limits of a joint's motion.
+/// The limits of position, velocity, acceleration and jerk that the trajectory of a joint must
+/// keep.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct ProfileLimits<T> {
     /// The least position, rad.
@@ -120,7 +122,8 @@ pub enum TrajectoryError {
 }
 
 impl<T: Real> ProfileLimits<T> {
-    /// Checks the limits of joint number `joint`.
+    /// Checks that these limits are possible. `joint` is the number of the joint (from 0) to name
+    /// in the error.
     ///
     /// # Errors
     /// [`TrajectoryError`] if a limit is not finite, the range is empty, or the limit of a
@@ -133,7 +136,7 @@ impl<T: Real> ProfileLimits<T> {
             .map_err(|error| TrajectoryError::Joint { joint, error })
     }
 
-    /// Returns whether a joint may be at `position`, rad: in the range, or beyond it by no more than
+    /// Returns true if a joint may be at `position` (rad): in the range of the limits, or beyond it by no more than
     /// rounding explains.
     #[must_use]
     pub fn contains(&self, position: T) -> bool {
@@ -154,7 +157,8 @@ fn check_start<T: Real>(joint: usize, position: T) -> Result<(), TrajectoryError
         .map_err(|error| TrajectoryError::Joint { joint, error })
 }
 
-/// The extremes of a profile from its beginning to its end.
+/// The extremes of position, velocity and acceleration of a profile, which is the motion of one
+/// joint in time, between its beginning and its end.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ProfilePeaks<T> {
     /// The least position, rad.

@@ -7,8 +7,8 @@ use crate::window::MemoryWindow;
 /// The machine on which a mailbox runs: the types of its memory, of its interrupt, and of its
 /// critical sections.
 ///
-/// It is only a name for these types; no value of it exists. Define one for your board, or write
-/// the three types in parentheses for a mailbox that is made in only one place.
+/// A backend is only a name for these types; no value of it exists. Define one for your board, or
+/// write the three types in parentheses for a mailbox that is made in only one place.
 ///
 /// ```
 /// use condor_mbox::sim::{SimDoorbell, SimWindow};

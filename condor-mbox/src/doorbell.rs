@@ -5,14 +5,14 @@ use core::ops::Deref;
 use crate::id::Processor;
 use crate::time::{Clock, Instant};
 
-/// The knowledge of the platform about the program that holds a processor's number.
+/// The answer of the platform to the question whether a program holds a processor's number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Evidence {
     /// The platform cannot tell.
     Unknown,
     /// A program holds the number.
     Alive,
-    /// No program holds the number: its program has ended in some way.
+    /// No program holds the number: the program that held it has ended in some way.
     Dead,
 }
 
@@ -40,7 +40,8 @@ pub trait Doorbell: Clock {
     /// Raises the mailbox interrupt of `processor`; a number that does not exist is ignored.
     fn ring(&self, processor: Processor);
 
-    /// Begins a wait; every later ring ends it.
+    /// Prepares a wait: a ring that comes after this call ends the [`wait`](Self::wait) that
+    /// follows.
     fn prepare(&self) -> Self::Seen;
 
     /// Sleeps until a ring comes that is later than `seen`, or until the instant `until`.

@@ -5,12 +5,12 @@ use core::fmt;
 use crate::id::{Processor, Vector};
 use crate::window::WindowErrorKind;
 
-/// One of the two memory objects of a processor.
+/// One of the two pieces of shared memory that each processor has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MemoryObject {
-    /// `mail`, which only its processor writes.
+    /// The `mail` of the processor, which only the processor itself writes.
     Mail,
-    /// `data`, which every processor writes.
+    /// The `data` of the processor, which every processor writes.
     Data,
 }
 
@@ -23,11 +23,12 @@ impl fmt::Display for MemoryObject {
     }
 }
 
-/// A word of the layout that both sides must agree on.
+/// A property of shared memory on which both sides must agree; [`MailboxError::Layout`] names the
+/// one that differs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum LayoutField {
-    /// The number that marks a mailbox file.
+    /// The number that marks a `mail`.
     Magic,
     /// The version of the layout.
     Version,
@@ -60,11 +61,12 @@ impl fmt::Display for LayoutField {
     }
 }
 
-/// A word with which a peer can violate the protocol.
+/// A word in the memory of a peer that can have a value that no correct peer writes;
+/// [`MailboxError::Protocol`] names it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum ProtocolWord {
-    /// The count of our requests that the peer has taken.
+    /// The count of requests of this processor that the peer has taken.
     Taken,
     /// The word that tells whether the handler of a request succeeded.
     ReplyStatus,
@@ -79,8 +81,8 @@ impl fmt::Display for ProtocolWord {
     }
 }
 
-/// The progress of a request at the moment when its sender gave up: whether the receiver has run
-/// it, or may run it.
+/// The progress of a request at the moment when its sender stops waiting: whether the receiver has
+/// run it, or may run it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SendProgress {
     /// The request did not run and never will: it was not sent, or its receiver ended before it
@@ -140,7 +142,7 @@ pub enum MailboxError {
     NoHandler {
         /// The processor to which the message was sent.
         to: Processor,
-        /// The vector it was asked for.
+        /// The vector to which the message was sent.
         vector: Vector,
     },
     /// The receiver's handler did not return: it panicked.
@@ -148,7 +150,7 @@ pub enum MailboxError {
     HandlerFailed {
         /// The processor to which the message was sent.
         to: Processor,
-        /// The vector it was asked for.
+        /// The vector to which the message was sent.
         vector: Vector,
     },
     /// The receiver's handler refused the request.
@@ -156,7 +158,7 @@ pub enum MailboxError {
     Refused {
         /// The processor to which the message was sent.
         to: Processor,
-        /// The vector it was asked for.
+        /// The vector to which the message was sent.
         vector: Vector,
         /// The handler's error code.
         code: u32,
@@ -197,7 +199,8 @@ pub enum MailboxError {
         /// The value that is required.
         expected: u32,
     },
-    /// Every slot to the receiver is in use: its ring is full, or that many calls are unanswered.
+    /// Every slot for messages to the receiver is in use: its ring is full, or as many calls to it
+    /// are unanswered as there are slots.
     #[error("all message slots to {to} are in use: wait for its replies, or try again")]
     NoSlot {
         /// The processor to which the message was sent.

@@ -20,13 +20,13 @@ use crate::window::{AccessError, MemoryWindow};
 const ANSWERED: u32 = 1;
 const REFUSED: u32 = 0;
 
-/// Sends requests of type `Q` and gets responses of type `R`, through a block in the sender's own
-/// `data`.
+/// Sends requests of type `Q` and gets responses of type `R`, which are longer than a message,
+/// through a block of the sender's own shared memory.
 ///
-/// The block contains the request and, at the next cache line, the response; the message is the block's offset.
-/// A block holds one request at a time. After a timeout the receiver may still write to the block, so the
-/// exchange refuses further requests until the late reply has come or the receiver is known to have ended. The
-/// receiver calls [`answer`].
+/// The block contains the request and, at the next cache line, the response; the message is the
+/// block's offset. A block holds one request at a time. After a timeout the receiver may still
+/// write to the block, so the exchange refuses further requests until the late reply has come or
+/// the receiver is known to have ended. The receiver calls [`answer`].
 ///
 /// ```
 /// use std::time::Duration;
@@ -84,14 +84,14 @@ pub struct Exchange<'m, M: Messenger + ?Sized, W, Q, R> {
     of: PhantomData<fn(Q) -> R>,
 }
 
-/// The reason why an [`Exchange`] returned no response.
+/// The error of [`Exchange::call`], which then returns no response.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ExchangeError {
-    /// The message was not answered.
+    /// The message was not answered, for this reason.
     #[error(transparent)]
     Mailbox(#[from] MailboxError),
-    /// The sender cannot access the block.
+    /// The sender itself cannot access the block.
     #[error(transparent)]
     Access(#[from] AccessError),
     /// The reply to an earlier request has not come yet, and the block still belongs to that
@@ -119,8 +119,10 @@ where
     /// cache lines, and the response.
     pub const BYTES: usize = response_at::<Q>(0) as usize + size_of::<R>();
 
-    /// Makes an exchange. It takes its block from `allocator` in `own`, the users' region of the
-    /// sender.
+    /// Makes an exchange that sends requests by `messenger`.
+    ///
+    /// `own` is the users' region of the sender's own `data`. The exchange takes its block from
+    /// `allocator`, that of this region.
     ///
     /// # Errors
     /// [`AccessError`] of the kind `OutOfBounds` if `allocator` has no room for [`Self::BYTES`].
@@ -139,12 +141,13 @@ where
         })
     }
 
-    /// Sends `request` to `vector` of `to` and waits for the response, serving meanwhile.
+    /// Sends `request` to `vector` of the processor `to`, and waits for the response for at most
+    /// `timeout`; serves messages meanwhile.
     ///
     /// # Errors
-    /// [`ExchangeError::Mailbox`] with the errors of [`Messenger::send_with_reply`];
-    /// [`ExchangeError::InDoubt`] if an earlier request timed out and its reply has still not come;
-    /// [`ExchangeError::Refused`] if the receiver could not access the block;
+    /// [`ExchangeError::Mailbox`] with the errors of [`Messenger::send_with_reply`] if there is no
+    /// reply; [`ExchangeError::InDoubt`] if an earlier request timed out and its reply has still
+    /// not come; [`ExchangeError::Refused`] if the receiver could not access the block;
     /// [`ExchangeError::Access`] if the sender could not.
     pub fn call(
         &mut self,
@@ -183,12 +186,12 @@ where
     }
 }
 
-/// Answers a request that came through an [`Exchange`]. Returns the word that the handler must
-/// return: it tells the exchange whether the response was written.
+/// Answers the request of an [`Exchange`] in the handler that gets its message as `call`. Returns
+/// the word that the handler must return: it tells the exchange whether the response was written.
 ///
-/// `data_of_sender` is the users' region of the sender. The request is copied once and then passed
-/// to `respond`, so later changes by the sender have no effect. If the block does not lie in the
-/// region, the caller gets [`ExchangeError::Refused`].
+/// `data_of_sender` is the users' region of the sender's `data`. The request is copied once and
+/// then passed to `respond`, so later changes by the sender have no effect. If the block does not
+/// lie in the region, the caller gets [`ExchangeError::Refused`].
 pub fn answer<Q, R, W: MemoryWindow>(
     call: &Call<'_>,
     data_of_sender: &Region<W>,

@@ -2,8 +2,8 @@
 
 use core::marker::PhantomData;
 
-/// Runs a few instructions as a critical section: no other context of the processor runs one
-/// meanwhile.
+/// Runs a few instructions as a critical section: until they end, no other context of the processor
+/// runs such a section.
 ///
 /// A mailbox reserves and publishes a message inside one critical section, so background, handlers
 /// and servo loops may interrupt each other in the middle of a send. Sections are short and
@@ -38,7 +38,7 @@ pub trait Exclusion {
     }
 }
 
-/// Sections of the [`critical-section`](critical_section) crate: the right choice wherever
+/// Critical sections by the [`critical-section`](critical_section) crate: the right choice wherever
 /// interrupts, signals or threads share a mailbox.
 ///
 /// The program chooses the implementation: its processor's own crate on bare metal, and
@@ -55,12 +55,12 @@ impl Exclusion for CriticalSection {
 
 /// No critical section at all, for a mailbox that only one thread uses, outside of signal handlers.
 ///
-/// It is neither `Send` nor `Sync`, so a mailbox that uses it cannot be shared.
+/// A `SingleContext` is neither `Send` nor `Sync`, so a mailbox that uses it cannot be shared.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct SingleContext(PhantomData<*const ()>);
 
 impl SingleContext {
-    /// Makes the exclusion of a mailbox that stays in the present context.
+    /// Makes an exclusion that excludes nothing, for a mailbox that stays in the present thread.
     #[must_use]
     pub const fn new() -> Self {
         Self(PhantomData)

@@ -2,7 +2,8 @@
 
 use core::fmt;
 
-/// The number of a processor in a system of at most [`Processor::MAX_COUNT`].
+/// The number of a processor in its system. Numbers begin with 0; a system has at most
+/// [`Processor::MAX_COUNT`] processors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Processor(pub u8);
 
@@ -10,7 +11,7 @@ impl Processor {
     /// The greatest number of processors in one system.
     pub const MAX_COUNT: usize = 32;
 
-    /// Returns the number as an index.
+    /// Returns the processor's number as an index of an array.
     #[must_use]
     #[inline]
     pub const fn index(self) -> usize {
@@ -24,7 +25,8 @@ impl fmt::Display for Processor {
     }
 }
 
-/// The number of a vector, which selects the handler of a message.
+/// The number of a vector, from 0 to 63: it says what a message is about, and selects the
+/// receiver's handler.
 ///
 /// ```
 /// use condor_mbox::{Processor, Vector};
@@ -40,7 +42,7 @@ impl Vector {
     /// The number of vectors of a processor; they are numbered from 0.
     pub const COUNT: usize = crate::layout::VECTORS;
 
-    /// Returns the number as an index.
+    /// Returns the vector's number as an index of an array.
     #[must_use]
     #[inline]
     pub const fn index(self) -> usize {

@@ -10,12 +10,13 @@ use crate::sync::Ordering;
 use crate::sync::fence;
 use crate::window::{AccessError, LoadOrder, MemoryWindow, StoreOrder, WindowError};
 
-/// The offset of a latest-value cell: it has one writer, any number of readers, and no locks.
+/// The offset of a latest-value cell in shared memory: a value of type `T` with one writer, any
+/// number of readers, and no locks.
 ///
 /// The writer never waits. A reader gets the value that was published last, consistent, with its
 /// sequence number; it does not wait, and causes no work on the writer's processor. Loads and
 /// stores suffice. If a writer stops, dies or is preempted in the middle of a publication, the
-/// value before stays readable, and a new writer continues there.
+/// previous value stays readable, and a new writer continues there.
 ///
 /// # In shared memory
 ///
@@ -56,8 +57,8 @@ impl<T> Published<T> {
         bytes as u32
     };
 
-    /// Returns the cell at `offset` bytes from the beginning of its window or region. The offset
-    /// must be a multiple of four.
+    /// Returns the cell at `offset`, in bytes from the beginning of its window or region. The
+    /// offset must be a multiple of four.
     #[must_use]
     pub const fn at(offset: u32) -> Self {
         Self {
@@ -66,14 +67,15 @@ impl<T> Published<T> {
         }
     }
 
-    /// Returns the offset in bytes from the beginning of the region; send it in a message about
-    /// this cell.
+    /// Returns the cell's offset, in bytes from the beginning of its window or region. A message
+    /// about the cell carries this number.
     #[must_use]
     pub const fn offset(self) -> u32 {
         self.offset
     }
 
-    /// Makes the writer of the cell, which continues after the last complete publication.
+    /// Makes the writer of the cell, which lies in `window`. The writer continues after the last
+    /// complete publication.
     ///
     /// There must be no other writer at the same time; readers would get mixtures.
     ///
@@ -92,7 +94,7 @@ impl<T> Published<T> {
         })
     }
 
-    /// Makes a reader of the cell.
+    /// Makes a reader of the cell, which lies in `window`. A cell may have any number of readers.
     ///
     /// # Errors
     /// [`AccessError`] if the cell is misaligned or not inside `window`.
@@ -119,7 +121,7 @@ impl<T> fmt::Debug for Published<T> {
     }
 }
 
-/// The one writer of a [`Published`] cell.
+/// The only writer of a [`Published`] cell. [`Published::publisher`] makes it.
 #[derive(Debug)]
 pub struct Publisher<T, W> {
     cell: Cell<W>,
@@ -128,11 +130,11 @@ pub struct Publisher<T, W> {
 }
 
 impl<T: IntoBytes + Immutable, W: MemoryWindow> Publisher<T, W> {
-    /// Publishes `value`; returns its sequence number.
+    /// Publishes `value`, and returns the sequence number of this publication.
     ///
     /// # Errors
     /// [`AccessError`] if the window is read-only or its memory is gone; readers then still get the
-    /// value before.
+    /// previous value.
     pub fn publish(&mut self, value: &T) -> Result<u32, AccessError> {
         let sequence = self.next;
         let buffer = sequence % 2;
@@ -150,7 +152,7 @@ impl<T: IntoBytes + Immutable, W: MemoryWindow> Publisher<T, W> {
     }
 }
 
-/// A reader of a [`Published`] cell.
+/// A reader of a [`Published`] cell. [`Published::subscriber`] makes it.
 #[derive(Debug)]
 pub struct Subscriber<T, W> {
     cell: Cell<W>,
@@ -160,9 +162,10 @@ pub struct Subscriber<T, W> {
 
 impl<T, W> Subscriber<T, W> {
     /// Sets how often a read tries before it returns [`Contended`](PublishedReadError::Contended).
+    /// The default is 4.
     ///
-    /// A try fails only if the writer overtakes it: it completes one publication and begins another
-    /// one in the same buffer while the value is copied. The default is 4.
+    /// A try fails only if the writer overtakes it: the writer completes one publication and begins
+    /// another one in the same buffer while the value is copied.
     #[must_use]
     pub fn with_attempts(self, attempts: u32) -> Self {
         Self { attempts, ..self }
@@ -170,7 +173,7 @@ impl<T, W> Subscriber<T, W> {
 }
 
 impl<T: FromBytes + IntoBytes, W: MemoryWindow> Subscriber<T, W> {
-    /// Returns the value that was published last.
+    /// Returns the value that was published last, with its sequence number. The call never waits.
     ///
     /// # Errors
     /// [`PublishedReadError::Unpublished`] if nothing was published, [`PublishedReadError::Contended`] if the writer
@@ -182,8 +185,8 @@ impl<T: FromBytes + IntoBytes, W: MemoryWindow> Subscriber<T, W> {
     }
 }
 
-/// Reads the value that was published last in the cell at `offset` bytes of `window`; returns its
-/// sequence number. Use this if the type of the cell is known only at run time.
+/// Copies the value that was published last in the cell at `offset` bytes of `window` to `value`;
+/// returns its sequence number. Use this if the type of the cell is known only at run time.
 ///
 /// `value` must have as many bytes as the writer's type.
 ///
@@ -199,15 +202,15 @@ pub fn read_bytes<W: MemoryWindow>(
     Cell::new(offset, value.len(), window)?.latest(value, ATTEMPTS)
 }
 
-/// A value with its sequence number, as a reader of a [`Published`] cell gets it.
+/// A value that was read from a [`Published`] cell, with its sequence number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PublishedValue<T> {
     /// The value, as the writer published it: never a mixture of two values.
     pub value: T,
-    /// The sequence number of its publication; it changes with each new value.
+    /// The sequence number of the publication of this value; it changes with each publication.
     ///
-    /// The first one is 1; 2 follows after 2³¹ − 1. It continues when the writer restarts, unless
-    /// the memory was cleared.
+    /// The first one is 1; 2 follows after 2³¹ − 1. The numbers continue when the writer restarts,
+    /// unless the memory was cleared.
     pub sequence: u32,
 }
 

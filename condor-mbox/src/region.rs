@@ -17,13 +17,12 @@ use crate::window::{
 ///
 /// A region is itself a [`MemoryWindow`]: words by [`load`](MemoryWindow::load) and
 /// [`store`](MemoryWindow::store), bytes by [`read`](MemoryWindow::read) and
-/// [`write`](MemoryWindow::write). Long data is passed by writing it to a region and sending
-/// its offset; both sides must count from the same beginning, usually that of
-/// [`Region::users`]. Nothing is locked: a copy that is made while a peer writes is a mixture,
-/// word by word, unless a message, a [`Published`] cell or a
-/// [`SpinLock`](crate::SpinLock) orders the two.
+/// [`write`](MemoryWindow::write). Long data is passed by writing it to a region and sending its
+/// offset; both sides must count from the same beginning, usually that of [`Region::users`].
+/// Nothing is locked: a copy that is made while a peer writes is a mixture, word by word, unless a
+/// message, a [`Published`] cell or a [`SpinLock`](crate::SpinLock) orders the two.
 ///
-/// Section 3.4 of the memo maps the memory of every processor into every other one;
+/// Section 3.4 of A.I. Memo 977 maps the memory of every processor into every other one;
 /// `processor3_ram[100] = value` in an array of words there is
 /// `processor3_ram.set_word(4 * 100, value)?` here, where every offset is in bytes.
 ///
@@ -65,11 +64,11 @@ pub struct Region<W> {
 }
 
 impl<W: MemoryWindow> Region<W> {
-    /// Returns the users' region of a processor's `data`: everything after the line of the
-    /// doorbell.
+    /// Returns the *users' region* of a processor's `data`, the part that is for programs:
+    /// everything after the first 64 bytes, which belong to the doorbell.
     ///
     /// # Errors
-    /// [`AccessError`] of the kind `OutOfBounds` if the window is smaller than that line.
+    /// [`AccessError`] of the kind `OutOfBounds` if the window is smaller than 64 bytes.
     pub fn users(data: W) -> Result<Self, AccessError> {
         let size = data.size();
         let Some(rest) = size.checked_sub(BELL_BYTES) else {
@@ -83,7 +82,8 @@ impl<W: MemoryWindow> Region<W> {
         })
     }
 
-    /// Returns a region that is the whole of `window`, for windows without a doorbell.
+    /// Returns a region that is the whole of `window`. Use it for windows without a doorbell at
+    /// their beginning.
     pub fn whole(window: W) -> Self {
         let size = window.size();
         Self {
@@ -93,7 +93,8 @@ impl<W: MemoryWindow> Region<W> {
         }
     }
 
-    /// Returns the `len` bytes at `offset` as a region; `len` must be a multiple of four.
+    /// Returns the `len` bytes from `offset` on as a region of their own; `len` must be a multiple
+    /// of four.
     ///
     /// # Errors
     /// [`AccessError`] of the kind `Misaligned` if `offset` or `len` is not a multiple of four, or
@@ -113,8 +114,8 @@ impl<W: MemoryWindow> Region<W> {
         })
     }
 
-    /// Returns the word at `offset` bytes, with acquire order: everything that its writer wrote
-    /// before [`set_word`](Self::set_word) is visible then.
+    /// Returns the word at `offset` bytes, with acquire order: if another processor wrote it by
+    /// [`set_word`](Self::set_word), everything that it wrote before is visible, too.
     ///
     /// # Errors
     /// [`AccessError`] if the offset is misaligned or not inside the region, or if the memory is
@@ -124,8 +125,8 @@ impl<W: MemoryWindow> Region<W> {
         self.load(offset, LoadOrder::Acquire)
     }
 
-    /// Writes the word at `offset` bytes, with release order: after everything that was written
-    /// before.
+    /// Writes `value` to the word at `offset` bytes, with release order: a processor that reads it
+    /// by [`word`](Self::word) also sees everything that was written before.
     ///
     /// # Errors
     /// [`AccessError`] if the offset is misaligned or not inside the region, if the window is
@@ -135,7 +136,7 @@ impl<W: MemoryWindow> Region<W> {
         self.store(offset, value, StoreOrder::Release)
     }
 
-    /// Returns a copy of the value at `place`.
+    /// Returns a copy of the value that lies at `place`.
     ///
     /// # Errors
     /// [`AccessError`] if the place is misaligned or not wholly inside the region (an offset that
@@ -146,7 +147,7 @@ impl<W: MemoryWindow> Region<W> {
         Ok(value)
     }
 
-    /// Copies `value` to `offset`.
+    /// Copies `value` to `place` in the region.
     ///
     /// # Errors
     /// [`AccessError`] if the place is misaligned or not wholly inside the region, if the window is
@@ -255,20 +256,20 @@ impl<W: CompareExchange> CompareExchange for Region<W> {
     }
 }
 
-/// The offset of a `T` in a region.
+/// The offset of a value of type `T` in a region, in bytes.
 ///
-/// It proves nothing: every access through it is checked. So it may be made from an offset that
-/// came in a message, or be part of a table of addresses known at compile time. A `T` may have any
-/// alignment in Rust; in a region it begins at a multiple of four bytes.
-/// `T`'s numbers are stored as the processor stores them, that is little-endian on every
-/// target of this crate; use the little-endian types of `zerocopy` on any other.
+/// An offset proves nothing: every access through it is checked. So it may be made from an offset
+/// that came in a message, or be part of a table of addresses known at compile time. A `T` may have
+/// any alignment in Rust; in a region it begins at a multiple of four bytes. `T`'s numbers are
+/// stored as the processor stores them, that is little-endian on every target of this crate; use
+/// the little-endian types of `zerocopy` on any other.
 pub struct Offset<T> {
     offset: u32,
     of: PhantomData<fn() -> T>,
 }
 
 impl<T> Offset<T> {
-    /// Returns the place at `offset` bytes from the beginning of a region.
+    /// Makes the offset of a `T` that lies `offset` bytes after the beginning of a region.
     #[must_use]
     pub const fn at(offset: u32) -> Self {
         Self {
@@ -277,8 +278,8 @@ impl<T> Offset<T> {
         }
     }
 
-    /// Returns the offset in bytes from the beginning of the region; send it in a message about
-    /// this place.
+    /// Returns the number of bytes from the beginning of the region. A message about the value
+    /// carries this number.
     #[must_use]
     pub const fn offset(self) -> u32 {
         self.offset
@@ -310,10 +311,10 @@ impl<T> fmt::Debug for Offset<T> {
 /// Distributes a region's memory piece by piece (a *place* is the offset of such a piece); each
 /// place begins at a cache line of its own.
 ///
-/// A program has one for its own memory, and lends it to every part that needs memory; so these
-/// parts never overlap. On Linux a claim provides it (`linux::Claim::places`); on bare metal the
-/// board does. Two programs that take the same places in the same order get the same offsets; this
-/// also works at compile time.
+/// A program has one allocator for its own memory, and lends it to every part that needs memory; so
+/// these parts never overlap. On Linux a claim provides it (`linux::Claim::places`); on bare metal
+/// the board does. Two programs that take the same places in the same order get the same offsets;
+/// this also works at compile time.
 ///
 /// ```
 /// use condor_mbox::{Allocator, Offset};
@@ -332,20 +333,20 @@ pub struct Allocator {
 }
 
 impl Allocator {
-    /// Makes an allocator for a region of `size` bytes.
+    /// Makes an allocator for a region of `size` bytes, of which nothing has been taken.
     #[must_use]
     pub const fn new(size: u32) -> Self {
         Self { next: 0, size }
     }
 
-    /// Returns the offset in bytes, from the beginning of the region, at which the next place will
-    /// be taken.
+    /// Returns the offset at which the next place will be taken, in bytes from the beginning of the
+    /// region.
     #[must_use]
     pub const fn used(&self) -> u32 {
         self.next
     }
 
-    /// Takes room for a `T`.
+    /// Takes room for a value of type `T`, and returns its offset.
     ///
     /// # Errors
     /// [`AccessError`] of the kind `OutOfBounds` if there is no room.
@@ -356,7 +357,7 @@ impl Allocator {
         }
     }
 
-    /// Takes room for a latest-value cell of type `T`.
+    /// Takes room for a latest-value cell of type `T`, and returns the cell.
     ///
     /// # Errors
     /// [`AccessError`] of the kind `OutOfBounds` if there is no room.
@@ -367,7 +368,8 @@ impl Allocator {
         }
     }
 
-    /// Takes room for `len` bytes; returns its offset in bytes from the beginning of the region.
+    /// Takes room for `len` bytes, and returns the offset of the first one, in bytes from the
+    /// beginning of the region.
     ///
     /// # Errors
     /// [`AccessError`] of the kind `OutOfBounds` if there is no room.

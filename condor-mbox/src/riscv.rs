@@ -14,14 +14,14 @@ const NS_PER_S: u64 = 1_000_000_000;
 
 /// The doorbell of one hart: its bit `msip` in the CLINT, and `mtime` as the clock.
 ///
-/// Each hart has its own, and runs in machine mode. Waiting needs no interrupt handler: `wfi` wakes
-/// up for interrupts that are masked. If a hart enables the machine software interrupt, to
-/// [serve](crate::Messenger::serve) from it, its handler first calls
+/// Each hart has a doorbell of its own, and runs in machine mode. Waiting needs no interrupt
+/// handler: `wfi` wakes up for interrupts that are masked. If a hart enables the machine software
+/// interrupt, to [serve](crate::Messenger::serve) from it, its handler first calls
 /// [`acknowledge`](Self::acknowledge).
 ///
-/// While it waits, it uses the timer compare register of its hart and restores it afterwards; a
-/// timer interrupt that is enabled and due earlier ends the wait. Writes to the register may take
-/// effect with a delay, so a timer handler must check whether its time has come.
+/// While the doorbell waits, it uses the timer compare register of its hart and restores it
+/// afterwards; a timer interrupt that is enabled and due earlier ends the wait. Writes to the
+/// register may take effect with a delay, so a timer handler must check whether its time has come.
 #[derive(Debug)]
 pub struct MsipDoorbell<const N: usize> {
     clint: ClintRegisters,
@@ -33,10 +33,10 @@ pub struct MsipDoorbell<const N: usize> {
 }
 
 impl<const N: usize> MsipDoorbell<N> {
-    /// Makes the doorbell of `me`, where processor *p* of the system is hart `harts[p]`. Returns
-    /// `None` if there is no processor `me`.
+    /// Makes the doorbell of the processor `me`, where processor *p* of the system is hart
+    /// `harts[p]`. Returns `None` if there is no processor `me`.
     ///
-    /// `mtime_hz` is the frequency of `mtime`, in Hz.
+    /// `clint` is the address of the CLINT, and `mtime_hz` the frequency of `mtime`, in Hz.
     ///
     /// # Safety
     ///

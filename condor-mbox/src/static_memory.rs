@@ -5,10 +5,10 @@ use crate::window::{
     AccessError, LoadOrder, MemoryWindow, StoreOrder, WindowErrorKind, WindowWords, check_access,
 };
 
-/// A block of `WORDS` words that several harts, or interrupts and background, share.
+/// A block of `WORDS` words of 32 bits that several harts, or interrupts and background, share.
 ///
-/// It begins at a cache line. Put it in a `static`; where processors run separate programs, let
-/// the linker place it at an address that they agree on, or use [`StaticWindow::from_raw`].
+/// The block begins at a cache line. Put it in a `static`; where processors run separate programs,
+/// let the linker place it at an address that they agree on, or use [`StaticWindow::from_raw`].
 #[repr(C, align(64))]
 #[derive(Debug)]
 pub struct StaticMemory<const WORDS: usize> {
@@ -16,7 +16,7 @@ pub struct StaticMemory<const WORDS: usize> {
 }
 
 impl<const WORDS: usize> StaticMemory<WORDS> {
-    /// Makes memory that holds zeros.
+    /// Makes a block that holds zeros.
     #[must_use]
     pub const fn new() -> Self {
         Self {
@@ -24,7 +24,7 @@ impl<const WORDS: usize> StaticMemory<WORDS> {
         }
     }
 
-    /// Returns the window onto all of it.
+    /// Returns a window onto the whole block.
     #[must_use]
     pub const fn window(&self) -> StaticWindow<'_> {
         StaticWindow { words: &self.words }
@@ -37,17 +37,17 @@ impl<const WORDS: usize> Default for StaticMemory<WORDS> {
     }
 }
 
-/// A window onto words that stay where they are for `'a`.
+/// A window onto memory that stays at its address for `'a`, such as a [`StaticMemory`].
 ///
-/// It has [`CompareExchange`](crate::window::CompareExchange) if the target has it. The user must
-/// know whether that is indivisible for *all* processors that share the memory.
+/// The window has [`CompareExchange`](crate::window::CompareExchange) if the target has it. The
+/// user must know whether that is indivisible for *all* processors that share the memory.
 #[derive(Clone, Copy, Debug)]
 pub struct StaticWindow<'a> {
     words: &'a [AtomicU32],
 }
 
 impl StaticWindow<'_> {
-    /// Makes the window onto the `bytes` at `address`; an incomplete last word is left out.
+    /// Makes a window onto the `bytes` bytes at `address`; an incomplete last word is left out.
     ///
     /// # Safety
     ///

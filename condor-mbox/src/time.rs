@@ -10,7 +10,7 @@ use core::time::Duration;
 pub struct Instant(u64);
 
 impl Instant {
-    /// The greatest instant: a wait until then has no deadline of its own.
+    /// The greatest instant. A wait until then has no deadline of its own.
     pub const FOREVER: Self = Self(u64::MAX);
 
     /// Returns the instant `ns` nanoseconds after the clock's origin.
@@ -27,7 +27,7 @@ impl Instant {
         self.0
     }
 
-    /// Returns the instant `span` later, at most [`FOREVER`](Self::FOREVER).
+    /// Returns the instant that is `span` later than this one, at most [`FOREVER`](Self::FOREVER).
     #[must_use]
     #[inline]
     pub const fn after(self, span: Duration) -> Self {
@@ -53,7 +53,7 @@ pub(crate) const fn whole_ns(span: Duration) -> u64 {
     }
 }
 
-/// A monotonic clock.
+/// A monotonic clock, by which a mailbox measures its timeouts.
 ///
 /// # For implementers
 ///

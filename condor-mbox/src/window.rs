@@ -4,7 +4,7 @@ use core::fmt::{self, Debug};
 use core::ops::Deref;
 use core::sync::atomic::{AtomicU32, Ordering};
 
-/// The order of a load relative to the accesses around it.
+/// The order of a load relative to the accesses around it, as in `core::sync::atomic::Ordering`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LoadOrder {
     /// No order; only the word itself is read as a whole.
@@ -14,7 +14,7 @@ pub enum LoadOrder {
     Acquire,
 }
 
-/// The order of a store relative to the accesses around it.
+/// The order of a store relative to the accesses around it, as in `core::sync::atomic::Ordering`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StoreOrder {
     /// No order; only the word itself is written as a whole.
@@ -43,7 +43,7 @@ impl From<StoreOrder> for Ordering {
     }
 }
 
-/// The kind of error of an access, for code that is generic over windows.
+/// The reason why a window refused an access, for code that works with any window.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum WindowErrorKind {
@@ -71,13 +71,14 @@ impl fmt::Display for WindowErrorKind {
     }
 }
 
-/// An error of a window; every backend has its own type.
+/// The error of an access to a window. Each backend has its own type of error.
 pub trait WindowError: Debug {
-    /// Returns the kind, which generic code can handle.
+    /// Returns the reason of the error, which code for any window can handle.
     fn kind(&self) -> WindowErrorKind;
 }
 
-/// The error of an access to a window, with the offending values.
+/// The error of an access to a [`Region`](crate::Region) or another window, with the offending
+/// values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{len} bytes at offset {offset:#x} of {size:#x}: {kind}")]
 pub struct AccessError {
@@ -87,7 +88,7 @@ pub struct AccessError {
     pub len: usize,
     /// The size of the region in bytes.
     pub size: u32,
-    /// The kind of error.
+    /// The reason why the access was refused.
     pub kind: WindowErrorKind,
 }
 
@@ -281,12 +282,13 @@ pub trait MemoryWindow {
     }
 }
 
-/// All words of a window, as [`MemoryWindow::words`] returns them.
+/// All words of a window as atomics, as [`MemoryWindow::words`] returns them. It is for windows
+/// whose memory plain loads and stores can access.
 #[derive(Clone, Copy, Debug)]
 pub struct WindowWords<'w>(&'w [AtomicU32]);
 
 impl<'w> WindowWords<'w> {
-    /// Wraps the words of a window.
+    /// Wraps all words of a window.
     ///
     /// # Safety
     /// The words are all of the memory of the window that returns them, and the window returns the
@@ -298,7 +300,7 @@ impl<'w> WindowWords<'w> {
         Self(words)
     }
 
-    /// Returns the words, in order.
+    /// Returns the words of the window, in the order of their offsets.
     #[must_use]
     #[inline(always)]
     pub const fn get(self) -> &'w [AtomicU32] {
@@ -397,7 +399,7 @@ impl<T: Deref<Target: CompareExchange>> CompareExchange for T {
 
 /// Checks an access of `len` bytes at `offset` of a window of `size` bytes.
 ///
-/// Backends implement [`MemoryWindow::check`] by it.
+/// An implementation of [`MemoryWindow::check`] calls this function.
 ///
 /// # Errors
 /// [`WindowErrorKind::Misaligned`] if `offset` is not a multiple of four; [`WindowErrorKind::OutOfBounds`] if
@@ -412,8 +414,8 @@ pub const fn check_access(size: u32, offset: u32, len: usize) -> Result<(), Wind
     }
 }
 
-/// Checks an access to `words` words (at least one) at `offset` of a window of `size` bytes; `size`
-/// must be a multiple of four.
+/// Checks an access to `words` words (at least one) at `offset` bytes of a window of `size` bytes;
+/// `size` must be a multiple of four.
 ///
 /// The result is that of [`check_access`] for as many bytes, in a single comparison.
 ///

@@ -10,24 +10,26 @@ use crate::statistics::Statistics;
 /// a faster loop, so that only rates which differ by more than this factor come here.
 const MOST_STEPS: u32 = 1 << 20;
 
-/// The load of a loop on the processor. Times are in ticks of the clock of the analysis.
+/// The demands of one loop on the processor, as input of an [`Analysis`]. Times are in ticks of the
+/// clock that the analysis is made for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Load {
     /// The rate of the loop.
     pub rate: Rate,
     /// The longest time of one run, in ticks, without the loops that interrupt it.
     pub worst_run: u32,
-    /// The longest time, in ticks, for which a slower context delays it: a slower loop or the
-    /// background holds a [`LoopLock`](crate::LoopLock) that this loop or a faster one uses, or
-    /// masks interrupts. At most one of them does so, once.
+    /// The longest time, in ticks, for which a slower loop or the background delays this loop:
+    /// while it masks interrupts, or holds a [`LoopLock`](crate::LoopLock) that this loop or a
+    /// faster one uses. Each run is delayed at most once in this way.
     pub blocking: u32,
-    /// The time after its release by which it must end, in ticks. The period counts if it is
-    /// shorter.
+    /// The time from the release to the latest end that is allowed, in ticks. If the period is
+    /// shorter, the period counts.
     pub deadline: u32,
 }
 
 impl Load {
-    /// Makes the load of a loop that computes for at most `worst_run` ticks and is never delayed.
+    /// Makes the load of a loop that computes for at most `worst_run` ticks, is not delayed by
+    /// slower contexts, and must end within its period.
     #[must_use]
     pub const fn new(rate: Rate, worst_run: u32) -> Self {
         Self {
@@ -38,14 +40,15 @@ impl Load {
         }
     }
 
-    /// Sets the longest time for which slower contexts delay the loop to `blocking` ticks.
+    /// Sets [`blocking`](Self::blocking), the longest time in ticks for which slower contexts delay
+    /// the loop.
     #[must_use]
     pub const fn blocked(self, blocking: u32) -> Self {
         Self { blocking, ..self }
     }
 
-    /// Sets the deadline to `deadline` ticks after the release. If that is longer than the period,
-    /// the period is the deadline.
+    /// Sets the deadline of the loop to `deadline` ticks after its release. If that is longer than
+    /// the period, the period is the deadline.
     ///
     /// Deadlines do not change priorities, which follow from the rates alone; so a loop with a
     /// short deadline and a low rate may need a higher rate.
@@ -54,15 +57,15 @@ impl Load {
         Self { deadline, ..self }
     }
 
-    /// Makes the load that was measured: the worst run so far, without blocking, which is not
-    /// measured.
+    /// Makes the load of a loop from its statistics: its rate, and its longest run so far. The load
+    /// has no blocking, because that is not measured.
     #[must_use]
     pub const fn measured(statistics: &Statistics) -> Self {
         Self::new(statistics.rate, statistics.worst_run)
     }
 }
 
-/// The response time of a loop: how long after its release it ends at worst.
+/// The response time of a loop: the longest time from a release of the loop to the end of its run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ResponseTime {
     /// The response time is at most this number of ticks, which is within the deadline.
@@ -74,8 +77,9 @@ pub enum ResponseTime {
     Undecided,
 }
 
-/// The response-time analysis of `L` loops, in which faster loops interrupt slower ones. It is
-/// exact for the given loads, in whole ticks and with periods that are fractions.
+/// The response-time analysis of `L` loops, of which faster ones interrupt slower ones: it tells
+/// whether every loop always ends before its deadline. It is exact for the given loads, in whole
+/// ticks, also for periods that are fractions.
 ///
 /// A loop ends latest when all are due at once (C. L. Liu, J. W. Layland, "Scheduling algorithms for
 /// multiprogramming in a hard-real-time environment", Journal of the ACM 20(1), 1973). Its response
@@ -86,7 +90,7 @@ pub enum ResponseTime {
 /// 8(5), 1993). An overhead counts for the releases of *all* loops, since the timer interrupts
 /// the faster loops for the slower ones, too.
 ///
-/// It holds for every overrun policy, and also while loops are disabled.
+/// The result holds for every overrun policy, and also while loops are disabled.
 ///
 /// In a constant, a set that cannot be scheduled is an error of compilation:
 ///
@@ -115,8 +119,8 @@ pub struct Analysis<const L: usize> {
 }
 
 impl<const L: usize> Analysis<L> {
-    /// Analyses loops with these loads, without overhead. Their times are in ticks of a clock of
-    /// `frequency` ticks per second; a load's index is the loop's number.
+    /// Analyses loops with the loads `loads`, without overhead. `loads[n]` is the load of loop *n*.
+    /// Times are in ticks of a clock with `frequency` ticks per second.
     ///
     /// For times in nanoseconds, pass `Rate::hz(1_000_000_000)`.
     #[must_use]
@@ -124,8 +128,8 @@ impl<const L: usize> Analysis<L> {
         Self::with_overhead(frequency, loads, 0)
     }
 
-    /// Analyses loops whose releases cost `overhead` ticks each in addition: for the timer's
-    /// interrupt, and for the start and the end of the loop.
+    /// Analyses loops as [`new`](Self::new) does, but with an overhead: each release takes
+    /// `overhead` more ticks, for the timer's interrupt, and for the start and the end of the loop.
     #[must_use]
     pub const fn with_overhead(frequency: Rate, loads: [Load; L], overhead: u32) -> Self {
         const { assert!(L >= 1 && L <= 32, "an analysis is of 1 to 32 loops") };
@@ -157,21 +161,24 @@ impl<const L: usize> Analysis<L> {
         analysis
     }
 
-    /// Analyses the measured loads of the loops of one scheduler, without overhead; the index is
-    /// the loop's number. Runs that are longer than any measured one are not included.
+    /// Analyses the loops of one scheduler with their measured run times, without overhead.
+    /// `loops[n]` are the statistics of loop *n*. The result does not cover runs that are longer
+    /// than the longest measured ones.
     #[must_use]
     pub fn measured(loops: &[Statistics; L]) -> Self {
         let frequency = loops.first().map_or(Rate::hz(1), |first| first.frequency);
         Self::new(frequency, loops.each_ref().map(Load::measured))
     }
 
-    /// Returns true if every loop always ends within its period and its deadline.
+    /// Returns true if the analysis proves that every loop always ends within its period and its
+    /// deadline.
     #[must_use]
     pub const fn is_schedulable(&self) -> bool {
         self.first_late().is_none()
     }
 
-    /// Returns the fastest loop that is not known to end in time; `None` if every loop is known to.
+    /// Returns the fastest loop whose response time is not [`ResponseTime::Within`]; `None` if all
+    /// loops end in time.
     #[must_use]
     pub const fn first_late(&self) -> Option<LoopId> {
         let mut rank = 0;
@@ -184,7 +191,7 @@ impl<const L: usize> Analysis<L> {
         None
     }
 
-    /// Returns the response time of a loop; `None` if there is no such loop.
+    /// Returns the response time of the loop `id`; `None` if there is no such loop.
     #[must_use]
     pub const fn response(&self, id: LoopId) -> Option<ResponseTime> {
         let mut rank = 0;
@@ -197,7 +204,8 @@ impl<const L: usize> Analysis<L> {
         None
     }
 
-    /// Returns the fraction of the processor that the loops take, without overhead: 1 is all of it.
+    /// Returns the fraction of the processor's time that the loops take, without overhead: 1 is all
+    /// of the time.
     #[must_use]
     pub fn utilisation(&self) -> f64 {
         let parts = self

@@ -2,9 +2,10 @@
 
 use crate::instant::CounterReading;
 
-/// The body of a loop: a function and its context, as pointers.
+/// The body of a loop, without the type of the program's closure or function: a pointer to a
+/// function, and a pointer to the data that the function uses.
 ///
-/// The function also gets the instant, an `I`, at which the run was due.
+/// The function also gets the instant, of type `I`, at which the run was due.
 #[derive(Clone, Copy, Debug)]
 pub struct LoopBody<I> {
     call: unsafe fn(*mut (), I),

@@ -5,7 +5,8 @@ use core::fmt;
 use crate::instant::CounterReading;
 use crate::rate::Rate;
 
-/// The frequency of a timer, and the number of bits of its counter.
+/// The properties of a timer that a schedule depends on: its frequency, and the number of bits of
+/// its counter.
 ///
 /// ```
 /// use condor_mos::{ClockSpec, Rate, Wrapping};
@@ -20,7 +21,7 @@ pub struct ClockSpec {
 }
 
 impl ClockSpec {
-    /// Makes the clock of a timer with `frequency` ticks per second and readings of type `I`.
+    /// Makes the properties of a timer with `frequency` ticks per second and readings of type `I`.
     #[must_use]
     pub const fn of<I: CounterReading>(frequency: Rate) -> Self {
         Self {
@@ -29,20 +30,21 @@ impl ClockSpec {
         }
     }
 
-    /// Returns the ticks per second.
+    /// Returns the number of ticks per second.
     #[must_use]
     pub const fn frequency(self) -> Rate {
         self.frequency
     }
 
-    /// Returns the number of bits of the counter.
+    /// Returns the number of bits after which the counter wraps.
     #[must_use]
     pub const fn bits(self) -> u32 {
         self.bits
     }
 
-    /// Returns the longest time between two events, in ticks: less than half of the counter's
-    /// range, and less than `u32::MAX`, since rounding may add one tick to the time.
+    /// Returns the longest time between two events that a schedule may have for this timer, in
+    /// ticks. It is less than half of the counter's range, and less than `u32::MAX`, since rounding
+    /// may add one tick to the time.
     #[must_use]
     pub const fn longest_gap(self) -> u32 {
         if self.bits > 32 {

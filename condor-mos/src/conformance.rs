@@ -36,7 +36,7 @@ use crate::timer::{Armed, Timer};
 /// The number of times that a disturbed attempt is made again.
 const ATTEMPTS: u32 = 100;
 
-/// The failure of a timer's check.
+/// The first check of [`timer()`] that failed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{check}: found {found}, expected {expected}")]
 pub struct TimerFailure {
@@ -58,12 +58,12 @@ enum TimingOutcome {
     TooLate,
 }
 
-/// Checks all rules of [`Timer`].
+/// Checks that `timer` follows the rules for implementers of [`Timer`].
 ///
-/// `interrupts` returns the number of the timer's interrupts since any moment. If an interrupt
-/// lasts until the timer is armed anew, as with a level-triggered compare, the handler that counts
-/// it must end it by [`disarm`](Timer::disarm). `pass` lets some time pass with interrupts enabled,
-/// less than a thousandth of a second if it can.
+/// `interrupts` returns how many interrupts of the timer the program's handler has counted so far;
+/// the count may start at any number. If an interrupt lasts until the timer is armed anew, as with
+/// a level-triggered compare, that handler must end it by [`disarm`](Timer::disarm). `pass` lets
+/// some time pass with interrupts enabled, less than a thousandth of a second if it can.
 ///
 /// # Errors
 /// [`TimerFailure`] for the first check that fails.

@@ -6,7 +6,7 @@ use crate::clock::ClockSpec;
 use crate::process::LoopId;
 use crate::rate::Rate;
 
-/// The reason why a set of rates has no schedule.
+/// The reason why no schedule can be made for a set of rates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum RateError {
     /// A period is shorter than a tick, or is not a whole number of ticks in any countable time.
@@ -20,7 +20,7 @@ pub enum RateError {
         /// The frequency of the clock, in ticks per second.
         frequency: Rate,
     },
-    /// The releases of the set repeat so seldom that those of one repetition do not fit the table.
+    /// The releases of the set take so long to repeat that the table has no room for them all.
     #[error(
         "the rates need {needed} entries of the event table, which has {capacity}: use a larger table, or a schedule \
          that scans"
@@ -63,7 +63,7 @@ impl RateError {
     }
 }
 
-/// The reason why a call that names a loop fails.
+/// The reason why a call that names a loop failed, such as [`Loops::enable`](crate::Loops::enable).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum LoopError {
     /// The schedule has fewer loops.
@@ -106,10 +106,11 @@ pub enum LoopError {
     },
 }
 
-/// The reason why a schedule cannot begin.
+/// The reason why [`Loops::run`](crate::Loops::run) or [`Loops::start`](crate::Loops::start) did
+/// not start the schedule.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum StartError {
-    /// The schedule was made for another clock than the platform's.
+    /// The schedule was made for a clock that differs from the platform's.
     #[error("the timer counts at {timer}, but the schedule was made for {schedule}")]
     Clock {
         /// The clock of the platform.
@@ -129,8 +130,8 @@ pub enum StartError {
 }
 
 /// The reason why a handler cannot be connected to a timer's interrupt; see
-/// [`Platform::connect`](crate::Platform::connect). A processor whose interrupts are connected when
-/// its program is linked never has this error.
+/// [`Platform::connect`](crate::Platform::connect). It never occurs on processors whose interrupt
+/// handlers are connected when the program is linked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum ConnectError {
@@ -163,7 +164,7 @@ pub enum ConnectError {
     },
 }
 
-/// The reason why a [`LoopLock`](crate::LoopLock) cannot be taken.
+/// The reason why [`LoopLock::lock`](crate::LoopLock::lock) did not take the lock.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum LoopLockError {
     /// A loop that is faster than all declared users asked for it.

@@ -1,15 +1,16 @@
 //! [`CounterReading`]: readings of a counter, which may wrap.
 
-/// Instants are computed with inside critical sections, where nothing may call back.
+/// Keeps other crates from implementing [`CounterReading`]: its methods run in critical sections,
+/// where only code of this crate may run.
 pub trait Sealed {}
 
 impl Sealed for u64 {}
 impl<const BITS: u32> Sealed for Wrapping<BITS> {}
 
-/// A reading of a [`Timer`](crate::Timer)'s counter.
+/// A reading of the counter of a [`Timer`](crate::Timer): an instant, in ticks.
 ///
-/// Implemented by `u64`, for counters that never wrap in practice, and by [`Wrapping`], for those
-/// that do. Distances are in ticks.
+/// It is implemented for `u64`, for counters that never wrap in practice, and for [`Wrapping`], for
+/// counters that do.
 pub trait CounterReading: Sealed + Copy + Send + Sync + 'static {
     /// The number of the counter's bits. An instant more than half of the range ahead counts as
     /// past.
@@ -55,10 +56,11 @@ impl CounterReading for u64 {
     }
 }
 
-/// A counter of `BITS` bits (2 to 32) that wraps after its last value.
+/// A reading of a counter of `BITS` bits (2 to 32) that wraps after its last value.
 ///
-/// Two instants can be ordered only within half of the counter's range. A scheduler sets its timer
-/// at least that often; a handler that is delayed for longer cannot distinguish late from early.
+/// Two instants can be ordered only if they are less than half of the counter's range apart. A
+/// scheduler sets its timer often enough for that. A timer handler that is delayed for more than
+/// half of the range cannot tell a late interrupt from an early one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Wrapping<const BITS: u32>(u32);
 
@@ -68,14 +70,15 @@ impl<const BITS: u32> Wrapping<BITS> {
         u32::MAX >> (32 - BITS)
     };
 
-    /// Makes a reading of the hardware's count; bits that the counter does not have are left out.
+    /// Makes a reading from the value of the hardware's counter; bits above the lowest `BITS` bits
+    /// are ignored.
     #[inline]
     #[must_use]
     pub const fn new(count: u32) -> Self {
         Self(count & Self::MASK)
     }
 
-    /// Returns the count, less than 2^`BITS`.
+    /// Returns the value of the counter, less than 2^`BITS`.
     #[inline]
     #[must_use]
     pub const fn count(self) -> u32 {

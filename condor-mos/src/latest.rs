@@ -6,13 +6,14 @@ use crate::sync::{AtomicBool, AtomicU8, Ordering, UnsafeCell, const_unless_loom}
 const FRESH: u8 = 4;
 const INDEX: u8 = 3;
 
-/// A value that one context writes and another one reads, on one processor or on threads. The
-/// reader gets the latest complete value, and neither ever waits for the other.
+/// A place for values that one context writes and another context reads; both are contexts of one
+/// processor, or threads. The reader gets the latest complete value, and neither ever waits for the
+/// other.
 ///
-/// There are three buffers. Writer and reader own one each, and exchange it for the third one: the
-/// writer when its value is complete, the reader when the third one is newer than its own. So a
-/// value is never copied, and may be of any size and any type that is `Send`. A value that the
-/// reader does not take in time is overwritten.
+/// There are three buffers. The writer and the reader own one each. The writer exchanges its buffer
+/// for the third one when its value is complete, and the reader does so when the third one is newer
+/// than its own. So a value is never copied, and may be of any size and any type that is `Send`. A
+/// value that the reader does not take in time is overwritten.
 ///
 /// Indices of buffers are exchanged atomically, or, on processors that cannot, within a critical
 /// section of a few instructions.
@@ -43,7 +44,8 @@ unsafe impl<T: Send> Sync for Latest<T> {}
 
 impl<T> Latest<T> {
     const_unless_loom! {
-        /// Makes a cell; the reader gets `initial` until something is written.
+        /// Makes a place for values that can be copied. The reader gets `initial` until a value is
+        /// written.
         #[must_use]
         pub const fn new(initial: T) -> Self
         where
@@ -54,8 +56,9 @@ impl<T> Latest<T> {
     }
 
     const_unless_loom! {
-        /// Makes a cell for values that cannot be copied. The reader gets `initial` until something
-        /// is written; the writer gets `second` and `third` to overwrite.
+        /// Makes a place for values that cannot be copied. The reader gets `initial` until a value
+        /// is written. `second` and `third` fill the other two buffers; the reader never gets them,
+        /// but [`LatestWriter::buffer`] returns them to be overwritten.
         #[must_use]
         pub const fn with_buffers(initial: T, second: T, third: T) -> Self {
             Self {
@@ -71,7 +74,8 @@ impl<T> Latest<T> {
         }
     }
 
-    /// Returns the writer and the reader; `None` if they were returned before.
+    /// Returns the writer and the reader, the first time that it is called; returns `None`
+    /// afterwards.
     pub fn split(&self) -> Option<(LatestWriter<'_, T>, LatestReader<'_, T>)> {
         // Relaxed: pairs with itself only; what the ends share begins with their first exchange.
         if self.split.swap(true, Ordering::Relaxed) {
@@ -80,8 +84,8 @@ impl<T> Latest<T> {
         Some((LatestWriter { cell: self }, LatestReader { cell: self }))
     }
 
-    /// Returns the writer and the reader for as long as the cell is borrowed. The latest value is
-    /// kept.
+    /// Returns the writer and the reader, for as long as `self` is borrowed. It can be called again
+    /// after that; the latest value is kept.
     pub fn split_mut(&mut self) -> (LatestWriter<'_, T>, LatestReader<'_, T>) {
         // `&mut self`: the ends of former calls are gone, and their indices are kept in the cell.
         (LatestWriter { cell: self }, LatestReader { cell: self })
@@ -97,20 +101,21 @@ impl<T> Latest<T> {
     }
 }
 
-/// The end of a [`Latest`] that writes values, on one context or thread.
+/// The writing end of a [`Latest`]. One context or thread uses it.
 pub struct LatestWriter<'l, T> {
     cell: &'l Latest<T>,
 }
 
 impl<T> LatestWriter<'_, T> {
-    /// Makes `value` the latest value.
+    /// Makes `value` the latest value, which the reader gets next.
     pub fn write(&mut self, value: T) {
         *self.buffer() = value;
         self.publish();
     }
 
-    /// Returns the value that [`publish`](Self::publish) will make the latest, to be changed in
-    /// place. At first it holds one of the older values, not necessarily the last one.
+    /// Returns the value that [`publish`](Self::publish) will make the latest, so that it can be
+    /// changed in place without a copy. After each `publish` it is one of the older values, not
+    /// necessarily the last one.
     pub fn buffer(&mut self) -> &mut T {
         let [back, _] = &self.cell.ends;
         // SAFETY: the index is the writer's, and so is the buffer until it is published.
@@ -135,13 +140,14 @@ impl<T> LatestWriter<'_, T> {
     }
 }
 
-/// The end of a [`Latest`] that reads its latest value, on one context or thread.
+/// The reading end of a [`Latest`]. One context or thread uses it.
 pub struct LatestReader<'l, T> {
     cell: &'l Latest<T>,
 }
 
 impl<T> LatestReader<'_, T> {
-    /// Returns the latest value, which does not change until the next call.
+    /// Returns the latest value. The reference stays valid, and the value unchanged, until the next
+    /// call.
     pub fn read(&mut self) -> &T {
         let [_, front] = &self.cell.ends;
         let middle = &self.cell.middle;

@@ -9,18 +9,16 @@ use crate::process::LoopId;
 use crate::runner::Gate;
 use crate::sync::{AtomicBool, UnsafeCell, const_unless_loom};
 
-/// A value that some loops and the background share; only one of them uses it at a time.
+/// A lock with a value that some loops and the background, its *users*, share; one of them uses it at a time.
 ///
-/// On one stack, this is the immediate priority ceiling protocol: while one user has the value, no
-/// other user starts; faster loops, which do not use it, are not delayed. So no context ever waits
-/// for the lock, nothing deadlocks, and a loop is delayed by at most one slower user, before it
-/// starts.
+/// With a [`Scheduler`](crate::Scheduler), on one stack, this is the immediate priority ceiling protocol: while one
+/// user has the value, no other user starts. Loops that are faster than all users are not delayed. So no context ever
+/// waits for the lock, nothing deadlocks, and a loop is delayed by at most one slower user, before it starts.
 ///
-/// Between threads a loop waits while another thread uses the value. That thread runs with the
-/// priority of the fastest loop that waits (priority inheritance), so only users of this value
-/// delay a loop.
+/// With threads of Linux, a loop waits while another thread uses the value. That thread runs with the priority of the
+/// fastest loop that waits (priority inheritance), so only users of this value delay a loop.
 ///
-/// Both: L. Sha, R. Rajkumar, J. P. Lehoczky, "Priority inheritance protocols", IEEE Transactions on
+/// Source of both: L. Sha, R. Rajkumar, J. P. Lehoczky, "Priority inheritance protocols", IEEE Transactions on
 /// Computers 39(9), 1990.
 pub struct LoopLock<T> {
     gate: Gate,
@@ -32,7 +30,7 @@ unsafe impl<T: Send> Sync for LoopLock<T> {}
 
 impl<T> LoopLock<T> {
     const_unless_loom! {
-        /// Makes a lock for the loops of `users`, and the background.
+        /// Makes a lock with the value `value`, which the loops in `users` and the background may take.
         #[must_use]
         pub const fn new(users: &[LoopId], value: T) -> Self {
             let mut bits = 0;
@@ -54,12 +52,12 @@ impl<T> LoopLock<T> {
         }
     }
 
-    /// Calls a function with the value; no other user of the value runs meanwhile.
+    /// Takes the lock, calls `f` with the value, and returns the result of `f`. No other user of the lock has the value
+    /// during the call. `loops` are the loops that the users belong to.
     ///
     /// # Errors
-    /// [`LoopLockError::Undeclared`], on one stack, if the caller is a loop that is faster than all
-    /// users; [`LoopLockError::Taken`] if the caller uses the value already, which is a mistake of the
-    /// program.
+    /// [`LoopLockError::Undeclared`], only on one stack, if the caller is a loop that is faster than all declared
+    /// users; [`LoopLockError::Taken`] if the caller uses the value already, which is a mistake of the program.
     pub fn lock<L: Loops + ?Sized, R>(
         &self,
         loops: &L,
@@ -75,7 +73,7 @@ impl<T> LoopLock<T> {
         Ok(self.value.with_mut(|value| f(unsafe { &mut *value })))
     }
 
-    /// Returns the value to the owner of the lock.
+    /// Returns the value without taking the lock: `&mut self` proves that no other context uses it.
     pub fn get_mut(&mut self) -> &mut T {
         // SAFETY: `&mut self`: nobody else has it.
         self.value.with_mut(|value| unsafe { &mut *value })

@@ -7,7 +7,7 @@ use crate::runner::Runner;
 use crate::scope::Scope;
 use crate::statistics::Statistics;
 
-/// Servo loops and a background, with the same calls whatever runs them: a
+/// Servo loops and a background, with the same methods whatever runs them: a
 /// [`Scheduler`](crate::Scheduler) on one stack, over interrupts, signals or virtual time, or
 #[cfg_attr(
     all(feature = "linux", target_os = "linux", not(condor_loom)),
@@ -18,7 +18,8 @@ use crate::statistics::Statistics;
     doc = "threads of Linux."
 )]
 ///
-/// Code for any of them takes a `&impl Loops`, and shares data in a [`LoopLock`](crate::LoopLock):
+/// Code that must run on any of them takes a `&impl Loops`, and shares data in a
+/// [`LoopLock`](crate::LoopLock):
 ///
 /// ```
 /// use condor_mos::{LoopId, LoopLock, Loops, Overrun};
@@ -48,10 +49,10 @@ use crate::statistics::Statistics;
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 ///
-/// All calls may come from the background, from loops and from handlers.
+/// All methods may be called by the background, by loops and by interrupt handlers.
 pub trait Loops: Runner + Sync {
-    /// Calls `f`, in which closures that borrow can become loops. When `f` returns or unwinds,
-    /// these loops finish the run that is in progress, and do not run again.
+    /// Calls `f` with a scope in which closures that borrow data can become loops. When `f` returns
+    /// or unwinds, these loops finish the run that is in progress, and do not run again.
     fn scope<'env, R>(
         &self,
         f: impl for<'scope> FnOnce(&'scope Scope<'scope, 'env, Self::Instant>) -> R,
@@ -73,8 +74,8 @@ pub trait Loops: Runner + Sync {
     where
         Self: Sized;
 
-    /// Runs `background` as [`run`](Self::run) does; the loops begin at an instant as in
-    /// [`start_at`](Self::start_at).
+    /// Runs `background` as [`run`](Self::run) does, but starts the schedule at `instant`, as
+    /// [`start_at`](Self::start_at) does.
     ///
     /// # Errors
     /// [`StartError::Connect`] if no handler can be connected to the timer's interrupt;
@@ -88,7 +89,7 @@ pub trait Loops: Runner + Sync {
     where
         Self: Sized;
 
-    /// Starts the schedule: all enabled loops are due now, each after its phase.
+    /// Starts the schedule: each enabled loop is due first now, or after its phase if it has one.
     ///
     /// # Errors
     /// [`StartError::Clock`] if the schedule was made for another clock than the platform's,
@@ -96,8 +97,8 @@ pub trait Loops: Runner + Sync {
     /// [`StartError::Started`] if it has started already.
     fn start(&self) -> Result<(), StartError>;
 
-    /// Starts the schedule at an instant, less than half of the counter's range away. So several
-    /// processors can begin together.
+    /// Starts the schedule at `instant`, which is less than half of the counter's range away. So
+    /// several processors can begin together.
     ///
     /// # Errors
     /// [`StartError::Clock`], [`StartError::NoHandler`] or [`StartError::Started`], as in
@@ -107,7 +108,8 @@ pub trait Loops: Runner + Sync {
     /// Stops the schedule: runs in progress finish, and releases that have not started are skipped.
     fn stop(&self);
 
-    /// Enables a loop: it is released from the next instant on at which it is due.
+    /// Enables a loop: it is released at the next instant at which it is due, and from then on at
+    /// its rate.
     ///
     /// # Errors
     /// [`LoopError::NoSuchLoop`] if there is no such loop, [`LoopError::Unassigned`] if it has no

@@ -5,7 +5,8 @@ use critical_section::CriticalSection;
 use crate::error::ConnectError;
 use crate::timer::Timer;
 
-/// A [`Timer`], and the way in which its processor nests loops.
+/// A processor on which a [`Scheduler`](crate::Scheduler) can run: its [`Timer`], and the way in
+/// which faster loops interrupt slower ones.
 ///
 /// # For implementers
 /// There are two ways; in both the scheduler decides which loop runs next:
@@ -44,8 +45,8 @@ pub trait Platform: Timer {
         true
     }
 
-    /// Runs `program`, while the timer's interrupt calls `handler`, which calls
-    /// [`Scheduler::on_timer`](crate::Scheduler::on_timer).
+    /// Runs `program`; while it runs, the timer's interrupt calls `handler`. A scheduler passes a
+    /// handler that calls [`Scheduler::on_timer`](crate::Scheduler::on_timer).
     ///
     /// The default only calls `program`; it is for processors whose interrupts are connected when
     /// the program is linked.

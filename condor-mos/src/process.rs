@@ -4,14 +4,17 @@ use crate::body::LoopBody;
 use crate::instant::CounterReading;
 use crate::record::Record;
 
-/// The number of a loop: the index of its rate in the schedule.
+/// The number of a loop: the index of its rate in the list of rates that the schedule was made
+/// from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct LoopId(pub u8);
 
-/// The reaction to an overrun: a loop is due again before its last run has finished.
+/// The reaction to an overrun, which happens when a loop is due again before its previous run has
+/// finished.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Overrun {
-    /// Skips and counts the release; the loop runs again at the next one after it has finished.
+    /// Skips the release and counts it as skipped. The loop runs again at the first release after
+    /// it has finished.
     #[default]
     Skip,
     /// Lets up to this many releases wait, and runs them as soon as the loop has finished; skips

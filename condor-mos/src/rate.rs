@@ -5,8 +5,9 @@ use core::fmt::{self, Write};
 
 /// An exact frequency in hertz: a fraction of two whole numbers in lowest terms, never zero.
 ///
-/// With periods in whole microseconds, 60 Hz would become another rate, and the set 400/60/50 Hz
-/// would repeat only after minutes; with fractions it repeats after 100 ms.
+/// So releases are exact for every rate. If periods were whole microseconds, 60 Hz would become a
+/// slightly different rate, and the releases of loops with 400, 60 and 50 Hz would repeat only
+/// after minutes; with fractions they repeat after 100 ms.
 ///
 /// ```
 /// use condor_mos::Rate;
@@ -23,7 +24,7 @@ pub struct Rate {
 }
 
 impl Rate {
-    /// Makes the rate of `hertz` times a second.
+    /// Makes a rate of `hertz` times per second.
     ///
     /// # Panics
     /// If `hertz` is 0; in a constant, that is an error of compilation. For values that are known
@@ -33,7 +34,7 @@ impl Rate {
         Self::fraction(hertz, 1)
     }
 
-    /// Makes the rate of once every `seconds` seconds.
+    /// Makes a rate of once in `seconds` seconds.
     ///
     /// # Panics
     /// If `seconds` is 0; in a constant, that is an error of compilation.
@@ -42,7 +43,7 @@ impl Rate {
         Self::fraction(1, seconds)
     }
 
-    /// Makes the rate of `numerator` times in `denominator` seconds.
+    /// Makes a rate of `numerator` times in `denominator` seconds.
     ///
     /// # Panics
     /// If either is 0; in a constant, that is an error of compilation.
@@ -54,7 +55,7 @@ impl Rate {
         }
     }
 
-    /// Makes the rate of `numerator` times in `denominator` seconds; returns `None` if either is 0.
+    /// Makes a rate of `numerator` times in `denominator` seconds; returns `None` if either is 0.
     #[must_use]
     pub const fn new(numerator: u32, denominator: u32) -> Option<Self> {
         let divisor = greatest_common_divisor(numerator as u64, denominator as u64) as u32;
@@ -73,19 +74,21 @@ impl Rate {
         }
     }
 
-    /// Returns the number of times in [`denominator`](Self::denominator) seconds.
+    /// Returns the numerator of the rate in lowest terms: the number of times in
+    /// [`denominator`](Self::denominator) seconds.
     #[must_use]
     pub const fn numerator(self) -> u32 {
         self.numerator
     }
 
-    /// Returns the number of seconds in which [`numerator`](Self::numerator) times fall.
+    /// Returns the denominator of the rate in lowest terms: the number of seconds for
+    /// [`numerator`](Self::numerator) times.
     #[must_use]
     pub const fn denominator(self) -> u32 {
         self.denominator
     }
 
-    /// Returns the rate in hertz, rounded; for people and plots.
+    /// Returns the rate in hertz, rounded, for people and plots. Do not compute instants from it.
     #[must_use]
     pub fn as_hz(self) -> f64 {
         f64::from(self.numerator) / f64::from(self.denominator)

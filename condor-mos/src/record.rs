@@ -2,8 +2,8 @@
 
 use core::sync::atomic::{Ordering, compiler_fence};
 
-/// A type of records that a [`Scheduler`](crate::Scheduler) can keep: [`NoStatistics`], [`Counts`]
-/// or [`Histograms`].
+/// The choice of the statistics that a [`Scheduler`](crate::Scheduler) keeps of each loop, as a
+/// type parameter: [`NoStatistics`], [`Counts`] (the default) or [`Histograms`].
 #[allow(private_bounds, reason = "nobody else implements it")]
 pub trait Keep: Record {}
 
@@ -28,7 +28,8 @@ pub(crate) trait Record: Copy + Send + 'static {
     fn counts(&self) -> Counts;
 }
 
-/// The choice of no record: a scheduler counts and measures nothing, and reads no instants for it.
+/// The choice of no statistics: a scheduler counts and measures nothing, which saves readings of
+/// the counter.
 #[derive(Clone, Copy, Debug)]
 pub struct NoStatistics;
 
@@ -54,8 +55,8 @@ impl Record for NoStatistics {
     }
 }
 
-/// Counts of runs and skipped releases, the sum and the longest of the run times, and the longest
-/// lateness.
+/// The choice of simple statistics, for [`Loops::statistics`](crate::Loops::statistics): counts of
+/// runs and skipped releases, the sum and the longest of the run times, and the longest lateness.
 #[derive(Clone, Copy, Debug)]
 pub struct Counts {
     pub(crate) worst_lateness: u32,
@@ -143,7 +144,8 @@ impl Record for Counts {
     }
 }
 
-/// [`Counts`], and the distributions of lateness and run times.
+/// The choice of full statistics: [`Counts`], and the distributions of a loop's lateness and run
+/// times, which [`Scheduler::histograms`](crate::Scheduler::histograms) returns.
 #[derive(Clone, Copy, Debug)]
 pub struct Histograms {
     counts: Counts,
@@ -154,13 +156,15 @@ pub struct Histograms {
 impl Keep for Histograms {}
 
 impl Histograms {
-    /// Returns the distribution of lateness, the time in ticks from a release to its start.
+    /// Returns the distribution of lateness, which is the time in ticks from a release to the start
+    /// of its run.
     #[must_use]
     pub const fn lateness(&self) -> &Histogram {
         &self.lateness
     }
 
-    /// Returns the distribution of run times in ticks, without the loops that interrupted a run.
+    /// Returns the distribution of run times in ticks; the time of loops that interrupted a run is
+    /// not included.
     #[must_use]
     pub const fn run(&self) -> &Histogram {
         &self.run
@@ -200,8 +204,9 @@ impl Record for Histograms {
     }
 }
 
-/// Counts of times, in ticks, in 64 classes of size: two classes for each power of two, so a time
-/// is known to within half of it. Counts stay at 2^32 - 1 when they reach that.
+/// The distribution of a measured time in ticks: how many measurements fall into each of 64
+/// classes. There are two classes for each power of two, so a time is known to within half of
+/// itself. A count stays at 2^32 - 1 when it reaches that.
 #[derive(Clone, Copy, Debug)]
 pub struct Histogram {
     classes: [u32; 64],
@@ -239,15 +244,15 @@ impl Histogram {
         }
     }
 
-    /// Returns the number of times that were counted.
+    /// Returns the number of measurements.
     #[must_use]
     pub fn total(&self) -> u64 {
         self.classes.iter().map(|&class| u64::from(class)).sum()
     }
 
-    /// Returns a time in ticks that `percent` percent of all times (50 for the median) do not
-    /// exceed. It is the end of its class, at most 1.5 times the exact percentile. Returns 0 if
-    /// nothing was counted.
+    /// Returns a time in ticks that `percent` percent of all measurements do not exceed; 50 is the
+    /// median. The result is the upper end of a class, at most 1.5 times the exact percentile.
+    /// Returns 0 if there are no measurements.
     #[must_use]
     pub fn percentile(&self, percent: f64) -> u32 {
         // Below 2^53 nothing is lost.

@@ -30,7 +30,8 @@ const MACHINE_TIMER: usize = 1 << 7;
 /// Nothing is due so late.
 const NEVER: u64 = u64::MAX;
 
-/// The timer of one hart, `mtime` and the hart's `mtimecmp`, and the nesting of its loops.
+/// The [`Platform`] of one bare-metal RISC-V hart (hardware thread): its timer is the CLINT's
+/// `mtime` with the hart's `mtimecmp`, and loops nest by calls in the timer's interrupt.
 ///
 /// After a reset `mtimecmp` may have any value: call [`disarm`](Timer::disarm) before the interrupt
 /// is enabled for the first time.
@@ -46,12 +47,13 @@ pub struct Clint {
 }
 
 impl Clint {
-    /// Makes the timer of hart `hart`, whose `mtime` counts `frequency` ticks per second. `clint`
-    /// is the address of the CLINT.
+    /// Makes the platform of hart number `hart`. `clint` is the address of the CLINT, whose `mtime`
+    /// counts `frequency` ticks per second.
     ///
     /// # Safety
-    /// A CLINT lies at address `clint`, and the hart that uses this timer is `hart`, in machine mode,
-    /// and is not kept from its registers by any protection. Nothing else writes its `mtimecmp`.
+    /// A CLINT is at address `clint`. Only hart `hart` uses this platform, in machine mode, and no
+    /// memory protection keeps it from the CLINT's registers. Nothing else writes the `mtimecmp` of
+    /// this hart.
     #[must_use]
     pub const unsafe fn new(clint: usize, hart: u16, frequency: Rate) -> Self {
         Self {
@@ -63,24 +65,26 @@ impl Clint {
         }
     }
 
-    /// Lets these interrupts, given as bits of `mie`, interrupt loops, too, if they are enabled.
+    /// Lets the given interrupts interrupt running loops, too, if they are enabled. `interrupts`
+    /// has a bit for each, as the register `mie` has.
     ///
-    /// Without this they wait until all loops that the timer's interrupt has started are done.
-    /// Loops that the background has started can be interrupted by every enabled interrupt.
+    /// Without this, interrupts other than the timer's wait until all loops that the timer's
+    /// interrupt has started are done. Loops that the background has started can be interrupted by
+    /// every enabled interrupt.
     #[must_use]
     pub const fn interrupted_also_by(mut self, interrupts: usize) -> Self {
         self.nested |= interrupts;
         self
     }
 
-    /// Handles the machine timer interrupt, with
-    /// [`Scheduler::on_timer`](crate::Scheduler::on_timer) as `handler`.
+    /// Handles the machine timer interrupt by calling `handler`, which must call
+    /// [`Scheduler::on_timer`](crate::Scheduler::on_timer).
     ///
-    /// It preserves the floating-point registers and `fcsr`, which the usual trap frames (those of
-    /// `riscv-rt`) do not save. So the loops that run now do not disturb the arithmetic of the
-    /// interrupted loop. The compiler puts no floating-point instructions into a handler that only
-    /// calls this. Registers are saved only if `mstatus.FS` shows that the interrupted code has
-    /// used some, and restored only if it shows that `handler` has changed some.
+    /// This function preserves the floating-point registers and `fcsr`, which the usual trap frames
+    /// (those of `riscv-rt`) do not save. So the loops that run now do not disturb the arithmetic
+    /// of the interrupted loop. The compiler puts no floating-point instructions into a handler
+    /// that only calls this. Registers are saved only if `mstatus.FS` shows that the interrupted
+    /// code has used some, and restored only if it shows that `handler` has changed some.
     ///
     /// # Safety
     /// * It is called from the handler of the machine timer interrupt, outside of any critical
@@ -175,9 +179,10 @@ impl Platform for Clint {
     }
 }
 
-/// Calls `handler`, which may do arithmetic, and preserves the floating-point registers and `fcsr`.
-/// It is for handlers of other interrupts than the timer's, whose trap entry saves only integer
-/// registers. The caller must not do floating-point arithmetic before or after.
+/// Calls `handler`, which may do floating-point arithmetic, and restores the floating-point
+/// registers and `fcsr` of the interrupted code. Use it in the handlers of other interrupts than
+/// the timer's if their trap entry saves only integer registers. The caller must not do
+/// floating-point arithmetic before or after.
 pub fn preserving_floats(handler: impl FnOnce()) {
     float::preserving(mstatus::read().bits(), handler);
 }

@@ -9,11 +9,17 @@ use crate::instant::CounterReading;
 use crate::process::{LoopId, Overrun};
 use crate::sync::AtomicBool;
 
-/// The calls of [`Loops`](crate::Loops) that only its scopes and locks make.
+/// The part of [`Loops`](crate::Loops) that [`Scope`](crate::Scope) and
+/// [`LoopLock`](crate::LoopLock) use. Programs do not call these methods.
 pub trait Runner {
     /// The type of an instant of the timer.
     type Instant: CounterReading;
 
+    /// Sets the body of the loop `id`, and enables the loop.
+    ///
+    /// # Errors
+    /// [`LoopError::NoSuchLoop`] if there is no such loop, [`LoopError::Taken`] if it has a body,
+    /// [`LoopError::NoThread`] if a thread cannot be started.
     fn assign_body(
         &self,
         id: LoopId,
@@ -21,7 +27,8 @@ pub trait Runner {
         body: LoopBody<Self::Instant>,
     ) -> Result<(), LoopError>;
 
-    /// Disarms these loops, a bit for each, and returns when none of them is in progress.
+    /// Disables loops, takes their bodies away, and returns when none of these loops is in
+    /// progress. Bit *n* of `numbers` stands for loop *n*.
     fn withdraw(&self, numbers: u32);
 
     /// Takes a lock; returns the value to pass to [`leave`](Self::leave) as `former`.
@@ -34,7 +41,8 @@ pub trait Runner {
     fn leave(&self, gate: &Gate, former: u32);
 }
 
-/// A lock without its value.
+/// The state of a [`LoopLock`](crate::LoopLock) without its value: the loops that may take it, and
+/// whether it is taken.
 pub struct Gate {
     /// A bit for each loop that may use it.
     pub(crate) users: u32,

@@ -20,16 +20,16 @@ use crate::statistics::Statistics;
 use crate::sync::{Ordering, const_unless_loom};
 use crate::timer::Armed;
 
-/// Runs `L` servo loops at their rates, on the stack of the background that they interrupt
+/// A scheduler that runs up to `L` servo loops at exact rates, on the stack of the background that they interrupt
 /// (memo, section 3.2.2).
 ///
 /// The fastest loop that is due runs; only faster loops interrupt it; when no loop is due, the
 /// background continues. A loop must finish within its period; the exact moment of its start does
 /// not matter.
 ///
-/// `P` is the [`Platform`]; the [`EventTable`] has room for `L` loops and `E` entries. A scheduler
-/// is usually a `static`, so that interrupt handlers can access it: all methods take `&self`, may
-/// be called by the background, by loops and by handlers, and are short critical sections.
+/// `P` is the [`Platform`], and `K` selects the statistics that are kept. The [`EventTable`] has room for `L` loops and
+/// `E` entries. A scheduler is usually a `static`, so that interrupt handlers can access it: all methods take `&self`,
+/// may be called by the background, by loops and by handlers, and are short critical sections.
 ///
 /// ```
 /// use condor_mos::sim::SimPlatform;
@@ -53,16 +53,16 @@ pub struct Scheduler<P: Platform, const L: usize, const E: usize, K: Keep = Coun
 
 impl<P: Platform, const L: usize, const E: usize> Scheduler<P, L, E> {
     const_unless_loom! {
-        /// Makes a scheduler that has not started, and whose loops have no bodies.
+        /// Makes a scheduler of the loops in `schedule`, which have no bodies yet. [`Loops::run`] or [`Loops::start`]
+        /// starts it.
         #[must_use]
         pub const fn new(platform: P, schedule: EventTable<L, E>) -> Self {
             Self::keeping(platform, schedule)
         }
     }
 
-    /// Makes a scheduler of loops with these rates, for the clock of its platform. The index of a
-    /// rate is the loop's number. The scheduler has an event table, or a scan if the rates do not
-    /// fit the table.
+    /// Makes a scheduler of loops with these rates, for the clock of `platform`. `rates[n]` is the rate of loop *n*.
+    /// The schedule is a table with `E` entries, or a [`Scan`](crate::Scan) if that is too small for the rates.
     ///
     /// # Errors
     /// [`RateError::Loops`] unless there are 1 to `L` rates, [`RateError::TooFast`] if a period is
@@ -75,7 +75,8 @@ impl<P: Platform, const L: usize, const E: usize> Scheduler<P, L, E> {
 
 impl<P: Platform, const L: usize, const E: usize, K: Keep> Scheduler<P, L, E, K> {
     const_unless_loom! {
-        /// Makes a scheduler as [`new`](Scheduler::new) does, with statistics of the type `K`.
+        /// Makes a scheduler as [`new`](Scheduler::new) does, but with statistics of the type `K`: [`Counts`],
+        /// [`Histograms`] or [`NoStatistics`](crate::NoStatistics).
         #[must_use]
         pub const fn keeping(platform: P, schedule: EventTable<L, E>) -> Self {
             Self {
@@ -85,14 +86,15 @@ impl<P: Platform, const L: usize, const E: usize, K: Keep> Scheduler<P, L, E, K>
         }
     }
 
-    /// Returns the platform with which the scheduler was made.
+    /// Returns the platform with which the scheduler was made, for example to read its timer.
     #[must_use]
     pub const fn platform(&self) -> &P {
         &self.platform
     }
 
-    /// Sets the body of a loop for good, and enables the loop. `body` is called with `context` and the instant
-    /// at which the loop was due.
+    /// Sets the body of the loop `id`, which cannot be changed afterwards, and enables the loop. Each run calls `body`
+    /// with `context` and the instant at which the loop was due. `overrun` says what happens if the loop is due again
+    /// before a run has finished.
     ///
     /// # Errors
     /// [`LoopError::NoSuchLoop`] if there is no such loop, [`LoopError::Taken`] if it has a body.
@@ -133,14 +135,14 @@ impl<P: Platform, const L: usize, const E: usize, K: Keep> Scheduler<P, L, E, K>
         Ok(())
     }
 
-    /// Returns true if a change of rates has not taken effect yet.
+    /// Returns true if a rate that [`Loops::set_rate`] changed has not taken effect yet.
     #[must_use]
     pub fn is_changing(&self) -> bool {
         self.with_state(|state| state.schedule.is_changing())
     }
 
-    /// Handles the timer's interrupt: releases the loops that are due, and runs them or pends their
-    /// vectors.
+    /// Releases the loops that are due, and runs them or pends their vectors. The handler of the timer's interrupt must
+    /// call this, unless [`Loops::run`] connects the handler itself (see [`Platform::connect`]).
     ///
     /// An interrupt that comes early or without cause does no harm.
     #[inline(always)]
@@ -155,8 +157,8 @@ impl<P: Platform, const L: usize, const E: usize, K: Keep> Scheduler<P, L, E, K>
         }
     }
 
-    /// Handles the interrupt of the vector of `rank`, on platforms with vectors: runs the rank's
-    /// loop if it is due.
+    /// Runs the loop of rank `rank` if it has been released. On a platform with vectors, the interrupt handler of that
+    /// rank must call this. Rank 0 is the fastest loop.
     #[inline(always)]
     pub fn on_vector(&self, rank: u32) {
         let begun = masked(&self.platform, |section| {
@@ -581,7 +583,7 @@ impl<P: Platform, const L: usize, const E: usize, K: Keep> Runner for Scheduler<
 }
 
 impl<P: Platform, const L: usize, const E: usize> Scheduler<P, L, E, Histograms> {
-    /// Returns the present distributions of a loop's lateness and run times, in ticks.
+    /// Returns the distributions of the lateness and the run times of the loop `id` so far, in ticks.
     ///
     /// # Errors
     /// [`LoopError::NoSuchLoop`] if there is no such loop.

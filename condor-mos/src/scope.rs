@@ -9,8 +9,8 @@ use crate::instant::CounterReading;
 use crate::process::{LoopId, Overrun};
 use crate::runner::Runner;
 
-/// A scope in which closures can become loops, until the end of
-/// [`Loops::scope`](crate::Loops::scope).
+/// A scope in which closures that borrow data can become loops.
+/// [`Loops::scope`](crate::Loops::scope) makes it; at its end the loops stop.
 ///
 /// A closure, and everything that it borrows, must outlive the scope:
 ///
@@ -26,7 +26,7 @@ use crate::runner::Runner;
 /// });
 /// ```
 ///
-/// Only the loop can use them until then:
+/// Until the end of the scope, only the loop can use what the closure borrows:
 ///
 /// ```compile_fail,E0503
 /// # use condor_mos::{ClockSpec, LoopId, Loops, Overrun, Rate, Scan, Scheduler, sim::SimPlatform};
@@ -53,8 +53,9 @@ pub struct Scope<'scope, 'env: 'scope, I> {
 }
 
 impl<'scope, I: CounterReading> Scope<'scope, '_, I> {
-    /// Makes `closure` the body of a loop, and enables the loop. The closure gets the instant at
-    /// which the loop was due.
+    /// Makes `closure` the body of the loop `id`, and enables the loop. Each run calls the closure
+    /// with the instant at which the loop was due. `overrun` says what happens if the loop is due
+    /// again before a run has finished.
     ///
     /// # Errors
     /// [`LoopError::NoSuchLoop`] if there is no such loop, [`LoopError::Taken`] if it has a body,

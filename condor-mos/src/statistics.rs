@@ -4,9 +4,11 @@ use core::fmt;
 
 use crate::rate::Rate;
 
-/// The counts and times of a loop at one moment: `released = run + skipped + running + pending`.
+/// The counts and times of a loop at one moment, from
+/// [`Loops::statistics`](crate::Loops::statistics). The counts satisfy `released = run + skipped +
+/// running + pending`.
 ///
-/// Counts begin with the loop, or when they were reset.
+/// They count from the beginning of the loop, or since they were last reset.
 ///
 /// ```
 /// # use condor_mos::sim::SimPlatform;
@@ -23,15 +25,15 @@ use crate::rate::Rate;
 pub struct Statistics {
     /// The rate of the loop.
     pub rate: Rate,
-    /// The ticks per second of the clock by which the times below are measured.
+    /// The frequency of the clock, in ticks per second. The times below are in its ticks.
     pub frequency: Rate,
     /// Whether the loop is enabled, that is, released when it is due.
     pub enabled: bool,
     /// Whether the loop was disabled by an overrun or, in a thread, by a panic.
     pub faulted: bool,
-    /// The number of its releases.
+    /// The number of releases of the loop.
     pub released: u64,
-    /// The number of its finished runs.
+    /// The number of finished runs.
     pub run: u64,
     /// The number of releases that never ran, because of an overrun or because the loop was
     /// disabled.
@@ -40,28 +42,29 @@ pub struct Statistics {
     pub running: u64,
     /// The number of releases that have not started.
     pub pending: u64,
-    /// The longest time from a release to its start, in ticks.
+    /// The longest time from a release to the start of its run, in ticks.
     pub worst_lateness: u32,
     /// The longest run, in ticks, without the loops that interrupted it.
     pub worst_run: u32,
     /// The sum of all run times, in ticks, without the loops that interrupted the runs.
     pub total_run: u64,
-    /// The part of `released` from before its rate was last changed.
+    /// The part of `released` from before the loop's rate was last changed.
     pub released_before: u64,
-    /// The part of `total_run` from before its rate was last changed, in ticks.
+    /// The part of `total_run` from before the loop's rate was last changed, in ticks.
     pub total_before: u64,
 }
 
 impl Statistics {
-    /// Returns the mean run time, in ticks; 0 before the first run has finished.
+    /// Returns the mean time of a run in ticks, without the loops that interrupted it; 0 before the
+    /// first run has finished.
     #[must_use]
     pub fn mean_run(&self) -> u32 {
         let mean = self.total_run.checked_div(self.run);
         u32::try_from(mean.unwrap_or(0)).unwrap_or(u32::MAX)
     }
 
-    /// Returns the fraction of the processor that the loop has taken at its present rate: 1 is all
-    /// of it; 0 before its first release at this rate.
+    /// Returns the fraction of the processor's time that the loop has taken at its present rate: 1
+    /// is all of the time. Returns 0 before the first release at this rate.
     #[must_use]
     pub fn utilisation(&self) -> f64 {
         let released = self.released.saturating_sub(self.released_before);
@@ -76,7 +79,8 @@ impl Statistics {
         share
     }
 
-    /// Returns `ticks` of [`frequency`](Statistics::frequency) in microseconds.
+    /// Converts `ticks`, such as `worst_run`, to microseconds by
+    /// [`frequency`](Statistics::frequency).
     #[must_use]
     pub fn microseconds(&self, ticks: u32) -> f64 {
         f64::from(ticks) * 1e6 / self.frequency.as_hz()

@@ -3,7 +3,7 @@
 use crate::instant::CounterReading;
 use crate::rate::Rate;
 
-/// A monotonic counter that raises one interrupt at one instant.
+/// A timer: a monotonic counter that can raise an interrupt at one given instant.
 ///
 /// # For users
 /// A [`Scheduler`](crate::Scheduler) owns its timer and calls it; programs call only
@@ -18,7 +18,7 @@ use crate::rate::Rate;
 ///   instant has not come, and arms the timer again.
 /// * The interrupt must stay pending while it is masked.
 ///
-/// The suite of [`conformance`](crate::conformance) checks all of this.
+/// The suite in [`conformance`](crate::conformance) checks these rules.
 pub trait Timer {
     /// The type of the counter's readings: `u64`, or [`Wrapping`](crate::Wrapping) for a counter
     /// that wraps.
@@ -31,7 +31,8 @@ pub trait Timer {
     fn now(&self) -> Self::Instant;
 
     /// Asks for an interrupt at the instant `at`, which is at most half of the counter's range
-    /// ahead; returns whether the interrupt will come.
+    /// ahead. Returns [`Armed::Ahead`] if the interrupt will come, or [`Armed::Past`] if `at` has
+    /// passed.
     #[must_use]
     fn arm(&self, at: Self::Instant) -> Armed;
 
@@ -42,13 +43,14 @@ pub trait Timer {
 /// A timer whose interrupt a program can pend: its handler then runs, whether or not a loop is due.
 ///
 /// # For users
-/// A [`Platform`](crate::Platform) with a vector for each rank pends the fastest rank by it, since
-/// that vector is the timer's. The platform for Cortex-M does so, over any `Alarm`.
+/// Programs do not call [`pend`](Self::pend). The platform for Cortex-M, which works with any
+/// `Alarm`, uses it to run the fastest loop, since that loop runs in the timer's handler.
 ///
 /// # For implementers
 /// * The handler must run once after one or more pends, as soon as nothing masks it. If a handler
 ///   of the same priority runs, it must run after that one.
-/// * It is an interrupt without cause: the armed instant may be lost, and the handler arms it anew.
+/// * A pend is an interrupt without a cause: the armed instant may be lost, since the handler arms
+///   the timer anew.
 pub trait Alarm: Timer {
     /// The number of interrupt priorities that the timer takes, from the highest on. The last of
     /// them is that of the handler that calls [`Scheduler::on_timer`](crate::Scheduler::on_timer).
@@ -60,7 +62,7 @@ pub trait Alarm: Timer {
     fn pend(&self);
 }
 
-/// The result of arming a timer.
+/// The result of [`Timer::arm`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Armed {
     /// The interrupt will come.

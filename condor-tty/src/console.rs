@@ -17,7 +17,8 @@ const HELD: usize = 64;
 const LONGEST_NAP: Duration = Duration::from_millis(10);
 
 impl<W: MemoryWindow, X: Exclusion, const IN: usize> Terminal<W, X, IN> {
-    /// Returns the terminal for the background, which reads, and writes as the policy says.
+    /// Returns a [`Console`], by which the background reads from and writes to this terminal.
+    /// `messenger` is the mailbox of this processor.
     pub const fn console<'t, M: Messenger>(&'t self, messenger: &'t M) -> Console<'t, W, X, M, IN> {
         Console {
             terminal: self,
@@ -29,7 +30,8 @@ impl<W: MemoryWindow, X: Exclusion, const IN: usize> Terminal<W, X, IN> {
         }
     }
 
-    /// Returns the terminal for servo loops, handlers and interrupts, which writes and never waits.
+    /// Returns a [`Poster`], by which servo loops, handlers and interrupts write to this terminal
+    /// without waiting. `messenger` is the mailbox of this processor.
     pub const fn poster<'t, M: Messenger + ?Sized>(
         &'t self,
         messenger: &'t M,
@@ -41,18 +43,21 @@ impl<W: MemoryWindow, X: Exclusion, const IN: usize> Terminal<W, X, IN> {
     }
 }
 
-/// A [`Terminal`] for the background, which waits in its mailbox and serves messages meanwhile.
+/// The access of the background to a [`Terminal`]. A read or a write that must wait serves the
+/// messages of the mailbox meanwhile.
 ///
 /// * [`Write`]: follows the terminal's [`Policy`](crate::Policy). Under
 ///   [`Policy::Block`](crate::Policy::Block), `write` loses nothing; `write_all` and formatted
-///   writes have one timeout for all their bytes, and drop and count the rest after it. `flush` waits, under
-///   the conditions of a write, until the host has acknowledged everything.
+///   writes have one timeout for all their bytes; bytes that are left then are dropped and counted.
+///   `flush` waits until the host has acknowledged everything, if the policy is `Block` and a host
+///   is attached.
 /// * [`Read`], [`BufRead`]: return at least one byte, and in cooked mode at most a line; 0 bytes
-///   mean that the character for the end of the file was typed. They wait as long as
-///   [`with_read_timeout`](Self::with_read_timeout) says.
+///   mean that the character for the end of the file was typed. They fail with
+///   [`ConsoleError::TimedOut`] after the time of [`with_read_timeout`](Self::with_read_timeout).
 /// * [`fmt::Write`]: bytes that cannot be written are counted as lost, and are not an error.
 ///
-/// Characters that a console holds after [`BufRead::fill_buf`] are lost when it is dropped.
+/// A console may hold up to 64 characters after [`BufRead::fill_buf`]; those that were not consumed
+/// are lost when the console is dropped.
 #[derive(Debug)]
 pub struct Console<'t, W, X, M, const IN: usize> {
     terminal: &'t Terminal<W, X, IN>,
@@ -65,7 +70,7 @@ pub struct Console<'t, W, X, M, const IN: usize> {
 }
 
 impl<W: MemoryWindow, X: Exclusion, M: Messenger, const IN: usize> Console<'_, W, X, M, IN> {
-    /// Sets how long reads wait; the default is one second.
+    /// Sets how long a read waits for input; the default is one second.
     #[must_use]
     pub const fn with_read_timeout(self, read_timeout: Duration) -> Self {
         Self {
@@ -295,11 +300,12 @@ impl<W: MemoryWindow, X: Exclusion, M: Messenger, const IN: usize> fmt::Write
     }
 }
 
-/// A [`Terminal`] for servo loops, handlers and interrupts: it writes and never waits.
+/// The access of servo loops, handlers and interrupts to a [`Terminal`]: writes that never wait.
 ///
-/// Bytes for which there is no room are lost and counted; under
-/// [`Policy::DropOld`](crate::Policy::DropOld) they overwrite the oldest bytes. A write takes as
-/// long as copying its bytes; interrupts are masked for a few dozen instructions of that time.
+/// Bytes for which there is no room are lost and counted. Under
+/// [`Policy::DropOld`](crate::Policy::DropOld) new bytes overwrite the oldest ones instead. A write
+/// takes as long as copying its bytes; interrupts are masked for a few dozen instructions of that
+/// time.
 #[derive(Debug)]
 pub struct Poster<'t, W, X, M: ?Sized, const IN: usize> {
     terminal: &'t Terminal<W, X, IN>,
@@ -309,8 +315,8 @@ pub struct Poster<'t, W, X, M: ?Sized, const IN: usize> {
 impl<W: MemoryWindow, X: Exclusion, M: Messenger + ?Sized, const IN: usize>
     Poster<'_, W, X, M, IN>
 {
-    /// Writes as many bytes as there is room for, and returns their number; the rest is lost and
-    /// counted.
+    /// Writes as many bytes as there is room for, and returns their number. The rest is lost, and
+    /// [`Terminal::lost`] counts it.
     ///
     /// # Errors
     /// [`AccessError`] if the terminal's memory cannot be accessed.

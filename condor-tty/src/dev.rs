@@ -105,27 +105,33 @@ use crate::console::{ring, room_for};
 use crate::sync::Word;
 use crate::terminal::Terminal;
 
-/// An error number of a read: the character for the end of the file was typed. It is reported once.
-/// (A read of 0 bytes cannot report it here: to a stream that means that there is no input yet.)
+/// The number in [`DeviceError::Device`] that a read returns after the character for the end of the
+/// file was typed. It is reported once. (A read of 0 bytes cannot report it here: to a stream that
+/// means that there is no input yet.)
 pub const END_OF_FILE: u8 = 1;
-/// An error number of a read: the character that interrupts was typed. It is reported once.
+/// The number in [`DeviceError::Device`] that a read returns after the character that interrupts
+/// was typed. It is reported once.
 pub const INTERRUPTED: u8 = 2;
-/// An error number: the terminal's memory cannot be accessed.
+/// The number in [`DeviceError::Device`] that a call returns if the terminal's memory cannot be
+/// accessed.
 pub const UNREACHABLE: u8 = 4;
 
-/// The terminals of a program, where [`Tty`] finds them. The program implements it.
+/// The list of a program's terminals, from which the driver [`Tty`] gets them. The program
+/// implements this trait.
 pub trait TerminalTable: Sync + 'static {
-    /// Returns the terminal with the base `base`; `None` as long as there is none.
+    /// Returns the terminal for the location `base` of the device switch; `None` as long as there
+    /// is none.
     ///
-    /// The bases are those that the program gave to `device_switch!`. They are numbers of its
-    /// choice; none may be the bus address of a board in the same switch.
+    /// The locations are those that the program wrote in `device_switch!`. For a terminal they are
+    /// any numbers, but not the bus address of a board in the same switch.
     fn terminal(base: usize) -> Option<&'static dyn AnyTerminal>;
 }
 
-/// A [`TerminalBoard`] whose types of window, mailbox and queue are erased.
+/// A [`TerminalBoard`] without its type parameters, as a [`TerminalTable`] returns it.
 pub trait AnyTerminal: Sync + sealed::Transfers {}
 
-/// A terminal as a device of a `device_switch!`, with the mailbox that tells the host of output.
+/// A terminal as a board of a `device_switch!`, together with the mailbox that tells the host of
+/// output.
 #[derive(Debug)]
 pub struct TerminalBoard<'t, W, X, M: ?Sized, const IN: usize> {
     terminal: &'t Terminal<W, X, IN>,
@@ -140,7 +146,7 @@ where
     X: Exclusion,
     M: Messenger + ?Sized,
 {
-    /// Makes a board of `terminal`, with the mailbox of its processor.
+    /// Makes a board of `terminal`. `messenger` is the mailbox of this processor.
     pub fn new(terminal: &'t Terminal<W, X, IN>, messenger: &'t M) -> Self {
         Self {
             terminal,
@@ -185,7 +191,8 @@ where
 mod sealed {
     use super::{AccessError, DeviceError};
 
-    /// The operations of [`Tty`](super::Tty) on a terminal, before it is known of which bus its switch is.
+    /// The operations of the driver [`Tty`](super::Tty) on a terminal, which do not depend on the
+    /// type of the switch's bus.
     pub trait Transfers {
         fn read(&self, into: &mut [u8]) -> Result<usize, DeviceError<AccessError>>;
         fn write(&self, from: &[u8]) -> Result<usize, DeviceError<AccessError>>;
@@ -265,7 +272,8 @@ where
     }
 }
 
-/// The driver of a program's terminals, for its `device_switch!`; see the [module](self).
+/// The driver that makes terminals devices of a `device_switch!`. `T` is the program's
+/// [`TerminalTable`]; the [module](self) has an example.
 pub struct Tty<T>(PhantomData<fn() -> T>);
 
 impl<T> core::fmt::Debug for Tty<T> {

@@ -5,8 +5,8 @@ use core::fmt::{self, Write};
 /// The columns of a line that are shown at a time: a terminal of 80 columns never wraps it.
 const WIDTH: usize = 79;
 
-/// The editor of the lines that a person types at a program's terminal: it takes one byte at a time,
-/// and writes the text that the person sees.
+/// An editor for the line that a person types at a program's terminal: it takes one typed byte at a time, and writes
+/// the text that the person sees.
 ///
 /// `LINE` is the length of the longest line in bytes, and `LINES` the number of lines that are kept
 /// as history. Use it with a terminal of the settings
@@ -23,11 +23,10 @@ const WIDTH: usize = 79;
 /// | ^L | shows the line again |
 /// | Enter | ends the line |
 ///
-/// Other control characters and escape sequences have no effect. Nor has the Escape key alone: a
-/// character that is typed after it, however much later, is taken as it is, unless it is the `[` or `O` with which
-/// the sequence of another key goes on. A line begins in the first column;
-/// of a line that is longer than 79 columns, a part is shown while it is edited. Each character
-/// counts as one column.
+/// Other control characters and escape sequences have no effect. The Escape key alone has no effect either, except that
+/// a `[` or `O` typed after it, however much later, counts as the sequence of another key. A line begins in the first
+/// column. If a line is longer than 79 columns, only a part of it is shown while it is edited. Each character counts as
+/// one column.
 ///
 /// ```
 /// use condor_tty::LineEditor;
@@ -66,7 +65,7 @@ pub struct LineEditor<const LINE: usize, const LINES: usize> {
     begun: InputLine<4>,
 }
 
-/// A line of at most `LINE` bytes.
+/// A line of at most `LINE` bytes, which a [`LineEditor`] returns when the person ends it.
 #[derive(Clone, Copy, Debug)]
 pub struct InputLine<const LINE: usize> {
     /// Those behind `len` are what was there before.
@@ -126,8 +125,8 @@ enum Key {
     Enter,
 }
 
-/// A callback that completes the word before the cursor. It gets the line up to the cursor and a function, and
-/// calls this function with each whole word that may stand at the line's end.
+/// A callback of a [`LineEditor`] that proposes completions of the word before the cursor. It gets the line up to the
+/// cursor, and a function, which it calls with each whole word that could replace the word before the cursor.
 pub type Complete<'c> = dyn FnMut(&str, &mut dyn FnMut(&str)) + 'c;
 
 impl<const LINE: usize> InputLine<LINE> {
@@ -136,7 +135,7 @@ impl<const LINE: usize> InputLine<LINE> {
         len: 0,
     };
 
-    /// Returns the text of the line.
+    /// Returns the text of the line, without a newline.
     #[must_use]
     pub fn as_str(&self) -> &str {
         let bytes = self.bytes.get(..self.len).unwrap_or_default();
@@ -193,7 +192,7 @@ impl<const LINE: usize, const LINES: usize> Default for LineEditor<LINE, LINES> 
 }
 
 impl<const LINE: usize, const LINES: usize> LineEditor<LINE, LINES> {
-    /// Makes an editor with an empty line and no history.
+    /// Makes an editor with an empty line and an empty history.
     #[must_use]
     pub const fn new() -> Self {
         Self {
@@ -209,26 +208,27 @@ impl<const LINE: usize, const LINES: usize> LineEditor<LINE, LINES> {
         }
     }
 
-    /// Returns the line that is being typed.
+    /// Returns the line that is being typed, as far as it has come.
     #[must_use]
     pub fn line(&self) -> &str {
         self.line.as_str()
     }
 
-    /// Returns where the cursor is in the line, in bytes.
+    /// Returns the position of the cursor, in bytes from the beginning of the line.
     #[must_use]
     pub const fn cursor(&self) -> usize {
         self.cursor
     }
 
-    /// Drops the line that is being typed and shows nothing, as after an interrupt.
+    /// Drops the line that is being typed, and writes nothing to the terminal. Call it when the program was interrupted
+    /// from the keyboard, for example.
     pub fn clear(&mut self) {
         (self.line, self.begun, self.escape) = (InputLine::EMPTY, InputLine::EMPTY, Escape::None);
         (self.cursor, self.left, self.back) = (0, 0, 0);
     }
 
-    /// Takes a byte that was typed, and writes the resulting changes of the terminal to `out`. Returns the
-    /// line when the byte ends it. `complete` offers the words that the word before the cursor may become.
+    /// Takes a byte that was typed, and writes the resulting changes of the terminal to `out`. Returns the line if the
+    /// byte ends it, otherwise `None`. `complete` is called when Tab was typed; see [`Complete`].
     ///
     /// # Errors
     /// Returns the error of `out` if it fails; the byte has been taken nevertheless.

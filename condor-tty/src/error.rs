@@ -5,7 +5,7 @@ use embedded_io::ErrorKind;
 
 use crate::layout::{ALIGNMENT, MAX_CAPACITY, MIN_CAPACITY};
 
-/// The reason why a terminal cannot be made.
+/// The reason why [`Terminal::new`](crate::Terminal::new) did not make a terminal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum TerminalError {
@@ -30,7 +30,7 @@ pub enum TerminalError {
     },
 }
 
-/// The reason why a console did not read or write.
+/// The reason why a read, write or flush of a [`Console`](crate::Console) failed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ConsoleError {

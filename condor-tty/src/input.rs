@@ -17,7 +17,8 @@ const CLOSED: u8 = InputMode::Closed as u8;
 const BACKSPACE: u8 = 8;
 const BELL: u8 = 7;
 
-/// The result of passing a typed character to a terminal.
+/// The result of [`Terminal::accept`](crate::Terminal::accept), which passes a typed character to a
+/// terminal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum InputResult {
     /// The terminal has taken the character.

@@ -4,7 +4,7 @@ use core::time::Duration;
 
 use crate::layout::policy;
 
-/// The treatment of output for which there is no room.
+/// The way in which a [`Terminal`](crate::Terminal) treats output for which its ring has no room.
 ///
 /// Under every policy, a [`Poster`](crate::Poster) never waits, and no program waits for a terminal
 /// to which no host is attached.

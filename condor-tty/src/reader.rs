@@ -7,12 +7,13 @@ use crate::layout::{
 };
 use crate::sync::{Ordering, fence};
 
-/// The output of one terminal as a host reads it, in any window and without allocation.
+/// The host's reader of one terminal's output. It works in any kind of memory window and does not
+/// allocate. On Linux, `TerminalHost` (feature `linux`) also sends input.
 ///
-/// The position of the host is in shared memory, not here. If a host dies in any way, the next one
-/// continues at the byte where that host stopped; it gets again the bytes that were read but not
-/// [acknowledged](Self::acknowledge). Only one host at a time reads a terminal; a host that
-/// attaches displaces the host that was attached before.
+/// The position up to which the host has read is in shared memory, not in this value. If a host
+/// dies in any way, the next one continues where that host stopped; it gets again the bytes that
+/// were read but not [acknowledged](Self::acknowledge). Only one host at a time reads a terminal; a
+/// host that attaches displaces the host that was attached before.
 ///
 /// ```
 /// use condor_mbox::{CriticalSection, MemoryWindow, Allocator, Processor, Region, StaticMemory};
@@ -54,16 +55,17 @@ pub struct TerminalReader<W> {
     skipped: u32,
 }
 
-/// The result of a read of the ring.
+/// The result of [`TerminalReader::fetch`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct FetchedOutput {
     /// The number of bytes that were copied.
     pub len: usize,
-    /// The number of bytes directly before them that had been overwritten unread.
+    /// The number of bytes directly before the copied ones that are missing, because they were
+    /// overwritten unread.
     pub skipped: u32,
 }
 
-/// The state of a terminal, apart from its output.
+/// The counts and modes of a terminal, as its host sees them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TerminalStatus {
     /// The number of bytes for which there was no room, counted by the processor; wraps.
@@ -72,7 +74,7 @@ pub struct TerminalStatus {
     pub overwritten: u32,
     /// The number of bytes in the ring that have not been acknowledged.
     pub unread: u32,
-    /// The number of values of the host's cursor that the processor ignored as invalid; wraps.
+    /// The number of invalid values of the host's position that the processor has ignored; wraps.
     pub ignored: u32,
     /// The number of characters from hosts that the terminal has taken since its program made it;
     /// wraps.
@@ -87,7 +89,7 @@ pub struct TerminalStatus {
     pub interrupt: Option<u8>,
 }
 
-/// The reason why a terminal cannot be read.
+/// The reason why a host cannot attach to a terminal or read it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum TerminalReaderError {
@@ -145,8 +147,8 @@ pub enum TerminalReaderError {
 }
 
 impl<W: MemoryWindow> TerminalReader<W> {
-    /// Attaches the host `me` to the terminal at `offset` bytes of `region`, the users' region of
-    /// its processor.
+    /// Attaches a host to a terminal of a processor. `region` is the processor's [`Region::users`],
+    /// `offset` the place of the terminal in it in bytes, and `me` the host's own number.
     ///
     /// From then on writers with [`Policy::Block`](crate::Policy::Block) wait for the host, and the
     /// processor's messages go to `me`. If no host has read the terminal yet, reading begins with
@@ -246,9 +248,10 @@ impl<W: MemoryWindow> TerminalReader<W> {
         self.store(words::INCARNATION, self.incarnation, StoreOrder::Release)
     }
 
-    /// Copies the bytes after the acknowledged ones into `into`, as many as there are and as fit.
-    /// If the processor has just overwritten all of them, none is copied, and they count as
-    /// skipped.
+    /// Copies the bytes after the acknowledged ones into `into`, as many as have been written and
+    /// as fit. A call without [`acknowledge`](Self::acknowledge) in between copies the same bytes
+    /// again. If the processor has just overwritten all of the bytes, none is copied, and they
+    /// count as skipped.
     ///
     /// # Errors
     /// [`TerminalReaderError::Displaced`] if another host has attached, [`TerminalReaderError::Restarted`] if the
@@ -328,9 +331,10 @@ impl<W: MemoryWindow> TerminalReader<W> {
         Ok(())
     }
 
-    /// Acknowledges the next `count` bytes of the last fetch, and bytes that were overwritten
-    /// before them. Returns true if the processor waits for room; the caller then sends it a
-    /// message to [`TerminalVectors::room`](crate::layout::TerminalVectors::room).
+    /// Acknowledges the next `count` bytes of the last [`fetch`](Self::fetch), and bytes that were
+    /// overwritten before them, so that the processor can reuse their room. Returns true if the
+    /// processor waits for room; the caller must then send it a message to
+    /// [`TerminalVectors::room`](crate::layout::TerminalVectors::room).
     ///
     /// # Errors
     /// [`TerminalReaderError::Displaced`] if another host has attached, [`TerminalReaderError::Restarted`] if the
@@ -366,7 +370,7 @@ impl<W: MemoryWindow> TerminalReader<W> {
         Ok(())
     }
 
-    /// Detaches: from now on no program waits for this host.
+    /// Detaches this host, so that no program waits for it.
     ///
     /// # Errors
     /// [`TerminalReaderError::Displaced`] if another host has attached, [`TerminalReaderError::Restarted`] if the
@@ -376,7 +380,7 @@ impl<W: MemoryWindow> TerminalReader<W> {
         Ok(self.store(words::ATTACHED, self.attached & !0xff, StoreOrder::Release)?)
     }
 
-    /// Returns the state of the terminal, apart from its output.
+    /// Returns the counts and modes of the terminal.
     ///
     /// # Errors
     /// [`AccessError`] if the memory cannot be accessed.
@@ -400,7 +404,7 @@ impl<W: MemoryWindow> TerminalReader<W> {
         })
     }
 
-    /// Returns the offset of the terminal in its processor's region, in bytes.
+    /// Returns the offset of the terminal in its processor's [`Region::users`], in bytes.
     #[must_use]
     pub const fn offset(&self) -> u32 {
         self.offset

@@ -1,6 +1,6 @@
 //! [`TerminalSettings`]: the treatment of input and output by a terminal.
 
-/// The form in which a program gets typed characters.
+/// The way in which a program gets the characters that are typed at its terminal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum InputMode {
     /// The program gets whole lines, after a person has edited them; [`Characters`] have their
@@ -16,8 +16,9 @@ pub enum InputMode {
     Closed,
 }
 
-/// The characters that have effects in [`InputMode::Cooked`], and some of them in [`InputMode::Cbreak`]; 0
-/// means that there is no such character.
+/// The characters that have a special effect when they are typed: all of them in
+/// [`InputMode::Cooked`], and `interrupt`, `stop` and `start` in [`InputMode::Cbreak`]. A field of
+/// 0 means that no character has this effect.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Characters {
     /// Deletes the last character; backspace (8) always does so, too.
@@ -39,7 +40,7 @@ pub struct Characters {
 }
 
 impl Characters {
-    /// The characters of Unix: delete, ^W, ^U, ^D, ^C, ^S, ^Q.
+    /// The usual characters of Unix, in the order of the fields: delete, ^W, ^U, ^D, ^C, ^S, ^Q.
     pub const UNIX: Self = Self {
         erase: 0x7f,
         kill_word: 0x17,
@@ -51,7 +52,7 @@ impl Characters {
     };
 }
 
-/// The treatment of input and output by a terminal.
+/// The settings of a [`Terminal`](crate::Terminal): how it treats typed characters and output.
 ///
 /// ```
 /// use condor_tty::TerminalSettings;
@@ -67,12 +68,13 @@ pub struct TerminalSettings {
     pub echo: bool,
     /// Whether a newline is sent to the host as carriage return and newline.
     pub newlines: bool,
-    /// The characters with effects.
+    /// The characters that have a special effect when they are typed.
     pub characters: Characters,
 }
 
 impl TerminalSettings {
-    /// The default settings: edited lines, echo, and newlines as terminals need them.
+    /// The default settings: the program gets edited lines, typed characters are echoed, and
+    /// newlines are sent as carriage return and newline.
     pub const COOKED: Self = Self {
         mode: InputMode::Cooked,
         echo: true,
@@ -80,8 +82,8 @@ impl TerminalSettings {
         characters: Characters::UNIX,
     };
 
-    /// The settings of a terminal with output only, such as that of a program that reads its
-    /// configuration before it begins.
+    /// The settings of a terminal with output only: typed characters stay at the host. A program
+    /// can begin with them, and change them when it wants input.
     pub const OUTPUT: Self = Self {
         mode: InputMode::Closed,
         ..Self::COOKED
@@ -95,7 +97,7 @@ impl TerminalSettings {
         ..Self::COOKED
     };
 
-    /// The settings of a terminal with unchanged bytes in both directions, without echo.
+    /// The settings of a terminal that passes bytes on unchanged in both directions, without echo.
     pub const RAW: Self = Self {
         mode: InputMode::Raw,
         echo: false,

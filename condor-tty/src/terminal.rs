@@ -14,11 +14,12 @@ use crate::output::Output;
 use crate::policy::Policy;
 use crate::settings::TerminalSettings;
 
-/// A virtual terminal of this processor (memo, section 3.6.3).
+/// A virtual terminal of this processor (memo, section 3.6.3), which a host shows, for example on a
+/// pseudo-terminal or in a log. Output waits in a ring in memory that is shared with the host.
 ///
-/// `W` is the window in which its output lies, `X` the [`Exclusion`] between the contexts of the
-/// processor, and `IN` the number of characters, a power of two, that can be typed ahead. All
-/// calls take `&self`: background, handlers and servo loops may each be in the middle of one.
+/// `W` is the type of the window on that memory, `X` the [`Exclusion`] between the contexts of the
+/// processor, and `IN` the size of the queue for typed characters, a power of two. All methods take
+/// `&self`, and the background, handlers and servo loops may interrupt each other in them.
 ///
 /// | context | reads and writes through |
 /// |---|---|
@@ -66,8 +67,9 @@ pub struct Terminal<W, X, const IN: usize> {
 }
 
 impl<W: MemoryWindow, X: Exclusion, const IN: usize> Terminal<W, X, IN> {
-    /// Makes a terminal in memory from `allocator` in `own`, the users' region of the processor, with
-    /// a ring of `capacity` bytes, a power of two.
+    /// Makes a terminal with a ring of `capacity` bytes, a power of two. `own` is the processor's
+    /// [`Region::users`]; `allocator` allocates the memory in it. All terminals of a processor must
+    /// share one allocator.
     ///
     /// A host that was attached to an earlier terminal at the same offset notices the change, and
     /// attaches again.
@@ -95,30 +97,31 @@ impl<W: MemoryWindow, X: Exclusion, const IN: usize> Terminal<W, X, IN> {
         Ok(this)
     }
 
-    /// Uses these vectors instead of [`TerminalVectors::DEFAULT`].
+    /// Uses other vectors than [`TerminalVectors::DEFAULT`]; the host must use the same.
     #[must_use]
     pub fn with_vectors(self, vectors: TerminalVectors) -> Self {
         Self { vectors, ..self }
     }
 
-    /// Returns the offset of the terminal in the processor's region, in bytes; hosts address it by
-    /// this.
+    /// Returns the offset of the terminal in the processor's [`Region::users`], in bytes. A host
+    /// needs it to attach.
     #[must_use]
     pub const fn offset(&self) -> u32 {
         self.output.offset()
     }
 
-    /// Handles a message of the host. The handlers for the vectors [`input`](TerminalVectors::input) and
-    /// [`room`](TerminalVectors::room) call this.
+    /// Handles a message of the host. Call it from the mailbox's handlers for the vectors
+    /// [`input`](TerminalVectors::input) and [`room`](TerminalVectors::room).
     ///
-    /// Returns the reply, which the handler returns; [`reply::NO_TERMINAL`] if the message is for
-    /// another terminal.
+    /// The handler must return the result, which is the reply to the host: [`reply::NO_TERMINAL`]
+    /// if the message is for another terminal of this processor; the handler then calls `receive`
+    /// of the next one.
     pub fn receive(&self, call: &Call<'_>) -> u32 {
         self.receive_and(call, || ())
     }
 
-    /// Handles a message as [`receive`](Self::receive) does, and calls `on_interrupt` if the
-    /// character interrupts.
+    /// Handles a message as [`receive`](Self::receive) does, and calls `on_interrupt` if its
+    /// character is the one that interrupts.
     pub fn receive_and(&self, call: &Call<'_>, on_interrupt: impl FnOnce()) -> u32 {
         if call.vector() == self.vectors.room {
             // The message has ended the wait of the context that it was for.
@@ -150,10 +153,11 @@ impl<W: MemoryWindow, X: Exclusion, const IN: usize> Terminal<W, X, IN> {
         }
     }
 
-    /// Takes a character that was typed somewhere else than at the host, such as at a serial line;
-    /// returns whether there was room for it.
+    /// Takes a character that was typed somewhere else than at the host, such as at a serial line.
+    /// Returns [`InputResult::Full`] if there is no room; the caller must then keep the character.
     ///
-    /// Its echo waits in the ring until the next message to the host, or the host's next read.
+    /// The echo of the character waits in the ring until the host reads the next time; no message
+    /// is sent for it.
     ///
     /// # Errors
     /// [`AccessError`] if the memory cannot be accessed; even then the character has been taken.
@@ -273,9 +277,11 @@ impl<W: MemoryWindow, X: Exclusion, const IN: usize> Terminal<W, X, IN> {
         })
     }
 
-    /// Changes the settings.
+    /// Changes the settings. They apply to characters that are typed from now on.
     ///
-    /// In raw mode the program can read an unfinished line as it stands.
+    /// With [`InputMode::Raw`](crate::InputMode::Raw) or
+    /// [`InputMode::Cbreak`](crate::InputMode::Cbreak) the program can also read the unfinished
+    /// line that was being edited.
     ///
     /// # Errors
     /// [`AccessError`] if the memory cannot be accessed; even then the settings apply.
@@ -283,12 +289,12 @@ impl<W: MemoryWindow, X: Exclusion, const IN: usize> Terminal<W, X, IN> {
         self.telling_mode(|| self.input.configure(settings)).1
     }
 
-    /// Returns the present settings.
+    /// Returns the settings that apply now.
     pub fn settings(&self) -> TerminalSettings {
         self.exclusive(|| self.input.settings())
     }
 
-    /// Sets the policy for output for which there is no room.
+    /// Sets the policy for output for which the ring has no room.
     ///
     /// # Errors
     /// [`AccessError`] if the memory cannot be accessed.
@@ -296,18 +302,19 @@ impl<W: MemoryWindow, X: Exclusion, const IN: usize> Terminal<W, X, IN> {
         self.output.set_policy(policy)
     }
 
-    /// Returns the policy for output for which there is no room.
+    /// Returns the policy for output for which the ring has no room.
     pub fn policy(&self) -> Policy {
         self.output.policy()
     }
 
-    /// Returns true if the character that interrupts was typed since this method, or a read, last
-    /// reported it.
+    /// Returns true if the character that interrupts has been typed since an interrupt was last
+    /// reported, by this method or as the error of a read.
     pub fn take_interrupt(&self) -> bool {
         self.exclusive(|| self.input.take_interrupt())
     }
 
-    /// Returns the host that is attached, which may be dead; `None` if no host is.
+    /// Returns the number of the host that is attached; `None` if there is none. A host that died
+    /// without detaching still counts as attached.
     ///
     /// # Errors
     /// [`AccessError`] if the memory cannot be accessed.
@@ -315,7 +322,8 @@ impl<W: MemoryWindow, X: Exclusion, const IN: usize> Terminal<W, X, IN> {
         self.output.attached()
     }
 
-    /// Returns how many bytes of the ring the host has not acknowledged; at most its capacity.
+    /// Returns how many bytes in the ring the host has not acknowledged; at most the ring's
+    /// capacity.
     ///
     /// # Errors
     /// [`AccessError`] if the memory cannot be accessed.
@@ -324,28 +332,30 @@ impl<W: MemoryWindow, X: Exclusion, const IN: usize> Terminal<W, X, IN> {
     }
 
     /// Returns the number of bytes that have been written to the ring, echo included, since the
-    /// terminal was made; wraps. As long as it does not change, the cursor is where it was.
+    /// terminal was made; wraps. While this number does not change, the cursor on the screen does
+    /// not move.
     pub fn written(&self) -> u32 {
         self.output.written()
     }
 
-    /// Returns the number of bytes that were dropped because there was no room; wraps. The host
-    /// counts bytes that [`Policy::DropOld`] overwrites, since only the host knows which it has
-    /// read.
+    /// Returns the number of bytes of output that were dropped because the ring had no room; wraps.
+    /// Bytes that [`Policy::DropOld`] overwrites are not in it: the host counts them, since only
+    /// the host knows which it has read.
     pub fn lost(&self) -> u32 {
         self.output.lost()
     }
 
-    /// Returns the number of values of the host's cursor that no host of this layout writes; wraps.
+    /// Returns the number of invalid values of the host's position in the output that the processor
+    /// has found in shared memory; wraps. Normally it is 0.
     ///
-    /// Each was ignored. They may include the cursor of a host that comes back late after the
-    /// policy changed from [`Policy::DropOld`].
+    /// Each such value was ignored. A correct host can cause one only if it comes back late after
+    /// the policy changed from [`Policy::DropOld`].
     pub fn ignored(&self) -> u32 {
         self.output.ignored()
     }
 
-    /// Returns the number of characters that were typed into a line already as long as the queue;
-    /// wraps.
+    /// Returns the number of typed characters that were dropped because the unfinished line filled
+    /// the queue of `IN` characters; wraps.
     pub fn overlong(&self) -> u32 {
         self.exclusive(|| self.input.overlong())
     }

@@ -2,19 +2,20 @@
 
 use crate::bus::{Bus, BusError, BusErrorKind, Width};
 
-/// The addresses of a bus that the checks may access.
+/// The addresses that [`bus()`] accesses while it checks a bus.
 #[derive(Clone, Copy, Debug)]
 pub struct BusMemory {
     /// The address, a multiple of 8, of eight bytes that keep what is written to them.
     pub memory: usize,
-    /// The address, a multiple of 8, of eight bytes where nothing answers, if the bus can know that.
+    /// The address, a multiple of 8, of eight bytes where nothing answers. `None` skips this check,
+    /// for a bus that cannot detect that nothing answers.
     pub absent: Option<usize>,
-    /// Whether the bus refuses misaligned accesses; one whose error is
-    /// [`Infallible`](core::convert::Infallible) cannot.
+    /// Whether the bus refuses misaligned accesses. A bus with the error type
+    /// [`Infallible`](core::convert::Infallible) cannot refuse any; `false` skips this check.
     pub refuses_misaligned: bool,
 }
 
-/// An access of the suite.
+/// The access that [`bus()`] was making when a check failed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BusAccess {
     /// A read of one register.
@@ -28,7 +29,7 @@ pub enum BusAccess {
     Block(usize),
 }
 
-/// The failure of a check of a bus.
+/// The first check of [`bus()`] that failed, with the access that showed it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
     "{check}: {access:x?} of {width:?} at {address:#x} returned {found:x?}, expected {expected:x?}"
@@ -51,7 +52,8 @@ pub struct BusFailure {
 const WIDTHS: [Width; 3] = [Width::Bits8, Width::Bits16, Width::Bits32];
 const BACKGROUND: [u32; 2] = [0x0123_4567, 0x89ab_cdef];
 
-/// Checks a bus on `ground`, whose memory is overwritten.
+/// Checks that `bus` follows the rules for implementers of [`Bus`], by accesses to the addresses in
+/// `ground`. The eight bytes at `ground.memory` are overwritten.
 ///
 /// # Errors
 /// [`BusFailure`] for the first check that fails.

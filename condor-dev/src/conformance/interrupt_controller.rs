@@ -2,7 +2,7 @@
 
 use crate::interrupt::{InterruptController, InterruptLevel, InterruptVector};
 
-/// The failure of a check of an interrupt controller.
+/// The first check of [`interrupt_controller()`] that failed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{check}: `claim` returned {found:?}, expected {expected:?}")]
 pub struct ControllerFailure {
@@ -17,12 +17,15 @@ pub struct ControllerFailure {
 const LOW: InterruptLevel = InterruptLevel(1);
 const HIGH: InterruptLevel = InterruptLevel(2);
 
-/// Checks a controller with two lines of level-triggered interrupts. They must be low and disabled,
-/// and not be used otherwise; after a success they are low and disabled again.
+/// Checks that `controller` follows the rules for implementers of [`InterruptController`].
 ///
-/// `set` must raise a line (`true`) or lower it, as its board does, and return after the controller
-/// has seen that. `nobody` is a vector that the controller does not have. The controller must
-/// distinguish the levels 1 and 2.
+/// `lines` are two vectors with level-triggered interrupts. Both lines must be low and disabled,
+/// and nothing else may use them; after a success they are low and disabled again. The controller
+/// must distinguish the levels 1 and 2.
+///
+/// `nobody` is the number of a vector that the controller does not have. `set` must raise the line
+/// of a vector (`true`) or lower it (`false`), as a board does, and must not return before the
+/// controller has seen the change.
 ///
 /// # Errors
 /// [`ControllerFailure`] for the first check that fails.

@@ -3,7 +3,8 @@
 use crate::bus::{Bus, Registers, Width};
 use crate::driver::{DeviceError, Driver};
 
-/// An AS5600, on I2C at 0x36: the angle of a magnet above the chip, in 4096 steps of a turn.
+/// The driver of the AS5600, a chip on I2C at 0x36 that measures the angle of a magnet above it in
+/// 4096 steps of a turn.
 ///
 /// Address, registers and bits are those of figures 21 and 23, pages 18 to 20, of ams's data sheet,
 /// version 1-06 of 2018. Bits without a name may have any value ("factory settings"; chips were
@@ -24,7 +25,7 @@ use crate::driver::{DeviceError, Driver};
 #[derive(Debug)]
 pub struct As5600;
 
-/// The state of the chip's magnet.
+/// The state of the magnet above an AS5600, as the chip sees it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Magnet {
     /// Whether there is a magnet that is strong enough (STATUS, MD).
@@ -64,23 +65,24 @@ const TWELVE_BITS: u16 = 0xfff;
 const CONF: u16 = 0x3fff;
 
 impl As5600 {
-    /// The I2C address of every chip.
+    /// The 7-bit I2C address of the chip, which is the same for all AS5600.
     pub const ADDRESS: u8 = 0x36;
-    /// The number of steps of a turn.
+    /// The number of steps in which the chip measures a turn.
     pub const TURN: u16 = 4096;
 
-    /// Returns the angle, 0 to 4095 between the start position and the stop position, after the
-    /// chip's filter and hysteresis. The positions are one turn apart unless
-    /// [`set_range`](Self::set_range) changed them.
+    /// Returns the angle after the chip's filter and hysteresis: 0 at the start position, 4095 at
+    /// the stop position. These positions are one turn apart unless [`set_range`](Self::set_range)
+    /// changed them.
     ///
     /// # Errors
-    /// The bus's error if an access fails. A chip without a magnet returns an angle, too; see
-    /// [`magnet`](Self::magnet).
+    /// Returns the bus's error if an access fails. A chip without a magnet returns an angle, too;
+    /// see [`magnet`](Self::magnet).
     pub fn angle<B: Bus>(&self, registers: Registers<'_, B>) -> Result<u16, B::Error> {
         Self::word(registers, register::ANGLE)
     }
 
-    /// Returns the angle in 4096ths of a turn, whatever the range is.
+    /// Returns the angle in 4096ths of a turn, before the range of [`set_range`](Self::set_range)
+    /// is applied.
     ///
     /// # Errors
     /// Returns the bus's error if an access fails.
@@ -88,9 +90,9 @@ impl As5600 {
         Self::word(registers, register::RAW_ANGLE)
     }
 
-    /// Sets the positions, raw angles of 12 bits, at which [`angle`](Self::angle) begins and ends;
-    /// (0, 0) is a turn. The range must be more than 18°; a change takes 1 ms (data sheet, pages 21 and
-    /// 22, "Angle Programming").
+    /// Sets the range of [`angle`](Self::angle), which is 0 at `start` and 4095 at `stop`. Both are
+    /// raw angles, in 4096ths of a turn; 0 for both selects the whole turn. The range must be more
+    /// than 18°; a change takes 1 ms (data sheet, pages 21 and 22, "Angle Programming").
     ///
     /// # Errors
     /// Returns the bus's error if an access fails.
@@ -110,7 +112,8 @@ impl As5600 {
         Ok(())
     }
 
-    /// Returns the state of the chip's magnet.
+    /// Returns the state of the magnet above the chip: whether it is there, and whether its field
+    /// is too weak or too strong.
     ///
     /// # Errors
     /// Returns the bus's error if an access fails.

@@ -3,55 +3,55 @@
 use crate::bus::{Bus, Registers, Width};
 use crate::driver::{DeviceError, Driver};
 
-/// A PCA9685, on I2C at 0x40 to 0x77 as its pins say: 16 outputs of 12 bits and one frequency, for
-/// servos and LEDs. Registers and bits are those of section 7.3 of NXP's data sheet, revision 4 of 2015.
+/// The driver of the PCA9685: 16 outputs of pulse-width modulation for servos and LEDs, each with a duty of 12 bits,
+/// all with one frequency. Its pins set its I2C address, from 0x40 to 0x77. Registers and bits are those of section 7.3
+/// of NXP's data sheet, revision 4 of 2015.
 ///
-/// The chip has no identification. The probe reads, and takes a part for a PCA9685 if all reserved
-/// bits read as 0, all registers of all channels at once do, too, the prescaler is in its range, and
-/// a read of two bytes goes on to the next register only if the bit for it is set. It cannot tell a
-/// PCA9685 from a part that reads the same in all of this.
+/// The chip has no identification. The probe only reads. It takes a part for a PCA9685 if reserved bits read as 0, the
+/// registers that set all channels at once read as 0, the prescaler is in its range, and a read of two bytes goes on to
+/// the next register only if the bit for that is set. It cannot tell a PCA9685 from a part that reads the same in all
+/// of this.
 ///
-/// All chips of a bus answer at 0x70 after power-on, so that address is refused as a location. A chip
-/// may also answer at addresses that a former program set. `init` ends that; a board that was found
-/// only by such an address is `Failed` after it, because it no longer answers there.
+/// All chips of a bus answer at 0x70 after power-on, so that address is refused as a location. A chip may also answer
+/// at addresses that a former program set. `init` ends that; a board that was found only by such an address is
+/// [`Failed`](crate::Presence::Failed) afterwards, because it no longer answers there.
 ///
-/// `init` switches all outputs off, and lets the chip sleep, with outputs that are not inverted, have
-/// totem-pole drivers and change with the end of a transfer, with no address but its own, and with
-/// the prescaler of power-on (200 Hz). One thing outlives it: an external clock, which only
-/// power-on or a software reset ends. [`set_frequency`](Self::set_frequency) reports it. The driver
-/// never sends that reset (0x06 to address 0), since it resets every chip of the bus that
-/// knows the call, also chips that other programs use. A program may send it before it starts its switch.
+/// `init` switches all outputs off and lets the chip sleep. Outputs are then not inverted, have totem-pole drivers, and
+/// change at the end of a transfer. The chip answers only at its own address, and has the prescaler of power-on (200
+/// Hz). One setting remains: an external clock, which only power-on or a software reset ends.
+/// [`set_frequency`](Self::set_frequency) reports it. The driver never sends that reset (0x06 to address 0), since it
+/// resets every chip of the bus that knows the call, also chips that other programs use. A program may send it before
+/// it starts its switch.
 ///
-/// Opening the chip wakes it; closing it switches all outputs off and lets it sleep. `write` sets the
-/// duties of the first channels, two bytes each, in the byte order of the processor, as
-/// [`set_duties`](Self::set_duties) does. Outputs change with the end of the transfer.
+/// Opening the chip wakes it; closing it switches all outputs off and lets it sleep. `write` sets the duties of the
+/// first channels, two bytes each, in the byte order of the processor, as [`set_duties`](Self::set_duties) does.
+/// Outputs change at the end of the transfer.
 ///
 /// The oscillator needs 500 µs to start after the open; no timing of an output that is set before is
 /// guaranteed (data sheet, section 7.3.1).
-///
 #[derive(Debug)]
 pub struct Pca9685;
 
-/// The clock of a chip, with its frequency in hertz.
+/// The clock that a PCA9685 runs on, with the frequency of the clock in hertz.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ChipClock {
-    /// The internal oscillator. Chips differ by several percent from [`NOMINAL`](Self::NOMINAL).
-    /// To measure one, set a frequency with the nominal clock, and measure that of an output: the
-    /// clock is 4096 · (`PRE_SCALE` + 1) times as fast.
+    /// The internal oscillator. Chips differ by several percent from [`NOMINAL`](Self::NOMINAL). To measure the clock
+    /// of a chip, set a frequency with the nominal clock, and measure the frequency of an output: that of the clock is
+    /// 4096 · (`PRE_SCALE` + 1) times as high.
     Internal(u32),
     /// A clock at the pin EXTCLK, of at most 50 MHz.
     External(u32),
 }
 
 impl ChipClock {
-    /// The internal oscillator with the 25 MHz of the data sheet.
+    /// The internal oscillator, with its nominal frequency of 25 MHz from the data sheet.
     pub const NOMINAL: Self = Self::Internal(25_000_000);
 }
 
-/// The reason why a frequency was not set.
+/// The reason why [`Pca9685::set_frequency`] did not set the frequency.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ClockError<E> {
-    /// The chip runs on its external clock, which the internal oscillator was to be.
+    /// The call named the internal oscillator, but the chip runs on its external clock.
     #[error(
         "the PCA9685 runs on its external clock, which an earlier program selected; switch its power off and on, or \
          state the frequency of that clock"
@@ -112,23 +112,22 @@ const PRE_SCALE: u8 = 0x1e;
 impl Pca9685 {
     /// The number of outputs of a chip.
     pub const CHANNELS: usize = 16;
-    /// The number of counts in a cycle: an output with this duty is on all the time.
+    /// The number of counts in a cycle of the outputs. An output with this duty is on all the time.
     pub const CYCLE: u16 = 4096;
 
-    /// Sets the frequency of all outputs to the nearest possible one to `hertz` with this clock, and
-    /// returns it in hertz.
+    /// Sets the frequency of all outputs to the possible frequency that is nearest to `hertz`, and returns it in hertz.
+    /// `clock` is the clock that the chip must use, with its frequency.
     ///
-    /// It is the clock's divided by 4096 · (`PRE_SCALE` + 1), where the prescaler is from 3 to 255:
-    /// with 25 MHz, from 24 Hz to 1526 Hz (data sheet, section 7.3.5). The chip sleeps while the
-    /// prescaler is set, so outputs are off for that long, and then go on as they were. Its
-    /// oscillator needs 500 µs to start, in which the outputs are not right yet.
+    /// A possible frequency is that of the clock divided by 4096 · (`PRE_SCALE` + 1), with a prescaler from 3 to 255:
+    /// with 25 MHz, from 24 Hz to 1526 Hz (data sheet, section 7.3.5). The chip sleeps while the prescaler is set, so
+    /// outputs are off for that long, and then go on as they were. Its oscillator needs 500 µs to start, in which the
+    /// outputs are not right yet.
     ///
-    /// [`ChipClock::External`] has the chip use that clock until its power is switched off.
+    /// After [`ChipClock::External`] the chip uses its external clock until its power is switched off.
     ///
     /// # Errors
-    /// [`ClockError::External`] if the clock is to be internal, but the chip runs on its external
-    /// one; nothing has changed then. [`ClockError::Bus`] if an access fails; the chip may sleep
-    /// then, so set the frequency again.
+    /// [`ClockError::External`] if `clock` is internal, but the chip runs on its external clock; nothing has changed
+    /// then. [`ClockError::Bus`] if an access fails; the chip may sleep then, so set the frequency again.
     pub fn set_frequency<B: Bus>(
         &self,
         registers: Registers<'_, B>,
@@ -200,11 +199,12 @@ impl Pca9685 {
         registers.write8(register::MODE1, mode1::AWAKE | mode1::RESTART)
     }
 
-    /// Sets for how many counts of a cycle of 4096 each channel from `first` on is on; 0 is off,
-    /// and [`CYCLE`](Self::CYCLE) or more is on all the time. All values are sent in one transfer.
+    /// Sets the duties of the channels from number `first` on, in order. A duty is the number of counts, of the 4096 in
+    /// a cycle, for which the output is on: 0 is off, and [`CYCLE`](Self::CYCLE) or more is on all the time. All duties
+    /// are sent in one transfer.
     ///
     /// # Errors
-    /// [`DeviceError::Length`] if the chip has fewer channels, [`DeviceError::Bus`] if the bus
+    /// [`DeviceError::Length`] if there are more duties than channels from `first` on, [`DeviceError::Bus`] if the bus
     /// fails.
     pub fn set_duties<B: Bus>(
         &self,

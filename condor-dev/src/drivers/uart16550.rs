@@ -10,9 +10,12 @@ use crate::driver::{Attention, DeviceError, Driver};
 use crate::ring::Ring;
 use crate::sync::{AtomicBool, AtomicU8, Ordering::Relaxed, masked};
 
-/// A 16550, whose registers are `STRIDE` bytes apart (1 or 4, accessed as bytes), with a buffer of
-/// `BUFFER` bytes each way, and a speed of the frequency of its clock in Hz divided by 16 ×
-/// `DIVISOR` after `init`, in baud.
+/// The driver of a 16550, the serial port of PCs and of many boards.
+///
+/// `STRIDE` is the distance of its registers in bytes, 1 or 4; they are accessed as bytes. `BUFFER`
+/// is the size in bytes of each of the driver's two buffers, one for each direction; it is a power
+/// of two. `DIVISOR` sets the speed after `init`, in baud: the frequency of the port's clock in Hz
+/// divided by 16 × `DIVISOR`.
 ///
 /// The registers are those of the National Semiconductor PC16550D (data sheet of 1995).
 ///
@@ -30,9 +33,10 @@ use crate::sync::{AtomicBool, AtomicU8, Ordering::Relaxed, masked};
 /// ends a loop-back, and raises DTR, RTS and OUT2; so nothing that a former program set is left, but
 /// the scratch register. [`configure`](Self::configure) sets another speed and format.
 ///
-/// The probe only reads. It takes a board for a 16550 if bits read as 0 that always do, and if the
-/// reported interrupt is one that is enabled; so memory that reads as 0 or as ones is not taken for
-/// one. It cannot tell the members of the family apart; `init` finds out whether there are FIFOs.
+/// The probe only reads. It takes a board for a 16550 if the bits that are always 0 read as 0, and
+/// if the reported interrupt is an enabled one. So memory that reads as zeros or as ones is not
+/// taken for a 16550. It cannot tell the members of the family apart; `init` finds out whether
+/// there are FIFOs.
 #[derive(Debug)]
 pub struct Uart16550<const STRIDE: usize = 1, const BUFFER: usize = 256, const DIVISOR: u16 = 1> {
     received: Ring<BUFFER>,
@@ -51,7 +55,7 @@ pub struct Uart16550<const STRIDE: usize = 1, const BUFFER: usize = 256, const D
     breaks: Count,
 }
 
-/// The format of a character: data, parity and stop bits.
+/// The format of the characters on a serial line: numbers of data and stop bits, and parity.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Format(LCR);
 
@@ -80,7 +84,7 @@ impl Format {
     }
 }
 
-/// Counts of errors on the serial line. They wrap.
+/// Counts of the errors that a [`Uart16550`] has met on its serial line. The counts wrap.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct LineErrors {
     /// The number of times (not of bytes) that the board had no room for a received byte.
@@ -224,8 +228,8 @@ impl<const STRIDE: usize, const BUFFER: usize, const DIVISOR: u16>
         Ok(some)
     }
 
-    /// Sets the speed in baud, which is the frequency of the board's clock in Hz divided by 16 ×
-    /// `divisor`, and the format. Characters that are sent or received meanwhile are garbled.
+    /// Sets the speed and the format. The speed in baud is the frequency of the board's clock in Hz
+    /// divided by 16 × `divisor`. Characters that are sent or received meanwhile are garbled.
     ///
     /// # Errors
     /// Returns the bus's error if an access fails; the speed is unknown then, so set it again.
@@ -381,7 +385,7 @@ impl<const STRIDE: usize, const BUFFER: usize, const DIVISOR: u16> Driver
 impl<const STRIDE: usize, const BUFFER: usize, const DIVISOR: u16>
     Uart16550<STRIDE, BUFFER, DIVISOR>
 {
-    /// Returns the counts of errors on the line so far.
+    /// Returns the counts of the errors on the serial line since the program started.
     #[must_use]
     pub fn line_errors(&self) -> LineErrors {
         LineErrors {
@@ -392,8 +396,9 @@ impl<const STRIDE: usize, const BUFFER: usize, const DIVISOR: u16>
         }
     }
 
-    /// Serves the board as its interrupt handler does. Call it for a board that does not interrupt,
-    /// or whose vector has been disabled.
+    /// Moves received bytes and bytes to send between the board and the buffers, as the interrupt
+    /// handler does. Call it for a board that does not interrupt, or whose vector has been
+    /// disabled.
     ///
     /// # Errors
     /// Returns the bus's error if an access fails.

@@ -18,7 +18,7 @@ use crate::bus::{Bus, BusAccessError, BusErrorKind, Width};
 use crate::guarded::{load, resume, store};
 use crate::mmio::Mmio;
 
-/// The accesses that a mapping allows.
+/// The accesses that a [`LinuxBus`] allows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MapAccess {
     /// Reads only; the file need only be open for reading.
@@ -27,7 +27,7 @@ pub enum MapAccess {
     ReadWrite,
 }
 
-/// The reason why a mapping could not be made.
+/// The reason why a [`LinuxBus`] could not be made.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum BusMapError {
@@ -77,13 +77,13 @@ fn system<E: Into<io::Error>>(doing: &'static str) -> impl FnOnce(E) -> BusMapEr
     }
 }
 
-/// A range of bus addresses, mapped from a file or a device into this process.
+/// A [`Bus`] of Linux: registers or memory of a device or a file, mapped into this process.
 ///
-/// All clones are the same mapping; it is unmapped with the last of them. Each access is one load
-/// or store of its width. If nothing answers, the error is [`Lost`](BusErrorKind::Lost) for files
-/// and devices, which were there once, and [`NoAnswer`](BusErrorKind::NoAnswer) for physical
-/// addresses. Bytes that were truncated *within* the last page of a file read as zeros, as the
-/// kernel provides them.
+/// Clones share one mapping, which is unmapped when the last clone is dropped. Each access is one
+/// load or store of its width. If nothing answers, the error is [`Lost`](BusErrorKind::Lost) for
+/// files and devices, because they existed when they were mapped, and
+/// [`NoAnswer`](BusErrorKind::NoAnswer) for physical addresses. Bytes that were truncated *within*
+/// the last page of a file read as zeros, as the kernel provides them.
 ///
 /// ```
 /// use condor_dev::Bus;
@@ -126,16 +126,16 @@ impl Drop for Mapping {
 }
 
 impl LinuxBus {
-    /// Maps `len` bytes of `file` from `offset` on, as the bus addresses from `base` on.
+    /// Maps `len` bytes of `file`, from byte `offset` on, to the bus addresses from `base` on.
     ///
-    /// Everything that can be mapped is allowed: a file or a memfd that others also map, or a
-    /// device. For `/dev/mem` the contract of [`physical`](Self::physical) holds. The offset need
-    /// not begin a page.
+    /// `file` may be anything that can be mapped: a file or a memfd, also one that other processes
+    /// map, or a device. For `/dev/mem` the contract of [`physical`](Self::physical) holds.
+    /// `offset` need not be the beginning of a page.
     ///
     /// # Errors
-    /// [`BusMapError::Misaligned`] if offset or base is not a multiple of four, [`BusMapError::TooLarge`]
-    /// if the range is too large, [`BusMapError::TooShort`] if a regular file ends before the range
-    /// does, [`BusMapError::System`] if the operating system refuses.
+    /// [`BusMapError::Misaligned`] if `offset` or `base` is not a multiple of four, or `len` is 0,
+    /// [`BusMapError::TooLarge`] if the range is too large, [`BusMapError::TooShort`] if a regular
+    /// file ends before the range does, [`BusMapError::System`] if the operating system refuses.
     pub fn map(
         file: impl AsFd,
         offset: u64,
@@ -146,7 +146,8 @@ impl LinuxBus {
         Self::map_pages(file, offset, base, len, access, BusErrorKind::Lost)
     }
 
-    /// Maps the physical addresses from `base` on, through `/dev/mem`.
+    /// Maps `len` bytes of physical addresses from `base` on, through `/dev/mem`. Bus addresses are
+    /// equal to physical ones.
     ///
     /// # Safety
     /// As long as the bus or a copy of it is used, the range must not be memory of this process or
@@ -154,9 +155,10 @@ impl LinuxBus {
     /// example).
     ///
     /// # Errors
-    /// [`BusMapError::Misaligned`] or [`BusMapError::TooLarge`] if `base` or `len` is unsuitable;
-    /// [`BusMapError::System`] if the operating system refuses. Usually only root may do this, and the
-    /// kernel may refuse memory of its own.
+    /// [`BusMapError::Misaligned`] if `base` is not a multiple of four or `len` is 0;
+    /// [`BusMapError::TooLarge`] if the range exceeds the addresses of this machine;
+    /// [`BusMapError::System`] if the operating system refuses. Usually only root may do this, and
+    /// the kernel may refuse memory of its own.
     pub unsafe fn physical(
         base: usize,
         len: usize,
@@ -172,13 +174,16 @@ impl LinuxBus {
         Self::map_pages(file, base as u64, base, len, access, BusErrorKind::NoAnswer)
     }
 
-    /// Maps one of the memories of device `/dev/uio{device}`, at its physical address.
+    /// Maps memory number `map` of the device `/dev/uio{device}`. Bus addresses are equal to the
+    /// memory's physical addresses.
     ///
-    /// Address, size and place are read from `/sys/class/uio/uio{device}/maps/map{map}`.
+    /// The address and size of the memory, and its offset in its first page, are read from
+    /// `/sys/class/uio/uio{device}/maps/map{map}`.
     ///
     /// # Errors
     /// [`BusMapError::System`] if the device or the memory does not exist or may not be opened;
-    /// [`BusMapError::Misaligned`] or [`BusMapError::TooLarge`] if its address or size is unsuitable.
+    /// [`BusMapError::Misaligned`] or [`BusMapError::TooLarge`] if the address or size of the
+    /// memory is unsuitable.
     pub fn uio(device: u32, map: u32, access: MapAccess) -> Result<Self, BusMapError> {
         let described = format!("/sys/class/uio/uio{device}/maps/map{map}");
         let UioMemory { offset, base, len } = UioMemory::read(Path::new(&described), map)?;

@@ -10,10 +10,12 @@ use rustix::io::Errno;
 
 use crate::interrupt::{InterruptController, InterruptLevel, InterruptVector};
 
-/// The interrupts of UIO devices, each a vector of its own.
+/// An [`InterruptController`] of the interrupts of UIO devices (`/dev/uio`*n*). Each device has a
+/// vector of its own.
 ///
 /// The kernel masks a device's interrupt when it comes; [`complete`](InterruptController::complete)
-/// enables it again. A thread of the program takes the part of the interrupt handler:
+/// enables it again. A thread of the program waits for interrupts and serves them, in place of an
+/// interrupt handler:
 ///
 /// ```no_run
 /// # use condor_dev::{InterruptController, InterruptVector};
@@ -55,13 +57,13 @@ struct Line {
 }
 
 impl UioInterrupts {
-    /// Makes a controller of the interrupts of `devices`, at most 64, all disabled. Each descriptor
-    /// is that of a `/dev/uio`*n*, opened for reading and writing; this call makes its reads
-    /// non-blocking.
+    /// Makes a controller of the interrupts of `devices`, all disabled. There are at most 64 of
+    /// them: each is a vector, whose number you choose, and the file descriptor of a `/dev/uio`*n*
+    /// that is open for reading and writing. This call makes reads of the descriptors non-blocking.
     ///
     /// # Errors
-    /// [`InvalidInput`](io::ErrorKind::InvalidInput) if there are more devices; otherwise the error
-    /// of the operating system.
+    /// [`InvalidInput`](io::ErrorKind::InvalidInput) if there are more than 64 devices; otherwise
+    /// the error of the operating system.
     pub fn new(devices: impl IntoIterator<Item = (InterruptVector, OwnedFd)>) -> io::Result<Self> {
         let lines = devices.into_iter().map(|(vector, device)| {
             rustix::io::ioctl_fionbio(&device, true)?;
@@ -85,8 +87,8 @@ impl UioInterrupts {
         Ok(Self { lines })
     }
 
-    /// Waits until an enabled vector is pending, or `deadline` has passed; returns whether one is
-    /// pending.
+    /// Waits until an enabled vector is pending, and returns true; returns false if `deadline`
+    /// passes before.
     ///
     /// # Errors
     /// Returns the error of the operating system if `poll` fails, except if a signal interrupted it.
@@ -102,7 +104,8 @@ impl UioInterrupts {
         }
     }
 
-    /// Returns true if the device of a vector has failed; it will not interrupt again then.
+    /// Returns true if the device of `vector` has failed, for example because it was unplugged; it
+    /// does not interrupt again then. Returns false if it works, or if no device has this vector.
     #[must_use]
     pub fn is_lost(&self, vector: InterruptVector) -> bool {
         self.line(vector)

@@ -9,11 +9,12 @@ const STORE_ACCESS_FAULT: usize = 7;
 const LOAD_PAGE_FAULT: usize = 13;
 const STORE_PAGE_FAULT: usize = 15;
 
-/// An [`Mmio`] whose accesses may fault. A faulting access returns
-/// [`NoAnswer`](BusErrorKind::NoAnswer), so that start-up can find out which boards are there.
+/// An [`Mmio`] for processors that trap if nothing answers at an address: such an access returns
+/// the error [`NoAnswer`](BusErrorKind::NoAnswer) instead. So start-up can find out which boards
+/// are there.
 ///
-/// The program's trap handler calls [`on_fault`]. An access costs one call more than that of
-/// [`Mmio`].
+/// The program's trap handler must call [`on_fault`]. An access costs one call more than an access
+/// to an [`Mmio`].
 ///
 /// Faults must be precise, as those of loads are. Some processors report the fault of a store late,
 /// as an interrupt; there a store to an absent board is not noticed. Drivers probe by loads.
@@ -21,7 +22,7 @@ const STORE_PAGE_FAULT: usize = 15;
 pub struct GuardedMmio(Mmio);
 
 impl GuardedMmio {
-    /// Makes a bus of the range of `bus` that catches faults.
+    /// Makes a bus with the addresses of `bus` that turns faults of accesses into errors.
     ///
     /// # Safety
     ///
@@ -42,8 +43,9 @@ const fn no_answer(address: usize) -> BusAccessError {
 }
 
 /// Returns the address at which a trap handler must continue after the fault of an access through
-/// [`GuardedMmio`]; `None` for all other exceptions. The trap handler calls this with `mcause` and
-/// `mepc` (`scause` and `sepc` in supervisor mode).
+/// [`GuardedMmio`]; `None` for all other exceptions. The trap handler must call this on every
+/// exception, with `mcause` as `cause` and `mepc` as `instruction` (`scause` and `sepc` in
+/// supervisor mode).
 ///
 /// ```ignore
 /// if let Some(resume) = condor_dev::riscv::on_fault(mcause, mepc) {

@@ -16,13 +16,14 @@ const MOST_SOURCES: u16 = 1024;
 /// Contexts for which there are registers.
 const MOST_CONTEXTS: u16 = 15_872;
 
-/// A target of a PLIC's interrupts: usually a hart in one of its modes. The machine's device tree
-/// has its number.
+/// The number of a target of a PLIC's interrupts, which is usually a hart (a RISC-V hardware
+/// thread) in one of its privilege modes. The machine's device tree lists the numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Context(u16);
 
 impl Context {
-    /// Makes the context of a number; returns `None` if no PLIC has that many contexts.
+    /// Makes a context from its number; returns `None` if `number` is 15 872 or more, since no PLIC
+    /// has so many.
     #[must_use]
     pub const fn new(number: u16) -> Option<Self> {
         if number < MOST_CONTEXTS {
@@ -33,8 +34,8 @@ impl Context {
     }
 }
 
-/// The PLIC of RISC-V machines, as one context sees it. Vectors are its sources, levels its
-/// priorities.
+/// The [`InterruptController`] of RISC-V machines, the PLIC, for one of its contexts. Its sources
+/// are the vectors, and its priorities are the levels.
 ///
 /// A level above the highest priority is the highest. Priorities belong to a source, not to a
 /// context: if two contexts enable the same source, the later one changes its level for both.
@@ -52,11 +53,11 @@ pub struct Plic<B> {
 }
 
 impl<B: Bus> Plic<B> {
-    /// Makes the PLIC at the bus address `base`, with sources 1 to `sources`, at most 1023, and
-    /// priorities up to `highest`.
+    /// Makes a driver of the PLIC at the address `base` of `bus`, for the context `context`. The
+    /// PLIC has sources 1 to `sources`, at most 1023, and priorities up to `highest`.
     ///
-    /// Only one hart may use the context, and each hart needs its own: the words of a context are
-    /// changed in critical sections of that hart.
+    /// Each hart must use a context of its own, because the registers of a context are changed in
+    /// critical sections, which protect against interrupts of that hart only.
     #[must_use]
     pub const fn new(
         bus: B,
@@ -79,7 +80,8 @@ impl<B: Bus> Plic<B> {
         }
     }
 
-    /// Disables all sources of the context, whatever ran before, and lets all levels through.
+    /// Disables all sources of the context, and sets its threshold to 0. Call it at start-up, since
+    /// an earlier program may have left sources enabled.
     ///
     /// # Errors
     /// Returns the bus's error if an access fails.
@@ -90,7 +92,7 @@ impl<B: Bus> Plic<B> {
         self.set_threshold(InterruptLevel(0))
     }
 
-    /// Sets the threshold: only vectors of a higher level than `level` interrupt.
+    /// Sets the threshold of the context: only vectors of a higher level than `level` interrupt.
     ///
     /// # Errors
     /// Returns the bus's error if an access fails.

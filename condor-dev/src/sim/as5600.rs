@@ -3,14 +3,15 @@
 use super::Model;
 use crate::bus::Width;
 
-/// The model of a chip and its magnet; registers change as the data sheet says.
+/// A simulated AS5600 with its magnet, for tests of the driver [`As5600`](crate::drivers::As5600).
+/// Its registers behave as the data sheet says.
 #[derive(Clone, Debug)]
 pub struct As5600Model {
     /// The magnet's angle, in 4096ths of a turn.
     pub angle: u16,
     /// STATUS: 0x67 with a magnet; bit 0x20 means that there is one.
     pub status: u8,
-    /// The automatic gain, as AGC shows it.
+    /// The automatic gain, which the register AGC shows.
     pub gain: u8,
     /// The magnitude, a number of 12 bits.
     pub magnitude: u16,

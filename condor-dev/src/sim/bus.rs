@@ -6,7 +6,8 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use super::Model;
 use crate::bus::{self, BusAccessError, BusErrorKind, Width};
 
-/// A simulated bus with models of boards on it. All clones are the same bus.
+/// A simulated [`Bus`](crate::Bus) for tests, on which models of boards answer. Clones share one
+/// bus.
 #[derive(Clone, Default)]
 pub struct SimBus {
     inside: Arc<Mutex<Inside>>,
@@ -35,33 +36,35 @@ impl Inside {
 }
 
 impl SimBus {
-    /// Makes a bus without boards: every access is a bus error.
+    /// Makes a bus without boards: every access fails with [`BusErrorKind::NoAnswer`].
     #[must_use]
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// Puts a board at the bus address `base`, in place of any at the same address. Returns a
-    /// handle by which a test can change the model, such as the magnet of a sensor.
+    /// Puts a board at the bus address `base`, and removes a board that was there before. Returns a
+    /// handle by which a test can read and change the model, for example the angle of a sensor.
     pub fn insert<M: Model + 'static>(&self, base: usize, model: M) -> Arc<Mutex<M>> {
         let model = Arc::new(Mutex::new(model));
         self.inside().boards.insert(base, model.clone());
         model
     }
 
-    /// Removes the board at `base`; accesses to it are bus errors from now on.
+    /// Removes the board at the bus address `base`; accesses to it fail from now on.
     pub fn remove(&self, base: usize) {
         self.inside().boards.remove(&base);
     }
 
-    /// Makes one access fail although a board is there: the one after the next `accesses` accesses.
+    /// Makes one access fail although a board is there: the one that follows the next `accesses`
+    /// accesses. So 0 means the very next access.
     pub fn fail_after(&self, accesses: u64) {
         let mut inside = self.inside();
         let at = inside.accesses + accesses;
         inside.faults.push(at);
     }
 
-    /// Returns the number of accesses to the bus so far.
+    /// Returns the number of accesses to the bus since it was made, including those that failed
+    /// because no board answered.
     #[must_use]
     pub fn accesses(&self) -> u64 {
         self.inside().accesses

@@ -7,8 +7,8 @@ use super::Model;
 use super::bus::lock;
 use crate::interrupt::{InterruptController, InterruptLevel, InterruptVector};
 
-/// An interrupt controller whose lines are set by models of boards or by a test. All clones are the
-/// same controller.
+/// A simulated [`InterruptController`] for tests. Models of boards or the test itself raise its
+/// lines. Clones share one controller.
 #[derive(Clone, Default)]
 pub struct Controller {
     inside: Arc<Mutex<Inside>>,
@@ -34,29 +34,31 @@ impl Inside {
 }
 
 impl Controller {
-    /// Makes a controller without lines.
+    /// Makes a controller to which no board is connected, with all vectors disabled.
     #[must_use]
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// Connects the interrupt request of a board to a vector.
+    /// Connects the interrupt request of the model `board` to `vector`.
     pub fn connect<M: Model + 'static>(&self, vector: InterruptVector, board: Arc<Mutex<M>>) {
         self.inside().boards.push((vector, board));
     }
 
-    /// Raises or lowers the line of a vector, independently of the boards.
+    /// Raises (`true`) or lowers (`false`) the line of `vector`. A line also counts as raised while
+    /// a connected board asks for an interrupt.
     pub fn set(&self, vector: InterruptVector, raised: bool) {
         self.inside().raised.insert(vector, raised);
     }
 
-    /// Returns true if [`claim`](InterruptController::claim) would return a vector.
+    /// Returns true if an enabled vector is pending, so that [`claim`](InterruptController::claim)
+    /// would return it.
     #[must_use]
     pub fn is_pending(&self) -> bool {
         self.most_urgent().is_some()
     }
 
-    /// Returns true if a vector may interrupt.
+    /// Returns true if `vector` is enabled.
     #[must_use]
     pub fn is_enabled(&self, vector: InterruptVector) -> bool {
         self.inside().enabled.contains_key(&vector)

@@ -4,8 +4,8 @@ use embedded_hal::i2c::{self, NoAcknowledgeSource};
 
 use crate::bus::{Bus, BusAccessError, BusErrorKind};
 
-/// An I2C controller. Its part with the 7-bit address `d` is the model at `d << 8` of a bus of
-/// models: a [`SimJoint`](super::SimJoint), or a bus of the feature `sim`.
+/// A simulated I2C controller, for use behind an [`I2cBus`](crate::I2cBus). The part with the 7-bit address `d` is the
+/// model at address `d << 8` of the bus in this value: a [`SimJoint`](super::SimJoint), or a `SimBus` (feature `sim`).
 ///
 /// The first byte written is the number of a register, which advances within each operation as the
 /// part does it; a transaction begins at register 0. An absent part does not acknowledge its address.

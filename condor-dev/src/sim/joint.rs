@@ -10,7 +10,8 @@ use crate::stdio::ClaimCell;
 const FRICTION_NM_S: f32 = 0.05;
 const INERTIA_KG_M2: f32 = 0.01;
 
-/// A joint that a motor turns. It needs no heap, and is the bus behind an [`I2c`](super::I2c).
+/// A simulated joint with a motor and an angle sensor, for programs without hardware. It is the bus
+/// behind a simulated [`I2c`](super::I2c) controller, and needs no heap.
 ///
 /// At 0x40 is a [`Pca9685`] whose outputs 0 and 1 drive the motor in the two directions. At 0x36 is
 /// an [`As5600`], which measures the joint's angle; the joint begins in the middle of the turn.
@@ -61,11 +62,12 @@ impl Default for SimJoint {
 }
 
 impl SimJoint {
-    /// The stall torque of the motor at full duty, N m.
+    /// The torque of the motor in N m when it stands still and has its full duty.
     pub const STALL_NM: f32 = 2.0;
 
-    /// Simulates the joint for `seconds`, which must be short compared with its motion, such as a
-    /// period of a servo loop. Does nothing while another context uses the bus.
+    /// Advances the simulation by `seconds` in one step of integration. The step must be short
+    /// compared with the joint's motion: a period of a servo loop, for example. Does nothing while
+    /// another context uses the bus.
     pub fn advance(&self, seconds: f32) {
         let Some(mut parts) = self.0.claim() else {
             return;

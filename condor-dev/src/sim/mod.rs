@@ -29,7 +29,8 @@ pub use uart::{LineFault, UartModel};
 
 use crate::bus::Width;
 
-/// A model of a board: its registers, and its behaviour when they are read and written.
+/// A simulated board: its registers, and its behaviour when they are read and written. Tests put
+/// models on a simulated bus.
 ///
 /// Offsets are in bytes from the beginning of the board. They are below the model's
 /// [`size`](Self::size), and multiples of the access's width.
@@ -37,10 +38,10 @@ pub trait Model: Send {
     /// Returns the number of bytes that the board takes on the bus.
     fn size(&self) -> usize;
 
-    /// Reads a register; returns `None` for a bus error.
+    /// Reads the register at `offset`; returns `None` if the access must fail as a bus error.
     fn read(&mut self, offset: usize, width: Width) -> Option<u32>;
 
-    /// Writes a register; returns `None` for a bus error.
+    /// Writes the register at `offset`; returns `None` if the access must fail as a bus error.
     fn write(&mut self, offset: usize, width: Width, value: u32) -> Option<()>;
 
     /// Returns the offset of the register that follows in a block.

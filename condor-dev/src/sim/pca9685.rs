@@ -18,8 +18,8 @@ const AUTO_INCREMENT: u8 = 1 << 5;
 const SLEEP: u8 = 1 << 4;
 const INVERTED: u8 = 1 << 4;
 
-/// The model of a chip; `default` is its state after power-on, and registers change as the data
-/// sheet says.
+/// A simulated PCA9685, for tests of the driver [`Pca9685`](crate::drivers::Pca9685). `default` is its state after
+/// power-on, and its registers behave as the data sheet says.
 #[derive(Debug)]
 pub struct Pca9685Model([u8; 256]);
 
@@ -38,8 +38,8 @@ impl Default for Pca9685Model {
 }
 
 impl Pca9685Model {
-    /// Returns for how many counts of a cycle of 4096 the pin of a channel is high; `None` while the
-    /// chip sleeps or waits for its restart.
+    /// Returns for how many of the 4096 counts in a cycle the pin of output `channel` is high; `None` while the chip
+    /// sleeps or waits for its restart, or if `channel` is 16 or more.
     #[must_use]
     pub fn duty(&self, channel: usize) -> Option<u16> {
         let [a, b, c, d] = *self.0.get(LED0 + 4 * channel..)?.first_chunk()?;
@@ -56,7 +56,7 @@ impl Pca9685Model {
         Some(if is_inverted { 4096 - on } else { on })
     }
 
-    /// Returns the prescaler, which sets the frequency of the outputs.
+    /// Returns the value of the register `PRE_SCALE`, which sets the frequency of the outputs.
     #[must_use]
     pub fn prescaler(&self) -> u8 {
         self.0[PRE_SCALE]

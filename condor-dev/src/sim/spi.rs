@@ -6,7 +6,7 @@ use super::SimBus;
 use crate::bus::Bus as _;
 use crate::serial::SpiCommand;
 
-/// An SPI controller whose only part is the model at `base`.
+/// A simulated SPI controller with one part: the model at the address `base` of `bus`.
 ///
 /// The first byte that is written is the number of a register with the bits of `command`; the
 /// number advances with each further byte. An absent part reads as ones.

@@ -10,8 +10,9 @@ use crate::bus::Width;
 /// Bytes of each FIFO.
 const FIFO: usize = 16;
 
-/// The model of a 16550 whose registers are `STRIDE` bytes apart (PC16550D data sheet). A test
-/// takes the other end of its line.
+/// A simulated 16550 whose registers are `STRIDE` bytes apart (PC16550D data sheet), for tests of
+/// the driver [`Uart16550`](crate::drivers::Uart16550). The test plays the other end of the serial
+/// line.
 ///
 /// Time does not pass by itself: characters come and go when the test calls for it, and a received
 /// character has always waited long enough to interrupt.
@@ -56,8 +57,8 @@ impl<const STRIDE: usize> Default for UartModel<STRIDE> {
 }
 
 impl<const STRIDE: usize> UartModel<STRIDE> {
-    /// Receives a character from the line, with an error if one is given; returns whether there was
-    /// room.
+    /// Lets the board receive the character `byte` from the line, with the error `errors`. Returns
+    /// false if the board has no room: it then drops the character and reports an overrun.
     pub fn receive(&mut self, byte: u8, errors: LineFault) -> bool {
         let has_room = self.received.len() < self.depth();
         if has_room {
@@ -68,7 +69,8 @@ impl<const STRIDE: usize> UartModel<STRIDE> {
         has_room
     }
 
-    /// Sends the next character to the line; returns it, or `None` if there is none.
+    /// Takes the next character that the board sends to the line; returns `None` if it has none to
+    /// send.
     pub fn transmit(&mut self) -> Option<u8> {
         let byte = self.to_send.pop_front()?;
         self.can_send |= self.to_send.is_empty();
@@ -78,7 +80,8 @@ impl<const STRIDE: usize> UartModel<STRIDE> {
         Some(byte)
     }
 
-    /// Returns the divisor of the clock, without the factor of 16.
+    /// Returns the divisor that the driver set. The speed in baud is the frequency of the clock
+    /// divided by 16 times this.
     #[must_use]
     pub fn divisor(&self) -> u16 {
         u16::from_le_bytes(self.divisor)
@@ -116,7 +119,7 @@ impl<const STRIDE: usize> UartModel<STRIDE> {
     }
 }
 
-/// The error of a character on the line.
+/// The error with which a [`UartModel`] receives a character from the line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LineFault {
     /// No error.

@@ -4,8 +4,8 @@ use core::cell::UnsafeCell;
 use core::ops::{Deref, DerefMut};
 use core::sync::atomic::{AtomicBool, Ordering};
 
-/// A value in a `static` that one context at a time claims, uses and releases. Meanwhile a claim by another
-/// context fails.
+/// A value in a `static` that one context at a time claims, uses and releases. While it is claimed, a claim by another
+/// context fails at once; nothing waits.
 ///
 /// ```
 /// use condor_dev::stdio::ClaimCell;
@@ -27,7 +27,7 @@ pub struct ClaimCell<T> {
 unsafe impl<T: Send> Sync for ClaimCell<T> {}
 
 impl<T> ClaimCell<T> {
-    /// Makes a value that is not claimed.
+    /// Makes a cell with `value` in it, which no context has claimed.
     #[must_use]
     pub const fn new(value: T) -> Self {
         Self {
@@ -36,7 +36,7 @@ impl<T> ClaimCell<T> {
         }
     }
 
-    /// Claims the value; returns `None` if another context has it. Never waits.
+    /// Claims the value, until the result is dropped; returns `None` at once if another context has claimed it.
     pub fn claim(&self) -> Option<ClaimGuard<'_, T>> {
         let free = critical_section::with(|_| {
             // Acquire: pairs with the Release store of `ClaimGuard::drop`. In a critical section
@@ -52,7 +52,7 @@ impl<T> ClaimCell<T> {
     }
 }
 
-/// A claimed value; dropping it ends the claim.
+/// The claimed value of a [`ClaimCell`], used like a reference. Dropping it ends the claim.
 pub struct ClaimGuard<'c, T> {
     claim: &'c ClaimCell<T>,
 }

@@ -2,7 +2,8 @@
 
 use embedded_io::ErrorKind;
 
-/// The reason why the standard input could not be read, or the standard output not be written.
+/// The reason why a call of a [`StandardInput`](super::StandardInput) or
+/// [`StandardOutput`](super::StandardOutput) failed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum StdioError {
     /// The program has set no standard input or output, or its input or output has no reader or

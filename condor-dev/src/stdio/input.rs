@@ -6,10 +6,11 @@ use super::claim::ClaimCell;
 use super::error::StdioError;
 use super::read::{BufReader, LineError, ReadLine, UntilError, line};
 
-/// A standard input that all contexts share, with any reader; [`BufferedInput`] implements it.
+/// A standard input that all contexts of a program share. [`BufferedInput`] implements it for any
+/// reader.
 ///
-/// A read while another context reads is refused, so calls wait only for the reader. For code that
-/// is generic over [`Read`], a reference to a standard input is a reader.
+/// A read while another context reads fails with [`StdioError::InUse`], so calls wait only for the
+/// reader. For code that is generic over [`Read`], a reference to a standard input is a reader.
 pub trait StandardInput: Sync {
     /// Reads at least one byte into `into`, and returns the number of bytes; 0 at the end of the
     /// input, or if `into` is empty. Waits as the reader does.
@@ -35,17 +36,19 @@ pub trait StandardInput: Sync {
     }
 }
 
-/// A buffered reader in a `static` for all contexts of a program, with a buffer of `N` bytes.
+/// A buffered reader in a `static`, which all contexts of a program share. `N` is the size of the
+/// buffer in bytes. [`set_input`](super::set_input) makes it the program's standard input.
 pub struct BufferedInput<R, const N: usize>(ClaimCell<Option<BufReader<R, N>>>);
 
 impl<R, const N: usize> BufferedInput<R, N> {
-    /// Makes an input that has no reader yet.
+    /// Makes an input without a reader: reads fail with [`StdioError::NotOpen`] until
+    /// [`open`](Self::open) sets one.
     #[must_use]
     pub const fn new() -> Self {
         Self(ClaimCell::new(None))
     }
 
-    /// Sets the reader, which stays for the whole program.
+    /// Sets the reader from which the input reads. It cannot be changed afterwards.
     ///
     /// # Errors
     /// Returns `reader` if the input has one already, or if another context is using the input.

@@ -12,7 +12,8 @@ use super::write::Buffering;
 /// Bytes that are written with one claim of the writer.
 const WRITTEN_AT_ONCE: usize = 64;
 
-/// A standard output that all contexts share, with any writer; [`BufferedOutput`] implements it.
+/// A standard output that all contexts of a program share. [`BufferedOutput`] implements it for any
+/// writer.
 ///
 /// The [module](super) describes the effects in each context. For code that is generic over
 /// [`Write`], a reference to a standard output is a writer.
@@ -45,7 +46,9 @@ pub trait StandardOutput: Sync {
     fn lost(&self) -> u32;
 }
 
-/// A buffered writer in a `static` for all contexts of a program, with a ring of `N` bytes.
+/// A buffered writer in a `static`, which all contexts of a program share. `N` is the size of its
+/// ring, which buffers the text, in bytes. [`set_output`](super::set_output) makes it the program's
+/// standard output.
 pub struct BufferedOutput<W, const N: usize> {
     ring: Ring<N>,
     writer: ClaimCell<Option<W>>,
@@ -53,7 +56,8 @@ pub struct BufferedOutput<W, const N: usize> {
 }
 
 impl<W: Write, const N: usize> BufferedOutput<W, N> {
-    /// Makes an output that has no writer yet; printed text stays in the ring until then.
+    /// Makes an output without a writer. Printed text stays in the ring until [`open`](Self::open)
+    /// sets a writer.
     #[must_use]
     pub const fn new(buffering: Buffering) -> Self {
         const { assert!(N > 0, "what is printed needs some room") };
@@ -64,7 +68,7 @@ impl<W: Write, const N: usize> BufferedOutput<W, N> {
         }
     }
 
-    /// Sets the writer, which stays for the whole program.
+    /// Sets the writer to which the output writes. It cannot be changed afterwards.
     ///
     /// # Errors
     /// Returns `writer` if the output has one already, or if another context is using it.

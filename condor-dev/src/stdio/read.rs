@@ -6,7 +6,8 @@ use core::str;
 
 use embedded_io::{BufRead, ErrorKind, ErrorType, Read, ReadReady};
 
-/// A reader that reads from `R` in pieces of up to `N` bytes, and returns them in any size.
+/// A buffered reader: it reads from `R` in pieces of up to `N` bytes, and passes the bytes on in
+/// pieces of any size.
 ///
 /// An error of `R` is returned unchanged; bytes that were read before it can still be read.
 #[derive(Debug)]
@@ -18,7 +19,7 @@ pub struct BufReader<R, const N: usize> {
 }
 
 impl<R, const N: usize> BufReader<R, N> {
-    /// Makes a reader with an empty buffer.
+    /// Makes a buffered reader over `reader`, with an empty buffer.
     #[must_use]
     pub const fn new(reader: R) -> Self {
         const { assert!(N > 0, "an empty buffer reads as the end of the input") };
@@ -30,13 +31,13 @@ impl<R, const N: usize> BufReader<R, N> {
         }
     }
 
-    /// Returns the bytes in the buffer.
+    /// Returns the bytes that were read from the reader behind the buffer and not yet passed on.
     #[must_use]
     pub fn held(&self) -> &[u8] {
         self.buffer.get(self.begin..self.end).unwrap_or_default()
     }
 
-    /// Returns the reader behind the buffer.
+    /// Returns the reader that this buffered reader reads from.
     #[must_use]
     pub const fn reader(&self) -> &R {
         &self.reader
@@ -90,7 +91,7 @@ fn copy(from: &[u8], into: &mut [u8]) -> usize {
     count
 }
 
-/// The error of a read up to a delimiter: the reader failed.
+/// The error of [`ReadLine::read_until`]: the reader failed before the delimiter was read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("reading failed after {read} bytes: {error}")]
 pub struct UntilError<E> {
@@ -100,8 +101,8 @@ pub struct UntilError<E> {
     pub error: E,
 }
 
-/// The reason why no line was returned. The bytes read so far are only in the caller's
-/// memory.
+/// The reason why [`ReadLine::read_line`] returned no line. The bytes that it read are in the
+/// caller's memory; they are not read again.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum LineError<E> {
     /// The reader failed.
@@ -137,10 +138,10 @@ impl<E: embedded_io::Error> embedded_io::Error for LineError<E> {
     }
 }
 
-/// Reading line by line, which any [`BufRead`] can.
+/// Methods that read line by line. Every [`BufRead`] has them.
 pub trait ReadLine: BufRead {
     /// Reads into `into` up to and including `delimiter`, and returns the number of bytes. If the
-    /// delimiter is missing, there was no more room, or no more to read.
+    /// last byte is not the delimiter, `into` is full or the input has ended.
     ///
     /// # Errors
     /// [`UntilError`] with the reader's error and the number of bytes read before.

@@ -16,7 +16,7 @@ static INPUT: Registered<dyn StandardInput> = Mutex::new(Cell::new(None));
 /// Bytes that were printed while there was no output.
 static UNHEARD: Mutex<Cell<u32>> = Mutex::new(Cell::new(0));
 
-/// The error of [`set_output`] and [`set_input`]: the program has a standard output or input
+/// The error of [`set_output`] or [`set_input`] if the program has a standard output or input
 /// already.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("it is set once, and has been")]
@@ -37,18 +37,20 @@ fn get<T: ?Sized>(place: &Registered<T>) -> Option<&'static T> {
     critical_section::with(|section| place.borrow(section).get())
 }
 
-/// Makes `output` the program's standard output.
+/// Makes `output` the program's standard output, to which [`print!`](crate::print!) and
+/// [`post!`](crate::post!) write. It stays for the whole program.
 ///
 /// # Errors
-/// [`AlreadySet`] if the program has a standard output.
+/// [`AlreadySet`] if the program has a standard output already.
 pub fn set_output(output: &'static dyn StandardOutput) -> Result<(), AlreadySet> {
     set(&OUTPUT, output)
 }
 
-/// Makes `input` the program's standard input.
+/// Makes `input` the program's standard input, which [`stdin`] returns. It stays for the whole
+/// program.
 ///
 /// # Errors
-/// [`AlreadySet`] if the program has a standard input.
+/// [`AlreadySet`] if the program has a standard input already.
 pub fn set_input(input: &'static dyn StandardInput) -> Result<(), AlreadySet> {
     set(&INPUT, input)
 }
@@ -56,7 +58,7 @@ pub fn set_input(input: &'static dyn StandardInput) -> Result<(), AlreadySet> {
 /// Returns the program's standard output.
 ///
 /// # Errors
-/// [`StdioError::NotOpen`] if none is set.
+/// [`StdioError::NotOpen`] if [`set_output`] has not been called.
 pub fn stdout() -> Result<&'static dyn StandardOutput, StdioError> {
     get(&OUTPUT).ok_or(StdioError::NotOpen)
 }
@@ -64,14 +66,14 @@ pub fn stdout() -> Result<&'static dyn StandardOutput, StdioError> {
 /// Returns the program's standard input.
 ///
 /// # Errors
-/// [`StdioError::NotOpen`] if none is set.
+/// [`StdioError::NotOpen`] if [`set_input`] has not been called.
 pub fn stdin() -> Result<&'static dyn StandardInput, StdioError> {
     get(&INPUT).ok_or(StdioError::NotOpen)
 }
 
 /// Writes text to the standard output, and may wait once for its writer, as
-/// [`StandardOutput::print`] does. Bytes that cannot be written, or have no output, count as
-/// [`lost`]. [`print!`](crate::print!) calls this function.
+/// [`StandardOutput::print`] does. Bytes that cannot be written count as [`lost`], and so do all
+/// bytes while the program has no standard output. [`print!`](crate::print!) calls this function.
 pub fn print(text: fmt::Arguments<'_>) {
     match get(&OUTPUT) {
         Some(output) => output.print(text),
@@ -80,8 +82,8 @@ pub fn print(text: fmt::Arguments<'_>) {
 }
 
 /// Puts text into the ring of the standard output for a later write, and never waits, as
-/// [`StandardOutput::post`] does. Bytes without room, or without an output, count as [`lost`].
-/// [`post!`](crate::post!) calls this function.
+/// [`StandardOutput::post`] does. Bytes for which the ring has no room count as [`lost`], and so do
+/// all bytes while the program has no standard output. [`post!`](crate::post!) calls this function.
 pub fn post(text: fmt::Arguments<'_>) {
     match get(&OUTPUT) {
         Some(output) => output.post(text),
@@ -98,8 +100,8 @@ pub fn flush() -> Result<(), StdioError> {
     stdout()?.flush()
 }
 
-/// Returns the number of bytes that the program printed and that were lost, including those from
-/// before it had an output; wraps.
+/// Returns how many bytes that the program printed or posted were lost; wraps. Bytes from before
+/// the program had a standard output are included.
 #[must_use]
 pub fn lost() -> u32 {
     let unheard = critical_section::with(|section| UNHEARD.borrow(section).get());

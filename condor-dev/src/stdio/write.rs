@@ -4,7 +4,7 @@ use core::fmt::Debug;
 
 use embedded_io::{ErrorKind, ErrorType, Write, WriteReady};
 
-/// The time at which the bytes in a buffer are written.
+/// The time at which a buffered writer passes on the bytes in its buffer.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Buffering {
     /// At once.
@@ -28,7 +28,7 @@ impl Buffering {
     }
 }
 
-/// The reason why not everything was written. Bytes of earlier calls are still
+/// The reason why a call of a [`BufWriter`] failed. Bytes of earlier calls are still
 /// [held](BufWriter::held); none of the failing call's bytes were taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum WriteError<E> {
@@ -49,13 +49,13 @@ impl<E: embedded_io::Error> embedded_io::Error for WriteError<E> {
     }
 }
 
-/// A writer that collects bytes, and writes them to `W` in pieces of up to `N` bytes; [`Buffering`]
-/// says when.
+/// A buffered writer: it collects bytes, and writes them to `W` in pieces of up to `N` bytes.
+/// [`Buffering`] decides when.
 ///
 /// Nothing is lost on an error. A call that fails has taken nothing; bytes of earlier calls that
 /// `W` has not taken stay in the buffer, in order, until a later call writes them. A call that has
-/// taken a line but cannot pass it on succeeds; the next call first tries again, and returns the
-/// error.
+/// taken the end of a line, but cannot pass the line on, succeeds; the next call first tries again,
+/// and returns the error if that fails.
 ///
 /// Dropping the writer drops the bytes that it [holds](Self::held), since writing could fail or
 /// wait; so flush before.
@@ -75,7 +75,7 @@ pub struct BufWriter<W, const N: usize> {
 const NO_BYTE: u16 = 0x100;
 
 impl<W, const N: usize> BufWriter<W, N> {
-    /// Makes a writer with an empty buffer.
+    /// Makes a buffered writer over `writer`, with an empty buffer.
     #[must_use]
     pub const fn new(writer: W, buffering: Buffering) -> Self {
         let (limit, newline) = match buffering {
@@ -93,13 +93,14 @@ impl<W, const N: usize> BufWriter<W, N> {
         }
     }
 
-    /// Returns the bytes that were taken and not yet written.
+    /// Returns the bytes that callers wrote and that were not yet passed on to the writer behind
+    /// the buffer.
     #[must_use]
     pub fn held(&self) -> &[u8] {
         self.buffer.get(..self.held).unwrap_or_default()
     }
 
-    /// Returns the writer behind the buffer.
+    /// Returns the writer that this buffered writer writes to.
     #[must_use]
     pub const fn writer(&self) -> &W {
         &self.writer
@@ -107,7 +108,7 @@ impl<W, const N: usize> BufWriter<W, N> {
 }
 
 impl<W: Write, const N: usize> BufWriter<W, N> {
-    /// Writes one byte, like `putc` of C.
+    /// Writes one byte, like `putc` of C. It usually only goes into the buffer.
     ///
     /// # Errors
     /// [`WriteError`] if the buffer had to be written first and the writer failed or took nothing;

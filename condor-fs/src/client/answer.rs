@@ -8,11 +8,13 @@ use super::ticket::{Ask, FileTicket, TicketResult};
 use super::{Directory, File, FileSystem};
 use crate::wire::{FileStatus, Space};
 
-/// The result of an operation, for who asks again by its [`Receipt`].
+/// The result of an operation that timed out at first: [`FileSystem::ticket`] asks for it by the
+/// [`Receipt`] in the error.
 #[non_exhaustive]
 pub enum OperationResult<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> {
-    /// The number of bytes that were read or written, or of bytes of entries of a directory; 0 for an
-    /// operation that has no result.
+    /// The number of bytes that were read or written, the position that was found, or, for a
+    /// directory, the number of bytes of entries that were read. It is 0 for an operation that has
+    /// no result.
     Number(u64),
     /// The status of a file or directory.
     Status(FileStatus),
@@ -54,16 +56,19 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize>
 }
 
 impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'m, S, W, FILES> {
-    /// Returns a ticket for the result of the call that ended with [`FileError::TimedOut`](super::FileError::TimedOut)
-    /// and this `receipt`. Bytes that it read into the file's own buffer are copied to `into`, which must have
-    /// room for them; it may be empty for every other call.
+    /// Returns a ticket for the result of an earlier call, which ended with
+    /// [`FileError::TimedOut`](super::FileError::TimedOut) and this `receipt`.
     ///
-    /// The result of the last operation that was in doubt is kept, also if other calls have waited for
-    /// its end since: a status, a number, and a file or directory that was opened, until its place
-    /// is needed to open another one. Bytes that were read are kept until the same file is read or
-    /// written again. [`settle`](Self::settle) takes nothing away.
+    /// If that call read through the file's own buffer, as [`File::read`] does, the bytes are
+    /// copied to `into`, which must have room for all of them. For every other call `into` may be
+    /// empty.
     ///
-    /// There is nothing to ask for if the operation was only a part of a call: see
+    /// Only the result of the last operation that was in doubt is kept, even if other calls have
+    /// waited for its end since. A file or directory that was opened is kept until another open
+    /// needs its place. Bytes that were read are kept until the same file is read or written again.
+    /// [`settle`](Self::settle) does not use the result up.
+    ///
+    /// There is no result to ask for if the operation was only a part of a call: see
     /// [`settle`](Self::settle).
     ///
     /// ```

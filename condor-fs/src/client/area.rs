@@ -4,8 +4,9 @@ use condor_mbox::{AccessError, Allocator, Call};
 
 use crate::wire::{block, slot, table};
 
-/// The memory of a client with up to `FILES` open files. It lies in the users' region of the
-/// client's own `data`, the part of `data` that is for programs.
+/// The shared memory that a [`FileSystem`](super::FileSystem) needs for up to `FILES` open files:
+/// requests, paths, and a buffer for each file. It lies in the users' region of the processor's own
+/// `data`, the part of `data` that is for programs.
 ///
 /// Make it before the mailbox, because the mailbox borrows the [handler](Self::handler) by which
 /// the server asks for the open files.
@@ -32,10 +33,12 @@ pub struct Area<const FILES: usize> {
 }
 
 impl<const FILES: usize> Area<FILES> {
-    /// Takes memory from `allocator`: room for paths of up to `path_bytes` bytes, and for every file a
-    /// buffer of `buffer_bytes` bytes. Both sizes are rounded up to whole words of four bytes.
+    /// Takes memory from `allocator`, that of the users' region: room for paths of up to
+    /// `path_bytes` bytes, and for every file a buffer of `buffer_bytes` bytes. Both sizes are
+    /// rounded up to a multiple of four.
     ///
-    /// The buffer of a directory must hold its longest name and 16 bytes.
+    /// To list a directory, `buffer_bytes` must be at least 16 more than the length of its longest
+    /// name.
     ///
     /// # Errors
     /// [`AccessError`] of the kind `OutOfBounds` if there is no room.
@@ -79,8 +82,9 @@ impl<const FILES: usize> Area<FILES> {
         })
     }
 
-    /// Returns the handler for the vector [`OPEN_FILES`](crate::wire::OPEN_FILES). It tells the
-    /// server the offset of the table of open files in the users' region.
+    /// Returns the message handler that the server needs to ask this client for its open files. Set
+    /// it for the vector [`OPEN_FILES`](crate::wire::OPEN_FILES) before the mailbox joins. Its
+    /// reply is the offset of the table of open files in the users' region.
     pub fn handler(self) -> impl Fn(&Call<'_>) -> u32 + Sync {
         move |_| self.table
     }

@@ -9,10 +9,11 @@ use super::{Alone, File};
 use crate::errno::Errno;
 use crate::wire::{Operation, RequestSlot, Span};
 
-/// Memory of the processor's own window for calls without a copy, which take the buffer and return it.
+/// A piece of the processor's own shared memory for reads and writes without a copy, such as
+/// [`File::read_buffer`]. The call takes the buffer, and returns it with the result.
 ///
-/// While the server may read or write the buffer, the program does not have it: the server could still
-/// write to a borrowed slice after the timeout of a call.
+/// While the server may read or write the buffer, the program does not have it. A borrowed slice
+/// would not do: the server could still write to it after the call has timed out.
 #[derive(Debug)]
 pub struct Buffer<W> {
     memory: Region<W>,
@@ -20,8 +21,9 @@ pub struct Buffer<W> {
 }
 
 impl<W: MemoryWindow + Clone> Buffer<W> {
-    /// Takes `bytes` bytes, a multiple of four, from `allocator`. The memory lies in `own`, the users'
-    /// region of the processor's own `data`.
+    /// Takes `bytes` bytes, a multiple of four, from `allocator`, that of `own`. `own` is the
+    /// part of the processor's shared memory that is for programs: [`Region::users`] of its own
+    /// `data`.
     ///
     /// # Errors
     /// [`AccessError`] of the kind `OutOfBounds` if there is no room, `Misaligned` if `bytes` is
@@ -40,7 +42,8 @@ impl<W: MemoryWindow + Clone> Buffer<W> {
 }
 
 impl<W: MemoryWindow> Buffer<W> {
-    /// Returns the memory, with offsets from its own beginning.
+    /// Returns the buffer's memory, through which the program reads and writes its bytes. Offsets
+    /// count from the beginning of the buffer.
     pub fn memory(&self) -> &Region<W> {
         &self.memory
     }
@@ -50,64 +53,70 @@ impl<W: MemoryWindow> Buffer<W> {
     }
 }
 
-/// The result of a call without a copy: the number of bytes that were moved, and the buffer.
+/// The result of a read or write without a copy: the number of bytes that were moved and the
+/// buffer, or an error with the buffer.
 pub type BufferResult<W> = Result<(usize, Buffer<W>), BufferError<W>>;
 
-/// The error of a call without a copy, with the buffer.
+/// The error of a read or write without a copy, with the buffer.
 #[derive(Debug, thiserror::Error)]
 #[error("{error}")]
 pub struct BufferError<W> {
     /// The reason why the call failed.
     pub error: FileError,
-    /// The buffer; `None` if the operation is in doubt. Then
-    /// [`FileSystem::take_buffer`](super::FileSystem::take_buffer) returns it when the operation
-    /// has ended.
+    /// The buffer. It is `None` if the operation is in doubt, because the server may still use the
+    /// buffer: [`FileSystem::take_buffer`](super::FileSystem::take_buffer) returns it once the
+    /// operation has ended.
     pub buffer: Option<Buffer<W>>,
 }
 
 impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'_, '_, S, W, FILES> {
-    /// Reads at most `len` bytes from the position on directly into `buffer`, and moves the
-    /// position. Returns the number of bytes and the buffer.
+    /// Reads at most `len` bytes from the file's position on directly into `buffer`, and moves the
+    /// position by the number of bytes that were read. Returns this number, which is 0 at the end
+    /// of the file, and the buffer.
     ///
     /// # Errors
     /// [`BufferError`] with the buffer and a [`FileError`]: [`Errno::FAULT`] if the buffer is
     /// shorter than `len`; [`Errno::BUSY`] if an earlier buffer has not been [taken
-    /// back](super::FileSystem::take_buffer); otherwise the error of the server or the mailbox.
+    /// back](super::FileSystem::take_buffer); [`FileError::Errno`] if the server refuses; another
+    /// [`FileError`] if it does not answer in time, or if the mailbox or the window fails.
     pub fn read_buffer(&mut self, buffer: Buffer<W>, len: u32) -> BufferResult<W> {
         self.lend(true, buffer, len, None)
     }
 
-    /// Reads as [`read_buffer`](Self::read_buffer) does, from `position` on; the file's own position
-    /// stays.
+    /// Reads as [`read_buffer`](Self::read_buffer) does, but from `position` on, in bytes from the
+    /// beginning of the file. The file's own position stays.
     ///
     /// # Errors
     /// [`BufferError`] with the buffer and a [`FileError`]: [`Errno::FAULT`] if the buffer is
     /// shorter than `len`; [`Errno::BUSY`] if an earlier buffer has not been [taken
-    /// back](super::FileSystem::take_buffer); otherwise the error of the server or the mailbox.
+    /// back](super::FileSystem::take_buffer); [`FileError::Errno`] if the server refuses; another
+    /// [`FileError`] if it does not answer in time, or if the mailbox or the window fails.
     pub fn read_buffer_at(&self, buffer: Buffer<W>, len: u32, position: u64) -> BufferResult<W> {
         self.lend(true, buffer, len, Some(position))
     }
 
-    /// Writes at most the first `len` bytes of `buffer` at the position (or at the end of a file
-    /// that was opened for appending), and moves the position. Returns the number of bytes and the
-    /// buffer.
+    /// Writes at most the first `len` bytes of `buffer` at the file's position, or at the end of a
+    /// file that was opened for appending. Moves the position by the number of bytes that were
+    /// written, and returns this number and the buffer.
     ///
     /// # Errors
     /// [`BufferError`] with the buffer and a [`FileError`]: [`Errno::FAULT`] if the buffer is
     /// shorter than `len`; [`Errno::BUSY`] if an earlier buffer has not been [taken
-    /// back](super::FileSystem::take_buffer); otherwise the error of the server or the mailbox.
+    /// back](super::FileSystem::take_buffer); [`FileError::Errno`] if the server refuses; another
+    /// [`FileError`] if it does not answer in time, or if the mailbox or the window fails.
     pub fn write_buffer(&mut self, buffer: Buffer<W>, len: u32) -> BufferResult<W> {
         self.lend(false, buffer, len, None)
     }
 
-    /// Writes as [`write_buffer`](Self::write_buffer) does, at `position`; the file's own position
-    /// stays.
+    /// Writes as [`write_buffer`](Self::write_buffer) does, but at `position`, in bytes from the
+    /// beginning of the file. The file's own position stays.
     ///
     /// # Errors
-    /// [`BufferError`] with the buffer and a [`FileError`]: [`Errno::INVAL`] if the file was opened for
-    /// appending; [`Errno::FAULT`] if the buffer is shorter than `len`; [`Errno::BUSY`] if an earlier buffer
-    /// has not been [taken back](super::FileSystem::take_buffer); otherwise the error of the server or the
-    /// mailbox.
+    /// [`BufferError`] with the buffer and a [`FileError`]: [`Errno::INVAL`] if the file was opened
+    /// for appending; [`Errno::FAULT`] if the buffer is shorter than `len`; [`Errno::BUSY`] if an
+    /// earlier buffer has not been [taken back](super::FileSystem::take_buffer);
+    /// [`FileError::Errno`] if the server refuses; another [`FileError`] if it does not answer in
+    /// time, or if the mailbox or the window fails.
     pub fn write_buffer_at(&self, buffer: Buffer<W>, len: u32, position: u64) -> BufferResult<W> {
         self.lend(false, buffer, len, Some(position))
     }

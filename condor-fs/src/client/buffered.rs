@@ -9,15 +9,16 @@ use embedded_io::{BufRead, ErrorType, Read, ReadExactError, Seek, SeekFrom, Writ
 use super::{File, FileError, whole};
 use crate::errno::Errno;
 
-/// A reader that reads a file in pieces of its buffer in the window, and returns the bytes in any
-/// size.
+/// A buffered reader of a file: it makes many small reads of a program into few requests to the
+/// server. [`File::reader`] makes one.
 ///
-/// `N` bytes, a multiple of four, are copied out of the window at a time for [`BufRead::fill_buf`],
-/// because memory of the window cannot be a slice. One request to the server reads as much as the
-/// file's buffer in the [`Area`](super::Area) holds, whatever `N` is.
+/// One request reads as many bytes as the file's buffer in the [`Area`](super::Area) holds. `N`, a
+/// multiple of four, is the size in bytes of a second buffer inside of the reader. The reader
+/// copies bytes from the first to the second for [`BufRead::fill_buf`], because shared memory
+/// cannot be borrowed as a slice.
 ///
-/// Nothing is lost or read twice after an error or a timeout: if the operation turns out to have
-/// read bytes, these come next.
+/// Nothing is lost or read twice after an error or a timeout: if an operation that was in doubt
+/// turns out to have read bytes, the next read returns them.
 pub struct FileReader<
     'f,
     'm,
@@ -35,12 +36,14 @@ pub struct FileReader<
     begun: OperationStart,
 }
 
-/// A writer that collects small writes in the file's buffer in the window. One request to the
-/// server writes them when the buffer is full, or at [`Write::flush`].
+/// A buffered writer of a file: it collects small writes in the file's buffer in shared memory. One
+/// request to the server writes them when the buffer is full, or at [`Write::flush`].
+/// [`File::writer`] makes one.
 ///
-/// Nothing is lost by an error. A call that fails has taken nothing; bytes that were taken before
-/// and not written are [held](Self::held) until a later call writes them. This also holds after a
-/// timeout: bytes that turn out to have been written are not written again.
+/// Nothing is lost by an error. A call of [`Write::write`] that fails has accepted none of its
+/// bytes. Bytes that were accepted before, and are not written yet, are [held](Self::held) until a
+/// later call writes them. This also holds after a timeout: bytes that turn out to have been
+/// written are not written again.
 ///
 /// Dropping the writer drops the bytes that it holds. [`close`](Self::close) and
 /// [`into_inner`](Self::into_inner) return an error, with the writer, if bytes could not be
@@ -52,12 +55,13 @@ pub struct FileWriter<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILE
     begun: OperationStart,
 }
 
-/// The error of a writer that could not write the bytes that it holds, or close its file.
+/// The error of a [`FileWriter`] that could not write the bytes that it holds, or could not close
+/// its file.
 pub struct WriterError<T> {
     /// The reason why the bytes could not be written.
     pub error: FileError,
-    /// The writer, with the bytes that it holds; `None` if all were written, and closing the file
-    /// failed.
+    /// The writer, which still holds the unwritten bytes. It is `None` if all bytes were written
+    /// and only closing the file failed.
     pub writer: Option<T>,
 }
 
@@ -65,12 +69,13 @@ pub struct WriterError<T> {
 pub struct WriterParts<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> {
     /// The file that the writer wrote to.
     pub file: File<'f, 'm, S, W, FILES>,
-    /// The number of bytes that were held, and are not known to be written.
+    /// The number of bytes that the writer held: they are not known to be written.
     pub held: usize,
-    /// The position of the file before the first of them, in bytes from the beginning of the file.
-    /// For a file that is open for appending, it is the number of bytes that it has written.
+    /// The position in the file of the first of these bytes, in bytes from the beginning of the
+    /// file. For a file that was opened for appending, it is the number of bytes that this open
+    /// file has written before.
     pub position: u64,
-    /// Whether the last write is in doubt, so that some of the bytes may turn out to be written.
+    /// True if the last write is in doubt: some of the held bytes may turn out to be written.
     pub in_doubt: bool,
 }
 
@@ -91,8 +96,8 @@ impl Part {
 type OperationStart = Option<u64>;
 
 impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f, 'm, S, W, FILES> {
-    /// Makes a buffered reader, which begins at the position of the file and has `N` bytes of its
-    /// own.
+    /// Turns the file into a buffered reader, which begins at the file's position. `N` is the size
+    /// of the reader's own buffer in bytes; it must be a multiple of four, and not 0.
     #[must_use]
     pub fn reader<const N: usize>(self) -> FileReader<'f, 'm, S, W, FILES, N> {
         const { assert!(N > 0 && N.is_multiple_of(4), "words come out of the window") };
@@ -105,7 +110,8 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f
         }
     }
 
-    /// Makes a buffered writer, which uses the file's buffer in the window.
+    /// Turns the file into a buffered writer, which collects bytes in the file's buffer in shared
+    /// memory.
     #[must_use]
     pub fn writer(self) -> FileWriter<'f, 'm, S, W, FILES> {
         FileWriter {
@@ -155,7 +161,8 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f
 impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, const N: usize>
     FileReader<'f, 'm, S, W, FILES, N>
 {
-    /// Returns the position of the next read, in bytes from the beginning of the file.
+    /// Returns the position of the next byte that the reader will return, in bytes from the
+    /// beginning of the file.
     ///
     /// # Errors
     /// [`Errno::BUSY`] if another context's operation is in progress.
@@ -163,11 +170,12 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, const N
         Ok(self.file.position()?.saturating_sub(self.ahead()))
     }
 
-    /// Returns the file, at the position of the reader.
+    /// Returns the file. Its position is that of the next byte that the reader would have returned;
+    /// bytes that were read ahead are dropped.
     ///
     /// # Errors
-    /// [`FileError`] if the end of an earlier operation that is in doubt cannot be awaited; the file is
-    /// dropped then.
+    /// [`FileError`] if the position is not known, because an earlier read is still in doubt or
+    /// because an operation of another context is in progress. The file is dropped then.
     pub fn into_inner(mut self) -> Result<File<'f, 'm, S, W, FILES>, FileError> {
         self.seek(SeekFrom::Current(0))?;
         Ok(self.file)
@@ -300,13 +308,14 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, const N: usize>
 impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize>
     FileWriter<'f, 'm, S, W, FILES>
 {
-    /// Returns the number of bytes that were taken and are not known to be written.
+    /// Returns the number of bytes that the writer has accepted and that are not known to be
+    /// written.
     #[must_use]
     pub const fn held(&self) -> u32 {
         self.held
     }
 
-    /// Writes the bytes that are held, and returns the file.
+    /// Writes the bytes that the writer holds, and returns the file.
     ///
     /// # Errors
     /// [`WriterError`] with the error and the writer if the bytes cannot be written.
@@ -320,26 +329,27 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize>
         }
     }
 
-    /// Writes the bytes that are held, and closes the file.
+    /// Writes the bytes that the writer holds, and closes the file.
     ///
     /// # Errors
-    /// [`WriterError`]: with the writer if not all bytes were written; without it if closing the file
-    /// failed.
+    /// [`WriterError`] with the writer if not all bytes were written; [`WriterError`] without the
+    /// writer if closing the file failed.
     pub fn close(self) -> Result<(), WriterError<Self>> {
         let writer = None;
         (self.into_inner()?.close()).map_err(|error| WriterError { error, writer })
     }
 
-    /// Takes the writer apart without writing: copies the bytes that are held to `rest`, and returns
-    /// the file with their number. For a program that wants to write them elsewhere, or to give them
-    /// up, after an error.
+    /// Takes the writer apart without writing: copies the bytes that it holds to `rest`, and
+    /// returns the file and the number of these bytes. Use this function after an error, to write
+    /// the bytes elsewhere or to discard them.
     ///
-    /// If the last write is in doubt, the file's position tells how much of the bytes was written after
-    /// all: it moves by that many bytes when the doubt ends, from the one that is returned.
+    /// If the last write is in doubt, the file's position later tells how many of the bytes were
+    /// written after all: when the doubt ends, the position moves by that number from
+    /// [`WriterParts::position`].
     ///
     /// # Errors
-    /// [`WriterError`] with the writer: [`Errno::INVAL`] if `rest` is too short; [`Errno::BUSY`] during
-    /// an operation of another context; otherwise that of the window.
+    /// [`WriterError`] with the writer: [`Errno::INVAL`] if `rest` is too short; [`Errno::BUSY`] if
+    /// an operation of another context is in progress; [`FileError::Access`] if the window fails.
     pub fn into_parts(
         self,
         rest: &mut [u8],

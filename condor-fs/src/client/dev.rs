@@ -23,13 +23,15 @@ use crate::wire::open as flag;
 /// The prefix of the names of files, behind the colon that any name may have.
 const PREFIX: &str = "fs/";
 
-/// A device switch and the files of a host, with common names and descriptors.
+/// A device switch that also has the files of the host: boards and files are opened by name, and
+/// used by descriptors, in the same way.
 ///
-/// `F` is the number of descriptors for boards, `FILES` that for files, whose numbers follow.
+/// `F` is the number of descriptors for boards, and `FILES` the number of descriptors for files.
+/// Boards have the descriptors from 0 on, files those from `F` on.
 ///
-/// A call never waits for another context that uses a file: in a context that interrupts such a
-/// use, it returns [`IoError::WouldBlock`] and does nothing. Unlike a device, a file itself is
-/// waited for: a call lasts as long as the [`FileSystem`] permits. Servo loops print by
+/// A call never waits for another context to finish its use of a file: if it has interrupted such a
+/// use, it returns [`IoError::WouldBlock`] and does nothing. But a call for a file waits for the
+/// host, as long as the [`FileSystem`] permits. So servo loops do not print to files; they use
 /// [`post!`](condor_dev::post!) instead.
 pub struct FileSwitch<
     'd,
@@ -60,11 +62,12 @@ struct Location {
     mode: Option<OpenMode>,
 }
 
-/// The reason why nothing was opened.
+/// The reason why [`FileSwitch::open`] did not open a board or file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum FileOpenError<'n> {
-    /// The device switch refused, or a file cannot be opened with this board number or mode.
+    /// The device switch refused to open the board, or a file cannot be opened with this board
+    /// number or mode.
     #[error("{0}")]
     Device(condor_dev::OpenError<'n>),
     /// The file could not be opened.
@@ -83,8 +86,8 @@ impl<'n> From<condor_dev::OpenError<'n>> for FileOpenError<'n> {
     }
 }
 
-/// The error of a transfer by a descriptor, which names a board or a file. It implements
-/// [`BusError`], as the errors of buses in `condor-dev` do.
+/// The error of a call with a descriptor of a [`FileSwitch`], which belongs to a board or a file.
+/// It implements [`BusError`], as the errors of buses in `condor-dev` do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum TransferError<E: Debug> {
@@ -124,7 +127,7 @@ where
     S: Messenger + ?Sized,
     W: MemoryWindow,
 {
-    /// Makes a switch of the boards of `devices` and the files of `system`.
+    /// Combines the boards of `devices` and the files of `system` into one switch.
     #[must_use]
     pub const fn new(devices: &'d Switch<B, C, D, F>, system: FileSystem<'m, S, W, FILES>) -> Self {
         const {
@@ -146,17 +149,18 @@ where
         }
     }
 
-    /// Opens `fs/` and a path, or a board of the switch as [`Switch::open`] does; either may begin
-    /// with a colon.
+    /// Opens a file if `name` is `fs/` and a path; otherwise opens a board as [`Switch::open`]
+    /// does. `name` may begin with a colon.
     ///
-    /// A file is board 0. For [`OpenMode::READ`] it must exist. With [`OpenMode::WRITE`] it is made if it
-    /// does not exist, and text is appended, so that nothing that was written before is lost;
-    /// [`open_file`](Self::open_file) has all other ways of opening. A file cannot be
-    /// [`OpenMode::EXCLUSIVE`], since the host's own programs can access it, too.
+    /// For a file, `board` must be 0. With [`OpenMode::READ`] alone, the file must exist. With
+    /// [`OpenMode::WRITE`] it is made if it does not exist, and text is appended, so that nothing
+    /// that was written before is lost; [`open_file`](Self::open_file) has all other ways of
+    /// opening. A file cannot be opened with [`OpenMode::EXCLUSIVE`], since the host's own programs
+    /// can access it, too.
     ///
     /// # Errors
-    /// [`FileOpenError::Device`] if the switch refuses, or if board or mode do not exist for files;
-    /// [`FileOpenError::File`] if the file cannot be opened.
+    /// [`FileOpenError::Device`] if the device switch refuses, or if a file cannot be opened with
+    /// this `board` or `mode`; [`FileOpenError::File`] if the file cannot be opened.
     pub fn open<'n>(
         &self,
         name: &'n str,
@@ -190,7 +194,8 @@ where
             .map_err(|error| FileOpenError::File { name, error })
     }
 
-    /// Opens the file at `path` as [`FileSystem::open`] does.
+    /// Opens the file at `path` as [`FileSystem::open`] does, and returns its descriptor. `path`
+    /// does not begin with `fs/`.
     ///
     /// # Errors
     /// The [`FileError`] of [`FileSystem::open`]; [`Errno::BUSY`] if this context interrupts another
@@ -206,12 +211,14 @@ where
         Ok(Fd::new(F.wrapping_add(index) as u16, place.generation))
     }
 
-    /// Calls `calls` with the file of a descriptor, for the methods that only files have: seek,
-    /// status, truncate, sync and those without a copy.
+    /// Calls `calls` with the open file that `fd` stands for, and returns its result. Use it for
+    /// the methods that only files have: seek, status, truncate, sync, and reads and writes without
+    /// a copy.
     ///
     /// # Errors
-    /// [`IoError::Fd`] if the descriptor is not that of an open file; [`IoError::WouldBlock`] if
-    /// this context interrupts another use of a file; [`IoError::Bus`] with the error of `calls`.
+    /// [`IoError::Fd`] if `fd` does not stand for an open file; [`IoError::WouldBlock`] if this
+    /// context interrupts another use of a file; [`IoError::Bus`] with the error of `calls` if that
+    /// fails.
     pub fn with_file<R>(
         &self,
         fd: Fd,
@@ -220,9 +227,9 @@ where
         self.with(fd, OpenMode::empty(), calls)
     }
 
-    /// Calls `calls` with the [`FileSystem`], for operations on names and directories, and files
-    /// without a descriptor. Returns `None`, and calls nothing, if this context interrupts another
-    /// use of a file.
+    /// Calls `calls` with the [`FileSystem`], and returns its result. Use it for operations on
+    /// names and directories, and for files without a descriptor. Returns `None` without calling
+    /// `calls` if this context interrupts another use of a file.
     pub fn with_system<R>(
         &self,
         calls: impl FnOnce(&FileSystem<'m, S, W, FILES>) -> R,
@@ -231,12 +238,12 @@ where
         Some(calls(&files.system))
     }
 
-    /// Closes a descriptor.
+    /// Closes the board or file that `fd` stands for.
     ///
     /// # Errors
-    /// [`IoError::Fd`] if the descriptor is refused; [`IoError::WouldBlock`] if it is of a file and
-    /// this context interrupts another use of a file; [`IoError::Bus`] if the board or the
-    /// `FileSystem` fails, though the descriptor is closed all the same.
+    /// [`IoError::Fd`] if `fd` is not an open descriptor; [`IoError::WouldBlock`] if `fd` stands
+    /// for a file and this context interrupts another use of a file; [`IoError::Bus`] if the board
+    /// or the `FileSystem` fails, though the descriptor is closed all the same.
     pub fn close(&self, fd: Fd) -> Result<(), IoError<TransferError<B::Error>>> {
         if Self::is_device(fd) {
             return self.devices.close(fd).map_err(of_device);

@@ -13,7 +13,9 @@ const HEAD: u32 = 16;
 /// Entries that a directory has and that are left out: `.` and `..`.
 const LEFT_OUT: u32 = 2;
 
-/// An open directory, whose entries [`next`](Self::next) returns.
+/// An open directory of the host. Each call of [`next`](Self::next) returns one of its entries.
+///
+/// A directory that is dropped is closed by the next [`FileSystem::open`].
 pub struct Directory<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> {
     file: File<'f, 'm, S, W, FILES>,
     /// The place at which the server continues.
@@ -24,13 +26,13 @@ pub struct Directory<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES
     filled: u32,
 }
 
-/// A name in a directory, and the type of its file.
+/// An entry of a directory: a name, and the type of the file that has this name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DirectoryEntry<'n> {
     /// The name, which need not be UTF-8.
     pub name: &'n [u8],
-    /// The type bits of `st_mode`, shifted right by 12: 4 for a directory, 8 for a file, 10 for a
-    /// symbolic link; 0 if the filesystem does not tell.
+    /// The type of the file, as the type bits of `st_mode` shifted right by 12: 4 for a directory,
+    /// 8 for a regular file, 10 for a symbolic link; 0 if the filesystem of the host does not tell.
     pub kind: u32,
 }
 
@@ -49,11 +51,13 @@ impl DirectoryEntry<'_> {
 }
 
 impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'m, S, W, FILES> {
-    /// Opens the directory at `path`; "." is the top of the server's tree.
+    /// Opens the directory at `path`, relative to the top of the server's tree; "." is the top
+    /// itself.
     ///
     /// # Errors
-    /// [`Errno::NOTDIR`] if it is not a directory; [`Errno::MFILE`] if `FILES` files and
-    /// directories are open; other numbers as on Unix; otherwise another [`FileError`].
+    /// [`Errno::NOTDIR`] if `path` is not a directory; [`Errno::MFILE`] if `FILES` files and
+    /// directories are open; other numbers as on Unix if the host refuses; another [`FileError`] if
+    /// the server does not answer in time, or if the mailbox or the window fails.
     pub fn open_directory(
         &self,
         path: impl AsRef<[u8]>,
@@ -61,7 +65,8 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
         self.begin_open_directory(path.as_ref()).done()
     }
 
-    /// Returns a ticket that [opens](Self::open_directory) a directory.
+    /// Returns a ticket that opens a directory, as [`open_directory`](Self::open_directory) does.
+    /// The operation begins when the ticket is awaited, or when [`FileTicket::wait`] is called.
     pub fn begin_open_directory<'f: 't, 't>(
         &'f self,
         path: &'t (impl AsRef<[u8]> + ?Sized),
@@ -86,15 +91,17 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize>
 }
 
 impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> Directory<'_, '_, S, W, FILES> {
-    /// Returns the next entry, whose name is copied into `name`; `None` at the end. `.` and `..`
-    /// are left out.
+    /// Returns the next entry, and copies its name into `name`; returns `None` after the last
+    /// entry. The entries `.` and `..` are left out.
     ///
-    /// Entries that are made or removed meanwhile may be returned or not; every other entry is
-    /// returned once.
+    /// Entries that are made or removed while the directory is being read may be returned or not;
+    /// every other entry is returned once.
     ///
     /// # Errors
-    /// [`Errno::NAMETOOLONG`] if `name` is too short, and the entry is skipped; [`Errno::INVAL`] if
-    /// the buffer of the area is too short for a name; otherwise another [`FileError`].
+    /// [`Errno::NAMETOOLONG`] if `name` is shorter than the entry's name; the next call then goes
+    /// on with the entry after it. [`Errno::INVAL`] if the buffer in the [`Area`](super::Area) is
+    /// too short for an entry; another [`FileError`] if the server does not answer in time, or if
+    /// the mailbox or the window fails.
     pub fn next<'n>(
         &mut self,
         name: &'n mut [u8],
@@ -127,24 +134,26 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> Directory<'_, '
         Err(Errno::IO.into()) // A server could go on like this for ever.
     }
 
-    /// Goes back to the first entry, and also returns entries that were made since it was opened.
+    /// Goes back to the first entry. From then on, entries that were made since the directory was
+    /// opened are returned, too.
     pub fn rewind(&mut self) {
         self.cookie = 0;
         self.next = 0;
         self.filled = 0;
     }
 
-    /// Waits until the names in the directory are on the disk of the host: files that were made,
-    /// renamed or removed in it are so after a loss of power, too.
+    /// Waits until the names in the directory are on the disk of the host. From then on, files that
+    /// were made, renamed or removed in it remain so even after a loss of power.
     ///
     /// # Errors
-    /// [`FileError::Errno`] if the server refuses; another [`FileError`] if it does not answer in time, or
-    /// if the mailbox or the window fails.
+    /// [`FileError::Errno`] if the server refuses; another [`FileError`] if it does not answer in
+    /// time, or if the mailbox or the window fails.
     pub fn sync(&self) -> Result<(), FileError> {
         self.file.sync()
     }
 
-    /// Returns the status of the directory: its times, its mode, and the other facts that the host knows.
+    /// Returns the status of the directory: its times, its permissions, and the other facts that
+    /// `stat` of Unix tells.
     ///
     /// # Errors
     /// [`FileError::Errno`] if the server refuses; another [`FileError`] if it does not answer in time, or

@@ -5,29 +5,30 @@ use embedded_io::WriteFmtError;
 
 use crate::errno::Errno;
 
-/// The sequence number of an operation whose call has timed out: see [`FileSystem::ticket`](super::FileSystem::ticket).
+/// A receipt for an operation that timed out: [`FileSystem::ticket`](super::FileSystem::ticket)
+/// asks for its result by the receipt. The number is the operation's sequence number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Receipt(pub u64);
 
-/// The reason why an operation returned no result.
+/// The error of an operation on a file, a directory or a path.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum FileError {
-    /// The server refused with this number, or the client did for a request that it can refuse itself. The
-    /// operation has had no effect, except the effect that the same error has on Unix.
+    /// The server refused the operation with this number, or the client did so without asking the
+    /// server. The operation has had no effect, except the effect that the same error has on Unix.
     #[error("{0}")]
     Errno(Errno),
     /// The server has not answered in time. The operation of this call is in doubt: it may have
-    /// been done, or still be done. The next call, or [`settle`](super::FileSystem::settle), first
-    /// waits for its end.
+    /// been done, or may still be done. The next call, or [`settle`](super::FileSystem::settle),
+    /// first waits until it has ended.
     #[error("the file server, {server}, did not answer in time{}", Cause(.cause))]
     TimedOut {
         /// The number of the server.
         server: Processor,
         /// The last error of the mailbox, if there was one.
         cause: Option<condor_mbox::MailboxError>,
-        /// The number of the operation. [`FileSystem::ticket`](super::FileSystem::ticket) asks by it
-        /// for the result that this call would have returned.
+        /// The receipt for the operation. [`FileSystem::ticket`](super::FileSystem::ticket) asks by
+        /// it for the result that this call would have returned.
         receipt: Receipt,
     },
     /// The server has not answered an earlier request in time: an operation in doubt, or the
@@ -53,7 +54,7 @@ pub enum FileError {
 }
 
 impl FileError {
-    /// Returns the error number, if the error has one.
+    /// Returns the number of a [`FileError::Errno`], and `None` for every other error.
     #[must_use]
     pub const fn errno(&self) -> Option<Errno> {
         match self {

@@ -9,14 +9,15 @@ use super::{Alone, FileError, FileSystem, request, whole};
 use crate::errno::Errno;
 use crate::wire::{FileStatus, Operation, RequestSlot, Span, Times};
 
-/// An open file.
+/// An open file of the host, which [`FileSystem::open`] returns. It has a position, at which reads
+/// and writes continue.
 ///
-/// Dropping a file leaves closing it to the next [`open`](FileSystem::open); [`close`](Self::close)
-/// returns an error if closing fails. A file that was unlinked while it was open takes room until
-/// it is closed.
+/// A file that is dropped is closed by the next [`open`](FileSystem::open). [`close`](Self::close)
+/// closes it at once, and returns an error if that fails. A file that was unlinked while it was
+/// open takes room until it is closed.
 ///
-/// The traits of `embedded-io` and the methods of the same names copy once, through the file's
-/// buffer in the window; [`read_buffer`](Self::read_buffer) and
+/// The traits of `embedded-io` and the methods of the same names copy the bytes once, through the
+/// file's buffer in shared memory; [`read_buffer`](Self::read_buffer) and
 /// [`write_buffer`](Self::write_buffer) do not copy.
 ///
 /// Every call asks the server once. [`reader`](Self::reader) and [`writer`](Self::writer) combine
@@ -43,8 +44,9 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f
         core::mem::ManuallyDrop::new(self).index
     }
 
-    /// Reads from the position on into `into`, at most as many bytes as the file's buffer holds,
-    /// and moves the position. Returns the number of bytes; 0 at the end of the file.
+    /// Reads from the file's position on into `into`, at most as many bytes as the file's buffer in
+    /// the [`Area`](super::Area) holds. Moves the position by the number of bytes that were read,
+    /// and returns this number. It is 0 at the end of the file.
     ///
     /// # Errors
     /// [`FileError::Errno`] if the server refuses; another [`FileError`] if it does not answer in time, or
@@ -53,8 +55,9 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f
         self.read_from(into, None)
     }
 
-    /// Reads from `position` on into `into`, at most as many bytes as the file's buffer holds. The file's
-    /// own position stays. Returns the number of bytes; 0 at the end of the file.
+    /// Reads from `position` on into `into`, at most as many bytes as the file's buffer in the
+    /// [`Area`](super::Area) holds. The file's own position stays. Returns the number of bytes that
+    /// were read; it is 0 at the end of the file.
     ///
     /// # Errors
     /// [`FileError::Errno`] if the server refuses; another [`FileError`] if it does not answer in time, or
@@ -63,9 +66,10 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f
         self.read_from(into, Some(position))
     }
 
-    /// Writes from `from` at the position (or at the end of a file that was opened for appending),
-    /// at most as many bytes as the file's buffer holds, and moves the position. Returns the number
-    /// of bytes.
+    /// Writes the beginning of `from` at the file's position, or at the end of a file that was
+    /// opened for appending: at most as many bytes as the file's buffer in the
+    /// [`Area`](super::Area) holds. Moves the position by the number of bytes that were written,
+    /// and returns this number.
     ///
     /// # Errors
     /// [`FileError::Errno`] if the server refuses; another [`FileError`] if it does not answer in time, or
@@ -74,8 +78,9 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f
         self.write_to(from, None)
     }
 
-    /// Writes from `from` at `position`, at most as many bytes as the file's buffer holds. The
-    /// file's own position stays. Returns the number of bytes.
+    /// Writes the beginning of `from` at `position`: at most as many bytes as the file's buffer in
+    /// the [`Area`](super::Area) holds. The file's own position stays. Returns the number of bytes
+    /// that were written.
     ///
     /// # Errors
     /// [`Errno::INVAL`] if the file was opened for appending; [`FileError::Errno`] if the server refuses;
@@ -110,7 +115,9 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f
         Ok(moved(done.value, buffer))
     }
 
-    /// Returns a ticket that [reads](Self::read). Only one that ends moves the position.
+    /// Returns a ticket that reads at the position of the file, as [`read`](Self::read) does. The
+    /// operation begins when the ticket is awaited, or when [`FileTicket::wait`] is called. The
+    /// position moves only when the operation has ended.
     pub fn begin_read<'t>(
         &'t mut self,
         into: &'t mut [u8],
@@ -119,7 +126,8 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f
         FileTicket::new(self.system, ask, into, |found| found.value as usize)
     }
 
-    /// Returns a ticket that [reads at a position](Self::read_at).
+    /// Returns a ticket that reads at `position`, as [`read_at`](Self::read_at) does. The operation
+    /// begins when the ticket is awaited, or when [`FileTicket::wait`] is called.
     pub fn begin_read_at<'t>(
         &'t self,
         into: &'t mut [u8],
@@ -129,7 +137,8 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f
         FileTicket::new(self.system, ask, into, |found| found.value as usize)
     }
 
-    /// Returns a ticket that [writes](Self::write).
+    /// Returns a ticket that writes at the position of the file, as [`write`](Self::write) does.
+    /// The operation begins when the ticket is awaited, or when [`FileTicket::wait`] is called.
     pub fn begin_write<'t>(
         &'t mut self,
         from: &'t [u8],
@@ -138,7 +147,8 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f
         FileTicket::new(self.system, ask, &mut [], |found| found.value as usize)
     }
 
-    /// Returns a ticket that [writes at a position](Self::write_at).
+    /// Returns a ticket that writes at `position`, as [`write_at`](Self::write_at) does. The
+    /// operation begins when the ticket is awaited, or when [`FileTicket::wait`] is called.
     pub fn begin_write_at<'t>(
         &'t self,
         from: &'t [u8],
@@ -148,11 +158,13 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f
         FileTicket::new(self.system, ask, &mut [], |found| found.value as usize)
     }
 
-    /// Moves the position, which may be after the end; returns it in bytes from the beginning.
+    /// Moves the file's position to `to`, which may be after the end of the file. Returns the new
+    /// position in bytes from the beginning of the file.
     ///
     /// # Errors
-    /// [`Errno::INVAL`] if it would be before the beginning or past 2⁶³ − 1. A position relative to
-    /// the end needs the server, and can return another [`FileError`].
+    /// [`Errno::INVAL`] if the position would be before the beginning of the file or past 2⁶³ − 1;
+    /// another [`FileError`] if `to` is relative to the end and the server does not tell the size
+    /// of the file.
     pub fn seek(&mut self, to: SeekFrom) -> Result<u64, FileError> {
         let position = match to {
             SeekFrom::Start(position) => Some(position),
@@ -172,15 +184,17 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f
         }
     }
 
-    /// Returns the position of the next read or write, in bytes from the beginning.
+    /// Returns the position of the next read or write, in bytes from the beginning of the file.
     ///
     /// # Errors
-    /// [`Errno::BUSY`] if another context's operation is in progress, which may move it.
+    /// [`Errno::BUSY`] if an operation of another context is in progress, because it may move the
+    /// position.
     pub fn position(&self) -> Result<u64, FileError> {
         Ok(self.system.enter()?.position(self.index)?)
     }
 
-    /// Returns the status of the file: its size, times and mode, and the other facts that the host knows.
+    /// Returns the status of the file: its size, times and permissions, and the other facts that
+    /// `stat` of Unix tells.
     ///
     /// # Errors
     /// [`FileError::Errno`] if the server refuses; another [`FileError`] if it does not answer in time, or
@@ -189,21 +203,25 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f
         self.begin_status().done()
     }
 
-    /// Returns a ticket for the [status](Self::status).
+    /// Returns a ticket that asks for the status of the file, as [`status`](Self::status) does. The
+    /// operation begins when the ticket is awaited, or when [`FileTicket::wait`] is called.
     pub fn begin_status(&self) -> FileTicket<'_, '_, 'm, S, W, FILES, FileStatus> {
         self.look(After::Status)
     }
 
-    /// Sets the permissions of the file, as [`FileSystem::set_mode`] does.
+    /// Sets the permissions of the file to `mode`, such as 0o644, as [`FileSystem::set_mode`] does.
     ///
     /// # Errors
-    /// [`Errno::PERM`] if the file would get a set-user-ID or set-group-ID bit; [`Errno::INVAL`] if `mode` has
-    /// more than the bits 0o7777; other numbers as on Unix; otherwise another [`FileError`].
+    /// [`Errno::PERM`] if the file would get a set-user-ID or set-group-ID bit; [`Errno::INVAL`] if
+    /// `mode` has more than the bits 0o7777; other numbers as on Unix if the host refuses; another
+    /// [`FileError`] if the server does not answer in time, or if the mailbox or the window fails.
     pub fn set_mode(&self, mode: u32) -> Result<(), FileError> {
         self.begin_set_mode(mode).done()
     }
 
-    /// Returns a ticket that [sets the permissions](Self::set_mode).
+    /// Returns a ticket that sets the permissions of the file, as [`set_mode`](Self::set_mode)
+    /// does. The operation begins when the ticket is awaited, or when [`FileTicket::wait`] is
+    /// called.
     pub fn begin_set_mode(&self, mode: u32) -> FileTicket<'_, '_, 'm, S, W, FILES, ()> {
         self.ask(RequestSlot {
             position: mode.into(),
@@ -211,16 +229,19 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f
         })
     }
 
-    /// Sets the times of the file, as [`FileSystem::set_times`] does.
+    /// Sets the times of the last access and modification of the file, as [`FileSystem::set_times`]
+    /// does.
     ///
     /// # Errors
-    /// [`Errno::INVAL`] if there are more than 999 999 999 nanoseconds; other numbers as on Unix; otherwise
-    /// another [`FileError`].
+    /// [`Errno::INVAL`] if a time has more than 999 999 999 nanoseconds; other numbers as on Unix
+    /// if the host refuses; another [`FileError`] if the server does not answer in time, or if the
+    /// mailbox or the window fails.
     pub fn set_times(&self, times: Times) -> Result<(), FileError> {
         self.begin_set_times(times).done()
     }
 
-    /// Returns a ticket that [sets the times](Self::set_times).
+    /// Returns a ticket that sets the times of the file, as [`set_times`](Self::set_times) does.
+    /// The operation begins when the ticket is awaited, or when [`FileTicket::wait`] is called.
     pub fn begin_set_times(&self, times: Times) -> FileTicket<'_, '_, 'm, S, W, FILES, ()> {
         self.ask(request(Operation::FileTimes).with_times(times))
     }
@@ -234,7 +255,8 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f
         self.begin_truncate(size).done()
     }
 
-    /// Returns a ticket that [sets the size](Self::truncate).
+    /// Returns a ticket that sets the size of the file, as [`truncate`](Self::truncate) does. The
+    /// operation begins when the ticket is awaited, or when [`FileTicket::wait`] is called.
     pub fn begin_truncate(&self, size: u64) -> FileTicket<'_, '_, 'm, S, W, FILES, ()> {
         self.ask(RequestSlot {
             position: size,
@@ -251,13 +273,15 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f
         self.begin_sync().done()
     }
 
-    /// Returns a ticket that [waits for the disk](Self::sync).
+    /// Returns a ticket that waits until the file is on the disk of the host, as
+    /// [`sync`](Self::sync) does. The operation begins when the ticket is awaited, or when
+    /// [`FileTicket::wait`] is called.
     pub fn begin_sync(&self) -> FileTicket<'_, '_, 'm, S, W, FILES, ()> {
         self.ask(request(Operation::Sync))
     }
 
-    /// Closes the file. After an error that is not an [`Errno`], a later [`open`](FileSystem::open)
-    /// closes it.
+    /// Closes the file. If this fails with an error that is not an [`Errno`], the next
+    /// [`open`](FileSystem::open) closes the file.
     ///
     /// # Errors
     /// [`FileError::Errno`] if the server refuses; another [`FileError`] if it does not answer in time, or
@@ -266,8 +290,9 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f
         self.begin_close().done()
     }
 
-    /// Returns a ticket that [closes](Self::close) the file. If it is dropped, a later
-    /// [`open`](FileSystem::open) closes it.
+    /// Returns a ticket that closes the file, as [`close`](Self::close) does. The operation begins
+    /// when the ticket is awaited, or when [`FileTicket::wait`] is called. If the ticket is dropped
+    /// before that, the next [`open`](FileSystem::open) closes the file.
     pub fn begin_close(self) -> FileTicket<'f, 'f, 'm, S, W, FILES, ()> {
         let system = self.system;
         FileTicket::new(system, Ask::Close(self.into_index()), &mut [], drop)

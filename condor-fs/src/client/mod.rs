@@ -39,17 +39,18 @@ use crate::wire::{self, Operation, RequestSlot, block, slot, state, table};
 use operation::After;
 use turn::Turn;
 
-/// The host's files, for all contexts of one processor.
+/// The host's files, for all contexts of one processor: its background, its handlers of messages
+/// and its threads. All paths are relative to the top of the server's directory tree.
 ///
 /// `S` is the processor's mailbox, `W` its own window, and `FILES` the greatest number of files and
-/// directories that can be open at a time. The whole state of open files is here and in the window:
-/// the server may be killed and restarted at any moment, and a call in progress then only takes
-/// longer.
+/// directories that can be open at a time. The whole state of open files is in this value and in
+/// the window: the server may be killed and restarted at any moment, and a call in progress then
+/// only takes longer.
 ///
-/// Background, handlers and threads may share it and its files, as they share the mailbox: all
-/// calls take `&self`, and it is `Sync` if the mailbox is. One operation is in progress at a time: it
-/// is one context's turn. Meanwhile a call of another context returns [`Errno::BUSY`] and does
-/// nothing, or waits for its turn, as [`wait_for_turn`](Self::wait_for_turn) says.
+/// All contexts may share the `FileSystem` and its files, as they share the mailbox: all calls take
+/// `&self`, and it is `Sync` if the mailbox is. One operation is in progress at a time. Meanwhile a
+/// call of another context returns [`Errno::BUSY`] and does nothing, or waits for its turn if
+/// [`wait_for_turn`](Self::wait_for_turn) was called.
 ///
 /// A processor has one `FileSystem` at a time: [`connect`](Self::connect) ends all former ones.
 pub struct FileSystem<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> {
@@ -126,11 +127,13 @@ enum SessionState {
 }
 
 impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'m, S, W, FILES> {
-    /// Begins a session with the processor `server`. `own` is the users' region of this processor's
-    /// own `data`, in which `area` lies. The mailbox `station` must have joined, with the area's
-    /// [handler](Area::handler) for the vector [`OPEN_FILES`](wire::OPEN_FILES).
+    /// Connects to the file server on the processor `server`, and begins a new session there.
     ///
-    /// `timeout` is the longest time of an operation, including restarts of the server.
+    /// * `station`: this processor's mailbox. It must have joined, with the area's
+    ///   [handler](Area::handler) for the vector [`OPEN_FILES`](wire::OPEN_FILES).
+    /// * `own`: the part of this processor's shared memory that is for programs, which is
+    ///   [`Region::users`] of its own `data`. The `area` lies in it.
+    /// * `timeout`: the longest time that an operation may take, including restarts of the server.
     ///
     /// # Errors
     /// [`FileError::TimedOut`] if the server does not answer in time; [`FileError::Mailbox`] if the mailbox
@@ -184,31 +187,35 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
         Ok(system)
     }
 
-    /// Sets the longest time of an operation from now on.
+    /// Sets the longest time that each later operation may take, including restarts of the server.
     pub fn set_timeout(&self, timeout: Duration) {
         self.timeout.set(timeout);
     }
 
-    /// Sets the time for which a call waits for its turn while an operation of another context is in
-    /// progress, before it returns [`Errno::BUSY`]; in a wait it serves messages. The default is not to
-    /// wait.
+    /// Sets the longest time for which a call waits while an operation of another context is in
+    /// progress. After that time the call returns [`Errno::BUSY`]. While it waits, it serves
+    /// messages. Without this function, the time is zero, and calls do not wait.
     ///
-    /// Use it for threads of a hosted processor. Where contexts interrupt each other, leave the time at
-    /// zero: there a call that waits prevents the end of the operation that it waits for.
+    /// Use it for threads of a hosted processor. Where contexts interrupt each other, leave the
+    /// time at zero: a call that waits there prevents the very operation that it waits for from
+    /// ending.
     pub fn wait_for_turn(&self, longest: Duration) {
         self.patience.set(longest);
     }
 
-    /// Waits for at most `timeout` for the end of the operation that is in doubt, which is that of
-    /// the last call that ended with [`FileError::TimedOut`]. Returns its result as a number: the
-    /// result that the call would have returned, or the number of bytes of entries for a directory.
+    /// Waits for at most `timeout` until the operation that is in doubt has ended, and returns its
+    /// result. An operation is in doubt if its call ended with [`FileError::TimedOut`].
+    ///
+    /// The result is the number that the call would have returned (for a directory, the number of
+    /// bytes of entries; 0 for an operation without a result), or the error number with which the
+    /// operation failed.
     ///
     /// Returns `None` if nothing is in doubt, or if the operation was only a part of a call:
     /// [`open`](Self::open) also closes files that were dropped, [`File::seek`] from the end asks
-    /// for the size, and readers and writers fetch and flush, and keep account of that themselves.
-    /// Repeat such a call.
+    /// for the size, and buffered readers and writers read ahead and flush. Repeat such a call;
+    /// readers and writers lose no byte by it.
     ///
-    /// Every other operation also waits first, but does not return that result.
+    /// Every other call also waits first, but does not return that result.
     ///
     /// # Errors
     /// [`FileError::TimedOut`] if the server does not answer in time: the operation remains in doubt.
@@ -222,16 +229,17 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
         Ok(after.is_asked_for().then_some(result))
     }
 
-    /// Returns true if the end of the last operation is unknown. It is while another context's call is
-    /// in progress, too.
+    /// Returns true if it is not known whether the last operation was done. It is also true while a
+    /// call of another context is in progress.
     pub fn in_doubt(&self) -> bool {
         self.turn
             .take()
             .is_none_or(|alone| alone.doubt.get().is_some())
     }
 
-    /// Returns the buffer that was lent to an operation that timed out, once that operation has
-    /// ended; otherwise `None`.
+    /// Returns the [`Buffer`] of a read or write without a copy that timed out, once that operation
+    /// has ended. Returns `None` before that, if there is no such buffer, or while a call of
+    /// another context is in progress.
     pub fn take_buffer(&self) -> Option<Buffer<W>> {
         let alone = self.turn.take()?;
         if alone.doubt.get().is_some() {

@@ -9,17 +9,19 @@ use crate::errno::Errno;
 use crate::wire::{self, FileStatus, Operation, RequestSlot, Space, Span, Times, make_directory};
 
 impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'m, S, W, FILES> {
-    /// Returns the status of the file or directory at `path`; for a symbolic link, that of the link
-    /// itself.
+    /// Returns the status of the file or directory at `path`: size, times, permissions and the
+    /// like. For a symbolic link, it is the status of the link itself.
     ///
     /// # Errors
-    /// [`Errno::NOENT`] if nothing has this path; other numbers as on Unix; otherwise another
-    /// [`FileError`].
+    /// [`Errno::NOENT`] if nothing has this path; other numbers as on Unix if the host refuses;
+    /// another [`FileError`] if the server does not answer in time, or if the mailbox or the window
+    /// fails.
     pub fn status(&self, path: impl AsRef<[u8]>) -> Result<FileStatus, FileError> {
         self.begin_status(path.as_ref()).done()
     }
 
-    /// Returns a ticket for the [status](Self::status) of a path.
+    /// Returns a ticket that asks for the status of `path`, as [`status`](Self::status) does. The
+    /// operation begins when the ticket is awaited, or when [`FileTicket::wait`] is called.
     pub fn begin_status<'t>(
         &'t self,
         path: &'t (impl AsRef<[u8]> + ?Sized),
@@ -28,8 +30,8 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
         FileTicket::new(self, ask, &mut [], TicketResult::status)
     }
 
-    /// Returns the capacity of the filesystem that holds the server's tree: its blocks and inodes, and
-    /// those that are free.
+    /// Returns the capacity of the filesystem that holds the server's tree: the numbers of its
+    /// blocks and inodes, and of those that are free.
     ///
     /// # Errors
     /// [`FileError::Errno`] if the server refuses; another [`FileError`] if it does not answer in time, or
@@ -38,25 +40,29 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
         self.begin_space().done()
     }
 
-    /// Returns a ticket for the [capacity](Self::space) of the filesystem.
+    /// Returns a ticket that asks for the capacity of the filesystem, as [`space`](Self::space)
+    /// does. The operation begins when the ticket is awaited, or when [`FileTicket::wait`] is
+    /// called.
     pub fn begin_space(&self) -> FileTicket<'_, '_, 'm, S, W, FILES, Space> {
         let ask = Ask::Plain(Operation::Space, After::Space);
         FileTicket::new(self, ask, &mut [], TicketResult::space)
     }
 
-    /// Sets the permissions of the file or directory at `path`. Those of new files and directories
-    /// are reduced by the server's umask; these are not.
+    /// Sets the permissions of the file or directory at `path` to `mode`, such as 0o644. The
+    /// server's umask does not reduce them, as it does for new files and directories.
     ///
     /// # Errors
-    /// [`Errno::PERM`] if a file would get a set-user-ID or set-group-ID bit, with which programs of
-    /// the host would run with the server's rights; [`Errno::INVAL`] if `mode` has more than the
-    /// bits 0o7777; [`Errno::LOOP`] for a symbolic link; other numbers as on Unix; otherwise another
-    /// [`FileError`].
+    /// [`Errno::PERM`] if a file would get a set-user-ID or set-group-ID bit, with which programs
+    /// of the host would run with the server's rights; [`Errno::INVAL`] if `mode` has more than the
+    /// bits 0o7777; [`Errno::LOOP`] for a symbolic link; other numbers as on Unix if the host
+    /// refuses; another [`FileError`] if the server does not answer in time, or if the mailbox or
+    /// the window fails.
     pub fn set_mode(&self, path: impl AsRef<[u8]>, mode: u32) -> Result<(), FileError> {
         self.begin_set_mode(path.as_ref(), mode).done()
     }
 
-    /// Returns a ticket that [sets the permissions](Self::set_mode) of a path.
+    /// Returns a ticket that sets the permissions of `path`, as [`set_mode`](Self::set_mode) does.
+    /// The operation begins when the ticket is awaited, or when [`FileTicket::wait`] is called.
     pub fn begin_set_mode<'t>(
         &'t self,
         path: &'t (impl AsRef<[u8]> + ?Sized),
@@ -72,13 +78,15 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
     /// Sets the times of the last access and modification of the file or directory at `path`.
     ///
     /// # Errors
-    /// [`Errno::INVAL`] if there are more than 999 999 999 nanoseconds; [`Errno::LOOP`] for a
-    /// symbolic link; other numbers as on Unix; otherwise another [`FileError`].
+    /// [`Errno::INVAL`] if a time has more than 999 999 999 nanoseconds; [`Errno::LOOP`] for a
+    /// symbolic link; other numbers as on Unix if the host refuses; another [`FileError`] if the
+    /// server does not answer in time, or if the mailbox or the window fails.
     pub fn set_times(&self, path: impl AsRef<[u8]>, times: Times) -> Result<(), FileError> {
         self.begin_set_times(path.as_ref(), times).done()
     }
 
-    /// Returns a ticket that [sets the times](Self::set_times) of a path.
+    /// Returns a ticket that sets the times of `path`, as [`set_times`](Self::set_times) does. The
+    /// operation begins when the ticket is awaited, or when [`FileTicket::wait`] is called.
     pub fn begin_set_times<'t>(
         &'t self,
         path: &'t (impl AsRef<[u8]> + ?Sized),
@@ -90,25 +98,30 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
         )
     }
 
-    /// Makes a directory, with the permissions of the server's options.
+    /// Makes a directory at `path`, with the permissions for new directories in the server's
+    /// options.
     ///
     /// # Errors
-    /// [`Errno::EXIST`] if the name exists; other numbers as on Unix; otherwise another [`FileError`].
+    /// [`Errno::EXIST`] if `path` exists; other numbers as on Unix if the host refuses; another
+    /// [`FileError`] if the server does not answer in time, or if the mailbox or the window fails.
     pub fn make_directory(&self, path: impl AsRef<[u8]>) -> Result<(), FileError> {
         self.begin_make_directory(path.as_ref(), None).done()
     }
 
-    /// Makes a directory with the permissions `mode`, less the umask of the server.
+    /// Makes a directory at `path` with the permissions `mode`, less the umask of the server.
     ///
     /// # Errors
-    /// [`Errno::EXIST`] if the name exists; [`Errno::INVAL`] if `mode` has more than the bits
-    /// 0o7777; other numbers as on Unix; otherwise another [`FileError`].
+    /// [`Errno::EXIST`] if `path` exists; [`Errno::INVAL`] if `mode` has more than the bits 0o7777;
+    /// other numbers as on Unix if the host refuses; another [`FileError`] if the server does not
+    /// answer in time, or if the mailbox or the window fails.
     pub fn make_directory_with(&self, path: impl AsRef<[u8]>, mode: u32) -> Result<(), FileError> {
         self.begin_make_directory(path.as_ref(), Some(mode)).done()
     }
 
-    /// Returns a ticket that [makes a directory](Self::make_directory), with the permissions `mode`
-    /// if there are some.
+    /// Returns a ticket that makes a directory at `path`. With `Some(mode)` it does so as
+    /// [`make_directory_with`](Self::make_directory_with) does, and with `None` as
+    /// [`make_directory`](Self::make_directory) does. The operation begins when the ticket is
+    /// awaited, or when [`FileTicket::wait`] is called.
     pub fn begin_make_directory<'t>(
         &'t self,
         path: &'t (impl AsRef<[u8]> + ?Sized),
@@ -126,16 +139,19 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
         self.on_path(request, path.as_ref())
     }
 
-    /// Removes an empty directory.
+    /// Removes the directory at `path`, which must be empty.
     ///
     /// # Errors
-    /// [`Errno::NOTEMPTY`] if it is not empty; other numbers as on Unix; otherwise another
-    /// [`FileError`].
+    /// [`Errno::NOTEMPTY`] if the directory is not empty; other numbers as on Unix if the host
+    /// refuses; another [`FileError`] if the server does not answer in time, or if the mailbox or
+    /// the window fails.
     pub fn remove_directory(&self, path: impl AsRef<[u8]>) -> Result<(), FileError> {
         self.begin_remove_directory(path.as_ref()).done()
     }
 
-    /// Returns a ticket that [removes a directory](Self::remove_directory).
+    /// Returns a ticket that removes an empty directory, as
+    /// [`remove_directory`](Self::remove_directory) does. The operation begins when the ticket is
+    /// awaited, or when [`FileTicket::wait`] is called.
     pub fn begin_remove_directory<'t>(
         &'t self,
         path: &'t (impl AsRef<[u8]> + ?Sized),
@@ -143,17 +159,20 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
         self.on_path(request(Operation::RemoveDirectory), path.as_ref())
     }
 
-    /// Removes a name of a file. If this processor has the file open, its contents stay until it is
-    /// closed; other processors that have it open get [`Errno::STALE`].
+    /// Removes the name `path` of a file, and with the last name the file itself. If this processor
+    /// has the file open, its contents stay until it is closed; other processors that have it open
+    /// get [`Errno::STALE`].
     ///
     /// # Errors
-    /// [`Errno::NOENT`] if nothing has this path; other numbers as on Unix; otherwise another
-    /// [`FileError`].
+    /// [`Errno::NOENT`] if nothing has this path; other numbers as on Unix if the host refuses;
+    /// another [`FileError`] if the server does not answer in time, or if the mailbox or the window
+    /// fails.
     pub fn unlink(&self, path: impl AsRef<[u8]>) -> Result<(), FileError> {
         self.begin_unlink(path.as_ref()).done()
     }
 
-    /// Returns a ticket that [removes a name](Self::unlink) of a file.
+    /// Returns a ticket that removes the name of a file, as [`unlink`](Self::unlink) does. The
+    /// operation begins when the ticket is awaited, or when [`FileTicket::wait`] is called.
     pub fn begin_unlink<'t>(
         &'t self,
         path: &'t (impl AsRef<[u8]> + ?Sized),
@@ -161,20 +180,22 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
         self.on_path(request(Operation::Unlink), path.as_ref())
     }
 
-    /// Renames a file or directory; an existing target is replaced, as on Unix.
+    /// Renames the file or directory `from` to `to`; if `to` exists, it is replaced, as on Unix.
     ///
-    /// Files that this processor opened by the old name, or inside of a directory of that name,
-    /// stay usable. If they were opened by another spelling of the name, they return
+    /// Files that this processor opened by the path `from`, or in a directory of that path, stay
+    /// usable. If they were opened by another spelling of the path, calls for them return
     /// [`Errno::STALE`] after the server's next restart.
     ///
     /// # Errors
-    /// [`Errno::NOENT`] if nothing has the path `from`; other numbers as on Unix; otherwise another
-    /// [`FileError`].
+    /// [`Errno::NOENT`] if nothing has the path `from`; other numbers as on Unix if the host
+    /// refuses; another [`FileError`] if the server does not answer in time, or if the mailbox or
+    /// the window fails.
     pub fn rename(&self, from: impl AsRef<[u8]>, to: impl AsRef<[u8]>) -> Result<(), FileError> {
         self.begin_rename(from.as_ref(), to.as_ref()).done()
     }
 
-    /// Returns a ticket that [renames](Self::rename).
+    /// Returns a ticket that renames `from` to `to`, as [`rename`](Self::rename) does. The
+    /// operation begins when the ticket is awaited, or when [`FileTicket::wait`] is called.
     pub fn begin_rename<'t>(
         &'t self,
         from: &'t (impl AsRef<[u8]> + ?Sized),
@@ -183,11 +204,12 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
         self.rename_with(from.as_ref(), to.as_ref(), 0)
     }
 
-    /// Renames as [`rename`](Self::rename) does, but replaces nothing.
+    /// Renames as [`rename`](Self::rename) does, but fails if `to` exists.
     ///
     /// # Errors
-    /// [`Errno::EXIST`] if the new name exists, [`Errno::NOENT`] if nothing has the path `from`;
-    /// other numbers as on Unix; otherwise another [`FileError`].
+    /// [`Errno::EXIST`] if `to` exists; [`Errno::NOENT`] if nothing has the path `from`; other
+    /// numbers as on Unix if the host refuses; another [`FileError`] if the server does not answer
+    /// in time, or if the mailbox or the window fails.
     pub fn rename_new(
         &self,
         from: impl AsRef<[u8]>,
@@ -196,7 +218,9 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
         self.begin_rename_new(from.as_ref(), to.as_ref()).done()
     }
 
-    /// Returns a ticket that [renames and replaces nothing](Self::rename_new).
+    /// Returns a ticket that renames `from` to `to` if `to` does not exist, as
+    /// [`rename_new`](Self::rename_new) does. The operation begins when the ticket is awaited, or
+    /// when [`FileTicket::wait`] is called.
     pub fn begin_rename_new<'t>(
         &'t self,
         from: &'t (impl AsRef<[u8]> + ?Sized),
@@ -205,15 +229,16 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
         self.rename_with(from.as_ref(), to.as_ref(), wire::rename::NO_REPLACE)
     }
 
-    /// Swaps the names of two files or directories, in one step: at no instant is one of the names without
-    /// its file. One may be a file and the other a directory.
+    /// Swaps the files or directories at the paths `one` and `other`, in one step: at no instant is
+    /// one of the names without a file. One may be a file and the other a directory.
     ///
     /// Files that this processor has open keep their contents, as with [`rename`](Self::rename).
     ///
     /// # Errors
-    /// [`Errno::NOENT`] if nothing has one of the paths; [`Errno::INVAL`] if one is a directory in
-    /// which the other is; [`Errno::OPNOTSUPP`] if the filesystem of the host cannot exchange the
-    /// names of files; other numbers as on Unix; otherwise another [`FileError`].
+    /// [`Errno::NOENT`] if nothing has one of the paths; [`Errno::INVAL`] if one path is a
+    /// directory that contains the other; [`Errno::OPNOTSUPP`] if the filesystem of the host cannot
+    /// exchange the names of files; other numbers as on Unix if the host refuses; another
+    /// [`FileError`] if the server does not answer in time, or if the mailbox or the window fails.
     pub fn exchange(
         &self,
         one: impl AsRef<[u8]>,
@@ -222,7 +247,8 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
         self.begin_exchange(one.as_ref(), other.as_ref()).done()
     }
 
-    /// Returns a ticket that [exchanges two names](Self::exchange).
+    /// Returns a ticket that swaps `one` and `other`, as [`exchange`](Self::exchange) does. The
+    /// operation begins when the ticket is awaited, or when [`FileTicket::wait`] is called.
     pub fn begin_exchange<'t>(
         &'t self,
         one: &'t (impl AsRef<[u8]> + ?Sized),

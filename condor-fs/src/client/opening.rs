@@ -10,7 +10,7 @@ use super::{Alone, BlockState, File, FileError, FileSystem, SessionState, State,
 use crate::errno::Errno;
 use crate::wire::{Operation, RequestSlot, Span, block, halves, open as flag};
 
-/// The options of an open; they mean the same as in the standard library.
+/// Options for [`FileSystem::open`], which mean the same as those of `std::fs::OpenOptions`.
 ///
 /// ```
 /// use condor_fs::OpenOptions;
@@ -24,7 +24,8 @@ pub struct OpenOptions {
 }
 
 impl OpenOptions {
-    /// Makes options without any access; add at least reading, writing or appending.
+    /// Makes options that allow nothing yet. Add at least one of [`read`](Self::read),
+    /// [`write`](Self::write) and [`append`](Self::append).
     #[must_use]
     pub const fn new() -> Self {
         Self { flags: 0, mode: 0 }
@@ -37,45 +38,46 @@ impl OpenOptions {
         }
     }
 
-    /// Opens for reading.
+    /// Allows reading from the file.
     #[must_use]
     pub const fn read(self) -> Self {
         self.with(flag::READ)
     }
 
-    /// Opens for writing.
+    /// Allows writing to the file, at its position.
     #[must_use]
     pub const fn write(self) -> Self {
         self.with(flag::WRITE)
     }
 
-    /// Opens for appending: each write is at the end that the file has at that time.
+    /// Allows writing at the end of the file only: each write begins at the end that the file has
+    /// at that time.
     #[must_use]
     pub const fn append(self) -> Self {
         self.with(flag::APPEND | flag::WRITE)
     }
 
-    /// Creates the file if it does not exist.
+    /// Makes the open create the file if it does not exist.
     #[must_use]
     pub const fn create(self) -> Self {
         self.with(flag::CREATE)
     }
 
-    /// Truncates the file to length 0.
+    /// Makes the open truncate the file to length 0.
     #[must_use]
     pub const fn truncate(self) -> Self {
         self.with(flag::TRUNCATE)
     }
 
-    /// Creates the file, and fails with [`Errno::EXIST`] if it exists.
+    /// Makes the open create the file, and fail with [`Errno::EXIST`] if the file exists already.
     #[must_use]
     pub const fn exclusive(self) -> Self {
         self.with(flag::CREATE | flag::EXCLUSIVE)
     }
 
-    /// Sets the permissions of a file that is created to `mode`, less the umask of the server. Without this
-    /// call, the file gets the permissions in the server's options. Add [`create`](Self::create) or
-    /// [`exclusive`](Self::exclusive).
+    /// Sets the permissions that the file has if the open creates it: `mode`, such as 0o644, less
+    /// the umask of the server. Without this call, the file gets the permissions in the server's
+    /// options. Add [`create`](Self::create) or [`exclusive`](Self::exclusive).
     #[must_use]
     pub const fn mode(self, mode: u32) -> Self {
         Self {
@@ -100,12 +102,13 @@ impl OpenOptions {
 }
 
 impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'m, S, W, FILES> {
-    /// Opens the file at `path`.
+    /// Opens the file at `path`, relative to the top of the server's directory tree.
     ///
     /// # Errors
-    /// [`Errno::MFILE`] if `FILES` files are open; [`Errno::OPNOTSUPP`] if the path leads to
-    /// something that is neither file nor directory; [`Errno::ISDIR`] if it is a directory; other
-    /// numbers as on Unix; otherwise another [`FileError`].
+    /// [`Errno::MFILE`] if `FILES` files and directories are open; [`Errno::OPNOTSUPP`] if `path`
+    /// leads to something that is neither a file nor a directory; [`Errno::ISDIR`] if it leads to a
+    /// directory; other numbers as on Unix if the host refuses; another [`FileError`] if the server
+    /// does not answer in time, or if the mailbox or the window fails.
     pub fn open(
         &self,
         path: impl AsRef<[u8]>,
@@ -114,7 +117,8 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
         self.begin_open(path.as_ref(), options).done()
     }
 
-    /// Returns a ticket that [opens](Self::open) a file.
+    /// Returns a ticket that opens a file, as [`open`](Self::open) does. The operation begins when
+    /// the ticket is awaited, or when [`FileTicket::wait`] is called.
     pub fn begin_open<'f: 't, 't>(
         &'f self,
         path: &'t (impl AsRef<[u8]> + ?Sized),

@@ -8,20 +8,23 @@ use super::{File, FileError, request};
 use crate::errno::Errno;
 use crate::wire::{Operation, RequestSlot, allocate, find};
 
-/// The change that [`File::allocate`] makes to a range of a file.
+/// The change that [`File::allocate`] makes to a range of bytes of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum AllocationMode {
     /// Takes room on the disk, so that later writes of the range find it. The file becomes as long as
     /// the range needs, with zeros.
     Extend,
-    /// Takes room on the disk, also behind the end of the file, and keeps the length.
+    /// Takes room on the disk, also behind the end of the file, and keeps the length of the file.
     KeepSize,
-    /// Releases the room, so that the range reads as zeros; keeps the length.
+    /// Releases the room on the disk, so that the range reads as zeros; keeps the length of the
+    /// file.
     PunchHole,
-    /// Lets the range read as zeros and keeps its room. The file becomes as long as the range needs.
+    /// Makes the range read as zeros, and keeps its room on the disk. The file becomes as long as
+    /// the range needs.
     Zero,
-    /// As [`Zero`](Self::Zero), and keeps the length.
+    /// Makes the range read as zeros, as [`Zero`](Self::Zero) does, but keeps the length of the
+    /// file.
     ZeroKeepSize,
 }
 
@@ -38,39 +41,48 @@ impl AllocationMode {
 }
 
 impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'_, 'm, S, W, FILES> {
-    /// Returns the place where the first data at or after `position` begin, in bytes from the beginning of
-    /// the file; `None` if only holes follow. The position of the file stays where it is.
+    /// Returns the first position at or after `position` that does not lie in a hole, in bytes from
+    /// the beginning of the file; `None` if only holes follow. A hole is a range that takes no room
+    /// on the disk and reads as zeros. The position of the file itself does not move.
     ///
-    /// A filesystem that keeps no account of holes reports data up to the end of the file.
+    /// A filesystem that does not record holes reports data up to the end of the file.
     ///
     /// # Errors
-    /// [`Errno::OPNOTSUPP`] if the filesystem of the host cannot tell; otherwise another [`FileError`].
+    /// [`Errno::OPNOTSUPP`] if the filesystem of the host cannot tell; another [`FileError`] if the
+    /// server does not answer in time, or if the mailbox or the window fails.
     pub fn next_data(&self, position: u64) -> Result<Option<u64>, FileError> {
         self.find(position, find::DATA)
     }
 
-    /// Returns the place where the first hole at or after `position` begins, in bytes from the beginning of
-    /// the file. The end of the file counts as a hole; `None` if `position` is not before it.
+    /// Returns the first position at or after `position` that lies in a hole, in bytes from the
+    /// beginning of the file. A hole is a range that takes no room on the disk and reads as zeros;
+    /// the end of the file counts as a hole. Returns `None` if `position` is at or after the end.
+    /// The position of the file itself does not move.
     ///
     /// # Errors
-    /// [`Errno::OPNOTSUPP`] if the filesystem of the host cannot tell; otherwise another [`FileError`].
+    /// [`Errno::OPNOTSUPP`] if the filesystem of the host cannot tell; another [`FileError`] if the
+    /// server does not answer in time, or if the mailbox or the window fails.
     pub fn next_hole(&self, position: u64) -> Result<Option<u64>, FileError> {
         self.find(position, find::HOLE)
     }
 
-    /// Takes room on the disk for the `len` bytes from `position` on, releases it, or zeroes the bytes:
-    /// `what` chooses.
+    /// Changes the `len` bytes from `position` on as `what` says: takes room on the disk for them,
+    /// releases this room, or fills the range with zeros. `position` is in bytes from the beginning
+    /// of the file.
     ///
     /// # Errors
-    /// [`Errno::OPNOTSUPP`] if the filesystem of the host cannot do it, or if it would take room
-    /// behind the end of a file of a server that limits sizes; [`Errno::INVAL`] if `len` is 0;
-    /// [`Errno::BADF`] if the file is not open for writing; [`Errno::FBIG`], [`Errno::NOSPC`] and
-    /// [`Errno::DQUOT`] as for a write; otherwise another [`FileError`].
+    /// [`Errno::OPNOTSUPP`] if the filesystem of the host cannot do it, or if the range reaches
+    /// past the end of the file, keeps its length, and the server limits the sizes of files;
+    /// [`Errno::INVAL`] if `len` is 0; [`Errno::BADF`] if the file is not open for writing;
+    /// [`Errno::FBIG`], [`Errno::NOSPC`] and [`Errno::DQUOT`] as for a write; another [`FileError`]
+    /// if the server does not answer in time, or if the mailbox or the window fails.
     pub fn allocate(&self, what: AllocationMode, position: u64, len: u64) -> Result<(), FileError> {
         self.begin_allocate(what, position, len).done()
     }
 
-    /// Returns a ticket that [takes room, releases it or zeroes bytes](Self::allocate).
+    /// Returns a ticket that takes or releases room on the disk, or writes zeros, as
+    /// [`allocate`](Self::allocate) does. The operation begins when the ticket is awaited, or when
+    /// [`FileTicket::wait`] is called.
     pub fn begin_allocate(
         &self,
         what: AllocationMode,

@@ -14,16 +14,18 @@ use crate::wire::{FileStatus, Operation, RequestSlot, Space, rename, slot};
 
 /// A file operation in progress: `.await` it, or block on it with [`wait`](Self::wait).
 ///
-/// The methods whose names begin with `begin_` return tickets. The request is sent when the ticket is
-/// first polled and no other operation is under way. From then on the ticket occupies the filesystem
-/// until it completes or is dropped. Meanwhile a call from a context that interrupts it returns
-/// [`Errno::BUSY`], a call from any other context waits, and other tickets are queued.
+/// The methods whose names begin with `begin_` return tickets. The request is sent when the ticket
+/// is first polled and no other operation is under way. From then on the ticket occupies the
+/// [`FileSystem`] until it completes or is dropped. Meanwhile any other call returns
+/// [`Errno::BUSY`], or waits if [`FileSystem::wait_for_turn`] permits, and other tickets wait for
+/// their turn.
 ///
 /// Tasks are woken when the mailbox is served: by its interrupt, or by a task that calls `serve`
-/// periodically. This needs the feature `async` of `condor-mbox`; see [`condor_mbox::MessageTicket`].
+/// periodically. This needs the feature `async` of `condor-mbox`; see
+/// [`condor_mbox::MessageTicket`].
 ///
-/// An awaited ticket has no timeout: it lasts as long as there is no server. Drop it to give up the wait:
-/// the operation stays in doubt, as after a timeout.
+/// An awaited ticket has no timeout: it waits as long as there is no server. Drop it to end the
+/// wait: the operation stays in doubt, as after a timeout.
 ///
 /// ```
 /// # use condor_fs::{FileError, FileSystem, OpenOptions};
@@ -99,13 +101,14 @@ impl<'t, 'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, T>
         }
     }
 
-    /// Waits for the result for at most `timeout`, serving meanwhile. After a timeout the ticket
-    /// can be waited for again: it asks for the same operation, and does not begin another one.
+    /// Waits for the result for at most `timeout`, and serves messages meanwhile. After a timeout,
+    /// call `wait` again to go on waiting for the same operation: no second one is begun.
     ///
     /// # Errors
-    /// Returns the error of the call that is named like the method that made the ticket if that fails;
-    /// [`Errno::INVAL`] if the result was returned before, or was displaced by that of another operation
-    /// that timed out.
+    /// Returns the errors of the operation if that fails: a ticket of
+    /// [`File::begin_read`](super::File::begin_read), for example, has those of
+    /// [`File::read`](super::File::read). Returns [`Errno::INVAL`] if the result was returned
+    /// before, or was replaced by the result of another operation that timed out.
     pub fn wait(&mut self, timeout: Duration) -> Result<T, FileError> {
         let until = self.system.station.now().after(timeout);
         match self.advance(Some(until)) {
@@ -115,8 +118,8 @@ impl<'t, 'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, T>
         }
     }
 
-    /// Returns the receipt by which [`FileSystem::ticket`] asks for the result, too; `None` before
-    /// the operation was begun.
+    /// Returns the receipt by which [`FileSystem::ticket`] can ask for the result; `None` if the
+    /// operation has not begun yet.
     #[must_use]
     pub const fn receipt(&self) -> Option<Receipt> {
         match self.ask {

@@ -92,7 +92,8 @@ thread_local! {
     static WORLD: RefCell<Option<World>> = const { RefCell::new(None) };
 }
 
-/// Serves the requests that the bytes describe.
+/// Tests a server with a hostile client: `bytes`, from the fuzzer, decide the requests and the
+/// other words in the client's memory.
 ///
 /// # Panics
 /// Panics if anything outside of the tree or of the client's window is read or written.

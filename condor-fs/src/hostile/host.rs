@@ -41,7 +41,8 @@ struct Hostile {
     next: usize,
 }
 
-/// Runs a client with the first half of the bytes, and its host with the second.
+/// Tests a client with a hostile host: the first half of `bytes` decides the calls of the client,
+/// and the second half the answers of the host.
 ///
 /// # Panics
 /// Panics if a call does not end, returns more than it was asked for, or writes outside of the client's area.

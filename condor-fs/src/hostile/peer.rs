@@ -10,19 +10,22 @@ use condor_mbox::{Allocator, Call, MemoryWindow, Messenger, Processor, Region};
 pub const HOST: Processor = Processor(0);
 pub const CLIENT: Processor = Processor(1);
 pub const FILES: usize = 3;
-/// The sizes in bytes of a path and of a file's buffer.
+/// The greatest length of a path of the client, in bytes.
 pub const PATH: u32 = 32;
+/// The size of the client's buffer for each file, in bytes.
 pub const BUFFER: u32 = 24;
 pub const TIMEOUT: Duration = Duration::from_millis(10);
 const BYTES: u32 = 2048;
 
-/// The users' region of the client's data.
+/// The shared memory of the client: the users' region of its `data`.
 pub type Own = Region<SimWindow>;
 pub type Fs = FileSystem<'static, SimMailbox<'static, 2>, SimWindow, FILES>;
-/// A function that answers the request in the slot at an offset, and returns the word of the reply.
+/// A function that answers requests in the place of a host. It gets the client's memory and the
+/// offset of the slot there, and returns the word of the reply.
 pub type Answer = Box<dyn FnMut(&Own, u32) -> u32 + Send>;
 
-/// Both processors. Runs use them one after the other, since mailboxes cannot be returned.
+/// A simulated client and its host. Many runs use a pair one after the other, because the memory of
+/// mailboxes is never freed.
 pub struct Pair {
     system: SimSystem<2>,
     answer: Arc<Mutex<Option<Answer>>>,
@@ -34,7 +37,8 @@ pub struct Pair {
 /// The pairs that no run uses.
 static IDLE: Mutex<Vec<&'static Pair>> = Mutex::new(Vec::new());
 
-/// Runs `program` with a client whose host answers with `answer`.
+/// Runs `program` with a client whose host answers every request by calling `answer`. Returns the
+/// result of `program`.
 pub fn run<R>(
     answer: impl FnMut(&Own, u32) -> u32 + Send + 'static,
     program: impl FnOnce(&Pair) -> R,
@@ -103,19 +107,20 @@ impl Pair {
         FileSystem::connect(self.client, HOST, self.own.clone(), self.area, TIMEOUT)
     }
 
-    /// Stops the host or lets it go on. Requests that are sent meanwhile are in doubt.
+    /// Stops the host if `stalled` is true; otherwise lets it go on. Requests to a stopped host end
+    /// in doubt.
     pub fn stall(&self, stalled: bool) {
         self.system.stall(HOST, stalled);
     }
 }
 
-/// Returns the request in a slot, if there is one.
+/// Returns the request in the slot at offset `slot` of `own`; `None` if no request is there.
 pub fn request(own: &Own, slot: u32) -> Option<wire::RequestSlot> {
     let words = std::array::from_fn(|n| own.word(slot + 4 * n as u32).unwrap());
     wire::RequestSlot::from_words(&words)
 }
 
-/// Writes the result of `request` to its slot.
+/// Writes `outcome`, a value or an error number, to the slot as the result of `request`.
 pub fn record(own: &Own, slot: u32, request: &wire::RequestSlot, outcome: Result<u64, u16>) {
     let [session, session_high] = wire::halves(request.session);
     let [sequence, sequence_high] = wire::halves(request.sequence);

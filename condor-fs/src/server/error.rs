@@ -7,7 +7,7 @@ use condor_mbox::AccessError;
 
 use crate::errno::Errno;
 
-/// The reason why a server cannot serve.
+/// The reason why a [`FileServer`](super::FileServer) could not start, or could not go on.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ServerError {
@@ -33,16 +33,15 @@ pub enum ServerError {
         /// The error of the operating system.
         source: io::Error,
     },
-    /// With the permissions for new files in the options, the server could not open again the files
-    /// that it makes.
+    /// A file that is made with the `file_mode` of the options could not be made, or could not be
+    /// opened again by the server itself.
     #[error("cannot serve {root:?} with mode {mode:o} for new files: {source}")]
     FileMode {
         /// The path of the tree.
         root: PathBuf,
-        /// The permissions.
+        /// The permissions for new files in the options.
         mode: u32,
-        /// The reason why such a file cannot be made, or be opened again for reading and
-        /// writing.
+        /// The reason why such a file cannot be made, or be opened again for reading and writing.
         source: io::Error,
     },
     /// The mailbox returned this error.

@@ -52,12 +52,15 @@ const MORE: Duration = Duration::from_millis(100);
 /// The time between two checks for the end of the service while the server has nothing to do.
 const LOOK: Duration = Duration::from_millis(250);
 
-/// A server of one directory tree, which it keeps locked.
+/// A file server: it serves one directory tree of the host to the clients
+/// ([`FileSystem`](crate::FileSystem)) on all processors. It locks the tree, so that a tree has one
+/// server at a time.
 ///
-/// It keeps no state that it cannot lose: it may be killed at any moment, and another one started.
-/// It has a directory of its own in the tree, `.condor-fs`, which no client sees.
+/// A server may be killed at any moment, and another one started: what the next server must know is
+/// in the memory of the clients and in a journal. A server has a directory of its own in the tree,
+/// `.condor-fs`, which no client sees.
 ///
-/// `S` is informed of every step, for tests; leave it out.
+/// `S` is for tests, which it informs of every [`Step`]; leave it out otherwise.
 pub struct FileServer<S: Steps = ()> {
     tree: Tree,
     options: ServerOptions,
@@ -82,24 +85,28 @@ struct Job<'j> {
 }
 
 impl FileServer {
-    /// Makes a server of the tree at `root`, a directory. Waits up to 1 s while another server has the tree: its
-    /// lock may outlive it by some milliseconds.
+    /// Makes a server for the directory tree at `root`, and locks the tree. Waits up to 1 s while
+    /// another server has the tree: the lock of a server that was killed lasts some milliseconds
+    /// longer than the server.
     ///
     /// # Errors
-    /// [`ServerError::Served`] if another running server has this tree for longer than that; [`ServerError::Journal`]
-    /// if its disk is full; [`ServerError::FileMode`] if the server could not open its own files with
-    /// the modes of `options`; [`ServerError::System`] if the operating system refuses, or if
-    /// something cannot be counted for the quota.
+    /// [`ServerError::Served`] if another server still has the tree after that time;
+    /// [`ServerError::Journal`] if the journal cannot be read, or the disk has no room for it;
+    /// [`ServerError::FileMode`] if the server could not open its own files with the modes of
+    /// `options`; [`ServerError::System`] if the operating system refuses an operation, or if the
+    /// size of a part of the tree cannot be counted for the quota.
     pub fn new(root: impl AsRef<Path>, options: ServerOptions) -> Result<Self, ServerError> {
         Self::with_steps(root, options, ())
     }
 }
 
 impl<S: Steps> FileServer<S> {
-    /// Makes a server as [`new`](FileServer::new) does, which informs `steps` of every step.
+    /// Makes a server as [`new`](FileServer::new) does, which calls `steps` at every step of an
+    /// operation. It is for tests, which kill the server in such a call.
     ///
     /// # Errors
-    /// [`ServerError`] in the same cases as for [`new`](FileServer::new).
+    /// [`ServerError`] if [`new`](FileServer::new) would fail: in the same cases, and with the same
+    /// variants.
     pub fn with_steps(
         root: impl AsRef<Path>,
         options: ServerOptions,
@@ -127,8 +134,8 @@ impl<S: Steps> FileServer<S> {
         })
     }
 
-    /// Finishes what a former server left undone, joins as the processor that `claim` names, and
-    /// serves until `stop` is set.
+    /// Finishes the operation that a former server left undone, joins as the processor whose number
+    /// `claim` holds, and serves clients until `stop` is set.
     ///
     /// # Errors
     /// [`ServerError::Mailbox`] if the mailbox fails; [`ServerError::Journal`] if the journal
@@ -143,8 +150,10 @@ impl<S: Steps> FileServer<S> {
         self.serve_at(number, &windows, doorbell, stop)
     }
 
-    /// Serves as [`serve`](Self::serve) does, as processor `number`, with the `windows` of all
-    /// processors by their numbers, and with another doorbell.
+    /// Serves as [`serve`](Self::serve) does, but with another doorbell than that of a claim.
+    ///
+    /// * `number`: the number of the server's processor, which the caller must hold.
+    /// * `windows`: the windows of all processors; the index is the processor's number.
     ///
     /// # Errors
     /// [`ServerError::Mailbox`] if the mailbox fails; [`ServerError::Journal`] if the journal
@@ -176,7 +185,10 @@ impl<S: Steps> FileServer<S> {
     }
 
     /// Finishes the operation during which the former server of this tree ended, if its client
-    /// still wants it. Call it before the mailbox joins; [`serve`](Self::serve) does so itself.
+    /// still wants it. `windows` are those of all processors; the index is the processor's number.
+    ///
+    /// A program that calls [`answer`](Self::answer) calls this once before its mailbox joins;
+    /// [`serve`](Self::serve) does so itself.
     ///
     /// # Errors
     /// [`ServerError::Journal`] if the journal cannot be read.
@@ -206,9 +218,11 @@ impl<S: Steps> FileServer<S> {
         }
     }
 
-    /// Answers a message to the vector [`wire::FILES`], and returns the reply. Call it in the
-    /// handler of a program that has its own mailbox. `windows` are those of all processors; the
-    /// index is the processor's number. Only one call may run at a time.
+    /// Answers one message to the vector [`wire::FILES`], and returns the word of the reply. Call
+    /// it in the handler of that vector, in a program that has its own mailbox and does not call
+    /// [`serve`](Self::serve). Only one call may run at a time.
+    ///
+    /// `windows` are those of all processors; the index is the processor's number.
     pub fn answer<const N: usize>(
         &self,
         call: &Call<'_>,

@@ -2,7 +2,8 @@
 
 use condor_mbox::{Processor, Waiting};
 
-/// The limits of a server, and the way in which it waits.
+/// The options of a [`FileServer`](super::FileServer): what clients may do, how much they may
+/// store, and how the server waits.
 ///
 /// ```
 /// # #[cfg(target_os = "linux")] {
@@ -14,27 +15,27 @@ use condor_mbox::{Processor, Waiting};
 /// ```
 #[derive(Clone, Copy, Debug)]
 pub struct ServerOptions {
-    /// Whether nothing in the tree can be changed; attempts get `EROFS`.
+    /// True if no client can change anything in the tree; attempts return `EROFS`.
     pub read_only: bool,
-    /// Processors for which nothing in the tree can be changed; attempts get `EROFS`. This protects
-    /// from programs that have errors. It stops a hostile processor only if that cannot write the
-    /// `data` of processors with more rights.
+    /// The processors that cannot change anything in the tree; their attempts return `EROFS`. This
+    /// protects the tree from programs with errors. It stops a hostile program only if that program
+    /// cannot write the `data` of processors with more rights.
     pub read_only_for: ProcessorSet,
-    /// Processors that are not served at all: they get `EACCES`. The limit for hostile processors
-    /// is that of [`read_only_for`](Self::read_only_for).
+    /// The processors that are not served at all: their requests return `EACCES`. It stops a
+    /// hostile program only under the condition that [`read_only_for`](Self::read_only_for) states.
     pub refused: ProcessorSet,
-    /// The greatest size to which a file may be written or truncated, in bytes; attempts beyond it get
-    /// `EFBIG`. `None` sets no limit.
+    /// The greatest size to which a file may be written or truncated, in bytes; attempts beyond it
+    /// return `EFBIG`. `None` sets no limit.
     pub max_file_bytes: Option<u64>,
-    /// The greatest sum of the sizes of all files of the tree, in bytes, plus 1024 for each name of a file
-    /// or directory; operations that would add more get `EDQUOT`. Files of the host's own programs count,
-    /// too. `None` sets no limit.
+    /// The greatest sum of the sizes of all files of the tree, in bytes, where each name of a file
+    /// or directory counts as 1024 bytes more. Operations that would exceed it return `EDQUOT`.
+    /// Files of the host's own programs count, too. `None` sets no limit.
     pub quota_bytes: Option<u64>,
-    /// The permissions of new files for which a client asks for none, less the process's umask. With
-    /// them the server must be able to
-    /// open the files again for reading and writing.
+    /// The permissions of a new file if the client asks for none, less the umask of the server's
+    /// process. The server itself must be able to open such a file again for reading and writing.
     pub file_mode: u32,
-    /// The permissions of new directories for which a client asks for none, less the process's umask.
+    /// The permissions of a new directory if the client asks for none, less the umask of the
+    /// server's process.
     pub directory_mode: u32,
     /// The number of runs of the server that may work on one request. If so many in a row were
     /// killed during it, the next run does not work on it: it answers `ECANCELED`, or success if
@@ -63,7 +64,7 @@ impl Default for ServerOptions {
     }
 }
 
-/// A set of processors.
+/// A set of processors, for options that concern only some of them.
 ///
 /// ```
 /// # #[cfg(target_os = "linux")] {
@@ -78,17 +79,17 @@ impl Default for ServerOptions {
 pub struct ProcessorSet([u64; 4]);
 
 impl ProcessorSet {
-    /// The empty set.
+    /// The set without any processor.
     pub const NONE: Self = Self([0; 4]);
 
-    /// Returns this set with one more processor.
+    /// Returns this set with `processor` added.
     #[must_use]
     pub const fn with(mut self, processor: Processor) -> Self {
         self.0[(processor.0 / 64) as usize] |= 1 << (processor.0 % 64);
         self
     }
 
-    /// Returns true if the set has `processor`.
+    /// Returns true if `processor` is in the set.
     #[must_use]
     pub const fn contains(self, processor: Processor) -> bool {
         self.0[(processor.0 / 64) as usize] >> (processor.0 % 64) & 1 != 0

@@ -2,8 +2,8 @@
 
 use crate::wire::Operation;
 
-/// A point in an operation at which a server may be killed, in the order in which they are reached.
-/// Not every operation has all of them.
+/// A point in an operation of a server, at which tests kill the server. The variants are in the
+/// order in which they are reached; not every operation reaches all of them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Step {
@@ -19,9 +19,9 @@ pub enum Step {
     Staged,
     /// A file was given its name, or a rename was done.
     Moved,
-    /// An open file was moved to the unique name.
+    /// A file that was unlinked or replaced while it was open was moved to a unique name.
     Aside,
-    /// The move to the unique name is recorded in the blocks.
+    /// The move to the unique name is recorded in the memory of the client.
     Marked,
     /// Part of the data was moved.
     Part,
@@ -48,8 +48,9 @@ impl Step {
     ];
 }
 
-/// A receiver of every step of a server, which continues only when the call returns. Tests kill the
-/// server in such a call. `()` does nothing, and costs nothing.
+/// A callback for tests, which a server calls at every [`Step`] of an operation. The server goes on
+/// when the call returns; a test can kill it in the call. `()` is a callback that does nothing, and
+/// costs nothing.
 pub trait Steps: Sync {
     /// Notes that `operation` has reached `step`.
     fn reached(&self, operation: Operation, step: Step);

@@ -1,18 +1,23 @@
-//! Messages that ask for the client's former request again, with what has changed: the server need
-//! not read the slot. These numbers are added to the slot's offset, which is a multiple of 64.
+//! Messages that describe a request by its difference from the client's former one, so that the
+//! server need not read the slot. The bits of this module are added to the slot's offset, which is a
+//! multiple of 64.
 
 use super::{Operation, RequestSlot, following};
 
-/// The bits of a message that are not the offset of a slot.
+/// The bits of a message to the server that are not part of the offset of the slot. They are not 0
+/// if the server need not read the slot, because the request differs little from the client's
+/// former one.
 pub const BITS: u32 = 63;
-/// The position is that of the former request.
+/// The bit of a message that says: the position is that of the former request.
 pub const SAME: u32 = 1;
-/// The position is behind the bytes that the former request has moved.
+/// The bit of a message that says: the position is behind the bytes that the former request has
+/// moved.
 pub const ONWARDS: u32 = 2;
 /// By how many bits the low bits of the sequence number are shifted.
 const SEQUENCE_SHIFT: u32 = 2;
 
-/// Returns true if `request` is for data, which alone can be asked for again.
+/// Returns true if `request` reads, writes or appends data: only such a request can be described by
+/// the bits of a message.
 #[must_use]
 pub fn is_possible(request: &RequestSlot) -> bool {
     matches!(
@@ -21,14 +26,16 @@ pub fn is_possible(request: &RequestSlot) -> bool {
     )
 }
 
-/// Returns true if there are messages with these bits beside the offset of a slot.
+/// Returns true if `bits` of a message describe a request: they have either [`SAME`] or
+/// [`ONWARDS`].
 #[must_use]
 pub const fn is_message(bits: u32) -> bool {
     matches!(bits & (SAME | ONWARDS), SAME | ONWARDS)
 }
 
-/// Returns the bits of a message for `request`, which follows `former`, whose answer had
-/// `value`. They are 0 if the server must read the slot.
+/// Returns the bits of a message that describe `request` by its difference from `former`, the
+/// client's request before it, whose answer was `value`. Returns 0 if bits cannot describe it, so
+/// that the server must read the slot.
 #[must_use]
 pub fn bits(former: &RequestSlot, value: u64, request: &RequestSlot) -> u32 {
     let how = if request.position == former.position {
@@ -43,8 +50,9 @@ pub fn bits(former: &RequestSlot, value: u64, request: &RequestSlot) -> u32 {
     }
 }
 
-/// Returns the request that follows `former`, whose answer had `value`, if a message has these
-/// bits; `None` if it follows another request, or if there is no such message.
+/// Returns the request that `bits` of a message describe, where `former` is the client's request
+/// before it, whose answer was `value`. Returns `None` if the bits belong to another sequence
+/// number, or describe no request.
 #[must_use]
 pub fn next(former: &RequestSlot, value: u32, bits: u32) -> Option<RequestSlot> {
     let sequence = following(former.sequence);

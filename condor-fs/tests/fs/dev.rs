@@ -250,8 +250,8 @@ fn what_is_printed_is_a_file_of_the_host() {
     let _supervisor = Supervisor::start(&system, disk.path(), None, "");
     let mut claim = system.claim(CLIENT).unwrap();
     let own = condor_mbox::Region::users(claim.windows()[CLIENT.index()].data.clone()).unwrap();
-    let mut places = claim.places().unwrap();
-    let area = condor_fs::Area::<FILES>::new(&mut places, 300, 4096).unwrap();
+    let mut allocator = claim.places().unwrap();
+    let area = condor_fs::Area::<FILES>::new(&mut allocator, 300, 4096).unwrap();
     let handler = Box::leak(Box::new(area.handler()));
     let mut mail = claim.mailbox().unwrap();
     let vector = condor_fs::wire::OPEN_FILES;

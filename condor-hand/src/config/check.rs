@@ -12,7 +12,10 @@ use place::{Examiner, Root};
 use super::{Hand, Mistake};
 
 impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
-    /// Checks whether a controller can be made of this hand.
+    /// Checks that a controller can be made from this hand.
+    ///
+    /// Call it for a hand that was made or changed in code. `from_toml` (feature `text`) and
+    /// [`from_image`](Self::from_image) have called it already.
     ///
     /// # Errors
     /// Returns the first [`Mistake`] if the hand has one, in this order: the processors, each finger, the

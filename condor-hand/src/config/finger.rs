@@ -6,7 +6,8 @@ use super::{InputChannel, Limits, OutputChannel, Rotation, ShortName};
 use crate::Pose;
 use crate::tendon::{Rectification, TensionGains};
 
-/// A finger: a serial mechanism whose joints are pulled by pairs of tendons.
+/// The configuration of one finger: a serial mechanism in which a pair of tendons, a flexor and an
+/// extensor, pulls each joint.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Finger<const JOINTS: usize> {
@@ -14,7 +15,7 @@ pub struct Finger<const JOINTS: usize> {
     pub name: ShortName,
     /// The base of the finger in the palm.
     pub base: Placement,
-    /// The form of its mechanism.
+    /// The form of the finger's mechanism.
     pub form: Form,
     /// The tactile sensor of its fingertip; `None` if there is none.
     pub touch: Option<Touch>,
@@ -22,7 +23,8 @@ pub struct Finger<const JOINTS: usize> {
     pub joints: Vec<Joint<JOINTS>, JOINTS>,
 }
 
-/// The position and the axes of a frame, in the frame around it.
+/// The position and the axes of a frame relative to a parent frame, as the configuration file has
+/// them. The base of a finger, for example, is placed in the frame of the palm.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Placement {
@@ -34,7 +36,7 @@ pub struct Placement {
     pub rotation: Rotation,
 }
 
-/// The mechanism of a finger.
+/// The geometry of a finger: the standard planar finger, or any chain of joints.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase", deny_unknown_fields)]
 pub enum Form {
@@ -51,7 +53,7 @@ pub enum Form {
     },
 }
 
-/// The tactile sensor of a fingertip.
+/// The configuration of the tactile sensor of a fingertip.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Touch {
@@ -61,13 +63,13 @@ pub struct Touch {
     pub contact_n: f64,
 }
 
-/// A joint with its link, its servo and its two tendons.
+/// The configuration of one joint: its link, its servo, its position sensor and its two tendons.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Joint<const JOINTS: usize> {
     /// The name of the joint.
     pub name: ShortName,
-    /// The number of the processor that serves it.
+    /// The number of the processor that serves the joint.
     pub processor: u8,
     /// Its place on the link before it, and its motion; `None` in a planar finger, whose form says
     /// both.
@@ -97,21 +99,23 @@ pub struct Joint<const JOINTS: usize> {
     pub crosses: Vec<Crossing, JOINTS>,
 }
 
-/// The place of a joint on the link before it, and its motion.
+/// The place of a joint on the link before it, and the way in which the joint moves. Only fingers
+/// of the form [`Form::Chain`] have mounts.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Mount {
     /// The position of the joint's frame at its zero, m.
     #[serde(default)]
     pub position: [f64; 3],
-    /// The axes of that frame.
+    /// The axes of the joint's frame at its zero.
     #[serde(default)]
     pub rotation: Rotation,
     /// The motion of the joint.
     pub motion: JointMotion,
 }
 
-/// The motion of a joint; the axes are unit vectors in the joint's own frame.
+/// The motion of a joint: a rotation or a slide. The axis is a unit vector in the joint's own
+/// frame.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum JointMotion {
@@ -121,7 +125,7 @@ pub enum JointMotion {
     Prismatic([f64; 3]),
 }
 
-/// The rigid body of a link, in the frame of its joint.
+/// The mass and the inertia of a link, in the frame of the joint that moves the link.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LinkBody {
@@ -133,7 +137,7 @@ pub struct LinkBody {
     pub shape: Shape,
 }
 
-/// The distribution of mass about its centre, along the axes of the link.
+/// The distribution of a link's mass about the centre of mass, along the axes of the link's frame.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase", deny_unknown_fields)]
 pub enum Shape {
@@ -149,11 +153,11 @@ pub enum Shape {
     },
 }
 
-/// Gains and filters of a joint's servo.
+/// The gains and filters of the servo that holds a joint at its set-point.
 ///
 /// Units are those of a rotating joint; for a sliding joint read N for N m and m for rad. The main
-/// gain of the law, `kp` or `bandwidth_hz`, must be above zero; values that the law does not use
-/// may be left out.
+/// gain of the law (`kp` of the law `pd`, `bandwidth_hz` of the law `decoupled`) must be above
+/// zero. Values that the law does not use may be left out.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct JointServo {
@@ -186,7 +190,7 @@ pub struct JointServo {
     pub velocity_cutoff_hz: f64,
 }
 
-/// The law of a joint in position mode.
+/// The control law of a joint in position mode.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum ServoLaw {
@@ -197,11 +201,13 @@ pub enum ServoLaw {
     Decoupled,
 }
 
-/// Virtual springs and dampers before the limits of a joint, which adapt to the inertia of the
-/// joint there.
+/// A virtual spring and damper before each limit of a joint, so that the joint does not reach its
+/// mechanical stop.
 ///
-/// In each zone the servo pushes the joint inwards, as a spring would on which the free joint
-/// swings with this bandwidth. Joints rest between the zones: [`Joint::rest_range`].
+/// The zone before a limit has the width `zone`. In it the servo pushes the joint back inwards. The
+/// stiffness of the spring follows from `bandwidth_hz` and the joint's present inertia: a free
+/// joint would swing on the spring at that frequency. Joints rest only between the zones, in
+/// [`Joint::rest_range`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SoftStopSettings {
@@ -214,7 +220,8 @@ pub struct SoftStopSettings {
     pub damping_ratio: f64,
 }
 
-/// The resistance to the motion of a joint, apart from its links.
+/// The friction of a joint, and the inertia of its drive; the inertia of the links is in
+/// [`LinkBody`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct JointFriction {
@@ -235,7 +242,8 @@ pub struct JointFriction {
     pub tendon: f64,
 }
 
-/// A tendon with its sensor and its actuator.
+/// The configuration of one tendon: its tension sensor, its actuator, its moment arm and its
+/// limits.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Tendon {
@@ -262,7 +270,8 @@ pub struct Tendon {
     pub gains: TensionGains<f64>,
 }
 
-/// A joint that the tendons of a more distal joint cross.
+/// The moment arms that the two tendons of a joint have at another, more proximal joint, which they
+/// cross on their way.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Crossing {
@@ -275,7 +284,8 @@ pub struct Crossing {
 }
 
 impl Placement {
-    /// Returns the pose of the frame in the frame around it.
+    /// Returns the same placement as a [`Pose`]: rotation matrix and origin (m) in the parent
+    /// frame.
     #[must_use]
     pub fn pose(&self) -> Pose {
         Pose {
@@ -286,7 +296,8 @@ impl Placement {
 }
 
 impl Mount {
-    /// Returns the pose of the joint's frame at its zero, in the frame of the link before it.
+    /// Returns the pose of the joint's frame in the frame of the link before it, while the joint is
+    /// at zero.
     #[must_use]
     pub fn placement(&self) -> Pose {
         Pose {

@@ -3,16 +3,17 @@ use serde::{Deserialize, Serialize};
 
 use super::{Finger, InputChannel, Limits, OutputChannel, ShortName};
 
-/// The greatest number of processors of a hand.
+/// The greatest number of processors that the configuration of a hand can have.
 pub const PROCESSORS: usize = 16;
 
-/// A hand: its fingers, the processors that serve them, and every number that a controller needs.
+/// The whole configuration of a hand: its fingers, the processors that serve them, and every number
+/// that a controller needs.
 ///
-/// `FINGERS` and `JOINTS` are the greatest numbers of fingers, and of joints of a finger. A hand
-/// may have fewer.
+/// `FINGERS` is the greatest number of fingers, and `JOINTS` the greatest number of joints of a
+/// finger. A hand may have fewer.
 ///
-/// [`check`](Self::check) a value that was made or changed in code; the readers of text and of
-/// images have called it already.
+/// Call [`check`](Self::check) after you have made or changed a hand in code. Hands that were read
+/// from text or from an image are checked already.
 ///
 /// ```
 /// use condor_hand::config::Hand;
@@ -56,11 +57,11 @@ fn transition_s() -> f64 {
     0.1
 }
 
-/// A processor that runs a loop of the hand's control, with the time that its loop takes.
+/// A processor that runs one loop of the hand's control, with the run time of that loop.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ControlProcessor {
-    /// Its number, by which joints and axes name it.
+    /// The number of the processor, by which joints and axes name it.
     pub number: u8,
     /// The kind of its work.
     pub kind: ProcessorKind,
@@ -75,7 +76,7 @@ pub struct ControlProcessor {
     pub budget: f64,
 }
 
-/// The kind of a processor's work.
+/// The work that the control loop of a processor does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum ProcessorKind {
@@ -87,7 +88,7 @@ pub enum ProcessorKind {
     Master,
 }
 
-/// The table that carries the hand: up to three sliding axes that move the palm.
+/// The configuration of the table: up to three sliding axes that carry the hand and move its palm.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TableSettings {
@@ -95,7 +96,7 @@ pub struct TableSettings {
     pub axes: Vec<Axis, 3>,
 }
 
-/// One prismatic axis of a table.
+/// The configuration of one sliding axis of a table.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Axis {
@@ -103,7 +104,7 @@ pub struct Axis {
     pub name: ShortName,
     /// The unit vector along which it moves the palm, in the palm's axes.
     pub direction: [f64; 3],
-    /// The processor that serves it.
+    /// The number of the processor that serves the axis.
     pub processor: u8,
     /// The sensor of its position, m.
     pub adc: InputChannel,
@@ -125,7 +126,7 @@ pub struct Axis {
     pub servo: AxisServoSettings,
 }
 
-/// Gains and filters of the servo of an axis.
+/// The gains and filters of the servo of a table axis.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct AxisServoSettings {
@@ -143,7 +144,8 @@ pub struct AxisServoSettings {
     pub velocity_cutoff_hz: f64,
 }
 
-/// The surface that fingertips are expected to touch.
+/// The surface of objects that the fingertips are expected to touch. A grasp uses it to compute how
+/// hard to squeeze.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ContactSurface {
@@ -153,7 +155,8 @@ pub struct ContactSurface {
     pub safety: f64,
 }
 
-/// The conditions of faults, and the reaction to one.
+/// The conditions that count as faults of a finger, and the time in which its tensions go down
+/// after a fault.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FaultPolicy {

@@ -36,9 +36,11 @@ pub enum HandImageError {
 }
 
 impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
-    /// Writes the image of the hand to the front of `buffer`, and returns its length in bytes.
+    /// Writes the image of the hand, which [`from_image`](Self::from_image) reads, to the front of `buffer`. Returns
+    /// the length of the image in bytes.
     ///
-    /// The image of a hand does not depend on the capacities of its type.
+    /// The image does not depend on `FINGERS` and `JOINTS`: a program with other capacities can read it if they are
+    /// large enough.
     ///
     /// # Errors
     /// * [`Mistake`](HandImageError::Mistake) if the hand breaks a rule.
@@ -55,7 +57,8 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
         Ok(HEADER_BYTES + body.len())
     }
 
-    /// Reads a hand from exactly the bytes of its image, and checks it again.
+    /// Reads a hand from an image that [`to_image`](Self::to_image) wrote, and checks the hand again. `image` must be
+    /// exactly the bytes of the image, without any after them.
     ///
     /// # Errors
     /// [`HandImageError::Header`] if the bytes are no image of a hand, [`HandImageError::Capacity`] if the

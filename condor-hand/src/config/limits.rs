@@ -3,7 +3,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::trajectory;
 
-/// The limits of the position and the motion of a joint or an axis: rad, or m for sliding ones.
+/// The configured limits of the position, velocity and acceleration of a joint or an axis.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Limits {
@@ -18,7 +18,8 @@ pub struct Limits {
 }
 
 impl Limits {
-    /// Returns the limits of a trajectory with this jerk to both sides, rad/s³ or m/s³.
+    /// Returns these limits as those of a trajectory, with `jerk` (rad/s³ or m/s³) as the greatest
+    /// jerk in both directions.
     #[must_use]
     pub const fn with_jerk(&self, jerk: f64) -> trajectory::ProfileLimits<f64> {
         trajectory::ProfileLimits {
@@ -31,9 +32,11 @@ impl Limits {
     }
 }
 
-/// The limits of the joints of a finger: rad, rad/s, rad/s², or in m for what slides.
+/// The limits of all joints of a finger, as vectors: rad, rad/s and rad/s², or m, m/s and m/s² for
+/// sliding joints.
 ///
-/// The vectors have an element for each of `JOINTS` joints; elements without a joint are zero.
+/// Element *i* belongs to joint *i*. If the finger has fewer than `JOINTS` joints, the remaining
+/// elements are zero.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MotionLimits<const JOINTS: usize> {
     /// The lowest position of each joint.

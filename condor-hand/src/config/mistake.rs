@@ -6,10 +6,12 @@ use super::{Channel, Converter, ProcessorKind, ShortName};
 use crate::Requirement;
 use crate::decimal::Decimal;
 
-/// The path to a value within its owner, such as `flexor.gains.kt`.
+/// The path to a value within the part of the hand that has it, such as `flexor.gains.kt` in a
+/// joint.
 pub type MistakeField = heapless::String<39, u8>;
 
-/// The part of a hand to which a value belongs.
+/// The part of a hand (finger, joint, axis, processor or the hand itself) in which a [`Mistake`]
+/// was found.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum MistakeOwner {
     /// The hand as a whole.
@@ -29,7 +31,7 @@ pub enum MistakeOwner {
     },
 }
 
-/// The place of a value, or of a thing as a whole.
+/// The place of a [`Mistake`]: a part of the hand, and the path to a value in that part.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct MistakePlace {
     /// The owner of the value.
@@ -38,7 +40,7 @@ pub struct MistakePlace {
     pub field: MistakeField,
 }
 
-/// A rule that a hand breaks.
+/// The report that a hand breaks a rule: the place of the wrong value, and the rule.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[error("{place} {problem}")]
 pub struct Mistake {
@@ -48,7 +50,7 @@ pub struct Mistake {
     pub problem: Problem,
 }
 
-/// The rule that a value of a hand breaks.
+/// The rule that a value of a hand breaks, as a [`Mistake`] reports it.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum Problem {

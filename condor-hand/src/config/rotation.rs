@@ -3,7 +3,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::rotation_about;
 
-/// The axes of a frame, in the form that is most convenient to write.
+/// The orientation of a frame relative to its parent frame, in whichever of four notations is
+/// easiest to write in the configuration file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase", deny_unknown_fields)]
 pub enum Rotation {
@@ -24,7 +25,8 @@ pub enum Rotation {
 }
 
 impl Rotation {
-    /// Returns the rotation matrix.
+    /// Returns the same rotation as a matrix, whose columns are the axes of the frame in the parent
+    /// frame.
     #[must_use]
     pub fn matrix(&self) -> Matrix3<f64> {
         match *self {

@@ -11,9 +11,9 @@ use super::Hand;
 use super::check::Path;
 
 impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
-    /// Reads a hand from TOML and checks it.
+    /// Reads a hand from the TOML text of a configuration file, and checks the hand.
     ///
-    /// `file` is the name in error messages; no file is opened.
+    /// `file` is the name to show in error messages; no file is opened.
     ///
     /// # Errors
     /// Returns an error with the line and column of the first problem if the text is not TOML, lacks a value,
@@ -23,8 +23,8 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
         read(text.parse()?).map_err(|fault| text.error(fault))
     }
 
-    /// Prints the hand as TOML, with all values written out; [`from_toml`](Self::from_toml) reads
-    /// the same hand.
+    /// Returns the hand as TOML text with all values written out, also those that have defaults.
+    /// [`from_toml`](Self::from_toml) reads the same hand from it.
     ///
     /// # Errors
     /// Returns the error of the TOML serializer if it fails. No such case is known: TOML has a form for every

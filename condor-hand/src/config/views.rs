@@ -14,7 +14,7 @@ use crate::tendon::{ArmError, MomentArms, Pair, TendonPairs};
 use crate::trajectory::{self, Primitive, Target};
 
 impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
-    /// Returns the processor of this number; `None` if there is none.
+    /// Returns the processor with this number; `None` if the hand has no such processor.
     #[must_use]
     pub fn processor(&self, number: u8) -> Option<&ControlProcessor> {
         self.processors
@@ -22,7 +22,8 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
             .find(|processor| processor.number == number)
     }
 
-    /// Returns the rate of a processor's loop, Hz.
+    /// Returns the rate of a processor's loop, Hz: its own `rate_hz`, or else the rate that the
+    /// hand has for processors of that kind.
     #[must_use]
     pub fn rate_hz(&self, processor: &ControlProcessor) -> u32 {
         processor.rate_hz.unwrap_or(match processor.kind {
@@ -31,7 +32,8 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
         })
     }
 
-    /// Returns the rate of a finger's servos, Hz, which is that of its processor's loop.
+    /// Returns the rate of a finger's servos, Hz. It is the rate of the processor that serves the
+    /// finger; without one it is the hand's `servo_hz`.
     #[must_use]
     pub fn servo_rate_hz(&self, finger: &Finger<JOINTS>) -> u32 {
         finger
@@ -40,14 +42,15 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
             .map_or(self.servo_hz, |processor| self.rate_hz(processor))
     }
 
-    /// Iterates over the fingers that a processor serves, with their indices.
+    /// Iterates over the fingers that processor `number` serves. Each item is the index of the
+    /// finger in [`Hand::fingers`], and the finger.
     pub fn fingers_on(&self, number: u8) -> impl Iterator<Item = (usize, &Finger<JOINTS>)> {
         let fingers = self.fingers.iter().enumerate();
         fingers.filter(move |(_, finger)| finger.processor() == Some(number))
     }
 
-    /// Returns the fraction of a processor's time that its loop takes: its rate times the run time
-    /// of the loop and of all joints or axes that it serves.
+    /// Returns the fraction of a processor's time that its loop takes, where 1 is all of the time:
+    /// the rate of the loop times its run time with all joints and axes that the processor serves.
     #[must_use]
     pub fn load(&self, processor: &ControlProcessor) -> f64 {
         let joints = self.fingers.iter().flat_map(|finger| &finger.joints);
@@ -63,7 +66,8 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
         f64::from(self.rate_hz(processor)) * time_us * 1e-6
     }
 
-    /// Iterates over all channels that have a wire, with the other ends of the wires.
+    /// Iterates over all converter channels to which the hand is wired, each with the sensor or
+    /// actuator at the other end of its wire.
     pub fn wires(&self) -> impl Iterator<Item = (Channel, Wire)> {
         let fingers = self.fingers.iter().enumerate().flat_map(|(finger, entry)| {
             let touch = entry.touch.iter();
@@ -94,7 +98,8 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
         }))
     }
 
-    /// Returns the other end of the wire at `channel`; `None` if the channel has no wire.
+    /// Returns the sensor or actuator that is wired to `channel`; `None` if the channel has no
+    /// wire.
     #[must_use]
     pub fn wire(&self, channel: Channel) -> Option<Wire> {
         let mut wires = self.wires();
@@ -103,14 +108,15 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
             .map(|(_, wire)| wire)
     }
 
-    /// Returns the A/D channel and calibration of `wire`; `None` if the hand does not have it.
+    /// Returns the A/D channel and the calibration of the sensor that `wire` names; `None` if the
+    /// hand does not have that sensor.
     #[must_use]
     pub fn input(&self, wire: Wire) -> Option<&InputChannel> {
         self.converters(wire).map(|(input, _)| input)
     }
 
-    /// Returns the D/A channel and calibration of `wire`; `None` for a wire that is only a sensor's,
-    /// or if the hand does not have the wire.
+    /// Returns the D/A channel and the calibration of the actuator that `wire` names; `None` if `wire` names only a
+    /// sensor, or if the hand does not have that wire.
     #[must_use]
     pub fn output(&self, wire: Wire) -> Option<&OutputChannel> {
         self.converters(wire)?.1
@@ -129,8 +135,9 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
         })
     }
 
-    /// Iterates over the limits that the trajectories of all joints keep, in the order of the fingers. The
-    /// jerk is as much as one tick of the trajectories changes the acceleration.
+    /// Iterates over the limits that trajectories must keep, one item per joint: first the joints of finger 0, then
+    /// those of finger 1, and so on. The limit of jerk lets the acceleration grow from zero to its limit within one
+    /// tick of the trajectories.
     pub fn trajectory_limits(&self) -> impl Iterator<Item = trajectory::ProfileLimits<f64>> {
         let rate_hz = f64::from(self.trajectory_hz);
         let joints = self.fingers.iter().flat_map(|finger| &finger.joints);
@@ -140,8 +147,10 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
         })
     }
 
-    /// Changes targets within the zone of a stop, where no joint can rest, to the end of the zone. Joints
-    /// are in the order of the fingers.
+    /// Moves absolute targets of `motion` that lie in the zone of a soft stop, where no joint can rest, to the inner
+    /// end of the zone. Relative targets, and targets outside of a joint's limits, stay as they are.
+    ///
+    /// The joints of `motion` are in the order of the fingers: first all joints of finger 0.
     pub fn rest_between_stops<const J: usize>(&self, motion: &mut Primitive<J>) {
         let joints = self.fingers.iter().flat_map(|finger| &finger.joints);
         for (joint, target) in joints.zip(&mut motion.targets) {
@@ -154,7 +163,8 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
         }
     }
 
-    /// Returns a joint by the index of its finger and its own index; `None` if there is none.
+    /// Returns joint number `joint` of finger number `finger`, both counted from 0; `None` if the
+    /// hand does not have that joint.
     #[must_use]
     pub fn joint(&self, finger: usize, joint: usize) -> Option<&Joint<JOINTS>> {
         self.fingers.get(finger)?.joints.get(joint)
@@ -169,13 +179,14 @@ impl<const JOINTS: usize> Finger<JOINTS> {
         self.joints.first().map(|joint| joint.processor)
     }
 
-    /// Calls `number` for each joint and returns the results; elements without a joint are zero.
+    /// Returns a vector whose element *i* is the result of `number` for joint *i*; elements without
+    /// a joint are zero.
     #[must_use]
     pub fn each(&self, number: impl Fn(&Joint<JOINTS>) -> f64) -> SVector<f64, JOINTS> {
         SVector::from_fn(|row, _| self.joints.get(row).map_or(0.0, &number))
     }
 
-    /// Returns the limits of the joints' positions and motions.
+    /// Returns the limits of the positions, velocities and accelerations of all joints, as vectors.
     #[must_use]
     pub fn limits(&self) -> MotionLimits<JOINTS> {
         MotionLimits {
@@ -186,10 +197,10 @@ impl<const JOINTS: usize> Finger<JOINTS> {
         }
     }
 
-    /// Returns the moment arms of the tendons.
+    /// Returns the moment arms of the finger's tendons, as the servos need them.
     ///
-    /// If the finger has fewer than `JOINTS` joints, the missing ones have tendons with arms of 1 m
-    /// that cross nothing, so zero torque there is zero tension.
+    /// If the finger has fewer than `JOINTS` joints, each missing joint gets two tendons with arms
+    /// of 1 m that cross no other joint. So zero torque at such a joint needs zero tension.
     ///
     /// # Errors
     /// [`ArmError`] for arms that [`Hand::check`] would have refused.
@@ -222,8 +233,8 @@ impl<const JOINTS: usize> Finger<JOINTS> {
         MomentArms::new(rows)
     }
 
-    /// Returns the closed form of a planar finger; `None` for another form, and for a finger that
-    /// does not have four joints.
+    /// Returns the closed-form model of a finger of the form [`Form::Planar`]. Returns `None` for
+    /// another form, or if the finger does not have exactly four joints.
     #[must_use]
     pub fn planar(&self) -> Option<PlanarFinger> {
         let Form::Planar { lengths } = self.form else {
@@ -246,8 +257,8 @@ impl<const JOINTS: usize> Finger<JOINTS> {
         })
     }
 
-    /// Returns the finger as a chain. If it has fewer than `JOINTS` joints, the missing ones are
-    /// fixed and have no body.
+    /// Returns the model of the finger as a general chain of joints, for kinematics and dynamics.
+    /// If the finger has fewer than `JOINTS` joints, the missing ones are fixed and have no mass.
     #[must_use]
     pub fn chain(&self) -> Chain<f64, JOINTS> {
         let mut start = 0.0;
@@ -293,7 +304,9 @@ impl<const JOINTS: usize> Finger<JOINTS> {
 }
 
 impl<const JOINTS: usize> Joint<JOINTS> {
-    /// Returns the least and the largest tension that both tendons can have, N.
+    /// Returns the range of tensions that are possible for both tendons of the joint,
+    /// `(least, largest)` in N: from the greater of the two minima to the smaller of the two
+    /// maxima.
     #[must_use]
     pub fn tension_range(&self) -> (f64, f64) {
         (
@@ -302,7 +315,8 @@ impl<const JOINTS: usize> Joint<JOINTS> {
         )
     }
 
-    /// Returns the range in which the joint can rest, between the zones of its stops, rad.
+    /// Returns the range of positions at which the joint can rest, `(lowest, highest)` in rad: its
+    /// limits without the zones of its soft stops.
     #[must_use]
     pub fn rest_range(&self) -> (f64, f64) {
         let zone = self.stop.zone;
@@ -342,7 +356,8 @@ impl Tendon {
 }
 
 impl LinkBody {
-    /// Returns the body with its mass, its centre and its inertia matrix.
+    /// Returns the mass (kg), the centre of mass (m) and the inertia matrix (kg m²) of the link, as
+    /// the model of a chain needs them.
     #[must_use]
     pub fn rigid_body(&self) -> kinematics::ChainBody {
         kinematics::ChainBody {

@@ -4,8 +4,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::math::{clamp, round};
 
-/// A channel of an analogue-to-digital converter, with its calibration:
-/// `value = gain * counts + offset`, with counts from 0 to 2^bits - 1.
+/// A channel of an analogue-to-digital converter, with the calibration of its sensor:
+/// `value = gain * counts + offset`, where counts go from 0 to 2^bits - 1.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct InputChannel {
@@ -22,7 +22,7 @@ pub struct InputChannel {
     pub offset: f64,
 }
 
-/// A channel of a digital-to-analogue converter, with its calibration:
+/// A channel of a digital-to-analogue converter, with the calibration of its actuator:
 /// `counts = round(gain * value + offset)`, limited to 0 to 2^bits - 1.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -41,7 +41,7 @@ pub struct OutputChannel {
     pub offset: f64,
 }
 
-/// The direction of a converter.
+/// The direction of a converter: A/D for sensors, D/A for actuators.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Converter {
     /// Analogue to digital: a sensor.
@@ -59,10 +59,10 @@ impl fmt::Display for Converter {
     }
 }
 
-/// The channel of a board at which a wire ends.
+/// A channel of a converter board, to which one sensor or actuator is wired.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Channel {
-    /// The direction of the board.
+    /// The kind of the board: A/D or D/A.
     pub converter: Converter,
     /// The number of the board; the boards of each direction are numbered separately.
     pub board: u8,
@@ -70,7 +70,8 @@ pub struct Channel {
     pub channel: u8,
 }
 
-/// The other end of a wire, by the indices of the configuration.
+/// The sensor or actuator at the other end of a wire from a converter, by the indices of its finger
+/// and joint in the configuration, from 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Wire {
     /// The position of a joint.
@@ -108,7 +109,7 @@ pub enum Wire {
 }
 
 impl InputChannel {
-    /// Returns the channel of its wire.
+    /// Returns board and channel number of this input, without its calibration.
     #[must_use]
     pub const fn channel(&self) -> Channel {
         Channel {
@@ -118,14 +119,15 @@ impl InputChannel {
         }
     }
 
-    /// Returns the value (rad, N or m) of a number of counts.
+    /// Returns the measured value (rad, N or m) that a reading of `counts` means.
     #[inline]
     #[must_use]
     pub fn value(&self, counts: u32) -> f64 {
         self.gain * f64::from(counts) + self.offset
     }
 
-    /// Returns the counts for a value: the nearest that the converter has, and 0 for a NaN.
+    /// Returns the reading that the converter shows for a true `value` (rad, N or m): the nearest
+    /// number of counts in its range, and 0 for a NaN.
     #[must_use]
     pub fn counts(&self, value: f64) -> u32 {
         whole(self.exact_counts(value), self.full_scale())
@@ -136,7 +138,7 @@ impl InputChannel {
         (value - self.offset) / self.gain
     }
 
-    /// Returns the largest number of counts.
+    /// Returns the largest reading of the converter, in counts: 2^bits - 1.
     #[must_use]
     pub const fn full_scale(&self) -> u32 {
         full_scale(self.bits)
@@ -144,7 +146,7 @@ impl InputChannel {
 }
 
 impl OutputChannel {
-    /// Returns the channel of its wire.
+    /// Returns board and channel number of this output, without its calibration.
     #[must_use]
     pub const fn channel(&self) -> Channel {
         Channel {
@@ -154,8 +156,9 @@ impl OutputChannel {
         }
     }
 
-    /// Returns the counts for a value, within the range of the converter. For a NaN it returns
-    /// those of zero, since zero counts may be the full force of the drive.
+    /// Returns the counts to write for a command of `value` (N), limited to the range of the
+    /// converter. A NaN counts as a command of 0 N, and not as 0 counts, which can mean the full
+    /// force of a drive.
     #[inline]
     #[must_use]
     pub fn counts(&self, value: f64) -> u32 {
@@ -163,13 +166,14 @@ impl OutputChannel {
         whole(self.gain * value + self.offset, self.full_scale())
     }
 
-    /// Returns the value for a number of counts, which is the command of a simulated drive.
+    /// Returns the command (N) that `counts` mean. A simulated drive uses it to read back what a
+    /// controller wrote.
     #[must_use]
     pub fn value(&self, counts: u32) -> f64 {
         (f64::from(counts) - self.offset) / self.gain
     }
 
-    /// Returns the largest number of counts.
+    /// Returns the largest number of counts that can be written: 2^bits - 1.
     #[must_use]
     pub const fn full_scale(&self) -> u32 {
         full_scale(self.bits)

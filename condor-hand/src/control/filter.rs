@@ -35,8 +35,8 @@ fn lag<T: Real>(relative: f64) -> T {
     real(1.0 - exp(-core::f64::consts::TAU * relative))
 }
 
-/// First-order low-pass filters of L signals, `y += alpha (x - y)`; where there is none, the signal
-/// passes as it is.
+/// First-order low-pass filters for `L` signals side by side: `y += alpha (x - y)` in every sample,
+/// with the sample x and the output y. A signal whose cutoff is `None` is not filtered.
 #[derive(Clone, Copy, Debug)]
 pub struct LowPass<T: Real, const L: usize> {
     alpha: [T; L],
@@ -49,8 +49,11 @@ pub struct LowPass<T: Real, const L: usize> {
 }
 
 impl<T: Real, const L: usize> LowPass<T, L> {
-    /// Makes the filters whose step responses at the samples are those of analog filters with these
-    /// cutoffs, Hz.
+    /// Makes one filter for each signal, with its cutoff in Hz, or `None` to pass the signal
+    /// unchanged. `sample_hz` is the number of calls of [`update`](Self::update) per second.
+    ///
+    /// After a step of the input, the output has at every sample the value that an analog
+    /// first-order filter would have.
     ///
     /// # Errors
     /// [`NumberError`] if a cutoff is outside of 0..`sample_hz / 2`, or the sample rate is not
@@ -73,7 +76,8 @@ impl<T: Real, const L: usize> LowPass<T, L> {
         })
     }
 
-    /// Returns the outputs for the next samples.
+    /// Takes the next sample of each signal, and returns the filtered signals. A sample that is not
+    /// finite is ignored: the last output of its filter is repeated.
     #[inline(always)]
     pub fn update(&mut self, samples: &[T; L]) -> [T; L] {
         if self.count == 0 {
@@ -124,11 +128,11 @@ impl<T: Real, const L: usize> LowPass<T, L> {
     }
 }
 
-/// The rates of L sampled signals, per second, through first-order low-pass filters: "dirty"
-/// derivatives.
+/// The rates of change of `L` sampled signals, per second. Each rate is smoothed by a first-order low-pass filter (a
+/// "dirty derivative").
 ///
-/// The rate of a ramp is exact once the filter has settled. The first sample yields zero. After samples that
-/// were not finite, the difference is taken over the time that has passed.
+/// For a ramp the rate is exact once the filter has settled. The first sample yields zero. Samples that are not finite
+/// leave the rate as it is; the next finite sample is compared with the last finite one, over the time between the two.
 #[derive(Clone, Copy, Debug)]
 pub struct Derivative<T: Real, const L: usize> {
     alpha: [T; L],
@@ -143,7 +147,8 @@ pub struct Derivative<T: Real, const L: usize> {
 }
 
 impl<T: Real, const L: usize> Derivative<T, L> {
-    /// Makes the derivatives, which suppress changes faster than these cutoffs, Hz.
+    /// Makes the derivatives of `L` signals. `cutoff_hz` are the cutoffs of the smoothing filters,
+    /// Hz, and `sample_hz` is the number of calls of [`update`](Self::update) per second.
     ///
     /// # Errors
     /// [`NumberError`] if a cutoff is outside of 0..`sample_hz / 2`, or the sample rate is not
@@ -196,7 +201,8 @@ impl<T: Real, const L: usize> Derivative<T, L> {
         self.primed[lane] = true;
     }
 
-    /// Returns the rates at the next samples, in units of the samples per second.
+    /// Takes the next sample of each signal, and returns the rates of change: units of the signal
+    /// per second.
     #[inline]
     pub fn update(&mut self, samples: &[T; L]) -> [T; L] {
         self.update_after(samples, Elapsed::period(self.sample_hz))

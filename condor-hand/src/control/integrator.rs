@@ -1,10 +1,11 @@
 use crate::math::{Real, clamp, is_finite};
 use crate::number::{NumberError, not_negative};
 
-/// The integral term of a servo law whose output is limited.
+/// The integral term of a control law whose output is limited, with protection against wind-up.
 ///
-/// The term stays within its own limit, and does not move while the output is at a limit that it
-/// pushes against: conditional integration, Åström and Hägglund, Advanced PID Control, 3.5.
+/// The term stays within its own limit. While the output is at a limit, the term does not grow in
+/// the direction of that limit: conditional integration, Åström and Hägglund, Advanced PID Control,
+/// 3.5.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Integrator<T: Real = f64> {
     term: T,
@@ -12,7 +13,8 @@ pub struct Integrator<T: Real = f64> {
 }
 
 impl<T: Real> Integrator<T> {
-    /// Makes a term of zero that stays within `-limit..=limit`.
+    /// Makes an integral term that is zero now, and always stays within `-limit..=limit` (in the
+    /// unit of the output).
     ///
     /// # Errors
     /// [`NumberError`] if the limit is negative or not finite.
@@ -27,8 +29,11 @@ impl<T: Real> Integrator<T> {
         Self { term, limit }
     }
 
-    /// Moves the term by `increment`, and returns `rest` plus the term within `low..=high`. If
-    /// their sum is not finite, it returns `None` and does not change the term.
+    /// Adds `increment` to the integral term, and returns the output of the law: `rest` (the other
+    /// terms of the law) plus the integral term, limited to `low..=high`.
+    ///
+    /// The term does not change if it would push the output further beyond `low` or `high`. Returns
+    /// `None`, and does not change the term, if `increment` or the output is not finite.
     #[inline]
     pub fn update(&mut self, rest: T, increment: T, low: T, high: T) -> Option<T> {
         let term = clamp(self.term + increment, -self.limit, self.limit);
@@ -43,14 +48,15 @@ impl<T: Real> Integrator<T> {
         Some(clamp(output, low, high))
     }
 
-    /// Sets the term, limited to its own limit.
+    /// Sets the integral term, for example to zero, limited to `-limit..=limit`. A value that is
+    /// not finite is ignored.
     pub fn set(&mut self, term: T) {
         if is_finite(term) {
             self.term = clamp(term, -self.limit, self.limit);
         }
     }
 
-    /// Returns the present term, in the unit of the output.
+    /// Returns the present integral term, in the unit of the output.
     #[must_use]
     pub fn term(&self) -> T {
         self.term

@@ -5,11 +5,13 @@ use crate::math::{clamp, is_finite};
 use crate::number::{NumberError, not_negative, period};
 use crate::trajectory::SetPoint;
 
-/// The servo of one axis of the table: `kp e + kv de/dt + ki ∫ e dt`, plus the force of the desired
-/// motion, `mass a + viscous v`, as feed-forward.
+/// The servo of one axis of the table: `kp e + kv de/dt + ki ∫ e dt` with the position error e,
+/// plus the force that the desired velocity v and acceleration a need, `mass a + viscous v`, as
+/// feed-forward.
 ///
-/// The force stays within the limit of the drive. Beyond a limit of the axis it only leads back. A
-/// position or set-point that is not finite is replaced by the last finite one.
+/// The force stays within the limit of the drive. While the axis is beyond one of its limits of
+/// position, the force never pushes it further out. A position or set-point that is not finite is
+/// replaced by the last finite one.
 #[derive(Clone, Debug)]
 pub struct AxisServo {
     pub(super) axis: config::Axis,
@@ -20,7 +22,8 @@ pub struct AxisServo {
 }
 
 impl AxisServo {
-    /// Makes the servo of an axis of a configuration, with `sample_hz` ticks a second.
+    /// Makes the servo for the configured `axis`. `sample_hz` is the number of calls of
+    /// [`update`](Self::update) per second.
     ///
     /// # Errors
     /// [`NumberError`] if a cutoff, a gain or a limit is not possible.
@@ -38,13 +41,13 @@ impl AxisServo {
         })
     }
 
-    /// Empties the integral, before the servo takes over.
+    /// Sets the integral term to zero. Call it before the servo begins to drive the axis.
     pub fn reset(&mut self) {
         self.integrator.set(0.0);
     }
 
-    /// Returns the force (N) for the present set-point and the measured position, m. Call it once a
-    /// tick; `period_s` is the time since the last tick in seconds.
+    /// Runs one tick, and returns the force for the drive, N. `point` is the set-point of this
+    /// tick, `position` the measured position (m), and `period_s` the time since the last tick (s).
     pub fn update(&mut self, point: &SetPoint<f64>, position: f64, period_s: f64) -> f64 {
         let elapsed = Elapsed::new(period_s, self.sample_hz);
         let finite = [point.position, point.velocity, point.acceleration];

@@ -17,10 +17,12 @@ use crate::trajectory::{Interpolator, SetPoint, SetPointError, StopGuard, Trajec
 /// Within so many ticks after a fault joints have the tensions with which they stand still.
 const SETTLING_TICKS: u32 = 4;
 
-/// One finger of a configuration: its servos, the set-points of its master, and its faults.
+/// The controller of one finger of a configuration: it runs the servos of the joints and tendons,
+/// follows the set-points of a master (the program that computes trajectories), and detects faults.
 ///
-/// Call [`tick`](Self::tick) in every tick of the servo loop. After a fault it reduces all tensions
-/// to the least ones and keeps them there until [`clear`](Self::clear); its joints are off then.
+/// Call [`tick`](Self::tick) in every tick of the servo loop. After a fault the controller switches
+/// all joints off, reduces all tensions to the least ones that the configuration permits, and keeps
+/// them there until [`clear`](Self::clear).
 ///
 /// ```
 /// # use condor_hand::config::Hand;
@@ -70,7 +72,8 @@ pub struct FingerController<M, const N: usize> {
     command: TendonPairs<f64, N>,
 }
 
-/// The result of one tick of a finger.
+/// The result of one tick of a [`FingerController`]: the commands for the actuators, and the fault
+/// if there is one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FingerTick<const N: usize> {
     /// The commands of the actuators, with their reasons; after a fault, on the way to the least
@@ -115,8 +118,9 @@ pub enum ControllerError {
 }
 
 impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
-    /// Makes the controller of one finger of a hand, with all joints off. `mechanism` is the model
-    /// that its servos use: [`Finger::chain`], or [`Finger::planar`] if the finger has that form.
+    /// Makes the controller of `finger`, one of the fingers of `hand`, with all joints off.
+    /// `mechanism` is the model of the finger that the servos use: [`Finger::chain`], or
+    /// [`Finger::planar`] if the finger has that form.
     ///
     /// # Errors
     /// [`ControllerError`] for settings that [`Hand::check`] would have refused.
@@ -170,13 +174,14 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
         })
     }
 
-    /// Returns the model of the mechanism that the servos use.
+    /// Returns the model of the finger's mechanism that was passed to [`new`](Self::new).
     #[must_use]
     pub fn mechanism(&self) -> &M {
         self.servo.mechanism()
     }
 
-    /// Returns the mode of a joint; `None` for a joint that the finger does not have.
+    /// Returns the present mode of joint number `joint` (from 0); `None` for a joint that the
+    /// finger does not have.
     #[must_use]
     pub fn mode(&self, joint: usize) -> Option<ServoMode> {
         self.check_joint(joint).ok()?;
@@ -189,28 +194,29 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
         self.monitor.first()
     }
 
-    /// Returns whether the finger goes to its least tensions after a fault, or stays there; its
-    /// joints can have no other mode meanwhile.
+    /// Returns true after a fault, while the tensions go down to the least ones or are kept there.
+    /// The joints are off, and can have no other mode until this returns false.
     #[must_use]
     pub const fn is_resting(&self) -> bool {
         self.ramp.is_some()
     }
 
-    /// Returns how a guard has stopped a joint, which rests since then; `None` if the joint was not
-    /// stopped, or follows again.
+    /// Returns the stop of a joint that a guard has stopped: the guard, the measured value, and the
+    /// position at which the joint rests since then. Returns `None` if no guard has stopped the
+    /// joint, or if it follows its master again.
     #[must_use]
     pub fn stop(&self, joint: usize) -> Option<&GuardStop> {
         self.watch.stop(joint)
     }
 
-    /// Returns the moment arms of the tendons.
+    /// Returns the moment arms of the finger's tendons, which convert tensions into joint torques.
     #[must_use]
     pub fn arms(&self) -> &MomentArms<f64, N> {
         self.servo.arms()
     }
 
-    /// Sets another mode of a joint, in which it keeps its present position, torque or tensions. A joint that
-    /// is in that mode already does not change, even if it follows the master.
+    /// Switches a joint to another mode, in which it first keeps its present position, torque or tensions. If the joint
+    /// is in that mode already, nothing changes, even if it follows the master.
     ///
     /// # Errors
     /// Returns [`SettingError::NoJoint`] if the finger does not have the joint; [`SettingError::AfterFault`] if
@@ -224,9 +230,11 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
         self.servo.set_mode(joint, mode)
     }
 
-    /// Sets a constant target of a joint, and the mode of that target. The rate and acceleration of a position
-    /// are used as feed-forward as long as the target lasts, so they must be zero for a position to hold. A
-    /// position in the zone of a stop, where no joint rests, becomes the end of the zone.
+    /// Sets a constant target of a joint, and switches the joint to the mode of that target.
+    ///
+    /// The velocity and acceleration of a position target are feed-forward as long as the target lasts, so set them to
+    /// zero to hold a position. A position in the zone of a soft stop, where no joint rests, becomes the inner end of
+    /// the zone.
     ///
     /// # Errors
     /// After an error the joint keeps its target. Returns [`SettingError::AfterFault`] if the finger has a
@@ -245,7 +253,7 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
         Ok(())
     }
 
-    /// Returns the gains of a joint; `None` for a joint that the finger does not have.
+    /// Returns the present gains of a joint; `None` for a joint that the finger does not have.
     #[must_use]
     pub fn gains(&self, joint: usize) -> Option<&JointGains<f64>> {
         self.check_joint(joint).ok()?;
@@ -261,15 +269,16 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
         self.servo.set_gains(joint, gains)
     }
 
-    /// Takes the set-points of one tick of the master: the desired positions of the joints one such
-    /// tick from now. Joints in [`ServoMode::Position`] follow them.
+    /// Passes the set-points of one tick of the master, which computes the trajectories: the states
+    /// that the joints must have one such tick from now. Call it once per tick of the master.
+    /// Joints in [`ServoMode::Position`] follow the set-points.
     ///
-    /// A joint that begins to follow closes the gap from its present position within its own
-    /// limits.
+    /// A joint that begins to follow moves from its present position to the set-points within its
+    /// own limits of velocity and acceleration.
     ///
-    /// `guards` are the motions of the joints with the conditions that stop them, which every
-    /// [`tick`](Self::tick) checks. A joint that was [stopped](Self::stop) follows again, in the
-    /// same way, once it has another motion.
+    /// `guards` name, for each joint, its present motion and the conditions that stop that motion;
+    /// every [`tick`](Self::tick) checks the conditions. A joint that was [stopped](Self::stop)
+    /// begins to follow again when its guard names another motion.
     ///
     /// # Errors
     /// [`SetPointError`] for the first set-point that is not finite or too far away; all set-points
@@ -320,18 +329,19 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
         Ok(())
     }
 
-    /// Clears the latched faults. Once all tensions are at their least, the joints, which are off,
-    /// can get another mode.
+    /// Clears the latched faults. Once all tensions have gone down to the least ones, the joints,
+    /// which are still off, can be switched to another mode.
     pub fn clear(&mut self) {
         self.monitor.clear();
     }
 
-    /// Runs one tick of the servo loop. `gravity` is in the axes of the palm, m/s², less the
-    /// acceleration of the palm.
+    /// Runs one tick of the servo loop: takes the sensor readings, and returns the commands for the
+    /// actuators.
     ///
+    /// `gravity` is the gravity in the axes of the palm less the acceleration of the palm, m/s².
     /// `period_s` is the measured time since the last tick, s; for the first tick, one period.
-    /// Rates, ages and set-points depend on it. If it is not finite or not above zero for some
-    /// ticks, that is a fault; the laws use [`Hand::servo_rate_hz`] then.
+    /// Rates, ages and set-points depend on it. If it is not finite or not above zero, the laws use
+    /// one period of [`Hand::servo_rate_hz`] instead; if that lasts for some ticks, it is a fault.
     pub fn tick(
         &mut self,
         sensed: &FingerReadings<f64, N>,
@@ -387,9 +397,12 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
         }
     }
 
-    /// Returns plausible positions of the joints, rad, for other laws. `position` is the sensors'
-    /// reading for the next tick, `period_s` seconds after the last one. A reading that is not
-    /// finite or jumps is replaced by the position that the joint would have by then.
+    /// Returns the positions of the joints (rad) without implausible readings, for control laws
+    /// outside of this controller.
+    ///
+    /// `position` are the sensor readings for the next tick, which is `period_s` seconds after the
+    /// last one. A reading that is not finite, or that jumps, is replaced by the position to which
+    /// the rate of the joint leads.
     #[must_use]
     pub fn plausible(&self, position: &SVector<f64, N>, period_s: f64) -> SVector<f64, N> {
         self.servo.plausible(position, period_s)

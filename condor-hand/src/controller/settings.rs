@@ -20,9 +20,12 @@ const FROZEN_COUNTS: f64 = 3.5;
 const PLAUSIBLE_RATE: f64 = 2.0;
 
 impl<const N: usize> Finger<N> {
-    /// Returns the settings of the finger's servos, with `sample_hz` ticks a second.
+    /// Returns the settings from which the finger's servos are made. `sample_hz` is the number of
+    /// servo ticks per second. `transition_s` is the time over which a step of tensions is spread,
+    /// s.
     ///
-    /// If the finger has fewer than `N` joints, the missing ones never move and never pull.
+    /// If the finger has fewer than `N` joints, the settings of the missing ones keep them still
+    /// and without tension.
     #[must_use]
     pub fn settings(&self, sample_hz: f64, transition_s: f64) -> FingerSettings<f64, N> {
         FingerSettings {
@@ -42,8 +45,8 @@ impl<const N: usize> Finger<N> {
         }
     }
 
-    /// Returns the greatest velocities and accelerations of set-points that rejoin a motion;
-    /// elements without a joint are 1.
+    /// Returns the bounds of velocity and acceleration with which each joint moves to set-points
+    /// that it begins to follow; elements without a joint are 1.
     #[must_use]
     pub fn bounds(&self) -> [Bounds<f64>; N] {
         core::array::from_fn(|place| {
@@ -56,7 +59,8 @@ impl<const N: usize> Finger<N> {
         })
     }
 
-    /// Returns the limits beyond which the finger has a fault, with `sample_hz` ticks a second.
+    /// Returns the limits beyond which the finger has a fault, from its configuration and from
+    /// `policy`. `sample_hz` is the number of servo ticks per second.
     #[must_use]
     pub fn fault_limits(&self, policy: &FaultPolicy, sample_hz: f64) -> FaultLimits<f64, N> {
         let tendon = |tendon: &Tendon| TendonFaultLimits {
@@ -114,7 +118,8 @@ impl<const N: usize> Finger<N> {
         }
     }
 
-    /// Returns the least tensions of the finger's tendons, N.
+    /// Returns the least tensions that the finger's tendons always keep, N: for both tendons of a
+    /// joint, the greater of their two minima. Elements without a joint are zero.
     #[must_use]
     pub fn least_tensions(&self) -> [Pair<f64>; N] {
         core::array::from_fn(|joint| {

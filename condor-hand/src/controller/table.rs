@@ -15,19 +15,19 @@ use crate::trajectory::{
     ProfileLimits, SetPoint, Target, TrajectoryError,
 };
 
-/// The greatest number of axes of a table.
+/// The greatest number of axes that a table can have.
 pub const AXES: usize = 3;
 
 /// The number of motions of the table that can wait.
 const QUEUE: usize = 8;
 
-/// The table of a configuration: motions of its axes, and their servos. It tells the fingers how
-/// the palm is accelerated.
+/// The controller of a configured table: it moves the axes, and returns the acceleration of the
+/// palm, which the controllers of the fingers need.
 ///
 /// Call [`tick`](Self::tick) in every tick of the table's loop. [`start`](Self::start) makes the
-/// table go home from its present position; after that it takes motions, which are [`Primitive`]s
-/// in m. Their set-points stay within the limits of the axes. A guard of a torque checks the force
-/// of an axis, N.
+/// table go home from its present position. After that it takes motions, which are [`Primitive`]s
+/// with positions in m. Set-points stay within the limits of the axes. Where a guard of a motion
+/// names a torque, the controller compares the force of the axis (N) with it.
 #[derive(Clone, Debug)]
 pub struct TableController {
     axes: Vec<DrivenAxis, AXES>,
@@ -53,7 +53,7 @@ struct DrivenAxis {
     bad: u16,
 }
 
-/// The state of a table: on its way home, ready for motions, or not driven.
+/// The state of a [`TableController`]: off, on the way home, ready for motions, or failed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum TableState {
@@ -102,7 +102,8 @@ impl fmt::Display for TableState {
     }
 }
 
-/// The result of one tick of a table.
+/// The result of one tick of a [`TableController`]: the forces for the drives, and the acceleration
+/// of the palm.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TableTick {
     /// The forces of the drives, N; elements without an axis are zero.
@@ -219,14 +220,18 @@ impl TableController {
         })
     }
 
-    /// Returns the state of the table.
+    /// Returns the present state of the table, such as off, on the way home or ready.
     #[must_use]
     pub fn state(&self) -> TableState {
         self.state
     }
 
-    /// Brings the axes home from their positions in the next tick, at a fraction of their limits of
-    /// velocity.
+    /// Switches the drives on and moves all axes to their home positions, beginning in the next
+    /// tick. Motions that run or wait are dropped. When the table has arrived, its state is
+    /// [`TableState::Ready`].
+    ///
+    /// `speed` is the fraction of the axes' limits of velocity at which they move, above 0 and at
+    /// most 1.
     ///
     /// # Errors
     /// [`TableError::Speed`] if the speed is not above 0 and at most 1; [`TableError::NotReady`] if
@@ -251,7 +256,8 @@ impl TableController {
         }
     }
 
-    /// Adds a motion at the end of the queue, and returns its ticket, by which events name it.
+    /// Adds a motion at the end of the queue. Returns the ticket by which progress and events name
+    /// the motion.
     ///
     /// # Errors
     /// [`TableError::NotReady`] if the table has not been home; [`TableError::Motion`] if the
@@ -268,7 +274,7 @@ impl TableController {
         Ok(self.generator.enqueue(motion)?)
     }
 
-    /// Slows down to a stop on the path, and drops all motions.
+    /// Slows the axes down to a stop on their paths, and drops all motions, also those that wait.
     pub fn stop(&mut self) {
         self.generator.abort();
         if matches!(self.state, TableState::Starting { .. }) {
@@ -276,43 +282,49 @@ impl TableController {
         }
     }
 
-    /// Slows down to a stop on the path until [`resume`](Self::resume).
+    /// Slows the axes down to a stop on their paths. Motions stay in the queue, and continue after
+    /// [`resume`](Self::resume).
     pub fn pause(&mut self) {
         self.generator.pause();
     }
 
-    /// Continues after a pause.
+    /// Continues the motions after a [`pause`](Self::pause).
     pub fn resume(&mut self) {
         self.generator.resume();
     }
 
-    /// Switches the drives off from the next tick on.
+    /// Switches the drives of the table off, from the next tick on. A table that has failed stays
+    /// in that state.
     pub fn disable(&mut self) {
         if !self.state.is_failure() {
             self.state = TableState::Off;
         }
     }
 
-    /// Clears a failure; the drives stay off until [`start`](Self::start).
+    /// Clears the state [`Failed`](TableState::Failed) or [`Late`](TableState::Late), so that
+    /// [`start`](Self::start) is possible again. The drives stay off.
     pub fn clear(&mut self) {
         if self.state.is_failure() {
             self.state = TableState::Off;
         }
     }
 
-    /// Returns the generator of the motions, which tells their progress.
+    /// Returns the generator that runs the motions of the table, for example to read the progress
+    /// of one.
     #[must_use]
     pub fn trajectory(&self) -> &Generator<AXES, QUEUE> {
         &self.generator
     }
 
-    /// Takes the oldest event of a motion, including the way home; returns `None` if there is none.
+    /// Returns the oldest event of a motion that was not returned yet, and removes it; `None` if
+    /// there is none. The way home is such a motion, too.
     pub fn take_event(&mut self) -> Option<MotionEvent> {
         self.generator.take_event()
     }
 
-    /// Runs one tick. `positions` are the measured positions of the axes, m; `period_s` is the time
-    /// since the last tick in seconds, or one period for the first tick.
+    /// Runs one tick of the table's loop, and returns the forces for the drives. `positions` are
+    /// the measured positions of the axes, m; elements without an axis are ignored. `period_s` is
+    /// the time since the last tick in seconds, or one period for the first tick.
     pub fn tick(&mut self, positions: &[f64; AXES], period_s: f64) -> TableTick {
         let is_late = (self.missed).misses(self.deadlines, period_s, self.longest_s);
         if is_late && self.is_driven() {

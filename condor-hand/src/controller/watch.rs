@@ -5,12 +5,13 @@ use crate::servo::FingerReadings;
 use crate::tendon::MomentArms;
 use crate::trajectory::{MotionGuard, StopGuard};
 
-/// The stop of a joint by a guard of its motion.
+/// The report that a guard has stopped a joint: the condition that held, the value that was
+/// measured, and the place where the joint rests.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GuardStop {
-    /// The number of the motion.
+    /// The number of the motion that was stopped.
     pub motion: u32,
-    /// The condition that held; its joint is one of the finger, from 0.
+    /// The condition that held; its joint is counted in the finger, from 0.
     pub guard: MotionGuard,
     /// The measured torque, tension or force, N m or N; it is not finite if the sensor gave no
     /// number.

@@ -5,10 +5,11 @@ use crate::config::{Channel, Finger, InputChannel, TableSettings};
 use crate::servo::FingerReadings;
 use crate::tendon::{Pair, TendonPairs};
 
-/// Reads the sensors of a finger through their converters, and returns positions in radians, and
-/// tensions and the force at the fingertip in newtons. `read` must return the counts of a channel,
-/// or `None` if the channel cannot be read; the value is NaN then, which for a position or a
-/// tension is a fault once it lasts.
+/// Reads all sensors of a finger through their converters. Returns positions in radians, and
+/// tensions and the force at the fingertip in newtons.
+///
+/// `read` must return the counts of a channel, or `None` if the channel cannot be read. The value
+/// is then NaN. A position or a tension that stays NaN becomes a fault of the finger.
 pub fn read_finger<const N: usize>(
     finger: &Finger<N>,
     mut read: impl FnMut(Channel) -> Option<u32>,
@@ -34,7 +35,8 @@ pub fn read_finger<const N: usize>(
     sensed
 }
 
-/// Writes the commands (N) of a finger's actuators as counts of their converters, by `write`.
+/// Converts `command` (N), the commands for the actuators of a finger, into counts, and calls
+/// `write` with the channel and the counts of each actuator.
 pub fn write_finger<const N: usize>(
     finger: &Finger<N>,
     command: &TendonPairs<f64, N>,
@@ -47,8 +49,10 @@ pub fn write_finger<const N: usize>(
     }
 }
 
-/// Reads the sensors of a table through their converters, and returns the positions of its axes in
-/// m. `read` must return the counts of a channel, or `None` if the channel cannot be read; the
+/// Reads the position sensors of a table through their converters, and returns the positions of its
+/// axes in m; elements without an axis are zero.
+///
+/// `read` must return the counts of a channel, or `None` if the channel cannot be read; the
 /// position is NaN then.
 pub fn read_table(
     table: &TableSettings,
@@ -61,7 +65,8 @@ pub fn read_table(
     positions
 }
 
-/// Writes the forces (N) of a table's drives as counts of their converters, by `write`.
+/// Converts `force` (N), the forces for the drives of a table, into counts, and calls `write` with
+/// the channel and the counts of each drive.
 pub fn write_table(
     table: &TableSettings,
     force: &[f64; AXES],

@@ -5,8 +5,8 @@ use crate::math::tanh;
 
 /// The inertia and the friction of the drives of N joints, which add to the dynamics of the links.
 ///
-/// With the [`Dynamics`](super::Dynamics) of the links, the torque of a motion is
-/// `inverse_dynamics + armature qdd + torque(qd)`.
+/// With the [`Dynamics`](super::Dynamics) of the links, the torque of a motion with the rates qd
+/// and the accelerations qdd is `inverse_dynamics + armature qdd + torque(qd)`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DriveDynamics<T: Real, const N: usize> {
     /// The inertia of the parts that move with the joint beyond its link, referred to the joint, kg

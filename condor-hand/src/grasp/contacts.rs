@@ -5,13 +5,13 @@ use super::{GraspError, GraspQuantity, Twist, Wrench};
 use crate::control::linear::Symmetric3;
 use crate::math::{Real, abs, is_finite, max, real, sqrt};
 
-/// The points at which M fingers touch one object, and computations that need only these points.
+/// The points at which M fingers touch one object. From these points alone follow the forces that produce a wrench on
+/// the object, and the motion of the object that belongs to motions of the tips.
 ///
-/// The law is the minimum-norm solution of `G f = w` without the grasp matrix G (6×3M). Such a
-/// solution is `f = Gᵀ y`, so `f_i = a + b × r_i` with arms `r_i` from the centroid m of the contacts.
-/// The arms sum to zero, which parts the two equations:
-/// `M a = F` and `J b = M_m`, with `J = Σ (|r_i|² I - r_i r_iᵀ)`, the inertia of unit masses at the
-/// contacts, and `M_m` the moment about m. Hence `f_i = F/M + (J⁻¹ M_m) × r_i`. In the spirit of
+/// The method is the minimum-norm solution of `G f = w` without the grasp matrix G (6×3M). Such a solution is
+/// `f = Gᵀ y`, so `f_i = a + b × r_i` with arms `r_i` from the centroid m of the contacts. The arms sum to zero, which
+/// separates the two equations: `M a = F` and `J b = M_m`, with `J = Σ (|r_i|² I - r_i r_iᵀ)`, the inertia of unit
+/// masses at the contacts, and `M_m` the moment about m. Hence `f_i = F/M + (J⁻¹ M_m) × r_i`. In the spirit of
 /// Hollerbach, Narasimhan and Wood, "Finger force computation without the grip Jacobian" (1986).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Contacts<T: Real, const M: usize> {
@@ -25,7 +25,8 @@ pub struct Contacts<T: Real, const M: usize> {
     trace: T,
 }
 
-/// The forces of M fingers that produce a wrench.
+/// The forces of M fingers on an object that together produce a requested wrench, as
+/// [`Contacts::forces`] computes them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FingerForces<T: Real, const M: usize> {
     /// The force of each finger on the object, N.
@@ -94,7 +95,8 @@ pub(super) fn sum<T: Real>(vectors: &[Vector3<T>]) -> Vector3<T> {
 }
 
 impl<T: Real, const M: usize> Contacts<T, M> {
-    /// Makes contacts at these points, m, in the palm.
+    /// Makes the contacts of an object from the positions of the fingertips, `points` (m), in the
+    /// frame of the palm.
     ///
     /// # Errors
     /// [`NotFinite`](GraspError::NotFinite) if a number is not finite,
@@ -139,13 +141,13 @@ impl<T: Real, const M: usize> Contacts<T, M> {
         }
     }
 
-    /// Returns the points, m.
+    /// Returns the positions of the contacts in the frame of the palm, m.
     #[must_use]
     pub fn points(&self) -> &[Vector3<T>; M] {
         &self.points
     }
 
-    /// Returns the mean of the points, m.
+    /// Returns the centroid: the mean of the contacts' positions, m.
     #[must_use]
     pub fn centroid(&self) -> &Vector3<T> {
         &self.centroid
@@ -169,8 +171,11 @@ impl<T: Real, const M: usize> Contacts<T, M> {
         self.inverse.times(moment)
     }
 
-    /// Returns the least forces that together produce the wrench about the point `about` (m). The
-    /// result also has the moment that two contacts cannot produce.
+    /// Returns the forces of the fingers on the object that together produce `wrench`, whose moment
+    /// is about the point `about` (m). Of all such forces these have the least sum of squares.
+    ///
+    /// Two contacts cannot produce a moment about the line through them; the result contains the
+    /// moment that is missing.
     ///
     /// # Errors
     /// [`WrenchNotFinite`](GraspError::WrenchNotFinite) if the wrench is not finite; for one
@@ -221,9 +226,12 @@ impl<T: Real, const M: usize> Contacts<T, M> {
         })
     }
 
-    /// Returns the motion of the object, with its point at `about` (m), that fits the motions of
-    /// the tips best: small motions (m), or velocities (m/s). For two contacts the rotation about
-    /// their line is taken as zero, for one contact all rotation.
+    /// Returns the motion of the object that fits the motions of the tips best. `tips` are small
+    /// motions (m) or velocities (m/s) of the tips; the linear part of the result is that of the
+    /// object's point at `about` (m).
+    ///
+    /// With two contacts the rotation about the line through them is taken as zero, and with one
+    /// contact all rotation.
     ///
     /// This is the dual of [`forces`](Self::forces): minimising `Σ |d_i - t - o × r_i|²` leads to
     /// `o = J⁻¹ Σ r_i × d_i` with the same J.

@@ -30,27 +30,30 @@ pub use order::GraspOrder;
 pub use report::{GraspReason, GraspReport, GraspState};
 pub use settings::{GraspAxes, GraspImageError, GraspSettings, MeasuredBall};
 
-/// The least number of fingers that give an object a stiffness.
+/// The least number of fingers that a grasp needs. Fewer than three fingertips cannot resist all
+/// rotations of an object.
 pub const LEAST_FINGERS: u32 = 3;
-/// The greatest number of fingers of a hand.
+/// The greatest number of fingers of a hand with which a [`DistributedGrasp`] works.
 pub const MOST_FINGERS: usize = 5;
 
-/// The joints of a hand, as the processors that serve them tell each other in every tick.
+/// The joint positions and rates of the fingers of a hand, which the processors that serve the
+/// fingers exchange in every tick of a grasp.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HandJoints<const F: usize, const N: usize> {
-    /// The measured positions, rad; NaN if a sensor was not read.
+    /// The measured positions of the joints of each finger, rad; NaN if a sensor was not read.
     pub position: [[f64; N]; F],
-    /// The filtered rates of the tick before, rad/s.
+    /// The filtered rates of the joints in the tick before, rad/s.
     pub velocity: [[f64; N]; F],
     /// The number of the order in force for each finger; 0 if there is none.
     pub order: [u64; F],
-    /// The fingers that are known: bit *i* stands for finger *i*. The values of other fingers have
+    /// The fingers whose joints are in this value: bit *i* stands for finger *i*. The entries of
+    /// other fingers have no meaning.
     /// no meaning.
     pub served: u64,
 }
 
 impl<const F: usize, const N: usize> HandJoints<F, N> {
-    /// The value with the joints of no finger.
+    /// A value that contains the joints of no finger, to which [`add`](Self::add) can add some.
     pub const NONE: Self = Self {
         position: [[0.0; N]; F],
         velocity: [[0.0; N]; F],
@@ -58,7 +61,8 @@ impl<const F: usize, const N: usize> HandJoints<F, N> {
         served: 0,
     };
 
-    /// Adds the fingers that another processor serves.
+    /// Copies the fingers that `other` contains into this value, for example those of another
+    /// processor.
     pub fn add(&mut self, other: &Self) {
         let all = self.position.iter_mut().zip(&mut self.velocity);
         let all = all.zip(&mut self.order);
@@ -72,7 +76,7 @@ impl<const F: usize, const N: usize> HandJoints<F, N> {
         self.served |= other.served;
     }
 
-    /// Returns whether a finger is known.
+    /// Returns true if this value contains the joints of finger number `finger`, from 0.
     #[must_use]
     pub const fn serves(&self, finger: usize) -> bool {
         finger < F && self.served >> finger & 1 != 0

@@ -4,7 +4,7 @@ use thiserror::Error;
 
 use crate::NumberError;
 
-/// The quantity of which a number is not finite.
+/// The quantity of a grasp that an error is about, such as the position of a tip.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum GraspQuantity {

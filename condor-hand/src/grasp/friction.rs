@@ -5,16 +5,16 @@ use super::{GraspError, GraspQuantity, Normals};
 use crate::math::{Real, abs, is_finite, max, min, real, sqrt};
 use crate::number::{finite, positive};
 
-/// Coulomb friction of a fingertip, which is a point: a cone of forces.
+/// The Coulomb friction of a fingertip that touches the object in a point.
 ///
-/// With the force's normal part `f_n` and tangential part `f_t`, a contact sticks while
-/// `|f_t| <= mu f_n`.
+/// With the coefficient of friction mu, the normal part `f_n` and the tangential part `f_t` of the
+/// force, the contact sticks while `|f_t| <= mu f_n`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ContactFriction<T: Real = f64> {
     sliding: T,
 }
 
-/// The range of factors of an internal force with which no contact slips.
+/// The range of factors by which an internal force can be multiplied so that no contact slips.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SqueezeRange<T: Real = f64> {
     /// The least factor with which no contact slips.
@@ -24,8 +24,8 @@ pub struct SqueezeRange<T: Real = f64> {
 }
 
 impl<T: Real> ContactFriction<T> {
-    /// Makes the friction of a point, which slips when the tangential force exceeds `coefficient`
-    /// times the normal force.
+    /// Makes the friction of a point contact with this coefficient of friction: the contact slips
+    /// when the tangential force exceeds `coefficient` times the normal force.
     ///
     /// # Errors
     /// [`Number`](GraspError::Number) unless the coefficient is positive.
@@ -42,8 +42,8 @@ impl<T: Real> ContactFriction<T> {
         })
     }
 
-    /// Returns the distance of each contact from slipping, N: `mu f_n - |f_t|`, negative if it slips
-    /// or pulls.
+    /// Returns for each contact how far it is from slipping, N: `mu f_n - |f_t|`. The margin is negative if the contact
+    /// slips, or if the finger pulls on the surface. `forces` are those of the fingers on the object, N.
     ///
     /// # Errors
     /// [`NotFinite`](GraspError::NotFinite) if an input is not finite,
@@ -68,9 +68,12 @@ impl<T: Real> ContactFriction<T> {
         Ok(margins)
     }
 
-    /// Returns the factors `s >= 0` with which no contact slips under `forces + s directions`, in
-    /// closed form. For an equal squeeze on all edges the directions are the internal forces of one
-    /// newton on each, and the factors are newtons.
+    /// Returns the range of factors `s >= 0` with which no contact slips under the forces
+    /// `forces + s directions`, where `directions` are internal forces of the grasp.
+    ///
+    /// For an equal squeeze on all edges, pass the
+    /// [internal forces](super::Contacts::internal_forces) of a squeeze of 1 N as `directions`; the
+    /// factors are then newtons.
     ///
     /// Cones are convex, so each contact allows one interval. Its ends are the roots of
     /// `a s² + 2 b s + c`, with `a = mu² d_n² - |d_t|²`, `b = mu² f_n d_n - f_t·d_t` and

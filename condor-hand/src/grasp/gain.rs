@@ -4,19 +4,19 @@ use super::{GraspError, Twist, Wrench};
 use crate::math::{Real, abs, max, real, sqrt};
 use crate::number::finite;
 
-/// A stiffness (N/m, N/rad, N m/m, N m/rad) or damping (times s) of six axes: x, y, z and then the
-/// rotations about them.
+/// The stiffness or the damping of an object in six axes: along x, y, z and then about x, y, z. A
+/// stiffness has entries in N/m, N/rad, N m/m and N m/rad; a damping has those units times s.
 ///
-/// Its constructors ensure that it is symmetric and has no negative eigenvalue, so that its spring
-/// stores energy, or its damper takes it, in every direction.
+/// The matrix is always symmetric and has no negative eigenvalue. So a spring with it stores energy
+/// in every direction, and a damper takes energy in every direction.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SpatialGain<T: Real = f64> {
     matrix: Matrix6<T>,
 }
 
 impl<T: Real> SpatialGain<T> {
-    /// Makes a gain of its matrix, 6×6. Asymmetry and negative pivots of the size of rounding are
-    /// permitted; asymmetry is averaged out.
+    /// Makes a gain from its 6×6 matrix, which must be symmetric without negative eigenvalues,
+    /// except for rounding. The result is exactly symmetric.
     ///
     /// # Errors
     /// [`Number`](GraspError::Number) if an entry is not finite,
@@ -47,8 +47,8 @@ impl<T: Real> SpatialGain<T> {
         Ok(Self { matrix })
     }
 
-    /// Makes a gain without coupling between the axes: `gains` for x, y, z and the rotations about
-    /// them.
+    /// Makes a gain whose axes do not influence each other: `gains` for x, y, z and then for the
+    /// rotations about them.
     ///
     /// # Errors
     /// [`Number`](GraspError::Number) if a gain is not finite,
@@ -57,7 +57,7 @@ impl<T: Real> SpatialGain<T> {
         Self::new(&Matrix6::from_diagonal(&Vector6::from(gains)))
     }
 
-    /// Makes a gain of zero.
+    /// Returns a gain of zero, which yields no wrench.
     #[must_use]
     pub fn zero() -> Self {
         Self {
@@ -65,14 +65,15 @@ impl<T: Real> SpatialGain<T> {
         }
     }
 
-    /// Returns the 6×6 matrix of the gain.
+    /// Returns the 6×6 matrix of the gain: rows and columns for x, y, z and then the rotations
+    /// about them.
     #[must_use]
     pub fn matrix(&self) -> &Matrix6<T> {
         &self.matrix
     }
 
-    /// Returns the wrench of a displacement (for a stiffness) or of a velocity (for a damping),
-    /// about the same point.
+    /// Returns the product of the gain and `twist`: the wrench that a displacement causes (for a
+    /// stiffness) or that a velocity causes (for a damping). Both are about the same point.
     #[inline]
     #[must_use]
     pub fn times(&self, twist: &Twist<T>) -> Wrench<T> {

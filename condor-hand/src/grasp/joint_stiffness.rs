@@ -6,8 +6,11 @@ use crate::Real;
 use crate::kinematics::Jacobian;
 
 impl<T: Real, const M: usize> Contacts<T, M> {
-    /// Returns the Jacobians of the object, with its point at `about` (m), for the joints of each
-    /// finger: six rows (m/rad, rad/rad) and a column for each joint, as `(G⁺)ᵀ J`.
+    /// Returns a matrix for each finger that says how its joints move the object. `jacobians` are
+    /// those of the fingertips; the linear motion in the result is that of the object's point at
+    /// `about` (m).
+    ///
+    /// A matrix has six rows (m/rad, rad/rad) and a column for each joint: `(G⁺)ᵀ J`.
     ///
     /// # Errors
     /// [`NotFinite`](GraspError::NotFinite) if a number is not finite,
@@ -38,9 +41,12 @@ impl<T: Real, const M: usize> Contacts<T, M> {
 }
 
 impl<T: Real> SpatialGain<T> {
-    /// Returns the joint stiffness (N m/rad) or damping that is equivalent to this one of the
-    /// object: `Hᵀ K H` with the [object's Jacobians](Contacts::object_jacobians) H. Block `[i][j]`
-    /// has the torques of finger i for the joints of finger j; its transpose is block `[j][i]`.
+    /// Returns the joint stiffness (N m/rad) that makes the object have this stiffness; for a
+    /// damping, the joint damping (N m s/rad).
+    ///
+    /// It is `Hᵀ K H` with the [object's Jacobians](Contacts::object_jacobians) H. Block `[i][j]`
+    /// has the torques of finger i that displacements of the joints of finger j cause; its
+    /// transpose is block `[j][i]`.
     #[must_use]
     pub fn of_joints<const M: usize, const N: usize>(
         &self,

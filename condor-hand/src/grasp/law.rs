@@ -14,7 +14,8 @@ const LINEAR_RAD: f64 = 0.18;
 /// be a step of torque.
 const RIGID_RAD: f64 = 0.2;
 
-/// The measured state of one finger of a grasp, in the axes of the palm.
+/// The measured state of one finger, as the grasp law needs it. Vectors are in the axes of the
+/// palm.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FingerState<T: Real, const N: usize> {
     /// The position of the tip, m.
@@ -34,7 +35,8 @@ pub struct FingerState<T: Real, const N: usize> {
 }
 
 impl<T: Real, const N: usize> FingerState<T, N> {
-    /// Makes the state of a finger at joint positions `q` (rad) and rates `qd` (rad/s).
+    /// Computes the state of a finger from its joint positions `q` (rad), joint rates `qd` (rad/s)
+    /// and the torques `gravity_torque` (N m) that bear the finger's own weight.
     pub fn new(
         finger: &impl Kinematics<T, N>,
         q: &SVector<T, N>,
@@ -85,7 +87,8 @@ impl<T: Real, const N: usize> FingerState<T, N> {
     }
 }
 
-/// The result of one step of the law.
+/// The result of one step of [`GraspStiffness`]: the joint torques to command, and how they came
+/// about.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GraspOutput<T: Real, const M: usize, const N: usize> {
     /// The torques of the joints of each finger, N m.
@@ -113,16 +116,16 @@ pub struct GraspOutput<T: Real, const M: usize, const N: usize> {
     pub overload: Option<TorqueExcess<T>>,
 }
 
-/// The law by which M >= 3 fingers of N joints each hold an object with a stiffness.
+/// The control law by which M fingers (at least 3) of N joints each hold an object, as if it were fixed to its desired
+/// place by springs and dampers.
 ///
-/// The tips determine the displacement dx and the velocity v of the object. From these follow the
-/// wrench `w = K dx - D v + w_ff`, the forces of the fingers that produce it, and the torques
-/// `Jᵀ f + g` of their joints (Salisbury and Craig, "Articulated hands: force control and kinematic
-/// issues", 1982). The torque `n nᵀ (k (q₀ - q) - d q̇)` keeps the posture q₀ in which the grasp began:
-/// n is the unit self-motion of the finger (`J n = 0`), so that at rest this torque loads no contact and
-/// does not change the stiffness of the object (Liégeois, "Automatic supervisory control of the
-/// configuration and behavior of multibody mechanisms", 1977; Khatib, "A unified approach for motion
-/// and force control of robot manipulators", 1987).
+/// The tips determine the displacement dx and the velocity v of the object. From these follow the wrench
+/// `w = K dx - D v + w_ff`, the forces of the fingers that produce it, and the torques `Jᵀ f + g` of their joints
+/// (Salisbury and Craig, "Articulated hands: force control and kinematic issues", 1982). The torque
+/// `n nᵀ (k (q₀ - q) - d q̇)` keeps the posture q₀ in which the grasp began: n is the unit self-motion of the finger
+/// (`J n = 0`), so that at rest this torque loads no contact and does not change the stiffness of the object (Liégeois,
+/// "Automatic supervisory control of the configuration and behavior of multibody mechanisms", 1977; Khatib, "A unified
+/// approach for motion and force control of robot manipulators", 1987).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GraspStiffness<T: Real, const M: usize, const N: usize> {
     tuning: GraspTuning<T, M, N>,
@@ -131,8 +134,8 @@ pub struct GraspStiffness<T: Real, const M: usize, const N: usize> {
 }
 
 impl<T: Real, const M: usize, const N: usize> GraspStiffness<T, M, N> {
-    /// Makes the law that holds the object where it is: the present tips and joints become the
-    /// desired ones.
+    /// Begins a grasp that holds the object where it is now: the present tips and joint positions
+    /// of `fingers` become the desired ones.
     ///
     /// # Errors
     /// [`TooFewContacts`](GraspError::TooFewContacts) for fewer than three fingers; otherwise an
@@ -160,13 +163,13 @@ impl<T: Real, const M: usize, const N: usize> GraspStiffness<T, M, N> {
         })
     }
 
-    /// Returns the tuning in force.
+    /// Returns the present parameters of the grasp, such as stiffness and squeeze.
     #[must_use]
     pub fn tuning(&self) -> &GraspTuning<T, M, N> {
         &self.tuning
     }
 
-    /// Changes the tuning from the next update on.
+    /// Replaces the parameters of the grasp, from the next [`update`](Self::update) on.
     ///
     /// # Errors
     /// [`GraspError`] for the first wrong value; the former tuning stays in force then.
@@ -176,13 +179,14 @@ impl<T: Real, const M: usize, const N: usize> GraspStiffness<T, M, N> {
         Ok(())
     }
 
-    /// Returns the desired positions of the tips, m.
+    /// Returns the desired positions of the fingertips in the frame of the palm, m.
     #[must_use]
     pub fn desired(&self) -> &[Vector3<T>; M] {
         &self.desired
     }
 
-    /// Moves the object: `tips` are the new desired positions of the tips, m.
+    /// Sets new desired positions of the fingertips (m, in the palm), to which the fingers move the
+    /// object.
     ///
     /// # Errors
     /// An error of [`Contacts::new`] if the tips are not finite, are one point or lie on a line;
@@ -194,7 +198,8 @@ impl<T: Real, const M: usize, const N: usize> GraspStiffness<T, M, N> {
         Ok(())
     }
 
-    /// Runs one step of the law, from the measured states of the fingers to torques.
+    /// Runs one step of the law: takes the measured states of the fingers, and returns the joint
+    /// torques to command.
     ///
     /// If a joint cannot bear its torque, the squeeze is reduced on all edges by the same factor.
     /// The wrench is never reduced: if a torque then still exceeds its limit, the result names the

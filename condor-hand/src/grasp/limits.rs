@@ -3,7 +3,7 @@ use nalgebra::SVector;
 use super::GraspError;
 use crate::math::{Real, abs, max};
 
-/// The limits of the torques of one finger's joints, N m.
+/// The torques that the joints of one finger can exert, from `low` to `high`, N m.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TorqueLimits<T: Real, const N: usize> {
     /// The least, not above zero.
@@ -12,7 +12,7 @@ pub struct TorqueLimits<T: Real, const N: usize> {
     pub high: SVector<T, N>,
 }
 
-/// A required torque that is beyond a limit.
+/// The report that a joint would need a torque beyond its limit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TorqueExcess<T: Real = f64> {
     /// The finger, from 0.
@@ -26,7 +26,7 @@ pub struct TorqueExcess<T: Real = f64> {
 }
 
 impl<T: Real, const N: usize> TorqueLimits<T, N> {
-    /// Makes limits of infinity: no limits.
+    /// Returns infinite limits, with which every torque is permitted.
     #[must_use]
     pub fn none() -> Self {
         let infinity = T::one() / T::zero();
@@ -36,7 +36,7 @@ impl<T: Real, const N: usize> TorqueLimits<T, N> {
         }
     }
 
-    /// Makes equal limits to both sides, N m.
+    /// Makes limits from `-limits` to `limits`, N m, for each joint.
     #[must_use]
     pub fn symmetric(limits: &SVector<T, N>) -> Self {
         Self {

@@ -4,14 +4,15 @@ use super::wrench::finite;
 use super::{Contacts, GraspError};
 use crate::math::{Real, is_finite, sqrt};
 
-/// Unit normals of the object's surface at M contacts, into the object.
+/// The unit normals of an object's surface at M contacts, which point into the object.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Normals<T: Real, const M: usize> {
     inward: [Vector3<T>; M],
 }
 
 impl<T: Real, const M: usize> Normals<T, M> {
-    /// Makes normals from directions of any length, which point into the object.
+    /// Makes the unit normals from `directions`, which must point into the object and may have any
+    /// length above zero.
     ///
     /// # Errors
     /// [`Normal`](GraspError::Normal) for a direction whose length is zero or not finite.
@@ -33,7 +34,8 @@ impl<T: Real, const M: usize> Normals<T, M> {
         Ok(Self { inward })
     }
 
-    /// Makes the normals of a ball: from each contact to its centre (m).
+    /// Makes the normals of a ball: each one points from the contact to `center`, the ball's centre
+    /// (m).
     ///
     /// # Errors
     /// [`Normal`](GraspError::Normal) for a contact at the centre.
@@ -41,7 +43,7 @@ impl<T: Real, const M: usize> Normals<T, M> {
         Self::new(contacts.points().map(|point| center - point))
     }
 
-    /// Returns the unit normals into the object.
+    /// Returns the unit normals, one for each contact, which point into the object.
     #[must_use]
     pub fn inward(&self) -> &[Vector3<T>; M] {
         &self.inward

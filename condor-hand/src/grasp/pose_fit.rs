@@ -14,14 +14,16 @@ const STEPS: usize = 60;
 const POLISHING: usize = 3;
 
 impl<T: Real, const M: usize> Contacts<T, M> {
-    /// Returns the rigid motion that takes the contacts to `desired` (m), of any angle up to half a
-    /// turn, with the object's point at `about` (m): least squares where the tips have slipped.
+    /// Returns the rigid motion that takes the contacts to the positions `desired` (m). If no rigid motion does so
+    /// exactly, because the tips have slipped, it is the one with the least squares of errors.
     ///
-    /// The rotation is the eigenvector of the greatest eigenvalue of a symmetric 4×4 matrix (Horn,
-    /// "Closed-form solution of absolute orientation using unit quaternions", 1987). The eigenvalue
-    /// comes from Newton's method on the characteristic polynomial, from above (Theobald, 2005), the
-    /// vector from cofactors, and its last digits from small rotations of what remains: for a
-    /// rigid object the error is some units of rounding.
+    /// The rotation may be up to half a turn. The linear part of the result is the motion of the object's point at
+    /// `about` (m).
+    ///
+    /// The rotation is the eigenvector of the greatest eigenvalue of a symmetric 4×4 matrix (Horn, "Closed-form
+    /// solution of absolute orientation using unit quaternions", 1987). The eigenvalue comes from Newton's method on
+    /// the characteristic polynomial, from above (Theobald, 2005), the vector from cofactors, and its last digits from
+    /// small rotations of what remains: for a rigid object the error is some units of rounding.
     ///
     /// # Errors
     /// [`TooFewContacts`](GraspError::TooFewContacts) below three;

@@ -3,13 +3,14 @@ use nalgebra::Vector3;
 use super::{Contacts, GraspError, GraspQuantity};
 use crate::math::{Real, is_finite, max, real, sqrt};
 
-/// Forces by which pairs of fingers press on the object from both ends of the line between them.
+/// Internal forces of a grasp: each pair of fingers presses on the object from both ends of the line between the two
+/// tips, which is called an edge.
 ///
-/// They cancel: the object feels no wrench, only pressure. The three edges of three contacts span all
-/// internal forces there are. The six of four contacts span all six if the contacts are not in one
-/// plane. In a plane they span five of six: some combination of tensions and pressures of the six
-/// edges leaves every contact without force (the self-stress of the complete graph), and the internal
-/// forces normal to the plane, of alternating sign, are out of their reach.
+/// The forces cancel: the object feels no wrench, only pressure. The edges of three contacts span all internal forces.
+/// The six edges of four contacts span all six internal forces if the contacts are not in one plane. In a plane they
+/// span five of six: some combination of tensions and pressures of the six edges leaves every contact without force
+/// (the self-stress of the complete graph), and the internal forces normal to the plane, of alternating sign, cannot be
+/// expressed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Squeeze<T: Real, const M: usize> {
     /// In row i, column j > i the force on the edge between i and j, N.
@@ -17,7 +18,7 @@ pub struct Squeeze<T: Real, const M: usize> {
 }
 
 impl<T: Real, const M: usize> Squeeze<T, M> {
-    /// Makes a squeeze of zero.
+    /// Returns a squeeze without force on any edge.
     #[must_use]
     pub fn none() -> Self {
         Self {
@@ -25,7 +26,7 @@ impl<T: Real, const M: usize> Squeeze<T, M> {
         }
     }
 
-    /// Makes a squeeze with the same force (N) on every edge.
+    /// Makes a squeeze in which every pair of fingers presses with the same `force`, N.
     ///
     /// # Errors
     /// [`SqueezeEdge`](GraspError::SqueezeEdge) for a force below zero or not finite.
@@ -39,7 +40,8 @@ impl<T: Real, const M: usize> Squeeze<T, M> {
         Ok(squeeze)
     }
 
-    /// Sets the force (N) on the edge between two contacts, counted from 0.
+    /// Returns this squeeze with another `force` (N) on the edge between the contacts `first` and `second`, which are
+    /// counted from 0.
     ///
     /// # Errors
     /// [`SqueezeEdge`](GraspError::SqueezeEdge) for a force below zero or not finite, and for an edge
@@ -49,7 +51,8 @@ impl<T: Real, const M: usize> Squeeze<T, M> {
         Ok(self)
     }
 
-    /// Returns the force on the edge between two contacts, N; zero for an edge that does not exist.
+    /// Returns the force on the edge between the contacts `first` and `second`, N; zero for an edge
+    /// that does not exist. The order of the two contacts does not matter.
     #[must_use]
     pub fn edge(&self, first: usize, second: usize) -> T {
         let (low, high) = (first.min(second), first.max(second));
@@ -78,8 +81,10 @@ impl<T: Real, const M: usize> Squeeze<T, M> {
 }
 
 impl<T: Real, const M: usize> Contacts<T, M> {
-    /// Returns the internal forces of a squeeze, N: for edge (i, j) with force s, `+s e` at i and
-    /// `-s e` at j, with the unit vector e from i to j. They produce no wrench.
+    /// Returns the force that each finger exerts on the object because of `squeeze`, N. The forces produce no wrench.
+    ///
+    /// An edge (i, j) with the force s adds `+s e` at contact i and `-s e` at contact j, where e is the unit vector
+    /// from i to j.
     ///
     /// # Errors
     /// [`Coincident`](GraspError::Coincident) for contacts at one point with a squeeze between them;

@@ -10,7 +10,7 @@ use super::{
 use crate::Real;
 use crate::number::{self, not_negative};
 
-/// The surface that the fingers touch; only the friction margins depend on it.
+/// The surface of the object that the fingers touch. Only the friction margins depend on it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum TuningSurface<T: Real, const M: usize> {
     /// A surface with these normals at the tips, while the object is at its desired place. They
@@ -20,7 +20,7 @@ pub enum TuningSurface<T: Real, const M: usize> {
     Ball(Vector3<T>),
 }
 
-/// The gains that keep the posture of a finger whose tip does not move.
+/// The gains that keep the posture of a finger: they act on joint motions that do not move the tip.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Posture<T: Real = f64> {
     /// The stiffness towards the desired posture, N m/rad.
@@ -29,7 +29,8 @@ pub struct Posture<T: Real = f64> {
     pub damping: T,
 }
 
-/// All parameters of a grasp that may change while it holds.
+/// The parameters of a [grasp law](super::GraspStiffness), which may change while it holds an
+/// object.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GraspTuning<T: Real, const M: usize, const N: usize> {
     /// The stiffness of the object, about its middle in the axes of the palm.

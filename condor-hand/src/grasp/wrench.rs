@@ -2,7 +2,7 @@ use nalgebra::Vector3;
 
 use crate::math::{Real, is_finite};
 
-/// A force, and a moment about a point that is named where the wrench is used.
+/// A force and a moment. The item that uses a wrench says about which point the moment is.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Wrench<T: Real = f64> {
     /// The force, N.
@@ -11,7 +11,8 @@ pub struct Wrench<T: Real = f64> {
     pub moment: Vector3<T>,
 }
 
-/// A small motion of a rigid body, or its velocity, with a point that is named where it is used.
+/// A small motion of a rigid body, or its velocity: the motion of one point of the body, and the
+/// rotation. The item that uses a twist says which point that is.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Twist<T: Real = f64> {
     /// The motion of the body's point, m, or m/s.
@@ -21,7 +22,7 @@ pub struct Twist<T: Real = f64> {
 }
 
 impl<T: Real> Wrench<T> {
-    /// Returns the wrench of zero.
+    /// Returns a wrench without force and moment.
     #[must_use]
     pub fn zero() -> Self {
         Self {
@@ -30,7 +31,8 @@ impl<T: Real> Wrench<T> {
         }
     }
 
-    /// Adds a force (N) at a point that is `lever` (m) away from that of the wrench.
+    /// Adds a force (N) and the moment that it causes. `lever` (m) is the vector from the point of
+    /// this wrench to the point at which the force acts.
     pub fn add_force(&mut self, force: &Vector3<T>, lever: &Vector3<T>) {
         self.force += force;
         self.moment += lever.cross(force);
@@ -42,7 +44,7 @@ impl<T: Real> Wrench<T> {
 }
 
 impl<T: Real> Twist<T> {
-    /// Returns the motion of zero.
+    /// Returns a twist without motion.
     #[must_use]
     pub fn zero() -> Self {
         Self {

@@ -38,7 +38,7 @@ const REPLACEMENTS: [&str; 20] = [
     "[[fingers]]",
 ];
 
-/// Reads the text or the image that the bytes describe.
+/// Runs a fuzz scenario: reads the text or the image of a hand that `bytes` describe, and checks the result.
 ///
 /// # Panics
 /// Panics if a hand that breaks the rules is read, or if a hand differs after it was written and read again.

@@ -16,7 +16,8 @@ use super::{HAND, Shipped};
 /// The greatest number of events of one run.
 const EVENTS: usize = 200;
 
-/// Drives a finger with the events that the bytes describe.
+/// Runs a fuzz scenario: drives a simulated finger with the events that `bytes` describe, and
+/// checks its commands and faults.
 ///
 /// # Panics
 /// Panics if a command leaves the range of its actuator, or a fault is forgotten.

@@ -4,7 +4,7 @@ use super::check::{self, MechanismError, Part};
 use crate::number;
 use crate::{Pose, Real};
 
-/// The motion of a link's frame relative to that of the link before it.
+/// The motion by which a joint moves its link relative to the link before it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ChainMotion<T: Real = f64> {
     /// The link rotates about this unit axis, rad.
@@ -16,7 +16,7 @@ pub enum ChainMotion<T: Real = f64> {
     Fixed,
 }
 
-/// A joint, with its place on the link before it.
+/// A joint of a [`Chain`]: its place on the link before it, and its motion.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ChainJoint<T: Real = f64> {
     /// The frame of the link at the joint's zero, in the frame of the link before it.
@@ -25,7 +25,7 @@ pub struct ChainJoint<T: Real = f64> {
     pub motion: ChainMotion<T>,
 }
 
-/// A rigid body, in the frame of its link.
+/// The mass, the centre of mass and the inertia of a link of a [`Chain`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ChainBody<T: Real = f64> {
     /// The mass, kg.
@@ -36,8 +36,8 @@ pub struct ChainBody<T: Real = f64> {
     pub inertia: Matrix3<T>,
 }
 
-/// Any serial mechanism of N joints: the product of constant placements and of one motion each.
-/// [`new`](Self::new) makes one.
+/// The kinematic and dynamic model of any serial mechanism of N joints, each of which rotates,
+/// slides or is fixed. Make one with [`new`](Self::new).
 ///
 /// ```
 /// use condor_hand::Pose;
@@ -62,9 +62,12 @@ pub struct Chain<T: Real, const N: usize> {
 }
 
 impl<T: Real, const N: usize> Chain<T, N> {
-    /// Makes a mechanism of its base in the palm; its joints, proximal first; the bodies that they
-    /// move, [massless](ChainBody::massless) if only kinematics is needed; and the tip, a point of the
-    /// last link, m.
+    /// Makes a mechanism from its parts.
+    ///
+    /// * `base`: the pose of the mechanism's base in the palm.
+    /// * `joints`: proximal first.
+    /// * `bodies`: the bodies that the joints move, [massless](ChainBody::massless) if only kinematics is needed.
+    /// * `tip`: the position of the tip in the frame of the last link, m.
     ///
     /// # Errors
     /// [`MechanismError`] for the first part that cannot be: an axis that is not a unit vector, a
@@ -95,32 +98,32 @@ impl<T: Real, const N: usize> Chain<T, N> {
         })
     }
 
-    /// Returns the base of the mechanism in the palm.
+    /// Returns the pose of the mechanism's base in the frame of the palm.
     #[must_use]
     pub const fn base(&self) -> &Pose<T> {
         &self.base
     }
 
-    /// Returns the joints, proximal first.
+    /// Returns the joints of the mechanism, proximal first.
     #[must_use]
     pub const fn joints(&self) -> &[ChainJoint<T>; N] {
         &self.joints
     }
 
-    /// Returns the bodies that the joints move.
+    /// Returns the bodies of the links; body *i* is moved by joint *i*.
     #[must_use]
     pub const fn bodies(&self) -> &[ChainBody<T>; N] {
         &self.bodies
     }
 
-    /// Returns the tip in the frame of the last link, m.
+    /// Returns the position of the tip in the frame of the last link, m.
     #[must_use]
     pub const fn tip_point(&self) -> &Vector3<T> {
         &self.tip
     }
 
-    /// Returns the part of the chain up to the link of a joint, with the origin of that link as its tip.
-    /// The joints after it are fixed.
+    /// Returns a chain that ends at the link of joint number `joint` (from 0), with the origin of that link as its tip.
+    /// The joints after it are fixed, so the number of joints stays the same.
     #[must_use]
     pub fn up_to(&self, joint: usize) -> Self {
         let mut part = *self;
@@ -136,7 +139,8 @@ impl<T: Real, const N: usize> Chain<T, N> {
 }
 
 impl<T: Real> ChainBody<T> {
-    /// Returns a body without mass.
+    /// Returns a body with zero mass and zero inertia, for a chain of which only the kinematics is
+    /// used.
     #[must_use]
     pub fn massless() -> Self {
         Self {

@@ -6,12 +6,12 @@ use crate::Pose;
 use crate::math::{Real, is_finite, of_sum, sin_cos, sqrt};
 use crate::number::not_negative;
 
-/// A finger of four joints in closed form: the first turns the finger about the z axis of its
-/// base, the others bend it in one plane, about parallel axes.
+/// The model of a finger of four joints, with equations in closed form, which are faster than a [`Chain`]. The first
+/// joint turns the finger about the z axis of its base; the others bend it in one plane, about parallel axes.
 ///
-/// In the frame of the base the straight finger lies along x, and the three flexion axes along y.
-/// Positive angles turn x to y, and x to -z. The links are straight; the body of each has its centre
-/// of mass on the link and its principal axes along it.
+/// In the frame of the base the straight finger lies along x, and the three flexion axes along y. Positive angles turn
+/// x to y, and x to -z. The links are straight; the body of each has its centre of mass on the link and its principal
+/// axes along it.
 ///
 /// # Equations
 ///
@@ -29,7 +29,8 @@ pub struct PlanarFinger<T: Real = f64> {
     pub(crate) bodies: [Rod<T>; 4],
 }
 
-/// A body on the line of its link with principal axes along the link's.
+/// The body of a straight link of a [`PlanarFinger`]: its centre of mass is on the line of the
+/// link, and its principal axes are those of the link.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rod<T: Real = f64> {
     /// The mass, kg.
@@ -75,9 +76,12 @@ struct Axes<T: Real> {
 }
 
 impl<T: Real> PlanarFinger<T> {
-    /// Makes a finger of its base in the palm, whose origin is on the first axis, at the height of
-    /// the second; the distances from each axis to the next, and from the last to the tip, m; and
-    /// the bodies of its links.
+    /// Makes a planar finger from its parts.
+    ///
+    /// * `base`: the pose of the finger's base in the palm. Its origin is on the axis of the first joint, at the height
+    ///   of the second.
+    /// * `lengths`: the distances from each joint axis to the next, and from the last axis to the tip, m.
+    /// * `bodies`: the bodies of the links, proximal first.
     ///
     /// # Errors
     /// [`MechanismError`] for the first part that cannot be: a rotation that is not orthonormal and
@@ -102,33 +106,34 @@ impl<T: Real> PlanarFinger<T> {
         })
     }
 
-    /// Returns the base in the palm.
+    /// Returns the pose of the finger's base in the frame of the palm.
     #[must_use]
     pub const fn base(&self) -> &Pose<T> {
         &self.base
     }
 
-    /// Returns the distances from each axis to the next, and from the last to the tip, m.
+    /// Returns the distances from each joint axis to the next, and from the last axis to the tip,
+    /// m.
     #[must_use]
     pub const fn lengths(&self) -> &[T; 4] {
         &self.lengths
     }
 
-    /// Returns the bodies of the links.
+    /// Returns the bodies of the four links, proximal first.
     #[must_use]
     pub const fn bodies(&self) -> &[Rod<T>; 4] {
         &self.bodies
     }
 
-    /// Returns the angle in its plane of the last link against the straight finger, rad: positive
-    /// where the finger is flexed.
+    /// Returns the angle of the last link in the plane of the finger, rad: the sum of the three
+    /// flexion angles in `q`. It is 0 for the straight finger and positive for a flexed one.
     #[inline]
     #[must_use]
     pub fn pitch(q: &SVector<T, 4>) -> T {
         q.y + q.z + q.w
     }
 
-    /// Returns the same mechanism as a [`Chain`].
+    /// Returns the same mechanism as a general [`Chain`].
     #[must_use]
     pub fn chain(&self) -> Chain<T, 4> {
         let [l0, l1, l2, l3] = self.lengths;

@@ -17,11 +17,12 @@ use super::limits::Tightest;
 use super::{JointLimits, PlanarFinger};
 use crate::math::{Real, is_finite, min};
 
-/// The postures that bring the tip to one point, without regard to limits: joint angles in rad, in
-/// -π..=π.
+/// A list of the postures of a planar finger that bring its tip to one point: joint angles in rad,
+/// in -π..=π. The limits of the joints are not regarded.
 pub type Branches<T> = Vec<SVector<T, 4>, 4>;
 
-/// The rule that chooses the posture among all that bring the tip to a point.
+/// The rule that chooses one posture. A planar finger has four joints for the three coordinates of
+/// a target, so infinitely many postures bring its tip there.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Redundancy<T: Real = f64> {
@@ -81,13 +82,14 @@ pub enum InverseError {
 }
 
 impl<T: Real> PlanarFinger<T> {
-    /// Returns the joint angles, within the limits, that bring the tip to `target` (m, in the
-    /// palm).
+    /// Returns the joint angles (rad), within `limits`, that bring the tip to `target` (m, in the
+    /// palm). `redundancy` chooses among the infinitely many postures.
     ///
-    /// Of several branches within the limits the one nearest to `present` (rad) is taken, by the
-    /// sum of squares of the differences; with [`Redundancy::Roomiest`], the one with most room.
-    /// Where the target is on the first axis, the first joint stays at its present angle. An angle
-    /// outside its limits by rounding alone (1e-9 rad) is put onto the limit.
+    /// If several postures remain, the one nearest to `present` (rad) is taken, by the sum of
+    /// squares of the differences; with [`Redundancy::Roomiest`], the one with most room to its
+    /// limits. If the target is on the axis of the first joint, that joint stays at its angle in
+    /// `present`. An angle that is outside of its limits by rounding alone (1e-9 rad) is put onto
+    /// the limit.
     ///
     /// # Errors
     /// [`InverseError`] if there is no posture; it has the distance by which the target is out of

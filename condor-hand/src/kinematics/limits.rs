@@ -4,7 +4,7 @@ use thiserror::Error;
 use crate::decimal::Decimal;
 use crate::math::{Real, clamp, is_finite, max, min, real, wrap};
 
-/// The limits of N joints: rad, m for a prismatic joint.
+/// The lower and upper limits of the positions of N joints: rad, or m for a prismatic joint.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct JointLimits<T: Real, const N: usize> {
     lower: SVector<T, N>,
@@ -37,7 +37,8 @@ pub(super) struct Tightest<T> {
 }
 
 impl<T: Real, const N: usize> JointLimits<T, N> {
-    /// Makes limits from the lower and the upper ones, rad (m for a prismatic joint).
+    /// Makes limits from the lowest and the highest position of each joint, rad (m for a prismatic
+    /// joint).
     ///
     /// # Errors
     /// [`JointLimitsError`] for the first joint whose lower limit is not below its upper one, or
@@ -55,32 +56,34 @@ impl<T: Real, const N: usize> JointLimits<T, N> {
         Ok(Self { lower, upper })
     }
 
-    /// Returns the lower limits, rad (m for a prismatic joint).
+    /// Returns the lowest position of each joint, rad (m for a prismatic joint).
     #[must_use]
     pub fn lower(&self) -> &SVector<T, N> {
         &self.lower
     }
 
-    /// Returns the upper limits, rad (m for a prismatic joint).
+    /// Returns the highest position of each joint, rad (m for a prismatic joint).
     #[must_use]
     pub fn upper(&self) -> &SVector<T, N> {
         &self.upper
     }
 
-    /// Returns whether all joints are within their limits.
+    /// Returns true if all positions in `q` are within their limits or at them.
     #[must_use]
     pub fn contains(&self, q: &SVector<T, N>) -> bool {
         self.margin(q) >= T::zero()
     }
 
-    /// Returns the least distance of any joint from its nearer limit, rad (m for a prismatic
-    /// joint); negative outside, and for a NaN.
+    /// Returns the distance between a joint in `q` and its nearer limit, rad (m for a prismatic
+    /// joint), for the joint that has the least such distance. The result is negative if a joint is
+    /// outside of its limits or is a NaN.
     #[must_use]
     pub fn margin(&self, q: &SVector<T, N>) -> T {
         self.tightest(q, 0).margin
     }
 
-    /// Returns the nearest posture within the limits; a NaN becomes the lower limit.
+    /// Returns `q` with each position moved to the nearest one within its limits; a NaN becomes the
+    /// lower limit.
     #[must_use]
     pub fn clamp(&self, q: &SVector<T, N>) -> SVector<T, N> {
         q.zip_zip_map(&self.lower, &self.upper, clamp)

@@ -11,7 +11,8 @@ const STEPS: u32 = 100;
 /// The largest change of a joint in one step, rad or m.
 const STEP: f64 = 0.2;
 
-/// The posture that brings a tip nearest to a point.
+/// The result of [`Chain::nearest`]: the posture that brings the tip as near to a point as the
+/// limits permit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Nearest<T: Real, const N: usize> {
     /// The posture, within the limits, rad (m for a prismatic joint).
@@ -22,7 +23,7 @@ pub struct Nearest<T: Real, const N: usize> {
     pub held: [Option<Side>; N],
 }
 
-/// A side of the range of a joint.
+/// One of the two limits of a joint: the lower or the upper one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Side {
     /// The lower limit.
@@ -32,17 +33,17 @@ pub enum Side {
 }
 
 impl<T: Real, const N: usize> Chain<T, N> {
-    /// Returns the posture within the limits that brings the tip as near to `target` (m, in the palm) as
-    /// a search from `present` (rad) finds: the joints go no further than they must.
+    /// Returns the posture within `limits` that brings the tip as near to `target` (m, in the palm) as a search from
+    /// `present` (rad) finds. The joints go no further than they must.
     ///
-    /// The search goes downhill. Where it ends away from the target it begins a second time, in the
-    /// middle of all limits, and the nearer end counts. So a target within reach may be missed where the
-    /// way to it leads uphill; the distance says so.
+    /// The search goes downhill. Where it ends away from the target it begins a second time, in the middle of all
+    /// limits, and the nearer end counts. So a target within reach may be missed where the way to it leads uphill; the
+    /// distance in the result tells.
     ///
-    /// Each step is one of Newton's on half the square of the distance, with `λ` added to the diagonal where
-    /// that is needed to go downhill (Levenberg). With the columns `v` and `w` of the linear and the angular
-    /// Jacobian and the error `e` of the tip, the second derivative by joints `i <= j` is
-    /// `v_i · v_j - e · (w_i x v_j)`. Joints that a limit holds are left out.
+    /// Each step is one of Newton's on half the square of the distance, with `λ` added to the diagonal where that is
+    /// needed to go downhill (Levenberg). With the columns `v` and `w` of the linear and the angular Jacobian and the
+    /// error `e` of the tip, the second derivative by joints `i <= j` is `v_i · v_j - e · (w_i x v_j)`. Joints that a
+    /// limit holds are left out.
     ///
     /// # Errors
     /// [`InverseError::NotFinite`] if a coordinate of the target or a position is not finite.

@@ -20,10 +20,11 @@ use crate::servo::{JointTarget, ServoMode};
 /// the next tick of its loop.
 const PAUSE: Duration = Duration::from_micros(200);
 
-/// A client of the servos of another processor, for the background of this one.
+/// A client with which one processor controls the servos of another processor. Use it in the background of the
+/// processor, not in a servo loop, since calls wait for responses.
 ///
-/// Fingers and joints are counted from 0. Each call ends at its timeout. If a call returns without an error,
-/// the servo loop has processed its order.
+/// Fingers and joints are counted from 0. Each call ends at its timeout. If a call that changes something returns
+/// without an error, the servo loop has carried it out.
 #[derive(Debug)]
 pub struct ServoClient<'m, M: Messenger + ?Sized, W, const F: usize, const N: usize> {
     exchange: Exchange<'m, M, Region<W>, Request, Response>,
@@ -31,7 +32,8 @@ pub struct ServoClient<'m, M: Messenger + ?Sized, W, const F: usize, const N: us
     to: Processor,
 }
 
-/// The properties of a servo processor.
+/// The answer of a servo processor to [`ServoClient::hello`]: the names of the hand and the finger,
+/// and the properties of the servos.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Hello {
     /// The name of the hand.
@@ -106,10 +108,11 @@ where
     M: Messenger + ?Sized,
     W: MemoryWindow + Clone,
 {
-    /// Makes a client of the servos of `to`. `region` is the users' region of that processor's
-    /// `data`, in which the servos have `places`.
+    /// Makes a client of the servos of the processor `to`.
     ///
-    /// There must be only one client on this processor at a time.
+    /// `region` is the users' region of that processor's `data` ([`Region::users`]). `places` is
+    /// the layout of the servos in that region; it must be the same on both processors. There must
+    /// be only one client on this processor at a time.
     ///
     /// # Errors
     /// [`AccessError`] of the kind `OutOfBounds` if the sender has no block in the places, or if
@@ -127,7 +130,8 @@ where
         })
     }
 
-    /// Returns the names of the hand and the finger, and properties of their servos.
+    /// Asks the servo processor for the names of the hand and of finger number `finger`, and for the properties of its
+    /// servos.
     ///
     /// # Errors
     /// [`ServoClientError::Version`] if the protocol has another version; [`ServoClientError::Refused`] if
@@ -150,8 +154,8 @@ where
         })
     }
 
-    /// Switches a joint, or all joints, to another mode. The present positions, torques or tensions become the
-    /// targets, so nothing jumps.
+    /// Switches one joint, or all joints of the finger if `joint` is `None`, to another mode. The present positions,
+    /// torques or tensions become the targets, so nothing jumps.
     ///
     /// # Errors
     /// Returns [`ServoClientError::Refused`] if the servo refuses the request; [`ServoClientError::NotDone`] if
@@ -170,7 +174,8 @@ where
         self.order(&request, Part::Drive, timeout)
     }
 
-    /// Switches a joint, or all joints, off.
+    /// Switches one joint, or all joints of the finger if `joint` is `None`, off. A joint that is off has its least
+    /// tensions.
     ///
     /// # Errors
     /// Returns the same variants as [`enable`](Self::enable) if the servo does not carry out the request.
@@ -183,7 +188,7 @@ where
         self.enable(finger, joint, ServoMode::Off, timeout)
     }
 
-    /// Sets a constant target of a joint, and the mode of that target.
+    /// Sets a constant target of a joint, and switches the joint to the mode of that target.
     ///
     /// # Errors
     /// Returns [`ServoClientError::Refused`] if the joint cannot have the target, and otherwise the same
@@ -201,7 +206,7 @@ where
         self.order(&request, Part::Drive, timeout)
     }
 
-    /// Returns the state of a finger.
+    /// Returns the state of a finger, such as its modes and its fault, as the servo loop last reported it.
     ///
     /// # Errors
     /// [`ServoClientError::Refused`] if the processor does not serve the finger;
@@ -219,8 +224,8 @@ where
         ServoStatus::take(words, ticks).map_err(|word| self.protocol(word))
     }
 
-    /// Clears the latched faults of a finger. Its joints can get another mode once it does not
-    /// [rest](ServoStatus::is_resting) any more.
+    /// Clears the latched faults of a finger. Its joints can be switched to another mode once the finger
+    /// [rests](ServoStatus::is_resting) no longer.
     ///
     /// # Errors
     /// Returns the same variants as [`enable`](Self::enable) if the servo does not carry out the request.

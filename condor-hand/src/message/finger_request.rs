@@ -5,11 +5,11 @@ use crate::dynamics::Dynamics;
 use crate::servo::{JointGains, JointTarget, ServoMode};
 use crate::trajectory::{SetPoint, StopGuard};
 
-/// A request to a finger, as the servo loop passed it to the finger's controller.
+/// A request that a servo loop passed to the controller of a finger, for recording and replay.
 ///
-/// [`HandLoop::tick_telling`](super::HandLoop::tick_telling) reports these requests. A program
-/// that [repeats](Self::repeat) them in the same ticks, with the same readings of the sensors, gets
-/// the same behaviour of the finger.
+/// [`HandLoop::tick_telling`](super::HandLoop::tick_telling) reports these requests. A program that
+/// [repeats](Self::repeat) them in the same ticks, with the same readings of the sensors, gets the
+/// same behaviour of the finger.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum FingerRequest<const N: usize> {
     /// Clears the latched faults.
@@ -54,8 +54,8 @@ mod kind {
 }
 
 impl<const N: usize> FingerRequest<N> {
-    /// Makes the same request to another controller. That refuses what the first controller
-    /// refused; a refused request has no effect.
+    /// Passes the same request to another controller. If the first controller refused the request,
+    /// the other one refuses it, too; a refused request has no effect.
     pub fn repeat<M: Dynamics<f64, N>>(&self, controller: &mut FingerController<M, N>) {
         // The first controller has told whoever asked.
         match *self {
@@ -75,8 +75,8 @@ impl<const N: usize> FingerRequest<N> {
         }
     }
 
-    /// Writes the request as words of 32 bits; returns how many of `words` it used, at most the
-    /// greater of 29 and 1 + 12 `N`. Words for which there is no room are left out.
+    /// Writes the request as words of 32 bits to the beginning of `words`, and returns the number of words that it
+    /// used. That is at most the greater of 29 and 1 + 12 `N`. Words for which there is no room are left out.
     ///
     /// | word 0 | the words after it |
     /// |---|---|
@@ -84,7 +84,7 @@ impl<const N: usize> FingerRequest<N> {
     /// | 1 mode | joint, [`ServoMode`] |
     /// | 2 target | joint, [`ServoMode`], three numbers |
     /// | 3 gains | joint, law, 13 numbers |
-    /// | 4 follow | of each joint position, velocity and acceleration, the number of its motion, 1 if a contact stops that or else 0, the torque and the tension that stop it |
+    /// | 4 follow | for each joint: position, velocity and acceleration; the number of its motion; 1 if a contact stops the motion, otherwise 0; the torque and the tension that stop the motion |
     ///
     /// Numbers are as in the [protocol](super): two words, the low one first.
     pub fn put(&self, words: &mut [u32]) -> usize {
@@ -115,7 +115,8 @@ impl<const N: usize> FingerRequest<N> {
         before - put.room()
     }
 
-    /// Reads a request that [`put`](Self::put) wrote; returns `None` if the words are not one.
+    /// Reads a request from the words that [`put`](Self::put) wrote; returns `None` if the words
+    /// are not a request.
     #[must_use]
     pub fn take(words: &[u32]) -> Option<Self> {
         let mut taken = WordReader::from(words);

@@ -21,10 +21,10 @@ type OrderWords = [u32; GraspOrder::<MOST_FINGERS>::WORDS];
 type ReportWords = [u32; 18 + 2 * MOST_FINGERS];
 
 impl<const F: usize> GraspOrder<F> {
-    /// The number of 32-bit words of an order.
+    /// The number of 32-bit words that [`put`](Self::put) writes for an order.
     pub const WORDS: usize = 2 * (87 + 3 * F);
 
-    /// Writes the order to the beginning of `words`, which must have room for
+    /// Writes the order as words of 32 bits to the beginning of `words`, which must have room for
     /// [`WORDS`](Self::WORDS): its fields one after another, with two words for each number, the
     /// low one first.
     pub fn put(&self, words: &mut [u32]) {
@@ -40,7 +40,7 @@ impl<const F: usize> GraspOrder<F> {
             .numbers(&[self.posture_damping, self.friction, self.ramp_s]);
     }
 
-    /// Reads an order that [`put`](Self::put) wrote; missing words are zeros.
+    /// Reads an order from the words that [`put`](Self::put) wrote; missing words count as zeros.
     #[must_use]
     pub fn take(words: &[u32]) -> Self {
         let mut taken = WordReader::from(words);
@@ -100,8 +100,10 @@ impl<const F: usize> GraspReport<F> {
     }
 }
 
-/// The places of orders and reports of a grasp in the `data` of a servo processor, whose hand has
-/// `F` fingers.
+/// The places in the `data` of a servo processor at which a master writes the orders of a grasp,
+/// and the servo loop writes its reports. The hand has `F` fingers.
+///
+/// Both processors must make the layout at the same offset and with the same `F`.
 #[derive(Clone, Copy, Debug)]
 pub struct GraspLayout<const F: usize> {
     /// The number of the latest order; stored after the order.
@@ -114,7 +116,7 @@ impl<const F: usize> GraspLayout<F> {
     const BYTES: u32 =
         NUMBER_BYTES + Published::<OrderWords>::BYTES + Published::<ReportWords>::BYTES;
 
-    /// Takes room from `places`.
+    /// Allocates room for orders and reports from `places`.
     ///
     /// # Errors
     /// [`AccessError`] of the kind `OutOfBounds` if there is no room.
@@ -125,7 +127,8 @@ impl<const F: usize> GraspLayout<F> {
         }
     }
 
-    /// Returns the places that begin at an offset in the users' region, in bytes.
+    /// Returns the layout that begins at `offset`, in bytes from the beginning of the users' region
+    /// of the servo processor's `data`.
     #[must_use]
     pub const fn at(offset: u32) -> Self {
         const { assert!(F <= MOST_FINGERS) };
@@ -137,8 +140,10 @@ impl<const F: usize> GraspLayout<F> {
         }
     }
 
-    /// Publishes an order, as the master, and returns its number, by which reports name the order. There must
-    /// be only one master at a time.
+    /// Publishes an order of the master to the servo processor, and returns the number by which reports name the order.
+    /// There must be only one master at a time.
+    ///
+    /// `region` is the users' region of the servo processor's `data` ([`Region::users`]).
     ///
     /// # Errors
     /// Returns [`AccessError`] if the places are not in the region, or if the memory cannot be written.
@@ -154,7 +159,7 @@ impl<const F: usize> GraspLayout<F> {
         Ok(number.into())
     }
 
-    /// Reads the last report of the servo loop.
+    /// Reads the last report that the servo loop has published.
     ///
     /// # Errors
     /// [`PublishedReadError::Unpublished`] if there is no report yet, [`PublishedReadError::Contended`] if the servo
@@ -167,7 +172,10 @@ impl<const F: usize> GraspLayout<F> {
         Ok(GraspReport::take(&latest.value))
     }
 
-    /// Makes the end for the servo loop, which gets the orders that come from now on.
+    /// Makes the part for the servo loop, which reads orders and publishes reports. Only orders
+    /// that come after this call count. There must be only one such part at a time.
+    ///
+    /// `region` is the users' region of the servo processor's own `data` ([`Region::users`]).
     ///
     /// # Errors
     /// [`AccessError`] if the places are not in the region, or if the memory cannot be accessed.
@@ -187,7 +195,8 @@ impl<const F: usize> GraspLayout<F> {
     }
 }
 
-/// The end of a grasp in the loop of its servo processor.
+/// The part of a [`GraspLayout`] for the servo loop, which reads the orders of the master and
+/// publishes the reports.
 #[derive(Debug)]
 pub struct GraspEnd<W, const F: usize> {
     region: Region<W>,
@@ -200,8 +209,9 @@ pub struct GraspEnd<W, const F: usize> {
 }
 
 impl<W: MemoryWindow, const F: usize> GraspEnd<W, F> {
-    /// Returns the order that has come since the last tick, with its number; `None` if none has
-    /// come.
+    /// Returns the latest order and its number if an order has come since the last call; otherwise
+    /// `None`. Call it once per tick, and pass the result to the grasp in
+    /// [`GraspInputs`](crate::grasp::distributed::GraspInputs).
     pub fn order(&mut self) -> Option<(u64, GraspOrder<F>)> {
         let number = self.region.word(self.number).ok()?;
         if number == self.seen {
@@ -213,7 +223,8 @@ impl<W: MemoryWindow, const F: usize> GraspEnd<W, F> {
         Some((number.into(), GraspOrder::take(&latest.value)))
     }
 
-    /// Publishes a report if it is [news](GraspReport::event), and in every 16th tick.
+    /// Publishes a report if its [event](GraspReport::event) has changed; otherwise only in every
+    /// 16th call. Call it once per tick.
     pub fn tell(&mut self, report: &GraspReport<F>) {
         let is_news = report.event() != self.reported.event();
         self.reported = *report;

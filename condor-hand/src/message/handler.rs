@@ -8,7 +8,8 @@ use super::{ALL_JOINTS, Part, Request, Response, ServoOperation, ServoRefusal, V
 use crate::config::ShortName;
 use crate::servo::ServoMode;
 
-/// The part of a [`ServoObject`](super::ServoObject) that answers messages, in the background of its processor.
+/// The part of a [`ServoObject`](super::ServoObject) that answers the messages of clients. It runs in the background of
+/// the servo processor.
 #[derive(Debug)]
 pub struct ServoHandler<'o, W, X, const F: usize, const N: usize> {
     /// Its word is 1 while a request is being answered.
@@ -22,7 +23,8 @@ pub struct ServoHandler<'o, W, X, const F: usize, const N: usize> {
     exclusion: X,
 }
 
-/// The names of a hand and its fingers, which servos report.
+/// The names and the servo rate with which servos answer a client's
+/// [`hello`](super::ServoClient::hello).
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct HandIdentity<const F: usize> {
     /// The name of the hand.
@@ -49,7 +51,8 @@ impl From<ServoRefusal> for EmptyResponse {
 const BUSY: EmptyResponse = EmptyResponse::State(state::BUSY);
 
 impl<const F: usize> HandIdentity<F> {
-    /// Makes an identity; names are cut off after 15 bytes.
+    /// Makes an identity from the names of the hand and its fingers, and the number of servo ticks
+    /// per second. Only the first 15 bytes of a name are kept.
     #[must_use]
     pub fn new(hand: &str, fingers: [&str; F], servo_hz: u32) -> Self {
         let name = |text: &str| {
@@ -92,10 +95,12 @@ impl<'o, W: MemoryWindow, X: Exclusion, const F: usize, const N: usize>
         }
     }
 
-    /// Answers a message. The handler of [`SERVO`](super::SERVO) needs to do nothing else.
+    /// Answers a message of a client, and returns the reply. Register a handler for the vector
+    /// [`SERVO`](super::SERVO) that calls this and does nothing else.
     ///
-    /// Its time does not depend on what a peer wrote, and it does not wait. If another call is in
-    /// progress, this one, from an interrupt or a thread, tells the sender to try again.
+    /// The call never waits, and its duration does not depend on what a peer wrote. If it
+    /// interrupts another call, or runs beside one in another thread, it tells the sender to try
+    /// again.
     pub fn answer(&self, call: &Call<'_>) -> u32 {
         let blocks = self.places.blocks;
         blocks.answer(call, &self.region, |request| self.respond(&request))

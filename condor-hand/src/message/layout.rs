@@ -11,8 +11,10 @@ use crate::trajectory::{SetPoint, StopGuard};
 /// motion, and the conditions that stop the motion.
 pub(super) type Points<const N: usize> = [[u32; WANTED]; N];
 
-/// The places of the servos' blocks and set-points in the `data` of their processor. Both sides
-/// make them with the same numbers of fingers, joints and processors, at the same offset.
+/// The places of the servos' request blocks and set-points in the `data` of their processor.
+///
+/// Both processors must make the layout with the same numbers of fingers, joints and processors,
+/// and at the same offset.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ServoLayout<const F: usize, const N: usize> {
     points: u32,
@@ -20,7 +22,8 @@ pub struct ServoLayout<const F: usize, const N: usize> {
 }
 
 impl<const F: usize, const N: usize> ServoLayout<F, N> {
-    /// Takes room from `places`, for requests from `processors` processors.
+    /// Allocates room from `places` for the set-points of all fingers, and for the request blocks
+    /// of `processors` processors.
     ///
     /// # Errors
     /// [`AccessError`] of the kind `OutOfBounds` if there is no room.
@@ -35,14 +38,18 @@ impl<const F: usize, const N: usize> ServoLayout<F, N> {
         }
     }
 
-    /// Returns the offset of the block of requests from `sender`, in bytes from the beginning of
-    /// the users' region; `None` if there is no block for that processor.
+    /// Returns the offset of the block into which the processor `sender` writes its requests, in
+    /// bytes from the beginning of the users' region; `None` if there is no block for that
+    /// processor.
     #[must_use]
     pub fn block(&self, sender: Processor) -> Option<u32> {
         self.blocks.block(sender)
     }
 
-    /// Makes the writer of the set-points of a finger; there must be only one at a time.
+    /// Makes the writer of the set-points of finger number `finger`, for the master. There must be
+    /// only one writer for a finger at a time.
+    ///
+    /// `region` is the users' region of the servo processor's `data` ([`Region::users`]).
     ///
     /// # Errors
     /// [`AccessError`] of the kind `OutOfBounds` for a finger that the hand does not have, or if
@@ -81,15 +88,17 @@ impl<const F: usize, const N: usize> ServoLayout<F, N> {
     }
 }
 
-/// The writer of the set-points of a finger with `N` joints, for the master.
+/// The writer of the set-points of a finger with `N` joints, in the master: the program that
+/// computes the trajectories of the hand.
 #[derive(Debug)]
 pub struct SetPoints<W, const N: usize> {
     publisher: Publisher<Points<N>, Region<W>>,
 }
 
 impl<W: MemoryWindow, const N: usize> SetPoints<W, N> {
-    /// Publishes the desired positions of the joints one tick of the master from now, with the
-    /// motions of the joints and what stops those; returns the number of the publication.
+    /// Publishes the set-points of one tick of the master: the states that the joints must have one
+    /// such tick from now. `guards` are the motion of each joint and the conditions that stop the
+    /// motion. Returns the sequence number of the publication.
     ///
     /// # Errors
     /// [`AccessError`] if the memory cannot be written.

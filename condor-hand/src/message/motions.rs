@@ -58,21 +58,23 @@ use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 use crate::queue::{QueueAnswer, RefusalReason, RequestIdentity, RequestState};
 
-/// The vector of a controller for requests of motions.
+/// The vector of the messages that carry requests to the motion queue of a controller.
 pub const MOTIONS: Vector = Vector(33);
-/// The version of requests and answers. A request of another version is answered with
+/// The version of this protocol of motions. A controller answers a request of another version with
 /// [`Code::Wrong`].
 pub const VERSION: u32 = 3;
-/// The size of the body of a request, in bytes.
+/// The size of the body of a [`MotionRequest`], in bytes.
 pub const BODY_BYTES: usize = 480;
 
-/// The blocks of requests and answers in the window of a controller.
+/// The blocks in the `data` of a controller through which clients send their requests and get the
+/// answers; one for each processor.
 pub type MotionsBlocks = Blocks<MotionRequest, MotionResponse>;
 
 /// The greatest [`MotionResponse::progress`].
 const WHOLE: u32 = 1000;
 
-/// The operation of a request.
+/// The operation that a [`MotionRequest`] asks for. The [module](self) lists the answers to each
+/// one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 #[non_exhaustive]
@@ -104,7 +106,7 @@ impl MotionOperation {
     }
 }
 
-/// The kind of an answer.
+/// The kind of an answer, which says what has become of the request or the operation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 #[non_exhaustive]
@@ -156,7 +158,7 @@ impl Code {
     }
 }
 
-/// A request as it lies in its block.
+/// A request to a motion queue, in the form in which it is written into a block of shared memory.
 #[derive(Clone, Copy, Debug, PartialEq, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
 pub struct MotionRequest {
@@ -198,7 +200,8 @@ impl MotionRequest {
     }
 }
 
-/// An answer as it lies in its block.
+/// The answer to a [`MotionRequest`], in the form in which it is written into a block of shared
+/// memory.
 #[derive(Clone, Copy, Debug, Default, PartialEq, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
 pub struct MotionResponse {

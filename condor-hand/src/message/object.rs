@@ -7,11 +7,10 @@ use super::servo_loop::HandLoop;
 use crate::controller::FingerController;
 use crate::dynamics::Dynamics;
 
-/// The fingers of `N` joints that one processor serves, of a hand of `F` fingers, as an object that
-/// answers messages.
+/// The fingers that one processor serves, as an object that answers messages. The hand has `F` fingers of `N` joints.
 ///
-/// It is private memory, through which its two parts, [`ServoHandler`] and [`HandLoop`], pass
-/// states to each other without locks.
+/// The object is private memory of the servo processor. Through it its two parts, the [`ServoHandler`] in the
+/// background and the [`HandLoop`] in the servo loop, pass states to each other without locks.
 ///
 /// ```
 /// # use std::time::Duration;
@@ -78,12 +77,13 @@ pub struct ServoObject<const F: usize, const N: usize> {
     fingers: [FingerMemory<N>; F],
 }
 
-/// The two parts of a [`ServoObject`]: for the background, and for the servo loop.
+/// The two parts of a [`ServoObject`]: the [`ServoHandler`] for the background, and the
+/// [`HandLoop`] for the servo loop.
 pub type ServoEnds<'o, M, W, X, const F: usize, const N: usize> =
     (ServoHandler<'o, W, X, F, N>, HandLoop<'o, M, W, F, N>);
 
 impl<const F: usize, const N: usize> ServoObject<F, N> {
-    /// Makes an object without any requests.
+    /// Makes the memory of the object; [`split`](Self::split) then connects it to controllers.
     #[must_use]
     pub const fn new() -> Self {
         const { assert!(F > 0 && F <= 32, "a hand has 1 to 32 fingers") };
@@ -94,12 +94,17 @@ impl<const F: usize, const N: usize> ServoObject<F, N> {
         }
     }
 
-    /// Returns the two parts: for the background and for the servo loop.
+    /// Returns the two parts of the object: the handler for the background and the part for the
+    /// servo loop.
     ///
-    /// `region` is the users' region of the processor's own `data`; `exclusion` keeps apart the
-    /// contexts in which the mailbox may call the handler. The controller of a finger that this
-    /// processor does not serve is `None`. Earlier requests, and set-points that are still in the
-    /// window, are discarded.
+    /// * `identity`: the names with which the servos answer clients.
+    /// * `region`: the users' region of this processor's own `data`, in which `places` are.
+    /// * `exclusion`: keeps the handler's calls apart, if the mailbox can call it from several
+    ///   contexts.
+    /// * `controllers`: one for each finger of the hand, or `None` if this processor does not serve
+    ///   the finger.
+    ///
+    /// Earlier requests, and set-points that are still in the region, are discarded.
     ///
     /// # Errors
     /// [`AccessError`] of the kind `OutOfBounds` if the places are not in the region, or of another

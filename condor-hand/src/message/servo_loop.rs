@@ -12,8 +12,8 @@ use crate::controller::{FingerController, FingerTick};
 use crate::dynamics::Dynamics;
 use crate::servo::{FingerReadings, ServoMode};
 
-/// The part of a [`ServoObject`](super::ServoObject) in the servo loop: the controllers of the fingers, which carry out
-/// requests.
+/// The part of a [`ServoObject`](super::ServoObject) that runs in the servo loop: it carries out the requests of
+/// clients and the set-points of the master with the controllers of the fingers.
 #[derive(Debug)]
 pub struct HandLoop<'o, M, W, const F: usize, const N: usize> {
     fingers: [Option<FingerLoop<'o, M, W, N>>; F],
@@ -62,11 +62,11 @@ impl<'o, M: Dynamics<f64, N>, W: MemoryWindow + Clone, const F: usize, const N: 
 impl<M: Dynamics<f64, N>, W: MemoryWindow, const F: usize, const N: usize>
     HandLoop<'_, M, W, F, N>
 {
-    /// Runs one tick of a finger, as [`FingerController::tick`] does, after it has passed on the
-    /// requests of messages and of the master since the last tick. Returns `None` for a finger that
-    /// the processor does not serve.
+    /// Runs one tick of finger number `finger`: passes on the requests and set-points that have
+    /// come since the last tick, and then calls [`FingerController::tick`] with the other
+    /// arguments. Returns `None` for a finger that the processor does not serve.
     ///
-    /// It neither waits nor serves, whatever peers write.
+    /// The call never waits, whatever other processors write.
     pub fn tick(
         &mut self,
         finger: usize,
@@ -77,9 +77,9 @@ impl<M: Dynamics<f64, N>, W: MemoryWindow, const F: usize, const N: usize>
         self.tick_telling(finger, sensed, gravity, period_s, |_| {})
     }
 
-    /// Runs one tick as [`tick`](Self::tick) does, and calls `tell` with each request that it
-    /// passes to the controller, in the same order. Returns `None` for a finger that the processor
-    /// does not serve.
+    /// Runs one tick as [`tick`](Self::tick) does, and calls `tell` with each request that is
+    /// passed to the controller, in the same order, for example to record the requests. Returns
+    /// `None` for a finger that the processor does not serve.
     pub fn tick_telling(
         &mut self,
         finger: usize,
@@ -96,15 +96,16 @@ impl<M: Dynamics<f64, N>, W: MemoryWindow, const F: usize, const N: usize>
         Some(tick)
     }
 
-    /// Returns the controller of a finger; `None` if the processor does not serve the finger.
+    /// Returns the controller of finger number `finger`; `None` if the processor does not serve the
+    /// finger.
     #[must_use]
     pub fn controller(&self, finger: usize) -> Option<&FingerController<M, N>> {
         let finger = self.fingers.get(finger)?.as_ref()?;
         Some(&finger.controller)
     }
 
-    /// Returns the controller of a finger, for direct calls by the program of this processor;
-    /// `None` if the processor does not serve the finger.
+    /// Returns the controller of finger number `finger`, so that the program of this processor can
+    /// call it directly; `None` if the processor does not serve the finger.
     #[must_use]
     pub fn controller_mut(&mut self, finger: usize) -> Option<&mut FingerController<M, N>> {
         let finger = self.fingers.get_mut(finger)?.as_mut()?;

@@ -2,22 +2,22 @@ use super::words::{WordReader, WordWriter};
 use crate::servo::ServoMode;
 use crate::tendon::fault::{FaultCode, FaultSite, FingerFault};
 
-/// The state of a finger of `N` joints, as its loop last reported it.
+/// The state of a finger of `N` joints, as the servo loop last reported it to clients.
 ///
-/// Its words are, in this order: the saturated joints, one bit each; 1 if the finger rests; the
-/// number of the fault's code plus 1, or 0; the fault's site (0 finger, 1 joint, 2 flexor, 3
-/// extensor), and its joint; the fault's value, two words; the modes, eight to a word, the first in
-/// the lowest four bits, four words; the number of restarts; the number of the last order that was
-/// processed; the number of refused set-points.
+/// In the response to a client the state is these words, in this order: the saturated joints, one
+/// bit each; 1 if the finger rests; the number of the fault's code plus 1, or 0; the fault's site
+/// (0 finger, 1 joint, 2 flexor, 3 extensor), and its joint; the fault's value, two words; the
+/// modes, eight to a word, the first in the lowest four bits, four words; the number of restarts;
+/// the number of the last order that was processed; the number of refused set-points.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ServoStatus<const N: usize> {
-    /// The modes of its joints.
+    /// The present mode of each joint.
     pub modes: [ServoMode; N],
     /// A bit for each joint whose tendons cannot give the torque that it needs.
     pub saturated: u32,
     /// The first fault since the last restart; `None` if there was none.
     pub fault: Option<FingerFault>,
-    /// Whether it goes to its least tensions after a fault, or stays there.
+    /// True after a fault, while the finger goes to its least tensions or stays there.
     pub is_resting: bool,
     /// The number of restarts.
     pub restarts: u32,

@@ -11,7 +11,8 @@ use crate::dynamics::Dynamics;
 use crate::math::abs;
 use crate::tendon::{ArmError, Pair};
 
-/// The parameters of a simulated machine that are not in its configuration.
+/// The parameters of a simulated hand that its configuration does not have. The methods make the
+/// simulated parts of a configured hand.
 ///
 /// The default has exact actuators, soft mechanical stops, five updates in a period and points as
 /// tips: a machine that touches nothing.
@@ -71,7 +72,8 @@ impl Default for PlantModel {
 }
 
 impl DriveKind {
-    /// Returns a [`DriveKind::Euler`] with a pole at this frequency, Hz.
+    /// Returns a drive with a first-order response by Euler's method, whose pole is at `pole_hz`
+    /// (Hz).
     #[must_use]
     pub fn euler(pole_hz: f64) -> Self {
         Self::Euler {
@@ -79,7 +81,7 @@ impl DriveKind {
         }
     }
 
-    /// Returns a [`DriveKind::Exact`] with a pole at this frequency, Hz.
+    /// Returns a drive with an exact first-order response, whose pole is at `pole_hz` (Hz).
     #[must_use]
     pub fn exact(pole_hz: f64) -> Self {
         Self::Exact {
@@ -93,7 +95,7 @@ fn time_constant_s(pole_hz: f64) -> f64 {
 }
 
 impl PlantModel {
-    /// Returns the parameters of a finger of a configuration, apart from its mechanism.
+    /// Returns the parameters of the simulation of a configured finger, except for its mechanism.
     ///
     /// If the finger has fewer than `N` joints, nothing moves the missing ones.
     ///
@@ -121,9 +123,11 @@ impl PlantModel {
         })
     }
 
-    /// Makes a finger of a configuration, at rest at the joint positions `q` (rad), with the
-    /// tensions with which its controller begins. `mechanism` is that of the simulated machine; it
-    /// may differ from the model in the controller.
+    /// Makes the simulation of a configured finger. It is at rest at the joint positions `q` (rad),
+    /// with the tensions with which its controller begins.
+    ///
+    /// `mechanism` is the model of the simulated links; it may differ from the model in the
+    /// controller.
     ///
     /// # Errors
     /// [`PlantError`] for a number that no plant can have.
@@ -138,7 +142,7 @@ impl PlantModel {
         Ok(plant)
     }
 
-    /// Returns the parameters of a hand of a configuration, apart from its fingers.
+    /// Returns the parameters of the simulation of a configured hand, except for its fingers.
     #[must_use]
     pub fn hand_parameters<const F: usize, const N: usize>(
         &self,
@@ -160,8 +164,9 @@ impl PlantModel {
         }
     }
 
-    /// Makes the table of a configuration, whose axes must lie along x, y and z of the palm, in
-    /// either sense and in any order. An axis that the configuration does not have does not move.
+    /// Makes the simulation of a configured table. Its axes must lie along x, y and z of the palm,
+    /// in either direction and in any order. An axis that the configuration does not have does not
+    /// move.
     ///
     /// # Errors
     /// [`PlantError`] for a number that no plant can have, or for an axis that has another

@@ -4,8 +4,8 @@ use super::PlantError;
 use crate::math::{max, sqrt};
 use crate::number::{NumberError, finite, not_negative, positive};
 
-/// The surface between two bodies that touch: a spring and a damper along the normal, and a spring
-/// and a damper across it that stick up to Coulomb's limit.
+/// The simulated surface between two bodies that touch: a spring and a damper along the normal, and
+/// a spring and a damper across it that stick up to Coulomb's limit.
 ///
 /// The spring across is anchored at the point where the bodies first touched, and slides when the
 /// limit is reached (Cundall and Strack 1979). So a body that is held does not creep.
@@ -23,19 +23,21 @@ pub struct SimSurface {
     pub friction: f64,
 }
 
-/// A plane that does not move relative to the palm.
+/// The simulated ground: a plane that does not move relative to the palm, which tips and the object
+/// can touch.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SimGround {
     point: Vector3<f64>,
     normal: Vector3<f64>,
 }
 
-/// A possible contact of two bodies, in its state of the last update.
+/// The state of the contact between two simulated bodies in the last update: whether they touch,
+/// and with which force.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SimContact {
-    /// Whether the bodies touch.
+    /// True if the bodies touch.
     pub is_touching: bool,
-    /// Whether they touch and friction is at its limit.
+    /// True if the bodies touch and friction is at its limit.
     pub is_sliding: bool,
     /// The point of contact in the palm, m.
     pub point: Vector3<f64>,
@@ -72,8 +74,8 @@ impl SimSurface {
 }
 
 impl SimGround {
-    /// Makes the plane through `point` (m); bodies are on the side of `normal`, which may have any
-    /// length.
+    /// Makes the plane through `point` (m) that is perpendicular to `normal`. Bodies are on the
+    /// side to which `normal` points; its length does not matter.
     ///
     /// # Errors
     /// [`PlantError`] if the normal has no length, or a number is not finite.

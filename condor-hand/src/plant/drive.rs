@@ -2,7 +2,7 @@ use super::pneumatic::{Air, Pneumatic};
 use crate::math::{clamp, exp};
 use crate::number::{NumberError, positive};
 
-/// The actuator that pulls one tendon.
+/// A simulated actuator, which pulls one tendon.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SimDrive {
     /// The tension of a full command, N; commands are limited to `0..=max_n`.
@@ -11,7 +11,7 @@ pub struct SimDrive {
     pub kind: DriveKind,
 }
 
-/// The response of a tendon's tension to its command.
+/// The model of a simulated actuator: how the tension of its tendon follows the command.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum DriveKind {
     /// A first-order response, `f' = (command - f) / tau`, by Euler's forward method: the tension

@@ -10,7 +10,7 @@ use crate::number::{not_negative, positive};
 use crate::servo::FingerReadings;
 use crate::tendon::{MomentArms, Pair, TendonPairs};
 
-/// The parameters of a finger, apart from its mechanism.
+/// The parameters of a [`SimFinger`], except for its mechanism.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FingerParameters<const N: usize> {
     /// The moment arms of the tendons.
@@ -21,7 +21,7 @@ pub struct FingerParameters<const N: usize> {
     pub drives: TendonPairs<SimDrive, N>,
 }
 
-/// A simulated finger: a mechanism `M` of N joints, pulled by 2 N tendons.
+/// A simulated finger: a mechanism `M` of N joints that is pulled by 2 N tendons.
 ///
 /// ```
 /// # use condor_hand::config::Hand;
@@ -48,7 +48,8 @@ pub struct SimFinger<M, const N: usize> {
 }
 
 impl<M: Dynamics<f64, N>, const N: usize> SimFinger<M, N> {
-    /// Makes a finger at rest at the joint positions `q` (rad), without tension.
+    /// Makes a finger that is at rest at the joint positions `q` (rad), with zero tension in all
+    /// tendons. `mechanism` is the model of its links.
     ///
     /// # Errors
     /// [`PlantError`] for the first parameter that is wrong, or if the mass matrix is not positive
@@ -80,8 +81,8 @@ impl<M: Dynamics<f64, N>, const N: usize> SimFinger<M, N> {
         Ok(finger)
     }
 
-    /// Puts the finger at rest at the joint positions `q` (rad), its drives at rest at `tensions`
-    /// (N).
+    /// Puts the finger at rest at the joint positions `q` (rad), with the constant tensions
+    /// `tensions` (N) in its tendons.
     ///
     /// # Errors
     /// [`PlantError`] if a position is not finite, or a tension is not finite or below zero; the
@@ -113,8 +114,9 @@ impl<M: Dynamics<f64, N>, const N: usize> SimFinger<M, N> {
         Ok(())
     }
 
-    /// Simulates `dt` seconds in `updates` equal updates, with constant commands (N). A command
-    /// that is NaN counts as zero. `gravity` is as in [`Dynamics`], m/s².
+    /// Simulates `dt` seconds in `updates` equal updates. `commands` (N) are the constant commands
+    /// of the actuators; a NaN counts as zero. `gravity` is in the axes of the palm, m/s², as in
+    /// [`Dynamics`].
     ///
     /// # Errors
     /// [`PlantError`] if `dt` is not above zero, the mass matrix is not positive definite, or a new
@@ -133,7 +135,8 @@ impl<M: Dynamics<f64, N>, const N: usize> SimFinger<M, N> {
         Ok(())
     }
 
-    /// Simulates one update of `dt` seconds, with further torques on the joints (N m).
+    /// Simulates one update of `dt` seconds, like [`step`](Self::step) with a single update.
+    /// `torque` (N m) acts on the joints in addition to the tendons, for example from contacts.
     ///
     /// # Errors
     /// [`PlantError`] if `dt` is not above zero, the mass matrix is not positive definite, or the
@@ -244,25 +247,27 @@ impl<M: Dynamics<f64, N>, const N: usize> SimFinger<M, N> {
 }
 
 impl<M, const N: usize> SimFinger<M, N> {
-    /// Returns the positions of the joints, rad.
+    /// Returns the present positions of the finger's joints, rad.
     #[must_use]
     pub fn q(&self) -> &SVector<f64, N> {
         &self.q
     }
 
-    /// Returns the rates of the joints, rad/s.
+    /// Returns the present rates of the finger's joints, rad/s.
     #[must_use]
     pub fn qd(&self) -> &SVector<f64, N> {
         &self.qd
     }
 
-    /// Returns the tensions during the last update, as a sensor in the tendon measures them, N.
+    /// Returns the tensions of the tendons during the last update, N, as sensors in the tendons
+    /// would measure them.
     #[must_use]
     pub fn tensions(&self) -> &TendonPairs<f64, N> {
         &self.tensions
     }
 
-    /// Returns what exact sensors of the finger say; nothing touches its tip.
+    /// Returns the readings of exact sensors of the finger. The reading of the tactile sensor is
+    /// zero.
     #[must_use]
     pub fn readings(&self) -> FingerReadings<f64, N> {
         FingerReadings {
@@ -272,13 +277,13 @@ impl<M, const N: usize> SimFinger<M, N> {
         }
     }
 
-    /// Returns the mechanism, the model of the finger's links.
+    /// Returns the model of the finger's links that was passed to [`new`](Self::new).
     #[must_use]
     pub fn mechanism(&self) -> &M {
         &self.mechanism
     }
 
-    /// Returns the parameters of the finger, apart from its mechanism.
+    /// Returns the parameters of the finger that were passed to [`new`](Self::new).
     #[must_use]
     pub fn parameters(&self) -> &FingerParameters<N> {
         &self.parameters

@@ -12,7 +12,7 @@ use crate::kinematics::Kinematics;
 use crate::number::{NumberError, not_negative, positive};
 use crate::tendon::TendonPairs;
 
-/// The parameters of a hand, apart from its fingers.
+/// The parameters of a [`SimHand`], except for its fingers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HandParameters {
     /// The time for which a command is constant, s.
@@ -31,8 +31,8 @@ pub struct HandParameters {
     pub object_ground: SimSurface,
 }
 
-/// A simulated hand: F fingers of N joints, an object, the ground, and the table that carries the
-/// palm.
+/// A simulated hand of F fingers of N joints. Optionally it has an object and a ground that the
+/// fingertips can touch, and a table that carries the palm.
 #[derive(Clone, Copy, Debug)]
 pub struct SimHand<M, const F: usize, const N: usize> {
     parameters: HandParameters,
@@ -59,7 +59,7 @@ impl<M, const F: usize, const N: usize> SimHand<M, F, N>
 where
     M: Kinematics<f64, N> + Dynamics<f64, N>,
 {
-    /// Makes a hand without object, on a palm that does not move.
+    /// Makes a hand without an object and without a ground, on a palm that does not move.
     ///
     /// # Errors
     /// [`PlantError`] for the first parameter that is wrong.
@@ -93,29 +93,29 @@ where
         })
     }
 
-    /// Adds an object, which the fingers can touch.
+    /// Returns the hand with an object, which the fingertips can touch.
     #[must_use]
     pub fn with_object(mut self, object: SimObject) -> Self {
         self.object = Some(object);
         self
     }
 
-    /// Adds a plane below the hand.
+    /// Returns the hand with a ground, which the fingertips and the object can touch.
     #[must_use]
     pub fn with_ground(mut self, ground: SimGround) -> Self {
         self.ground = Some(ground);
         self
     }
 
-    /// Puts the palm on a table.
+    /// Returns the hand with its palm on a table, which [`drive_table`](Self::drive_table) moves.
     #[must_use]
     pub fn with_table(mut self, table: SimTable) -> Self {
         self.table = Some(table);
         self
     }
 
-    /// Simulates one period, with constant commands of all tendons (N). A command that is NaN
-    /// counts as zero.
+    /// Simulates one period of [`HandParameters::period_s`]. `commands` (N) are the constant
+    /// commands of the actuators of all fingers; a NaN counts as zero.
     ///
     /// # Errors
     /// [`PlantError`] if a new state would not be finite, or a mass matrix is not positive
@@ -178,7 +178,7 @@ where
         Ok(())
     }
 
-    /// Removes the object, or replaces it by another one, which nothing touches yet.
+    /// Removes the object, or replaces it by `object`, which nothing touches yet.
     pub fn put_object(&mut self, object: Option<SimObject>) {
         self.object = object;
         self.object_ground = SimContact::none();
@@ -187,7 +187,8 @@ where
         }
     }
 
-    /// Pushes the object with a wrench about its centre, until the next call.
+    /// Pushes the object with a wrench (N, N m), whose moment is about its centre. The push lasts
+    /// until the next call; pass a zero wrench to end it.
     ///
     /// # Errors
     /// [`PlantError`] if the wrench is not finite; the old one stays then.
@@ -197,7 +198,8 @@ where
         Ok(())
     }
 
-    /// Pushes the tip of a finger with a wrench about it, until the next call.
+    /// Pushes the tip of finger number `finger` (from 0) with a wrench (N, N m), whose moment is
+    /// about the tip. The push lasts until the next call for that finger.
     ///
     /// # Errors
     /// [`PlantError`] if the wrench is not finite, or the finger does not exist; the old one stays
@@ -210,7 +212,8 @@ where
         Ok(())
     }
 
-    /// Drives the table with the forces of its motors (N), until the next call.
+    /// Sets the forces of the table's motors (N, along x, y and z of the palm), which act until the
+    /// next call. Without a table they have no effect.
     ///
     /// # Errors
     /// [`PlantError`] if a force is not finite; the old ones stay then.
@@ -222,48 +225,48 @@ where
 }
 
 impl<M, const F: usize, const N: usize> SimHand<M, F, N> {
-    /// Returns the fingers in their present state.
+    /// Returns the simulated fingers, for example to read their joint positions.
     #[must_use]
     pub fn fingers(&self) -> &[SimFinger<M, N>; F] {
         &self.fingers
     }
 
-    /// Returns the fingers for changes, such as to reset one.
+    /// Returns the simulated fingers for changes, for example to reset one.
     pub fn fingers_mut(&mut self) -> &mut [SimFinger<M, N>; F] {
         &mut self.fingers
     }
 
-    /// Returns the object; `None` if there is none.
+    /// Returns the simulated object; `None` if there is none.
     #[must_use]
     pub fn object(&self) -> Option<&SimObject> {
         self.object.as_ref()
     }
 
-    /// Returns the table; `None` if the palm does not move.
+    /// Returns the simulated table; `None` if the palm does not move.
     #[must_use]
     pub fn table(&self) -> Option<&SimTable> {
         self.table.as_ref()
     }
 
-    /// Returns the contact of each tip with the object.
+    /// Returns for each finger the state of the contact between its tip and the object.
     #[must_use]
     pub fn object_contacts(&self) -> [SimContact; F] {
         self.tips.map(|tip| tip.object)
     }
 
-    /// Returns the contact of each tip with the ground.
+    /// Returns for each finger the state of the contact between its tip and the ground.
     #[must_use]
     pub fn ground_contacts(&self) -> [SimContact; F] {
         self.tips.map(|tip| tip.ground)
     }
 
-    /// Returns the contact of the object with the ground.
+    /// Returns the state of the contact between the object and the ground.
     #[must_use]
     pub fn object_ground_contact(&self) -> &SimContact {
         &self.object_ground
     }
 
-    /// Returns the time since the beginning, s.
+    /// Returns the simulated time since the hand was made, s.
     #[must_use]
     pub fn time_s(&self) -> f64 {
         // Counts stay exact for longer than any run.

@@ -2,7 +2,8 @@ use super::error::ordered;
 use crate::math::tanh;
 use crate::number::{NumberError, finite, not_negative, positive};
 
-/// The parameters of a joint, apart from the tendons and the bodies; rad and N m, or m and N.
+/// The parameters of a simulated joint, except for its tendons and bodies. Units are those of a
+/// rotating joint; for a sliding joint read m for rad and N for N m.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct JointParameters {
     /// The inertia of the drive as the joint feels it, kg m².
@@ -26,7 +27,8 @@ pub struct JointParameters {
     pub stop: SimStop,
 }
 
-/// A soft stop: a spring and a damper that only push.
+/// A simulated mechanical stop at the end of a range: a spring and a damper that push only back
+/// into the range.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SimStop {
     /// The stiffness, N m/rad or N/m.

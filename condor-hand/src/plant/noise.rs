@@ -1,12 +1,12 @@
-/// Random numbers that follow from a seed: xoshiro256++ (Blackman and Vigna 2019), its state filled
-/// by `SplitMix64`.
+/// A generator of random numbers that are the same for the same seed on every target: xoshiro256++
+/// (Blackman and Vigna 2019), its state filled by `SplitMix64`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Noise {
     state: [u64; 4],
 }
 
 impl Noise {
-    /// Makes the sequence of a seed, which may be any number.
+    /// Makes the generator for a seed, which may be any number.
     #[must_use]
     pub fn new(seed: u64) -> Self {
         let mut at = seed;
@@ -20,7 +20,7 @@ impl Noise {
         Self { state }
     }
 
-    /// Returns 64 random bits.
+    /// Returns the next 64 random bits.
     pub fn bits(&mut self) -> u64 {
         let [mut a, mut b, mut c, mut d] = self.state;
         let bits = a.wrapping_add(d).rotate_left(23).wrapping_add(a);
@@ -35,7 +35,7 @@ impl Noise {
         bits
     }
 
-    /// Returns a number uniformly distributed over `0.0..1.0`.
+    /// Returns the next random number, uniformly distributed over `0.0..1.0`.
     pub fn uniform(&mut self) -> f64 {
         // 53 bits are what a double holds.
         #[allow(clippy::cast_precision_loss, reason = "53 bits fit")]
@@ -43,8 +43,8 @@ impl Noise {
         integer / 9_007_199_254_740_992.0
     }
 
-    /// Returns a number with nearly normal distribution, of mean 0 and deviation 1, never beyond 6:
-    /// the sum of twelve uniform numbers less 6.
+    /// Returns the next random number with a nearly normal distribution of mean 0 and standard
+    /// deviation 1. It is the sum of twelve uniform numbers less 6, so it is never beyond 6 or -6.
     pub fn normal(&mut self) -> f64 {
         let mut sum = -6.0;
         for _ in 0..12 {

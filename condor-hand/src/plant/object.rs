@@ -9,7 +9,7 @@ use crate::math::{abs, sin_cos, sqrt};
 use crate::number::{NumberError, Requirement, check, finite, positive};
 use crate::pose::rotation_of;
 
-/// The parameters of a free object.
+/// The mass, the inertia and the radius of a [`SimObject`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ObjectParameters {
     /// The mass, kg.
@@ -21,10 +21,11 @@ pub struct ObjectParameters {
     pub radius: f64,
 }
 
-/// A rigid object that only its contacts hold.
+/// A simulated rigid object that moves freely, except for gravity and its contacts.
 ///
-/// Its frame is at its centre of mass. Its state has the angular momentum instead of the angular
-/// velocity, so without a moment the angular momentum is constant to the last bit.
+/// The origin of the object's frame is its centre of mass. The state of the simulation has the
+/// angular momentum instead of the angular velocity, so without a moment the angular momentum is
+/// constant to the last bit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SimObject {
     parameters: ObjectParameters,
@@ -36,7 +37,8 @@ pub struct SimObject {
 }
 
 impl ObjectParameters {
-    /// Returns the parameters of a uniform ball with this mass (kg) and radius (m).
+    /// Returns the parameters of a uniform ball with the mass `mass` (kg) and the radius `radius`
+    /// (m).
     #[must_use]
     pub fn ball(mass: f64, radius: f64) -> Self {
         Self {
@@ -48,8 +50,8 @@ impl ObjectParameters {
 }
 
 impl SimObject {
-    /// Makes an object at rest with its centre at `center` (m, in the palm), whose axes are those
-    /// of the palm.
+    /// Makes an object that is at rest with its centre at `center` (m, in the palm). Its axes are
+    /// those of the palm.
     ///
     /// # Errors
     /// [`PlantError`] for the first parameter that is wrong.
@@ -86,7 +88,7 @@ impl SimObject {
         })
     }
 
-    /// Sets the velocity (m/s) and the angular velocity (rad/s).
+    /// Returns the object with the velocity of its centre (m/s) and the angular velocity (rad/s).
     ///
     /// # Errors
     /// [`PlantError`] if one of them is not finite.
@@ -110,7 +112,7 @@ impl SimObject {
         &self.parameters
     }
 
-    /// Returns its frame in the palm.
+    /// Returns the pose of the object in the frame of the palm.
     #[must_use]
     pub fn pose(&self) -> Pose {
         Pose {
@@ -119,25 +121,25 @@ impl SimObject {
         }
     }
 
-    /// Returns its orientation in the palm as a unit quaternion.
+    /// Returns the orientation of the object in the palm, as a unit quaternion.
     #[must_use]
     pub fn orientation(&self) -> &Quaternion<f64> {
         &self.orientation
     }
 
-    /// Returns the velocity of its centre, m/s.
+    /// Returns the velocity of the object's centre in the axes of the palm, m/s.
     #[must_use]
     pub fn velocity(&self) -> &Vector3<f64> {
         &self.velocity
     }
 
-    /// Returns its angular momentum about its centre, N m s.
+    /// Returns the angular momentum of the object about its centre, in the axes of the palm, N m s.
     #[must_use]
     pub fn angular_momentum(&self) -> &Vector3<f64> {
         &self.angular_momentum
     }
 
-    /// Returns its angular velocity, rad/s.
+    /// Returns the angular velocity of the object in the axes of the palm, rad/s.
     #[must_use]
     pub fn angular_velocity(&self) -> Vector3<f64> {
         let rotation = self.rotation();

@@ -4,7 +4,8 @@ use super::joint::coulomb;
 use crate::math::{clamp, exp, max};
 use crate::number::{NumberError, not_negative, positive};
 
-/// A pressure valve, a cylinder with a sliding piston, and the tendon that the piston draws in.
+/// A model of a pneumatic actuator: a pressure valve, a cylinder with a sliding piston, and the
+/// tendon that the piston draws in.
 ///
 /// Along the retraction s of the piston, with gauge pressure P and valve output x, both Pa:
 ///
@@ -45,7 +46,7 @@ pub struct Pneumatic {
     pub elastic: Option<Elastic>,
 }
 
-/// A tendon that stretches, and goes slack.
+/// The elasticity of the tendon of a [`Pneumatic`] actuator: it stretches, and can become slack.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Elastic {
     /// The stiffness, N/m.

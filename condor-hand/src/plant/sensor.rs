@@ -4,7 +4,7 @@ use crate::config::InputChannel;
 use crate::math::abs;
 use crate::number::{NumberError, Requirement, check, finite, not_negative, positive};
 
-/// A sensor, and the converter behind it.
+/// A simulated sensor: the converter that reads it, and its noise.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sensor {
     /// The converter, as in a controller's configuration.
@@ -13,7 +13,7 @@ pub struct Sensor {
     pub noise: f64,
 }
 
-/// A fault of a channel, with its time.
+/// A fault of a simulated sensor, which begins and ends at set times.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SensorFault {
     /// The channel of the bank, from 0.
@@ -26,7 +26,7 @@ pub struct SensorFault {
     pub kind: SensorFaultKind,
 }
 
-/// The kind of a channel's fault.
+/// The kind of a simulated sensor fault.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum SensorFaultKind {
@@ -40,7 +40,8 @@ pub enum SensorFaultKind {
     NotANumber,
 }
 
-/// C sensors, their noise, and the script of their faults.
+/// A bank of C simulated sensors, or channels. It converts true values into readings with noise
+/// and, according to a script, with faults.
 #[derive(Clone, Copy, Debug)]
 pub struct SensorBank<'a, const C: usize> {
     sensors: [Sensor; C],
@@ -64,7 +65,7 @@ impl Sensor {
 }
 
 impl<'a, const C: usize> SensorBank<'a, C> {
-    /// Makes a bank whose noise is determined by `seed`.
+    /// Makes a bank of `sensors`, with the faults in `script`. The noise is determined by `seed`.
     ///
     /// # Errors
     /// [`PlantError`] for the first parameter that is wrong, or for a fault of a channel that does
@@ -86,8 +87,8 @@ impl<'a, const C: usize> SensorBank<'a, C> {
         })
     }
 
-    /// Returns the readings of the channels at the time `now_s` (s), with noise and faults;
-    /// `values` are the true values.
+    /// Returns the readings of all channels at the time `now_s` (s), with noise and faults, in the
+    /// unit of each sensor. `values` are the true values.
     pub fn read(&mut self, now_s: f64, values: &[f64; C]) -> [f64; C] {
         let mut readings = *values;
         let channels = self.sensors.iter().zip(&mut self.last);

@@ -6,7 +6,7 @@ use super::joint::{Passive, SimStop};
 use crate::math::{clamp, is_finite};
 use crate::number::{NumberError, not_negative, positive};
 
-/// One axis of the table that carries the palm.
+/// The parameters of one axis of a [`SimTable`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AxisParameters {
     /// The mass of everything that this axis moves, including the hand, kg.
@@ -21,7 +21,8 @@ pub struct AxisParameters {
     pub stop: SimStop,
 }
 
-/// Three prismatic axes x, y, z, which are balanced against gravity and do not feel the fingers.
+/// A simulated table, which carries the palm on three sliding axes along x, y and z. The axes are
+/// balanced against gravity, and the forces of the fingers do not move them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SimTable {
     axes: [AxisParameters; 3],
@@ -53,7 +54,7 @@ impl AxisParameters {
 }
 
 impl SimTable {
-    /// Makes a table at rest at zero.
+    /// Makes a table that is at rest at the position zero. `axes` are x, y and z of the palm.
     ///
     /// # Errors
     /// [`PlantError`] for the first parameter that is wrong.
@@ -67,8 +68,8 @@ impl SimTable {
         })
     }
 
-    /// Simulates `dt` seconds in one update under the forces of the motors (N). A force that is not
-    /// finite counts as zero.
+    /// Simulates one update of `dt` seconds with the forces of the motors (N). A force that is not
+    /// finite counts as zero; others are limited to those that the motors have.
     ///
     /// # Errors
     /// [`PlantError`] if `dt` is not above zero.
@@ -87,19 +88,19 @@ impl SimTable {
         Ok(())
     }
 
-    /// Returns its position, m.
+    /// Returns the positions of the table's axes, m.
     #[must_use]
     pub fn position(&self) -> &Vector3<f64> {
         &self.position
     }
 
-    /// Returns its velocity, m/s.
+    /// Returns the velocities of the table's axes, m/s.
     #[must_use]
     pub fn velocity(&self) -> &Vector3<f64> {
         &self.velocity
     }
 
-    /// Returns its acceleration during the last update, m/s².
+    /// Returns the accelerations of the table's axes during the last update, m/s².
     #[must_use]
     pub fn acceleration(&self) -> &Vector3<f64> {
         &self.acceleration

@@ -3,9 +3,9 @@ use core::fmt;
 use crc::{CRC_32_ISO_HDLC, Crc};
 use thiserror::Error;
 
-/// The size of a row, in bytes.
+/// The size of a row of a [`Ledger`], in bytes.
 pub const ROW_BYTES: usize = 32;
-/// A row of a ledger, as it is stored.
+/// The bytes of one row of a [`Ledger`], as a program stores them.
 pub type LedgerRow = [u8; ROW_BYTES];
 
 const MAGIC: u32 = u32::from_le_bytes(*b"CNDQ");
@@ -16,7 +16,8 @@ const REQUEST: u32 = 2;
 const CLOSED: u32 = 3;
 const CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
 
-/// The session and the number of a request, which identify it.
+/// The identity of a request: the session of its client, and the number of the request in that
+/// session. The queue runs no identity twice.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct RequestIdentity {
     /// The number of the session, which the queue has assigned to the client.
@@ -32,7 +33,8 @@ impl fmt::Display for RequestIdentity {
     }
 }
 
-/// The incarnation of a processor that opened a session, and that alone can use it.
+/// The owner of a session: the incarnation of a processor that opened the session. Only the owner
+/// can use it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct SessionOwner {
     /// The number of the processor.
@@ -41,7 +43,7 @@ pub struct SessionOwner {
     pub incarnation: u32,
 }
 
-/// The state of a request: it waits, it runs, or it has come to one of these ends.
+/// The state of a request in a queue: it waits, it runs, or it has ended in one of several ways.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u32)]
 #[non_exhaustive]
@@ -91,7 +93,8 @@ impl RequestState {
         Self::BrokenOff,
     ];
 
-    /// Returns the name of the state in lower case, such as `broken-off`.
+    /// Returns the name of the state in lower case, such as `broken-off`, for programs to print and
+    /// to compare.
     #[must_use]
     pub const fn word(self) -> &'static str {
         match self {
@@ -106,7 +109,7 @@ impl RequestState {
         }
     }
 
-    /// Returns the state with this number; `None` if there is none.
+    /// Returns the state with this number in messages and ledgers; `None` if no state has it.
     #[must_use]
     pub fn from_number(number: u32) -> Option<Self> {
         Self::ALL.into_iter().find(|state| *state as u32 == number)
@@ -128,7 +131,7 @@ impl RequestState {
     }
 }
 
-/// The reason why a request was refused or aborted.
+/// The reason why a request was refused or aborted; other requests have [`RefusalReason::None`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 #[non_exhaustive]
@@ -169,7 +172,7 @@ impl RefusalReason {
         Self::Starved,
     ];
 
-    /// Returns the reason with this number; `None` if there is none.
+    /// Returns the reason with this number in messages and ledgers; `None` if no reason has it.
     #[must_use]
     pub fn from_number(number: u32) -> Option<Self> {
         Self::ALL.into_iter().find(|it| *it as u32 == number)
@@ -253,13 +256,12 @@ struct Request {
     entered: u64,
 }
 
-/// The record, kept across restarts of the program, of the requests of up to `2 * N` sessions at a
-/// time: the states of the last `4 * N` requests, and of all earlier ones only that they were
-/// answered.
+/// The record of the requests that a queue has received, which outlives the program. It has up to `2 * N` sessions at a
+/// time, and the states of the last `4 * N` requests. Of all earlier requests it knows only that they were answered.
 ///
-/// Every change is written before it is in force. The bytes of a ledger are `1 + S + R` rows, where `S` is the
-/// number of sessions and `R` that of requests. A row has eight little-endian words, of which the last one is
-/// the CRC-32 (ISO-HDLC) of the others. Numbers of 64 bits have two words, the low one first.
+/// Every change is written before it is in force. The bytes of a ledger are `1 + S + R` rows, where `S` is the number
+/// of sessions and `R` that of requests. A row has eight little-endian words, of which the last one is the CRC-32
+/// (ISO-HDLC) of the others. Numbers of 64 bits have two words, the low one first.
 ///
 /// | row | words |
 /// |---|---|
@@ -267,10 +269,10 @@ struct Request {
 /// | 1 to S | 1, or 3 if the session is closed, session, number up to which its requests were answered, when it was last used (64 bits), processor and incarnation of its owner |
 /// | S + 1 on | 2, session, number, [`RequestState`], [`RefusalReason`], when it was entered or ended (64 bits) |
 ///
-/// An empty row has zeros before its checksum. A row whose checksum is wrong is damaged. The requests that it
-/// had are unknown, so all requests that are in no other row count as answered. Rows must be written whole or
-/// not at all when the program ends. After an error of `write` the row may be there or not: store all
-/// [rows](Self::rows) anew before the next change.
+/// An empty row has zeros before its checksum. A row whose checksum is wrong is damaged. The requests that it had are
+/// unknown, so all requests that are in no other row count as answered. Rows must be written whole or not at all when
+/// the program ends. After an error of `write` the row may be there or not: store all [rows](Self::rows) anew before
+/// the next change.
 #[derive(Clone, Debug)]
 pub struct Ledger<const N: usize> {
     sessions: [[Session; 2]; N],
@@ -285,15 +287,16 @@ impl<const N: usize> Ledger<N> {
     const SESSIONS: usize = 2 * N;
     const REQUESTS: usize = 4 * N;
 
-    /// The number of rows of the ledger.
+    /// The number of rows of the ledger, each of [`ROW_BYTES`].
     pub const ROWS: usize = 1 + Self::SESSIONS + Self::REQUESTS;
 
-    /// Reads the rows that an earlier run of the program has written; makes an empty ledger if
-    /// there are no bytes. Requests that had not ended are [`RequestState::Lost`] or [`RequestState::BrokenOff`].
+    /// Makes the ledger from the rows that an earlier run of the program has stored, one after another in `bytes`.
+    /// Without any bytes the ledger is empty. Requests that had not ended become [`RequestState::Lost`] or
+    /// [`RequestState::BrokenOff`].
     ///
-    /// Sessions that are opened from here on have greater numbers than all sessions in the ledger, and at least
-    /// the number `least`. If `least` is the time in seconds, sessions have new numbers even after a ledger was
-    /// deleted or the row of a session was damaged. Without a clock, a number can then be used again.
+    /// Sessions that are opened from here on have greater numbers than all sessions in the ledger, and at least the
+    /// number `least`. If `least` is the time in seconds, sessions have new numbers even after a ledger was deleted or
+    /// the row of a session was damaged. Without a clock, a number can then be used again.
     ///
     /// # Errors
     /// Returns [`LedgerError::Format`] if the bytes are not a ledger of this version, [`LedgerError::Size`] if
@@ -375,8 +378,8 @@ impl<const N: usize> Ledger<N> {
         Ok(ledger)
     }
 
-    /// Returns all rows of the ledger, the first one first. Store them after [`read`](Self::read), which
-    /// may have changed states.
+    /// Returns all rows of the ledger in the order of their indices. Store them after [`read`](Self::read), which may
+    /// have changed states.
     pub fn rows(&self) -> impl Iterator<Item = LedgerRow> + '_ {
         let head = pack([
             MAGIC,
@@ -393,7 +396,7 @@ impl<const N: usize> Ledger<N> {
         core::iter::once(head).chain(sessions).chain(requests)
     }
 
-    /// Writes all rows of the ledger: `write` gets the index of each row, and the row.
+    /// Writes all rows of the ledger: calls `write` with the index and the bytes of each row.
     ///
     /// # Errors
     /// Returns the error of `write` if a row cannot be written.
@@ -405,11 +408,14 @@ impl<const N: usize> Ledger<N> {
         rows.try_for_each(|(row, bytes)| write(row, &bytes))
     }
 
-    /// Opens a session for `owner`, and returns its number. The session takes a free row; else that of a closed
-    /// session; else that of a session of the owner; else that of any session. Of several rows it takes that of
-    /// the session that was used longest ago, and of closed sessions first those of the owner. Sessions whose
-    /// requests have not ended keep their rows, and those for which `may_end` returns false. Returns `None` if
-    /// no row is left, or no number: see [`is_exhausted`](Self::is_exhausted).
+    /// Opens a session for `owner`, and returns the number of the session. `write` stores a row.
+    ///
+    /// The session takes a free row. If there is none, it takes the row of another session, which ends: of a closed
+    /// session; else of a session of the same owner; else of any session. Of several such sessions it takes the one
+    /// that was used longest ago, and of closed sessions first those of the same owner. Sessions whose requests have
+    /// not ended keep their rows, and so do sessions for which `may_end` returns false.
+    ///
+    /// Returns `None` if no row can be taken, or if all numbers are used; see [`is_exhausted`](Self::is_exhausted).
     ///
     /// # Errors
     /// Returns the error of `write` if a row cannot be written; no session is opened then.
@@ -442,8 +448,7 @@ impl<const N: usize> Ledger<N> {
         Ok(Some(number))
     }
 
-    /// Returns true if the ledger has the last number that a session can have: no session can be opened, now
-    /// or later.
+    /// Returns true if all session numbers are used, up to the greatest one, so that no session can be opened any more.
     #[must_use]
     pub fn is_exhausted(&self) -> bool {
         self.newest() == u32::MAX
@@ -459,7 +464,8 @@ impl<const N: usize> Ledger<N> {
         all.max().unwrap_or(0)
     }
 
-    /// Returns the number and the owner of each session.
+    /// Iterates over all sessions of the ledger, also closed ones; each item is the session's
+    /// number and owner.
     pub fn sessions(&self) -> impl Iterator<Item = (u32, SessionOwner)> + '_ {
         let sessions = self
             .sessions
@@ -469,13 +475,13 @@ impl<const N: usize> Ledger<N> {
         sessions.map(|it| (it.number, it.owner))
     }
 
-    /// Returns the owner of a session; `None` if there is no such session.
+    /// Returns the owner of session number `session`; `None` if there is no such session.
     #[must_use]
     pub fn owner(&self, session: u32) -> Option<SessionOwner> {
         self.session(session).map(|(_, it)| it.owner)
     }
 
-    /// Closes a session: its owner is gone. Its answers stay.
+    /// Closes a session whose owner has ended. The states of its requests stay in the ledger.
     ///
     /// # Errors
     /// Returns the error of `write` if a row cannot be written; the session is not closed then.
@@ -500,20 +506,20 @@ impl<const N: usize> Ledger<N> {
         Ok(())
     }
 
-    /// Returns true if a session was closed.
+    /// Returns true if session number `session` was closed; false also if there is no such session.
     #[must_use]
     pub fn is_closed(&self, session: u32) -> bool {
         self.session(session).is_some_and(|(_, it)| it.is_closed)
     }
 
-    /// Returns true if there is a session of this number.
+    /// Returns true if session number `session` is in the ledger, open or closed.
     #[must_use]
     pub fn has_session(&self, session: u32) -> bool {
         self.session(session).is_some()
     }
 
-    /// Returns the state of a request, and the reason for it; `None` if the request is not in a
-    /// row, or no longer.
+    /// Returns the state of a request, and the reason for that state. Returns `None` if the ledger
+    /// has no row for the request, or has one no longer.
     #[must_use]
     pub fn state(&self, identity: RequestIdentity) -> Option<(RequestState, RefusalReason)> {
         let request = self.requests.as_flattened().iter().flatten();
@@ -521,9 +527,10 @@ impl<const N: usize> Ledger<N> {
         request.next().map(|it| (it.state, it.reason))
     }
 
-    /// Returns the greatest number of all requests of a session that were ever entered or
-    /// forgotten; 0 if there is none. A request up to this number that has no row is never run: either
-    /// it was answered and forgotten, or the client has left its number out.
+    /// Returns the greatest number of all requests of a session that the ledger has or once had; 0 if there are none.
+    ///
+    /// A request up to this number that has no row is never run: either it was answered and forgotten, or the client
+    /// has skipped its number.
     #[must_use]
     pub fn answered(&self, session: u32) -> u32 {
         let requests = self.requests.as_flattened().iter().flatten();
@@ -534,8 +541,10 @@ impl<const N: usize> Ledger<N> {
         numbers.max().unwrap_or(0).max(known)
     }
 
-    /// Changes the state of a request that has a row; enters any other in a free row, or else in the row of the
-    /// oldest request that was refused, or else of the one that ended first. Returns `false` if no row is free.
+    /// Records the state of a request, and the reason for it. `write` stores a row.
+    ///
+    /// A request that has no row yet takes a free row, or else the row of the oldest refused request, or else that of
+    /// the request that ended first. Returns `false` if none of these exists.
     ///
     /// # Errors
     /// Returns the error of `write` if a row cannot be written; the state of the request is not changed then.

@@ -7,7 +7,7 @@ use super::{
     Ledger, LedgerError, LedgerRow, RefusalReason, RequestIdentity, RequestState, SessionOwner,
 };
 
-/// The answer of a queue about a request.
+/// The answer of a [`MotionQueue`] to the question what has become of a request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum QueueAnswer {
     /// The request has this state, for this reason.
@@ -49,13 +49,14 @@ pub enum RestoreError<E> {
     Write(E),
 }
 
-/// A queue of up to `N` requests that wait, from up to `2 * N` sessions; it remembers the outcomes
-/// of the last `4 * N`. `P` is the type of the data that the program needs to run a request.
+/// A queue of motion requests of several clients, which runs no request twice. Up to `N` requests wait, from up to
+/// `2 * N` sessions, and the outcomes of the last `4 * N` requests are remembered.
 ///
-/// It takes `N` times the size of `P` and about 250 bytes, and its ledger `192 * N + 32`.
+/// `P` is the type of the data that the program needs to run a request. The queue takes `N` times the size of `P` and
+/// about 250 bytes of memory, and its ledger `192 * N + 32` bytes.
 ///
-/// `write` in all methods stores one row of the ledger. After an error, store all [rows](Self::rows) anew;
-/// then the method can be called again.
+/// The argument `write` of the methods is a function that stores one row of the ledger: it gets the index and the bytes
+/// of the row. After an error, store all [rows](Self::rows) anew; then the method can be called again.
 #[derive(Clone, Debug)]
 pub struct MotionQueue<P, const N: usize> {
     ledger: Ledger<N>,
@@ -65,12 +66,14 @@ pub struct MotionQueue<P, const N: usize> {
 }
 
 impl<P, const N: usize> MotionQueue<P, N> {
-    /// The number of rows of the queue's ledger.
+    /// The number of rows of the queue's ledger, which the program must be able to store.
     pub const ROWS: usize = Ledger::<N>::ROWS;
 
-    /// Makes the queue from the bytes of the ledger that an earlier run of the program wrote; pass
-    /// no bytes in the first run. Nothing waits, and no session is in control. The next session has
-    /// at least the number `least`, as [`Ledger::read`] says.
+    /// Makes the queue from the bytes of the ledger that an earlier run of the program stored, or from no bytes in the
+    /// first run. No request waits, and no session is in control.
+    ///
+    /// The next session has at least the number `least`, as [`Ledger::read`] says. `write` stores all rows again, since
+    /// requests that had not ended have changed.
     ///
     /// # Errors
     /// Returns [`RestoreError::Ledger`] if the bytes are not those of such a ledger, [`RestoreError::Write`]
@@ -91,15 +94,17 @@ impl<P, const N: usize> MotionQueue<P, N> {
         })
     }
 
-    /// Returns all rows of the ledger in order, to store them anew.
+    /// Returns all rows of the ledger in order. Store them all after a failed write.
     pub fn rows(&self) -> impl Iterator<Item = LedgerRow> + '_ {
         self.ledger.rows()
     }
 
-    /// Opens a session for `owner`, and returns its number. If there are too many, one session ends: a closed
-    /// one, or else one of the owner, or else any one; of several, the one that was used longest ago. A session
-    /// in control, or whose requests have not ended, does not end. Returns `None` if none can end, or if the
-    /// numbers of sessions are [exhausted](Self::is_exhausted).
+    /// Opens a session for `owner`, and returns its number.
+    ///
+    /// If there are too many sessions, one of them ends: a closed one, or else one of the same owner, or else any one;
+    /// of several, the one that was used longest ago. A session that is in control, or whose requests have not ended,
+    /// does not end. Returns `None` if no session can end, or if the numbers of sessions are
+    /// [exhausted](Self::is_exhausted).
     ///
     /// # Errors
     /// Returns the error of `write` if a row cannot be written.
@@ -113,15 +118,16 @@ impl<P, const N: usize> MotionQueue<P, N> {
             .open(owner, write, |session| in_control != Some(session))
     }
 
-    /// Returns true if the ledger has the last number that a session can have: no session can be opened, now
-    /// or later.
+    /// Returns true if all session numbers are used, up to the greatest one, so that no session can be opened any more.
     #[must_use]
     pub fn is_exhausted(&self) -> bool {
         self.ledger.is_exhausted()
     }
 
-    /// Puts `session` in control if no other one is, or in any case with `from_other`. Returns true if it is in
-    /// control now. Requests that another session has enqueued stay; see [`abort`](Self::abort).
+    /// Puts `session` in control, if no other session is in control or if `from_other` is true. Returns true if
+    /// `session` is in control after the call; a session that is closed or does not exist cannot be.
+    ///
+    /// Requests that another session has enqueued stay; see [`abort`](Self::abort).
     pub fn take_control(&mut self, session: u32, from_other: bool) -> bool {
         let is_free = self.in_control.is_none_or(|it| it == session) || from_other;
         if is_free && self.ledger.has_session(session) && !self.ledger.is_closed(session) {
@@ -130,30 +136,31 @@ impl<P, const N: usize> MotionQueue<P, N> {
         self.in_control == Some(session)
     }
 
-    /// Ends the control of `session`, if it has it.
+    /// Ends the control of `session`; nothing happens if it is not in control.
     pub fn give_up_control(&mut self, session: u32) {
         self.in_control = self.in_control.filter(|it| *it != session);
     }
 
-    /// Returns the number and the owner of each session.
+    /// Iterates over all sessions, also closed ones; each item is the session's number and owner.
     pub fn sessions(&self) -> impl Iterator<Item = (u32, SessionOwner)> + '_ {
         self.ledger.sessions()
     }
 
-    /// Returns the owner of a session; `None` if there is no such session.
+    /// Returns the owner of session number `session`; `None` if there is no such session.
     #[must_use]
     pub fn owner(&self, session: u32) -> Option<SessionOwner> {
         self.ledger.owner(session)
     }
 
-    /// Returns true if a session was [closed](Self::close).
+    /// Returns true if session number `session` was [closed](Self::close); false also if there is
+    /// no such session.
     #[must_use]
     pub fn is_closed(&self, session: u32) -> bool {
         self.ledger.is_closed(session)
     }
 
-    /// Closes a session whose owner is gone: from here on it offers nothing, and it is not in control. Its
-    /// requests in the queue stay. Returns true if it was in control.
+    /// Closes a session whose owner has ended: the session can offer no more requests, and is not in control any more.
+    /// Its requests in the queue stay. Returns true if the session was in control.
     ///
     /// # Errors
     /// Returns the error of `write` if a row cannot be written; the session is not closed then.
@@ -174,7 +181,8 @@ impl<P, const N: usize> MotionQueue<P, N> {
         self.in_control
     }
 
-    /// Returns the answer of the queue about a request.
+    /// Returns the state of a request as far as the queue knows it, or why the queue does not know
+    /// it.
     #[must_use]
     pub fn answer(&self, identity: RequestIdentity) -> QueueAnswer {
         if !self.ledger.has_session(identity.session) {
@@ -190,7 +198,8 @@ impl<P, const N: usize> MotionQueue<P, N> {
         }
     }
 
-    /// Returns the number of requests that run or wait before this one; `None` if this one does not wait.
+    /// Returns the number of requests that come before this one, including one that runs; `None` if this one does not
+    /// wait in the queue.
     #[must_use]
     pub fn before(&self, identity: RequestIdentity) -> Option<usize> {
         let mut waiting = self.waiting.iter();
@@ -198,8 +207,11 @@ impl<P, const N: usize> MotionQueue<P, N> {
         Some(place + usize::from(self.running.is_some()))
     }
 
-    /// Accepts a new request or refuses it, and returns the answer. `make` makes the data of the request, or
-    /// returns the reason to refuse it. A request that is in the ledger already is not changed.
+    /// Accepts or refuses a new request, and returns the answer for the client. A request that the queue knows already
+    /// is not changed; its present state is returned.
+    ///
+    /// `make` makes the data of the request, or returns the reason to refuse it. It is called only if the session is in
+    /// control and the queue has room.
     ///
     /// # Errors
     /// Returns the error of `write` if a row cannot be written; the queue does not have the request then.
@@ -233,14 +245,16 @@ impl<P, const N: usize> MotionQueue<P, N> {
         Ok(self.answer(identity))
     }
 
-    /// Returns the next request with its data; `None` if none waits, or one runs.
+    /// Returns the identity and the data of the request whose turn it is; `None` if no request
+    /// waits, or if one runs.
     #[must_use]
     pub fn next(&self) -> Option<(RequestIdentity, &P)> {
         let next = self.waiting.front().filter(|_| self.running.is_none());
         next.map(|(identity, work)| (*identity, work))
     }
 
-    /// Refuses the next request, whose turn has come: it is not possible as things are now.
+    /// Refuses the first request that waits, for `reason`, and removes it from the queue. It is for
+    /// a request that turns out to be impossible when its turn comes.
     ///
     /// # Errors
     /// Returns the error of `write` if a row cannot be written; the request waits then.
@@ -257,8 +271,8 @@ impl<P, const N: usize> MotionQueue<P, N> {
         Ok(())
     }
 
-    /// Takes the next request out of the queue, which the caller then runs. Returns `None` if none
-    /// waits, or one runs.
+    /// Removes the first request from the queue and records that it runs. The caller must then run it, and call
+    /// [`end`](Self::end) afterwards. Returns `None` if no request waits, or if one runs already.
     ///
     /// # Errors
     /// Returns the error of `write` if a row cannot be written; the request must not run then, and waits.
@@ -275,24 +289,25 @@ impl<P, const N: usize> MotionQueue<P, N> {
         Ok(self.waiting.pop_front())
     }
 
-    /// Returns the request that runs; `None` if none does.
+    /// Returns the identity of the request that runs; `None` if none runs.
     #[must_use]
     pub fn running(&self) -> Option<RequestIdentity> {
         self.running
     }
 
-    /// Returns the data of the requests that wait, the next one first.
+    /// Iterates over the data of the requests that wait, in the order in which they will run.
     pub fn works(&self) -> impl Iterator<Item = &P> + '_ {
         self.waiting.iter().map(|(_, work)| work)
     }
 
-    /// Returns the number of requests that wait.
+    /// Returns the number of requests that wait, without the one that runs.
     #[must_use]
     pub fn waiting(&self) -> usize {
         self.waiting.len()
     }
 
-    /// Ends the request that runs, if one does, with this state and reason.
+    /// Records that the running request has ended, with its final `state` and the `reason` for it.
+    /// Nothing happens if no request runs.
     ///
     /// # Errors
     /// Returns the error of `write` if a row cannot be written; the request has not ended then.
@@ -309,7 +324,7 @@ impl<P, const N: usize> MotionQueue<P, N> {
         Ok(())
     }
 
-    /// Aborts all requests that wait, for `reason`, the first one first.
+    /// Aborts all requests that wait, for `reason`, in their order. A request that runs is not changed.
     ///
     /// # Errors
     /// Returns the error of `write` if a row cannot be written; the requests that are left wait then.

@@ -13,7 +13,7 @@ use crate::number::positive;
 use crate::tendon::{MomentArms, Pair, TendonPairs, TensionAllocation};
 use crate::trajectory::SetPoint;
 
-/// The readings of a finger's sensors.
+/// The readings of all sensors of a finger in one tick.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FingerReadings<T: Real, const N: usize> {
     /// Positions of the joints, rad.
@@ -24,7 +24,8 @@ pub struct FingerReadings<T: Real, const N: usize> {
     pub touch: T,
 }
 
-/// The result of one tick of a finger.
+/// The result of one tick of a [`FingerServo`]: the commands for the actuators, and the values from
+/// which they were computed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ServoOutput<T: Real, const N: usize> {
     /// The commands of the actuators, N, from 0 to the greatest tension of each tendon.
@@ -44,7 +45,7 @@ pub struct ServoOutput<T: Real, const N: usize> {
     pub lost: u32,
 }
 
-/// The servos of one finger: those of its joints and those of their tendons.
+/// The servos of the joints and tendons of one finger.
 ///
 /// Call [`tick`](Self::tick) once per period with the sensor readings; it returns the actuator
 /// commands. A tension reading that is not finite is replaced by the last finite one, or by the
@@ -77,7 +78,8 @@ pub struct FingerServo<M, T: Real, const N: usize> {
 }
 
 impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
-    /// Makes a finger whose joints are all off.
+    /// Makes the servos of a finger whose joints are all off. `mechanism` is the model of the
+    /// finger's links, and `arms` are the moment arms of its tendons.
     ///
     /// # Errors
     /// [`SettingError`] for the first setting that no finger can have.
@@ -132,33 +134,33 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
         })
     }
 
-    /// Returns the model of the mechanism that the servos use.
+    /// Returns the model of the finger's links that was passed to [`new`](Self::new).
     #[must_use]
     pub fn mechanism(&self) -> &M {
         &self.mechanism
     }
 
-    /// Returns the moment arms of its tendons.
+    /// Returns the moment arms of the finger's tendons.
     #[must_use]
     pub fn arms(&self) -> &MomentArms<T, N> {
         &self.arms
     }
 
-    /// Returns the target of a joint; `None` for a joint that the finger does not have.
+    /// Returns the present target of a joint; `None` for a joint that the finger does not have.
     #[must_use]
     pub fn target(&self, joint: usize) -> Option<JointTarget<T>> {
         self.joints.get(joint).map(|servo| servo.target)
     }
 
-    /// Returns the mode of a joint; `None` for a joint that the finger does not have.
+    /// Returns the present mode of a joint; `None` for a joint that the finger does not have.
     #[must_use]
     pub fn mode(&self, joint: usize) -> Option<ServoMode> {
         let held = self.holds.get(joint).copied().flatten();
         held.or_else(|| Some(self.joints.get(joint)?.target.mode()))
     }
 
-    /// Sets a target of a joint, from the next tick on, and the mode of that target. A position in the zone of
-    /// a stop, where no joint rests, becomes the end of the zone.
+    /// Sets the target of a joint, and switches the joint to the mode of that target, from the next tick on. A position
+    /// in the zone of a soft stop, where no joint rests, becomes the inner end of the zone.
     ///
     /// # Errors
     /// After an error the joint keeps its target. Returns [`SettingError::NoJoint`] if the finger does not have
@@ -191,8 +193,8 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
         }
     }
 
-    /// Sets another mode of a joint, from the next tick on, in which it keeps its present position, or its
-    /// [mean](crate::servo#changes-of-mode) torque or tensions. A joint that is in that mode already keeps its
+    /// Switches a joint to another mode, from the next tick on. In it the joint first keeps its present position, or
+    /// its [mean](crate::servo#changes-of-mode) torque or tensions. If the joint is in that mode already, it keeps its
     /// target.
     ///
     /// # Errors
@@ -206,9 +208,9 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
         Ok(())
     }
 
-    /// Switches all joints off at once, as in a new finger, but keeps the gains: the next tick
-    /// commands the least tensions, without a transition. It is for callers that have brought the
-    /// actuators there in another way.
+    /// Switches all joints off at once, as in a new finger, but keeps their gains. The next tick
+    /// commands the least tensions, without a transition. Use this only after the actuators have
+    /// been brought to the least tensions in another way.
     pub fn rest(&mut self) {
         for servo in &mut self.joints {
             servo.rest();
@@ -254,8 +256,8 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
         positions
     }
 
-    /// Forgets earlier positions of the joints, so that the next readings count as plausible, as in
-    /// a new finger.
+    /// Forgets the earlier positions of the joints, so that the next readings count as plausible,
+    /// wherever they are.
     pub fn forget_positions(&mut self) {
         for servo in &mut self.joints {
             servo.seen = false;
@@ -266,7 +268,7 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
         self.velocities.forget();
     }
 
-    /// Returns the gains of a joint; `None` for a joint that the finger does not have.
+    /// Returns the present gains of a joint; `None` for a joint that the finger does not have.
     #[must_use]
     pub fn gains(&self, joint: usize) -> Option<&JointGains<T>> {
         self.joints.get(joint).map(|servo| &servo.gains)
@@ -288,9 +290,10 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
         Ok(())
     }
 
-    /// Runs one tick: from sensor readings to commands. `gravity` is in the axes of the palm, m/s²,
-    /// less the acceleration of the palm.
+    /// Runs one tick of all servos: takes the sensor readings, and returns the commands for the
+    /// actuators.
     ///
+    /// `gravity` is the gravity in the axes of the palm less the acceleration of the palm, m/s².
     /// `period_s` is the time since the last tick, s; a value that is not finite or not above zero
     /// counts as one period.
     #[inline]

@@ -1,6 +1,6 @@
 use crate::math::{Real, max, min, real};
 
-/// The law by which a joint follows positions.
+/// The control law by which a joint in position mode follows its set-points, with its gains.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum PositionLaw<T: Real = f64> {
     /// `kp e + kv de/dt + ki ∫ e dt`, plus gravity and the friction at the desired rate as
@@ -26,8 +26,8 @@ pub enum PositionLaw<T: Real = f64> {
     },
 }
 
-/// A soft stop: a spring and a damper before each limit of a joint, which push only inwards, and
-/// adapt to the inertia of the joint.
+/// A soft stop of a joint: a virtual spring and damper before each limit, which push only inwards
+/// and adapt to the inertia of the joint.
 ///
 /// The servo converts the acceleration into torques that accelerate only this joint, as
 /// [`PositionLaw::ComputedTorque`] does. With a spring of constant stiffness, light joints would
@@ -47,15 +47,15 @@ pub struct SoftStop<T: Real = f64> {
 }
 
 impl<T: Real> SoftStop<T> {
-    /// Returns the range in which a joint can rest: from the end of one zone to that of the other,
-    /// rad.
+    /// Returns the range in which the joint can rest, `(lowest, highest)` in rad: between the zones
+    /// of the spring before its two limits.
     #[must_use]
     pub fn between(&self) -> (T, T) {
         (self.low + self.zone, self.high - self.zone)
     }
 
-    /// Returns the acceleration by the stop at a position (rad) and a rate (rad/s), rad/s²; zero
-    /// outside of both zones.
+    /// Returns the acceleration (rad/s²) that the stop demands at a position (rad) and a rate
+    /// (rad/s). It points inwards, or is zero; outside of both zones it is zero.
     #[inline]
     #[must_use]
     pub fn acceleration(&self, position: T, rate: T) -> T {

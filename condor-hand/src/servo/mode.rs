@@ -2,7 +2,7 @@ use crate::Real;
 use crate::tendon::Pair;
 use crate::trajectory::SetPoint;
 
-/// The mode of a joint's servo.
+/// The mode of a joint: the quantity that its servo controls.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum ServoMode {
@@ -22,7 +22,7 @@ pub enum ServoMode {
 }
 
 impl ServoMode {
-    /// Returns the mode that has this number in messages; `None` if there is none.
+    /// Returns the mode with this number in messages; `None` if no mode has it.
     #[must_use]
     pub const fn from_number(number: u32) -> Option<Self> {
         match number {
@@ -50,7 +50,7 @@ impl ServoMode {
     }
 }
 
-/// The target of a joint, in one of its modes.
+/// The target of a joint, which also determines the mode of the joint.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum JointTarget<T: Real = f64> {
     /// No target, for [`ServoMode::Off`].
@@ -75,7 +75,7 @@ pub enum JointTarget<T: Real = f64> {
 }
 
 impl<T: Real> JointTarget<T> {
-    /// Returns the mode that belongs to this target.
+    /// Returns the mode in which a joint has this kind of target.
     #[must_use]
     pub const fn mode(&self) -> ServoMode {
         match self {

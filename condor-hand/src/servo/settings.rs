@@ -7,7 +7,7 @@ use crate::dynamics::DriveDynamics;
 use crate::number::{NumberError, Requirement, check, finite, not_negative};
 use crate::tendon::{Pair, TensionAllocation, TensionGains};
 
-/// The settings that can be changed while a joint runs.
+/// The gains of a joint, which can be changed while the joint runs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct JointGains<T: Real = f64> {
     /// The law by which it follows positions.
@@ -18,7 +18,7 @@ pub struct JointGains<T: Real = f64> {
     pub tension: Pair<TensionGains<T>>,
 }
 
-/// All settings of one joint.
+/// All settings of the servo of one joint: gains, limits and filters.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct JointSettings<T: Real = f64> {
     /// The settings that can be changed while it runs.
@@ -44,7 +44,8 @@ pub struct JointSettings<T: Real = f64> {
     pub tension_cutoff_hz: Pair<Option<T>>,
 }
 
-/// All settings of one finger, except its mechanism and its arms.
+/// All settings of a [`FingerServo`](super::FingerServo), except for its mechanism and its moment
+/// arms.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FingerSettings<T: Real, const N: usize> {
     /// The joints, proximal first.

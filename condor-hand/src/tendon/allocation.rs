@@ -12,7 +12,8 @@ use super::{MomentArms, Pair, TendonPairs};
 use crate::math::{Real, clamp, is_finite, max, min, real, sqrt};
 use crate::number::{NumberError, Requirement, check, not_negative};
 
-/// The co-contraction of the two tendons of a joint: how much they pull against each other.
+/// The rule for the co-contraction of the two tendons of a joint: how much the tendons pull against
+/// each other.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Rectification<T> {
@@ -36,10 +37,10 @@ pub enum Rectification<T> {
     },
 }
 
-/// The way in which the torque of one joint becomes two tensions.
+/// The rule by which the torque of one joint is converted into the tensions of its two tendons.
 ///
-/// Whatever its values are, tensions are within `min_n..=max_n`, where a minimum below zero counts
-/// as zero, and a maximum below the minimum counts as the minimum.
+/// With any values, the tensions are within `min_n..=max_n`, where a minimum below zero counts as
+/// zero, and a maximum below the minimum counts as the minimum.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct TensionAllocation<T> {
     /// The co-contraction of the tendons.
@@ -51,7 +52,8 @@ pub struct TensionAllocation<T> {
 }
 
 impl<T: Real> TensionAllocation<T> {
-    /// Checks whether the values can be used as they are.
+    /// Checks that the values are possible: finite, not negative, and the maximum not below the
+    /// minimum.
     ///
     /// # Errors
     /// [`NumberError`] for the first value that is wrong.
@@ -93,7 +95,8 @@ impl<T: Real> TensionAllocation<T> {
     }
 }
 
-/// The tensions for the torques of a finger.
+/// The result of [`MomentArms::allocate`]: the tensions for the requested torques of a finger, and
+/// the torques that they really produce.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[must_use]
 pub struct AllocatedTensions<T: Real, const N: usize> {
@@ -123,10 +126,12 @@ impl<T: Real, const N: usize> AllocatedTensions<T, N> {
 }
 
 impl<T: Real, const N: usize> MomentArms<T, N> {
-    /// Returns the tensions for these torques, N m, by back-substitution from the distal joint.
+    /// Converts the joint torques of a finger (`torque`, N m) into tensions of its tendons.
+    /// `allocation` has the rule for each joint.
     ///
-    /// `P f = torque` to rounding, unless a joint is saturated; its torque is then the nearest
-    /// possible one. A finger has at most 32 joints.
+    /// The tensions produce the torques up to rounding, unless a tendon would leave its limits. The
+    /// torque of such a joint is the nearest possible one. The computation goes from the distal
+    /// joint to the proximal one. A finger has at most 32 joints.
     #[inline(always)]
     pub fn allocate(
         &self,
@@ -139,8 +144,9 @@ impl<T: Real, const N: usize> MomentArms<T, N> {
         }
     }
 
-    /// Returns the tensions for these torques, while some joints have given tensions, N. The torque
-    /// of such a joint follows from its tensions; the joints proximal to it take that into account.
+    /// Converts joint torques into tensions like [`allocate`](Self::allocate), but joints for which
+    /// `given` has tensions (N) get these. The torque of such a joint follows from its tensions;
+    /// the torques of the joints proximal to it take that into account.
     ///
     /// Given tensions are limited to the range of their joint; a NaN becomes the minimum.
     #[inline(always)]

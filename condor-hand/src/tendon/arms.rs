@@ -5,12 +5,12 @@ use super::{Pair, TendonPairs};
 use crate::decimal::Decimal;
 use crate::math::{Real, is_finite};
 
-/// The moment arms of the tendons of one finger: the matrix P of `torque = P tension`, whose
-/// tendons cross the joints proximal to their own.
+/// The moment arms of the tendons of one finger: the matrix P of `torque = P tension`. The tendons of a joint can also
+/// cross the joints proximal to it, but none that is distal.
 ///
-/// Row j has the arms at joint j of the tendons of joint k, `k >= j`: metres, positive where the tendon pulls
-/// joint j to positive angles. The matrix is block upper triangular. At its own joint a flexor has the arm
-/// `+r`, and an extensor `-r`.
+/// Row j has the arms at joint j of the tendons of joint k, `k >= j`: metres, positive where the tendon pulls joint j
+/// to positive angles. The matrix is block upper triangular. At its own joint a flexor has a positive arm, and an
+/// extensor a negative one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MomentArms<T: Real, const N: usize> {
     rows: [TendonPairs<T, N>; N],
@@ -54,7 +54,8 @@ pub enum ArmError {
 }
 
 impl<T: Real, const N: usize> MomentArms<T, N> {
-    /// Makes arms from rows: `rows[j][k]` are the arms at joint j of the two tendons of joint k.
+    /// Makes the matrix from its rows, m: `rows[j][k]` are the arms at joint j of the flexor and
+    /// the extensor of joint k.
     ///
     /// # Errors
     /// [`ArmError`] for the first arm with which the matrix cannot be inverted by
@@ -87,7 +88,8 @@ impl<T: Real, const N: usize> MomentArms<T, N> {
         Ok(Self { rows, reciprocals })
     }
 
-    /// Returns the matrix by rows, m: row `i` has the moment arms about joint `i` of the tendons of all joints.
+    /// Returns the rows of the matrix, m: `rows[j][k]` are the arms at joint j of the flexor and the extensor of joint
+    /// k.
     #[inline(always)]
     #[must_use]
     pub fn rows(&self) -> &[TendonPairs<T, N>; N] {
@@ -100,7 +102,7 @@ impl<T: Real, const N: usize> MomentArms<T, N> {
         &self.reciprocals
     }
 
-    /// Returns the torques of tensions: `P f`, N m.
+    /// Returns the joint torques that the tensions (N) of the tendons produce, N m: `P tensions`.
     #[inline(always)]
     #[must_use]
     pub fn torque(&self, tensions: &TendonPairs<T, N>) -> SVector<T, N> {
@@ -115,7 +117,8 @@ impl<T: Real, const N: usize> MomentArms<T, N> {
         torques
     }
 
-    /// Returns the rates of the lengths of the tendons: `-Pᵀ qd`, m/s; a shortening flexor flexes.
+    /// Returns the rates at which the lengths of the tendons change while the joints move at `qd`
+    /// (rad/s): `-Pᵀ qd`, m/s. A rate is negative for a tendon that shortens.
     #[inline(always)]
     #[must_use]
     pub fn length_rates(&self, qd: &SVector<T, N>) -> TendonPairs<T, N> {

@@ -1,4 +1,5 @@
-/// A value for each of the two tendons of a joint; the flexor pulls the joint to positive angles.
+/// Two values, one for each tendon of a joint: the flexor, which pulls the joint to positive
+/// angles, and the extensor.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct Pair<T> {
     /// The value of the tendon that pulls to positive angles.
@@ -7,11 +8,11 @@ pub struct Pair<T> {
     pub extensor: T,
 }
 
-/// One pair for each joint of a finger, proximal first.
+/// The values of all tendons of a finger: one [`Pair`] for each joint, proximal first.
 pub type TendonPairs<T, const N: usize> = [Pair<T>; N];
 
 impl<T> Pair<T> {
-    /// Applies a function to both values.
+    /// Returns the pair of the results of `function` for the flexor's and for the extensor's value.
     pub fn map<U>(self, mut function: impl FnMut(T) -> U) -> Pair<U> {
         Pair {
             flexor: function(self.flexor),
@@ -26,7 +27,7 @@ impl<T> Pair<T> {
 }
 
 impl<T: Copy> Pair<T> {
-    /// Makes a pair of equal values.
+    /// Returns a pair in which flexor and extensor have the same value.
     #[must_use]
     pub const fn both(value: T) -> Self {
         Self {

@@ -3,7 +3,7 @@ use crate::control::elapsed::{Elapsed, sum_is_finite};
 use crate::math::{Real, clamp, is_finite};
 use crate::number::{NumberError, not_negative, period, positive};
 
-/// The gains of the servo of a tendon.
+/// The gains of the servo that keeps a tendon at its desired tension.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TensionGains<T> {
@@ -22,24 +22,21 @@ pub struct TensionGains<T> {
     pub kv: T,
 }
 
-/// The servos of L tendons side by side, whose actuators themselves follow commands in newtons. A
-/// command is the desired tension plus a feedback of the error.
+/// The tension servos of L tendons side by side. The actuators follow commands in newtons; each command is the desired
+/// tension plus a feedback of the tension error.
 ///
-/// `u = f + kt e + ki ∫ e dt + kd de/dt - kv ld`, with `e = f - measured` and the rate ld of the
-/// tendon's length, limited to 0..=`max_n`, since an actuator cannot push. The integral does not
-/// wind up while the command is at a limit. The rate of the error is the difference of two samples;
-/// filter noise before the servo.
+/// The command is `u = f + kt e + ki ∫ e dt + kd de/dt - kv ld`, with the desired tension f, the error
+/// `e = f - measured` and the rate ld of the tendon's length. It is limited to 0..=`max_n`, since an actuator cannot
+/// push. The integral does not wind up while the command is at a limit. The rate of the error is the difference of two
+/// samples; filter noise before the servo.
 ///
-/// With a first-order actuator that holds its command for a sample, `a = exp(-2 pi f / fs)`, the
-/// closed loop has its pole at `a - kt (1 - a)`: it is stable for `kt < (1 + a) / (1 - a)`. With one
-/// sample of delay the characteristic is `z² - a z + kt (1 - a)`, stable for `kt < 1 / (1 - a)`.
+/// With a first-order actuator that holds its command for a sample, `a = exp(-2 pi f / fs)`, the closed loop has its
+/// pole at `a - kt (1 - a)`: it is stable for `kt < (1 + a) / (1 - a)`. With one sample of delay the characteristic is
+/// `z² - a z + kt (1 - a)`, stable for `kt < 1 / (1 - a)`.
 ///
-/// A value that is not finite has no effect on the output: a desired tension is replaced by the
-/// last finite one; without a measured tension only the integral's part of the feedback remains;
-/// without a rate of the length there is no damping.
-///
-/// Nearly always all numbers are finite and all servos have a last error: then one test serves for
-/// all, and the arithmetic is that of vectors.
+/// A value that is not finite has no effect on the output: a desired tension is replaced by the last finite one;
+/// without a measured tension only the integral's part of the feedback remains; without a rate of the length there is
+/// no damping.
 #[derive(Clone, Copy, Debug)]
 pub struct TensionServos<T: Real, const L: usize> {
     kt: [T; L],
@@ -57,7 +54,8 @@ pub struct TensionServos<T: Real, const L: usize> {
 }
 
 impl<T: Real, const L: usize> TensionServos<T, L> {
-    /// Makes servos at rest, with commands up to `max_n` newtons, `sample_hz` times a second.
+    /// Makes servos with these gains, whose integrals are zero. Commands are at most `max_n` (N),
+    /// and `sample_hz` is the number of calls of [`update`](Self::update) per second.
     ///
     /// # Errors
     /// [`NumberError`] for the first value that is negative or not finite.
@@ -81,7 +79,7 @@ impl<T: Real, const L: usize> TensionServos<T, L> {
         Ok(servos)
     }
 
-    /// Changes the gains; the integrals' parts of the commands stay.
+    /// Changes the gains of all servos. The integral terms of the commands stay.
     ///
     /// # Errors
     /// [`NumberError`] for the first gain that is negative or not finite; all gains stay then.
@@ -99,14 +97,15 @@ impl<T: Real, const L: usize> TensionServos<T, L> {
         Ok(())
     }
 
-    /// Empties the integrals, and forgets the last errors.
+    /// Sets all integral terms to zero, and forgets the last errors.
     pub fn reset(&mut self) {
         self.term = [T::zero(); L];
         self.has_last = [false; L];
     }
 
-    /// Returns the commands in newtons, 0..=`max_n`, for desired and measured tensions in newtons
-    /// and the rates of the tendons' lengths in m/s.
+    /// Runs one tick of all servos, and returns the commands of the actuators, 0..=`max_n` in N.
+    /// `desired` and `measured` are tensions in N, and `length_rate` are the rates of the tendons'
+    /// lengths in m/s.
     #[inline]
     pub fn update(&mut self, desired: &[T; L], measured: &[T; L], length_rate: &[T; L]) -> [T; L] {
         let elapsed = Elapsed::new(T::one() / self.sample_hz, self.sample_hz);

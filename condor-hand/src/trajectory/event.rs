@@ -1,10 +1,11 @@
 use super::{MotionGuard, PrimitiveError};
 
-/// The number of an accepted primitive, by which calls and events name it.
+/// The ticket of a primitive that a [`Generator`](super::Generator) has accepted. Calls and events
+/// name the primitive by its ticket.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct MotionTicket(pub u32);
 
-/// An event of a primitive.
+/// An event in the course of a primitive: it has started, has ended, or was refused.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MotionEvent {
     /// The ticket of the primitive.
@@ -13,7 +14,7 @@ pub struct MotionEvent {
     pub happening: Happening,
 }
 
-/// The kind of a primitive's event.
+/// The thing that has happened to a primitive, in a [`MotionEvent`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Happening {
     /// The primitive has begun to move its joints.
@@ -28,7 +29,7 @@ pub enum Happening {
     Refused(PrimitiveError),
 }
 
-/// The reason why a primitive has ended.
+/// The way in which a primitive has ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MotionEnd {
     /// The primitive has reached its targets.
@@ -44,7 +45,7 @@ pub enum MotionEnd {
     },
 }
 
-/// The progress of a primitive.
+/// The progress of a primitive that waits in the queue or is in motion.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum MotionProgress<T> {
     /// The primitive waits in the queue.

@@ -15,20 +15,20 @@ use crate::number::positive;
 /// Events that wait to be taken; the oldest are lost first.
 const EVENTS: usize = 32;
 
-/// Generates set-points of J joints, up to 32, from a queue of up to Q primitives.
+/// A generator of set-points for J joints, up to 32, from a queue of up to Q motions, called primitives.
 ///
-/// A primitive is checked when it is enqueued: it must be able to run from rest, from the place at
-/// which the primitives before it leave the joints. But it can start elsewhere, or in motion: after
-/// a guard has stopped another primitive, blended into one, or in place of one. If the limits do
-/// not permit it unchanged from there, it runs slower, or as segments, and its event says so; if it
-/// cannot run at all, it is refused. The set-points of every tick are within the limits of
-/// position, velocity and acceleration, and positions and velocities are continuous, whatever is
-/// requested and whenever.
+/// A primitive is checked when it is enqueued: it must be able to run from rest, from the place at which the primitives
+/// before it leave the joints. But it can start elsewhere, or in motion: after a guard has stopped another primitive,
+/// blended into one, or in place of one. If the limits do not permit it unchanged from there, it runs slower, or as
+/// segments, and its event says so; if it cannot run at all, it is refused. The set-points of every tick are within the
+/// limits of position, velocity and acceleration, and positions and velocities are continuous, whatever is requested
+/// and whenever.
 ///
 /// Joints that no primitive moves hold their positions.
 ///
-/// Guards that stop are checked here, on what [`tick`](Self::tick) is given, or [at the rate of the
-/// servos](Self::with_guards_in_servos), which say what they have [stopped](Self::stopped).
+/// The conditions that stop a primitive, its guards, are checked in [`tick`](Self::tick) with the readings that are
+/// passed to it. Or the servos check them, [at their own rate](Self::with_guards_in_servos), and the caller reports
+/// what they have [stopped](Self::stopped).
 ///
 /// ```
 /// use condor_hand::trajectory::{Generator, ProfileLimits, Observations, motion};
@@ -63,7 +63,8 @@ pub struct Generator<const J: usize, const Q: usize, T: Real = f64> {
 }
 
 impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
-    /// Makes a generator at rest at `positions` (rad), with a tick every `tick_s` seconds.
+    /// Makes a generator whose joints rest at `positions` (rad). `limits` are those of each joint,
+    /// and `tick_s` is the time between two calls of [`tick`](Self::tick), s.
     ///
     /// # Errors
     /// [`TrajectoryError`] if a limit is wrong, or a number is not finite.
@@ -100,17 +101,19 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
         })
     }
 
-    /// Leaves the guards that stop a primitive to the servos, but for that of its time: they get
-    /// [`guards`](Self::guards) with the set-points, and the generator is told what they have
-    /// [`stopped`](Self::stopped).
+    /// Returns the generator with guards that the servos check, instead of the generator. In every
+    /// tick pass [`guards`](Self::guards) to the servos together with the set-points, and report to
+    /// [`stopped`](Self::stopped) what they have stopped.
+    ///
+    /// The generator itself still checks the guard of the time.
     #[must_use]
     pub fn with_guards_in_servos(mut self) -> Self {
         self.guards_in_servos = true;
         self
     }
 
-    /// Adds a primitive, one motion of some joints, at the end of the queue, and returns its
-    /// ticket.
+    /// Adds a primitive, which is one motion of some joints, at the end of the queue. Returns the
+    /// ticket by which events and calls name the primitive.
     ///
     /// # Errors
     /// [`PrimitiveError`] if the primitive is wrong, a joint would leave its limits, or the queue
@@ -138,9 +141,11 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
         Ok(ticket)
     }
 
-    /// Adds primitives at the end of the queue as long as there is room for them and their tickets.
-    /// Returns how many it has added, and the error of the first one that it refuses, with which it
-    /// ends.
+    /// Adds primitives at the end of the queue, and their tickets to `tickets`, as long as both
+    /// have room.
+    ///
+    /// Returns the number of primitives that were added. If a primitive is refused, the call ends
+    /// there and also returns the error; a full queue is not an error.
     pub fn feed<const N: usize>(
         &mut self,
         primitives: impl IntoIterator<Item = Primitive<J, T>>,
@@ -164,26 +169,28 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
         (fed, Ok(()))
     }
 
-    /// Slows all motion down to a stop, on its paths; no primitive starts until
-    /// [`resume`](Self::resume).
+    /// Slows all motion down to a stop, with the joints on their paths. Nothing moves and no
+    /// primitive starts until [`resume`](Self::resume).
     pub fn pause(&mut self) {
         self.paused = true;
     }
 
-    /// Continues after a pause.
+    /// Continues all motion after a [`pause`](Self::pause).
     pub fn resume(&mut self) {
         self.paused = false;
     }
 
-    /// Returns whether it is pausing; motion may still slow down.
+    /// Returns true from [`pause`](Self::pause) until [`resume`](Self::resume), even while motion
+    /// still slows down.
     #[must_use]
     pub fn is_paused(&self) -> bool {
         self.paused
     }
 
-    /// Slows all motion down to a stop and drops it, with all primitives in the queue.
+    /// Slows all motion down to a stop, with the joints on their paths, and drops all primitives,
+    /// also those that wait.
     ///
-    /// Joints that return to where a servo has stopped them still do.
+    /// Joints that return to the place where a servo has stopped them continue to do so.
     pub fn abort(&mut self) {
         for running in self.running.iter_mut().flatten() {
             if running.returns() {
@@ -199,18 +206,20 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
         self.held = false;
     }
 
-    /// Starts the next primitive after one with [`OnEnd::Hold`].
+    /// Lets the next primitive start after a primitive with [`OnEnd::Hold`] has ended.
     pub fn proceed(&mut self) {
         self.held = false;
     }
 
-    /// Returns whether it waits for [`Generator::proceed`].
+    /// Returns true if a primitive with [`OnEnd::Hold`] has ended, and the next one waits for
+    /// [`proceed`](Self::proceed).
     #[must_use]
     pub fn is_held(&self) -> bool {
         self.held
     }
 
-    /// Drops all motion at once and rests at `positions` (rad). It is for servos that are off.
+    /// Drops all motion at once, without slowing down, and makes the joints rest at `positions`
+    /// (rad). Use it only while the servos are off.
     ///
     /// # Errors
     /// [`TrajectoryError`] if a position is not finite; nothing changes then.
@@ -221,11 +230,11 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
         Ok(())
     }
 
-    /// Drops the motion of the joints in `mask` (bit *i* is joint *i*) at once, and makes them rest
-    /// at their `positions` (rad); the other joints move on. It is for servos that are off while
-    /// others are not.
+    /// Drops the motion of the joints in `mask` (bit *i* is joint *i*) at once, without slowing
+    /// down, and makes them rest at their `positions` (rad). The other joints move on. Use it for
+    /// joints whose servos are off.
     ///
-    /// A primitive that moves only such joints is aborted.
+    /// A primitive that moves only joints in `mask` is aborted.
     ///
     /// # Errors
     /// [`TrajectoryError`] if a position of such a joint is not finite; nothing changes then.
@@ -247,16 +256,20 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
         Ok(())
     }
 
-    /// Takes from a servo that the guard of a motion has stopped the joints in `mask` at
-    /// `positions` (rad). The motion is given by the [number](MotionTicket::number) of its ticket.
+    /// Reports to the generator that a servo has stopped joints because of a guard.
+    ///
+    /// * `motion`: the [number](MotionTicket::number) of the motion whose guard has stopped them.
+    /// * `guard`: the condition that held.
+    /// * `mask`: the joints that were stopped; bit *i* is joint *i*.
+    /// * `positions`: the positions at which these joints were stopped, rad.
     ///
     /// These joints return to those positions, within their limits, and rest there; the other
     /// joints of the motion slow down to a stop on their paths. The motion has ended, stopped by
     /// the guard, when all of them rest; what waits for it begins after that. Joints return also if
-    /// their motion has ended already. Joints that have another motion by now, or that were told to
-    /// have stopped before, stay as they are.
+    /// their motion has ended already. Joints that have another motion by now, or whose stop was
+    /// reported before, stay as they are.
     ///
-    /// Returns which joints return.
+    /// Returns the joints that return to their positions, as a mask.
     ///
     /// # Errors
     /// [`TrajectoryError`] if a position of a joint in `mask` is not finite; nothing changes then.
@@ -337,7 +350,8 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
         }
     }
 
-    /// Returns, for the servo of each joint, the motion that moves the joint and what stops that.
+    /// Returns for each joint the guard that its servo must check: the number of the motion that
+    /// moves the joint, and the conditions that stop that motion.
     #[must_use]
     pub fn guards(&self) -> [StopGuard; J] {
         let mut guards = self
@@ -354,8 +368,8 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
         guards
     }
 
-    /// Runs one tick and returns its set-points. `seen` are the readings that the conditions of
-    /// primitives check.
+    /// Runs one tick, and returns the new set-points of all joints. `seen` are the sensor readings
+    /// with which the conditions of primitives are compared.
     pub fn tick(&mut self, seen: &Observations<J, T>) -> [SetPoint<T>; J] {
         self.start(seen);
         for (joint, mover) in self.joints.iter_mut().enumerate() {
@@ -374,19 +388,20 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
         self.set_points()
     }
 
-    /// Returns the present set-points.
+    /// Returns the set-points of the last tick.
     #[must_use]
     pub fn set_points(&self) -> [SetPoint<T>; J] {
         self.joints.each_ref().map(|mover| mover.state)
     }
 
-    /// Returns whether no primitive moves or waits.
+    /// Returns true if no primitive is in motion and none waits in the queue.
     #[must_use]
     pub fn is_idle(&self) -> bool {
         self.queue.is_empty() && self.running.iter().all(Option::is_none)
     }
 
-    /// Returns the progress of a primitive; `None` if it has ended.
+    /// Returns the progress of a primitive; `None` if it has ended, or if there was none with this
+    /// ticket.
     #[must_use]
     pub fn progress(&self, ticket: MotionTicket) -> Option<MotionProgress<T>> {
         let mut running = self.running.iter().flatten();
@@ -403,7 +418,8 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
         Some(MotionProgress::Queued { before })
     }
 
-    /// Takes the oldest event; returns `None` if there is none.
+    /// Returns the oldest event that was not returned yet, and removes it; `None` if there is none.
+    /// At most 32 events are kept; the oldest are lost first.
     pub fn take_event(&mut self) -> Option<MotionEvent> {
         self.events.pop_front()
     }

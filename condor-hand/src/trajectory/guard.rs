@@ -1,7 +1,8 @@
 use super::{Guards, MotionGuard, MotionTicket};
 use crate::Real;
 
-/// The conditions under which the servo of a joint stops the motion that moves the joint.
+/// The conditions under which the servo of a joint stops the motion that moves the joint. The
+/// generator passes them to the servo together with the set-point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StopGuard {
     /// The [number](MotionTicket::number) of the motion that moves the joint, or moved it last; 0 for
@@ -13,12 +14,12 @@ pub struct StopGuard {
     /// The tension of a tendon of the joint above which the motion stops, N; infinite for no such
     /// condition.
     pub tension: f64,
-    /// Whether a contact of the finger stops the motion.
+    /// True if a contact of the finger stops the motion.
     pub contact: bool,
 }
 
 impl StopGuard {
-    /// No motion, and no condition.
+    /// A guard for a joint that no motion moves; nothing is checked.
     pub const NONE: Self = Self::of(0);
 
     /// A motion without any condition.
@@ -42,7 +43,7 @@ impl StopGuard {
         }
     }
 
-    /// Returns whether there is a motion with a condition.
+    /// Returns true if the guard belongs to a motion and has at least one condition to check.
     #[must_use]
     pub fn is_armed(&self) -> bool {
         let Self {
@@ -78,7 +79,8 @@ impl StopGuard {
 }
 
 impl MotionTicket {
-    /// Returns the number by which servos know the motion; it is never 0.
+    /// Returns the number by which servos know this motion, in [`StopGuard::motion`]; it is never
+    /// 0.
     #[must_use]
     pub const fn number(self) -> u32 {
         match self.0.wrapping_add(1) {

@@ -29,7 +29,8 @@ const FORMAT: Format = Format {
     version: 2,
 };
 
-/// The size of an image without primitives, in bytes.
+/// The size of the header of an image, in bytes, which is also the size of an image without
+/// primitives.
 pub const HEADER_BYTES: usize = image::HEADER_BYTES;
 
 /// The reason why bytes are not a sequence of motions, or a sequence cannot become bytes.
@@ -63,7 +64,8 @@ pub enum MotionImageError {
     },
 }
 
-/// A checked sequence of primitives of `J` joints, in the bytes of its image.
+/// A sequence of primitives of `J` joints that were read from an image and checked. The bytes of
+/// the image are borrowed, so nothing is allocated.
 #[derive(Clone, Copy, Debug)]
 pub struct MotionSequence<'a, const J: usize> {
     body: &'a [u8],
@@ -71,7 +73,8 @@ pub struct MotionSequence<'a, const J: usize> {
 }
 
 impl<'a, const J: usize> MotionSequence<'a, J> {
-    /// Reads the sequence in exactly these bytes, and checks every primitive.
+    /// Opens the image of a sequence, and checks every primitive in it. `image` must be exactly the bytes of the image,
+    /// without any after them.
     ///
     /// # Errors
     /// [`MotionImageError::Header`] if the bytes are no image of motions, [`MotionImageError::Joints`] if they
@@ -104,26 +107,27 @@ impl<'a, const J: usize> MotionSequence<'a, J> {
         Ok(Self { body, count })
     }
 
-    /// Returns the number of primitives.
+    /// Returns the number of primitives in the sequence.
     #[must_use]
     pub const fn len(&self) -> u32 {
         self.count
     }
 
-    /// Returns whether there are no primitives.
+    /// Returns true if the sequence has no primitives.
     #[must_use]
     pub const fn is_empty(&self) -> bool {
         self.count == 0
     }
 
-    /// Iterates over the primitives in their order.
+    /// Iterates over the primitives of the sequence in their order.
     pub fn iter(&self) -> impl Iterator<Item = Primitive<J>> + use<'a, J> {
         let mut rest = self.body;
         (0..self.count).map_while(move |_| take(&mut rest))
     }
 }
 
-/// Writes the image of a sequence to the front of `buffer`, and returns its length in bytes.
+/// Writes the image of a sequence of primitives, which [`MotionSequence::new`] reads, to the front of `buffer`. Returns
+/// the length of the image in bytes.
 ///
 /// # Errors
 /// [`MotionImageError::Header`] if the buffer is too short; [`MotionImageError::Primitive`] if no generator can
@@ -135,8 +139,8 @@ pub fn encode<'m, const J: usize>(
     write(motions, buffer, HEADER_BYTES, 0, J)
 }
 
-/// Writes the image for a program that has `joints` joints, at most as many as the type of the
-/// primitives has: for a tool that learns the number when it runs.
+/// Writes an image like [`encode`], but for a program that has `joints` joints, at most `J`. It is for tools that learn
+/// the number of joints only when they run. Returns the length of the image in bytes.
 ///
 /// # Errors
 /// [`MotionImageError::Joints`] if `joints` is more than `J`; [`MotionImageError::Malformed`] if a primitive moves
@@ -153,8 +157,8 @@ pub fn encode_for<'m, const J: usize>(
     write(motions, buffer, HEADER_BYTES, 0, joints)
 }
 
-/// Appends a primitive to the image in the first `len` bytes of `buffer`, and returns the new
-/// length of the image. If `len` is 0, it begins an image.
+/// Appends a primitive to the image in the first `len` bytes of `buffer`; a `len` of 0 begins a new image. Returns the
+/// new length of the image in bytes.
 ///
 /// # Errors
 /// [`MotionImageError::Header`] if the buffer is too short, or has no image in its first `len` bytes;

@@ -6,13 +6,14 @@ use super::{
 use crate::math::{Real, abs, min, real};
 use crate::number::positive;
 
-/// Computes the set-points of J joints at the servo's rate, between those of the master's ticks.
+/// An interpolator that computes set-points of J joints at the rate of the servos, from the less
+/// frequent set-points of a master, the program that computes trajectories.
 ///
-/// Between ticks it follows the cubic Hermite polynomial through positions and velocities. If the
-/// next tick is late, it holds the last velocity for at most the length of one tick, and then
-/// brakes. When ticks come again, it joins the new motion without a step of position or velocity:
-/// the difference between the joint and the motion becomes a motion of its own, within its own
-/// bounds, that is added.
+/// Between two ticks of the master it follows the cubic Hermite polynomial through positions and
+/// velocities. If the next tick is late, it holds the last velocity for at most the length of one
+/// tick, and then brakes. When ticks come again, it joins the new motion without a step of position
+/// or velocity: the difference between the joint and the motion becomes a motion of its own, within
+/// its own bounds, that is added.
 #[derive(Clone, Debug)]
 pub struct Interpolator<const J: usize, T: Real = f64> {
     substeps: u32,
@@ -68,9 +69,12 @@ pub enum SetPointError {
 }
 
 impl<const J: usize, T: Real> Interpolator<J, T> {
-    /// Makes an interpolator at rest at `positions` (rad). A tick of `tick_s` seconds has
-    /// `substeps` servo periods. `bounds` are those of braking, and of the motion that is added to
-    /// rejoin; so a joint moves at most at the sum of these bounds and of the motion's own rates.
+    /// Makes an interpolator whose joints rest at `positions` (rad).
+    ///
+    /// * `substeps`: the number of servo periods in one tick of the master.
+    /// * `tick_s`: the length of one tick of the master, s.
+    /// * `bounds`: the bounds of braking, and of the motion that is added to rejoin. So a joint
+    ///   moves at most at the sum of these bounds and of the rates of the master's motion.
     ///
     /// # Errors
     /// [`TrajectoryError`] if there are no substeps, bounds are not above zero, or a number is not
@@ -106,9 +110,9 @@ impl<const J: usize, T: Real> Interpolator<J, T> {
         })
     }
 
-    /// Takes the set-points of a tick of the master: the positions and velocities one tick from
-    /// now, or one tick after the end of the tick before if that is not over. Accelerations are not
-    /// used.
+    /// Takes the set-points of one tick of the master: the positions and velocities that the joints
+    /// must have one tick from now. If the tick before is not over yet, they are for one tick after
+    /// its end. Accelerations are not used.
     ///
     /// # Errors
     /// [`SetPointError`] for the first set-point that is not finite or too far away; all set-points
@@ -166,8 +170,9 @@ impl<const J: usize, T: Real> Interpolator<J, T> {
         self.late = 0;
     }
 
-    /// Makes a joint join the motion of the ticks from the state `now`: it closes the difference
-    /// between the two, within its own bounds.
+    /// Makes one joint leave its present set-points and begin at the state `now`, for example
+    /// because it did not follow before. From there it joins the motion of the ticks within the
+    /// bounds of rejoining.
     ///
     /// # Errors
     /// [`SetPointError`] if the state is not finite or too far away; the joint stays where it is
@@ -191,7 +196,7 @@ impl<const J: usize, T: Real> Interpolator<J, T> {
         Ok(())
     }
 
-    /// Advances by one servo period and returns the set-points.
+    /// Advances by one servo period, and returns the new set-points of all joints.
     #[inline]
     pub fn step(&mut self) -> [SetPoint<T>; J] {
         self.advance(1);
@@ -222,7 +227,7 @@ impl<const J: usize, T: Real> Interpolator<J, T> {
         self.rejoining = self.gaps.iter().any(Option::is_some);
     }
 
-    /// Returns the present set-points.
+    /// Returns the set-points of the present servo period.
     #[inline]
     #[must_use]
     pub fn set_points(&self) -> [SetPoint<T>; J] {

@@ -36,10 +36,11 @@ use super::{
     Begin, Guards, MAX_VIAS, OnEnd, Pace, Primitive, PrimitiveError, Profile, Target, Via,
 };
 
-/// Reads a sequence of motions. `names[i]` is the name of joint i.
+/// Reads a sequence of motions from TOML text. `names[i]` is the name by which the text refers to
+/// joint *i*.
 ///
-/// `file` is the name that an error shows; nothing is opened. The limits of joints are not checked
-/// here, but when a motion is enqueued.
+/// `file` is the name to show in error messages; no file is opened. The limits of joints are not
+/// checked here, but when a motion is enqueued.
 ///
 /// # Errors
 /// [`TextError`] for the first mistake, with its place and the remedy.

@@ -3,9 +3,7 @@ use super::{ProfileError, ProfilePeaks, SetPoint};
 use crate::math::{Real, abs, clamp, is_finite, real};
 use crate::number::positive;
 
-/// A polynomial of time of degree 3 or 5 between two states.
-///
-/// It is stored in `s = t / duration`, so all its coefficients are positions.
+/// The motion of one joint between two states, as a polynomial of time of degree 3 or 5.
 ///
 /// ```
 /// use condor_hand::trajectory::Polynomial;
@@ -24,8 +22,8 @@ pub struct Polynomial<T: Real> {
 }
 
 impl<T: Real> Polynomial<T> {
-    /// Makes the cubic Hermite polynomial with given positions and velocities at both ends;
-    /// accelerations follow from them.
+    /// Makes the cubic Hermite polynomial from `start` to `end` in `duration` (s). It has the given
+    /// positions and velocities at both ends; the given accelerations are ignored.
     ///
     /// # Errors
     /// [`ProfileError`] if the duration in s is not above zero, or a number is not finite.
@@ -43,8 +41,9 @@ impl<T: Real> Polynomial<T> {
         Self::checked([start.position, w0, c2, c3, zero, zero], duration, end)
     }
 
-    /// Makes the quintic polynomial with given positions, velocities and accelerations at both
-    /// ends. Of all motions between these states it has the least integral of squared jerk.
+    /// Makes the quintic polynomial from `start` to `end` in `duration` (s). It has the given
+    /// positions, velocities and accelerations at both ends. Of all motions between these states it
+    /// has the least integral of squared jerk.
     ///
     /// # Errors
     /// [`ProfileError`] if the duration in s is not above zero, or a number is not finite.
@@ -65,8 +64,9 @@ impl<T: Real> Polynomial<T> {
         Self::checked([start.position, w0, b0 * half, c3, c4, c5], duration, end)
     }
 
-    /// Makes the motion from rest to rest with the least squared jerk, the profile of human
-    /// reaches: T. Flash and N. Hogan, "The coordination of arm movements", 1985.
+    /// Makes the motion from rest at `start` to rest at `end` (rad) in `duration` (s) with the
+    /// least squared jerk. It is the profile of human reaches: T. Flash and N. Hogan, "The
+    /// coordination of arm movements", 1985.
     ///
     /// # Errors
     /// [`ProfileError`] if the duration in s is not above zero, or a number is not finite.
@@ -100,14 +100,14 @@ impl<T: Real> Polynomial<T> {
         [c0, c1, c2, c3]
     }
 
-    /// Returns its duration, s.
+    /// Returns the duration of the motion, s.
     #[must_use]
     pub fn duration(&self) -> T {
         self.duration
     }
 
-    /// Returns the set-point `t` seconds after the beginning; outside of the duration, that of the
-    /// nearer end.
+    /// Returns the set-point `t` seconds after the beginning of the motion. Before the beginning it
+    /// is that of the beginning, and after the end that of the end.
     #[inline]
     #[must_use]
     pub fn at(&self, t: T) -> SetPoint<T> {
@@ -128,7 +128,7 @@ impl<T: Real> Polynomial<T> {
         }
     }
 
-    /// Returns the extremes of the motion from its beginning to its end.
+    /// Returns the extremes of position, velocity and acceleration during the motion.
     #[must_use]
     pub fn peaks(&self) -> ProfilePeaks<T> {
         let mut peaks = ProfilePeaks::of(&self.point(T::zero()));

@@ -8,10 +8,11 @@ use crate::decimal::Decimal;
 use crate::math::{Real, abs, is_finite};
 use crate::number::{NumberError, Requirement, check, finite, not_negative, positive};
 
-/// The greatest number of via points of a primitive.
+/// The greatest number of via points that a [`Primitive`] can have.
 pub const MAX_VIAS: usize = 16;
 
-/// One motion of some of J joints, from their present state to rest.
+/// One motion of some of J joints, from their present state to rest at their targets. A
+/// [`Generator`](super::Generator) runs it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Primitive<const J: usize, T: Real = f64> {
     /// The joints that it moves: bit i is joint i.
@@ -37,7 +38,7 @@ pub struct Primitive<const J: usize, T: Real = f64> {
     pub on_end: OnEnd,
 }
 
-/// The target of a joint.
+/// The target of a joint in a [`Primitive`]: a position, or a displacement.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub enum Target<T> {
     /// The joint goes to this position, rad.
@@ -46,7 +47,7 @@ pub enum Target<T> {
     Relative(T),
 }
 
-/// The duration or the speed of a primitive.
+/// The pace of a [`Primitive`]: its duration, or its speed.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub enum Pace<T> {
     /// The motion takes this duration, s.
@@ -56,7 +57,7 @@ pub enum Pace<T> {
     Speed(T),
 }
 
-/// The shape of a motion in time.
+/// The shape of a motion in time: how its velocity grows and falls between start and end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Profile {
@@ -81,7 +82,7 @@ impl fmt::Display for Profile {
     }
 }
 
-/// A point that a motion passes without stopping.
+/// A via point: positions that a motion passes without stopping, and the time at which it does so.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Via<const J: usize, T: Real = f64> {
     /// Its time as a fraction of the duration, above 0 and below 1.
@@ -90,7 +91,8 @@ pub struct Via<const J: usize, T: Real = f64> {
     pub positions: [T; J],
 }
 
-/// The condition under which the turn of a primitive comes, once it is the first of the queue.
+/// The condition under which the turn of a [`Primitive`] comes, once it is the first one in the
+/// queue.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Begin {
@@ -103,7 +105,7 @@ pub enum Begin {
     Now,
 }
 
-/// The reaction to the end of a primitive.
+/// The reaction of a [`Generator`](super::Generator) to the end of a primitive.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum OnEnd {
@@ -114,7 +116,8 @@ pub enum OnEnd {
     Hold,
 }
 
-/// Conditions on the readings of the sensors of a primitive's joints; any one of them is enough.
+/// Conditions that start or stop a primitive, such as a torque or a contact of its joints. One
+/// condition that holds is enough.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Guards<T> {
@@ -126,7 +129,7 @@ pub struct Guards<T> {
     pub tension: Option<T>,
     /// The condition holds when this time has passed, s; `None` means no such condition.
     pub time: Option<T>,
-    /// Whether there is the condition that any of its joints belongs to a finger in contact.
+    /// True if a contact of the finger of any of its joints is a condition.
     #[serde(default)]
     pub contact: bool,
 }
@@ -153,7 +156,8 @@ pub enum MotionGuard {
     },
 }
 
-/// The readings of the sensors that the conditions of primitives check.
+/// The sensor readings of one tick with which a [`Generator`](super::Generator) compares the
+/// conditions of primitives.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Observations<const J: usize, T: Real = f64> {
     /// Measured torque of each joint, N m.
@@ -165,7 +169,8 @@ pub struct Observations<const J: usize, T: Real = f64> {
 }
 
 impl<const J: usize, T: Real> Observations<J, T> {
-    /// Returns observations without torque, tension and contact.
+    /// Returns observations in which nothing is measured: zero torques and tensions, and no
+    /// contacts.
     #[must_use]
     pub fn none() -> Self {
         Self {
@@ -246,7 +251,8 @@ impl<T: Real> Guards<T> {
 }
 
 impl<const J: usize, T: Real> Primitive<J, T> {
-    /// Makes a motion of no joints, which begins after those before it and has no conditions.
+    /// Makes a primitive that moves no joints yet; add them with [`with`](Self::with). It begins
+    /// after the primitives before it, and has no conditions.
     #[must_use]
     pub fn new(pace: Pace<T>, profile: Profile) -> Self {
         Self {
@@ -263,7 +269,7 @@ impl<const J: usize, T: Real> Primitive<J, T> {
         }
     }
 
-    /// Adds a joint with its target.
+    /// Returns the primitive with the target of one more joint; `joint` is counted from 0.
     ///
     /// # Errors
     /// [`PrimitiveError::Joint`] if the joint does not exist.

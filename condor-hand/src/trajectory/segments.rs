@@ -2,7 +2,7 @@ use super::root::bracketed;
 use super::{ProfileError, ProfilePeaks, SetPoint, check_rates};
 use crate::math::{Real, abs, clamp, is_finite, max, min, real, sqrt};
 
-/// The bounds of a joint's motion in a profile of segments.
+/// The greatest velocity, acceleration and jerk of a joint in a motion of [`Segments`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bounds<T> {
     /// The greatest speed to either side, rad/s.
@@ -14,10 +14,10 @@ pub struct Bounds<T> {
     pub jerk: Option<T>,
 }
 
-/// Up to seven segments of constant jerk that end at rest: a trapezoid of velocity, or one with
-/// rounded corners.
+/// The motion of one joint to rest at a position, as up to seven segments of constant jerk: a
+/// trapezoid of velocity, or one with rounded corners.
 ///
-/// To reach its end it changes to one velocity, keeps it, and changes to zero.
+/// The joint first changes to one velocity, then keeps it, and at the end changes to zero velocity.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Segments<T: Real> {
     start: SetPoint<T>,
@@ -219,12 +219,13 @@ impl<T: Real> Case<'_, T> {
 }
 
 impl<T: Real> Segments<T> {
-    /// Makes the motion from any state to rest at `end`, independently of other joints.
+    /// Makes the fastest motion from the state `start` to rest at the position `end` (rad), within
+    /// `bounds`.
     ///
     /// Without a bound of jerk this is the fastest possible motion; the acceleration at the start
-    /// is not used. With one it is also the fastest, with one exception: a joint that brakes
-    /// already, need not turn back, and could brake later. It brakes, releases the brake, and
-    /// brakes again.
+    /// is not used. With a bound of jerk it is also the fastest, with one exception: a joint that
+    /// brakes already, need not turn back, and could brake later. That joint brakes, releases the
+    /// brake, and brakes again.
     ///
     /// The bounds hold from the start on if the start is within them. If the acceleration of the
     /// start would lead beyond the bound of velocity, it is reduced at once. The motion may pass
@@ -236,8 +237,8 @@ impl<T: Real> Segments<T> {
         Self::plan(start, end, bounds, None)
     }
 
-    /// Makes the motion with a lower velocity, so that it lasts `duration` seconds; so several
-    /// joints can arrive together.
+    /// Makes a motion like [`fastest`](Self::fastest), but at a lower velocity, so that it lasts
+    /// `duration` seconds. With it several joints can arrive together.
     ///
     /// # Errors
     /// [`ProfileError::NotFinite`] or [`ProfileError::Number`] if a number is not finite, or the
@@ -352,13 +353,14 @@ impl<T: Real> Segments<T> {
         })
     }
 
-    /// Returns its duration, s; zero if it is at its end already.
+    /// Returns the duration of the motion, s; zero if it starts at its end.
     #[must_use]
     pub fn duration(&self) -> T {
         self.duration
     }
 
-    /// Returns the set-point `t` seconds after the beginning; after the end, rest at the end.
+    /// Returns the set-point `t` seconds after the beginning of the motion. After the end the joint
+    /// rests at the end position.
     #[inline]
     #[must_use]
     pub fn at(&self, t: T) -> SetPoint<T> {
@@ -380,7 +382,7 @@ impl<T: Real> Segments<T> {
         SetPoint::rest(self.end)
     }
 
-    /// Returns the extremes of the motion from its beginning to its end.
+    /// Returns the extremes of position, velocity and acceleration during the motion.
     #[must_use]
     pub fn peaks(&self) -> ProfilePeaks<T> {
         let mut peaks = ProfilePeaks::of(&self.start);

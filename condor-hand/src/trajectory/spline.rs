@@ -3,8 +3,9 @@ use heapless::Vec;
 use super::{Polynomial, ProfileError, ProfilePeaks, SetPoint};
 use crate::math::{Real, is_finite, real};
 
-/// A cubic spline through up to K knots with given velocities at both ends: position, velocity and
-/// acceleration are continuous, and of all such curves its squared acceleration is least.
+/// The motion of one joint through up to K points (knots), as a cubic spline with given velocities
+/// at both ends. Position, velocity and acceleration are continuous. Of all such curves it has the
+/// least squared acceleration.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Spline<T: Real, const K: usize> {
     knots: Vec<Knot<T>, K>,
@@ -18,8 +19,8 @@ struct Knot<T> {
 }
 
 impl<T: Real, const K: usize> Spline<T, K> {
-    /// Makes the spline through `positions` (rad) at increasing `times` (s), with the given
-    /// velocities (rad/s) at the first and the last knot.
+    /// Makes the spline that is at `positions[i]` (rad) at the time `times[i]` (s); times must
+    /// increase. `velocities` are those at the first and the last knot, rad/s.
     ///
     /// The other velocities are the solution of a tridiagonal system, whose diagonal dominates (C.
     /// de Boor, "A practical guide to splines", chapter IV), by L. H. Thomas' elimination.
@@ -126,8 +127,8 @@ impl<T: Real, const K: usize> Spline<T, K> {
         }
     }
 
-    /// Returns the set-point at a time on the axis of the knots, s; outside of it, that of the
-    /// nearer end.
+    /// Returns the set-point at the time `t`, s, on the same axis as the times of the knots. Before
+    /// the first knot it is that of the first knot, and after the last knot that of the last.
     #[must_use]
     pub fn at(&self, t: T) -> SetPoint<T> {
         let count = self.knots.partition_point(|knot| knot.time <= t);
@@ -142,7 +143,8 @@ impl<T: Real, const K: usize> Spline<T, K> {
         })
     }
 
-    /// Returns the extremes of the motion from its beginning to its end.
+    /// Returns the extremes of position, velocity and acceleration between the first and the last
+    /// knot.
     #[must_use]
     pub fn peaks(&self) -> ProfilePeaks<T> {
         let mut peaks: Option<ProfilePeaks<T>> = None;

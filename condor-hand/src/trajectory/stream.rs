@@ -7,8 +7,8 @@ use crate::decimal::Decimal;
 use crate::math::{abs, clamp, real};
 use crate::number::{NumberError, Requirement, check_motion, positive, tolerance};
 
-/// A point of a [`JointStream`]: where J joints are at an instant, and how fast. Only the joints in
-/// the mask of the stream count.
+/// A point of a [`JointStream`]: the positions and velocities that the joints must have at a time.
+/// Values of joints that are not in the mask of the stream are ignored.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StreamPoint<const J: usize, T: Real = f64> {
     /// The time since the start of the stream, s.
@@ -19,7 +19,7 @@ pub struct StreamPoint<const J: usize, T: Real = f64> {
     pub velocities: [T; J],
 }
 
-/// The end of a stream, at which its joints are at rest.
+/// The way in which a stream has ended. Its joints are at rest then.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StreamEnd {
     /// The joints have come to the last point.
@@ -80,19 +80,18 @@ struct Brake<const J: usize, T: Real> {
     end: StreamEnd,
 }
 
-/// Set-points of some of J joints from points with timestamps, which come while the joints move.
+/// A stream of points with timestamps that come while the joints move, from which it computes the set-points of some of
+/// J joints.
 ///
-/// Points come in numbered batches; the stream has room for up to N points that are ahead of its
-/// time. Its time begins with the first batch, from rest. Between two points each joint moves along
-/// the cubic polynomial with their positions and velocities. A batch is refused as a whole if a
-/// joint would leave its limits of position, velocity or acceleration on the way to one of its
-/// points, or if it could not brake to rest there within them. A point at the time of the one before
-/// it, or at 0 s, must agree with that one, or with where the joints are, and changes nothing.
+/// Points come in numbered batches; the stream has room for up to N points that are ahead of its time. Its time begins
+/// with the first batch, from rest. Between two points each joint moves along the cubic polynomial with their positions
+/// and velocities. A batch is refused as a whole if a joint would leave its limits of position, velocity or
+/// acceleration on the way to one of its points, or if it could not brake to rest there within them. A point at the
+/// time of the one before it, or at 0 s, must agree with that one, or with where the joints are, and changes nothing.
 ///
-/// When the next point has not come by the time of the last one, each joint brakes from there as
-/// fast as its limit permits, and the stream ends with [`StreamEnd::Starved`]. So the set-points of
-/// every tick are within the limits, and positions and velocities are continuous, whatever comes
-/// and whenever.
+/// When the next point has not come by the time of the last one, each joint brakes from there as fast as its limit
+/// permits, and the stream ends with [`StreamEnd::Starved`]. So the set-points of every tick are within the limits, and
+/// positions and velocities are continuous, whatever comes and whenever.
 ///
 /// ```
 /// use condor_hand::trajectory::{ProfileLimits, JointStream, StreamPoint};
@@ -129,9 +128,12 @@ pub struct JointStream<const J: usize, const N: usize, T: Real = f64> {
 }
 
 impl<const J: usize, const N: usize, T: Real> JointStream<J, N, T> {
-    /// Makes a stream of the joints in `mask` (bit *i* is joint *i*), which are at rest at
-    /// `positions` (rad), with a tick every `tick_s` seconds. It waits up to `patience` ticks for
-    /// the first batch.
+    /// Makes a stream that moves the joints in `mask` (bit *i* is joint *i*).
+    ///
+    /// * `limits`: the limits of each joint.
+    /// * `positions`: the positions at which the joints rest now, rad.
+    /// * `tick_s`: the time between two calls of [`tick`](Self::tick), s.
+    /// * `patience`: the number of ticks for which the stream waits for the first batch.
     ///
     /// # Errors
     /// [`TrajectoryError`] if a limit is wrong, or a number is not finite.
@@ -168,9 +170,10 @@ impl<const J: usize, const N: usize, T: Real> JointStream<J, N, T> {
         })
     }
 
-    /// Takes the points of batch number `sequence`, of which `is_last` says whether the stream ends
-    /// with it: then its joints must rest at the last point. Batches are counted from 0; one that
-    /// was taken already changes nothing. After an error nothing is changed.
+    /// Adds the points of batch number `sequence`; batches are counted from 0. If `is_last` is
+    /// true, the stream ends with this batch, and its joints must rest at the last point.
+    ///
+    /// A batch that was added before changes nothing. After an error nothing is changed, either.
     ///
     /// # Errors
     /// [`JointStreamError`]. Send the same again after [`JointStreamError::Full`].
@@ -227,7 +230,7 @@ impl<const J: usize, const N: usize, T: Real> JointStream<J, N, T> {
         Ok(())
     }
 
-    /// Stops all joints as fast as their limits permit, and ends the stream then with [`StreamEnd::Aborted`]. A
+    /// Stops all joints as fast as their limits permit; after that the stream ends with [`StreamEnd::Aborted`]. A
     /// stream that brakes already, or has ended, does not change.
     pub fn abort(&mut self) {
         if self.brake.is_none() && self.end.is_none() {
@@ -239,8 +242,8 @@ impl<const J: usize, const N: usize, T: Real> JointStream<J, N, T> {
         }
     }
 
-    /// Runs one tick and returns its set-points; those of joints beyond the mask stay where they
-    /// were at the start.
+    /// Runs one tick, and returns the new set-points of all joints. Joints that are not in the mask
+    /// keep their positions.
     pub fn tick(&mut self) -> [SetPoint<T>; J] {
         if self.end.is_some() {
             return self.state;
@@ -290,37 +293,38 @@ impl<const J: usize, const N: usize, T: Real> JointStream<J, N, T> {
         self.state
     }
 
-    /// Returns whether it brakes without having come to its last point, or has ended.
+    /// Returns true if the stream brakes or has ended. It then takes no more points.
     #[must_use]
     pub fn has_ended(&self) -> bool {
         self.brake.is_some() || self.end.is_some()
     }
 
-    /// Returns how the stream has ended; `None` while it has not.
+    /// Returns the way in which the stream has ended; `None` if it has not ended yet.
     #[must_use]
     pub fn end(&self) -> Option<StreamEnd> {
         self.end
     }
 
-    /// Returns the joints that it moves: bit *i* is joint *i*.
+    /// Returns the mask of the joints that the stream moves: bit *i* is joint *i*.
     #[must_use]
     pub fn mask(&self) -> u32 {
         self.mask
     }
 
-    /// Returns the present set-points.
+    /// Returns the set-points of the last tick.
     #[must_use]
     pub fn set_points(&self) -> [SetPoint<T>; J] {
         self.state
     }
 
-    /// Returns the time since the start of the stream, s.
+    /// Returns the time since the stream began with its first batch, s; zero before that.
     #[must_use]
     pub fn time(&self) -> T {
         T::of(f64::from(self.ticks)) * self.tick
     }
 
-    /// Returns the time of the last point that it has, s.
+    /// Returns the time until which the stream has points: the time of its last point, s since the
+    /// start of the stream.
     #[must_use]
     pub fn until(&self) -> T {
         self.last().time

@@ -6,13 +6,13 @@ use crate::doorbell::{Doorbell, Evidence};
 use crate::id::Processor;
 use crate::time::Instant;
 
-/// The failure of a doorbell's check.
+/// The error of [`doorbell()`]: a rule that the checked doorbell breaks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{check}: at {now:?}, deadline {until:?}")]
 pub struct DoorbellFailure {
     /// The rule that is broken.
     pub check: &'static str,
-    /// The time at which that was found.
+    /// The time at which the fault was found.
     pub now: Instant,
     /// The deadline of the wait, or the time that `now` should not precede.
     pub until: Instant,
@@ -24,11 +24,12 @@ const LOST: Duration = Duration::from_secs(20);
 const UNDISTURBED: Duration = Duration::from_millis(2);
 const ROUNDS: u32 = 50;
 
-/// Checks the doorbell `mine` of processor `me`. No other processor may ring it during the check.
+/// Checks that the doorbell `mine` of processor `me` keeps the rules of [`Doorbell`]. No other
+/// processor may ring it during the check.
 ///
-/// `ring_me` must ring it as another processor does, and return after the ring. No check depends on
-/// the speed of the machine, but a lost ring is found only after 20 seconds of the doorbell's
-/// clock. If a wait does not return at its deadline, this function never returns.
+/// `ring_me` must ring `mine` as another processor does, and return after the ring. No check
+/// depends on the speed of the machine, but a lost ring is found only after 20 seconds of the
+/// doorbell's clock. If a wait does not return at its deadline, this function never returns.
 ///
 /// # Errors
 /// [`DoorbellFailure`] for the first check that fails.

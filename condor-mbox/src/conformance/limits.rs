@@ -4,7 +4,7 @@ use crate::window::{MemoryWindow, WindowErrorKind};
 
 use super::outcome::{AccessOutcome, WindowFailure, check, done, expect, load, read, store, write};
 
-/// The least size of a window that can be checked, in bytes.
+/// The least size of a window that the checks accept, in bytes.
 pub const LEAST_BYTES: u32 = 64;
 
 /// The last aligned offset.

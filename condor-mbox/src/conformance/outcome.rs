@@ -4,10 +4,12 @@ use core::sync::atomic::AtomicU32;
 
 use crate::window::{LoadOrder, MemoryWindow, StoreOrder, WindowError, WindowErrorKind};
 
-/// The result of an access: a word (zero if the access reads none), or a kind of error.
+/// The result of an access to a window: the word that was read (zero if the access reads none), or
+/// the kind of the error.
 pub type AccessOutcome = Result<u32, WindowErrorKind>;
 
-/// The failure of a window's check.
+/// The error of the checks of a window: an access with a wrong result, and the result that is
+/// required.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{check}: {len} bytes at offset {offset:#x} returned {found:x?}, expected {expected:x?}")]
 pub struct WindowFailure {

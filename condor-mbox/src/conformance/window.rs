@@ -10,9 +10,11 @@ use super::limits::{
 };
 use super::outcome::{WindowFailure, done, expect, load, read, store, write, write_words};
 
-/// Checks a window that can be read and written, and that no other context touches meanwhile.
+/// Checks that `window`, which can be read and written, keeps the rules of [`MemoryWindow`]. No
+/// other context may touch it during the check.
 ///
-/// Its contents are overwritten. It must have at least [`LEAST_BYTES`](super::LEAST_BYTES) bytes.
+/// The contents of the window are overwritten. It must have at least
+/// [`LEAST_BYTES`](super::LEAST_BYTES) bytes.
 ///
 /// # Errors
 /// [`WindowFailure`] for the first check that fails.
@@ -35,7 +37,8 @@ pub fn window<W: MemoryWindow>(window: &W) -> Result<(), WindowFailure> {
     refused_copies(window)
 }
 
-/// Checks a window that is mapped for reading only.
+/// Checks that `window`, which is mapped for reading only, keeps the rules of [`MemoryWindow`]: it
+/// must refuse every store.
 ///
 /// # Errors
 /// [`WindowFailure`] for the first check that fails.
@@ -78,7 +81,8 @@ pub fn read_only<W: MemoryWindow>(window: &W) -> Result<(), WindowFailure> {
     )
 }
 
-/// Checks that two windows of the same size access the same memory.
+/// Checks that `a` and `b`, two windows of the same size, access the same memory. Some words of it
+/// are overwritten.
 ///
 /// # Errors
 /// [`WindowFailure`] for the first check that fails.
@@ -130,7 +134,8 @@ pub fn shared<A: MemoryWindow, B: MemoryWindow>(a: &A, b: &B) -> Result<(), Wind
     Ok(())
 }
 
-/// Checks the compare-and-swap of a window that no other context touches meanwhile.
+/// Checks that the compare-and-swap of `window` keeps the rules of [`CompareExchange`]. No other
+/// context may touch the window during the check. Some words of it are overwritten.
 ///
 /// One processor cannot check that the operation is indivisible for every other processor.
 ///

@@ -10,11 +10,12 @@ use crate::mailbox::{Call, Messenger};
 use crate::region::{Allocator, Region};
 use crate::window::{AccessError, MemoryWindow};
 
-/// The blocks of an [`Exchange`] in the window of the processor that answers: one for each processor
-/// that may ask.
+/// Memory for requests and responses in the window of the processor that answers, with one block
+/// for each processor that may ask.
 ///
-/// Programs that ask need no shared memory of their own then. Each may have only one exchange at a
-/// time. Both sides make the blocks with the same number of processors at the same offset.
+/// With these blocks, programs that ask by an [`Exchange`] need no shared memory of their own. Each
+/// may have only one exchange at a time. Both sides must make the blocks at the same offset, with
+/// the same number of processors.
 pub struct Blocks<Q, R> {
     offset: u32,
     processors: u32,
@@ -25,7 +26,8 @@ impl<Q, R> Blocks<Q, R> {
     /// The size of a block, in bytes.
     const BLOCK: u32 = response_at::<Q>(0) + (size_of::<R>() as u32).next_multiple_of(LINE);
 
-    /// Takes room from `allocator`, for requests from `processors` processors.
+    /// Takes the blocks from `allocator`, that of the users' region of the processor that
+    /// answers. Processors 0 to `processors` − 1 may ask.
     ///
     /// # Errors
     /// [`AccessError`] of the kind `OutOfBounds` if there is no room.
@@ -36,7 +38,8 @@ impl<Q, R> Blocks<Q, R> {
         }
     }
 
-    /// Returns the blocks at an offset, in bytes, in the users' region of the processor that answers.
+    /// Returns the blocks at `offset`, in bytes from the beginning of the users' region of the
+    /// processor that answers. Processors 0 to `processors` − 1 may ask.
     #[must_use]
     pub const fn at(offset: u32, processors: u8) -> Self {
         Self {
@@ -46,20 +49,21 @@ impl<Q, R> Blocks<Q, R> {
         }
     }
 
-    /// Returns the offset of the first block, in bytes.
+    /// Returns the offset of the first block, in bytes from the beginning of the users' region of
+    /// the processor that answers.
     #[must_use]
     pub const fn offset(&self) -> u32 {
         self.offset
     }
 
-    /// Returns the size of all blocks, in bytes.
+    /// Returns the size of all blocks together, in bytes.
     #[must_use]
     pub const fn bytes(&self) -> usize {
         self.processors as usize * Self::BLOCK as usize
     }
 
-    /// Returns the offset of the block of requests from `sender`, in bytes; `None` if there is no
-    /// block for that processor.
+    /// Returns the offset of the block for requests from `sender`, in bytes from the beginning of
+    /// the users' region; `None` if `sender` has no block.
     #[must_use]
     pub fn block(&self, sender: Processor) -> Option<u32> {
         let number = u32::from(sender.0);
@@ -75,8 +79,10 @@ where
     Q: FromBytes + IntoBytes + Immutable,
     R: FromBytes + IntoBytes + Immutable,
 {
-    /// Answers a request as [`answer`](super::answer) does, if it lies in the sender's own block;
-    /// refuses it otherwise. `own` is the users' region of the processor that answers.
+    /// Answers a request as [`answer`](super::answer) does, if `call` names the sender's own block.
+    /// Otherwise refuses the request: the sender gets
+    /// [`ExchangeError::Refused`](super::ExchangeError::Refused). `own` is the users' region of the
+    /// processor that answers.
     pub fn answer<W: MemoryWindow>(
         &self,
         call: &Call<'_>,
@@ -90,12 +96,12 @@ where
         }
     }
 
-    /// Makes the exchange of a processor that asks. `region` is the users' region of the processor
-    /// that answers.
+    /// Makes the exchange by which the processor of `messenger` asks. `region` is the users' region
+    /// of the processor that answers.
     ///
     /// # Errors
-    /// [`AccessError`] of the kind `OutOfBounds` if there is no block for the processor, or if its
-    /// block does not lie in the region.
+    /// [`AccessError`] of the kind `OutOfBounds` if there is no block for the processor of
+    /// `messenger`, or if the block does not lie in `region`.
     pub fn client<'m, M: Messenger + ?Sized, W: MemoryWindow + Clone>(
         &self,
         messenger: &'m M,

@@ -43,7 +43,8 @@ fn world() -> Rc<World> {
     world.expect("handlers run within a run")
 }
 
-/// Runs the scenario that `bytes` describe, and checks it at every step.
+/// Tests mailboxes of honest processors beside a hostile one. `bytes`, from the fuzzer, decide what
+/// all of them do. Returns counts of what happened.
 ///
 /// # Panics
 /// Panics if a promise of the mailbox is broken.
@@ -51,7 +52,8 @@ pub fn run(bytes: &[u8]) -> Tally {
     run_behind(None, bytes)
 }
 
-/// Runs the scenario as [`run`] does, but on memory that is not coherent: every honest processor has a cache.
+/// Tests mailboxes as [`run`] does, but on memory that is not coherent: every honest processor has
+/// a cache.
 ///
 /// # Panics
 /// Panics if a promise of the mailbox is broken.

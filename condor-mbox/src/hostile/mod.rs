@@ -22,7 +22,7 @@ pub use honest::{run as mailbox, run_behind_caches as mailbox_behind_caches};
 pub use regions::run as regions;
 pub use window::bounds as window_bounds;
 
-/// The counts of events in a run.
+/// Counts of the events in a run of a fuzz target.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Tally {
     /// The number of moves of the hostile processor: each makes another state of shared memory.

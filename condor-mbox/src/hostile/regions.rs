@@ -167,10 +167,12 @@ impl Incarnations for Known {
     }
 }
 
-/// Runs the operations that `bytes` describe, and checks them at every step.
+/// Tests regions, published values and locks in memory that a hostile processor changes before
+/// every access. `bytes`, from the fuzzer, decide the operations and the changes. Returns counts of
+/// what happened.
 ///
 /// # Panics
-/// Panics if a promise is broken.
+/// Panics if an operation does what its documentation excludes.
 pub fn run(bytes: &[u8]) -> Tally {
     let (calm, noise) = bytes.split_at(bytes.len() / 2);
     let window = Noisy(Rc::new(Shared {

@@ -2,8 +2,8 @@
 
 use crate::window::check_access;
 
-/// Checks that no offset and length that are accepted reach outside of a window, and that all others are
-/// refused.
+/// Tests [`check_access`] with a size, an offset and a length from `bytes`: it must accept exactly
+/// the accesses that are aligned and lie inside of the window.
 ///
 /// # Panics
 /// Panics if an access is accepted or refused wrongly.

@@ -15,8 +15,8 @@ use crate::region::{Allocator, Region};
 use crate::window::{MemoryWindow, StoreOrder};
 use crate::windows::Windows;
 
-/// A number of a [`LinuxSystem`](super::LinuxSystem) that this process holds, with everything that a mailbox
-/// needs.
+/// A processor's number in a [`LinuxSystem`](super::LinuxSystem) that this process holds, with the
+/// windows and the doorbell that a mailbox needs.
 ///
 /// The number becomes free when the claim, its doorbells and all clones of its own `mail` are
 /// dropped: as long as a process can write the `mail`, it holds the number.
@@ -29,7 +29,7 @@ pub struct Claim<const N: usize> {
 }
 
 impl<const N: usize> Claim<N> {
-    /// Returns the number that is held.
+    /// Returns the processor's number that this claim holds.
     #[must_use]
     pub fn number(&self) -> Processor {
         self.number
@@ -42,19 +42,20 @@ impl<const N: usize> Claim<N> {
         &self.windows
     }
 
-    /// Returns the doorbell of this number.
+    /// Returns the doorbell of the claimed number: it rings other processors, and waits for rings
+    /// of this one.
     #[must_use]
     pub fn doorbell(&self) -> &LinuxDoorbell<N> {
         &self.doorbell
     }
 
-    /// Returns the allocator of this number's own memory, the users' region of its `data`.
+    /// Returns the allocator of this processor's own memory, the users' region of its `data`.
     ///
-    /// There is only one for a claim, so the parts that users take from it cannot overlap; lend it
-    /// to every user of the memory.
+    /// There is only one allocator for a claim, so the parts that are taken from it cannot overlap.
+    /// Lend it to every part of the program that needs such memory.
     ///
     /// # Errors
-    /// [`SystemError::PlacesTaken`] if it was returned before.
+    /// [`SystemError::PlacesTaken`] if this function has returned the allocator before.
     pub fn places(&mut self) -> Result<Allocator, SystemError> {
         let number = self.number;
         self.allocator
@@ -62,7 +63,7 @@ impl<const N: usize> Claim<N> {
             .ok_or(SystemError::PlacesTaken { number })
     }
 
-    /// Returns the users' region of a processor's `data`.
+    /// Returns the users' region of the `data` of `processor`: the part that is for programs.
     ///
     /// # Errors
     /// [`SystemError::NoSuchProcessor`] if no processor has the number.
@@ -86,7 +87,8 @@ impl<const N: usize> Claim<N> {
         self.mailbox_with(CriticalSection)
     }
 
-    /// Makes the mailbox of this number with another [`Exclusion`].
+    /// Makes the mailbox of this number as [`mailbox`](Self::mailbox) does, but with `exclusion` in
+    /// the place of [`CriticalSection`].
     ///
     /// # Errors
     /// [`MailboxError::Layout`] if the memory was laid out for another system or by another version;
@@ -98,8 +100,8 @@ impl<const N: usize> Claim<N> {
         LinuxMailbox::new(self.number, self.windows, self.doorbell, exclusion)
     }
 
-    /// Returns the windows and the doorbell, which continue to hold the number, for a mailbox with
-    /// another doorbell.
+    /// Returns the windows and the doorbell, from which a mailbox with another doorbell can be
+    /// made. They continue to hold the number.
     #[must_use]
     pub fn into_parts(self) -> ([Windows<LinuxWindow>; N], LinuxDoorbell<N>) {
         (self.windows, self.doorbell)

@@ -73,14 +73,14 @@ impl<const N: usize> LinuxDoorbell<N> {
         })))
     }
 
-    /// Returns the number whose rings end a wait.
+    /// Returns the number of the processor whose rings end a wait for this doorbell.
     #[must_use]
     pub fn number(&self) -> Processor {
         self.0.number
     }
 
-    /// Returns a descriptor that becomes readable when this number is rung, for poll, epoll or an
-    /// asynchronous runtime.
+    /// Returns a descriptor that becomes readable when this processor is rung, for poll, epoll or
+    /// an asynchronous runtime.
     ///
     /// From the first call until the number is claimed anew, each ring costs its sender a second
     /// system call.
@@ -205,7 +205,8 @@ impl PollableBell {
         false
     }
 
-    /// Empties it as [`try_drain`](Self::try_drain) does, for level-triggered polling.
+    /// Empties the pipe as [`try_drain`](Self::try_drain) does. Use it for level-triggered polling,
+    /// which returns at once if the pipe is still readable.
     pub fn drain(&self) {
         let _ = self.try_drain();
     }

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use super::window::WindowMapError;
 use crate::id::Processor;
 
-/// The kind of a file that was found or is required.
+/// The kind of a file: the one that was found, or the one that is required.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum FileKind {
@@ -35,7 +35,7 @@ impl fmt::Display for FileKind {
     }
 }
 
-/// An error of a [`LinuxSystem`](super::LinuxSystem).
+/// The error of a function of [`LinuxSystem`](super::LinuxSystem) or [`Claim`](super::Claim).
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum SystemError {
@@ -47,8 +47,8 @@ pub enum SystemError {
         /// The name that was given.
         name: String,
     },
-    /// [`Claim::places`](super::Claim::places) has already returned the allocator of this
-    /// number's memory.
+    /// [`Claim::places`](super::Claim::places) has already returned the allocator of this number's
+    /// memory.
     #[error("the allocator of the memory of {number} was already taken: share that one")]
     PlacesTaken {
         /// The number of the processor.

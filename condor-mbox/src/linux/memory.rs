@@ -13,15 +13,15 @@ use super::window::WindowAccess;
 /// Bytes of a file that is there to be locked; a `mail` has more.
 pub(super) const LOCK_BYTES: u32 = 4;
 
-/// The positions in a file of all objects of one kind: the `mail`, or the `data`, of each
-/// processor. They are evenly spaced.
+/// The positions in a file of the `mail`, or of the `data`, of all processors. They are evenly
+/// spaced.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ObjectPositions {
-    /// The offset of the object of processor 0, in bytes from the beginning of the file; a multiple
-    /// of 4.
+    /// The offset of the `mail` or `data` of processor 0, in bytes from the beginning of the file;
+    /// a multiple of 4.
     pub offset: u64,
-    /// The distance from the beginning of one object to that of the next, in bytes; a multiple of
-    /// 4.
+    /// The distance from the `mail` or `data` of one processor to that of the next, in bytes; a
+    /// multiple of 4.
     pub stride: u64,
 }
 
@@ -40,9 +40,9 @@ pub struct Memory {
     /// The absolute path of the file. The file has its size already, and stays when the system is
     /// removed.
     pub file: PathBuf,
-    /// The `mail` of each processor.
+    /// The positions of the `mail` of each processor.
     pub mail: ObjectPositions,
-    /// The `data` of each processor, which begins with its doorbell.
+    /// The positions of the `data` of each processor, which begins with its doorbell.
     pub data: ObjectPositions,
 }
 

@@ -103,6 +103,7 @@ pub use memory::{Memory, ObjectPositions};
 pub use system::LinuxSystem;
 pub use window::{LinuxWindow, LinuxWindowError, WindowAccess, WindowMapError};
 
-/// A mailbox of Linux, which all threads of a process may use.
+/// The mailbox of a process of Linux. All threads of the process may use it if `X` is
+/// [`CriticalSection`](crate::CriticalSection).
 pub type LinuxMailbox<'v, const N: usize, X = crate::CriticalSection> =
     crate::Mailbox<'v, (LinuxWindow, LinuxDoorbell<N>, X), N>;

@@ -28,8 +28,8 @@ const VARIABLE: &str = "CONDOR_SYSTEM";
 /// The number of times that a claim begins anew because the directory was removed under it.
 const ATTEMPTS: u32 = 16;
 
-/// A system of `N` processors, at most [`Processor::MAX_COUNT`], and the place of its memory. The
-/// [module](super) lists the possible places.
+/// A system of `N` processors (at most [`Processor::MAX_COUNT`]), and the place of their shared
+/// memory. The [module](super) lists the possible places.
 ///
 /// A `LinuxSystem` claims no processor number; [`claim`](Self::claim) does.
 ///
@@ -63,16 +63,18 @@ enum Home {
 impl<const N: usize> LinuxSystem<N> {
     const MAIL_BYTES: u32 = layout::mail_bytes(N as u32);
 
-    /// Returns the system `name` of this user, for programs that need not know each other.
+    /// Returns the system `name` of this user, for programs that are started independently of each
+    /// other.
     ///
-    /// Its files are in `/dev/shm/condor-NAME`; the first program creates them. `user_bytes` is the
-    /// size of the users' region of every processor's `data`, in bytes, and must be the same in all
-    /// programs.
+    /// The system's files are in `/dev/shm/condor-NAME`; the first program creates them.
+    /// `user_bytes` is the size of the users' region of every processor's `data`, in bytes, and
+    /// must be the same in all programs.
     ///
     /// # Errors
-    /// [`SystemError::BadName`] if the name cannot be that of a file, [`SystemError::BadDataSize`]
-    /// if the size is not one of whole words, [`SystemError::WrongOwner`] if the directory belongs
-    /// to another user, [`SystemError::OtherSystem`] if it has another number of processors or
+    /// [`SystemError::BadName`] if `name` cannot be the name of a file,
+    /// [`SystemError::BadDataSize`] if `user_bytes` is not a multiple of four or too large,
+    /// [`SystemError::WrongOwner`] if the directory belongs to another user,
+    /// [`SystemError::OtherSystem`] if the system exists with another number of processors or
     /// another size, [`SystemError::Os`] if the directory cannot be created.
     pub fn named(name: &str, user_bytes: u32) -> Result<Self, SystemError> {
         // 255 bytes for the name of a directory, less what is put around it.
@@ -84,43 +86,46 @@ impl<const N: usize> LinuxSystem<N> {
     }
 
     /// Returns the system whose files are in the directory `path`, which is created if it does not
-    /// exist. If the directory names a [memory](Self::in_memory), the windows are there.
+    /// exist. If the directory names a [memory](Self::in_memory), the windows are in that memory.
+    /// `user_bytes` is the size of the users' region of every processor's `data`, in bytes.
     ///
     /// A relative `path` is resolved in the present working directory once; so a child to which the
     /// system is [passed](Self::pass_to) may run in another directory. The last part of `path` must
     /// not be a symbolic link.
     ///
-    /// Files get the permissions of the directory, except execution. The filesystem must support locks, shared
-    /// mappings and unnamed files (`O_TMPFILE`), as tmpfs and the usual disk filesystems do.
+    /// Files get the permissions of the directory, except execution. The filesystem must support
+    /// locks, shared mappings and unnamed files (`O_TMPFILE`), as tmpfs and the usual disk
+    /// filesystems do.
     ///
     /// # Errors
-    /// [`SystemError::BadDataSize`] if the size is not one of whole words,
+    /// [`SystemError::BadDataSize`] if `user_bytes` is not a multiple of four or too large,
     /// [`SystemError::WrongKind`] if `path` is a link, [`SystemError::OtherSystem`] if the
-    /// directory has another number of processors or another size, [`SystemError::Os`] if it cannot
-    /// be created.
+    /// directory has a system with another number of processors or another size,
+    /// [`SystemError::Os`] if the directory cannot be created.
     pub fn at(path: impl AsRef<Path>, user_bytes: u32) -> Result<Self, SystemError> {
         Self::in_directory(absolute(path.as_ref())?, false, None, user_bytes)
     }
 
-    /// Returns the system whose windows lie in one file, which may contain more: for example the
-    /// memory of another machine.
+    /// Returns the system whose windows lie in one file, `memory`, which may contain more: for
+    /// example the memory of another machine.
     ///
-    /// The directory `path`, which is created if it does not exist, has everything else that processes need:
-    /// the files that are locked, the doorbells, and a file `system`, which says where the windows are. From
-    /// then on [`at`](Self::at) finds the system there, in this process and in any other. Call this before any
-    /// program uses `path` by `at`: a system that began with files of its own keeps them.
+    /// The directory `path`, which is created if it does not exist, has everything else that
+    /// processes need: the files that are locked, the doorbells, and a file `system`, which says
+    /// where the windows are. From then on [`at`](Self::at) finds the system there, in this process
+    /// and in any other. Call this before any program uses `path` by `at`: a system that began with
+    /// files of its own keeps them.
     ///
     /// If others may write the directory, a `system` file that names a memory is accepted only if
     /// this user, root or the owner of the directory wrote it, because it tells this process which
     /// file to write.
     ///
-    /// The memory must be as its maker left it, zeros at first. [`remove`](Self::remove) does not
-    /// touch it.
+    /// The memory must contain zeros, or what programs of this system left there.
+    /// [`remove`](Self::remove) does not touch it.
     ///
     /// # Errors
-    /// The errors of [`at`](Self::at); [`SystemError::BadLayout`] if objects overlap or are not
-    /// aligned to words, [`SystemError::OutsideMemory`] if they lie outside of the file,
-    /// [`SystemError::OtherSystem`] if the directory names another memory.
+    /// [`SystemError::BadLayout`] if the windows in the memory overlap or are not aligned to words,
+    /// [`SystemError::OutsideMemory`] if they lie outside of the file, [`SystemError::OtherSystem`]
+    /// if the directory names another memory; otherwise an error of [`at`](Self::at).
     pub fn in_memory(
         path: impl AsRef<Path>,
         user_bytes: u32,
@@ -141,13 +146,16 @@ impl<const N: usize> LinuxSystem<N> {
         Ok(system)
     }
 
-    /// Makes a new system for this process and for those to which it is passed.
+    /// Makes a new system for this process and for the processes to which it is
+    /// [passed](Self::pass_to). `user_bytes` is the size of the users' region of every processor's
+    /// `data`, in bytes.
     ///
-    /// Its memory is sealed: no participant can make an access of another one fail.
+    /// The memory is sealed: no process can shrink it, and so make the accesses of another one
+    /// fail.
     ///
     /// # Errors
-    /// [`SystemError::BadDataSize`] if the size is not one of whole words, [`SystemError::Os`] if
-    /// the operating system has no memory or descriptors left.
+    /// [`SystemError::BadDataSize`] if `user_bytes` is not a multiple of four or too large,
+    /// [`SystemError::Os`] if the operating system has no memory or descriptors left.
     pub fn family(user_bytes: u32) -> Result<Self, SystemError> {
         let data_bytes = data_bytes(user_bytes)?;
         let family = Family::new(N, Self::MAIL_BYTES, data_bytes)?;
@@ -195,7 +203,7 @@ impl<const N: usize> LinuxSystem<N> {
     /// Returns the system that the parent, or an ancestor, [passed](Self::pass_to) to this process.
     ///
     /// # Errors
-    /// [`SystemError::BadDescription`] if none was passed, or if it has another number of
+    /// [`SystemError::BadDescription`] if no system was passed, or if it has another number of
     /// processors; other variants if its directory or its memory cannot be opened, as in
     /// [`at`](Self::at).
     pub fn inherited() -> Result<Self, SystemError> {
@@ -243,20 +251,22 @@ impl<const N: usize> LinuxSystem<N> {
     /// Takes `number` for this process, until the claim and everything that came from it are
     /// dropped, or the process ends in any way.
     ///
-    /// Waits up to [`LOCK_PATIENCE`], which is 1 s, while another claim holds the number. A claim may outlive the
-    /// program that made it by some milliseconds: the kernel frees its memory first, and a child process that the
-    /// program started keeps the lock until it executes another program.
+    /// Waits up to [`LOCK_PATIENCE`], which is 1 s, while another claim holds the number. A claim
+    /// may outlive the program that made it by some milliseconds: the kernel frees its memory
+    /// first, and a child process that the program started keeps the lock until it executes another
+    /// program.
     ///
     /// # Errors
-    /// [`SystemError::NoSuchProcessor`] if no processor has the number, [`SystemError::NumberTaken`] if
-    /// another claim holds it for longer than that; other variants if a file of the system cannot be created, opened
-    /// or mapped, or has the wrong kind, owner or size.
+    /// [`SystemError::NoSuchProcessor`] if no processor has the number,
+    /// [`SystemError::NumberTaken`] if another claim still holds it after that time; other variants
+    /// if a file of the system cannot be created, opened or mapped, or has the wrong kind, owner or
+    /// size.
     pub fn claim(&self, number: Processor) -> Result<Claim<N>, SystemError> {
         self.claim_within(number, LOCK_PATIENCE)
     }
 
-    /// Takes `number` as [`claim`](Self::claim) does, and waits up to `patience` while another claim
-    /// holds it; not at all if that is zero.
+    /// Takes `number` as [`claim`](Self::claim) does, but waits up to `patience` while another
+    /// claim holds it. With a `patience` of zero, it does not wait.
     ///
     /// Use this function with a longer patience to take over from a program that is about to end.
     ///
@@ -286,12 +296,13 @@ impl<const N: usize> LinuxSystem<N> {
         Err(self.unsteady())
     }
 
-    /// Takes the highest free number, for a *virtual processor*. Waits up to [`LOCK_PATIENCE`] while all numbers are
+    /// Takes the highest free number, for a program that is not a processor of the robot: for the
+    /// others it is then a *virtual* processor. Waits up to [`LOCK_PATIENCE`] while all numbers are
     /// held, for the reasons that [`claim`](Self::claim) states.
     ///
     /// # Errors
-    /// [`SystemError::NoFreeNumber`] if all numbers are held for longer than that; otherwise an error of
-    /// [`claim`](Self::claim) about a file.
+    /// [`SystemError::NoFreeNumber`] if all numbers are still held after that time; otherwise an
+    /// error of [`claim`](Self::claim) about a file.
     pub fn claim_any(&self) -> Result<Claim<N>, SystemError> {
         let none_is_free =
             |result: &Result<_, _>| matches!(result, Err(SystemError::NoFreeNumber { .. }));
@@ -306,22 +317,23 @@ impl<const N: usize> LinuxSystem<N> {
         })
     }
 
-    /// Removes the files of a named system; the next claim begins a new system. Waits up to [`LOCK_PATIENCE`] while a
-    /// claim holds a number, for the reasons that [`claim`](Self::claim) states.
+    /// Removes the files of a named system; the next claim begins a new system. Waits up to
+    /// [`LOCK_PATIENCE`], which is 1 s, while a claim holds a number, for the reasons that
+    /// [`claim`](Self::claim) states.
     ///
-    /// This is never necessary: files that are left behind are used again. It does nothing for a
-    /// family, which vanishes with its last process.
+    /// Removing is never necessary: files that are left behind are used again. The call does
+    /// nothing for a family, which vanishes with its last process.
     ///
     /// # Errors
-    /// [`SystemError::NumberTaken`] if a number is held for longer than that, [`SystemError::ForeignFile`] if the
-    /// directory has other files (nothing is removed then), [`SystemError::Os`] if the operating
-    /// system refuses.
+    /// [`SystemError::NumberTaken`] if a number is still held after that time,
+    /// [`SystemError::ForeignFile`] if the directory has other files (nothing is removed then),
+    /// [`SystemError::Os`] if the operating system refuses.
     pub fn remove(self) -> Result<(), SystemError> {
         self.remove_within(LOCK_PATIENCE)
     }
 
-    /// Removes the files of a named system as [`remove`](Self::remove) does, and waits up to
-    /// `patience` while a claim holds a number; not at all if that is zero.
+    /// Removes the files of a named system as [`remove`](Self::remove) does, but waits up to
+    /// `patience` while a claim holds a number. With a `patience` of zero, it does not wait.
     ///
     /// # Errors
     /// [`SystemError::NumberTaken`] if a number is held for longer than `patience`; otherwise an

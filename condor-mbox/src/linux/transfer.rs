@@ -8,7 +8,8 @@ use super::window::LinuxWindow;
 use crate::window::MemoryWindow;
 
 impl LinuxWindow {
-    /// Reads up to `len` bytes of `file`, from `position` on, into the window at `offset`.
+    /// Reads up to `len` bytes of `file`, from `position` on, into the window at `offset`. Both are
+    /// in bytes from the beginning of the file or window.
     ///
     /// Returns the number of bytes read, which is less than `len` at the end of the file, or if the
     /// kernel reads less.
@@ -33,7 +34,8 @@ impl LinuxWindow {
         self.outcome(unsafe { libc::pread64(descriptor, memory, len, position) })
     }
 
-    /// Writes up to `len` bytes of the window at `offset` to `file`, from `position` on.
+    /// Writes up to `len` bytes of the window at `offset` to `file`, from `position` on. Both are
+    /// in bytes from the beginning of the window or file.
     ///
     /// Returns the number of bytes written, which is less than `len` if the kernel writes less.
     ///

@@ -19,7 +19,7 @@ use crate::window::{
     WindowWords, check_access, check_words,
 };
 
-/// The accesses that a mapping allows.
+/// The accesses that a [`LinuxWindow`] allows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WindowAccess {
     /// Loads only; the file need only be open for reading.
@@ -47,7 +47,7 @@ impl WindowError for LinuxWindowError {
     }
 }
 
-/// The reason why a mapping could not be made.
+/// The reason why [`LinuxWindow::map`] or [`LinuxWindow::uio`] could not map a window.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum WindowMapError {
@@ -170,16 +170,17 @@ impl Drop for Mapping {
 }
 
 impl LinuxWindow {
-    /// Maps `len` bytes of `file`, from `offset` on.
+    /// Maps `len` bytes of `file`, from `offset` on, in bytes from the beginning of the file. The
+    /// offset need not be at the beginning of a page.
     ///
     /// Everything that can be mapped is allowed: a file, a memfd, a UIO device, or `/dev/mem`
-    /// (opened with `O_SYNC`, since it may be cached otherwise). The offset need not begin a page.
+    /// (opened with `O_SYNC`, since it may be cached otherwise).
     ///
     /// # Errors
-    /// [`WindowMapError::NotWords`] if offset or length is not a multiple of four, [`WindowMapError::TooLarge`]
-    /// if they are too large, [`WindowMapError::TooShort`] if a regular file ends before the window does,
-    /// [`WindowMapError::TooMany`] if the process has too many windows, [`WindowMapError::System`] if the
-    /// operating system refuses.
+    /// [`WindowMapError::NotWords`] if `offset` or `len` is not a multiple of four, or `len` is
+    /// zero; [`WindowMapError::TooLarge`] if they are too large; [`WindowMapError::TooShort`] if a
+    /// regular file ends before the window does; [`WindowMapError::TooMany`] if the process has too
+    /// many windows; [`WindowMapError::System`] if the operating system refuses.
     pub fn map(
         file: impl AsFd,
         offset: u64,
@@ -200,9 +201,9 @@ impl LinuxWindow {
         Self::map_pages(file, offset, len, access, Some(kept))
     }
 
-    /// Maps one of the memories of device `/dev/uio{device}`.
+    /// Maps the memory number `map` of the device `/dev/uio{device}`.
     ///
-    /// Its size and place are read from `/sys/class/uio/uio{device}/maps/map{map}`.
+    /// The size and place of the memory are read from `/sys/class/uio/uio{device}/maps/map{map}`.
     ///
     /// # Errors
     /// [`WindowMapError::System`] if the device or the memory does not exist or may not be opened;
@@ -305,7 +306,7 @@ impl LinuxWindow {
         self.access
     }
 
-    /// Returns true if the memory behind the window was found to be gone.
+    /// Returns true if an access to the window has found that the memory behind it is gone.
     #[must_use]
     #[inline(always)]
     pub fn is_lost(&self) -> bool {

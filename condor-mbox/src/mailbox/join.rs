@@ -13,16 +13,20 @@ use crate::window::{LoadOrder, MemoryWindow, StoreOrder};
 use crate::windows::Windows;
 
 impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
-    /// Makes the mailbox of `number` in these windows, without joining yet. The caller must hold
-    /// the claim of the number.
+    /// Makes the mailbox of the processor `number`, without joining the system yet. The caller must
+    /// be the only program with this number; on Linux, a claim ensures this.
     ///
-    /// The memory must hold zeros, or what an earlier program with this number left behind. Set the
-    /// vectors, then [`join`](Self::join).
+    /// * `windows`: the memory of all processors; the index is the processor's number. It must hold
+    ///   zeros, or what earlier programs left behind.
+    /// * `doorbell`: the doorbell of this processor.
+    /// * `exclusion`: the critical sections of this processor.
+    ///
+    /// Set the vectors next, and then [`join`](Self::join).
     ///
     /// # Errors
-    /// [`MailboxError::NoSuchProcessor`] if the number is too large; [`MailboxError::Layout`] if the memory
-    /// belongs to something else, was laid out by another version or for another system, or some
-    /// `mail` is too small; [`MailboxError::Window`] if the memory cannot be accessed.
+    /// [`MailboxError::NoSuchProcessor`] if `number` is too large; [`MailboxError::Layout`] if the
+    /// memory belongs to something else, was laid out by another version or for another system, or
+    /// some `mail` is too small; [`MailboxError::Window`] if the memory cannot be accessed.
     pub fn new(
         number: Processor,
         windows: [Windows<B::Window>; N],
@@ -72,8 +76,8 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         Ok(this)
     }
 
-    /// Joins the system with a new incarnation, a number that differs each time: from now on
-    /// messages arrive.
+    /// Joins the system: from now on messages arrive. The mailbox gets a new incarnation, a number
+    /// by which peers see that the processor has joined anew.
     ///
     /// # Errors
     /// [`MailboxError::Window`] if this mailbox's own memory cannot be accessed.
@@ -117,10 +121,10 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         Ok(())
     }
 
-    /// Leaves the system; the mailbox can [`join`](Self::join) again.
+    /// Leaves the system; the mailbox can [`join`](Self::join) it again.
     ///
-    /// Calls of others that this processor has not answered end with [`MailboxError::PeerLeft`]; listening
-    /// to another number ends.
+    /// Calls to this processor that it has not answered end with [`MailboxError::PeerLeft`] at
+    /// their senders. Listening to another number ends.
     ///
     /// # Errors
     /// [`MailboxError::Window`] if this mailbox's own memory cannot be accessed.
@@ -133,14 +137,15 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         Ok(())
     }
 
-    /// Marks a stopped processor as gone, on its behalf.
+    /// Marks `processor`, which has been stopped, as a processor that has left the system.
+    /// `windows` are those of this processor.
     ///
     /// A host calls this after it has reset `processor`. No other program may write the processor's
     /// `mail`, and the host may do so only while the processor does not run.
     ///
     /// # Errors
-    /// [`MailboxError::Layout`] if no program has ever joined there; [`MailboxError::Window`] if the memory
-    /// cannot be accessed.
+    /// [`MailboxError::Layout`] if no program has ever joined with this number;
+    /// [`MailboxError::Window`] if the memory cannot be accessed.
     pub fn declare_stopped(
         processor: Processor,
         windows: &Windows<B::Window>,

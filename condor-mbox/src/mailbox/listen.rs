@@ -1,6 +1,6 @@
 //! Listening to the vectors of another number.
 //!
-//! The memo's kernel "signals all processes that have expressed an interest" in a number's
+//! The kernel of A.I. Memo 977 "signals all processes that have expressed an interest" in a number's
 //! interrupt (section 3.4). Here its holder admits listeners by a bit in its header; senders do
 //! not overwrite a request that an admitted listener has not taken, as long as it keeps up.
 
@@ -63,9 +63,10 @@ impl<const N: usize> Listening<N> {
 }
 
 impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
-    /// Makes this mailbox listen to `number`: from the return of this call on, it receives every message to
-    /// `number`, as the holder of that number does. This mailbox's handler for the vector runs, if there is
-    /// one, and its result is dropped; only the holder replies.
+    /// Makes this mailbox listen to `number`: from the return of this call on, it receives every
+    /// message that is sent to the processor `number`, as that processor (the *holder*) does. This
+    /// mailbox's handler for the vector runs, if there is one, and its result is dropped; only the
+    /// holder replies.
     ///
     /// Senders wait for a listener as they wait for the holder, within their deadline. A listener
     /// that does not keep up loses messages, which [`missed`](Self::missed) counts; servo loops do
@@ -208,8 +209,9 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
             .map(|number| Processor(number as u8))
     }
 
-    /// Returns how many messages of `sender` to the number that it listens to this mailbox has
-    /// missed, because it did not keep up.
+    /// Returns the number of messages from `sender` that this mailbox has missed since it began to
+    /// [listen](Self::listen), because it did not keep up. Only messages to the number that it
+    /// listens to count.
     ///
     /// # Errors
     /// [`MailboxError::NoSuchProcessor`] if there is no processor `sender`.

@@ -9,23 +9,24 @@ use crate::error::MailboxError;
 use crate::id::{Processor, Vector};
 use crate::time::Instant;
 
-/// A handler: the function that runs when a message arrives for a vector (memo, section 3.3.1).
+/// A handler: the function that runs when a message arrives for a vector (A.I. Memo 977, section
+/// 3.3.1).
 ///
-/// It may be called again while it still runs, if it waits for a reply or is interrupted; hence it
-/// is `Fn` and `Sync`. Its result is the reply, if the sender wants one; [`Call::refuse`] replies
-/// with an error code instead. It is borrowed: declare a handler that is a local variable before
-/// its mailbox, so that it outlives the mailbox.
+/// A handler may be called again while it still runs, if it waits for a reply or is interrupted;
+/// hence it is `Fn` and `Sync`. Its result is the reply, if the sender wants one; [`Call::refuse`]
+/// replies with an error code instead. The mailbox borrows it: declare a handler that is a local
+/// variable before its mailbox, so that it outlives the mailbox.
 pub type Handler<'v> = &'v (dyn Fn(&Call<'_>) -> u32 + Sync);
 
-/// Sends messages and serves those that come.
+/// Sends messages, and runs handlers for the messages that come (*serves* them).
 ///
 /// [`Mailbox`](super::Mailbox) implements it, and so does the [`Call`] of a handler. A library that
 /// sends messages takes a `&dyn Messenger`, or is generic over it, and does not depend on a
 /// backend.
 ///
-/// Waits have a timeout and serve incoming requests meanwhile, on the same stack, so that two processors may
-/// call each other. With a timeout of zero nothing waits and nothing is served; servo loops and interrupts use
-/// this.
+/// Waits have a timeout and serve incoming requests meanwhile, on the same stack, so that two
+/// processors may call each other. With a timeout of zero nothing waits and nothing is served;
+/// servo loops and interrupts use this.
 pub trait Messenger {
     /// Returns the number of this processor.
     fn number(&self) -> Processor;
@@ -34,7 +35,7 @@ pub trait Messenger {
     fn now(&self) -> Instant;
 
     /// Sends `data` to `vector` of `to`, which may be this processor, and does not wait for its
-    /// handler (memo, section 3.3.1).
+    /// handler (A.I. Memo 977, section 3.3.1).
     ///
     /// Waits for a free slot, or for the receiver to join, for at most `timeout`. Messages to one
     /// receiver are taken there in the order in which they were sent.
@@ -55,9 +56,10 @@ pub trait Messenger {
         timeout: Duration,
     ) -> Result<(), MailboxError>;
 
-    /// Sends `data` to `vector` of `to`, and waits for the result of its handler.
+    /// Sends `data` to `vector` of `to`, and waits for the result of its handler for at most
+    /// `timeout`.
     ///
-    /// After `timeout` the request may still run once, if it was sent; its reply is dropped.
+    /// After the timeout the request may still run once, if it was sent; its reply is dropped.
     ///
     /// # Errors
     /// The errors of [`send`](Self::send); [`MailboxError::Refused`] with the handler's error code;
@@ -73,7 +75,8 @@ pub trait Messenger {
         timeout: Duration,
     ) -> Result<u32, MailboxError>;
 
-    /// Sends `data` to `vector` of `to`, and returns a ticket for the reply.
+    /// Sends `data` to `vector` of `to`, and returns a ticket for the reply. Waits for a free slot,
+    /// or for the receiver to join, for at most `timeout`.
     ///
     /// # Errors
     /// Returns the errors of [`send`](Self::send) if the message was not sent. Errors of its handler come
@@ -132,8 +135,8 @@ pub trait Messenger {
     }
 }
 
-/// A request whose reply has not come yet, as [`MessageTicket::detach`] returns it: unlike a [`MessageTicket`] it
-/// does not borrow the messenger.
+/// A request whose reply has not come yet, without its messenger. [`MessageTicket::detach`] returns
+/// it, and [`MessageTicket::attach`] makes a ticket of it again.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PendingReply {
     pub(super) to: Processor,
@@ -144,13 +147,15 @@ pub struct PendingReply {
     pub(super) incarnation: u32,
 }
 
-/// A request in progress: poll it once a tick, wait for it, or await it.
+/// A request in progress: poll it once a tick, wait for it, or await it. [`Messenger::begin`]
+/// returns it.
 ///
-/// Dropping it gives up the reply; its slot is free again once the reply has come.
+/// Dropping the ticket gives up the reply; the slot of the request is free again once the reply has
+/// come.
 ///
-/// It is a [`Future`], for programs whose tasks wait for other events, too. In such a program the
-/// doorbell wakes a task that serves. With the feature `async`, `serve` then wakes the tasks that
-/// await a reply; without it, those tasks are polled again and again.
+/// A ticket is a [`Future`], for programs whose tasks wait for other events, too. In such a program
+/// the doorbell wakes a task that serves. With the feature `async`, `serve` then wakes the tasks
+/// that await a reply; without it, those tasks are polled again and again.
 ///
 /// ```
 /// # use std::time::Duration;
@@ -188,7 +193,7 @@ pub struct MessageTicket<'m> {
 }
 
 impl<'m> MessageTicket<'m> {
-    /// Makes the ticket of a request that `messenger` sent.
+    /// Makes a ticket again of the request `pending`, which `messenger` must have sent.
     pub fn attach(messenger: &'m dyn Messenger, pending: PendingReply) -> Self {
         Self {
             messenger,
@@ -196,18 +201,21 @@ impl<'m> MessageTicket<'m> {
         }
     }
 
-    /// Returns the request without its messenger; [`attach`](Self::attach) makes a ticket of it
-    /// again. So a handler can keep it for a later call. Returns `None` if the reply was returned
-    /// before. Dropping the result does not give up the reply, so its slot stays in use.
+    /// Returns the request without its messenger, so that a handler, for example, can keep it for a
+    /// later call. [`attach`](Self::attach) makes a ticket of it again. Returns `None` if the reply
+    /// was returned before.
+    ///
+    /// Dropping the returned request does not give up the reply, so its slot stays in use.
     #[must_use]
     pub fn detach(mut self) -> Option<PendingReply> {
         self.pending.take()
     }
 
-    /// Waits for the reply, serving meanwhile, for at most `timeout`. Returns `None` if the reply
-    /// was returned before.
+    /// Waits for the reply for at most `timeout`, and serves messages meanwhile. Returns `None` if
+    /// the reply was returned before.
     ///
-    /// After [`MailboxError::TimedOut`] or [`MailboxError::Stalled`] the ticket can still get its reply.
+    /// After [`MailboxError::TimedOut`] or [`MailboxError::Stalled`] the ticket can still get its
+    /// reply.
     ///
     /// # Errors
     /// Returns the errors of [`Messenger::send_with_reply`] if no reply has come in time, or none will come.
@@ -225,12 +233,13 @@ impl<'m> MessageTicket<'m> {
         outcome.map(Some)
     }
 
-    /// Returns the reply once it has come; `None` before, and again after it was returned.
+    /// Returns the reply if it has come, without waiting. Returns `None` if it has not come yet, or
+    /// if it was returned before.
     ///
     /// # Errors
-    /// The errors of [`Messenger::send_with_reply`], except timeouts. This call reads only memory: if a peer
-    /// died without a trace there, the error comes only when another program has joined in its place. After an
-    /// error the ticket is used up.
+    /// The errors of [`Messenger::send_with_reply`], except timeouts. This call reads only shared
+    /// memory. If a peer died without leaving a trace there, the error comes only when another
+    /// program has joined with its number. After an error the ticket is used up.
     pub fn poll(&mut self) -> Result<Option<u32>, MailboxError> {
         let Some(pending) = &self.pending else {
             return Ok(None);
@@ -279,8 +288,9 @@ impl Drop for MessageTicket<'_> {
 
 /// A message, as its handler gets it.
 ///
-/// It is a [`Messenger`]. Waits of a handler through it end, at the latest, when the wait ends in
-/// which the handler runs.
+/// A `Call` is a [`Messenger`], through which the handler can send messages and wait. Such a wait
+/// ends, at the latest, when the wait ends in which the handler runs: see
+/// [`deadline`](Self::deadline).
 pub struct Call<'c> {
     pub(super) messenger: &'c dyn Messenger,
     pub(super) sender: Processor,
@@ -294,8 +304,8 @@ pub struct Call<'c> {
 }
 
 impl Call<'_> {
-    /// The greatest number of handlers in progress on one processor, each started while the one
-    /// before waits or is interrupted.
+    /// The greatest number of handlers that can be in progress on one processor at a time, each
+    /// started while the one before it waits or is interrupted.
     pub const MAX_DEPTH: u32 = if cfg!(condor_loom) { 2 } else { 8 };
 
     /// Returns the processor that sent the message.
@@ -304,34 +314,35 @@ impl Call<'_> {
         self.sender
     }
 
-    /// Returns the incarnation of the sender in which it sent the message, as in
-    /// [`PeerState::Up`](crate::PeerState::Up): another number for each start of its program. It is 0 if
-    /// that incarnation has ended since then.
+    /// Returns the incarnation of the sender in which it sent the message: a number that changes
+    /// each time its program joins, as in [`PeerState::Up`](crate::PeerState::Up). It is 0 if that
+    /// incarnation has ended since then.
     #[must_use]
     pub const fn sender_incarnation(&self) -> u32 {
         self.incarnation
     }
 
-    /// Returns the processor to which it was sent: this one, or the one to which it listens.
+    /// Returns the processor to which the message was sent: this one, or the one to which this
+    /// mailbox [listens](super::Mailbox::listen).
     #[must_use]
     pub const fn addressee(&self) -> Processor {
         self.addressee
     }
 
-    /// Returns the vector to which it was sent.
+    /// Returns the vector to which the message was sent.
     #[must_use]
     pub const fn vector(&self) -> Vector {
         self.vector
     }
 
-    /// Returns the word of the message.
+    /// Returns the 32-bit word that the message carries.
     #[must_use]
     pub const fn data(&self) -> u32 {
         self.data
     }
 
-    /// Returns the instant at which the wait that serves this message ends; no nested call waits
-    /// longer.
+    /// Returns the instant at which the wait ends in which this handler runs. No wait of the
+    /// handler through this `Call` lasts longer.
     #[must_use]
     pub const fn deadline(&self) -> Instant {
         self.deadline

@@ -27,7 +27,8 @@ use crate::spin_lock::{Incarnations, LockOwner};
 use crate::windows::Windows;
 use peer::{Peer, Word};
 
-/// One processor's mailbox in a system of `N`.
+/// The mailbox of one processor in a system of `N` processors: it sends messages, and runs handlers
+/// for the messages that come.
 ///
 /// `B` is the [`Backend`]: the machine. A mailbox is a [`Messenger`]; beyond that it joins the
 /// system, has handlers, and knows its peers. Background, handlers and servo loops may make all
@@ -99,7 +100,7 @@ pub struct Mailbox<'v, B: Backend, const N: usize> {
     tasks: tasks::Tasks,
 }
 
-/// The state of another processor, as far as it is known at this moment.
+/// The state of another processor, as far as this mailbox knows it at this moment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PeerState {
     /// The processor has never joined, or has left.
@@ -110,7 +111,7 @@ pub enum PeerState {
     Up {
         /// The processor's present incarnation: a number that changes each time it joins.
         incarnation: u32,
-        /// Whether both sides have acknowledged each other, so that messages pass.
+        /// True if both sides have acknowledged each other, so that messages pass.
         connected: bool,
     },
     /// The processor joined, and its program ended without leaving.
@@ -127,7 +128,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         &self.doorbell
     }
 
-    /// Returns the windows of a processor.
+    /// Returns the windows of `processor`: its `mail` and its `data`.
     ///
     /// # Errors
     /// [`MailboxError::NoSuchProcessor`] if no processor has the number.
@@ -155,7 +156,8 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         })
     }
 
-    /// Returns the users' region of a processor's `data`; offsets count from its beginning.
+    /// Returns the users' region of the `data` of `processor`, the part that is for programs.
+    /// Offsets count from the beginning of the region.
     ///
     /// # Errors
     /// [`MailboxError::NoSuchProcessor`] if no processor has the number; [`MailboxError::Window`] if the window is
@@ -168,8 +170,8 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         })
     }
 
-    /// Returns this processor in its present incarnation, as the owner of a
-    /// [`SpinLock`](crate::SpinLock).
+    /// Returns this processor in its present incarnation, which is the value that it passes to a
+    /// [`SpinLock`](crate::SpinLock) to become its owner.
     ///
     /// # Errors
     /// [`MailboxError::NotJoined`] if this mailbox has not joined.

@@ -163,8 +163,9 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         })
     }
 
-    /// Increments the heartbeat, which shows others that this processor is not stuck. Every call that serves or
-    /// waits does so. Call this from a background that does neither, because an interrupt serves.
+    /// Increments the heartbeat, which shows others that this processor is not stuck. Every call
+    /// that serves or waits does so, too. Call this function in a background that makes no such
+    /// calls because an interrupt serves.
     ///
     /// # Errors
     /// [`MailboxError::Window`] if this mailbox's own memory is gone.

@@ -12,15 +12,16 @@ use crate::window::{LoadOrder, MemoryWindow, StoreOrder};
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct VectorStatistics {
     name: [u8; NAME_BYTES],
-    /// The number of messages that the processor sent to this vector of any processor.
+    /// The number of messages that the processor sent to the vector with this number on any
+    /// processor.
     pub sent: u32,
-    /// The number of messages that the processor's own handler has handled.
+    /// The number of messages that the processor's own handler of the vector has handled.
     pub handled: u32,
-    /// The number of messages of the processor to this vector, of any processor, that ended in an
-    /// error.
+    /// The number of messages that the processor sent to the vector with this number on any
+    /// processor, and that ended in an error.
     pub failed: u32,
-    /// The longest time of its handler in nanoseconds, from the look that found the message until
-    /// after the reply; `u32::MAX` stands for any longer time.
+    /// The longest time of the processor's own handler in nanoseconds, from the look that found the
+    /// message until after the reply; `u32::MAX` stands for any longer time.
     pub worst_ns: u32,
 }
 
@@ -42,16 +43,18 @@ impl VectorStatistics {
 }
 
 impl<'v, B: Backend, const N: usize> Mailbox<'v, B, N> {
-    /// Sets the handler that runs when a message arrives for `vector` (the memo's
-    /// `mbox_set_vector`).
+    /// Sets the handler that runs when a message arrives for `vector` (`mbox_set_vector` of A.I.
+    /// Memo 977).
     ///
     /// `name` is for people: every processor can list the names and counts of every other. A vector
-    /// may be set at any time; messages that are served before find no handler.
+    /// may be set at any time. The sender of a message that is served before gets
+    /// [`MailboxError::NoHandler`].
     ///
     /// # Errors
-    /// [`MailboxError::NoSuchVector`] if the number is too large, [`MailboxError::VectorTaken`] if the vector
-    /// has a handler, [`MailboxError::NameTooLong`] if the name is longer than [`NAME_BYTES`] bytes,
-    /// [`MailboxError::Window`] if this mailbox's own memory cannot be accessed.
+    /// [`MailboxError::NoSuchVector`] if the number of `vector` is too large,
+    /// [`MailboxError::VectorTaken`] if it has a handler already, [`MailboxError::NameTooLong`] if
+    /// `name` is longer than [`NAME_BYTES`] bytes, [`MailboxError::Window`] if this mailbox's own
+    /// memory cannot be accessed.
     pub fn set_vector(
         &mut self,
         vector: Vector,
@@ -75,7 +78,7 @@ impl<'v, B: Backend, const N: usize> Mailbox<'v, B, N> {
         self.write_name(vector, name)
     }
 
-    /// Removes the handler of `vector`.
+    /// Removes the handler of `vector`, if it has one, and its name.
     ///
     /// # Errors
     /// [`MailboxError::NoSuchVector`] if the number is too large; [`MailboxError::Window`] if this mailbox's
@@ -89,12 +92,13 @@ impl<'v, B: Backend, const N: usize> Mailbox<'v, B, N> {
         self.write_name(vector, "")
     }
 
-    /// Returns name and counts of `vector` on `processor`, without stopping it.
+    /// Returns the name of `vector` on `processor` and the counts of its messages. The processor is
+    /// not stopped for this.
     ///
     /// # Errors
-    /// [`MailboxError::NoSuchProcessor`] or [`MailboxError::NoSuchVector`] if a number is too large;
-    /// [`MailboxError::Layout`] if the memory there has another layout; [`MailboxError::Window`] if it cannot be
-    /// accessed.
+    /// [`MailboxError::NoSuchProcessor`] or [`MailboxError::NoSuchVector`] if a number is too
+    /// large; [`MailboxError::Layout`] if the memory of `processor` has another layout;
+    /// [`MailboxError::Window`] if it cannot be accessed.
     pub fn vector_statistics(
         &self,
         processor: Processor,

@@ -25,7 +25,7 @@ const PULSE: Duration = Duration::from_micros(20);
 /// microsecond.
 pub(super) const GLANCES: usize = if cfg!(condor_loom) { 1 } else { 32 };
 
-/// The way in which a mailbox waits.
+/// The way in which a mailbox waits for messages, replies and free slots.
 ///
 /// ```
 /// # use std::time::Duration;
@@ -38,10 +38,10 @@ pub(super) const GLANCES: usize = if cfg!(condor_loom) { 1 } else { 32 };
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Waiting {
-    /// Looks again and again: fastest, but takes a whole core.
+    /// Looks again and again, without sleeping: fastest, but takes a whole core.
     Spin,
-    /// Spins for a time, then sleeps. The limit is a time and not a number of looks: a preemption
-    /// would use up such a number, and every later wait would sleep.
+    /// Spins for a time, then sleeps. (The limit is a time and not a number of looks: a preemption
+    /// would use up such a number, and every later wait would sleep.)
     SpinThenSleep {
         /// The time to spin before each sleep.
         spin: Duration,
@@ -83,16 +83,17 @@ pub(super) enum End<T> {
 }
 
 impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
-    /// Sets the way in which this mailbox waits; see [`Waiting`].
+    /// Sets the way in which this mailbox waits for messages, replies and free slots.
     pub fn set_waiting(&mut self, waiting: Waiting) {
         self.waiting = waiting;
     }
 
-    /// Asks senders to ring the doorbell for every message, even if nothing waits here; `false` ends this.
+    /// Asks senders to ring this processor's doorbell for every message, even if nothing waits
+    /// here, if `always` is true. With `false`, they ring it again only while this mailbox sleeps.
     ///
-    /// Call it on a processor that [serves](super::Messenger::serve) from its mailbox interrupt, and in a
-    /// program that watches its doorbell's descriptor in an event loop. This processor's own doorbell is rung
-    /// once at once, for messages that were sent before.
+    /// Call it on a processor that [serves](super::Messenger::serve) from its mailbox interrupt,
+    /// and in a program that watches its doorbell's descriptor in an event loop. The call itself
+    /// rings this processor's own doorbell once, for messages that were sent before.
     ///
     /// # Errors
     /// [`MailboxError::Window`] if this mailbox's own memory cannot be accessed.
@@ -111,14 +112,16 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
     }
 
     /// Waits until `peer` has joined and messages pass both ways, for at most `timeout`, and serves
-    /// meanwhile; returns the peer's incarnation.
+    /// messages meanwhile. Returns the peer's incarnation.
     ///
-    /// With `former`, it waits for an incarnation other than that one: for a peer that is about to restart.
+    /// If `former` is an incarnation, the call waits for another one: for a peer that is about to
+    /// restart.
     ///
     /// # Errors
-    /// [`MailboxError::NotConnected`] after `timeout`; [`MailboxError::NoSuchProcessor`] if there is no such
-    /// number; [`MailboxError::NotJoined`] if this mailbox has not joined; [`MailboxError::Layout`] if the peer
-    /// belongs to another system; [`MailboxError::Window`] if memory cannot be accessed.
+    /// [`MailboxError::NotConnected`] if `peer` has not joined after `timeout`;
+    /// [`MailboxError::NoSuchProcessor`] if no processor has the number;
+    /// [`MailboxError::NotJoined`] if this mailbox has not joined; [`MailboxError::Layout`] if the
+    /// peer belongs to another system; [`MailboxError::Window`] if memory cannot be accessed.
     pub fn wait_for_peer(
         &self,
         peer: Processor,

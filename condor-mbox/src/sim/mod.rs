@@ -12,6 +12,6 @@ mod window;
 pub use system::{SimDoorbell, SimSystem};
 pub use window::{SimWindow, SimWindowError};
 
-/// A mailbox of a simulated system.
+/// The mailbox of a processor of a [`SimSystem`].
 pub type SimMailbox<'v, const N: usize> =
     crate::Mailbox<'v, (SimWindow, SimDoorbell, crate::CriticalSection), N>;

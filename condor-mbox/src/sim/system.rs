@@ -18,7 +18,7 @@ use crate::windows::Windows;
 /// The work of a processor while another one waits, in virtual time.
 type Body = Arc<dyn Fn() + Send + Sync>;
 
-/// `N` simulated processors. All clones are the same system.
+/// A simulated system of `N` processors in one process, for tests. All clones are the same system.
 ///
 /// ```
 /// use std::time::Duration;
@@ -62,7 +62,7 @@ pub struct SimSystem<const N: usize> {
     bells: Arc<Bells>,
 }
 
-/// The doorbell of a simulated processor, with its faults.
+/// The doorbell of a simulated processor, with the faults that its [`SimSystem`] injects.
 #[derive(Clone)]
 pub struct SimDoorbell {
     me: Processor,
@@ -99,14 +99,14 @@ const TICK_NS: u64 = 100;
 
 impl<const N: usize> SimSystem<N> {
     /// Makes a system in virtual time: all processors run on one thread, and time passes when they
-    /// wait or read the clock. Each processor has `data_bytes` bytes of users' data.
+    /// wait or read the clock. The users' region of each processor's `data` has `data_bytes` bytes.
     #[must_use]
     pub fn in_virtual_time(data_bytes: u32) -> Self {
         Self::new(data_bytes, None)
     }
 
-    /// Makes a system in real time, for processors that are threads. Each has `data_bytes` bytes of
-    /// users' data.
+    /// Makes a system in real time, for processors that are threads. The users' region of each
+    /// processor's `data` has `data_bytes` bytes.
     #[must_use]
     pub fn in_real_time(data_bytes: u32) -> Self {
         Self::new(data_bytes, Some(std::time::Instant::now()))
@@ -151,7 +151,8 @@ impl<const N: usize> SimSystem<N> {
         self
     }
 
-    /// Returns the windows as `owner` maps them: the `mail` of the others is read-only.
+    /// Returns the windows of all processors as `owner` maps them: each `mail` except the owner's
+    /// own is read-only. The index is the processor's number.
     #[must_use]
     pub fn windows(&self, owner: Processor) -> [Windows<SimWindow>; N] {
         core::array::from_fn(|number| {
@@ -167,7 +168,7 @@ impl<const N: usize> SimSystem<N> {
         })
     }
 
-    /// Returns the doorbell of `owner`.
+    /// Returns the doorbell of the processor `owner`.
     #[must_use]
     pub fn doorbell(&self, owner: Processor) -> SimDoorbell {
         SimDoorbell {
@@ -176,13 +177,13 @@ impl<const N: usize> SimSystem<N> {
         }
     }
 
-    /// Makes a mailbox for `number`, which has not joined yet.
+    /// Makes a mailbox for the processor `number`, which has not joined yet.
     ///
-    /// In virtual time it sleeps whenever it waits, so that the others run.
+    /// In virtual time the mailbox sleeps whenever it waits, so that the other processors run.
     ///
     /// # Errors
-    /// [`MailboxError::NoSuchProcessor`] if no processor has the number; [`MailboxError::Window`] if its memory was
-    /// made to fail by [`SimWindow::lose`].
+    /// [`MailboxError::NoSuchProcessor`] if no processor has the number; [`MailboxError::Window`]
+    /// if the processor's memory was made to fail by [`SimWindow::lose`].
     pub fn mailbox<'v>(&self, number: Processor) -> Result<SimMailbox<'v, N>, MailboxError> {
         if number.index() >= N {
             return Err(MailboxError::NoSuchProcessor {
@@ -199,38 +200,39 @@ impl<const N: usize> SimSystem<N> {
         Ok(mailbox)
     }
 
-    /// Sets the program that runs in virtual time whenever another processor waits, for example
-    /// `move || { mailbox.serve(Duration::ZERO); }`.
+    /// Sets the program that `processor` runs in virtual time whenever another processor waits, for
+    /// example `move || { mailbox.serve(Duration::ZERO); }`.
     pub fn while_waiting(&self, processor: Processor, program: impl Fn() + Send + Sync + 'static) {
         self.change(processor, |bell| bell.program = Some(Arc::new(program)));
     }
 
-    /// Injects a fault: the next `count` rings of `processor` are lost.
+    /// Injects a fault: the next `count` rings that others send to `processor` are lost.
     pub fn drop_rings(&self, processor: Processor, count: u32) {
         self.change(processor, |bell| bell.drop_next = count);
     }
 
-    /// Injects a fault: the next `count` rings of `processor` come twice.
+    /// Injects a fault: the next `count` rings that others send to `processor` come twice.
     pub fn repeat_rings(&self, processor: Processor, count: u32) {
         self.change(processor, |bell| bell.repeat_next = count);
     }
 
-    /// Injects a fault: the next `count` waits of `processor` end at once, without a ring.
+    /// Injects a fault: the next `count` times that `processor` waits for a ring, the wait ends at
+    /// once without one.
     pub fn spurious_rings(&self, processor: Processor, count: u32) {
         self.change(processor, |bell| bell.spurious_next = count);
         self.bells.rung.notify_all();
     }
 
-    /// Injects a fault: `processor` stops in the middle of its program, or goes on. In real time it
-    /// stops at its next wait.
+    /// Injects a fault: if `stalled`, `processor` stops in the middle of its program; otherwise it
+    /// goes on. In real time it stops at its next wait.
     pub fn stall(&self, processor: Processor, stalled: bool) {
         self.change(processor, |bell| bell.stalled = stalled);
         self.bells.rung.notify_all();
     }
 
-    /// Injects a fault: the program of `processor` has ended without leaving. The caller must not
-    /// use its mailbox any more, nor drop it; a new one from [`mailbox`](Self::mailbox) is alive
-    /// again.
+    /// Injects a fault: the program of `processor` has ended without leaving the system. The caller
+    /// must not use the processor's mailbox any more, nor drop it. A new mailbox from
+    /// [`mailbox`](Self::mailbox) begins the next program.
     pub fn kill(&self, processor: Processor) {
         self.change(processor, |bell| {
             bell.dead = true;

@@ -11,8 +11,8 @@ use crate::window::{
     check_access, check_words,
 };
 
-/// A window onto memory of this process. All clones access the same memory, through the same cache
-/// if there is one.
+/// A window onto memory of this process, for tests. All clones access the same memory, through the
+/// same simulated cache if there is one.
 #[derive(Clone)]
 pub struct SimWindow {
     words: Arc<[AtomicU32]>,
@@ -39,7 +39,8 @@ impl WindowError for SimWindowError {
 }
 
 impl SimWindow {
-    /// Makes zeroed memory of `size` bytes, rounded up to whole words.
+    /// Makes a window onto new memory of `size` bytes, rounded up to a multiple of four, that holds
+    /// zeros.
     #[must_use]
     pub fn new(size: u32) -> Self {
         Self {
@@ -50,7 +51,7 @@ impl SimWindow {
         }
     }
 
-    /// Returns a window onto the same memory, for reading only.
+    /// Returns a window onto the same memory that refuses to be written.
     #[must_use]
     pub fn read_only(&self) -> Self {
         Self {
@@ -64,7 +65,8 @@ impl SimWindow {
         Self { cache, ..self }
     }
 
-    /// Makes all later accesses fail, as a truncated file or a vanished device would.
+    /// Makes all later accesses to the memory fail, as if a file had been truncated or a device had
+    /// vanished.
     pub fn lose(&self) {
         self.lost.store(true, std::sync::atomic::Ordering::Relaxed);
     }

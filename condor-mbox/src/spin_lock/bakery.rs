@@ -11,16 +11,16 @@ use crate::window::{
 use super::owner::{Incarnations, LockOwner};
 use super::{Attempt, TestAndSet};
 
-/// Lamport's bakery: each processor that competes draws a ticket larger than all that it sees, and
-/// the smallest ticket goes first.
+/// Lamport's bakery, a lock of loads and stores alone: each processor that competes draws a ticket
+/// larger than all that it sees, and the smallest ticket goes first.
 ///
-/// It needs no indivisible read-and-write, and is fair to processors that wait. Taking it costs
-/// loads in proportion to the number of processors. The [`Exclusion`] keeps the contexts of one
-/// processor, which share an entry, apart for three accesses.
+/// The lock needs no indivisible read-and-write, and is fair to processors that wait. Taking it
+/// costs loads in proportion to the number of processors. The [`Exclusion`] keeps the contexts of
+/// one processor, which share an entry, apart for three accesses.
 ///
 /// # In shared memory
 ///
-/// It consists of cache lines, so that no two processors write the same line:
+/// The lock consists of cache lines, so that no two processors write the same line:
 ///
 /// | line, word | meaning | written by |
 /// |---|---|---|
@@ -46,7 +46,8 @@ const ENTRY_BYTES: u32 = LINE;
 const TICKET: u32 = 4;
 
 impl Bakery<(), ()> {
-    /// Returns the size in bytes of a lock between `processors` processors.
+    /// Returns the size of the lock in shared memory, in bytes, if `processors` processors may take
+    /// it.
     #[must_use]
     pub const fn bytes(processors: u8) -> usize {
         (ENTRIES + processors as u32 * ENTRY_BYTES) as usize
@@ -54,12 +55,12 @@ impl Bakery<(), ()> {
 }
 
 impl<W: MemoryWindow, X: Exclusion> Bakery<W, X> {
-    /// Makes the lock at `offset` bytes of `window` for processors 0 to `processors` - 1; all of
-    /// them must give the same number.
+    /// Makes a handle of the lock at `offset` bytes of `window`, which processors 0 to `processors`
+    /// − 1 may take. All of them must use the same number of processors.
     ///
     /// # Errors
-    /// [`AccessError`] of the kind `OutOfBounds` if the lock is not inside the window, or
-    /// `Misaligned`.
+    /// [`AccessError`] of the kind `OutOfBounds` if the lock is not inside the window, or of the
+    /// kind `Misaligned` if `offset` is not a multiple of four.
     pub fn new(window: W, offset: u32, processors: u8, exclusion: X) -> Result<Self, AccessError> {
         AccessError::check(&window, offset, Bakery::bytes(processors))?;
         Ok(Self {

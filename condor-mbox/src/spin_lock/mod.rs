@@ -20,7 +20,8 @@ pub use swap::{HardwareSemaphore, NativeSwap, SemaphoreSwap};
 /// The lock itself lies in shared memory, in one of three forms: [`NativeSwap`] if all its
 /// processors have compare-and-swap, [`SemaphoreSwap`] if there is a hardware semaphore, and
 /// [`Bakery`], which needs only loads and stores. All zeros is a free lock. Sections 2.1 and 3.3.1
-/// of the memo ask for a test-and-set that is indivisible across the bus, for the same purpose.
+/// of A.I. Memo 977 ask for a test-and-set that is indivisible across the bus, for the same
+/// purpose.
 ///
 /// A processor holds the lock in one of its incarnations. If that incarnation ends before it
 /// releases the lock, the others get [`OwnerDead`](SpinLockError::OwnerDead), and one of them can
@@ -71,17 +72,20 @@ pub struct SpinLock<L> {
 }
 
 impl<L: TestAndSet> SpinLock<L> {
-    /// Makes a lock of the words in `memory`, whose present state, free or held, stays.
+    /// Makes a handle of the lock in `memory`. The lock in shared memory stays as it is, free or
+    /// held.
     pub const fn new(memory: L) -> Self {
         Self { memory }
     }
 
-    /// Takes the lock if it is free, without waiting.
+    /// Takes the lock for `me` if it is free, without waiting. `incarnations`, such as the mailbox,
+    /// tells whether an owner's incarnation has ended.
     ///
     /// # Errors
-    /// [`Busy`](SpinLockError::Busy) if a living owner holds it, [`OwnerDead`](SpinLockError::OwnerDead) if
-    /// its owner has ended, [`NotCurrent`](SpinLockError::NotCurrent) if the incarnation of `me` is
-    /// over, [`Memory`](SpinLockError::Memory) if the memory cannot be accessed.
+    /// [`Busy`](SpinLockError::Busy) if a living owner holds the lock,
+    /// [`OwnerDead`](SpinLockError::OwnerDead) if its owner has ended,
+    /// [`NotCurrent`](SpinLockError::NotCurrent) if the incarnation of `me` is over,
+    /// [`Memory`](SpinLockError::Memory) if the memory cannot be accessed.
     pub fn try_lock(
         &self,
         me: LockOwner,
@@ -91,7 +95,8 @@ impl<L: TestAndSet> SpinLock<L> {
             .map_err(|stopped| stopped.reason(|owner| SpinLockError::Busy { owner }))
     }
 
-    /// Takes the lock, and spins until it is free or `timeout` has passed.
+    /// Takes the lock for `me`, and spins until it is free or `timeout` has passed. `incarnations`,
+    /// such as the mailbox, tells whether an owner's incarnation has ended.
     ///
     /// # Errors
     /// [`TimedOut`](SpinLockError::TimedOut) after `timeout`. As soon as it is known:
@@ -110,7 +115,8 @@ impl<L: TestAndSet> SpinLock<L> {
             .map_err(|stopped| stopped.reason(|owner| SpinLockError::TimedOut { owner }))
     }
 
-    /// Takes the lock over from the owner that [`OwnerDead`](SpinLockError::OwnerDead) named.
+    /// Takes the lock over for `me` from `dead`, the owner that
+    /// [`OwnerDead`](SpinLockError::OwnerDead) named.
     ///
     /// If several processors try, one gets it. The protected structure may be half changed; the
     /// processor that gets the lock must repair it before it drops the guard.
@@ -206,7 +212,7 @@ pub struct SpinLockGuard<'a, L: TestAndSet> {
 }
 
 impl<L: TestAndSet> SpinLockGuard<'_, L> {
-    /// Releases the lock, and returns an error if that failed.
+    /// Releases the lock. Unlike dropping the guard, this function returns an error if that fails.
     ///
     /// # Errors
     /// [`Memory`](SpinLockError::Memory) if the memory is gone, and the lock with it.
@@ -235,17 +241,17 @@ impl<L: TestAndSet> Drop for SpinLockGuard<'_, L> {
     }
 }
 
-/// The reason why a [`SpinLock`] was not taken.
+/// The reason why a [`SpinLock`] was not taken or not released.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum SpinLockError {
-    /// A living owner holds it.
+    /// A living owner holds the lock.
     #[error("the lock is held by {}", OwnerName(.owner))]
     Busy {
         /// The owner; `None` if the lock was changing hands.
         owner: Option<LockOwner>,
     },
-    /// Living owners held it until the deadline.
+    /// Living owners held the lock until the deadline.
     #[error("the lock was held until the deadline, last by {}", OwnerName(.owner))]
     TimedOut {
         /// The last owner; `None` if the lock was changing hands.
@@ -282,15 +288,15 @@ impl fmt::Display for OwnerName<'_> {
     }
 }
 
-/// The result of one attempt to take a lock.
+/// The result of one attempt to take a lock, as [`TestAndSet::take`] returns it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Attempt {
     /// The lock had the expected owner, and is now the caller's.
     Taken,
     /// The lock has this other owner, dead or alive.
     Held(LockOwner),
-    /// This processor, which was alive just now, goes first; `None` if it is not known which one
-    /// does.
+    /// The caller must wait for this processor, which was alive just now and goes first; `None` if
+    /// it is not known which processor goes first.
     Behind(Option<LockOwner>),
 }
 
@@ -307,7 +313,7 @@ impl Attempt {
     }
 }
 
-/// A lock in shared memory, as [`SpinLock`] needs it.
+/// A form of lock in shared memory, which a [`SpinLock`] uses.
 ///
 /// # For users
 ///

@@ -6,11 +6,11 @@ use core::num::NonZeroU32;
 use crate::error::MailboxError;
 use crate::id::Processor;
 
-/// A processor in one of its incarnations.
+/// The owner of a [`SpinLock`](super::SpinLock): a processor in one of its incarnations.
 ///
-/// In shared memory it is one word: the processor's number plus one in the upper 6 bits, and the
-/// lower 26 bits of its incarnation below; zero means no owner. Incarnations that are a multiple of
-/// 2²⁶ joins apart cannot be distinguished.
+/// In shared memory an owner is one word: the processor's number plus one in the upper 6 bits, and
+/// the lower 26 bits of its incarnation below; zero means no owner. Incarnations that are a
+/// multiple of 2²⁶ joins apart cannot be distinguished.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct LockOwner(NonZeroU32);
 
@@ -19,9 +19,11 @@ const INCARNATION_MASK: u32 = (1 << INCARNATION_BITS) - 1;
 
 impl LockOwner {
     /// Makes the owner that is `processor` in `incarnation`.
+    /// [`Mailbox::owner`](crate::Mailbox::owner) returns the owner for a program's own processor.
     ///
     /// # Errors
-    /// [`MailboxError::NoSuchProcessor`] if no system has a processor of that number.
+    /// [`MailboxError::NoSuchProcessor`] if the number of `processor` is not below
+    /// [`Processor::MAX_COUNT`].
     pub const fn new(processor: Processor, incarnation: u32) -> Result<Self, MailboxError> {
         let number = processor.0 as u32;
         if number < Processor::MAX_COUNT as u32
@@ -38,7 +40,7 @@ impl LockOwner {
         }
     }
 
-    /// Returns the processor; `None` if the word came from shared memory and is garbage.
+    /// Returns the processor; `None` if the owner was read from shared memory and is garbage.
     #[must_use]
     pub const fn processor(self) -> Option<Processor> {
         match (self.0.get() >> INCARNATION_BITS).checked_sub(1) {
@@ -47,7 +49,8 @@ impl LockOwner {
         }
     }
 
-    /// Returns true if `incarnation` is this owner's incarnation.
+    /// Returns true if this owner is its processor in `incarnation`. Only the lower 26 bits of the
+    /// incarnation are compared.
     #[must_use]
     pub const fn is_incarnation(self, incarnation: u32) -> bool {
         self.0.get() & INCARNATION_MASK == incarnation & INCARNATION_MASK
@@ -88,7 +91,7 @@ impl fmt::Display for LockOwner {
     }
 }
 
-/// Knows which incarnations have ended.
+/// Tells which incarnations of processors have ended. A [`Mailbox`](crate::Mailbox) does.
 ///
 /// # For implementers
 ///

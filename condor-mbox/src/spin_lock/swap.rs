@@ -11,7 +11,7 @@ use crate::window::{
 use super::owner::{Incarnations, LockOwner};
 use super::{Attempt, TestAndSet};
 
-/// A lock of one word of shared memory, taken by compare-and-swap.
+/// A lock that is one word of shared memory, and is taken by compare-and-swap.
 #[derive(Clone, Copy, Debug)]
 pub struct NativeSwap<W> {
     window: W,
@@ -19,12 +19,12 @@ pub struct NativeSwap<W> {
 }
 
 impl<W: CompareExchange> NativeSwap<W> {
-    /// Makes the lock of the word at `offset` bytes of `window`.
+    /// Makes a handle of the lock that is the word at `offset` bytes of `window`.
     ///
     /// # Errors
-    /// [`AccessError`] of the kind `OutOfBounds` if the word is not inside the window, or
-    /// `Misaligned`; `NotCoherent` for memory that needs a [`Bakery`](super::Bakery) or a
-    /// [`SemaphoreSwap`].
+    /// [`AccessError`] of the kind `OutOfBounds` if the word is not inside the window, of the kind
+    /// `Misaligned` if `offset` is not a multiple of four, or of the kind `NotCoherent` if the
+    /// memory needs a [`Bakery`](super::Bakery) or a [`SemaphoreSwap`].
     pub fn new(window: W, offset: u32) -> Result<Self, AccessError> {
         AccessError::check(&window, offset, 4)?;
         if !window.is_coherent() {
@@ -64,11 +64,11 @@ impl<W: CompareExchange> TestAndSet for NativeSwap<W> {
 ///
 /// # For implementers
 ///
-/// It is held for a handful of instructions. A program that resets a processor must also free the
+/// The semaphore is held for a handful of instructions. A program that resets a processor must also free the
 /// semaphores that the processor held (such hardware records the holder): until then, locks that
 /// use the semaphore are busy.
 pub trait HardwareSemaphore {
-    /// Takes the semaphore if it is free; returns whether it was taken. If this processor holds it
+    /// Takes the semaphore if it is free; returns true if it was taken. If this processor holds it
     /// already, the result may be either.
     fn try_take(&self) -> bool;
 
@@ -86,10 +86,11 @@ impl<T: Deref<Target: HardwareSemaphore>> HardwareSemaphore for T {
     }
 }
 
-/// A lock of one word of shared memory, read and written under a hardware semaphore.
+/// A lock that is one word of shared memory, and is read and written while a hardware semaphore is
+/// held.
 ///
-/// The semaphore is held for a few instructions only, so that one serves any number of locks.
-/// The [`Exclusion`] keeps the other contexts of this processor out meanwhile.
+/// The semaphore is held for a few instructions only, so that one semaphore serves any number of
+/// locks. The [`Exclusion`] keeps the other contexts of this processor out meanwhile.
 #[derive(Clone, Copy, Debug)]
 pub struct SemaphoreSwap<W, S, X> {
     window: W,
@@ -102,12 +103,12 @@ pub struct SemaphoreSwap<W, S, X> {
 const SEMAPHORE_TRIES: u32 = 64;
 
 impl<W: MemoryWindow, S: HardwareSemaphore, X: Exclusion> SemaphoreSwap<W, S, X> {
-    /// Makes the lock of the word at `offset` bytes of `window`, which all its processors access
-    /// under the same `semaphore`.
+    /// Makes a handle of the lock that is the word at `offset` bytes of `window`. All processors
+    /// must access the word under the same `semaphore`.
     ///
     /// # Errors
-    /// [`AccessError`] of the kind `OutOfBounds` if the word is not inside the window, or
-    /// `Misaligned`.
+    /// [`AccessError`] of the kind `OutOfBounds` if the word is not inside the window, or of the
+    /// kind `Misaligned` if `offset` is not a multiple of four.
     pub fn new(window: W, offset: u32, semaphore: S, exclusion: X) -> Result<Self, AccessError> {
         AccessError::check(&window, offset, 4)?;
         Ok(Self {

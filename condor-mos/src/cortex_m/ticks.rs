@@ -12,11 +12,11 @@ use crate::timer::{Alarm, Armed, Timer};
 /// Whether the counter has reloaded since CSR was read.
 const COUNTFLAG: u32 = 1 << 16;
 
-/// A timer whose ticks are periods of `SysTick`, which every Cortex-M has.
+/// A [`Timer`] made of `SysTick`, which every Cortex-M has. Its ticks are the periods of `SysTick`.
 ///
 /// The counter reloads itself, so nothing is lost if its handler runs late by up to a whole period.
-/// Releases come at ticks: with a tick rate that is a multiple of all loops' rates they are exact.
-/// Each tick is an interrupt, which takes a few instructions if no loop is due.
+/// Loops are released at ticks, so releases are exact if the tick rate is a multiple of the rates
+/// of all loops. Each tick is an interrupt, which takes a few instructions if no loop is due.
 ///
 /// Ticks go on while the fastest loop runs. So that loop and the scheduler's handler do not run in
 /// the handler of `SysTick` but in that of `PendSV`, one priority below.
@@ -32,7 +32,8 @@ pub struct Ticks {
 }
 
 impl Ticks {
-    /// Makes a timer with ticks of `cycles` core cycles; the core has `core_hz` cycles per second.
+    /// Makes a timer with a tick every `cycles` core cycles, on a core with `core_hz` cycles per
+    /// second.
     ///
     /// # Panics
     /// If `cycles` is not 2 to 2^24, or `core_hz` is 0; in a constant, that is an error of
@@ -52,8 +53,8 @@ impl Ticks {
         }
     }
 
-    /// Returns the clock that counts ticks of `cycles` core cycles, of which there are `core_hz`
-    /// per second. A schedule needs it.
+    /// Returns the clock of a timer that was made by [`new`](Self::new) with the same arguments. An
+    /// [`EventTable`](crate::EventTable) for this timer needs it.
     ///
     /// # Panics
     /// If `core_hz` or `cycles` is 0; in a constant, that is an error of compilation.
@@ -62,7 +63,8 @@ impl Ticks {
         ClockSpec::of::<Wrapping<32>>(Rate::fraction(core_hz, cycles))
     }
 
-    /// Starts `SysTick` and its interrupt. Call it before [`Loops::start`](crate::Loops::start).
+    /// Starts `SysTick`, and enables its interrupt. Call it before
+    /// [`Loops::start`](crate::Loops::start).
     pub fn begin(&self, mut timer: SYST) {
         timer.set_clock_source(SystClkSource::Core);
         timer.set_reload(self.cycles - 1);
@@ -71,8 +73,8 @@ impl Ticks {
         timer.enable_interrupt();
     }
 
-    /// Counts a tick, and pends `PendSV` if a loop is due. The handler of `SysTick` calls this; the
-    /// handler of `PendSV` calls [`Scheduler::on_timer`](crate::Scheduler::on_timer).
+    /// Counts a tick, and pends `PendSV` if a loop is due. Call this from the handler of `SysTick`,
+    /// and [`Scheduler::on_timer`](crate::Scheduler::on_timer) from the handler of `PendSV`.
     #[inline]
     pub fn on_tick(&self) {
         // SAFETY: the register is the core's; the read clears COUNTFLAG, which is this timer's.

@@ -18,14 +18,18 @@ const INTERRUPTS: u16 = if size_of::<RegisterBlock>() > 0x400 {
     32
 };
 
-/// A timer, and an interrupt that no device uses for each of the `N` ranks after the fastest. The
-/// interrupt is pended when the rank's loop is to run; its handler calls
+/// The [`Platform`] of Cortex-M: every loop runs in an interrupt handler with a priority of its
+/// own, so that the hardware lets faster loops interrupt slower ones.
+///
+/// Loops have ranks by their rates, from 0 for the fastest. The platform has a timer `T`, and for
+/// each of the `N` ranks after 0 an interrupt of the chip that no device uses. That interrupt is
+/// pended when the loop of the rank must run; its handler must call
 /// [`Scheduler::on_vector`](crate::Scheduler::on_vector).
 ///
-/// The timer's handler calls [`Scheduler::on_timer`](crate::Scheduler::on_timer), which runs the
-/// fastest loop. The other ranks have the priorities below [the timer's](Alarm::LEVELS). The first
-/// of the timer's priorities is 0, which the core sets at a reset; a second one is that of
-/// `PendSV`.
+/// The timer's handler must call [`Scheduler::on_timer`](crate::Scheduler::on_timer), which runs
+/// the fastest loop. The other ranks have the priorities below [the timer's](Alarm::LEVELS). The
+/// first of the timer's priorities is 0, to which a reset sets it; a second one, if the timer has
+/// two, is that of `PendSV`.
 pub struct VectorPlatform<T, const N: usize> {
     timer: T,
     ranks: [Vector; N],
@@ -74,9 +78,9 @@ unsafe impl InterruptNumber for Vector {
 }
 
 impl<T: Alarm, const N: usize> VectorPlatform<T, N> {
-    /// Makes the platform. `interrupts[i]` is the interrupt of rank *i* + 1, by its number in the
-    /// vector table of the chip. `priority_bits` is the number of priority bits of the chip's NVIC:
-    /// 2 on Cortex-M0 and M0+.
+    /// Makes a platform with `timer`. `interrupts[i]` is the interrupt of rank *i* + 1, by its
+    /// number in the vector table of the chip. `priority_bits` is the number of priority bits of
+    /// the chip's NVIC: 2 on Cortex-M0 and M0+.
     ///
     /// # Panics
     /// If there are more ranks than priorities below the one or two of the timer, if
@@ -108,7 +112,7 @@ impl<T: Alarm, const N: usize> VectorPlatform<T, N> {
         }
     }
 
-    /// Returns the timer that was passed to [`new`](Self::new).
+    /// Returns the timer that was passed to [`new`](Self::new), for example to start it.
     #[must_use]
     pub const fn timer(&self) -> &T {
         &self.timer

@@ -8,8 +8,8 @@ use rustix::io::Errno;
 use rustix::mm::{MlockAllFlags, mlockall};
 use rustix::thread::{CpuSet, sched_setaffinity, set_current_timer_slack};
 
-/// The privileges that a program asks of the kernel for its loops. Without them loops run, too, but
-/// later.
+/// The real-time privileges that a program asks of the Linux kernel for its loops. Loops also run
+/// without them, but they start later after their releases.
 ///
 /// ```
 /// use condor_mos::linux::RealTime;
@@ -34,7 +34,7 @@ impl Default for RealTime {
 }
 
 impl RealTime {
-    /// Makes a request for no privileges.
+    /// Makes a request without any privileges, to which the methods below add some.
     pub const fn none() -> Self {
         Self {
             priority: None,
@@ -44,8 +44,8 @@ impl RealTime {
         }
     }
 
-    /// Asks for `SCHED_FIFO`: the fastest loop gets the priority `highest`, 1 to 99, and each
-    /// slower one the next lower (rate-monotonic).
+    /// Asks for the scheduling policy `SCHED_FIFO`. The fastest loop gets the priority `highest`,
+    /// from 1 to 99, and each slower loop the next lower priority (rate-monotonic).
     pub const fn priority(self, highest: u8) -> Self {
         Self {
             priority: Some(highest),
@@ -53,7 +53,7 @@ impl RealTime {
         }
     }
 
-    /// Asks for all loops to run on this processor core.
+    /// Asks for all loops to run on processor core number `cpu`.
     pub const fn pinned_to(self, cpu: usize) -> Self {
         Self {
             cpu: Some(cpu),
@@ -61,8 +61,8 @@ impl RealTime {
         }
     }
 
-    /// Asks for the program's memory, present and future, to stay in RAM. If the amount is limited,
-    /// allocations may then fail.
+    /// Asks for the program's present and future memory to stay in RAM (`mlockall`). If the system
+    /// limits the amount, allocations may then fail.
     pub const fn memory_locked(self) -> Self {
         Self {
             lock_memory: true,
@@ -71,7 +71,7 @@ impl RealTime {
     }
 
     /// Asks for a timer slack of `ns` nanoseconds: the kernel may wake a loop that is not under
-    /// `SCHED_FIFO` that much later, to save an interrupt. Its default is 50 000 ns.
+    /// `SCHED_FIFO` so much later, to save an interrupt. The kernel's default is 50 000 ns.
     pub const fn timer_slack(self, ns: NonZeroU64) -> Self {
         Self {
             slack_ns: Some(ns),
@@ -79,11 +79,13 @@ impl RealTime {
         }
     }
 
-    /// Asks the kernel for these privileges for the calling thread: the thread on whose stack the
-    /// loops of [`SignalPlatform`](super::SignalPlatform) run. Returns the kernel's answers.
+    /// Asks the kernel for these privileges for the calling thread, and returns the kernel's
+    /// answers. Call it on the thread on whose stack the loops of a
+    /// [`SignalPlatform`](super::SignalPlatform) run; [`Threads`](super::Threads) ask by
+    /// themselves.
     ///
-    /// Under `SCHED_FIFO` the background of this thread keeps everything of lower priority off its
-    /// core.
+    /// Under `SCHED_FIFO` the background of this thread keeps every thread of lower priority off
+    /// its core while it computes.
     #[must_use]
     pub fn request(&self) -> Privileges {
         let mut privileges = self.request_for_process();
@@ -145,8 +147,8 @@ pub(super) fn set_priority(thread: i32, priority: i32) -> rustix::io::Result<()>
     Err(Errno::from_raw_os_error(code.unwrap_or(libc::EINVAL)))
 }
 
-/// The privileges that were asked for, and the answers of the kernel. `Display` prints them, with
-/// remedies for those that were refused.
+/// The kernel's answers to a [`RealTime`] request, one for each privilege. `Display` prints them,
+/// with a remedy for each privilege that was refused.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Privileges(Vec<Answer>);
 
@@ -183,7 +185,8 @@ impl Wish {
 }
 
 impl Privileges {
-    /// Iterates over the privileges that were refused, with the reasons.
+    /// Iterates over the privileges that the kernel refused: a description of each, and the
+    /// kernel's error.
     pub fn refused(&self) -> impl Iterator<Item = (&str, io::Error)> {
         self.0.iter().filter_map(|answer| {
             let error = answer.result.err()?;

@@ -26,8 +26,8 @@ const ANOTHER: u64 = u64::MAX;
 /// none.
 ///
 /// [`connect`](Platform::connect) runs the background on the calling thread, which signals
-/// interrupt. Only one thread at a time is connected with a platform, and one platform with a
-/// thread; other threads need other platforms. Other threads may call a scheduler, too, except its
+/// interrupt. A platform can be connected to only one thread at a time, and a thread to only one
+/// platform. Other threads may call the methods of the platform's scheduler, but not take its
 /// locks, which are for its loops and their background. Loops that such calls release run on the
 /// connected thread.
 ///
@@ -63,14 +63,14 @@ impl SignalPlatform {
     ///
     /// # Safety
     /// While a thread is [connected](Platform::connect):
-    /// * The functions that its handler and the loops call must be async-signal-safe: arithmetic,
-    ///   atomics, this crate's methods, and system calls that POSIX lists as such. Loops must not
-    ///   allocate or print. They must not wait for a lock that the interrupted thread may hold,
-    ///   such as that of `malloc`, of standard output, or any [`std::sync::Mutex`] of the
-    ///   background.
-    /// * The stack of that thread must have room for all loops at a time: for each, its own frames
-    ///   and 3.5 kB of a signal's frame on `x86_64`, as far as its processor state goes (with AMX
-    ///   11 kB).
+    /// * The functions that the platform's handler and the loops call must be async-signal-safe:
+    ///   arithmetic, atomics, this crate's methods, and system calls that POSIX lists as such.
+    ///   Loops must not allocate or print. They must not wait for a lock that the interrupted
+    ///   thread may hold, such as that of `malloc`, of standard output, or any [`std::sync::Mutex`]
+    ///   of the background.
+    /// * The stack of that thread must have room for all loops at a time: for each loop, its own
+    ///   frames and the frame of a signal, which takes 3.5 kB on `x86_64` (11 kB on processors with
+    ///   AMX).
     /// * That thread must not switch to another stack, and must not leave through `longjmp`.
     #[must_use]
     pub const unsafe fn new() -> Self {
@@ -82,7 +82,7 @@ impl SignalPlatform {
     /// real-time signals for something else.
     ///
     /// # Safety
-    /// The contract of [`new`](Self::new).
+    /// The contract is that of [`new`](Self::new).
     #[must_use]
     pub const unsafe fn with_signal(offset: u8) -> Self {
         let port = Port {

@@ -25,14 +25,15 @@ use crate::schedule::EventTable;
 use crate::state::{Running, SchedulerState};
 use crate::statistics::Statistics;
 
-/// Runs servo loops at their rates, each in a thread of its own.
+/// Servo loops on Linux, each in a thread of its own, at exact rates. It keeps statistics of the
+/// type `K`.
 ///
-/// A loop sleeps until an absolute instant of its own exact grid, in nanoseconds of
+/// A loop sleeps until the absolute instant of its next release, in nanoseconds of
 /// `CLOCK_MONOTONIC`, so it never drifts. If the kernel grants `SCHED_FIFO` (see [`RealTime`]),
 /// faster loops interrupt slower ones; otherwise the kernel schedules them as it likes. The
 /// methods, the overrun policies and the statistics are those of a [`Scheduler`](crate::Scheduler);
-/// every thread may call them, including those of the loops. Run times are the processor time that the kernel
-/// charges to the loop's thread, including its waking.
+/// every thread may call them, including those of the loops. Run times are the processor time that
+/// the kernel charges to the loop's thread, including its waking.
 ///
 /// A loop that panics is disabled and [`faulted`](Statistics::faulted); the others go on.
 ///
@@ -182,9 +183,9 @@ fn cpu_time() -> u64 {
 }
 
 impl Threads {
-    /// Makes loops with 1 to 32 rates, which have no bodies yet. The index of a rate is the loop's
-    /// number. `wishes` are the privileges to ask of the kernel: those of the process at once,
-    /// those of a loop's thread when it begins.
+    /// Makes 1 to 32 loops: loop *n* has the rate `rates[n]`, and no body yet. `wishes` are the
+    /// privileges that are asked of the kernel: those of the process by this call, and those of a
+    /// loop's thread when the thread begins.
     ///
     /// # Errors
     /// [`RateError::TooFast`] if a period is shorter than a nanosecond, [`RateError::Loops`] if
@@ -195,9 +196,9 @@ impl Threads {
 }
 
 impl<K: Keep> Threads<K> {
-    /// Makes loops as [`new`](Threads::new) does, with statistics of the type `K`, and with
-    /// `phases`: loop *n* is due first `phases[n]` nanoseconds after the start, or at the start if
-    /// `phases` is shorter.
+    /// Makes loops as [`new`](Threads::new) does, with statistics of the type `K`, and with phases:
+    /// loop *n* is due first `phases[n]` nanoseconds after the start. A loop for which `phases` is
+    /// too short is due at the start.
     ///
     /// # Errors
     /// [`RateError::TooFast`] if a period is shorter than a nanosecond, [`RateError::Loops`] if
@@ -231,8 +232,9 @@ impl<K: Keep> Threads<K> {
         })))
     }
 
-    /// Sets the body of a loop for good, and enables the loop. `body` is called with `context` and the instant,
-    /// in nanoseconds, at which the loop was due.
+    /// Sets the body of the loop `id`, which cannot be changed afterwards, and enables the loop.
+    /// Each run calls `body` with `context` and the instant, in nanoseconds, at which the loop was
+    /// due.
     ///
     /// # Errors
     /// [`LoopError::NoSuchLoop`] if there is no such loop, [`LoopError::Taken`] if it has a body,
@@ -247,7 +249,7 @@ impl<K: Keep> Threads<K> {
         self.assign_body(id, overrun, LoopBody::of_function(body, context))
     }
 
-    /// Returns the privileges that were asked for so far, with the kernel's answers.
+    /// Returns the kernel's answers to the requests for privileges so far.
     #[must_use]
     pub fn privileges(&self) -> Privileges {
         self.0.privileges.lock().clone()
@@ -261,7 +263,8 @@ impl<K: Keep> Threads<K> {
 }
 
 impl Threads<Histograms> {
-    /// Returns the present distributions of a loop's lateness and run times, in nanoseconds.
+    /// Returns the distributions of the lateness and the run times of the loop `id` so far, in
+    /// nanoseconds.
     ///
     /// # Errors
     /// [`LoopError::NoSuchLoop`] if there is no such loop.

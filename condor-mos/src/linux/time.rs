@@ -7,7 +7,8 @@ use crate::rate::Rate;
 
 pub(super) const NANOSECONDS: Rate = Rate::hz(1_000_000_000);
 
-/// The clock of Linux, for schedules: nanoseconds, in 64 bits.
+/// The clock to make an [`EventTable`](crate::EventTable) for if its scheduler runs on a
+/// [`SignalPlatform`](super::SignalPlatform): nanoseconds of `CLOCK_MONOTONIC`, in 64 bits.
 pub const CLOCK: ClockSpec = ClockSpec::of::<u64>(NANOSECONDS);
 
 #[inline]

@@ -10,11 +10,12 @@ pub use table::{EventTable, Scan, entries};
 
 pub(crate) use grid::Grid;
 
-/// An instant of the schedule, with the loops that are due then.
+/// An instant of a schedule at which the timer interrupts: the loops that are due then, and the
+/// time to the next one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ScheduleEvent {
     /// The loops that are due: bit *n* stands for the loop of rank *n*, where rank 0 is the
-    /// fastest. It is 0 at an instant that only divides a time too long for the timer.
+    /// fastest. It is 0 if the instant only divides a time that is too long for the timer.
     pub ranks: u32,
     /// The ticks until the next event.
     pub gap: u32,

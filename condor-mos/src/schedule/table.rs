@@ -10,16 +10,18 @@ use crate::rate::Rate;
 /// The largest number of entries that are counted one by one, for an error or a constant.
 const MOST_COUNTED: usize = 1 << 15;
 
-/// The events of one hyperperiod, after which the releases of up to `L` loops repeat, in at most
-/// `E` entries (memo, section 3.2.2); without entries, a [`Scan`].
+/// The schedule of up to `L` loops as a table of events: every instant at which loops are due,
+/// until the releases of all loops repeat (memo, section 3.2.2). It has room for `E` entries;
+/// [`entries`] returns how many a set of rates needs. With `E` = 0 it is a [`Scan`].
 ///
-/// The hyperperiod is the inverse of the rates' greatest common divisor. Its fraction of a tick is
-/// carried from one to the next, so a release is never more than one tick from its exact instant.
-/// Loops that are due at the same instant share an event. A time that is too long for the timer's
-/// counter is divided by entries at which no loop is due.
+/// The time after which releases repeat is the *hyperperiod*, the inverse of the rates' greatest
+/// common divisor. If it is not a whole number of ticks, the fraction is carried from one
+/// hyperperiod to the next, so a release is never more than one tick from its exact instant. Loops
+/// that are due at the same instant share an event. A time that is too long for the timer's counter
+/// is divided by entries at which no loop is due.
 ///
-/// A changed rate takes effect at the beginning of a hyperperiod, or at a later one if a loop is
-/// unfinished there.
+/// A changed rate takes effect at the beginning of a later hyperperiod, one at which no loop is
+/// unfinished.
 ///
 /// ```
 /// use condor_mos::{ClockSpec, EventTable, Rate};
@@ -64,11 +66,12 @@ pub struct EventTable<const L: usize, const E: usize> {
     repeats: bool,
 }
 
-/// A schedule of up to `L` loops that computes every event when it is due, from the loops' own
-/// grids. It is for sets of rates whose table would not fit, such as 400, 60 and 59.94 Hz.
+/// The schedule of up to `L` loops without a table: each event is computed when it is due. Use it
+/// for sets of rates whose table would be too large, such as 400, 60 and 59.94 Hz.
 ///
 /// An event costs a pass over the loops, without divisions. A changed rate takes effect at the
-/// first event at which no loop is unfinished; the loop is due there if it was due anyway.
+/// first event at which no loop is unfinished. The loop is due at that event only if it would have
+/// been due at its old rate.
 ///
 /// ```
 /// use condor_mos::{ClockSpec, Rate, Scan};
@@ -109,8 +112,8 @@ impl Half {
     };
 }
 
-/// Returns how many entries the table of these rates takes; if they cannot be counted, it returns
-/// more than a table can have. A result above 32 768 is an upper bound.
+/// Returns how many entries an [`EventTable`] needs for these rates and this clock. A result above
+/// 32 768 is an upper bound. If the entries cannot be counted, the result is `usize::MAX`.
 ///
 /// # Panics
 /// If a rate has a period of less than one tick of the clock, or if there are not 1 to 32 rates; in
@@ -172,8 +175,8 @@ const fn least(ticks: u64, longest: u32) -> u32 {
 }
 
 impl<const L: usize, const E: usize> EventTable<L, E> {
-    /// Makes the table of loops with these rates, in any order. The index of a rate is the loop's
-    /// [`LoopId`](crate::LoopId).
+    /// Makes the table of loops with these rates: `rates[n]` is the rate of loop *n* (its
+    /// [`LoopId`](crate::LoopId)). The rates may be in any order.
     ///
     /// # Panics
     /// If there are not 1 to `L` rates, if a period is shorter than a tick, or if the events do not
@@ -186,7 +189,7 @@ impl<const L: usize, const E: usize> EventTable<L, E> {
         }
     }
 
-    /// Makes the table of loops with these rates.
+    /// Makes the table as [`new`](Self::new) does, for rates that are known only at run time.
     ///
     /// # Errors
     /// [`RateError::Loops`] unless there are 1 to `L` rates, [`RateError::TooFast`] if a period is
@@ -195,9 +198,9 @@ impl<const L: usize, const E: usize> EventTable<L, E> {
         Self::phased(rates, &[], clock)
     }
 
-    /// Makes the table of loops with phases: loop *n* is due first `phases[n]` ticks after the
-    /// start, or at the start if `phases` is shorter. So loops of one rate can take turns, and
-    /// fewer are due at once.
+    /// Makes the table of loops with phases: loop *n* has the rate `rates[n]`, and is due first
+    /// `phases[n]` ticks after the start. A loop for which `phases` is too short is due at the
+    /// start. So loops of one rate can take turns, and fewer are due at once.
     ///
     /// # Errors
     /// [`RateError::Loops`] unless there are 1 to `L` rates, [`RateError::TooFast`] if a period is
@@ -214,8 +217,9 @@ impl<const L: usize, const E: usize> EventTable<L, E> {
         }
     }
 
-    /// Makes the table as [`phased`](Self::phased) does; but if the rates do not fit the table, it
-    /// computes events one by one, as a [`Scan`] does, and continues so when rates change.
+    /// Makes the table as [`phased`](Self::phased) does if the table has room for the rates.
+    /// Otherwise makes a schedule that computes events when they are due, as a [`Scan`] does, also
+    /// after rates change.
     ///
     /// # Errors
     /// [`RateError::Loops`] unless there are 1 to `L` rates, [`RateError::TooFast`] if a period is
@@ -269,8 +273,8 @@ impl<const L: usize, const E: usize> EventTable<L, E> {
         Ok(this)
     }
 
-    /// Returns the events of one hyperperiod; the slice is empty if events are computed when they
-    /// are due.
+    /// Returns the events of one hyperperiod in the order of time; the slice is empty if the
+    /// schedule is a [`Scan`].
     #[must_use]
     pub const fn events(&self) -> &[ScheduleEvent] {
         let active = self.active & 1;
@@ -281,19 +285,20 @@ impl<const L: usize, const E: usize> EventTable<L, E> {
         }
     }
 
-    /// Returns true if the schedule is a [`Scan`], which computes events when they are due.
+    /// Returns true if the schedule computes events when they are due, as a [`Scan`] does; false if
+    /// it has a table.
     #[must_use]
     pub const fn is_scan(&self) -> bool {
         self.begin >= 2 * E
     }
 
-    /// Returns the clock whose ticks the schedule counts.
+    /// Returns the clock for which the schedule was made.
     #[must_use]
     pub const fn clock(&self) -> ClockSpec {
         self.clock
     }
 
-    /// Returns the rates in force; the index is the loop's number.
+    /// Returns the rates at which the loops are due now; the index is the loop's number.
     #[must_use]
     pub const fn rates(&self) -> &[Rate] {
         self.set.rates()

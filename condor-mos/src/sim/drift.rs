@@ -3,11 +3,11 @@
 use crate::rate::{Rate, greatest_common_divisor};
 use crate::schedule::EventTable;
 
-/// Drives `schedule` from its beginning through `hyperperiods` hyperperiods of its rates, and
-/// returns the largest distance between any release of any loop and its exact instant, in ticks.
+/// Runs `schedule` from its beginning through `hyperperiods` repetitions of its releases, and returns the largest
+/// distance of any release of any loop from its exact instant, in ticks.
 ///
-/// The exact instants are computed as fractions, so the error is that of the schedule. A grid that
-/// rounds is always off by at most one tick; a grid that drifts is off by more and more.
+/// The exact instants are computed as fractions, so the error is that of the schedule alone. A schedule that only
+/// rounds is never off by more than one tick; if a schedule drifts, its error grows with `hyperperiods`.
 ///
 /// ```
 /// use condor_mos::sim::worst_release_error;

@@ -21,8 +21,9 @@ use crate::platform::Platform;
 use crate::rate::Rate;
 use crate::timer::{Alarm, Armed, Timer};
 
-/// A processor in virtual time. All clones are the same processor; all its contexts run on the
-/// thread that calls it.
+/// A simulated processor in virtual time, for tests: the [`Platform`] of loops without hardware.
+/// Time passes only in calls of its methods. Clones are the same processor. The background and all
+/// loops run on the thread that calls the methods.
 ///
 /// ```
 /// use condor_mos::sim::SimPlatform;
@@ -90,7 +91,7 @@ struct Connected {
 }
 
 impl SimPlatform {
-    /// Makes a processor at tick 0, whose timer counts `frequency` ticks per second.
+    /// Makes a processor whose time is at tick 0. Its timer counts `frequency` ticks per second.
     #[must_use]
     pub fn new(frequency: Rate) -> Self {
         let machine = Machine {
@@ -111,20 +112,22 @@ impl SimPlatform {
         }
     }
 
-    /// Runs `program`, while the timer's interrupt calls `handler`, on this thread alone.
+    /// Runs `program`; while it runs, the timer's interrupt calls `handler` on the calling thread.
+    /// [`Loops::run`](crate::Loops::run) does this for a scheduler.
     ///
-    /// Without a handler no interrupt comes.
+    /// Outside of this call the processor has no handler, and no interrupt comes.
     pub fn with_handler<R>(&self, handler: impl Fn() + Sync, program: impl FnOnce() -> R) -> R {
         connect(&self.machine.handler, &|_| handler(), program)
     }
 
-    /// Runs `program`, while the vector of a rank calls `vectors` with that rank; see [`Vectored`].
+    /// Runs `program`; while it runs, the vector of each rank calls `vectors` with its rank. See
+    /// [`Vectored`].
     pub fn with_vectors<R>(&self, vectors: impl Fn(u32) + Sync, program: impl FnOnce() -> R) -> R {
         connect(&self.machine.vectors, &vectors, program)
     }
 
-    /// Lets the background wait until `instant`, in ticks. An interrupt at `instant` itself comes
-    /// in the next call.
+    /// Lets time pass until `instant`, in ticks, while the background waits; interrupts run loops
+    /// meanwhile. An interrupt at `instant` itself comes in the next call.
     pub fn run_until(&self, instant: u64) {
         while self.now() < instant {
             let interrupt = self.next_interrupt().min(instant);
@@ -135,7 +138,8 @@ impl SimPlatform {
         }
     }
 
-    /// Computes for `ticks` ticks; loops that interrupt it take their time in addition.
+    /// Lets the calling context, a loop or the background, compute for `ticks` ticks. Loops that
+    /// interrupt it take their time in addition.
     pub fn work(&self, ticks: u64) {
         let mut remaining = ticks;
         loop {
@@ -153,13 +157,14 @@ impl SimPlatform {
         }
     }
 
-    /// Delays interrupts for `ticks` ticks from now on, so that they come late.
+    /// Delays interrupts that come in the next `ticks` ticks until these ticks have passed, so that
+    /// a test can make loops late.
     pub fn hold_interrupts(&self, ticks: u64) {
         let until = self.now().saturating_add(ticks);
         self.machine.held_until.store(until, Relaxed);
     }
 
-    /// Makes each access to the timer take `ticks` ticks from now on; the default is 0.
+    /// Sets the time that each access to the timer takes, in ticks; the default is 0.
     ///
     /// [`Timer::now`] and [`Timer::arm`] then see the time before this delay. Interrupts come only
     /// in [`work`](Self::work) and [`run_until`](Self::run_until), so this time passes inside
@@ -192,8 +197,8 @@ impl SimPlatform {
         now
     }
 
-    /// Calls the handler as an interrupt without cause would; does nothing while interrupts are
-    /// disabled.
+    /// Makes an interrupt of the timer without a cause: calls the timer's handler. Does nothing
+    /// while interrupts are disabled, or if there is no handler.
     pub fn interrupt(&self) {
         let Some(handler) = connected(&self.machine.handler) else {
             return;
@@ -373,8 +378,9 @@ impl Platform for SimPlatform {
     }
 }
 
-/// A [`SimPlatform`] with a vector for each rank, like the NVIC of Cortex-M. The vector of rank 0 is
-/// the timer's; a vector waits until the context in progress has a lower rank.
+/// A [`SimPlatform`] with an interrupt vector for each rank of loops, like the NVIC of Cortex-M.
+/// The vector of rank 0, the fastest, is the timer's. A pended vector waits while a loop of the
+/// same rank or a faster one is in progress.
 #[derive(Clone)]
 pub struct Vectored(pub SimPlatform);
 

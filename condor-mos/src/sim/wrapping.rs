@@ -6,8 +6,7 @@ use crate::platform::Platform;
 use crate::rate::Rate;
 use crate::timer::{Armed, Timer};
 
-/// A [`SimPlatform`] whose timer has only the last `BITS` bits of its counter, as hardware with 16 or
-/// 32 bits does.
+/// A [`SimPlatform`] whose timer has a counter of only `BITS` bits, which wraps, as hardware with 16 or 32 bits does.
 #[derive(Clone)]
 pub struct WrappingProcessor<const BITS: u32>(pub SimPlatform);
 

@@ -49,7 +49,8 @@ impl Sink for Person<'_> {
     }
 }
 
-/// Runs the script in `bytes`.
+/// Runs a fuzz test of a [`TerminalHost`]: `bytes` decide what the processor and the person at the terminal do, also
+/// things that no correct processor does.
 ///
 /// # Panics
 /// Panics if the host breaks a promise: if it writes words of the processor, claims to have shown characters

@@ -23,7 +23,8 @@ const INTERRUPT: u8 = 3;
 
 type Hand<'b> = Terminal<Haunted<'b>, SingleContext, QUEUE>;
 
-/// Runs the script in `bytes`.
+/// Runs a fuzz test of a [`Terminal`]: `bytes` decide what the host and the program do, also things that no correct
+/// host does.
 ///
 /// # Panics
 /// Panics if the terminal breaks a promise: if it waits past its deadline, writes words of the host, loses

@@ -14,7 +14,8 @@ const OFFSET: u32 = 64;
 const CAPACITY: u32 = 32;
 const END: u32 = OFFSET + 128 + CAPACITY;
 
-/// Runs the script in `bytes`.
+/// Runs a fuzz test of a [`TerminalReader`]: `bytes` decide what the processor does, also things that no correct
+/// processor does.
 ///
 /// # Panics
 /// Panics if the reader breaks a promise: if it writes words of the processor, copies more than there can be,

@@ -14,7 +14,7 @@ use condor_mbox::{
 pub const HOST: Processor = Processor(0);
 pub const HAND: Processor = Processor(1);
 
-/// Memory as seen by a program that is killed after some accesses.
+/// A window on memory whose accesses all fail after some number of them, as if the program had been killed.
 #[derive(Clone)]
 pub struct Mortal {
     memory: SimWindow,
@@ -29,7 +29,7 @@ impl Mortal {
         }
     }
 
-    /// Lets `accesses` further accesses pass; all later ones fail, as if the program had been killed.
+    /// Lets the next `accesses` accesses succeed; all later ones fail, as if the program had been killed.
     pub fn lives_for(&self, accesses: u32) {
         self.left.set(accesses);
     }
@@ -88,7 +88,7 @@ impl MemoryWindow for Mortal {
     }
 }
 
-/// A mailbox that counts its messages, and runs the host while it waits.
+/// A [`Messenger`] for tests that counts the messages it sends, and runs a simulated host while it waits.
 pub struct Board<'h> {
     now: Cell<u64>,
     pub rings: Cell<u32>,
@@ -101,7 +101,7 @@ impl<'h> Board<'h> {
         Self::with(|| ())
     }
 
-    /// Makes a board with a host that runs once in each wait.
+    /// Makes a mailbox that calls `host` once in each wait.
     pub fn with(host: impl FnMut() + 'h) -> Self {
         Self {
             now: Cell::new(0),

@@ -20,7 +20,7 @@ const PARTS: [&str; 8] = [
     "\u{3c0}",
 ];
 
-/// A terminal that knows only the sequences that the editor may write.
+/// A simulated terminal that understands only the escape sequences that a [`LineEditor`] may write.
 pub struct Screen {
     pub rows: Vec<Vec<char>>,
     column: usize,
@@ -98,10 +98,10 @@ impl fmt::Write for Screen {
     }
 }
 
-/// Checks that the line is valid, and that the screen shows the part of it around the cursor.
+/// Checks that the line in `editor` is valid, and that `screen` shows the part of the line around the cursor.
 ///
 /// # Panics
-/// Panics if one of them is wrong.
+/// Panics if the line or the screen is wrong.
 pub fn check<const LINE: usize, const LINES: usize>(
     editor: &LineEditor<LINE, LINES>,
     screen: &Screen,
@@ -117,10 +117,10 @@ pub fn check<const LINE: usize, const LINES: usize>(
     assert_eq!(screen.last(), shown.trim_end());
 }
 
-/// Types the characters in `bytes` at an editor whose sizes they choose.
+/// Runs a fuzz test of a [`LineEditor`]: `bytes` are the characters that are typed, and decide the sizes of the editor.
 ///
 /// # Panics
-/// Panics if the editor breaks a promise.
+/// Panics if the editor shows a wrong screen, or its line is too long or has control characters.
 pub fn run(bytes: &[u8]) {
     let script = Script::new(bytes);
     match script.below(4) {

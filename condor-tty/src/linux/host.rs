@@ -12,12 +12,12 @@ use super::sink::{Piece, Sink};
 use crate::layout::{TerminalVectors, input_data, reply};
 use crate::reader::{FetchedOutput, TerminalReader, TerminalReaderError, TerminalStatus};
 
-/// The host's end of one terminal of a processor. It moves output to a [`Sink`], and input from
-/// there.
+/// The host's end of one terminal of a processor. It moves the terminal's output to a [`Sink`], such as a
+/// pseudo-terminal, and the characters that are typed there to the terminal.
 ///
-/// No call waits. The host's loop serves its mailbox, sleeps there or until a descriptor is ready,
-/// and calls [`serve`](Self::serve) for each terminal. Its handler for [`TerminalVectors::output`] need not
-/// do anything: the message only ends the sleep.
+/// No call waits. The host's main loop serves the host's mailbox, sleeps until a message comes or a descriptor is
+/// ready, and calls [`serve`](Self::serve) for each terminal. The handler for [`TerminalVectors::output`] need not do
+/// anything: the message only ends the sleep.
 #[derive(Debug)]
 pub struct TerminalHost<W> {
     reader: TerminalReader<W>,
@@ -38,7 +38,7 @@ pub struct TerminalHost<W> {
     pending_reply: Option<(Option<u8>, PendingReply)>,
 }
 
-/// The result of [`TerminalHost::serve`].
+/// The result of [`TerminalHost::serve`]: what was moved, and what is left to do.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ServedTerminal {
     /// The number of bytes that the sink has taken.
@@ -49,12 +49,11 @@ pub struct ServedTerminal {
     pub more: bool,
     /// Whether a character was sent to the processor.
     pub sent: bool,
-    /// Whether a character waits only for the sink, which did not let it be
-    /// [sent](Sink::sends).
+    /// Whether a character waits because the sink did not let it be [sent](Sink::sends).
     pub held: bool,
 }
 
-/// The reason why a host cannot serve a terminal.
+/// The reason why [`TerminalHost::serve`] failed.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum HostError {
@@ -83,8 +82,9 @@ const PIECE: usize = 256;
 const LOOKS: usize = 16;
 
 impl<W: MemoryWindow + Clone> TerminalHost<W> {
-    /// Attaches the processor number `me` of the host to the terminal at `offset` bytes of
-    /// `region`, the users' region of the processor `to`.
+    /// Attaches a host to a terminal of the processor `to`. `region` is the processor's [`Region::users`], `offset` the
+    /// place of the terminal in it in bytes ([`Terminal::offset`](crate::Terminal::offset)), and `me` the host's own
+    /// number.
     ///
     /// # Errors
     /// [`TerminalReaderError::NoTerminal`] if there is no terminal, [`TerminalReaderError::NotReady`] or
@@ -111,14 +111,14 @@ impl<W: MemoryWindow + Clone> TerminalHost<W> {
         })
     }
 
-    /// Uses these vectors instead of [`TerminalVectors::DEFAULT`].
+    /// Uses other vectors than [`TerminalVectors::DEFAULT`]; the processor's terminal must use the same.
     #[must_use]
     pub fn with_vectors(self, vectors: TerminalVectors) -> Self {
         Self { vectors, ..self }
     }
 
-    /// Moves output to `sink`, and input from it, as far as possible now, without waiting. `sink`
-    /// is the same in every call.
+    /// Moves output to `sink`, and input from it, as far as possible now, without waiting. `mailbox` is the host's own;
+    /// `sink` must be the same in every call.
     ///
     /// The character that interrupts overtakes all other characters that wait, and drops them. If
     /// the processor's program has restarted and made the terminal anew, the host attaches again.
@@ -306,7 +306,7 @@ impl<W: MemoryWindow + Clone> TerminalHost<W> {
         }
     }
 
-    /// Returns the state of the terminal, apart from its output.
+    /// Returns the counts and modes of the terminal.
     ///
     /// # Errors
     /// [`AccessError`] if the terminal's memory cannot be accessed.
@@ -314,21 +314,21 @@ impl<W: MemoryWindow + Clone> TerminalHost<W> {
         self.reader.status()
     }
 
-    /// Returns the offset of the terminal in its processor's region, in bytes.
+    /// Returns the offset of the terminal in its processor's [`Region::users`], in bytes.
     #[must_use]
     pub const fn offset(&self) -> u32 {
         self.reader.offset()
     }
 
-    /// Returns the number of characters that wait for the processor to take them.
+    /// Returns the number of typed characters that the processor has not taken yet.
     #[must_use]
     pub fn waiting_input(&self) -> usize {
         let sent = matches!(self.pending_reply, Some((Some(_), _)));
         self.typed.len() + usize::from(sent)
     }
 
-    /// Detaches: from now on no program waits for this host. If a host is dropped without this, writers with
-    /// [`Policy::Block`](crate::Policy::Block) go on to wait for it, up to their timeouts.
+    /// Detaches this host, so that no program waits for it. If a host is dropped without this call, writers with
+    /// [`Policy::Block`](crate::Policy::Block) still wait for it, up to their timeouts.
     ///
     /// # Errors
     /// [`TerminalReaderError::Displaced`] if another host has attached, [`TerminalReaderError::Restarted`] if the

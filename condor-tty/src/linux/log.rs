@@ -5,12 +5,12 @@ use std::time::Duration;
 
 use super::sink::{Piece, Sink};
 
-/// A sink that also writes a log: the output that the sink inside takes, each line with the time at
-/// which its first byte came.
+/// A [`Sink`] around another sink that also writes a log. The log has the output that the other
+/// sink takes, and before each line the time at which the first byte of the line came.
 ///
-/// The time is that of the given clock, printed in seconds with six decimals: for example since the
-/// epoch, or since the program began. Carriage returns before newlines are left out. If the log
-/// cannot be written, no more output is taken.
+/// The time comes from a clock of your choice, for example one that counts from the epoch or from
+/// the start of the program. It is printed in seconds with six decimals. Carriage returns before
+/// newlines are left out. If the log cannot be written, no more output is taken.
 ///
 /// ```
 /// use std::time::Duration;
@@ -35,8 +35,8 @@ pub struct TerminalLog<S, T, C> {
 }
 
 impl<S: Sink, T: Write, C: FnMut() -> Duration> TerminalLog<S, T, C> {
-    /// Makes a log that passes output on to `sink` and writes to `to`, such as a file. `clock`
-    /// returns the present time.
+    /// Makes a sink that passes output on to `sink` and writes the log to `to`, such as a file.
+    /// `clock` returns the present time.
     pub const fn new(sink: S, to: T, clock: C) -> Self {
         Self {
             sink,
@@ -48,7 +48,7 @@ impl<S: Sink, T: Write, C: FnMut() -> Duration> TerminalLog<S, T, C> {
         }
     }
 
-    /// Writes everything that has not been written yet, and returns the sink and the writer.
+    /// Writes what has not been written to the log yet, and returns the sink and the log's writer.
     ///
     /// # Errors
     /// Returns the writer's error if it fails.

@@ -14,12 +14,12 @@ use rustix::termios::OptionalActions;
 
 use super::sink::{Piece, Sink};
 
-/// A pseudo-terminal to which any terminal program attaches, such as `screen` or `picocom`.
+/// A [`Sink`] that is a pseudo-terminal: any terminal program can open it, such as `screen` or `picocom`.
 ///
 /// The pseudo-terminal is raw: the processor does echo and editing. If a program has it open and does not read, the
-/// kernel's buffer fills, and then output stays in the terminal's ring. While no program has it open,
-/// it takes everything and counts it; a host that keeps output for the next program does not serve
-/// the terminal until [`is_watched`](Self::is_watched).
+/// kernel's buffer fills, and then output stays in the terminal's ring. While no program has it open, it takes and
+/// drops all output, and counts the bytes. A host that wants to keep output for the next program must not serve the
+/// terminal while [`is_watched`](Self::is_watched) returns false.
 #[derive(Debug)]
 pub struct Pty {
     controller: OwnedFd,
@@ -28,7 +28,7 @@ pub struct Pty {
 }
 
 impl Pty {
-    /// Opens a new pseudo-terminal.
+    /// Opens a new pseudo-terminal, whose [`path`](Self::path) terminal programs can open.
     ///
     /// # Errors
     /// Returns the error of the operating system if a call fails, for example because no pseudo-terminal is
@@ -50,13 +50,13 @@ impl Pty {
         })
     }
 
-    /// Returns the path that a terminal program opens.
+    /// Returns the path of the pseudo-terminal, which a terminal program opens.
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Returns true if a program has the terminal open.
+    /// Returns true if a terminal program has the pseudo-terminal open.
     ///
     /// # Errors
     /// Returns the error of the operating system if it cannot report the state.
@@ -68,8 +68,7 @@ impl Pty {
         Ok(!polled.revents().contains(PollFlags::HUP))
     }
 
-    /// Returns the number of bytes of output that were taken and dropped while no program had it
-    /// open.
+    /// Returns the number of bytes of output that were dropped while no terminal program had the pseudo-terminal open.
     #[must_use]
     pub const fn discarded(&self) -> u64 {
         self.discarded

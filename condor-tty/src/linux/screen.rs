@@ -5,16 +5,19 @@ use std::num::NonZero;
 
 use super::sink::{Piece, Sink};
 
-/// A bounded screen in memory, with the lines that have scrolled off it.
+/// A [`Sink`] that keeps a screen in memory, for user interfaces: its rows and columns, and a
+/// bounded number of the lines that have scrolled off it.
 ///
-/// The crate `vt100` interprets the output; the user interface shows its [`screen`](Self::screen).
+/// The crate `vt100` interprets the output; a user interface draws the result,
+/// [`screen`](Self::screen).
 pub struct Screen {
     parser: vt100::Parser,
     overwritten: u64,
 }
 
 impl Screen {
-    /// Makes an empty screen, which keeps up to `history` lines that have scrolled off it.
+    /// Makes an empty screen of `rows` by `columns`, which keeps up to `history` lines that have
+    /// scrolled off it.
     #[must_use]
     pub fn new(rows: NonZero<u16>, columns: NonZero<u16>, history: usize) -> Self {
         Self {
@@ -23,19 +26,20 @@ impl Screen {
         }
     }
 
-    /// Returns the screen's content: text, attributes and cursor.
+    /// Returns the content of the screen, to be drawn: text, attributes and cursor.
     #[must_use]
     pub fn screen(&self) -> &vt100::Screen {
         self.parser.screen()
     }
 
-    /// Returns the screen for changes: of its size, or of the part of the history that is shown.
+    /// Returns the screen so that the caller can change its size, or the part of the history that
+    /// is shown.
     pub fn screen_mut(&mut self) -> &mut vt100::Screen {
         self.parser.screen_mut()
     }
 
-    /// Returns the number of bytes that are missing, because they were overwritten before they were
-    /// read.
+    /// Returns the number of bytes of output that are missing on the screen, because the processor
+    /// overwrote them before they were read.
     #[must_use]
     pub const fn overwritten_bytes(&self) -> u64 {
         self.overwritten

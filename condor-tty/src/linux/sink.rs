@@ -2,17 +2,18 @@
 
 use std::io;
 
-/// A piece of a terminal's output, as a [`Sink`] is offered it.
+/// A piece of a terminal's output, which a host offers to a [`Sink`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Piece<'a> {
     /// The incarnation of the terminal that wrote it: a number that changes each time a program makes the
     /// terminal anew.
     pub incarnation: u32,
-    /// The number of bytes of output of the same incarnation before it; wraps.
+    /// The number of bytes of output of the same incarnation that came before this piece; wraps.
     pub position: u32,
-    /// The number of bytes directly before it that were overwritten unread.
+    /// The number of bytes directly before this piece that are missing, because they were
+    /// overwritten unread.
     pub overwritten: u32,
-    /// The bytes of output. The slice is empty if all that was new has been overwritten.
+    /// The bytes of output. The slice is empty if all new bytes have been overwritten.
     pub bytes: &'a [u8],
 }
 
@@ -26,12 +27,13 @@ impl<'a, T: AsRef<[u8]> + ?Sized> From<&'a T> for Piece<'a> {
     }
 }
 
-/// A destination of a terminal's output, and a source of its input.
+/// A place where a terminal's output is shown or kept, and where a person types its input. A
+/// [`TerminalHost`](super::TerminalHost) calls it.
 ///
 /// # For implementers
-/// No method may wait. Bytes that are not taken now are offered again. A sink that outlives its
-/// host compares positions: bytes that it took last may not have been acknowledged, and are offered
-/// again then.
+/// No method may wait. Bytes that are not taken now are offered again. The bytes that a sink took
+/// last may not have been acknowledged when a host ends; the next host then offers them again. A
+/// sink that outlives its host recognizes them by their positions.
 pub trait Sink {
     /// Takes the first bytes of `piece`, and returns their number. The overwritten bytes that `piece` counts
     /// before them are not reported again.

@@ -62,7 +62,8 @@ proptest! {
         let region = Region::whole(memory.clone());
         let mut allocator = Allocator::new(region.size());
         allocator.bytes(OFFSET as usize).unwrap();
-        let terminal = Terminal::<_, _, 16>::new(region.clone(), &mut allocator, CAPACITY, SingleContext::new()).unwrap();
+        let context = SingleContext::new();
+        let terminal = Terminal::<_, _, 16>::new(region.clone(), &mut allocator, CAPACITY, context).unwrap();
         let board = Board::new();
         let mut reader = None;
         for step in steps {

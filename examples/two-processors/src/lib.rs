@@ -9,9 +9,10 @@ pub use servo::Servo;
 
 use condor_rt::{Processor, Vector};
 
-/// The number of the servo, as in `condor.toml`.
+/// The processor that runs [`Servo`], by its number in `condor.toml`.
 pub const SERVO: Processor = Processor(1);
-/// Moves the joint to an angle in mrad; the reply is where it is.
+/// The vector of requests to [`Servo`] to move the joint. The word of the message is the angle in mrad; the reply is
+/// the present angle in mrad.
 pub const MOVE: Vector = Vector(1);
-/// Asks where the joint is; the reply is in mrad.
+/// The vector of questions to [`Servo`] for the present angle of the joint. The reply is the angle in mrad.
 pub const WHERE: Vector = Vector(2);

@@ -8,7 +8,8 @@ use crate::{MOVE, SERVO};
 
 const PATIENCE: Duration = Duration::from_millis(100);
 
-/// The program.
+/// The program of the master: it sends the angles in the file `moves`, one every two seconds, and those that a person
+/// types to the servo.
 pub struct Master;
 
 impl Program for Master {

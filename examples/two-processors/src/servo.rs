@@ -20,7 +20,7 @@ device_switch! {
     }
 }
 
-/// The program.
+/// The program of the servo: it holds a joint at the angle that the master sent last.
 pub struct Servo;
 
 impl Program for Servo {

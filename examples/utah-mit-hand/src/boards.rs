@@ -19,17 +19,17 @@ mod wires;
 pub use rack::{Boards as SeenBoards, Rack, RackError};
 pub use wires::{Panel, Wires, WiresError, open};
 
-/// The addresses on the bus at which the boards begin.
+/// The addresses on the bus at which the boards begin, and the sizes of the bus and of a board's part of it.
 pub mod address {
-    /// The analog-to-digital boards.
+    /// The addresses of the analog-to-digital boards, by their numbers.
     pub const ADC: [usize; 4] = [0x0000, 0x0100, 0x0200, 0x0300];
-    /// The digital-to-analog boards.
+    /// The addresses of the digital-to-analog boards, by their numbers.
     pub const DAC: [usize; 6] = [0x1000, 0x1100, 0x1200, 0x1300, 0x1400, 0x1500];
-    /// The encoder board.
+    /// The address of the encoder board.
     pub const ENCODER: usize = 0x2000;
-    /// Bytes of the bus on which all of them are.
+    /// The size of the bus that the boards share, in bytes.
     pub const BUS_BYTES: usize = 0x4000;
-    /// The number of bytes of the bus that each board has for itself.
+    /// The size of the part of the bus that belongs to one board, in bytes.
     pub const BOARD_BYTES: usize = 0x100;
 }
 
@@ -39,7 +39,7 @@ const ENCODER_SLOT: u8 = 2;
 const IN_SLOT: u8 = 2;
 
 device_switch! {
-    /// All boards that a processor of the hand may find.
+    /// The drivers of all boards of the rack, each with its address. A processor opens those that it needs.
     #[derive(Debug)]
     pub struct HandBoards {
         adc: Adc16 = [
@@ -60,7 +60,7 @@ device_switch! {
     }
 }
 
-/// A board of the rack.
+/// A board of the rack: its kind, and its number among the boards of this kind.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Board {
     /// An analog-to-digital board, from 0.
@@ -71,7 +71,7 @@ pub enum Board {
     Encoder,
 }
 
-/// One channel of a board.
+/// The place at which a wire of the hand is connected: a channel of a board of the rack.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Socket {
     /// The board that has the channel.
@@ -80,7 +80,7 @@ pub struct Socket {
     pub line: u8,
 }
 
-/// A configuration that the boards cannot serve.
+/// The reason why the boards of the rack cannot serve a hand with this configuration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum BoardError {
@@ -101,7 +101,7 @@ pub enum BoardError {
     Bits {
         /// The channel whose counts do not fit.
         channel: Channel,
-        /// Its width.
+        /// The width of the channel's converter, in bits.
         bits: u8,
         /// The counts at which its register is 0.
         zero: u32,
@@ -120,7 +120,8 @@ pub enum BoardError {
     },
 }
 
-/// Returns the socket of a channel of the configuration; `None` if the rack does not have the channel.
+/// Returns the board of the rack, and the channel there, that `channel` of the configuration means; `None` if the rack
+/// does not have it. A board number in the configuration is a slot of the rack, which may have two boards.
 #[must_use]
 pub fn socket(channel: Channel) -> Option<Socket> {
     let Channel {
@@ -146,7 +147,7 @@ pub fn socket(channel: Channel) -> Option<Socket> {
     exists.then_some(Socket { board, line })
 }
 
-/// Checks whether the boards of the rack can serve a hand.
+/// Checks whether the boards of the rack can serve a hand with the configuration `hand`.
 ///
 /// # Errors
 /// Returns [`BoardError::NoSocket`] if the rack does not have a channel; [`BoardError::Bits`] if the counts of
@@ -196,8 +197,8 @@ pub fn check<const F: usize, const N: usize>(hand: &Hand<F, N>) -> Result<(), Bo
     Ok(())
 }
 
-/// Returns the processor that serves the joint, finger or axis at the end of a wire; `None` if the hand does
-/// not have it.
+/// Returns the number of the processor that serves the joint, finger or axis at the end of `wire`; `None` if `hand`
+/// does not have that joint, finger or axis.
 #[must_use]
 pub fn processor<const F: usize, const N: usize>(hand: &Hand<F, N>, wire: Wire) -> Option<u8> {
     match wire {
@@ -214,38 +215,40 @@ pub fn processor<const F: usize, const N: usize>(hand: &Hand<F, N>, wire: Wire) 
     }
 }
 
-/// Returns the counts of an output at which its register is 0.
+/// Returns the counts of an output for 0 N. The register of the output is 0 at these counts: see [`output_register`].
 #[must_use]
 pub fn zero_of(output: &OutputChannel) -> u32 {
     output.counts(0.0)
 }
 
-/// Returns the content of an output's register for `counts`, if the register is 0 at `zero` counts.
+/// Converts the `counts` of an output to the content of its register. The register counts from `zero`: it is 0 at
+/// `zero` counts.
 #[must_use]
 pub const fn output_register(zero: u32, counts: u32) -> i16 {
     (counts.wrapping_sub(zero) as u16).cast_signed()
 }
 
-/// Returns the counts of an output from the content of its register, which is 0 at `zero` counts.
+/// Converts the content of an output's register to the counts of the output. The register counts from `zero`: it is 0
+/// at `zero` counts.
 #[must_use]
 pub const fn output_counts(zero: u32, register: i16) -> u32 {
     zero.saturating_add_signed(register as i32)
 }
 
-/// Returns the content of an input's register for `counts`.
+/// Converts the `counts` of an input to the content of its register, which has the same 16 bits as a signed number.
 #[must_use]
 pub const fn input_register(counts: u32) -> i16 {
     (counts as u16).cast_signed()
 }
 
-/// Returns the counts of an input from the content of its register.
+/// Converts the content of an input's register to the counts of the input.
 #[must_use]
 pub const fn input_counts(register: i16) -> u32 {
     register.cast_unsigned() as u32
 }
 
-/// Returns the counts of an input from a counter of the encoder board; `None` for a position that the input
-/// does not have.
+/// Converts a counter of the encoder board to the counts of `input`; returns `None` if the counter is negative or above
+/// the full scale of the input.
 #[must_use]
 pub fn encoder_counts(input: &InputChannel, counter: i32) -> Option<u32> {
     u32::try_from(counter)

@@ -21,7 +21,7 @@ use crate::{FINGERS, IMAGE, JOINTS, UtahMit, boards};
 /// Bytes of a sequence that the master has room for.
 const BYTES: usize = crate::master::MOTION_BYTES;
 
-/// The reason why a configuration, a motion or a grasp is not compiled.
+/// The reason why the text of a configuration, a motion or a grasp cannot be compiled.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum CompileError {
@@ -46,7 +46,7 @@ pub enum CompileError {
     },
 }
 
-/// Returns the names of all joints, FINGER.JOINT, in the order of their numbers.
+/// Returns the names of all joints of `hand`, such as `index.proximal`, finger by finger.
 #[must_use]
 pub fn joint_names(hand: &UtahMit) -> Vec<String> {
     let fingers = hand.fingers.iter();
@@ -57,7 +57,8 @@ pub fn joint_names(hand: &UtahMit) -> Vec<String> {
     names.collect()
 }
 
-/// Reads the configuration of the hand.
+/// Reads the text of the hand's configuration in the file `path`, and checks that the boards of the rack can serve the
+/// hand.
 ///
 /// # Errors
 /// Returns [`CompileError::Io`] if the file cannot be read; [`CompileError::Text`] if it has a mistake;
@@ -69,9 +70,10 @@ pub fn read_hand(path: &Path) -> Result<UtahMit, CompileError> {
     Ok(hand)
 }
 
-/// Compiles the configuration in the file `hand` to [`IMAGE`] in the directory `files`, which is made if it is
-/// not there, and the texts in `motions` and `grasps` of the directory `texts`, if these are there, to
-/// directories of the same names in `files`.
+/// Compiles all texts of the hand for its programs, which read them through the file service. `hand` is the file of the
+/// configuration; it becomes [`IMAGE`] in the directory `files`. The texts in the directories `motions` and `grasps` of
+/// `texts`, if these exist, are compiled to directories of the same names in `files`. Directories are made if they do
+/// not exist.
 ///
 /// # Errors
 /// Returns the first error; the files before it have been written. It is [`CompileError::Io`] if a file cannot
@@ -113,9 +115,9 @@ fn whole<E: ToString>(path: &Path) -> impl FnOnce(E) -> CompileError + use<E> {
     }
 }
 
-/// Compiles every `NAME.toml` of a directory to `NAME.motion` in `out`, which is made if it is not
-/// there. Returns the names in alphabetical order. Files in `out` without a `NAME.toml` are left
-/// alone.
+/// Compiles every motion `NAME.toml` in `directory` to `NAME.motion` in the directory `out`, which is made if it does
+/// not exist. `names` are the names of the hand's joints: see [`joint_names`]. Returns the names of the motions in
+/// alphabetical order. Other files in `out` stay as they are.
 ///
 /// # Errors
 /// Returns the first error; the files before it have been written. It is [`CompileError::Io`] if a file cannot
@@ -131,8 +133,8 @@ pub fn compile_motions(
     })
 }
 
-/// Compiles every `NAME.toml` of a directory to `NAME.grasp` in `out`, as
-/// [`compile_motions`] does with motions.
+/// Compiles every grasp `NAME.toml` in `directory` to `NAME.grasp` in the directory `out`, which is made if it does not
+/// exist. Returns the names of the grasps in alphabetical order. Other files in `out` stay as they are.
 ///
 /// # Errors
 /// Returns the first error; the files before it have been written. It is [`CompileError::Io`] if a file cannot
@@ -181,10 +183,12 @@ fn compile_grasp(text: &str, path: &Path) -> Result<Vec<u8>, CompileError> {
     Ok(bytes)
 }
 
-/// Compiles the text of a motion, whose file is `path` in errors, for the joints `names`.
+/// Compiles the text of a motion, and returns the bytes that the master reads. `path` is the name of the text in
+/// errors. `names` are the names of the hand's joints: see [`joint_names`].
 ///
 /// # Errors
-/// [`CompileError::Text`]; [`CompileError::Whole`] for a sequence that is too long for the master.
+/// Returns [`CompileError::Text`] if the text has a mistake; [`CompileError::Whole`] if the sequence of motions is too
+/// long for the master.
 pub fn compile_motion(
     text: &str,
     path: &Path,

@@ -7,10 +7,12 @@ use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 use crate::{FINGERS, JOINTS};
 
-/// The name of the published [`DesiredPositions`], with the version of its layout.
+/// The name of the published [`DesiredPositions`] in the master's object table. The number is the version of the
+/// layout.
 pub const WANTED_NAME: &str = "wanted-2";
 
-/// The desired positions and velocities of all joints, published in every tick of the trajectories.
+/// The desired positions and velocities of all joints, which the master publishes in every tick of its trajectories.
+/// The servos follow them.
 #[derive(Clone, Copy, Debug, PartialEq, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
 pub struct DesiredPositions {

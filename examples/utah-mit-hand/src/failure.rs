@@ -9,14 +9,14 @@ use thiserror::Error;
 use crate::boards::{BoardError, WiresError};
 use crate::recording::ServoRecordingError;
 
-/// The text of an error from elsewhere, cut to 80 bytes.
+/// The text of another crate's error, cut to 80 bytes.
 pub type FailureText = condor_rt::ShortText<80>;
 
 /// The name of a file, cut to 32 bytes.
 pub type FileName = condor_rt::ShortText<32>;
 
-/// The reason why a program of the hand ended before it was told to, if it is one that only this hand
-/// has.
+/// The reason why a program of the hand could not begin, or ended by itself. Errors that any program can have are in
+/// [`ProgramError`](condor_rt::ProgramError).
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum Failure {

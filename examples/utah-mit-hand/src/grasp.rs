@@ -18,17 +18,19 @@ mod partner;
 
 pub(crate) use partner::{Partner, PartnerState, TickTime};
 
-/// [`HandGraspLayout`](condor_hand::message::GraspLayout) of the hand.
+/// The [layout](condor_hand::message::GraspLayout), for the fingers of this hand, of the memory by which a servo
+/// processor takes orders for a grasp and reports on them.
 pub type HandGraspLayout = condor_hand::message::GraspLayout<FINGERS>;
 
-/// The name of [`HandGraspLayout`] in the object table of a servo processor.
+/// The name of the object with the [`HandGraspLayout`] in the object table of a servo processor.
 pub const NAME: &str = "grasp";
-/// The name of the [`Joints`] in the object table of a servo processor.
+/// The name of the published [`Joints`] in the object table of a servo processor.
 pub const JOINTS_NAME: &str = "joints";
 
-/// The joints that a servo processor measures, published in every tick: a `Published<Joints>`.
+/// The positions and velocities of the joints that a servo processor measures, published in every tick of its loop: a
+/// `Published<Joints>`.
 ///
-/// Fingers are those of the hand; the values of a finger that the processor does not serve do not count.
+/// The arrays have an element for each finger of the hand. Only the fingers in [`served`](Self::served) count.
 #[derive(Clone, Copy, Debug, PartialEq, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
 pub struct Joints {
@@ -103,8 +105,8 @@ impl TickTime for Joints {
     }
 }
 
-/// Returns the tips of all fingers (m, in the axes of the palm) for the positions `joints` (rad); `None` for a
-/// hand whose fingers are not planar ones of four joints.
+/// Returns the places of all fingertips (m, in the axes of the palm) if the joints have the positions `joints` (rad).
+/// Returns `None` if `hand` has another number of fingers, or one that is not a planar finger of four joints.
 #[must_use]
 pub fn tips(hand: &UtahMit, joints: &[[f64; JOINTS]; FINGERS]) -> Option<[[f64; 3]; FINGERS]> {
     let mut tips = [[0.0; 3]; FINGERS];
@@ -121,8 +123,9 @@ pub fn tips(hand: &UtahMit, joints: &[[f64; JOINTS]; FINGERS]) -> Option<[[f64; 
     Some(tips)
 }
 
-/// Returns the joints of all fingers from the values that servo processors publish; `published` returns the
-/// value of one processor. `None` while a processor has published nothing.
+/// Returns the positions of the joints of all fingers (rad), as the servo processors publish them. `published` returns
+/// the value that the processor with the given number publishes. The result is `None` if `published` returns `None` for
+/// the processor of a finger.
 #[must_use]
 pub fn joints(
     hand: &UtahMit,

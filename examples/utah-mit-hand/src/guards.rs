@@ -14,16 +14,17 @@ use zerocopy::{FromBytes, FromZeros, Immutable, IntoBytes};
 
 use crate::{FINGERS, JOINTS};
 
-/// The name of the published [`Felt`].
+/// The name of the published [`Felt`] in the object table of a servo processor.
 pub const FELT_NAME: &str = "felt";
-/// The name of the published [`Stops`].
+/// The name of the published [`Stops`] in the object table of a servo processor.
 pub const STOPS_NAME: &str = "stops";
 
-/// The greatest torques and tensions of the joints of a servo processor within the last tick of the
-/// trajectories or a little longer. It is published in every tick of the servos, as a `Published<Felt>`.
+/// The greatest torques and tensions that the joints of a servo processor had within about the last tick of the
+/// trajectories. The processor publishes it in every tick of its servos: a `Published<Felt>`. The master reads it to
+/// decide whether a motion that waits for a torque, a tension or a contact may begin.
 ///
-/// Fingers are those of the hand; the values of a finger that the processor does not serve are 0. A reading
-/// that is not a number is left out.
+/// The arrays have an element for each finger of the hand. The values of a finger that the processor does not serve are
+/// 0. Readings that are NaN are left out.
 #[derive(Clone, Copy, Debug, PartialEq, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
 pub struct Felt {
@@ -51,8 +52,8 @@ impl CellStruct for Felt {
     ];
 }
 
-/// The joints of a servo processor that rest since a guard stopped their motion, published when that changes: a
-/// `Published<Stops>`.
+/// The joints of a servo processor that rest because a guard (a torque, a tension or a contact) has stopped their
+/// motion. The processor publishes it when it changes: a `Published<Stops>`.
 #[derive(Clone, Copy, Debug, PartialEq, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
 pub struct Stops {

@@ -42,15 +42,15 @@ mod tracking;
 
 pub use failure::{Failure, FailureText, FileName};
 
-/// Fingers of the hand.
+/// The number of fingers of the hand.
 pub const FINGERS: usize = 4;
-/// Joints of a finger.
+/// The number of joints of each finger.
 pub const JOINTS: usize = 4;
-/// Joints of the hand, in the order of the fingers.
+/// The number of joints of the hand. A list of all joints goes finger by finger.
 pub const ALL: usize = FINGERS * JOINTS;
 
-/// The configuration of the hand.
+/// The configuration of a hand with the number of fingers and joints that the Utah/MIT hand has.
 pub type UtahMit = condor_hand::config::Hand<FINGERS, JOINTS>;
 
-/// The file of the compiled configuration, as the file service has it.
+/// The name of the file with the compiled configuration, which each program reads through the file service.
 pub const IMAGE: &str = "hand.image";

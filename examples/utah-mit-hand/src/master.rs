@@ -67,7 +67,8 @@ const FILES_TIMEOUT: Duration = Duration::from_secs(10);
 /// The editor of what is typed: the longest line, bytes, and how many of them it keeps.
 type Editor = LineEditor<160, 16>;
 
-/// The program.
+/// The program of the master, which moves the fingers: it makes the set-points of motions, and executes the commands
+/// that are typed at its terminal.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Master;
 

@@ -21,13 +21,14 @@ use crate::table::{self, Palm};
 use crate::tracking::{FOLLOWED_NAME, TrackingReport};
 use crate::{FINGERS, JOINTS};
 
-/// The name of the blocks in which the master's queue of motions is asked.
+/// The name, in the master's object table, of the blocks by which clients send requests to its queue of motions.
 pub const MOTIONS_NAME: &str = "motions";
 
-/// Requests and set-points of a servo processor.
+/// Finds the set-points of a servo processor and the blocks for requests to it. `region` is the users' region of that
+/// processor's `data`. Returns `None` while no such program runs there.
 ///
 /// # Errors
-/// [`AccessError`] if the memory cannot be accessed.
+/// Returns [`AccessError`] if the memory cannot be accessed.
 pub fn servos<W: MemoryWindow>(
     region: &Region<W>,
 ) -> Result<Option<ServoLayout<FINGERS, JOINTS>>, AccessError> {
@@ -37,55 +38,61 @@ pub fn servos<W: MemoryWindow>(
         .transpose()
 }
 
-/// Returns the measurements of the joints that a servo processor publishes.
+/// Finds the measured positions and velocities of joints that a servo processor publishes. `region` is the users'
+/// region of that processor's `data`. Returns `None` while no such program runs there.
 ///
 /// # Errors
-/// [`AccessError`] if the memory cannot be accessed.
+/// Returns [`AccessError`] if the memory cannot be accessed.
 pub fn joints<W: MemoryWindow>(
     region: &Region<W>,
 ) -> Result<Option<Published<Joints>>, AccessError> {
     published(region, grasp::JOINTS_NAME)
 }
 
-/// Returns what the joints that a servo processor serves felt of late.
+/// Finds the greatest recent torques and tensions of joints that a servo processor publishes. `region` is the users'
+/// region of that processor's `data`. Returns `None` while no such program runs there.
 ///
 /// # Errors
-/// [`AccessError`] if the memory cannot be accessed.
+/// Returns [`AccessError`] if the memory cannot be accessed.
 pub fn felt<W: MemoryWindow>(region: &Region<W>) -> Result<Option<Published<Felt>>, AccessError> {
     published(region, guards::FELT_NAME)
 }
 
-/// Returns which joints of a servo processor rest since a guard has stopped their motion.
+/// Finds the list of joints stopped by a guard that a servo processor publishes. `region` is the users' region of that
+/// processor's `data`. Returns `None` while no such program runs there.
 ///
 /// # Errors
-/// [`AccessError`] if the memory cannot be accessed.
+/// Returns [`AccessError`] if the memory cannot be accessed.
 pub fn stops<W: MemoryWindow>(region: &Region<W>) -> Result<Option<Published<Stops>>, AccessError> {
     published(region, guards::STOPS_NAME)
 }
 
-/// Returns the tracking errors of the joints that a servo processor publishes.
+/// Finds the tracking errors of joints that a servo processor publishes. `region` is the users' region of that
+/// processor's `data`. Returns `None` while no such program runs there.
 ///
 /// # Errors
-/// [`AccessError`] if the memory cannot be accessed.
+/// Returns [`AccessError`] if the memory cannot be accessed.
 pub fn tracking<W: MemoryWindow>(
     region: &Region<W>,
 ) -> Result<Option<Published<Tracking>>, AccessError> {
     published(region, servo::TRACKING_NAME)
 }
 
-/// Returns the place of the orders to the grasp law of a servo processor, and of its reports.
+/// Finds the memory by which a servo processor takes orders for a grasp and reports on them. `region` is the users'
+/// region of that processor's `data`. Returns `None` while no such program runs there.
 ///
 /// # Errors
-/// [`AccessError`] if the memory cannot be accessed.
+/// Returns [`AccessError`] if the memory cannot be accessed.
 pub fn grasp<W: MemoryWindow>(region: &Region<W>) -> Result<Option<HandGraspLayout>, AccessError> {
     let object = objects::find(region, grasp::NAME, ObjectKind::Other)?;
     Ok(object.map(|object| HandGraspLayout::at(object.offset)))
 }
 
-/// Returns the blocks in which requests are sent to the table.
+/// Finds the blocks by which requests are sent to the table. `region` is the users' region of the `data` of the table's
+/// processor. Returns `None` while its program does not run there.
 ///
 /// # Errors
-/// [`AccessError`] if the memory cannot be accessed.
+/// Returns [`AccessError`] if the memory cannot be accessed.
 pub fn table<W: MemoryWindow>(
     region: &Region<W>,
 ) -> Result<Option<Blocks<table::TableRequest, table::TableResponse>>, AccessError> {
@@ -93,18 +100,20 @@ pub fn table<W: MemoryWindow>(
     Ok(object.map(|object| Blocks::at(object.offset, PROCESSORS as u8)))
 }
 
-/// Returns the positions and the state that the table publishes.
+/// Finds the state of the table, with the positions of its axes, that the table's processor publishes. `region` is the
+/// users' region of that processor's `data`. Returns `None` while its program does not run there.
 ///
 /// # Errors
-/// [`AccessError`] if the memory cannot be accessed.
+/// Returns [`AccessError`] if the memory cannot be accessed.
 pub fn palm<W: MemoryWindow>(region: &Region<W>) -> Result<Option<Published<Palm>>, AccessError> {
     published(region, table::PALM_NAME)
 }
 
-/// Returns the blocks in which requests are sent to the simulated robot.
+/// Finds the blocks by which requests are sent to the simulated robot. `region` is the users' region of the `data` of
+/// the robot's processor. Returns `None` while its program does not run there.
 ///
 /// # Errors
-/// [`AccessError`] if the memory cannot be accessed.
+/// Returns [`AccessError`] if the memory cannot be accessed.
 pub fn plant<W: MemoryWindow>(
     region: &Region<W>,
 ) -> Result<Option<Blocks<plant::PlantRequest, plant::PlantResponse>>, AccessError> {
@@ -112,50 +121,54 @@ pub fn plant<W: MemoryWindow>(
     Ok(object.map(|object| Blocks::at(object.offset, PROCESSORS as u8)))
 }
 
-/// Returns the blocks in which the master's queue of motions is asked.
+/// Finds the blocks by which requests are sent to the master's queue of motions. `region` is the users' region of the
+/// master's `data`. Returns `None` while its program does not run there.
 ///
 /// # Errors
-/// [`AccessError`] if the memory cannot be accessed.
+/// Returns [`AccessError`] if the memory cannot be accessed.
 pub fn motions<W: MemoryWindow>(region: &Region<W>) -> Result<Option<MotionsBlocks>, AccessError> {
     let object = objects::find(region, MOTIONS_NAME, ObjectKind::Other)?;
     Ok(object.map(|object| Blocks::at(object.offset, PROCESSORS as u8)))
 }
 
-/// Returns the set-points of the joints that the master publishes.
+/// Finds the set-points of all joints that the master publishes. `region` is the users' region of the master's `data`.
+/// Returns `None` while its program does not run there.
 ///
 /// # Errors
-/// [`AccessError`] if the memory cannot be accessed.
+/// Returns [`AccessError`] if the memory cannot be accessed.
 pub fn wanted<W: MemoryWindow>(
     region: &Region<W>,
 ) -> Result<Option<Published<DesiredPositions>>, AccessError> {
     published(region, WANTED_NAME)
 }
 
-/// Returns how well the joints have followed each motion, as the master publishes it.
+/// Finds the report on the tracking errors of past motions that the master publishes. `region` is the users' region of
+/// the master's `data`. Returns `None` while its program does not run there.
 ///
 /// # Errors
-/// [`AccessError`] if the memory cannot be accessed.
+/// Returns [`AccessError`] if the memory cannot be accessed.
 pub fn followed<W: MemoryWindow>(
     region: &Region<W>,
 ) -> Result<Option<Published<TrackingReport>>, AccessError> {
     published(region, FOLLOWED_NAME)
 }
 
-/// Returns the true state that the simulated robot publishes.
+/// Finds the true state of the simulated robot that its processor publishes. `region` is the users' region of that
+/// processor's `data`. Returns `None` while its program does not run there.
 ///
 /// # Errors
-/// [`AccessError`] if the memory cannot be accessed.
+/// Returns [`AccessError`] if the memory cannot be accessed.
 pub fn truth<W: MemoryWindow>(
     region: &Region<W>,
 ) -> Result<Option<Published<TrueState>>, AccessError> {
     published(region, plant::TRUTH_NAME)
 }
 
-/// Returns the object in front of the palm as it was measured last: by the camera of the simulated
-/// robot.
+/// Finds the measured place of the ball that the camera of the simulated robot publishes. `region` is the users' region
+/// of the `data` of the robot's processor. Returns `None` while its program does not run there.
 ///
 /// # Errors
-/// [`AccessError`] if the memory cannot be accessed.
+/// Returns [`AccessError`] if the memory cannot be accessed.
 pub fn object<W: MemoryWindow>(
     region: &Region<W>,
 ) -> Result<Option<Published<plant::CameraObject>>, AccessError> {

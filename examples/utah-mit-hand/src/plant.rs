@@ -62,16 +62,17 @@ pub use requests::{
 pub use robot::MACHINE;
 use robot::{Robot, WORKSPACE_M};
 
-/// The vector of requests to the robot.
+/// The vector of messages with requests to the simulated robot: see [`PlantRequest`].
 pub const PLANT: Vector = Vector(4);
-/// The name of the robot's blocks in its processor's object table.
+/// The name of the blocks for requests to the simulated robot in its processor's object table.
 pub const NAME: &str = "plant";
-/// The name of the published [`TrueState`].
+/// The name of the published [`TrueState`] in the object table of the robot's processor.
 pub const TRUTH_NAME: &str = "truth";
-/// The name of the published [`CameraObject`].
+/// The name of the published [`CameraObject`] in the object table of the robot's processor.
 pub const OBJECT_NAME: &str = "object";
 
-/// The true state of the robot, published in every tick. Vectors are in the axes of the palm.
+/// The true state of the simulated robot, which its program publishes in every tick; controllers see only sensors.
+/// Vectors are in the axes of the palm.
 #[derive(Clone, Copy, Debug, PartialEq, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
 pub struct TrueState {
@@ -171,7 +172,8 @@ impl CellStruct for TrueState {
 /// The robot, between handlers and the loop.
 type SharedRobot = Mutex<RefCell<Robot>>;
 
-/// The program.
+/// The program of the simulated robot: a hand on a table, with a ball, which programs reach by the registers of its
+/// boards.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Plant;
 
@@ -198,7 +200,7 @@ impl Program for Plant {
         let mut truth = setup.publish_fields(TRUTH_NAME)?;
         let mut seen = setup.publish_fields(OBJECT_NAME)?;
         let mut camera = Camera::new(&arguments);
-        let blocks = setup.place(NAME, objects::ObjectKind::Other, |places| {
+        let blocks = setup.place(NAME, objects::ObjectKind::Other, |allocator| {
             Blocks::<PlantRequest, PlantResponse>::new(places, PROCESSORS as u8)
         })?;
         let own = setup.own().clone();

@@ -15,31 +15,36 @@ use crate::replay::Replay;
 use crate::servo::Servo;
 use crate::table::Table;
 
-/// Runs the master, and returns its exit status.
+/// Runs the program of the master ([`Master`]) as this process, and returns its exit status. `arguments` are those of
+/// the program.
 #[must_use]
 pub fn master(arguments: Vec<String>) -> ExitCode {
     linux::run(&Master, arguments)
 }
 
-/// Runs the simulated robot, and returns its exit status.
+/// Runs the program of the simulated robot ([`Plant`]) as this process, and returns its exit status. `arguments` are
+/// those of the program.
 #[must_use]
 pub fn plant(arguments: Vec<String>) -> ExitCode {
     linux::run(&Plant, arguments)
 }
 
-/// Runs the replay of a recording, and returns its exit status.
+/// Runs the program that computes a recording again ([`Replay`]) as this process, and returns its exit status.
+/// `arguments` are those of the program.
 #[must_use]
 pub fn replay(arguments: Vec<String>) -> ExitCode {
     linux::run(&Replay, arguments)
 }
 
-/// Runs a servo processor, and returns its exit status.
+/// Runs the program of a servo processor ([`Servo`]) as this process, and returns its exit status. `arguments` are
+/// those of the program.
 #[must_use]
 pub fn servo(arguments: Vec<String>) -> ExitCode {
     linux::run(&Servo, arguments)
 }
 
-/// Runs the table, and returns its exit status.
+/// Runs the program of the table's processor ([`Table`]) as this process, and returns its exit status. `arguments` are
+/// those of the program.
 #[must_use]
 pub fn table(arguments: Vec<String>) -> ExitCode {
     linux::run(&Table, arguments)

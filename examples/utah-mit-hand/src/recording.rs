@@ -52,9 +52,10 @@ pub(crate) use tape::Tape;
 
 /// Inputs of a finger: position and two tensions of each joint, and the force at the tip.
 pub(crate) const INPUTS_OF_FINGER: usize = 3 * JOINTS + 1;
-/// Inputs of a servo processor.
+/// The number of inputs of a servo processor in a recording: for each finger the position and two tensions of each
+/// joint, and the force at the tip.
 pub const INPUTS: usize = INPUTS_OF_FINGER * FINGERS;
-/// Outputs of a servo processor: two tensions of each joint.
+/// The number of outputs of a servo processor in a recording: two tensions of each joint of each finger.
 pub const OUTPUTS: usize = 2 * JOINTS * FINGERS;
 
 /// The counts of the converters of a servo processor's sensors.
@@ -90,9 +91,10 @@ pub(crate) struct TickInputs {
     pub(crate) grasp: GraspInputs<FINGERS, JOINTS>,
 }
 
-/// The outputs of a servo processor in a tick: for each finger and joint, flexor and extensor.
+/// The outputs of a servo processor in one tick, in this order: for each finger and each joint, the flexor and the
+/// extensor.
 ///
-/// The outputs of a finger on another processor are 0. A replay writes one `ServoOutputs` per tick, 320
+/// The outputs of a finger on another processor are 0. A replay writes one `ServoOutputs` per tick to its file: 320
 /// bytes, little-endian.
 #[derive(Clone, Copy, Debug, Default, PartialEq, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
@@ -111,7 +113,7 @@ pub(crate) struct TickEnd {
     pub(crate) hash: u64,
 }
 
-/// The reason why a recording cannot be made or replayed.
+/// The reason why a servo processor cannot make a recording, or why a recording cannot be replayed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum ServoRecordingError {
@@ -200,8 +202,8 @@ impl fmt::Display for FoundVersion<'_> {
     }
 }
 
-/// The difference between the recorded and the computed outputs of a tick: the first output whose
-/// counts differ, with both counts; `None` if only the tensions differ.
+/// The difference between the outputs of one tick in a recording and in its replay. Its text names the first output
+/// whose counts differ, with both counts, or says that only the tensions differ.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Difference(Option<(u32, u16, u16)>);
 

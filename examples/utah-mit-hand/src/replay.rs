@@ -39,7 +39,8 @@ const READ: usize = 256;
 /// The bytes of the name under which outputs are written.
 const HALF_BYTES: usize = 256;
 
-/// The program.
+/// The program that computes the outputs of a servo processor again from a recording, and fails if they differ from the
+/// recorded ones.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Replay;
 

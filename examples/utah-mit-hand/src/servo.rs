@@ -72,13 +72,14 @@ use tracking::Tracker;
 pub use tracking::{Figures, Tracking, Worst};
 use variables::Variables;
 
-/// The name of the published [`Tracking`], with the version of its layout.
+/// The name of the published [`Tracking`] in the object table of a servo processor. The number is the version of the
+/// layout.
 pub const TRACKING_NAME: &str = "tracking-2";
 
-/// The name of the loop.
+/// The name of the servo loop of a servo processor, by which tools such as `condor top` show it.
 pub const LOOP: &str = "servo";
 
-/// The program.
+/// The program of a servo processor, which controls the torques and tensions of one to four fingers.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Servo;
 

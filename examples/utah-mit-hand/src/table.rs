@@ -36,14 +36,15 @@ use crate::failure::Failure;
 use crate::grasp::TickTime;
 use crate::{UtahMit, start};
 
-/// The vector of requests to the table.
+/// The vector of messages with requests to the table: see [`TableRequest`].
 pub const TABLE: Vector = Vector(3);
-/// The name of the table's blocks in its processor's object table.
+/// The name of the blocks for requests to the table in its processor's object table.
 pub const NAME: &str = "table";
-/// The name of the published [`Palm`].
+/// The name of the published [`Palm`] in the object table of the table's processor.
 pub const PALM_NAME: &str = "palm";
 
-/// The state of the table, published in every tick.
+/// The state of the table that carries the hand, which its processor publishes in every tick: the positions of its
+/// axes, and the acceleration of the palm.
 #[derive(Clone, Copy, Debug, PartialEq, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
 pub struct Palm {
@@ -86,7 +87,7 @@ impl CellStruct for Palm {
     ];
 }
 
-/// The activity of the table.
+/// The state of the table: whether it is off, goes home, takes motions, or has failed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 #[non_exhaustive]
@@ -126,7 +127,8 @@ impl TableStatus {
         }
     }
 
-    /// Returns the state that has this number in messages; `None` if there is none.
+    /// Returns the state with the number `number`, which is in a [`Palm`] or a [`TableResponse`]; `None` for an unknown
+    /// number.
     #[must_use]
     pub const fn from_number(number: u32) -> Option<Self> {
         match number {
@@ -140,7 +142,7 @@ impl TableStatus {
     }
 }
 
-/// The operation of a request to the table.
+/// The operation that a [`TableRequest`] asks the table for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 #[non_exhaustive]
@@ -159,7 +161,7 @@ pub enum TableOperation {
     Clear = 5,
 }
 
-/// A request to the table; its response is a [`TableResponse`].
+/// A request to the table, such as to go home or to move. The table answers with a [`TableResponse`].
 #[derive(Clone, Copy, Debug, PartialEq, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
 pub struct TableRequest {
@@ -183,7 +185,7 @@ pub struct TableResponse {
     pub state: u32,
 }
 
-/// The reason why the table refuses a request.
+/// The reason why the table refuses a [`TableRequest`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 #[non_exhaustive]
@@ -213,7 +215,8 @@ impl fmt::Display for TableRefusal {
 }
 
 impl TableRefusal {
-    /// Returns the refusal with this number; `None` for 0, and for an unknown number.
+    /// Returns the refusal with the number `number`, which is in a [`TableResponse`]. Returns `None` for 0, which means
+    /// that the request was accepted, and for an unknown number.
     #[must_use]
     pub const fn from_number(number: u32) -> Option<Self> {
         match number {
@@ -236,7 +239,7 @@ struct DrivenTable {
     axes: usize,
 }
 
-/// The program.
+/// The program of the table's processor, which moves the three axes that carry the hand.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Table;
 
@@ -271,7 +274,7 @@ impl Program for Table {
             last: None,
             period_s: 1.0 / f64::from(rate_hz),
         };
-        let blocks = setup.place(NAME, objects::ObjectKind::Other, |places| {
+        let blocks = setup.place(NAME, objects::ObjectKind::Other, |allocator| {
             Blocks::<TableRequest, TableResponse>::new(places, PROCESSORS as u8)
         })?;
         let own = setup.own().clone();

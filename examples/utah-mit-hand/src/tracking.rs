@@ -4,22 +4,22 @@ use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 use crate::servo::Figures;
 
-/// The name of the published [`TrackingReport`].
+/// The name of the published [`TrackingReport`] in the master's object table.
 pub const FOLLOWED_NAME: &str = "followed";
 /// The longest name of a motion, bytes.
 const NAME_BYTES: usize = 24;
 /// Motions with a name of their own, at most.
 const MOTIONS: usize = 8;
 
-/// The tracking errors of the motions that came to their ends, published after each of them. The report has the
-/// first eight motions with a name.
+/// The tracking errors of all motions that came to their ends, by the names of the motions. The master publishes it
+/// after each motion. There is room for eight names; motions with further names are left out.
 #[derive(Clone, Copy, Debug, PartialEq, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
 pub struct TrackingReport {
     motions: [TrackedMotion; MOTIONS],
 }
 
-/// All runs of a motion.
+/// The tracking errors of one motion of a [`TrackingReport`], over all of its runs.
 #[derive(Clone, Copy, Debug, PartialEq, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
 pub struct TrackedMotion {
@@ -32,7 +32,7 @@ pub struct TrackedMotion {
 }
 
 impl TrackingReport {
-    /// Returns the motions by name, in the order in which they ran first.
+    /// Iterates over the motions with their names, in the order of their first runs.
     pub fn motions(&self) -> impl Iterator<Item = (&str, &TrackedMotion)> {
         let named = self.motions.iter().map(|motion| (motion.name(), motion));
         named.filter(|(name, _)| !name.is_empty())

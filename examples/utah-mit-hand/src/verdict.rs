@@ -16,7 +16,8 @@ use observer::Sample;
 /// Set-points are as exact as this, rad.
 const EXACT: f64 = 1e-9;
 
-/// The outcomes that clients were told, compared with the observed motions.
+/// The result of a test in which clients enqueue motions while programs are killed: the outcomes that clients were
+/// told, compared with the set-points that were observed. [`of`] makes it.
 pub struct Verdict {
     /// The number of times that each outcome was told.
     counts: BTreeMap<String, u64>,
@@ -30,14 +31,15 @@ pub struct Verdict {
 }
 
 impl Verdict {
-    /// Returns how many requests had an outcome that begins like this.
+    /// Returns the number of requests whose outcome begins with the text `outcome`, such as `Done`.
     #[must_use]
     pub fn count(&self, outcome: &str) -> u64 {
         let of_kind = self.counts.iter().filter(|(it, _)| it.starts_with(outcome));
         of_kind.map(|(_, count)| count).sum()
     }
 
-    /// Returns all that is wrong if the clients had so many requests to make, and time for them.
+    /// Returns a sentence for each mistake, if `requests` is the number of requests that all clients together had to
+    /// make. Too few requests, or too few that were done, count as mistakes, too. The list is empty if all is right.
     #[must_use]
     pub fn wrong_of(&self, requests: u64) -> Vec<String> {
         let mut wrong = self.wrong.clone();
@@ -72,10 +74,11 @@ impl fmt::Display for Verdict {
     }
 }
 
-/// Compares what the clients were told with what was observed.
+/// Judges a test: compares the outcomes that the clients were told with the set-points that were observed. `place` is
+/// the directory with the logs of the clients and of the observer.
 ///
 /// # Errors
-/// Returns an error if the configuration of the hand cannot be read.
+/// Returns [`CompileError`](crate::compile::CompileError) if the configuration of the hand cannot be read.
 pub fn of(place: &Path) -> Result<Verdict, Box<dyn Error>> {
     let samples = observer::read(place);
     let mut wrong = jumps(&samples)?;

@@ -106,8 +106,9 @@ enum Command {
 /// The arguments of a command of the application.
 const ARGUMENTS: &str = "arguments";
 
-/// Runs the command that the arguments of this process name. Returns its exit status: 0 for
-/// success, 1 for failure, 2 for arguments that cannot be understood.
+/// Runs `condor` with what `application` adds: the command that the arguments of this process name. Returns the exit
+/// status of the process: 0 for success, 1 for failure, 2 for arguments that cannot be understood. A command that
+/// `application` adds returns its own.
 pub fn main(application: &dyn Application) -> ExitCode {
     let mut words = std::env::args_os().skip(1);
     if words.next().is_some_and(|word| word == "--remote") {

@@ -67,7 +67,8 @@ pub use reader::{Column, RecordedSource, RecordingReader};
 pub(crate) use completion::Former;
 pub(crate) use writer::{AttachedFile, Origin, TopicCounts, Writer};
 
-/// The version of the format of a recording's own parts, beside MCAP.
+/// The version of the parts of a recording that the MCAP format does not define: its metadata and its topics.
+/// [`RecordingReader`] refuses other versions.
 pub const FORMAT: u32 = 1;
 
 const ABOUT: &str = "condor";
@@ -77,7 +78,7 @@ const VARIABLE: &str = "variable.";
 /// The bytes of an open chunk at which it is written.
 const CHUNK_BYTES: u64 = 1 << 20;
 
-/// The messages of a topic in a recording.
+/// The numbers of messages of one topic that a recording contains, and that were dropped.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RecordedTopic {
     /// The name of the topic, such as `/servo_a/servo`.
@@ -156,7 +157,7 @@ pub enum RecordingError {
     Format {
         /// The file.
         path: PathBuf,
-        /// Its format.
+        /// The format of the file.
         found: String,
     },
     /// A channel has another schema than a recorder writes.

@@ -43,7 +43,7 @@ const FRAME: Duration = Duration::from_millis(40);
 /// The time between two looks at the counts.
 const LOOK: Duration = Duration::from_millis(500);
 
-/// The reason why there is no user interface.
+/// The reason why the user interface did not start, or has ended.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum UiError {
@@ -55,9 +55,9 @@ pub enum UiError {
     Terminal(#[from] io::Error),
 }
 
-/// Shows a running system on this terminal until a person leaves or a signal comes. `tools` are the
-/// programs that the person can start on a processor; `robot` is drawn beside plots, which also show numbers of
-/// programs of `extensions`.
+/// Shows the running system in `directory` on this terminal, until a person leaves or SIGHUP, SIGINT or SIGTERM comes.
+/// `tools` are programs that the person can start on a processor. `robot` is drawn beside plots. `extensions` are those
+/// of the application; plots read static variables of their processors' programs by them.
 ///
 /// # Errors
 /// Returns [`UiError`] if the supervisor or the terminal fails; the terminal is restored then.

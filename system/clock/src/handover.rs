@@ -2,8 +2,9 @@
 
 use crate::sync::AtomicU32;
 
-/// The way in which participants of a [`Page`](crate::Page) on one kind of machine sleep and wake
-/// each other. A participant is a processor or a part of the host.
+/// The way in which participants of a [`Page`](crate::Page) sleep until they have the turn, the
+/// right to run, and wake each other. A participant is a processor or a part of the host. Each kind
+/// of machine has its own implementation.
 ///
 /// # For implementers
 ///
@@ -43,7 +44,7 @@ pub trait Handover {
     }
 }
 
-/// A mistake that a program makes with simulated time.
+/// A mistake of a program with simulated time, which is reported to [`Handover::fault`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ClockFault {
     /// The program still runs ten seconds of its time after it was told to stop.

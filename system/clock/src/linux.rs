@@ -9,7 +9,7 @@ use rustix::time::{ClockId, Timespec, clock_gettime};
 use crate::handover::Handover;
 use crate::sync::AtomicU32;
 
-/// The [`Handover`] between processes and between threads of Linux, by futex.
+/// The [`Handover`] between processes of Linux, and between threads of one process, by futex.
 #[derive(Debug)]
 pub struct Futex {
     /// The thread of the program.
@@ -17,7 +17,8 @@ pub struct Futex {
 }
 
 impl Futex {
-    /// Makes the handover of the program that runs in the calling thread.
+    /// Makes the handover for a participant whose program runs in the calling thread. Other threads
+    /// of that program may ring, but never wait for the turn.
     #[must_use]
     pub fn new() -> Self {
         Self {

@@ -27,7 +27,8 @@ const PATIENCE_NS: u64 = 10_000_000_000;
 /// A handler of the timer.
 type Handler = &'static (dyn Fn() + Sync);
 
-/// The clock, the timer and the waits of one processor in simulated time.
+/// The simulated clock as one processor uses it: to read the time, to let time pass, to set its
+/// timer, to ring and to wait.
 ///
 /// The timer interrupts at exactly the instant for which it is armed: in waits, where the
 /// background passes time, and while a slower loop spends its declared time.
@@ -66,9 +67,9 @@ pub struct LocalClock<P, H> {
 }
 
 impl<P: Deref<Target = Page<N>>, H: Handover, const N: usize> LocalClock<P, H> {
-    /// Makes the clock of processor `number`, which takes part in the time of `page` and hands the
-    /// turn over through `by`. After the body of the loop of rank *i* has run, `work[i]`
-    /// nanoseconds pass; the fastest loop has rank 0.
+    /// Makes the clock of processor `number`. `page` is the page that all participants share, and
+    /// `by` is the way in which they sleep and wake each other. After the body of the loop of rank
+    /// *i* has run, `work[i]` nanoseconds pass; the fastest loop has rank 0.
     pub const fn new(number: u8, page: P, by: H, work: [u64; LOOPS]) -> Self {
         Self {
             number,
@@ -88,18 +89,18 @@ impl<P: Deref<Target = Page<N>>, H: Handover, const N: usize> LocalClock<P, H> {
         self.number
     }
 
-    /// Returns the page that all participants share.
+    /// Returns the page of the simulated time, which all participants share.
     pub fn page(&self) -> &Page<N> {
         &self.page
     }
 
-    /// Returns the way in which the turn is handed over.
+    /// Returns the way in which this processor sleeps until it has the turn, and wakes others.
     pub const fn handover(&self) -> &H {
         &self.by
     }
 
-    /// Announces that this processor takes part from instant `at` on, in nanoseconds, or from now on if
-    /// that has passed. It does not wait; [`begin`](Self::begin) does.
+    /// Announces that this processor takes part in the simulated time from the instant `at` on, in nanoseconds, or from
+    /// now on if `at` has passed. Does not wait: [`begin`](Self::begin) waits for the first turn.
     pub fn announce(&self, at: u64) {
         self.page.announce(self.number, at);
     }
@@ -110,22 +111,24 @@ impl<P: Deref<Target = Page<N>>, H: Handover, const N: usize> LocalClock<P, H> {
         self.page.first_turn(self.number, &self.by);
     }
 
-    /// Ends the participation of this processor, whose program ends.
+    /// Ends the participation of this processor in the simulated time. Call it when the program
+    /// ends.
     pub fn leave(&self) {
         self.page.leave(self.number, &self.by);
     }
 
-    /// Returns the present instant in nanoseconds. This reading takes no time.
+    /// Returns the present instant of simulated time, in nanoseconds. This reading takes no time.
     pub fn now(&self) -> u64 {
         self.page.now()
     }
 
-    /// Returns true if the instant has come from which programs must stop.
+    /// Returns true if the program must stop, because the present instant is not before that of
+    /// [`Page::set_stop_at`].
     pub fn is_stopping(&self) -> bool {
         self.now() >= self.page.stop_at()
     }
 
-    /// Returns the present instant in nanoseconds to a program, which may poll the clock: each
+    /// Returns the present instant in nanoseconds, for a program that may poll the clock: each
     /// thousandth reading in a row lets 100 µs of simulated time pass, so that the poll ends.
     pub fn read(&self) -> u64 {
         if self.by.is_own_context() {
@@ -137,7 +140,7 @@ impl<P: Deref<Target = Page<N>>, H: Handover, const N: usize> LocalClock<P, H> {
         self.now()
     }
 
-    /// Returns the present instant in nanoseconds to a scheduler. It may be polled like
+    /// Returns the present instant in nanoseconds, for a scheduler of loops. It may be polled like
     /// [`read`](Self::read), but the timer does not interrupt during the call.
     pub fn read_timer(&self) -> u64 {
         if self.by.is_own_context() {
@@ -149,18 +152,20 @@ impl<P: Deref<Target = Page<N>>, H: Handover, const N: usize> LocalClock<P, H> {
         self.now()
     }
 
-    /// Sets the timer to the instant `at`, in nanoseconds; returns true if `at` is still ahead.
+    /// Sets the timer, so that it interrupts at the instant `at`, in nanoseconds. Returns true if
+    /// `at` is still ahead; returns false if it is the present instant or has passed.
     pub fn arm(&self, at: u64) -> bool {
         self.armed.store(at, Relaxed);
         at > self.now()
     }
 
-    /// Disarms the timer.
+    /// Disarms the timer: it does not interrupt until it is [armed](Self::arm) again.
     pub fn disarm(&self) {
         self.armed.store(NEVER, Relaxed);
     }
 
-    /// Runs `body` while no time passes and nothing interrupts.
+    /// Runs `body` as a critical section, in which no simulated time passes and which nothing
+    /// interrupts. Returns the result of `body`.
     pub fn standing_still<R>(&self, body: impl FnOnce() -> R) -> R {
         self.still.fetch_add(1, Relaxed);
         let _still = AtEnd(|| {
@@ -173,8 +178,8 @@ impl<P: Deref<Target = Page<N>>, H: Handover, const N: usize> LocalClock<P, H> {
         self.still.load(Relaxed) > 0
     }
 
-    /// Runs `program`, and calls `handler` at each interrupt of the timer meanwhile. Returns `None`
-    /// without running `program` if the timer has a handler already.
+    /// Runs `program` and returns its result; meanwhile calls `handler` at each interrupt of the
+    /// timer. Returns `None` without running `program` if the timer has a handler already.
     pub fn with_handler<R>(
         &self,
         handler: &(dyn Fn() + Sync),
@@ -221,13 +226,13 @@ impl<P: Deref<Target = Page<N>>, H: Handover, const N: usize> LocalClock<P, H> {
         }
     }
 
-    /// Returns how often this processor was rung; the count wraps.
+    /// Returns the number of times that this processor was rung. The count wraps.
     pub fn rings(&self) -> u32 {
         self.page.rings(self.number)
     }
 
-    /// Rings the processor `number`. If `number` is a service, counts a message to it; the caller
-    /// must then ring the service's own doorbell.
+    /// Rings the processor `number`, so that its wait ends. If `number` is a service, this only
+    /// counts a message to it; the caller must then ring the service's own doorbell.
     pub fn ring(&self, number: u8) {
         if self.by.is_own_context() {
             self.page.count_ring(number);
@@ -240,10 +245,11 @@ impl<P: Deref<Target = Page<N>>, H: Handover, const N: usize> LocalClock<P, H> {
         }
     }
 
-    /// Waits until the count of rings is no longer `seen`, until the instant `until` in
-    /// nanoseconds, or until programs are to stop, whichever is first. `whom` is the participant
-    /// whose answer is awaited: if it is a service, no time passes, and the wait may end early.
-    /// Another thread than the program's waits for a ring only, and at most 10 ms of real time.
+    /// Waits until the count of rings is no longer `seen`, until the instant `until`, in
+    /// nanoseconds, or until programs must stop, whichever is first. `whom` is the participant for
+    /// whose answer the caller waits, if there is one: if it is a service, no time passes, and the
+    /// wait may end early. A thread that is not the program's own waits for a ring only, and for at
+    /// most 10 ms of real time.
     pub fn wait(&self, seen: u32, until: u64, whom: Option<u8>) {
         if !self.by.is_own_context() {
             return self.page.doze(self.number, seen, &self.by);

@@ -13,7 +13,7 @@ use crate::obstacle::Obstacle;
 use crate::sizes::LINES;
 use crate::sync::{AtomicU32, AtomicU64, Ordering};
 
-/// An instant that never comes.
+/// An instant that never comes; as a limit or a deadline it means that there is none.
 pub const NEVER: u64 = u64::MAX;
 
 /// `CCLK`.
@@ -49,12 +49,12 @@ mod ends {
     pub(super) const STOP: u32 = 2;
 }
 
-/// The page of memory that all participants of one simulated time share.
+/// The page of memory through which all participants share one simulated time.
 ///
-/// A page of zeros that was [`reset`](Self::reset) is at instant 0. Instants are in nanoseconds of
-/// simulated time since then; [`NEVER`] is after all of them. A program that writes other
-/// words into the page can stop time or change the order of processors, but do no worse: all words
-/// are read as numbers and checked.
+/// Memory becomes a page by [`reset`](Self::reset), which sets the time to instant 0. Instants are
+/// in nanoseconds of simulated time since then; [`NEVER`] is after all of them. A program that
+/// writes other words into the page can stop time or change the order of processors, but can do
+/// nothing worse: all words are read as numbers and checked.
 #[repr(C, align(64))]
 #[derive(Debug)]
 pub struct Page<const N: usize = LINES> {
@@ -116,7 +116,7 @@ pub enum Until {
     },
 }
 
-/// The memory does not hold a page, or its page has another version.
+/// The error of [`Page::check`]: the memory does not hold a page, or the page has another version.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
     "the page of the simulated clock begins with {magic:#010x}, version {version}; expected {MAGIC:#010x}, version \
@@ -170,7 +170,8 @@ impl<const N: usize> Page<N> {
         page
     }
 
-    /// Returns the page that lies in `words`; `None` if they are too few or not aligned to 64 bytes.
+    /// Returns the page that lies in `words`, memory that participants share; `None` if there are too few words for a
+    /// page, or if they are not aligned to 64 bytes.
     #[cfg(not(condor_loom))]
     #[must_use]
     pub fn from_words(words: &[AtomicU32]) -> Option<&Self> {
@@ -225,7 +226,7 @@ impl<const N: usize> Page<N> {
             .ok_or(PageError { magic, version })
     }
 
-    /// Returns the present instant in nanoseconds.
+    /// Returns the present instant of simulated time, in nanoseconds.
     #[inline]
     #[must_use]
     pub fn now(&self) -> u64 {
@@ -233,21 +234,21 @@ impl<const N: usize> Page<N> {
         self.now.load(Ordering::Relaxed)
     }
 
-    /// Returns the instant from which programs are to stop, in nanoseconds; [`NEVER`] if none is
-    /// set.
+    /// Returns the instant from which programs must stop, in nanoseconds; [`NEVER`] if none is set.
     #[must_use]
     pub fn stop_at(&self) -> u64 {
         self.stop_at.load(Ordering::Relaxed)
     }
 
-    /// Returns the instant that time does not pass, in nanoseconds; [`NEVER`] if none is set.
+    /// Returns the limit of simulated time: the instant, in nanoseconds, at which time stops until
+    /// the limit is raised. Returns [`NEVER`] if there is no limit.
     #[must_use]
     pub fn limit(&self) -> u64 {
         self.limit.load(Ordering::Relaxed)
     }
 
-    /// Returns the speed that was set, in thousandths of the real time; 0 means as fast as
-    /// possible.
+    /// Returns the speed of simulated time that was set, in thousandths of real time: 1000 is as
+    /// fast as real time. 0 means as fast as possible.
     #[must_use]
     pub fn speed(&self) -> u64 {
         self.speed.load(Ordering::Relaxed)
@@ -273,8 +274,9 @@ impl<const N: usize> Page<N> {
         self.role(number) == role::SERVICE
     }
 
-    /// Returns true if only a doorbell can wake `number`: it is a part of the host, which also
-    /// waits for other events than a change of its words, or a processor of another machine.
+    /// Returns true if the participant `number` can only be woken by its doorbell, because it does
+    /// not sleep on the words of this page. It is a part of the host, which also waits for other
+    /// events, or a processor of another machine.
     #[must_use]
     pub fn needs_bell(&self, number: u8) -> bool {
         let is_far = |line: &Line| line.far.load(Ordering::Relaxed) != 0;
@@ -282,15 +284,15 @@ impl<const N: usize> Page<N> {
             || self.line(number).is_some_and(is_far)
     }
 
-    /// Sets whether the processor `me`, which has not been announced yet, belongs to another
-    /// machine, so that only a doorbell can wake it.
+    /// Sets whether the processor `me` belongs to another machine, so that only a doorbell can wake
+    /// it. Call this before `me` is [announced](Self::announce).
     pub fn set_far(&self, me: u8, is_far: bool) {
         if let Some(line) = self.line(me) {
             line.far.store(is_far.into(), Ordering::Relaxed);
         }
     }
 
-    /// Returns true if `number` is a participant of any kind.
+    /// Returns true if `number` is a participant of any kind: a processor, a service or a guest.
     #[must_use]
     pub fn takes_part(&self, number: u8) -> bool {
         self.role(number) != role::NOBODY
@@ -306,8 +308,8 @@ impl<const N: usize> Page<N> {
         self.lines.get(usize::from(number))
     }
 
-    /// Returns the number of the participant that has the turn, even if only to give it on; `None`
-    /// if the turn is free.
+    /// Returns the number of the participant that has the turn, even if it has it only for a moment
+    /// to pass it on; `None` if the turn is free.
     #[must_use]
     pub fn holder(&self) -> Option<u8> {
         // Acquire: pairs with the Release of `pass`: what the former holder wrote is seen.
@@ -316,14 +318,15 @@ impl<const N: usize> Page<N> {
         Some(self.line(number).map_or(holder, |_| number))
     }
 
-    /// Returns true if `number` has the turn.
+    /// Returns true if the participant `number` has the turn, the right to run.
     #[must_use]
     pub fn has_turn(&self, number: u8) -> bool {
         // Acquire: as in `holder`.
         holder_of(self.turn.load(Ordering::Acquire)) == Some(number)
     }
 
-    /// Returns true if `number` has the turn and is not waiting for the answer of a service.
+    /// Returns true if the participant `number` has the turn and is not waiting for the answer of a
+    /// service.
     #[must_use]
     pub fn is_busy(&self, number: u8) -> bool {
         let asks = |line: &Line| line.asks.load(Ordering::Relaxed) != 0;
@@ -332,9 +335,9 @@ impl<const N: usize> Page<N> {
 
     // The operations of a processor.
 
-    /// Makes processor `me` a participant. Its program gets its first turn at the latest of the instant
-    /// `at`, in nanoseconds, the instant to which its entry was [deferred](Self::defer), and the present
-    /// one. Ends the [hold](Self::hold) for `me`. The caller must [kick](Self::kick) afterwards.
+    /// Makes processor `me` a participant. Its program gets its first turn at the latest of three instants: `at`, in
+    /// nanoseconds, the instant to which its entry was [deferred](Self::defer), and the present one. Ends the
+    /// [hold](Self::hold) for `me`. The caller must [kick](Self::kick) afterwards.
     pub fn announce(&self, me: u8, at: u64) {
         let line = self.line(me).filter(|_| !self.takes_part(me));
         let deferred = line.map(|line| line.next.load(Ordering::Relaxed));
@@ -358,8 +361,8 @@ impl<const N: usize> Page<N> {
         line.role.store(role::PROCESSOR, Ordering::Release);
     }
 
-    /// Ends the participation of processor `me`, whose program ends. Rings all other processors, which may
-    /// wait for it, and passes the turn on if `me` has it.
+    /// Ends the participation of processor `me`. Call it when the program of `me` ends. Rings all other processors,
+    /// which may wait for `me`, and passes the turn on if `me` has it.
     pub fn leave(&self, me: u8, by: &impl Handover) {
         // A giver that finds no program there takes its turn back, but only from `me` itself.
         let had_turn = self.take_from(me, |holder| holder == me);
@@ -395,8 +398,8 @@ impl<const N: usize> Page<N> {
         self.now()
     }
 
-    /// Waits for an answer of the service `of`, while `me` keeps the turn and time stands: until
-    /// the count of rings of `me` is no longer `seen`, or for 10 ms of real time.
+    /// Waits for an answer of the service `of`, while `me` keeps the turn and no time passes. The
+    /// wait ends when the count of rings of `me` is no longer `seen`, or after 10 ms of real time.
     pub fn ask(&self, me: u8, of: u8, seen: u32, by: &impl Handover) {
         if let Some(line) = self.line(me) {
             line.asks.store(u32::from(of) + 1, Ordering::Relaxed);
@@ -405,8 +408,8 @@ impl<const N: usize> Page<N> {
         }
     }
 
-    /// Waits until the count of rings of `me` is no longer `seen`, or for 10 ms of real time. It
-    /// does not matter whether `me` has the turn.
+    /// Waits until the count of rings of `me` is no longer `seen`, or for at most 10 ms of real
+    /// time. `me` may have the turn or not.
     pub fn doze(&self, me: u8, seen: u32, by: &impl Handover) {
         const WHILE_NS: u64 = 10_000_000;
         if let Some(line) = self.line(me) {
@@ -414,8 +417,8 @@ impl<const N: usize> Page<N> {
         }
     }
 
-    /// Returns the number of times that the processor `number` was rung, or the number of messages to the
-    /// service `number` that were counted. The count wraps.
+    /// Returns the number of times that the processor `number` was rung or, if `number` is a service, the number of
+    /// messages to it that were counted. The count wraps.
     #[must_use]
     pub fn rings(&self, number: u8) -> u32 {
         // Acquire: pairs with the Release addition in `count_ring`.
@@ -423,8 +426,8 @@ impl<const N: usize> Page<N> {
         line.map_or(0, |line| line.rings.load(Ordering::Acquire))
     }
 
-    /// Counts a ring of `number`, and wakes nothing. The caller must have the turn, or must have sent
-    /// a message to the service `number` and ring that service's own doorbell afterwards.
+    /// Counts a ring of the participant `number`, but does not wake it. The caller must have the turn, or must have
+    /// sent a message to the service `number` and ring that service's own doorbell afterwards.
     pub fn count_ring(&self, number: u8) {
         if let Some(line) = self.line(number) {
             // Release: pairs with the Acquire loads of `rings`: what was written before is seen.
@@ -432,8 +435,8 @@ impl<const N: usize> Page<N> {
         }
     }
 
-    /// Wakes `number` from a sleep on any of its words, on behalf of a participant of another
-    /// machine, which cannot wake it itself.
+    /// Wakes the participant `number` from a sleep on any of its words in the page, on behalf of a
+    /// participant of another machine, which cannot wake `number` itself.
     pub fn wake(&self, number: u8, by: &impl Handover) {
         if let Some(line) = self.line(number) {
             by.wake(number, &line.grants);
@@ -444,8 +447,8 @@ impl<const N: usize> Page<N> {
     // The operations of a part of the host.
 
     /// Makes `me` a service: a part of the host for which time waits until it has taken all
-    /// messages to it. This includes a [request](Self::request) for the turn, so that no time
-    /// passes before the service has seen what its previous run left undone.
+    /// messages to it. Also [requests](Self::request) the turn for `me`, so that no time passes
+    /// before the service has seen what its previous run left undone.
     pub fn serve(&self, me: u8) {
         self.set_role(me, role::SERVICE, 0);
         // Relaxed: `pass` acquires.
@@ -489,7 +492,8 @@ impl<const N: usize> Page<N> {
         self.kick(me, by);
     }
 
-    /// Records that the service `me` has handled all messages of its first `seen` rings.
+    /// Records that the service `me` has handled all messages that were counted before
+    /// [`rings`](Self::rings) returned `seen`. Simulated time does not wait for them any more.
     pub fn consumed(&self, me: u8, seen: u32, by: &impl Handover) {
         if let Some(line) = self.line(me) {
             // Release: pairs with the Acquire load in `owing`: what it has done is seen.
@@ -499,8 +503,9 @@ impl<const N: usize> Page<N> {
         }
     }
 
-    /// Asks for the turn for the part `me` of the host: at the instant `at`, in nanoseconds, or as
-    /// soon as no processor has anything to do at the present instant, whichever is later.
+    /// Asks for the turn for `me`, a part of the host, without waiting. `me` gets the turn at the
+    /// instant `at`, in nanoseconds, or at the present instant if `at` has passed; in both cases
+    /// after all processors that go on at that instant.
     pub fn request(&self, me: u8, at: u64, by: &impl Handover) {
         self.set_next(me, at);
         self.kick(me, by);
@@ -513,12 +518,13 @@ impl<const N: usize> Page<N> {
         }
     }
 
-    /// Releases the turn that was [requested](Self::request), or withdraws the request.
+    /// Releases the turn that `me` has [requested](Self::request), or withdraws the request if `me`
+    /// does not have the turn yet.
     pub fn finish(&self, me: u8, by: &impl Handover) {
         self.postpone(me, NEVER, by);
     }
 
-    /// Releases the turn that was [requested](Self::request), and requests it again for the instant `at`, in
+    /// Releases the turn that `me` has [requested](Self::request), and requests it again for the instant `at`, in
     /// nanoseconds, before any time passes.
     pub fn postpone(&self, me: u8, at: u64, by: &impl Handover) {
         self.set_next(me, at);
@@ -562,7 +568,8 @@ impl<const N: usize> Page<N> {
         self.holds.fetch_or(bit(number), Ordering::SeqCst);
     }
 
-    /// Ends a [`hold`](Self::hold); the caller [kicks](Self::kick) afterwards.
+    /// Ends the [`hold`](Self::hold) for the processor `number`. The caller must [kick](Self::kick)
+    /// afterwards.
     pub fn release(&self, number: u8) {
         self.holds.fetch_and(!bit(number), Ordering::SeqCst);
     }
@@ -573,8 +580,8 @@ impl<const N: usize> Page<N> {
         self.holds.load(Ordering::SeqCst) & bit(number) != 0
     }
 
-    /// Ends the participation of the processor or guest `number`, whose program has ended or was killed. If
-    /// it had the turn, `me` takes the turn and passes it on.
+    /// Ends the participation of the processor or guest `number`, whose program has ended or was killed. If `number`
+    /// had the turn, `me` takes the turn and passes it on.
     pub fn bury(&self, number: u8, me: u8, by: &impl Handover) {
         self.end(number, by);
         self.free(number, me, by);
@@ -599,7 +606,7 @@ impl<const N: usize> Page<N> {
         }
     }
 
-    /// Cancels the request of `number`, a part of the host whose program has ended. If `number` had the
+    /// Cancels the request for the turn of `number`, a part of the host whose program has ended. If `number` had the
     /// turn, `me` takes the turn and passes it on.
     pub fn free(&self, number: u8, me: u8, by: &impl Handover) {
         self.set_next(number, NEVER);
@@ -611,8 +618,8 @@ impl<const N: usize> Page<N> {
         }
     }
 
-    /// Sets the limit to the instant `at`, in nanoseconds: participants due later do not go on until
-    /// the limit is raised. With [`NEVER`] there is no limit. The caller must have the turn.
+    /// Sets the limit of simulated time to the instant `at`, in nanoseconds: participants that are due later do not go
+    /// on until the limit is raised. With [`NEVER`] there is no limit. The caller must have the turn.
     pub fn set_limit(&self, at: u64) {
         self.limit.store(at, Ordering::Relaxed);
     }
@@ -622,22 +629,22 @@ impl<const N: usize> Page<N> {
         self.stop_at.store(at, Ordering::Relaxed);
     }
 
-    /// Sets the speed of simulated time in thousandths of real time; 0 means as fast as possible.
-    /// The caller must have the turn.
+    /// Sets the speed of simulated time in thousandths of real time: 1000 is as fast as real time.
+    /// 0 means as fast as possible. The caller must have the turn.
     pub fn set_speed(&self, thousandths: u64, by: &impl Handover) {
         self.speed.store(thousandths, Ordering::Relaxed);
         self.keep_pace_from(by);
     }
 
-    /// Measures the pace from the present instant on, so that simulated time does not hurry to make
-    /// up for a pause. The caller must have the turn.
+    /// Compares simulated time with real time from the present instant on. Call this after a pause,
+    /// so that simulated time does not hurry to make up for it. The caller must have the turn.
     pub fn keep_pace_from(&self, by: &impl Handover) {
         let wall = by.wall_ns().unwrap_or(0);
         self.pace_wall.store(wall, Ordering::Relaxed);
         self.pace_from.store(self.now(), Ordering::Relaxed);
     }
 
-    /// Returns the reason why time does not pass at this moment.
+    /// Returns the reason why simulated time does not pass at this moment.
     pub fn standing(&self, by: &impl Handover) -> Obstacle {
         if let Some(holder) = self.holder() {
             let asks = self.line(holder);

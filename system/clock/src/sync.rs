@@ -17,7 +17,7 @@ mod mortal {
 
     pub use loom::sync::atomic::Ordering;
 
-    /// The payload with which a killed thread unwinds.
+    /// The payload with which a thread unwinds that [`kill_before`] has killed in a test.
     #[derive(Debug)]
     pub struct Killed;
 
@@ -26,14 +26,14 @@ mod mortal {
         static LEFT: Cell<u32> = Cell::new(0);
     }
 
-    /// Kills the calling thread before its access number `access` from now on, of which the first is 1.
-    /// With 0 it lives on.
+    /// Kills the calling thread at a later access, as if its program had been killed: before its access number
+    /// `access`, where the next one is number 1. With 0 the thread is not killed.
     pub fn kill_before(access: u32) {
         LEFT.with(|left| left.set(access));
     }
 
-    /// Counts an access of the calling thread, and kills the thread if this access is the one of
-    /// [`kill_before`].
+    /// Counts an access of the calling thread to an atomic. Kills the thread if this is the access
+    /// that was chosen by [`kill_before`].
     pub fn step() {
         let left = LEFT.with(|left| left.replace(left.get().saturating_sub(1)));
         if left == 1 {
@@ -41,7 +41,8 @@ mod mortal {
         }
     }
 
-    /// Executes a fence, before which the calling thread can be killed.
+    /// Executes a fence of the order `order`. It counts as an access, before which the calling
+    /// thread can be killed.
     pub fn fence(order: Ordering) {
         step();
         atomic::fence(order);
@@ -49,7 +50,8 @@ mod mortal {
 
     macro_rules! mortal {
         ($name:ident, $value:ty) => {
-            /// An atomic of threads that can be killed; its field is for those that cannot.
+            /// An atomic at whose accesses a thread can be killed. Threads that cannot be killed
+            /// use its field instead.
             #[derive(Debug)]
             pub struct $name(pub atomic::$name);
 

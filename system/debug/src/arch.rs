@@ -4,7 +4,9 @@ use core::ops::Range;
 
 use crate::Trigger;
 
-/// A processor as its [`Stub`](crate::Stub) uses it.
+/// The operations of a processor that its debugger [`Stub`](crate::Stub) needs: breakpoint
+/// instructions, hardware triggers, and waiting for a ring, the interrupt by which the host
+/// announces a command.
 ///
 /// # For implementers
 ///
@@ -14,29 +16,30 @@ pub trait Arch {
     /// Returns the addresses of the program at which no breakpoint can be, such as those of its trap entry.
     fn closed(&self) -> Range<u64>;
 
-    /// Returns the instruction at `address`, for which a breakpoint can stand; `None` if none can.
+    /// Returns the instruction at `address`, which a breakpoint can replace; `None` if no
+    /// breakpoint can be there.
     fn original(&self, address: u64) -> Option<u32>;
 
-    /// Stores a breakpoint instruction at `address`. It must not split an access of the processor: what is
-    /// executed there is the old instruction or the breakpoint. Does nothing if no breakpoint can be there.
+    /// Stores a breakpoint instruction at `address`. The store must be a single access, so that the processor executes
+    /// either the old instruction or the breakpoint there. Does nothing if no breakpoint can be there.
     fn plant(&self, address: u64);
 
-    /// Stores `original` of [`original`](Self::original) at `address` again. Does nothing if no breakpoint can
-    /// be there.
+    /// Stores `original`, the instruction that [`original`](Self::original) returned, at `address` again. Does nothing
+    /// if no breakpoint can be there.
     fn restore(&self, address: u64, original: u32);
 
     /// Returns true if the instruction at `address` is a breakpoint.
     fn is_breakpoint(&self, address: u64) -> bool;
 
-    /// Has the hardware stop the program at the accesses of `trigger` by an exception, before they are made.
-    /// Returns true if it can; a processor without triggers never does.
+    /// Makes the hardware stop the program by an exception before each access that `trigger` describes. Returns true if
+    /// the hardware can do that. A processor without triggers always returns false, which is the default.
     fn arm(&self, trigger: Trigger) -> bool {
         let _ = trigger;
         false
     }
 
-    /// Has the hardware forget a trigger that [`arm`](Self::arm) has accepted. Does nothing if there is none
-    /// such.
+    /// Makes the hardware forget `trigger`, which [`arm`](Self::arm) has accepted. Does nothing if there is no such
+    /// trigger.
     fn disarm(&self, trigger: Trigger) {
         let _ = trigger;
     }
@@ -45,8 +48,8 @@ pub trait Arch {
     fn synchronize(&self);
 
     /// Waits until the processor is rung. It may return earlier, and must return at once if a ring
-    /// came since it returned last. It serves what others need of this processor even while its
-    /// program is held. It need not return if the program is abandoned.
+    /// came since it returned last. Meanwhile it does what others need of this processor, even
+    /// while the program is held. It need not return if the program is abandoned.
     fn wait(&self);
 }
 

@@ -2,9 +2,11 @@
 
 use condor_mbox::{AccessError, MemoryWindow, Region};
 
-/// The number of bytes of the debug area.
+/// The size in bytes of the debug area: the memory through which the host and the stub of a
+/// processor exchange commands and the registers of a stopped program.
 pub const AREA_BYTES: u32 = 2048;
-/// The greatest number of registers of a frame, each of 8 bytes, at the beginning of the area.
+/// The greatest number of registers in a frame, the saved registers of a stopped program. The frame
+/// is at the beginning of the debug area, and each register takes 8 bytes.
 pub const FRAME_REGISTERS: u32 = 128;
 
 pub(crate) const COMMAND: u32 = 1024;
@@ -19,12 +21,13 @@ pub(crate) const STATE: u32 = 1064;
 pub(crate) const HOLDS: u32 = 1068;
 pub(crate) const REASON: u32 = 1072;
 const CHANGE: u32 = 1088;
-/// The place of the table of planted breakpoints in the area, for a trap entry that must put an instruction back
-/// without the stub: entries of an address (8 bytes), its original instruction (4 bytes), and 1 (4 bytes) if
-/// a breakpoint instruction is planted there.
+/// The offset in bytes of the table of planted breakpoints in the debug area. A trap entry can read the table to put an
+/// instruction back without the stub. Each entry has 16 bytes: an address (8 bytes), the original instruction there (4
+/// bytes), and a word (4 bytes) that is 1 if a breakpoint instruction is planted there.
 pub const PLANTED: u32 = 1344;
 
-/// The number of entries of the table at [`PLANTED`].
+/// The number of entries of the table at [`PLANTED`]: the greatest number of breakpoints and
+/// triggers at a time.
 pub const MOST_PLANTED: u32 = 40;
 /// The greatest number of changes of a command.
 pub(crate) const MOST_CHANGES: u32 = 16;
@@ -101,7 +104,8 @@ impl Trigger {
     }
 }
 
-/// The debug mode of a processor: the events at which a debugger wants its program held.
+/// The debug mode of a processor: the events at which its program is held, that is, stopped until a
+/// debugger resumes it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct DebugRequest {
     /// A debugger is attached: breakpoints and fatal exceptions hold the program.
@@ -139,7 +143,7 @@ impl DebugRequest {
     }
 }
 
-/// The reason why a program is held.
+/// The reason why a program is held, that is, stopped until a debugger resumes it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum HoldReason {
     /// The debugger has stopped the program.

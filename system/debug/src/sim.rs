@@ -10,23 +10,26 @@ use condor_mbox::{AccessError, Region};
 use crate::area::Area;
 use crate::{AREA_BYTES, Arch, Stub, TrapOutcome, Trigger, TriggerAccess};
 
-/// Instructions, each of one word: any other word is an exception.
+/// The instruction that adds 1 to the counter of a [`SimProcessor`]. Each instruction takes one
+/// word; a word that is not an instruction raises an exception.
 pub const COUNT: u32 = 1;
-/// Continues at address 0.
+/// The instruction that continues at address 0.
 pub const JUMP: u32 = 2;
-/// The breakpoint instruction.
+/// The breakpoint instruction of a [`SimProcessor`].
 pub const BREAKPOINT: u32 = 3;
-/// Stores the counter, in 32 bits, into the word behind this one, and goes on behind that.
+/// The instruction that stores the counter, in 32 bits, into the word behind the instruction, and
+/// continues behind that word.
 pub const STORE: u32 = 4;
 
-/// The place of the program counter in the frame.
+/// The place of the program counter in the frame, the saved registers of a stopped program.
 pub const PC: u32 = 0;
-/// The place of the counter in the frame.
+/// The place of the counter in the frame, the saved registers of a stopped program.
 pub const COUNTER: u32 = 1;
 
 const INSTRUCTION_BYTES: u64 = 4;
 
-/// A simulated processor with its debug area and the memory of its program, which begins at address 0.
+/// A simulated processor for tests of debuggers. It has a debug area, and a memory that begins at address 0 and
+/// contains its program.
 pub struct SimProcessor {
     area: Region<SimWindow>,
     memory: Region<SimWindow>,
@@ -44,7 +47,8 @@ impl core::fmt::Debug for SimProcessor {
 }
 
 impl SimProcessor {
-    /// Makes a processor whose memory has these words.
+    /// Makes a processor whose memory has the words `program`: instructions, such as [`COUNT`], and
+    /// data.
     ///
     /// # Errors
     /// [`AccessError`] if the program does not fit into a window.
@@ -69,32 +73,33 @@ impl SimProcessor {
         Ok(processor)
     }
 
-    /// Returns the debug area.
+    /// Returns the debug area, through which a debugger sends commands to this processor.
     #[must_use]
     pub const fn area(&self) -> &Region<SimWindow> {
         &self.area
     }
 
-    /// Returns the memory of the program.
+    /// Returns the memory of the processor, which contains its program.
     #[must_use]
     pub const fn memory(&self) -> &Region<SimWindow> {
         &self.memory
     }
 
-    /// Raises the interrupt.
+    /// Raises the interrupt by which a debugger announces a command.
     pub fn ring(&self) {
         *self.rung.lock().unwrap_or_else(PoisonError::into_inner) = true;
         self.rings.notify_all();
     }
 
-    /// Has [`run`](Self::run) return, unless the program is held.
+    /// Makes [`run`](Self::run) return. If the program is held, `run` returns only after a debugger
+    /// has resumed it.
     pub fn end(&self) {
         self.ends.store(true, Ordering::Relaxed);
         self.ring();
     }
 
-    /// Runs the program until [`end`](Self::end), or until an exception that no debugger wants. Returns
-    /// the counter.
+    /// Runs the program until [`end`](Self::end) is called, or until an exception for which no debugger holds the
+    /// program. Returns the value of the counter.
     ///
     /// # Errors
     /// [`AccessError`] if the debug area cannot be accessed.

@@ -5,34 +5,36 @@ use condor_mbox::{AccessError, MemoryWindow, Region};
 use crate::arch::Arch;
 use crate::area::{self, Area, Entry, HoldReason, Trigger};
 
-/// The action of a trap handler after an exception.
+/// The action that a trap handler must take after [`Stub::exception`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[must_use]
 pub enum TrapOutcome {
     /// Restore all registers from the frame.
     Resume,
-    /// The same, but the program goes on behind the breakpoint instruction, which is its own, unless the
-    /// debugger has set another program counter.
+    /// Restore all registers from the frame, but go on behind the breakpoint instruction, which belongs to the program
+    /// itself. If the debugger has changed the program counter, go on there.
     ResumeBehind,
     /// No debugger wants the program: it ends by the exception.
     Fatal,
 }
 
-/// The debugger's stub on a processor.
+/// The part of a debugger that runs on a processor, in its trap handler: it executes commands of
+/// the host, and holds a stopped program.
 #[derive(Clone, Debug)]
 pub struct Stub<W> {
     area: Area<W>,
 }
 
 impl<W: MemoryWindow> Stub<W> {
-    /// Makes the stub with this debug area, of [`AREA_BYTES`](crate::AREA_BYTES) bytes.
+    /// Makes the stub that uses the debug area `area`, of [`AREA_BYTES`](crate::AREA_BYTES) bytes.
     pub const fn new(area: Region<W>) -> Self {
         Self {
             area: Area::new(area),
         }
     }
 
-    /// Forgets commands, breakpoints and triggers of the former program. Call it before each program.
+    /// Forgets commands, breakpoints and triggers that are left from the previous program. Call it before each program
+    /// starts.
     ///
     /// # Errors
     /// [`AccessError`] if the area cannot be accessed.
@@ -48,8 +50,8 @@ impl<W: MemoryWindow> Stub<W> {
         self.area.set(area::DONE, self.area.word(area::COMMAND)?)
     }
 
-    /// Reports the addresses at which the program that begins cannot have breakpoints. Returns true if the
-    /// program must be held before its first statement. Call it where the program begins.
+    /// Reports to the host at which addresses the program cannot have breakpoints. Call it where the program begins. If
+    /// it returns true, the program must be held before its first statement: execute a breakpoint instruction there.
     ///
     /// # Errors
     /// [`AccessError`] if the area cannot be accessed.
@@ -58,8 +60,8 @@ impl<W: MemoryWindow> Stub<W> {
         Ok(self.area.mode()?.hold_start)
     }
 
-    /// Returns true if the debugger has given a command. If so in the interrupt of a ring, save the program's
-    /// registers in the frame and call [`obey`](Self::obey).
+    /// Returns true if the debugger has sent a command that is not executed yet. Call it in the interrupt of a ring. If
+    /// it returns true, save the program's registers in the frame and call [`obey`](Self::obey).
     ///
     /// # Errors
     /// [`AccessError`] if the area cannot be accessed.
@@ -67,8 +69,9 @@ impl<W: MemoryWindow> Stub<W> {
         Ok(self.area.word(area::COMMAND)? != self.area.word(area::DONE)?)
     }
 
-    /// Executes the command that the debugger has given, if there is one, with the registers of the program in
-    /// the frame and interrupts masked. If the program is to stop, it returns when the debugger resumes it.
+    /// Executes the command that the debugger has sent, if there is one. Call it with the registers of the program in
+    /// the frame and with interrupts masked. If the command stops the program, this method returns only when the
+    /// debugger resumes the program.
     ///
     /// # Errors
     /// [`AccessError`] if the area cannot be accessed.
@@ -79,8 +82,9 @@ impl<W: MemoryWindow> Stub<W> {
         }
     }
 
-    /// Handles an exception, whose program's registers are in the frame. `breakpoint` is the address of
-    /// the instruction if a breakpoint or a trigger has made it; `None` if something else has.
+    /// Handles an exception of the program, whose registers must be in the frame. `breakpoint` is the address of the
+    /// instruction if a breakpoint or a trigger has raised the exception; `None` if something else has. If a debugger
+    /// holds the program, this method returns only when the debugger resumes the program.
     ///
     /// # Errors
     /// [`AccessError`] if the area cannot be accessed.

@@ -14,7 +14,8 @@ const RING_AGAIN: Duration = Duration::from_millis(20);
 const LOOKS: u32 = 500;
 const NAP: Duration = Duration::from_micros(50);
 
-/// The state of a processor's program.
+/// The state of a processor's program: it runs, or it is held, that is, stopped until a debugger
+/// resumes it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ProgramState {
     /// The program runs, or the processor has none.
@@ -23,7 +24,7 @@ pub enum ProgramState {
     Held(HoldReason),
 }
 
-/// The means by which a program is stopped at an address.
+/// A place at which a program is stopped, by a breakpoint instruction or by a hardware trigger.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Breakpoint {
     /// A breakpoint instruction at this address.
@@ -33,7 +34,8 @@ pub enum Breakpoint {
 }
 
 impl Breakpoint {
-    /// Returns the address of the instruction, or of the first byte.
+    /// Returns the address of the breakpoint instruction, or of the first byte that the trigger
+    /// watches.
     #[must_use]
     pub const fn address(self) -> u64 {
         match self {
@@ -54,20 +56,20 @@ impl Breakpoint {
     }
 }
 
-/// A breakpoint that is planted in a program.
+/// A breakpoint that is planted in a program, with the instruction that it replaces.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PlantedBreakpoint {
     /// The kind and address of the breakpoint.
     pub breakpoint: Breakpoint,
-    /// The instruction that a breakpoint instruction replaces.
+    /// The instruction that a breakpoint instruction replaces; 0 for a trigger.
     pub original: u32,
 }
 
-/// The reason why a processor did not execute a command.
+/// The reason why a processor has not executed a command of a [`Tracer`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum TracerError {
-    /// The processor has not executed a command.
+    /// The processor has not executed a command in time.
     #[error(
         "the processor did not answer within {} s: its program masks interrupts, or its machine is off",
         PATIENCE.as_secs()
@@ -88,7 +90,9 @@ pub enum TracerError {
     Access(#[from] AccessError),
 }
 
-/// The debugger's access to a processor. Only the holder of the debugger lock may send commands.
+/// The access of a debugger on the host to one processor: it sends commands to the
+/// [`Stub`](crate::Stub) of that processor, and reads the state and registers of the program. Only
+/// the process that holds the debugger lock of the processor may send commands.
 pub struct Tracer<W> {
     area: Area<W>,
     ring: Box<dyn Fn() + Send>,
@@ -101,8 +105,8 @@ impl<W> core::fmt::Debug for Tracer<W> {
 }
 
 impl<W: MemoryWindow> Tracer<W> {
-    /// Makes the tracer of the processor with this debug area. `ring` raises the interrupt in which its
-    /// stub obeys.
+    /// Makes the tracer of the processor that has the debug area `area`. `ring` must raise the interrupt in which the
+    /// stub of that processor executes commands.
     pub fn new(area: Region<W>, ring: impl Fn() + Send + 'static) -> Self {
         Self {
             area: Area::new(area),
@@ -110,7 +114,7 @@ impl<W: MemoryWindow> Tracer<W> {
         }
     }
 
-    /// Returns the debug mode.
+    /// Returns the debug mode of the processor: the events at which its program is held.
     ///
     /// # Errors
     /// [`TracerError::Access`] if the area cannot be accessed.
@@ -118,7 +122,7 @@ impl<W: MemoryWindow> Tracer<W> {
         Ok(self.area.mode()?)
     }
 
-    /// Sets the debug mode, which counts from the next trap on.
+    /// Sets the debug mode of the processor, which applies from its next trap on.
     ///
     /// # Errors
     /// [`TracerError::Access`] if the area cannot be accessed.
@@ -126,7 +130,7 @@ impl<W: MemoryWindow> Tracer<W> {
         Ok(self.area.set(area::MODE, mode.word())?)
     }
 
-    /// Returns the state of the program.
+    /// Returns the state of the processor's program: it runs, or it is held for a reason.
     ///
     /// # Errors
     /// [`TracerError::Access`] if the area cannot be accessed.
@@ -139,7 +143,7 @@ impl<W: MemoryWindow> Tracer<W> {
         Ok(ProgramState::Held(reason))
     }
 
-    /// Returns the number of times that a program of the processor was held.
+    /// Returns the number of times that programs of the processor were held. The count wraps.
     ///
     /// # Errors
     /// [`TracerError::Access`] if the area cannot be accessed.
@@ -147,7 +151,8 @@ impl<W: MemoryWindow> Tracer<W> {
         Ok(self.area.word(area::HOLDS)?)
     }
 
-    /// Stops the program, and waits until it is held.
+    /// Stops the program, and waits until it is held. Returns the reason why it is held, which is
+    /// another one if the program was held already.
     ///
     /// # Errors
     /// [`TracerError::NoAnswer`] if the processor does not answer in time; [`TracerError::Access`] if the
@@ -165,7 +170,8 @@ impl<W: MemoryWindow> Tracer<W> {
         })
     }
 
-    /// Changes the planted breakpoints to those of `wanted`, and resumes the program if `resumes`.
+    /// Replaces the planted breakpoints by those of `wanted`. Then resumes the program if `resumes`
+    /// is true.
     ///
     /// # Errors
     /// [`TracerError::Refused`] if a breakpoint cannot be planted; the program is not resumed then.
@@ -194,7 +200,8 @@ impl<W: MemoryWindow> Tracer<W> {
         refused
     }
 
-    /// Removes all breakpoints, and resumes the program if it is held. No debugger is attached then.
+    /// Removes all breakpoints, and resumes the program if it is held. From then on no debugger is attached to the
+    /// processor.
     ///
     /// # Errors
     /// [`TracerError::NoAnswer`] if the processor does not answer in time; [`TracerError::Access`] if the
@@ -204,8 +211,8 @@ impl<W: MemoryWindow> Tracer<W> {
         self.command(area::RELEASE, &[])
     }
 
-    /// Releases the processor as [`release`](Self::release) does, without waiting for it. Returns true if
-    /// all of it is done; call it again until it is.
+    /// Releases the processor as [`release`](Self::release) does, but in several calls, none of which waits. Returns
+    /// true when the processor is released; call this method until then.
     ///
     /// # Errors
     /// [`TracerError::Access`] if the area cannot be accessed.
@@ -223,7 +230,7 @@ impl<W: MemoryWindow> Tracer<W> {
         Ok(false)
     }
 
-    /// Returns the breakpoints that are planted.
+    /// Returns the breakpoints that are planted in the processor's program.
     ///
     /// # Errors
     /// [`TracerError::Access`] if the area cannot be accessed.
@@ -255,7 +262,9 @@ impl<W: MemoryWindow> Tracer<W> {
         Ok(self.area.closed()?.contains(&address))
     }
 
-    /// Returns a register of the frame. It is the program's register while the program is held.
+    /// Returns the register at `place` in the frame, the saved registers of the program. The
+    /// processor's trap handler defines the places. The value is that of the program only while the
+    /// program is held.
     ///
     /// # Errors
     /// [`TracerError::Access`] if the area cannot be accessed.
@@ -263,7 +272,8 @@ impl<W: MemoryWindow> Tracer<W> {
         Ok(self.area.register(place)?)
     }
 
-    /// Sets a register of the frame, which the program has when it is resumed.
+    /// Sets the register at `place` in the frame, the saved registers of the program. The program
+    /// has this value when it is resumed.
     ///
     /// # Errors
     /// [`TracerError::Access`] if the area cannot be accessed.

@@ -14,7 +14,8 @@ use crate::system::SystemDirectory;
 /// [`linux::run`](condor_rt::linux::run).
 pub type ProgramFunction = fn(Vec<String>) -> ExitCode;
 
-/// The parts that a binary adds to `condor`. If it adds only programs and extensions, use
+/// The parts that a robot's own binary adds to `condor`: programs, commands, extensions, and what `condor` must know of
+/// the robot. The `main` of the crate condor-cli takes it. A binary that adds only programs and extensions can use
 /// [`Programs`].
 pub trait Application: Sync {
     /// Returns the programs of the binary, each with its name. A description selects one by
@@ -116,7 +117,7 @@ pub trait Application: Sync {
     }
 }
 
-/// An application that adds programs by their names, and extensions. If no description is named, it
+/// An [`Application`] that adds only programs, each with a name, and extensions. A command that is given no description
 /// uses `condor.toml` in the working directory.
 #[derive(Clone, Copy, Default)]
 pub struct Programs<'p> {
@@ -125,7 +126,8 @@ pub struct Programs<'p> {
 }
 
 impl<'p> Programs<'p> {
-    /// Makes an application of programs with their names.
+    /// Makes an application with these `programs`: the name of each, by which a description selects it, and its
+    /// function. The application has no extensions.
     #[must_use]
     pub const fn new(programs: &'p [(&'static str, ProgramFunction)]) -> Self {
         Self {
@@ -134,8 +136,8 @@ impl<'p> Programs<'p> {
         }
     }
 
-    /// Sets the extensions: further kinds of processors, and further services. A second call replaces
-    /// those of the first.
+    /// Sets the extensions: further kinds of processors, and further services. A second call replaces the extensions of
+    /// the first one.
     #[must_use]
     pub const fn with(mut self, extensions: &'p [&'static dyn Extension]) -> Self {
         self.extensions = extensions;
@@ -153,7 +155,7 @@ impl Application for Programs<'_> {
     }
 }
 
-/// Returns the names of the programs of `application`.
+/// Returns the names of the programs of `application`, in the order of [`Application::programs`].
 pub fn names(application: &dyn Application) -> Vec<&'static str> {
     let programs = application.programs().iter();
     programs.map(|(name, _)| *name).collect()

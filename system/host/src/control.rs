@@ -25,11 +25,11 @@ use serde::{Deserialize, Serialize};
 use crate::names::word;
 use crate::system::MemoryFile;
 
-/// The longest time from the moment at which a system is told to go down until it has ended, whatever
-/// its programs do, by either clock.
+/// The time within which a system has ended after it was told to go down, whatever its programs do. It is real time,
+/// also for a system with a simulated clock.
 pub const DOWN: Duration = Duration::from_secs(10);
 
-/// A request to the supervisor.
+/// A request to the supervisor of a running system. [`ControlClient::ask`] sends it.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(tag = "do", rename_all = "lowercase", deny_unknown_fields)]
 #[non_exhaustive]
@@ -88,7 +88,7 @@ pub enum ControlRequest {
     Events {},
 }
 
-/// An answer of the supervisor.
+/// The answer of the supervisor to a [`ControlRequest`].
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct ControlAnswer {
@@ -109,7 +109,7 @@ pub struct ControlAnswer {
     pub killed: Vec<String>,
 }
 
-/// The state of a system.
+/// The state of a running system, as its supervisor reports it. [`ControlClient::status`] asks for it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SystemStatus {
     /// The name of the system.
@@ -137,12 +137,12 @@ pub struct SystemStatus {
 }
 
 impl SystemStatus {
-    /// Returns the processors and then the services.
+    /// Returns an iterator over all processors, followed by all services.
     pub fn members(&self) -> impl Iterator<Item = &Member> + Clone {
         self.processors.iter().chain(&self.services)
     }
 
-    /// Returns the processor or service with this name or number.
+    /// Returns the processor or service whose name or number is `text`. A number is decimal, or hexadecimal after `0x`.
     ///
     /// # Errors
     /// Returns [`UnknownMember`] if no processor or service has this name or number.
@@ -150,7 +150,7 @@ impl SystemStatus {
         find(self.members(), text)
     }
 
-    /// Returns the processor with this name or number. Services are not found.
+    /// Returns the processor whose name or number is `text`. Services are not searched.
     ///
     /// # Errors
     /// Returns [`UnknownMember`] if no processor has this name or number.
@@ -159,7 +159,8 @@ impl SystemStatus {
     }
 }
 
-/// The error that there is no such processor.
+/// The error that a system has no processor or service of the given name or number. Its text lists those that the
+/// system has.
 #[derive(Debug, thiserror::Error)]
 #[error("there is no processor `{name}`; there are {}", .there.join(", "))]
 pub struct UnknownMember {
@@ -182,7 +183,7 @@ fn find<'m>(
     })
 }
 
-/// The simulated clock of a system.
+/// The state of a system's simulated clock: its time, its speed, and the processor or other reason for which it waits.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ClockStatus {
     /// The present instant, in seconds since time began.
@@ -214,18 +215,18 @@ impl core::fmt::Display for ClockStatus {
     }
 }
 
-/// The state of a processor or a service.
+/// A processor or a service of a running system: its program, and the present state of that program.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Member {
-    /// Its number in the system.
+    /// The number of the processor or service in the system.
     pub number: u8,
     /// The name of the processor or service, unique in the system.
     pub name: String,
-    /// Its kind: `service`, `process`, or the word of another kind of processors.
+    /// The kind of the processor: `process`, or the word of another kind; `service` for a service.
     pub kind: String,
     /// Whether its program runs on this machine, and so by the clock of this machine.
     pub runs_here: bool,
-    /// Its program: a path, or `self`.
+    /// The program: a path, or `self` for a program of the binary that the supervisor runs.
     pub program: String,
     /// The arguments of the program.
     pub arguments: Vec<String>,
@@ -241,14 +242,15 @@ pub struct Member {
 }
 
 impl Member {
-    /// Returns its number in the system.
+    /// Returns the number of the processor or service as a [`Processor`], which functions of mailboxes and of
+    /// [`View`](crate::view::View) take.
     #[must_use]
     pub const fn processor(&self) -> Processor {
         Processor(self.number)
     }
 }
 
-/// The state of a processor or a service.
+/// The state of the program of a processor or a service, as its supervisor sees it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 #[non_exhaustive]
@@ -256,17 +258,17 @@ pub enum MemberState {
     /// The processor or service waits for its turn to be started, or its program has not joined the mailbox
     /// system yet.
     Starting,
-    /// Its program has joined the mailbox system, and its heartbeat goes on.
+    /// The program has joined the mailbox system, and its heartbeat goes on.
     Running,
     /// A debugger holds its program.
     Held,
-    /// Its program has joined, but its heartbeat has stopped.
+    /// The program has joined the mailbox system, but its heartbeat has stopped.
     Stalled,
-    /// Its program has failed and is not restarted.
+    /// The program has failed and is not restarted.
     Failed,
     /// A request has stopped it, or its program has ended by itself without failing.
     Stopped,
-    /// Its program has failed and is about to be restarted.
+    /// The program has failed and is about to be restarted.
     Restarting,
 }
 
@@ -285,7 +287,8 @@ impl core::fmt::Display for MemberState {
     }
 }
 
-/// An event in a system: a line of its log.
+/// An event in a running system, such as the start or the failure of a program. The log of the system has a line for
+/// each.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct SystemEvent {

@@ -51,7 +51,8 @@ use crate::extension::Group;
 
 pub use condor_toml::{Keys, Spanned, TextErrors, WholeNumber};
 
-/// The description of a system, which has passed every check.
+/// The description of a system, after all checks: its processors with their programs, its clock, and the settings of
+/// its services. [`read`](Self::read) reads it from a TOML file.
 ///
 /// ```
 /// use condor_host::{application::Programs, description::SystemDescription};
@@ -93,7 +94,7 @@ pub struct SystemDescription {
     pub(crate) groups: Vec<Entry>,
 }
 
-/// The clock of a system.
+/// The clock by which the processors of a system run: the real one, or a simulated one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ClockKind {
     /// The processors run by the real time.
@@ -108,9 +109,9 @@ pub enum ClockKind {
 pub struct ClockSpeed(pub u64);
 
 impl ClockSpeed {
-    /// The speed of the real time.
+    /// The speed at which one simulated second takes one real second.
     pub const ONE: Self = Self(1000);
-    /// The greatest speed: time goes on as fast as the programs compute.
+    /// The highest speed: simulated time goes on as fast as the programs compute.
     pub const MAX: Self = Self(0);
 }
 
@@ -192,7 +193,8 @@ pub(crate) struct Entry {
     pub(crate) group: Box<dyn Group>,
 }
 
-/// The directory that the file service serves, and the limits there.
+/// The settings of the file service, `[files]` in a description: the directory whose files programs can use, and the
+/// limits there.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Files {
     /// The directory that the file service serves.
@@ -205,7 +207,8 @@ pub struct Files {
     pub max_file_bytes: Option<u64>,
 }
 
-/// The sizes of the records that the terminal service keeps of each terminal.
+/// The settings of the terminal service, `[terminals]` in a description: the greatest sizes of the output that it keeps
+/// of each terminal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct TerminalSizes {
     /// The number of bytes of a terminal's earlier output that a new viewer gets.
@@ -223,12 +226,12 @@ impl Default for TerminalSizes {
     }
 }
 
-/// A processor and its program.
+/// A processor in a [`SystemDescription`], with its program and its settings: `[[processors]]` in the file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ProcessorEntry {
-    /// Its number, 0 to 11.
+    /// The number of the processor, 0 to 11.
     pub number: u8,
-    /// Its name in commands.
+    /// The name of the processor, by which commands select it.
     pub name: String,
     /// The program that runs on it.
     pub program: ProgramEntry,
@@ -256,7 +259,8 @@ pub struct ProcessorEntry {
     pub may_ask: Vec<MayAsk>,
 }
 
-/// A request by message that a description allows to a processor.
+/// A request that the program of a processor may send to the supervisor by message: an element of `may_ask` in a
+/// description.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 #[non_exhaustive]
@@ -276,7 +280,7 @@ impl fmt::Display for MayAsk {
     }
 }
 
-/// The program of a processor.
+/// The program that a description names for a processor: `program` in the file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum ProgramEntry {
@@ -286,7 +290,7 @@ pub enum ProgramEntry {
     File(PathBuf),
 }
 
-/// The reaction to a failure of a program.
+/// The reaction of the supervisor to a failure of a processor's program: `on_failure` in a description.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum OnFailure {
@@ -298,8 +302,8 @@ pub enum OnFailure {
     Leave,
 }
 
-/// Returns the path that `path` denotes in the description in `file`: a relative path starts at the
-/// directory of that file.
+/// Returns the absolute path of `path`, which is written in a description. A relative `path` starts at the directory of
+/// the description's file, `file`.
 #[must_use]
 pub fn beside(file: &Path, path: &str) -> PathBuf {
     let directory = file.parent().unwrap_or(Path::new(""));
@@ -307,8 +311,8 @@ pub fn beside(file: &Path, path: &str) -> PathBuf {
     std::path::absolute(&joined).unwrap_or(joined)
 }
 
-/// Returns the file of a program. It searches relative to the description in `file`, then in the
-/// directory of the running program, then in `PATH`.
+/// Returns the path of the program `name`, which is written in the description in `file`. The program is searched in
+/// the directory of `file`, then in that of the running program, and then, if `name` has no slash, in `PATH`.
 ///
 /// # Errors
 /// Returns an error, a sentence for people, if no such program is found, or if the first file that is found is

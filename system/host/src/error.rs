@@ -2,10 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
-/// The error of a command, which is shown to people.
+/// An error of any type. Its text is for people; callers do not distinguish its causes.
 pub type AnyError = Box<dyn core::error::Error>;
 
-/// The operating system refused an operation on a file.
+/// The error that the operating system refused an operation on a file. Its text names the operation and the file.
 #[derive(Debug, thiserror::Error)]
 #[error("cannot {doing} {path:?}: {source}")]
 pub struct NamedFileError {
@@ -18,7 +18,8 @@ pub struct NamedFileError {
 }
 
 impl NamedFileError {
-    /// Returns a function that makes the error of the refused operation `doing` on the file at `path`.
+    /// Returns a function for [`Result::map_err`], which adds the operation `doing`, such as `open`, and the `path` of
+    /// the file to an error of the operating system.
     pub fn at(doing: &'static str, path: impl AsRef<Path>) -> impl FnOnce(std::io::Error) -> Self {
         let path = path.as_ref().to_owned();
         move |source| Self {
@@ -29,7 +30,7 @@ impl NamedFileError {
     }
 }
 
-/// Returns the name by which this program was called, for hints that tell people what to type next.
+/// Returns the name by which this program was called, without its directory. Hints use it to tell people what to type.
 #[must_use]
 pub fn me() -> String {
     let called = std::env::args_os().next().unwrap_or_default();

@@ -19,9 +19,10 @@ const LOOK: Duration = Duration::from_secs(1);
 /// The greatest length of a typed line, in bytes.
 const LINE_BYTES: usize = 4096;
 
-/// The events of a system: lines of its log, lines that are typed, and counts of messages.
+/// A collector of the events of a running system: lines of its log, lines that people type at its terminals, and counts
+/// of messages that have changed. Call [`look`](Self::look) again and again.
 ///
-/// An event has the time at which it is seen.
+/// The collector does not say when an event happened. Use the time of the call of `look` that hands it over.
 pub struct EventCollector<'s> {
     status: &'s SystemStatus,
     log: Receiver<Result<SystemEvent, ControlClientError>>,
@@ -45,7 +46,8 @@ struct Keyboard {
 }
 
 impl<'s> EventCollector<'s> {
-    /// Begins to collect the events that happen from now on.
+    /// Begins to collect the events that happen from now on in the system in `directory`. `status` is the supervisor's
+    /// report on that system, and `view` reads the counts of messages.
     ///
     /// # Errors
     /// Returns an error if the supervisor cannot be asked, if a file of typed characters cannot be opened, or
@@ -86,8 +88,9 @@ impl<'s> EventCollector<'s> {
         Ok(events)
     }
 
-    /// Hands over the events since the last call: the level, the source and the text of each. Returns true if
-    /// the system still runs.
+    /// Calls `take` for each event since the last call with its level, its source and its text. The source is the name
+    /// of a processor or service, or `condor`. Changed counts of messages come once a second. Returns true if the
+    /// system still runs.
     ///
     /// # Errors
     /// Returns an error if the connection to the supervisor breaks, if a file of typed characters cannot be

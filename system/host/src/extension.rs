@@ -86,7 +86,8 @@ pub trait Extension: Sync {
     }
 }
 
-/// The parts of a description that belong to an extension.
+/// The part of a description that [`Extension::read`] checks: the table of the extension, the processors of its kind,
+/// and the sizes of the system's memories.
 #[derive(Debug)]
 #[non_exhaustive]
 pub struct ExtensionPart<'a, 't> {
@@ -108,11 +109,11 @@ pub struct ExtensionPart<'a, 't> {
     pub simulated: bool,
 }
 
-/// A processor of an extension's kind in a description.
+/// A processor in a description whose `kind` is that of the extension.
 #[derive(Debug)]
 #[non_exhaustive]
 pub struct FoundProcessor<'a, 't> {
-    /// Its number; `None` if the number in the description is wrong.
+    /// The number of the processor; `None` if the number in the description is wrong.
     pub number: Option<u8>,
     /// The keys of its table.
     pub keys: Keys<'a, 't>,
@@ -122,7 +123,8 @@ pub struct FoundProcessor<'a, 't> {
     pub arguments: Spanned<Vec<String>>,
 }
 
-/// An extension in a system that has been described but not started.
+/// The part of a system that an extension adds, after its description was read and before the system starts.
+/// [`Extension::read`] returns it.
 pub trait Group: Debug {
     /// Makes, in the directory of the system, the files that must exist before the first program
     /// starts. The directory `mailbox/` exists; an extension that provides the processors' shared
@@ -134,7 +136,9 @@ pub trait Group: Debug {
     fn furnish(&self, directory: &SystemDirectory) -> Result<Box<dyn StartingExtension>, AnyError>;
 }
 
-/// An extension in a system that is being started.
+/// The part of a system that an extension adds, while the system starts. [`Group::furnish`] returns it. The supervisor
+/// asks it for the memories and the service that the extension provides, and for a [`Launch`] for each of its
+/// processors.
 pub trait StartingExtension {
     /// Returns the file of the bus; `None` if this extension does not provide the bus.
     fn bus(&self) -> Option<FileRange> {
@@ -174,7 +178,7 @@ pub trait StartingExtension {
     }
 }
 
-/// A service of an extension, which runs as long as the system.
+/// The service of an extension: a process that runs as long as the system. [`Extension::serve`] is its program.
 pub struct Service {
     /// The arguments for [`Extension::serve`]. The number of the service is in its
     /// [environment](condor_rt::linux::Environment::read).
@@ -228,7 +232,8 @@ fn entries(directory: &Path) -> Result<BTreeSet<(OsString, u64, SystemTime)>, Na
     entries.map_err(NamedFileError::at("read", directory))
 }
 
-/// The kind of processors that are processes of this machine. It is the default kind.
+/// The extension for processors that are processes of this machine. Every application has it, and `kind = "process"` is
+/// the default in a description.
 pub const PROCESSES: &dyn Extension = &Processes;
 
 struct Processes;

@@ -15,7 +15,7 @@ use condor_toml::Spanned;
 pub(crate) const GATEWAY: &dyn Extension = &Gateway;
 /// The name of its program.
 const PROGRAM: &str = "condor-gateway";
-/// The hint where a program of the workspace `condor-remote` is missing.
+/// The advice for an error that a program of the workspace `condor-remote` is not found: the commands that install it.
 pub const INSTALL: &str = "install it from the source tree of Condor by `cargo install --path system/remote/gateway` \
                                   and `cargo install --path system/remote`";
 

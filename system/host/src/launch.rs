@@ -12,15 +12,14 @@ use condor_rt::linux::Environment;
 
 use crate::error::NamedFileError;
 
-/// A processor as its supervisor handles it: a process of this machine, a hart that is held in
-/// reset while its memory is loaded, or a mapped device that another processor controls.
+/// A processor as its supervisor handles it: a process of this machine, a hart that is held in reset while its memory
+/// is loaded, or a mapped device that another processor controls.
 ///
 /// # For implementers
 ///
-/// No method waits, and none takes longer the more a program does: a supervisor handles all
-/// processors in one thread. A program goes through `load`, `start`, and then `stop` or its own
-/// end. Then it can be started again unchanged, or another one be loaded. After `stop`, the
-/// supervisor polls `state` until it returns `Ended`.
+/// No method may wait, and no method may take longer if a program does more: a supervisor handles all processors in one
+/// thread. A program goes through `load`, `start`, and then `stop` or its own end. After that, it can be started again
+/// unchanged, or another one can be loaded. After `stop`, the supervisor polls `state` until it returns `Ended`.
 pub trait Launch {
     /// Makes `image` the program for the next start. On a processor with its own memory, this
     /// downloads it. The previous program must not run any more.
@@ -94,7 +93,7 @@ pub trait Launch {
     }
 }
 
-/// A program with its arguments and its environment.
+/// A program that [`Launch::load`] can load on a processor: its file, its arguments and its environment.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct ProgramImage {
@@ -118,7 +117,7 @@ impl ProgramImage {
     }
 }
 
-/// The way in which a program is ended.
+/// The way in which [`Launch::stop`] ends a program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StopMethod {
     /// The program is asked to end, and may clean up.
@@ -127,7 +126,7 @@ pub enum StopMethod {
     Force,
 }
 
-/// The state of a program.
+/// The state of the program of a processor, as [`Launch::state`] returns it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum RunState {
     /// No program has been started.
@@ -138,7 +137,7 @@ pub enum RunState {
     Ended(Exit),
 }
 
-/// The end of a program.
+/// The way in which a program has ended.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Exit {

@@ -9,19 +9,21 @@ use condor_ros2::{Layout, RosField, field_name, type_name};
 use crate::watching::{CatalogEntry, RowSource};
 pub use pose::PoseMessages;
 
-/// The topic of the joints of a robot.
+/// The topic of the joints of a robot: [`JointState`](condor_ros2::JointState) messages with their positions,
+/// velocities and efforts.
 pub const JOINTS: &str = "/joint_states";
-/// The topic of the model of a robot, in which viewers look for it.
+/// The topic of the model of a robot as URDF. Viewers look for the model in a topic of this name.
 pub const DESCRIPTION: &str = "/robot_description";
-/// The topic of the frames of a robot that no source moves.
+/// The topic of the frames of a robot's links that do not move, because no row of variables has a joint that moves
+/// them.
 pub const STATIC_FRAMES: &str = "/tf_static";
-/// The topic of the frames of a robot that sources move.
+/// The topic of the frames of a robot's links that move, because a row of variables has a joint that moves them.
 pub const FRAMES: &str = "/tf";
 
-/// The topic of the events of a system.
+/// The topic of the events of a system: [`Log`](condor_ros2::Log) messages.
 pub const EVENTS: &str = "/events";
 
-/// Returns the field of a row that shows a variable.
+/// Describes the variable `one` as a field of a ROS message: name, type, unit, description, and labels of a choice.
 #[must_use]
 pub fn field(one: &CatalogEntry) -> RosField {
     RosField {
@@ -40,8 +42,8 @@ pub fn wall_ns() -> u64 {
     now.map_or(0, |now| u64::try_from(now.as_nanos()).unwrap_or(u64::MAX))
 }
 
-/// Returns the topic, the name of the type, and the layout of the rows of each source. `columns` are the variables in
-/// the columns of the rows.
+/// Returns, for each of `sources` in that order, the topic of its rows with the name of their message type, and the
+/// layout of a row. `columns` are the variables that the sources were asked for. `topics` assigns the names.
 pub fn layouts(
     topics: &mut Topics,
     sources: &[RowSource],
@@ -59,7 +61,7 @@ pub fn layouts(
     sources.iter().map(layout).collect()
 }
 
-/// The topics and types of rows: no two sources of rows have the same.
+/// The topics and message types that were assigned to rows so far, so that no two loops or cells get the same.
 #[derive(Default)]
 pub struct Topics {
     topics: BTreeSet<String>,
@@ -67,7 +69,8 @@ pub struct Topics {
 }
 
 impl Topics {
-    /// Returns the topic of the rows of a loop or cell, such as `/hand/servo`, and the name of their type.
+    /// Assigns a topic and a message type to the rows of the loop or cell `owner` of `processor`. Returns the topic,
+    /// such as `/hand/servo`, and the name of the type. A second call with the same arguments returns other names.
     pub fn of(&mut self, processor: &str, owner: &str) -> [String; 2] {
         let prefix = format!("/{}/", field_name(processor, |_| false));
         let is_taken = |name: &str| self.topics.contains(&format!("{prefix}{name}"));

@@ -8,7 +8,8 @@ use wildmatch::WildMatch;
 /// The number of names that are suggested.
 const SUGGESTIONS: usize = 5;
 
-/// A variable, as far as its names go.
+/// A variable that the functions of this module find by name. It has a name of its own, and those of its processor and
+/// of its loop or cell.
 pub trait VariableName {
     /// Returns the names of its processor and of its loop or cell, and its own name.
     fn parts(&self) -> [&str; 3];
@@ -37,9 +38,8 @@ pub trait VariableName {
     }
 }
 
-/// Finds the variable with a name. A name that several variables have must begin with the processor and a
-/// colon, or with the processor and the loop, to tell them apart. The error for a name that nothing has ends
-/// with `hint`.
+/// Finds the variable called `name` in `all`. If several variables have the same name of their own, `name` must be
+/// `processor:name` or `processor:loop:name`. The text `hint` is added to the error if no variable has the name.
 ///
 /// # Errors
 /// Returns an error if no variable has the name, with similar names, or if several variables have it.
@@ -69,8 +69,9 @@ pub fn find<'a, T: VariableName>(all: &'a [T], name: &str, hint: &str) -> Result
     }
 }
 
-/// Finds the variables with these names and patterns, each once, in the order of `patterns`. In a pattern, `*`
-/// stands for any characters, and `?` for one. The error if nothing is found ends with `hint`.
+/// Finds the variables in `all` that `patterns` name, in the order of `patterns`. Each variable is returned once. In a
+/// pattern, `*` stands for any characters, and `?` for one character. The text `hint` is added to the error if nothing
+/// is found.
 ///
 /// # Errors
 /// Returns an error if a name stands for no variable or for several, or if a pattern matches nothing. The text
@@ -99,7 +100,7 @@ pub fn matching<'a, T: VariableName>(
     Ok(found)
 }
 
-/// Returns the shortest name of each chosen variable that no other variable has.
+/// Returns, for each variable in `chosen`, the shortest of its names that no other variable in `all` has.
 pub fn labels<T: VariableName>(all: &[T], chosen: &[&T]) -> Vec<String> {
     let mut counts = BTreeMap::new();
     for name in all.iter().flat_map(VariableName::names) {
@@ -114,7 +115,8 @@ pub fn labels<T: VariableName>(all: &[T], chosen: &[&T]) -> Vec<String> {
     chosen.iter().map(label).collect()
 }
 
-/// Returns a sentence with the names that are most like `name`; `None` if there are no names.
+/// Returns a phrase for an error, with the names in `all` that are most similar to `name`, five at most; `None` if
+/// `all` is empty.
 pub fn nearest<'n, T: VariableName + 'n>(
     name: &str,
     all: impl IntoIterator<Item = &'n T>,
@@ -136,8 +138,8 @@ pub fn nearest<'n, T: VariableName + 'n>(
     (!names.is_empty()).then_some(text)
 }
 
-/// Reads a number as a 32-bit word: decimal, or hexadecimal after `0x`. After `-`, the word is the two's
-/// complement of a number of up to 2³¹.
+/// Parses a number as a 32-bit word: decimal, or hexadecimal after `0x`. If the number begins with `-`, the word is its
+/// two's complement, and the number must be at least -2³¹.
 ///
 /// # Errors
 /// Returns an error if `text` is not such a number; the error names `text` and the range.
@@ -156,8 +158,8 @@ pub fn word(text: &str) -> Result<u32, String> {
         })
 }
 
-/// Reads a whole number: decimal, or hexadecimal after `0x`, with `_` anywhere between its digits. Returns
-/// `None` if `text` is not a whole number, or if it needs more than 64 bits beside its sign.
+/// Parses a whole number: decimal, or hexadecimal after `0x`. There may be `_` between its digits. Returns `None` if
+/// `text` is not a whole number, or if its magnitude needs more than 64 bits.
 #[must_use]
 pub fn whole(text: &str) -> Option<i128> {
     let digits = text.replace('_', "");

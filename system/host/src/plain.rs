@@ -3,12 +3,12 @@
 use std::borrow::Cow;
 use std::fmt::Write as _;
 
-/// Returns `text` with everything spelled out that a terminal would obey instead of showing it: control
-/// characters, line ends among them, and characters that turn the direction of text or have no width.
+/// Returns `text` in a form that is safe to print on a terminal. Characters that a terminal would obey instead of
+/// showing them are escaped, such as `\u{1b}` and `\n`: control characters, and characters that change the direction of
+/// text or have no width. A tab becomes a blank.
 ///
-/// All text that a program may have chosen passes through this function before a person sees it:
-/// names in windows, lines of the log, errors. Only `condor tty` shows the bytes of a terminal
-/// unchanged.
+/// All text that a program may have chosen passes through this function before a person sees it: names in windows,
+/// lines of the log, errors. Only `condor tty` shows the bytes of a terminal unchanged.
 pub fn plain(text: &str) -> Cow<'_, str> {
     if !text.chars().any(is_obeyed) {
         return Cow::Borrowed(text);
@@ -27,14 +27,15 @@ pub fn plain(text: &str) -> Cow<'_, str> {
     Cow::Owned(plain)
 }
 
-/// Returns a text of several lines with the same characters spelled out as by [`plain`]; the lines stay
-/// separate.
+/// Returns a text of several lines in a form that is safe to print: it escapes the same characters as [`plain`], but
+/// keeps the line ends.
 pub fn plain_lines(text: &str) -> String {
     let lines: Vec<_> = text.lines().map(plain).collect();
     lines.join("\n")
 }
 
-/// Writes `value` as JSON and escapes the same characters as [`plain`] in it; strings keep their meaning.
+/// Writes `value` as JSON that is safe to print: the characters that [`plain`] escapes are written as JSON escapes, so
+/// strings keep their meaning.
 ///
 /// # Errors
 /// Returns the serializer's error if `value` cannot be written as JSON.

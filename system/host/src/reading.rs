@@ -26,7 +26,8 @@ type Bytes = WholeNumber<u32, 0, MOST_BYTES>;
 type Restarts = WholeNumber<u32, 0, 1_000_000>;
 
 impl SystemDescription {
-    /// Reads and checks the description in `file`, for this application.
+    /// Reads and checks the description in `file`. `application` has the programs and the extensions that the
+    /// description may name.
     ///
     /// # Errors
     /// [`TextErrors`] with every mistake in the description, or only the first one if the file is
@@ -40,7 +41,8 @@ impl SystemDescription {
         Self::from_toml(&text, file, application)
     }
 
-    /// Reads and checks the description `text`, as if it were the content of `file`.
+    /// Reads and checks the description `text`, as if it were the content of `file`: errors name `file`, and relative
+    /// paths start at its directory. `application` has the programs and the extensions that the description may name.
     ///
     /// # Errors
     /// [`TextErrors`] with every mistake in the description, or only the first one if the text is
@@ -69,8 +71,8 @@ impl SystemDescription {
     }
 }
 
-/// Reads the robot of the system whose description is in `file`; `None` if the description or the
-/// application has none.
+/// Reads the description in `file`, and returns the robot that it names, as `application` reads it. Returns `None` if
+/// the description names no robot, or if `application` has none.
 ///
 /// # Errors
 /// Returns [`TextErrors`] with every mistake of the description; the application's error if the robot's

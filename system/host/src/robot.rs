@@ -15,10 +15,11 @@ pub use simulator::{
     Overload, Plan, PlanEvent, Simulator, TendonPlan, What,
 };
 
-/// A robot as people look at it: its joints, and where its parts are.
+/// A robot as plots, recordings and viewers show it: its joints, and the places of its parts. An application implements
+/// it for its own robot.
 ///
-/// Positions are in the order of [`joints`](Self::joints), in radians or metres; missing ones, and
-/// those that are not finite, count as 0.
+/// The positions in the arguments are in the order of [`joints`](Self::joints), in radians or metres. Missing
+/// positions, and those that are not finite, count as 0.
 pub trait Robot: Send + Sync {
     /// Returns the joints.
     fn joints(&self) -> &[RobotJoint];
@@ -53,7 +54,7 @@ pub trait Robot: Send + Sync {
     }
 }
 
-/// A joint as people look at it: its name, its variables and its limits.
+/// A joint of a [`Robot`]: its name, the variables that have its state, and its limits.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RobotJoint {
     /// The name of the joint, unique in the robot.
@@ -68,12 +69,12 @@ pub struct RobotJoint {
     pub limits: [f64; 2],
 }
 
-/// A polyline.
+/// A line through several points that shows a part of a robot, such as a link or a tendon.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RobotLine {
     /// The name of the part that the line shows, such as that of a link.
     pub name: String,
-    /// Its points, in metres.
+    /// The points of the line in their order, in metres, in the frame of the base.
     pub points: Vec<[f64; 3]>,
     /// Half the thickness of the part, in metres; 0 for a thread.
     pub radius_m: f64,
@@ -81,33 +82,33 @@ pub struct RobotLine {
     pub tension: Option<String>,
 }
 
-/// The place and the orientation of a link.
+/// The place and the orientation of a link, relative to its parent link.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Frame {
     /// The name of the link.
     pub name: String,
     /// The name of the link to which its place is relative.
     pub parent: String,
-    /// Its origin, in metres.
+    /// The origin of the link's frame in that of the parent, in metres.
     pub translation: [f64; 3],
-    /// Its orientation, as a unit quaternion x, y, z, w.
+    /// The orientation of the link's frame in that of the parent, as a unit quaternion x, y, z, w.
     pub rotation: [f64; 4],
 }
 
-/// A ball that the robot handles.
+/// A ball that the robot handles, for viewers that show it, with the places where the robot touches it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RobotObject {
     /// The name of the object, for people.
     pub name: String,
-    /// Its centre, in metres.
+    /// The centre of the ball, in metres.
     pub center: [f64; 3],
-    /// Its radius, in metres.
+    /// The radius of the ball, in metres.
     pub radius_m: f64,
     /// The places where parts of the robot touch it.
     pub contacts: Vec<RobotContact>,
 }
 
-/// A place at which a part of the robot touches an object.
+/// A place at which a part of the robot touches a [`RobotObject`], with the direction and the force there.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RobotContact {
     /// The name of the part.

@@ -19,7 +19,8 @@ use condor_rt::numbers::PROCESSORS;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-/// The first argument of a program that must run a service.
+/// The first argument with which the supervisor starts its own binary to run a service. Pass the arguments after it to
+/// [`run`].
 pub const WORD: &str = "service";
 /// The names of the services that every system may have.
 pub(crate) const FILES: &str = "files";
@@ -38,7 +39,7 @@ pub enum ServiceError {
     /// The processors' shared memory (the windows) cannot be opened.
     #[error(transparent)]
     Windows(#[from] SystemError),
-    /// Its mailbox returned this error.
+    /// The mailbox of the service returned this error.
     #[error(transparent)]
     Mailbox(#[from] MailboxError),
     /// The file server returned this error.
@@ -52,9 +53,8 @@ pub enum ServiceError {
     Events(std::io::Error),
 }
 
-/// Runs the service that `words` name until SIGTERM. A program that has an [`Application`] calls this function
-/// if its first argument is [`WORD`], by which the supervisor starts a service; `words` are the other
-/// arguments.
+/// Runs a service until SIGTERM. `words` are the arguments of this process after [`WORD`]: the name of the service, and
+/// its own arguments. A binary with an [`Application`] calls this function if its first argument is [`WORD`].
 ///
 /// # Errors
 /// Returns [`ServiceError`] if the file or the terminal service fails; the extension's error if its service

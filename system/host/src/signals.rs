@@ -11,8 +11,8 @@ use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 
 const ENDING: [i32; 3] = [SIGHUP, SIGINT, SIGTERM];
 
-/// A receiver of the signals that ask a program to end. They do not end this process as long as this value
-/// exists, so a service can clean up before it ends.
+/// A receiver of signals, by default of those that ask a program to end. As long as this value exists, these signals do
+/// not end the process, so a program can clean up before it ends.
 #[derive(Debug)]
 pub struct EndSignals {
     reader: UnixStream,
@@ -28,7 +28,7 @@ impl EndSignals {
         Self::of(&ENDING)
     }
 
-    /// Takes over the signals `signals` in the same way.
+    /// Takes over the given `signals` instead of those of [`new`](Self::new).
     ///
     /// # Errors
     /// Returns the operating system's error if the signals cannot be handled.
@@ -46,19 +46,22 @@ impl EndSignals {
         Ok(this)
     }
 
-    /// Returns a descriptor that becomes readable when a signal has come.
+    /// Returns a descriptor for `poll`. It becomes readable when a signal comes, and stays so until
+    /// [`taken`](Self::taken) is called.
     #[must_use]
     pub fn descriptor(&self) -> BorrowedFd<'_> {
         self.reader.as_fd()
     }
 
-    /// Returns how many signals have come since the last call.
+    /// Returns the number of signals that have come since the last call. A call counts 16 of them at most, and leaves
+    /// the others for the next call.
     pub fn taken(&mut self) -> usize {
         self.reader.read(&mut [0; 16]).unwrap_or(0)
     }
 }
 
-/// Returns a flag that SIGHUP, SIGINT and SIGTERM set instead of ending this process.
+/// Returns a flag that is false until SIGHUP, SIGINT or SIGTERM comes. From now on these signals set the flag instead
+/// of ending this process.
 ///
 /// # Errors
 /// Returns the operating system's error if the signals cannot be handled.

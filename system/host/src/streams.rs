@@ -12,10 +12,10 @@ use crate::system::SystemDirectory;
 use crate::view::View;
 use crate::watching::{CatalogEntry, NewPrograms, RowSource, Rows, VariableCatalog};
 
-/// A topic, with the type of its messages.
+/// A topic of [`Streams`]: its name, and the type of its messages.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct StreamTopic {
-    /// Its name, such as `/servo_a/servo`.
+    /// The name of the topic, such as `/servo_a/servo`.
     pub name: String,
     /// The name of the type of its messages, such as `condor/msg/ServoAServo`.
     pub schema_name: String,
@@ -25,7 +25,7 @@ pub struct StreamTopic {
     pub has_rows: bool,
 }
 
-/// A message of a topic.
+/// A message that [`Streams::read`] hands over: its topic, and its bytes.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct StreamMessage {
     /// The place of its topic among [`Streams::topics`].
@@ -34,7 +34,8 @@ pub struct StreamMessage {
     pub payload: Vec<u8>,
 }
 
-/// Rows of variables, and events, of a running system.
+/// The rows of variables and the events of a running system, as messages of ROS 2. Call [`read`](Self::read) again and
+/// again, and [`pause`](Self::pause) in between.
 pub struct Streams<'s> {
     view: &'s View,
     rows: Rows<'s>,
@@ -50,8 +51,10 @@ pub struct Streams<'s> {
 }
 
 impl<'s> Streams<'s> {
-    /// Asks for a row every `every` ticks of each loop that has variables of these names or patterns, as `vars watch`
-    /// understands them, and for the events. `view` has [joined](View::join).
+    /// Begins to stream the events of a system and the rows of some variables. `patterns` are the names of the
+    /// variables, or patterns as in `condor vars watch`; without any, there are only events. A row comes every `every`
+    /// ticks of each loop that has such variables. `directory` and `status` are those of the system. `view` must have
+    /// [joined](View::join).
     ///
     /// # Errors
     /// Returns an error if a name is unknown, or if the system cannot be asked; the text says which name, or
@@ -120,14 +123,14 @@ impl<'s> Streams<'s> {
         }
     }
 
-    /// Returns the topics. [`read`](Self::read) adds those of programs that come later behind them; the messages
-    /// of new ones come with the call after that.
+    /// Returns the topics; [`StreamMessage::topic`] is an index into them. If a program starts later,
+    /// [`read`](Self::read) appends its topics, and the call of `read` after that hands over their first messages.
     #[must_use]
     pub fn topics(&self) -> &[StreamTopic] {
         &self.topics
     }
 
-    /// Hands over all messages that there are. Returns true if the system still runs.
+    /// Passes all messages that have come since the last call to `take`. Returns true if the system still runs.
     ///
     /// # Errors
     /// Returns an error if the system cannot be read; the text says why.
@@ -175,7 +178,7 @@ impl<'s> Streams<'s> {
     /// Waits until there may be more messages, for some milliseconds at most.
     ///
     /// # Errors
-    /// Returns the mailbox's error if it fails.
+    /// Returns the mailbox's error if the mailbox of the visitor fails.
     pub fn pause(&self) -> Result<(), AnyError> {
         self.rows.pause()
     }

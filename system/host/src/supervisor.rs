@@ -63,7 +63,7 @@ const _: () = assert!(LEAVE.as_secs() < DOWN.as_secs(), "that is promised");
 /// Requests that are carried out in a turn; others come in the next one.
 const REQUESTS: usize = 16;
 
-/// The options of a supervisor that are not part of a description.
+/// The options of [`run`] that do not come from the description of the system.
 #[derive(Clone, Debug, Default)]
 pub struct SupervisorOptions {
     /// The names of the binary's own programs, which a later `load` may name after `"self"`.
@@ -126,7 +126,7 @@ pub enum UpError {
     Events(std::io::Error),
 }
 
-/// The state of a system when it was taken down.
+/// The state of a system just before it was taken down, and how its end went. [`run`] returns it.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Summary {
@@ -140,20 +140,19 @@ pub struct Summary {
     pub killed: Vec<String>,
 }
 
-/// Brings the system up, and keeps it up until it is told to end: by a request, by SIGINT, SIGTERM
-/// or SIGHUP, because the description says so, or because a service fails for good before the
-/// system is up.
+/// Brings the system up, and keeps it up until it is told to end: by a request, by SIGINT, SIGTERM or SIGHUP, because
+/// the description says so, or because a service fails for good before the system is up.
 ///
-/// It calls `prepare` before it starts a program, when no other run of the system is alive. It
-/// calls `started` with the directory of the running system when all programs have had the chance
-/// to join. It calls `ending` with the state of the system before it stops the programs. None of
-/// the three may send requests to the supervisor, which does nothing else meanwhile.
+/// It calls `prepare` before it starts a program, when no other run of the system is alive. It calls `started` with the
+/// directory of the running system when all programs have had the chance to join. It calls `ending` with the state of
+/// the system before it stops the programs. None of the three may send requests to the supervisor, which waits for
+/// their return.
 ///
-/// From the moment at which it is told to end it takes at most [`DOWN`], whatever the programs do:
-/// those that do not end when they are asked are killed.
+/// The end takes at most [`DOWN`] after the system is told to end, whatever the programs do: programs that do not end
+/// when they are asked are killed.
 ///
-/// The programs are killed when the thread that calls this ends; if it ends in order, so are their
-/// process groups. Descendants that have left these groups are killed at the end if
+/// The programs are killed when the thread that calls this function ends. If the function returns, other processes in
+/// their process groups are killed, too. Descendants that have left these groups are killed at the end if
 /// [`SupervisorOptions::adopts`] is set, and by a [`reaper`].
 ///
 /// # Errors

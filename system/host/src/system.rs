@@ -38,7 +38,7 @@ use serde::{Deserialize, Serialize};
 /// The time that a supervisor may take to answer a request that it answers at once.
 pub(crate) const ANSWER: Duration = Duration::from_secs(15);
 
-/// The reason why a running system is not found.
+/// The reason why [`find`] returns no running system.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum FindError {
@@ -75,22 +75,22 @@ impl core::fmt::Display for Running<'_> {
     }
 }
 
-/// The directory of a system, which need not be running.
+/// The directory with the files of a system, such as its log and its sockets. The system need not be running.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SystemDirectory(PathBuf);
 
 impl SystemDirectory {
-    /// Returns the directory of the system `name` of this user; makes it if it does not exist.
+    /// Returns the directory of the system `name` of this user. Makes the directory if it does not exist.
     ///
     /// # Errors
-    /// [`NamedFileError`] if it cannot be made, or belongs to another user.
+    /// Returns [`NamedFileError`] if the directory cannot be made, or belongs to another user.
     pub fn of(name: &str) -> Result<Self, NamedFileError> {
         let path = all()?.join(name);
         private(&path)?;
         Ok(Self(path))
     }
 
-    /// Returns the directory at `path`, which a supervisor has made.
+    /// Returns the directory at `path`, which a supervisor has made. The directory is neither checked nor made.
     #[must_use]
     pub const fn at(path: PathBuf) -> Self {
         Self(path)
@@ -102,39 +102,40 @@ impl SystemDirectory {
         &self.0
     }
 
-    /// Returns the name of the system.
+    /// Returns the name of the system, which is the last part of the path.
     #[must_use]
     pub fn name(&self) -> String {
         let name = self.0.file_name().unwrap_or_default();
         name.to_string_lossy().into_owned()
     }
 
-    /// Returns the path of the directory of the windows, the processors' shared memory.
+    /// Returns the path of the directory of the windows, which are the memories that the processors share.
     #[must_use]
     pub fn mailbox(&self) -> PathBuf {
         self.0.join("mailbox")
     }
 
-    /// Returns the path of the file that is the memory which belongs to no processor.
+    /// Returns the path of the file with the shared memory that belongs to no processor.
     #[must_use]
     pub fn shared_memory(&self) -> PathBuf {
         self.0.join("shared")
     }
 
-    /// Returns the path of the file that programs map as their bus.
+    /// Returns the path of the file that programs map as their bus, by which they reach the boards.
     #[must_use]
     pub fn bus(&self) -> PathBuf {
         self.0.join("bus")
     }
 
-    /// Returns the path of the file that says where the page of the simulated clock is: the memory
-    /// in which that clock keeps its state.
+    /// Returns the path of a small file that names the memory in which the simulated clock keeps its state. That memory
+    /// is called the page of the clock; [`clock_page`](Self::clock_page) opens it.
     #[must_use]
     pub fn clock(&self) -> PathBuf {
         self.0.join("clock")
     }
 
-    /// Opens the page of the simulated clock; `None` if the system runs by the real clock.
+    /// Opens the page of the simulated clock, the memory in which that clock keeps its state. Returns `None` if the
+    /// system runs by the real clock.
     ///
     /// # Errors
     /// [`ProcessError`] if there is a page but it cannot be mapped, or has another version.
@@ -145,7 +146,8 @@ impl SystemDirectory {
         place.map(|it| MappedPage::open(&it.range())).transpose()
     }
 
-    /// Returns the path of the record of the characters that are typed in simulated time.
+    /// Returns the path of the record of the characters that people type while the system runs in simulated time: see
+    /// [`Script`](crate::services::terminals::Script).
     #[must_use]
     pub fn typing(&self) -> PathBuf {
         self.0.join("typing")
@@ -156,7 +158,7 @@ impl SystemDirectory {
         self.0.join("replay")
     }
 
-    /// Returns the path of the socket of the control protocol.
+    /// Returns the path of the socket at which the supervisor accepts [requests](crate::control).
     #[must_use]
     pub fn control(&self) -> PathBuf {
         self.0.join("control")
@@ -168,19 +170,19 @@ impl SystemDirectory {
         self.0.join("lock")
     }
 
-    /// Returns the path of the log.
+    /// Returns the path of the log, a text file with a line for each event of the system.
     #[must_use]
     pub fn log(&self) -> PathBuf {
         self.0.join("log")
     }
 
-    /// Returns the path of the file that lists the system's processes.
+    /// Returns the path of the file with the process ids of the supervisor and of the processes that it started.
     #[must_use]
     pub fn pids(&self) -> PathBuf {
         self.0.join("pids")
     }
 
-    /// Returns the path of the directory of the terminals.
+    /// Returns the path of the directory with the sockets and the logs of the processors' terminals.
     #[must_use]
     pub fn terminals(&self) -> PathBuf {
         self.0.join("tty")
@@ -192,12 +194,14 @@ impl SystemDirectory {
         self.terminals().join(format!("{name}.sock"))
     }
 
-    /// Opens the windows of the system, whose users' regions have `window_bytes` bytes each.
+    /// Opens the windows of the system, which are the memories that its processors share. `window_bytes` is the size of
+    /// the users' region of each processor's `data`, in bytes: see
+    /// [`SystemStatus`](crate::control::SystemStatus::window_bytes).
     ///
     /// # Errors
-    /// [`SystemError::BadDataSize`] if the size is not one of whole words,
-    /// [`SystemError::OtherSystem`] if the windows have another size, [`SystemError::Os`] if the
-    /// operating system refuses.
+    /// Returns [`SystemError::BadDataSize`] if `window_bytes` is not a whole number of words,
+    /// [`SystemError::OtherSystem`] if the windows have another size, [`SystemError::Os`] if the operating system
+    /// refuses.
     pub fn system(&self, window_bytes: u32) -> Result<SystemWindows, SystemError> {
         SystemWindows::at(self.mailbox(), window_bytes)
     }
@@ -215,7 +219,7 @@ impl SystemDirectory {
     }
 }
 
-/// A memory that several programs map: a file, or a part of one.
+/// A memory that several programs map, such as the shared memory of a system: a file, or a part of one.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct MemoryFile {
     /// The path of the file.
@@ -228,7 +232,7 @@ pub struct MemoryFile {
 }
 
 impl MemoryFile {
-    /// Returns the same part of the file as a [`FileRange`].
+    /// Returns the same memory as a [`FileRange`], the type that programs of condor-rt take.
     #[must_use]
     pub fn range(&self) -> FileRange {
         FileRange {
@@ -238,7 +242,7 @@ impl MemoryFile {
         }
     }
 
-    /// Maps the memory for loads and stores.
+    /// Maps the memory into this process, for loads and stores.
     ///
     /// # Errors
     /// [`ProcessError::Open`] if the file cannot be opened, [`ProcessError::MapShared`] if it
@@ -267,10 +271,10 @@ fn connect(path: &Path) -> rustix::io::Result<UnixStream> {
     Ok(socket.into())
 }
 
-/// The windows, the processors' shared memory, of a system.
+/// The windows of a system, which are the memories that its processors share.
 pub type SystemWindows = condor_mbox::linux::LinuxSystem<PROCESSORS>;
 
-/// Returns the running system `name`; without a name, the only one that runs.
+/// Returns the directory of the running system `name`. Without a name, returns that of the only system that runs.
 ///
 /// # Errors
 /// [`FindError::NotRunning`] if no system of that name runs, [`FindError::NoneRunning`] or
@@ -301,7 +305,7 @@ pub fn find(name: Option<&str>) -> Result<SystemDirectory, FindError> {
     }
 }
 
-/// Returns the running systems of this user, sorted by name.
+/// Returns the directories of all running systems of this user, sorted by name.
 ///
 /// # Errors
 /// [`NamedFileError`] if the directory of all systems cannot be read.

@@ -32,7 +32,7 @@ use condor_rt::linux::{HostBell, HostMailbox, MappedPage, ProcessError};
 use condor_rt::numbers::{PROCESSORS, VISITORS};
 use condor_rt::objects::{self, ObjectKind, SharedObject};
 
-/// The mailbox of a visitor: a program that comes to look at a running system, and goes again.
+/// The mailbox of a visitor, which is a program that looks at a running system without belonging to it.
 pub type Post = HostMailbox<'static>;
 
 /// The reason why a visitor cannot read the memory of a system.
@@ -76,7 +76,7 @@ pub enum ViewError {
     Memory {
         /// The number of the processor.
         processor: Processor,
-        /// The reason.
+        /// The error of the access.
         source: AccessError,
     },
 }
@@ -94,7 +94,7 @@ impl core::fmt::Display for Holders<'_> {
     }
 }
 
-/// The state of a processor's mailbox.
+/// The state of a processor's mailbox: whether a program has joined there and takes messages.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum MailboxState {
@@ -104,7 +104,7 @@ pub enum MailboxState {
     Joining,
     /// The processor has joined the mailbox system, and takes messages.
     Up,
-    /// Its program ended without leaving.
+    /// The program of the processor ended without leaving the mailbox system.
     Dead,
 }
 
@@ -119,7 +119,8 @@ impl core::fmt::Display for MailboxState {
     }
 }
 
-/// The state of a processor's mailbox and its heartbeat, as its own memory tells.
+/// The state of a processor's mailbox, and the counter with which its program shows that it still runs. Both are read
+/// from the memory of the processor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Heart {
     /// The state of the mailbox.
@@ -131,7 +132,8 @@ pub struct Heart {
     pub beats: u32,
 }
 
-/// A visitor that reads the shared memory (the windows) of all processors of a system.
+/// A visitor of a running system: it reads the memories that the processors share, without stopping any program. It can
+/// send messages after [`join`](Self::join).
 pub struct View {
     post: Post,
     /// The allocator of the free part of the visitor's own memory.
@@ -149,8 +151,9 @@ impl core::fmt::Debug for View {
 }
 
 impl View {
-    /// Claims the first free number of a visitor in the system of `directory`, whose users' regions
-    /// have `window_bytes` bytes each.
+    /// Opens the memories of the processors of the system in `directory`, and claims the first free number for
+    /// visitors. `window_bytes` is the size of the users' region of each processor's `data`, in bytes: see
+    /// [`SystemStatus`](crate::control::SystemStatus::window_bytes).
     ///
     /// # Errors
     /// Returns [`ViewError::Full`] if no such number is free; [`ViewError::Windows`] if the windows cannot be
@@ -168,22 +171,23 @@ impl View {
         })
     }
 
-    /// Joins as a processor, so that messages can be sent, and returns the visitor's mailbox.
+    /// Joins the mailbox system under the visitor's number, so that messages can be sent. Returns the visitor's
+    /// mailbox.
     ///
     /// # Errors
-    /// [`ViewError::Mailbox`] with the error of [`Mailbox::join`](condor_mbox::Mailbox::join).
+    /// Returns [`ViewError::Mailbox`] if [`Mailbox::join`](condor_mbox::Mailbox::join) fails.
     pub fn join(&mut self) -> Result<&Post, ViewError> {
         self.post.join()?;
         Ok(&self.post)
     }
 
-    /// Returns the visitor's mailbox; it has joined if [`join`](Self::join) was called.
+    /// Returns the visitor's mailbox. It can send messages only after [`join`](Self::join).
     #[must_use]
     pub const fn post(&self) -> &Post {
         &self.post
     }
 
-    /// Returns the time on the clock of the system: the simulated one, or else that of this host.
+    /// Returns the present time on the clock of the system: the simulated clock, or else the clock of this host.
     #[must_use]
     pub fn now(&self) -> Instant {
         match &self.clock {
@@ -197,7 +201,8 @@ impl View {
         self.clock.is_some()
     }
 
-    /// Returns the state of the mailbox of `processor`, and its heartbeat.
+    /// Reads the state of the mailbox of `processor`, and its heartbeat. If the heartbeat is the same after some time,
+    /// the program hangs or has ended.
     ///
     /// # Errors
     /// [`ViewError::Mailbox`] if there is no such processor or its memory cannot be read.
@@ -217,7 +222,8 @@ impl View {
         })
     }
 
-    /// Returns the users' region of the `data` of `processor`.
+    /// Returns the users' region of the `data` of `processor`: the part of its memory in which its program places
+    /// loops, variables, terminals and other objects.
     ///
     /// # Errors
     /// [`ViewError::Mailbox`] if there is no such processor, [`ViewError::Memory`] if its memory
@@ -227,7 +233,7 @@ impl View {
         Region::users(window).map_err(|source| ViewError::Memory { processor, source })
     }
 
-    /// Returns the objects of one kind in the object table of `processor`.
+    /// Returns the objects of the kind `kind`, such as loops or terminals, that the object table of `processor` lists.
     ///
     /// # Errors
     /// [`ViewError::Mailbox`] if there is no such processor, [`ViewError::Memory`] if its memory

@@ -39,7 +39,8 @@ pub use rows::{Change, RowField, RowSource, Rows, SourceRow};
 pub use types::Type;
 pub use types::float;
 
-/// Returns where variables belong, `processor:loop` or `processor:cell`, each once.
+/// Returns the loops and cells to which the variables `ones` belong, as `processor:loop` or `processor:cell`, each
+/// once.
 pub fn places(ones: &[CatalogEntry]) -> std::collections::BTreeSet<String> {
     ones.iter().map(CatalogEntry::place).collect()
 }

@@ -5,8 +5,8 @@ use crate::{McapReader, McapRecord, McapWriter};
 /// The size in bytes of a buffer for any record of a file that is found by chance.
 const ROOM: usize = 4096;
 
-/// Reads `bytes` as a file, with and without the right beginning, up to the first fault, and writes the records
-/// into another file, which must have the same records.
+/// Reads `bytes`, the input of a fuzz target, as an MCAP file up to the first fault: once as they are, and once with
+/// the right beginning before them. Writes the records into another file, which must have the same records.
 ///
 /// # Panics
 /// Panics if the other file has different records.

@@ -1,6 +1,7 @@
 //! [`NamePairs`]: names with values, as a file has them.
 
-/// Names with values, in the order in which a file has them.
+/// The names and values of a record, such as [`McapRecord::Metadata`](crate::McapRecord::Metadata),
+/// in the order in which the file has them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct NamePairs<'b>(&'b [u8]);
 
@@ -15,7 +16,7 @@ impl<'b> NamePairs<'b> {
         Some((Self(pairs), rest))
     }
 
-    /// Iterates over the pairs.
+    /// Iterates over the pairs of a name and its value, in the order in which the file has them.
     pub fn iter(&self) -> impl Iterator<Item = (&'b str, &'b str)> + use<'b> {
         let mut left = self.0;
         core::iter::from_fn(move || {
@@ -25,7 +26,7 @@ impl<'b> NamePairs<'b> {
         })
     }
 
-    /// Returns the value of the first pair with this name; `None` if there is none.
+    /// Returns the value of the first pair called `name`; `None` if no pair has this name.
     #[must_use]
     pub fn get(&self, name: &str) -> Option<&'b str> {
         self.iter().find(|pair| pair.0 == name).map(|pair| pair.1)

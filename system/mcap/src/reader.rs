@@ -5,7 +5,7 @@ use embedded_io::{Read, ReadExactError};
 use crate::pairs::{NamePairs, bytes, text};
 use crate::record::{HEAD_BYTES, MAGIC, MessageHead, opcode};
 
-/// A file that is being read, record by record.
+/// A reader of an MCAP file, which returns one record after the other.
 ///
 /// ```
 /// use condor_mcap::{McapReader, McapRecord, McapWriter};
@@ -38,7 +38,8 @@ enum FilePosition {
     End,
 }
 
-/// A record of a file: the header, names with values, a schema, a channel or a message.
+/// A record that [`McapReader::next`] returns: the header, names with values, a schema, a channel
+/// or a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum McapRecord<'b> {
@@ -84,7 +85,7 @@ pub enum McapRecord<'b> {
     Message(MessageHead, &'b [u8]),
 }
 
-/// The reason why a file cannot be read.
+/// The reason why an MCAP file, or its next record, cannot be read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum McapError<E> {
@@ -133,11 +134,11 @@ impl<E> From<ReadExactError<E>> for McapError<E> {
 }
 
 impl<R: Read> McapReader<R> {
-    /// Begins to read a file.
+    /// Begins to read the MCAP file in `from`, and checks its first 8 bytes.
     ///
     /// # Errors
-    /// [`McapError::Magic`] if the file does not begin as MCAP files do; [`McapError::BrokenOff`] if it is
-    /// shorter than those first bytes; [`McapError::Io`] with the error of `from` if reading fails.
+    /// [`McapError::Magic`] if the file does not begin as MCAP files do; [`McapError::BrokenOff`] if the file is
+    /// shorter than these bytes; [`McapError::Io`] with the error of `from` if reading fails.
     pub fn new(mut from: R) -> Result<Self, McapError<R::Error>> {
         let mut found = [0; 8];
         from.read_exact(&mut found)?;
@@ -148,14 +149,16 @@ impl<R: Read> McapReader<R> {
         Ok(Self { from, part })
     }
 
-    /// Reads the next record of the data into `buffer`; returns `None` at the end of the file.
-    /// Records of other kinds are skipped.
+    /// Reads the next record into `buffer` and returns it; returns `None` at the end of the file.
+    /// Skips records of kinds that [`McapRecord`] does not have, and the summary at the end of a
+    /// file.
     ///
     /// # Errors
     /// [`McapError::BrokenOff`] if the file ends before its last record, [`McapError::Room`] if the
     /// buffer is too short, [`McapError::Invalid`] if the record is not what its kind says,
-    /// [`McapError::Chunk`] if messages are in chunks, [`McapError::Io`] with the error of what is
-    /// read from. After an error, the place in the file is unknown.
+    /// [`McapError::Chunk`] if messages are in chunks, [`McapError::Io`] with the error of the
+    /// source if reading fails. After an error the place in the file is unknown, so that the reader
+    /// cannot go on.
     pub fn next<'b>(
         &mut self,
         buffer: &'b mut [u8],

@@ -15,25 +15,26 @@ pub(crate) mod opcode {
     pub(crate) const DATA_END: u8 = 0x0f;
 }
 
-/// A message without its data.
+/// The head of a message in an MCAP file: its channel, its number in the channel, and its time. The
+/// data of the message follows the head.
 ///
-/// Its time of publication in the file is the same as its log time.
+/// In the file, the time of publication of the message is the same as its log time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MessageHead {
-    /// The number of its channel.
+    /// The number of the channel to which the message belongs.
     pub channel: u16,
-    /// Its number in the channel.
+    /// The number of the message in its channel.
     pub sequence: u32,
-    /// Its time, in nanoseconds since an instant that the recording chooses.
+    /// The time of the message, in nanoseconds since an instant that the recording chooses.
     pub log_time_ns: u64,
 }
 
 impl MessageHead {
-    /// The number of bytes of a record of a message before its data.
+    /// The number of bytes that the record of a message has before the data.
     pub const HEAD_BYTES: usize = HEAD_BYTES + FIXED_BYTES;
 
-    /// Returns the bytes of the record of this message that come before its data, which has
-    /// `data_bytes` bytes.
+    /// Returns the bytes that the record of this message has before the data. `data_bytes` is the
+    /// number of bytes of the data.
     #[must_use]
     pub fn head(&self, data_bytes: usize) -> [u8; Self::HEAD_BYTES] {
         let mut head = [0; Self::HEAD_BYTES];

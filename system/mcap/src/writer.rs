@@ -4,7 +4,7 @@ use embedded_io::Write;
 
 use crate::record::{MAGIC, MessageHead, head_of, opcode};
 
-/// A file that is being written. Call [`end`](Self::end) after the last record.
+/// A writer of an MCAP file. Call [`end`](Self::end) after the last record.
 ///
 /// ```
 /// use condor_mcap::{McapWriter, MessageHead};
@@ -26,11 +26,11 @@ pub struct McapWriter<W> {
 }
 
 impl<W: Write> McapWriter<W> {
-    /// Begins a file in `to`. `profile` says what its messages are by convention, and may be empty;
-    /// `library` says what writes it.
+    /// Begins an MCAP file in `to`. `profile` names the convention that its messages follow, and
+    /// may be empty; `library` names the program that writes the file.
     ///
     /// # Errors
-    /// Returns the error of `to` if writing fails. All methods do so, and the file is incomplete then.
+    /// Returns the error of `to` if writing fails. The file is incomplete then.
     pub fn new(mut to: W, profile: &str, library: &str) -> Result<Self, W::Error> {
         to.write_all(&MAGIC)?;
         let mut writer = Self { to };
@@ -39,7 +39,8 @@ impl<W: Write> McapWriter<W> {
         Ok(writer)
     }
 
-    /// Writes names with values that belong to the whole file, such as versions.
+    /// Writes names with values that belong to the whole file, such as versions. `name` is the
+    /// subject of these pairs.
     ///
     /// # Errors
     /// Returns the error of the destination if writing fails.
@@ -47,8 +48,9 @@ impl<W: Write> McapWriter<W> {
         self.record(opcode::METADATA, &[Part::Text(name), Part::Pairs(pairs)])
     }
 
-    /// Writes a schema: the description of the messages of a type. `number` is not 0. `encoding` is
-    /// the language in which `data` describes them, such as `ros2msg`.
+    /// Writes a schema: the description of the messages of the type `name`. Channels refer to the
+    /// schema by `number`, which must not be 0. `encoding` is the language of the description
+    /// `data`, such as `ros2msg`.
     ///
     /// # Errors
     /// Returns the error of the destination if writing fails.
@@ -65,8 +67,10 @@ impl<W: Write> McapWriter<W> {
         self.record(opcode::SCHEMA, &parts)
     }
 
-    /// Writes a channel: a topic whose messages are described by `schema`, which was written before
-    /// or is 0, and encoded as `encoding` says, such as `cdr`.
+    /// Writes a channel: the topic `topic`, to which messages refer by `number`. `schema` is the
+    /// number of the schema of its messages, which was written before, or 0 if there is no schema.
+    /// `encoding` says how the messages are encoded, such as `cdr`. `metadata` are names with
+    /// values that belong to the channel.
     ///
     /// # Errors
     /// Returns the error of the destination if writing fails.
@@ -89,7 +93,8 @@ impl<W: Write> McapWriter<W> {
         self.record(opcode::CHANNEL, &parts)
     }
 
-    /// Writes a message of a channel that was written before; `data` is in several pieces.
+    /// Writes a message of a channel that was written before. The data of the message are the
+    /// pieces of `data`, one after the other.
     ///
     /// # Errors
     /// Returns the error of the destination if writing fails.
@@ -99,8 +104,9 @@ impl<W: Write> McapWriter<W> {
         data.iter().try_for_each(|part| self.to.write_all(part))
     }
 
-    /// Writes bytes of messages that were put together by [`MessageHead::head`] and kept. A message may
-    /// be in several pieces, but nothing else may be written before it is whole.
+    /// Writes `bytes` of messages that the caller has put together: for each message the bytes that
+    /// [`MessageHead::head`] returns, then the data. A message may be written in several calls, but nothing else may be
+    /// written before it is complete.
     ///
     /// # Errors
     /// Returns the error of the destination if writing fails.
@@ -108,7 +114,7 @@ impl<W: Write> McapWriter<W> {
         self.to.write_all(bytes)
     }
 
-    /// Ends the file, and returns the destination, which may have to be flushed.
+    /// Writes the end of the file, and returns the destination, which may have to be flushed.
     ///
     /// # Errors
     /// Returns the error of the destination if writing fails.
@@ -120,7 +126,7 @@ impl<W: Write> McapWriter<W> {
         Ok(self.to)
     }
 
-    /// Returns the destination.
+    /// Returns the destination to which the file is written.
     pub const fn inner_mut(&mut self) -> &mut W {
         &mut self.to
     }

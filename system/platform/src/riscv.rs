@@ -4,8 +4,8 @@ const MSIP: usize = 0;
 const MTIMECMP: usize = 0x4000;
 const MTIME: usize = 0xbff8;
 
-/// The registers of a CLINT, for one hart: the counter, its own compare, and the software interrupts of
-/// all harts.
+/// The registers of a CLINT, the timer and software interrupts of RISC-V harts, as one hart uses them: the counter, its
+/// own compare register, and the software interrupts of all harts.
 ///
 /// Source: the CLINT of the `SiFive` FU540-C000 manual, chapter 9, which is also the layout of
 /// the ACLINT devices MSWI and MTIMER side by side.
@@ -17,7 +17,8 @@ pub struct ClintRegisters {
 }
 
 impl ClintRegisters {
-    /// Makes the registers of the CLINT at address `base`, for `hart`.
+    /// Makes the access of the hart with the number `hart` to the registers of the CLINT at address
+    /// `base`.
     ///
     /// # Safety
     /// A CLINT lies at `base`. The hart that uses the registers may access `mtime`, `mtimecmp` of
@@ -39,8 +40,8 @@ impl ClintRegisters {
         unsafe { read_u64(self.mtime) }
     }
 
-    /// Returns `mtimecmp` of the hart, in ticks of the machine's timer: its timer interrupt is
-    /// pending while `mtime` is not below it.
+    /// Returns `mtimecmp` of the hart, in ticks of the machine's timer. The timer interrupt of the
+    /// hart is pending while `mtime` has reached this value.
     #[must_use]
     #[inline]
     pub fn mtimecmp(&self) -> u64 {
@@ -48,7 +49,8 @@ impl ClintRegisters {
         unsafe { read_u64(self.mtimecmp) }
     }
 
-    /// Sets `mtimecmp` of the hart to `value`, in ticks of the machine's timer.
+    /// Sets `mtimecmp` of the hart to `value`, in ticks of the machine's timer: the instant from
+    /// which the timer interrupt of the hart is pending.
     #[inline]
     pub fn set_mtimecmp(&self, value: u64) {
         // SAFETY: `new`'s caller vouches for the register.
@@ -57,8 +59,8 @@ impl ClintRegisters {
 
     /// Sets or clears the pending bit of the software interrupt of `hart`, which may be any hart.
     ///
-    /// The write is ordered only with other accesses to devices. If that hart is to see earlier
-    /// writes to memory, make a fence before the call.
+    /// The write is ordered only with other accesses to devices. If that hart must see earlier
+    /// writes to memory, execute a fence before the call.
     #[inline]
     pub fn set_msip(&self, hart: u16, pending: bool) {
         let register = self.msip.wrapping_add(4 * usize::from(hart)) as *mut u32;

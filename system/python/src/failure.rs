@@ -14,7 +14,7 @@ use condor_vars::RequestError;
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 
-/// The exceptions of `condor.errors`.
+/// The class of an exception in `condor.errors`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Kind {
     /// The base class, `Error`.
@@ -27,7 +27,7 @@ pub(crate) enum Kind {
     Refused,
 }
 
-/// An error as a person reads it, which can go from thread to thread.
+/// An error for Python: its text, and the class of the exception. It can be sent from thread to thread.
 #[derive(Clone, Debug)]
 pub(crate) struct Failure {
     pub(crate) kind: Kind,
@@ -66,7 +66,7 @@ impl<E: Into<Box<dyn Error>>> From<E> for Failure {
     }
 }
 
-/// The exception for an error, without regard to its source.
+/// Returns the class of exception for `error`, without regard to its source.
 fn kind_of(error: &(dyn Error + 'static)) -> Kind {
     if error.is::<FindError>() || error.is::<UnknownMember>() {
         return Kind::NotFound;
@@ -151,7 +151,7 @@ impl From<Failure> for PyErr {
     }
 }
 
-/// Reads a number of seconds, which `what` is.
+/// Converts a number of seconds from Python. `what` is the name of the argument in errors.
 pub(crate) fn seconds(what: &str, seconds: f64) -> Result<Duration, Failure> {
     Duration::try_from_secs_f64(seconds).map_err(|_| {
         Failure::refused(format!(

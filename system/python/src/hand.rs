@@ -11,16 +11,16 @@ use pyo3::types::{PyByteArray, PyList};
 
 use crate::failure::Failure;
 
-/// Fingers of a hand, at most.
+/// The greatest number of fingers of a hand.
 const FINGERS: usize = 8;
-/// Joints of a finger, at most.
+/// The greatest number of joints of a finger.
 const JOINTS: usize = 4;
-/// Joints whose set-points can be made, at most.
+/// The greatest number of joints for which set-points can be made.
 const MOVED: usize = 32;
-/// Bytes of motions, at most.
+/// The greatest size of the compiled text of a motion, in bytes.
 const BYTES: usize = 8192;
 
-/// A hand: its joints and links, and the motions that its master makes.
+/// A hand, computed from its configuration alone: its joints and links, and the motions that its master would make.
 #[pyclass(frozen)]
 pub(crate) struct Hand {
     name: String,
@@ -28,10 +28,10 @@ pub(crate) struct Hand {
     wires: Vec<WiringRow>,
 }
 
-/// `(name, kind, whether it is an output, board, channel, bits, gain, offset, least value)`.
+/// A sensor or an actuator: `(name, kind, whether it is an output, board, channel, bits, gain, offset, least value)`.
 type WiringRow = (String, &'static str, bool, u8, u8, u8, f64, f64, f64);
 
-/// `(name, parent, x y z in m, quaternion x y z w)`, relative to the parent.
+/// A link relative to its parent: `(name, parent, x y z in m, quaternion x y z w)`.
 type Frame = (String, String, [f64; 3], [f64; 4]);
 
 #[pymethods]
@@ -40,7 +40,7 @@ type Frame = (String, String, [f64; 3], [f64; 4]);
     reason = "PyO3 hands over lists of numbers by value"
 )]
 impl Hand {
-    /// Reads the text of a configuration; `file` is its name in errors.
+    /// Reads and checks the text of a configuration. `file` is the name of the text in errors.
     #[new]
     fn new(py: Python<'_>, text: &str, file: &str) -> PyResult<Self> {
         let read = py.detach(|| {
@@ -59,7 +59,7 @@ impl Hand {
         &self.name
     }
 
-    /// Returns the name, the least and the greatest position of each joint.
+    /// Returns `(name, least position, greatest position)` of each joint, rad.
     fn joints(&self) -> Vec<(&str, f64, f64)> {
         let joints = self.view.joints().iter();
         let joints = joints.map(|it| (it.name.as_str(), it.limits[0], it.limits[1]));
@@ -71,14 +71,15 @@ impl Hand {
         self.wires.clone()
     }
 
-    /// Returns the frames of all links, parents first.
+    /// Returns the frames of all links, parents first, if the joints have these `positions`, rad.
     fn frames(&self, py: Python<'_>, positions: Vec<f64>) -> Vec<Frame> {
         let frames = py.detach(|| self.view.frames(&positions)).into_iter();
         let frames = frames.map(|it| (it.name, it.parent, it.translation, it.rotation));
         frames.collect()
     }
 
-    /// Returns the positions that bring a frame to a point, and how near they do, as JSON.
+    /// Returns the positions that bring the frame `frame` to `point`, or as near to it as was found, as JSON. The
+    /// search begins at `positions`.
     fn inverse(
         &self,
         py: Python<'_>,
@@ -94,7 +95,7 @@ impl Hand {
         Ok(found?)
     }
 
-    /// Returns how near parts are to each other that must not meet, as JSON.
+    /// Returns the distances between the parts of the hand that must not touch each other, as JSON.
     fn clearances(&self, py: Python<'_>, positions: Vec<f64>) -> PyResult<String> {
         let found = py.detach(|| {
             let found = self.view.clearances(&positions);
@@ -103,8 +104,8 @@ impl Hand {
         Ok(found?)
     }
 
-    /// Returns the motion that the master makes of a text: `(period, joints, rest)`. A joint is `(name, [position,
-    /// velocity, acceleration, torque])`, each as bytes of float64; the rest is JSON.
+    /// Returns the motion that the master would make of the text `motion`: `(period, joints, rest)`. A joint is `(name,
+    /// [position, velocity, acceleration, torque])`, each as bytes of float64; the rest is JSON.
     fn plan<'py>(
         &self,
         py: Python<'py>,
@@ -138,7 +139,8 @@ impl Hand {
         Ok((plan.period_s, joints, rest.to_string()))
     }
 
-    /// Returns the text of a motion as bytes for the queue.
+    /// Compiles the text of a motion to the bytes that the queue of motions takes. `file` is the name of the text in
+    /// errors.
     fn compile(&self, py: Python<'_>, motion: &str, file: &str) -> PyResult<Vec<u8>> {
         let compiled = py.detach(|| {
             let joints = self.view.joints();
@@ -153,7 +155,7 @@ impl Hand {
         Ok(compiled?)
     }
 
-    /// Returns the hand as URDF.
+    /// Returns the hand as URDF, the XML format for models of robots; `None` if there is no such model of it.
     fn urdf(&self) -> Option<String> {
         self.view.urdf()
     }

@@ -14,13 +14,13 @@ use condor_rt::objects::{self, ObjectKind};
 use crate::failure::Failure;
 use crate::system_worker::{Session, WorkerState};
 
-/// The name of the blocks in which a queue of motions is asked.
+/// The name, in an object table, of the blocks by which requests are sent to a queue of motions.
 const MOTIONS: &str = "motions";
 
-/// A motion that was enqueued: its session and its number there.
+/// An enqueued motion: the session with the queue, and the number of the request in it.
 pub(crate) type Ticket = (u32, u32);
 
-/// `(state, reason, progress, requests before it, whether it is final)`.
+/// The state of an enqueued motion: `(state, reason, progress, requests before it, whether it is final)`.
 pub(crate) type Outcome = (String, Option<String>, Option<f64>, u32, bool);
 
 impl<'v> WorkerState<'v> {
@@ -44,7 +44,8 @@ impl<'v> WorkerState<'v> {
         )))
     }
 
-    /// Returns the session, or opens another one: other clients may have taken its place.
+    /// Returns the number of this visitor's session with the queue. Opens another one if there is none any more, since
+    /// other clients may have taken its place.
     fn open(
         &mut self,
         queue: &mut MotionsClient<'_, Post, LinuxWindow>,
@@ -65,7 +66,8 @@ impl<'v> WorkerState<'v> {
         Ok(session)
     }
 
-    /// Enqueues motions: the name of a motion, or the bytes of an image. Control is given up once they are accepted.
+    /// Enqueues a motion: `motions` is the name of a motion file, or the bytes of compiled motions. Control of the
+    /// robot is given up again once the motion is accepted.
     pub(crate) fn enqueue(
         &mut self,
         motions: &[u8],
@@ -100,7 +102,7 @@ impl<'v> WorkerState<'v> {
         }
     }
 
-    /// Returns what has become of a motion.
+    /// Returns the present state of an enqueued motion.
     pub(crate) fn outcome(
         &mut self,
         (session, number): Ticket,
@@ -124,7 +126,7 @@ impl<'v> WorkerState<'v> {
         Ok((state.into(), reason, progress, before, is_final))
     }
 
-    /// Ends all motion of the robot.
+    /// Ends the motion that runs, and all that wait.
     pub(crate) fn abort(&mut self, takes_control: bool, timeout: Duration) -> Result<(), Failure> {
         let mut queue = self.queue()?;
         let session = self.open(&mut queue, timeout)?;

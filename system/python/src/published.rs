@@ -8,11 +8,11 @@ use crate::failure::Failure;
 use crate::system_worker::WorkerState;
 use crate::values::PythonValue;
 
-/// `(sequence number, [(field, value)])`.
+/// A value of a published cell: `(sequence number, [(field, value)])`.
 pub(crate) type Latest = (u32, Vec<(String, PythonValue)>);
 
 impl WorkerState<'_> {
-    /// Returns the latest value of a cell, all fields of one instant.
+    /// Returns the latest value of the published cell `name`; all fields are of one instant.
     pub(crate) fn published(&self, name: &str) -> Result<Latest, Failure> {
         let known = self.known()?;
         let fields = known.all.iter().filter(|one| one.is_field());

@@ -17,16 +17,16 @@ use pyo3::types::PyByteArray;
 
 use crate::failure::Failure;
 
-/// The time that the background serves messages before it looks around.
+/// The longest time that the background serves messages before it looks for texts to print and signals of Python.
 const NAP: Duration = Duration::from_millis(20);
 
-/// `(name, unit, about, value, least value, greatest value)`.
+/// A parameter: `(name, unit, description, value, least value, greatest value)`.
 type TuningRow = (String, String, String, f64, f64, f64);
 
-/// A robot whose steps are a function of Python.
+/// A simulated robot behind the registers of the boards, whose steps are a function of Python.
 #[pyclass(frozen)]
 pub(crate) struct Simulator {
-    /// Until it runs.
+    /// The processor, until [`run`](Self::run) takes it.
     process: Mutex<Option<LinuxProcess>>,
     number: u8,
     bus: ProcessBus,
@@ -37,10 +37,10 @@ pub(crate) struct Simulator {
     said: Mutex<Vec<String>>,
 }
 
-/// Variables whose names are known at run time, each of two words.
+/// Variables whose names are known only at run time. Each value has two words.
 struct ShownVariable {
     words: Vec<AtomicU32>,
-    /// Names, units and descriptions.
+    /// The name, the unit and the description of each variable.
     texts: Vec<[String; 3]>,
 }
 
@@ -79,7 +79,8 @@ impl Simulator {
         self.number
     }
 
-    /// Reads `count` registers of `width` bytes, side by side from `address` on.
+    /// Reads `count` registers of `width` bytes each, one after the other from `address` on. Returns their bytes,
+    /// little-endian.
     fn read<'py>(
         &self,
         py: Python<'py>,
@@ -97,7 +98,8 @@ impl Simulator {
         Ok(PyByteArray::new(py, &bytes))
     }
 
-    /// Writes registers of `width` bytes, side by side from `address` on.
+    /// Writes registers of `width` bytes each, one after the other from `address` on. `values` are their bytes,
+    /// little-endian.
     fn write(&self, address: usize, width: usize, values: &[u8]) -> PyResult<()> {
         let of = width_of(width)?;
         for (register, value) in values.chunks_exact(width).enumerate() {
@@ -112,22 +114,24 @@ impl Simulator {
         Ok(())
     }
 
-    /// Sets the variable `index`.
+    /// Sets the value of the variable number `index`, from 0, as rows show it.
     fn show(&self, index: usize, value: f64) {
         self.shown.set(index, value);
     }
 
-    /// Returns the value of the parameter `index` in the present step.
+    /// Returns the value of the parameter number `index`, from 0, in the present step; `None` if there is no such
+    /// parameter.
     fn parameter(&self, index: usize) -> Option<f64> {
         self.tuned.get(index).map(Param::get)
     }
 
-    /// Has the terminal show a text soon.
+    /// Adds a text to those that the background prints on the terminal of the processor.
     fn say(&self, text: String) {
         lock(&self.said).push(text);
     }
 
-    /// Calls `step` with the time, s, at the rate, until the program is to end or `step` raises an exception.
+    /// Calls `step` at the rate of the simulator with the time in seconds, until the program is asked to end or `step`
+    /// raises an exception.
     fn run(&self, step: &Bound<'_, PyAny>) -> PyResult<()> {
         let (py, step) = (step.py(), step.clone().unbind());
         let process = lock(&self.process).take();

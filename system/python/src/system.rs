@@ -36,7 +36,7 @@ pub(crate) struct System {
 
 #[pymethods]
 impl System {
-    /// Joins the system of a name, or in a directory; without both, the only one that runs.
+    /// Joins the system called `name`, or that in `directory`; without both, the only system that runs.
     #[new]
     fn new(
         py: Python<'_>,
@@ -61,7 +61,7 @@ impl System {
         py.detach(|| self.worker.close());
     }
 
-    /// Asks the supervisor; request and answer are JSON.
+    /// Sends a request to the supervisor, and waits for the answer. Both are JSON.
     fn request(&self, py: Python<'_>, request: &str, timeout: f64) -> PyResult<String> {
         let timeout = seconds("timeout", timeout)?;
         let answer = py.detach(|| {
@@ -86,7 +86,7 @@ impl System {
             })
     }
 
-    /// Returns the time on the clock of the system, s.
+    /// Returns the present time on the clock of the system, in seconds.
     fn now(&self, py: Python<'_>, timeout: f64) -> PyResult<f64> {
         self.worker.ask(py, seconds("timeout", timeout)?, |state| {
             let now = Duration::from_nanos(state.view.now().as_ns());
@@ -94,7 +94,7 @@ impl System {
         })
     }
 
-    /// Describes variables, parameters and fields, as JSON.
+    /// Returns descriptions of the variables, parameters and fields that `patterns` name, as JSON.
     fn variables(&self, py: Python<'_>, patterns: Vec<String>, timeout: f64) -> PyResult<String> {
         self.worker
             .ask(py, seconds("timeout", timeout)?, move |state| {
@@ -107,7 +107,8 @@ impl System {
             })
     }
 
-    /// Returns the value of a parameter or a field; `None` of a variable, whose values are in rows.
+    /// Returns the present value of a parameter or of a field of a published cell; `None` for a variable, whose values
+    /// are only in rows.
     fn get(&self, py: Python<'_>, name: String, timeout: f64) -> PyResult<Option<PythonValue>> {
         let timeout = seconds("timeout", timeout)?;
         self.worker.ask(py, timeout, move |state| {
@@ -118,7 +119,7 @@ impl System {
         })
     }
 
-    /// Sets a parameter; returns the value that it had.
+    /// Sets a parameter to `value`, and returns its previous value. With `expected`, sets it only if it has that value.
     fn set(
         &self,
         py: Python<'_>,
@@ -141,7 +142,7 @@ impl System {
         })
     }
 
-    /// Returns the latest value of a published cell.
+    /// Returns the latest value of the published cell `name`, field by field.
     fn published(&self, py: Python<'_>, name: String, timeout: f64) -> PyResult<Latest> {
         self.worker
             .ask(py, seconds("timeout", timeout)?, move |state| {
@@ -149,7 +150,8 @@ impl System {
             })
     }
 
-    /// Watches variables of these names and patterns.
+    /// Begins to read rows of the variables that `patterns` name: one every `every` ticks. Keeps `capacity` rows of
+    /// each loop until Python reads them.
     fn watch(
         &self,
         py: Python<'_>,
@@ -170,7 +172,8 @@ impl System {
         })
     }
 
-    /// Sends a message; with `replies`, waits for the reply and returns it.
+    /// Sends a message with the word `data`. With `replies`, waits for the reply and returns it; otherwise returns
+    /// `None`.
     fn send(
         &self,
         py: Python<'_>,
@@ -194,7 +197,7 @@ impl System {
         })
     }
 
-    /// Enqueues motions: a name, or an image.
+    /// Enqueues a motion. `motions` is the name of a motion file, or the bytes of compiled motions.
     fn enqueue(
         &self,
         py: Python<'_>,
@@ -208,14 +211,15 @@ impl System {
         })
     }
 
-    /// Returns what has become of a motion.
+    /// Returns the present state of an enqueued motion.
     fn outcome(&self, py: Python<'_>, motion: Ticket, timeout: f64) -> PyResult<Outcome> {
         let timeout = seconds("timeout", timeout)?;
         self.worker
             .ask(py, timeout, move |state| state.outcome(motion, timeout))
     }
 
-    /// Ends all motion.
+    /// Ends the motion that runs, and all that wait. If another program is in control of the robot, this needs
+    /// `takes_control`.
     fn abort(&self, py: Python<'_>, takes_control: bool, timeout: f64) -> PyResult<()> {
         let timeout = seconds("timeout", timeout)?;
         self.worker.ask(py, timeout, move |state| {
@@ -223,7 +227,7 @@ impl System {
         })
     }
 
-    /// Opens the terminal of a processor. Its service may be about to be ready for it.
+    /// Opens the terminal of a processor. While the terminal service is not ready for it, tries again for `timeout`.
     fn terminal(&self, py: Python<'_>, processor: String, timeout: f64) -> PyResult<Terminal> {
         let timeout = seconds("timeout", timeout)?;
         let begun = Instant::now();

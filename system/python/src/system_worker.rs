@@ -24,19 +24,20 @@ const PATIENCE: Duration = Duration::from_secs(15);
 
 type Job = Box<dyn for<'s, 'v> FnOnce(&'s mut WorkerState<'v>) + Send>;
 
-/// The way to the thread, which ends when this is closed or dropped.
+/// A handle of the thread that visits a system. The thread ends when this value is closed or dropped.
 pub(crate) struct SystemWorker {
     jobs: Mutex<Option<Sender<Job>>>,
     thread: Mutex<Option<JoinHandle<()>>>,
 }
 
-/// The state of the thread.
+/// The state of the thread that visits a system, which jobs from Python use.
 pub(crate) struct WorkerState<'v> {
     pub(crate) status: SystemStatus,
     pub(crate) view: &'v View,
     pub(crate) session: Session,
     watches: Vec<(Arc<WatchState>, Rows<'v>)>,
-    /// Clients that nobody uses at present: each has blocks of the visitor's memory for ever.
+    /// Clients that are not in use. They are kept because each has blocks of the visitor's memory that are never
+    /// returned.
     spare: Vec<Clients<'v>>,
 }
 
@@ -44,7 +45,7 @@ pub(crate) struct WorkerState<'v> {
 #[derive(Default)]
 pub(crate) struct Session {
     pub(crate) number: Option<u32>,
-    /// The number of its last request.
+    /// The number of the last request in this session; 0 before the first.
     pub(crate) last: u32,
 }
 
@@ -81,7 +82,8 @@ impl SystemWorker {
         })
     }
 
-    /// Has the thread do something that takes `timeout` at most, and waits for it without the GIL.
+    /// Has the thread run a job that takes `timeout` at most, and waits for its result. Other threads of Python run
+    /// meanwhile.
     pub(crate) fn ask<T: Send + 'static>(
         &self,
         py: Python<'_>,
@@ -123,7 +125,7 @@ impl SystemWorker {
         }
     }
 
-    /// Leaves the system.
+    /// Leaves the system, and ends the thread.
     pub(crate) fn close(&self) {
         drop(take(&self.jobs));
         if let Some(thread) = take(&self.thread) {
@@ -180,12 +182,12 @@ impl<'v> WorkerState<'v> {
         }
     }
 
-    /// Returns the names of the system's variables, as they are now.
+    /// Reads the names of all variables that the system has now.
     pub(crate) fn known(&self) -> Result<VariableCatalog, Failure> {
         Ok(VariableCatalog::all(self.view, &self.status.processors)?)
     }
 
-    /// Ends what is not watched any more, so that its slots are free.
+    /// Stops reading the rows that Python does not want any more, so that their slots are free.
     fn tidy(&mut self) {
         let ended = |(shared, _): &mut (Arc<WatchState>, Rows<'v>)| shared.is_closed();
         let ended: Vec<_> = self.watches.extract_if(.., ended).collect();
@@ -193,7 +195,7 @@ impl<'v> WorkerState<'v> {
             .extend(ended.into_iter().map(|(_, rows)| rows.end()));
     }
 
-    /// Does something with clients that wait for `timeout` at most.
+    /// Calls `work` with clients that wait for an answer for `timeout` at most.
     pub(crate) fn with_clients<T>(
         &mut self,
         timeout: Duration,
@@ -212,7 +214,8 @@ impl<'v> WorkerState<'v> {
         clients
     }
 
-    /// Reads rows of variables from now on, as long as somebody wants them. Keeps up to `most` rows.
+    /// Begins to read the rows of the variables that `patterns` name, one every `every` ticks, until the result is
+    /// closed. Keeps up to `most` rows of each loop for Python.
     pub(crate) fn watch(
         &mut self,
         patterns: &[String],

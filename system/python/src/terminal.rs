@@ -12,7 +12,7 @@ use pyo3::prelude::*;
 use crate::failure::{Failure, seconds};
 use crate::watch::SLICE;
 
-/// The terminal of a processor: what it shows, and what is typed at it.
+/// The terminal of a processor, of which Python reads the output and at which it types.
 #[pyclass(frozen)]
 pub(crate) struct Terminal {
     directory: SystemDirectory,
@@ -36,7 +36,8 @@ impl Terminal {
         })
     }
 
-    /// Reads what comes within `limit`, until `text` is there, and removes it with all before it.
+    /// Reads output until it contains `text`, for `limit` at most. Returns the output up to the end of `text`, and
+    /// forgets it; `None` if `text` has not come.
     fn take(&self, text: &[u8], limit: Duration) -> Result<Option<Vec<u8>>, Failure> {
         let mut shown = self.shown.lock().unwrap_or_else(PoisonError::into_inner);
         let (stream, kept) = &mut *shown;
@@ -66,7 +67,7 @@ impl Terminal {
 
 #[pymethods]
 impl Terminal {
-    /// Types characters.
+    /// Types the characters of `text` at the terminal.
     fn write(&self, py: Python<'_>, text: &str) -> PyResult<()> {
         let typed = py.detach(|| type_in(&self.directory, &self.name, text.as_bytes()));
         typed.map_err(|error| {
@@ -75,7 +76,7 @@ impl Terminal {
         })
     }
 
-    /// Waits until the terminal shows `text`; returns what it has shown up to there since the last call.
+    /// Waits until the terminal has shown `text`. Returns its output since the last call, up to the end of `text`.
     fn read_until(&self, py: Python<'_>, text: &str, timeout: f64) -> PyResult<String> {
         let limit = seconds("timeout", timeout)?;
         let begun = Instant::now();

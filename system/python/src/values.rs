@@ -6,7 +6,7 @@ use pyo3::IntoPyObjectExt;
 use pyo3::prelude::*;
 use serde_json::{Value as Json, json};
 
-/// A value that goes to Python.
+/// A value of a variable, as Python gets it.
 #[derive(Clone, Debug)]
 pub(crate) enum PythonValue {
     Float(f64),
@@ -51,7 +51,7 @@ impl<'py> IntoPyObject<'py> for PythonValue {
     }
 }
 
-/// Returns the types of numpy for a kind: as its words are, and as people want it.
+/// Returns two types of numpy for a kind of values: that of the stored words, and that of the values in Python.
 pub(crate) const fn types(kind: ValueKind) -> (&'static str, &'static str) {
     match kind {
         ValueKind::F32 => ("<f4", "float32"),
@@ -68,7 +68,7 @@ pub(crate) const fn types(kind: ValueKind) -> (&'static str, &'static str) {
     }
 }
 
-/// Describes a variable, a parameter or a field, which `name` means.
+/// Describes a variable, a parameter or a field as JSON. `name` is the name by which Python calls it.
 pub(crate) fn described(one: &CatalogEntry, name: &str) -> Json {
     let bounds = one.entry.bounds;
     json!({

@@ -15,7 +15,7 @@ use crate::values::types;
 /// The time between two looks whether somebody has pressed Ctrl-C.
 pub(crate) const SLICE: Duration = Duration::from_millis(100);
 
-/// The state that the thread and Python share.
+/// The rows that the thread of a system reads and Python takes.
 pub(crate) struct WatchState {
     kept: Mutex<KeptRow>,
     more: Condvar,
@@ -28,7 +28,7 @@ struct KeptRow {
     failure: Option<Failure>,
 }
 
-/// The rows of a loop or a cell.
+/// The rows of one loop or cell, until Python takes them.
 struct Series {
     name: String,
     columns: Vec<Column>,
@@ -37,7 +37,7 @@ struct Series {
     released_ns: Vec<u64>,
     lost: Vec<u64>,
     words: Vec<u32>,
-    /// Rows for which there was no room since the last one that is kept, and those that were lost before.
+    /// The number of rows that were lost since the last row in this list, for lack of room here or before.
     overflow: u64,
 }
 
@@ -49,7 +49,7 @@ struct Column {
 }
 
 impl WatchState {
-    /// Makes room for rows of `columns`, whose names are `labels`.
+    /// Makes room for `most` rows of each source in `rows`. `labels` are the names of `columns` for Python.
     pub(crate) fn new(
         rows: &Rows<'_>,
         columns: &[&CatalogEntry],
@@ -90,12 +90,12 @@ impl WatchState {
         }
     }
 
-    /// Returns true if nobody wants more rows, or there are no more.
+    /// Returns true if Python wants no more rows, or if no more can come.
     pub(crate) fn is_closed(&self) -> bool {
         self.is_closed.load(Ordering::Relaxed)
     }
 
-    /// Takes all rows that there are.
+    /// Adds all rows that `rows` has now.
     pub(crate) fn fill(&self, rows: &mut Rows<'_>) {
         let mut kept = self.lock();
         let read = rows.read(|source, row| {
@@ -132,7 +132,7 @@ impl Series {
         self.words.extend(row.words);
     }
 
-    /// Whether it has as much as is wanted.
+    /// Returns true if there are at least `rows` rows, and at least `span_ns` between the first and the last.
     fn has(&self, rows: usize, span_ns: u64) -> bool {
         let span = match (self.released_ns.first(), self.released_ns.last()) {
             (Some(first), Some(last)) => last.saturating_sub(*first),
@@ -141,7 +141,7 @@ impl Series {
         self.ticks.len() >= rows && span >= span_ns
     }
 
-    /// Returns the rows, and begins anew.
+    /// Returns the rows so far, and begins a new list.
     fn take(&mut self) -> Self {
         let columns = self.columns.iter().map(|column| Column {
             name: column.name.clone(),
@@ -194,7 +194,7 @@ impl Series {
     }
 }
 
-/// Variables that are watched. A thread reads them, whatever Python does.
+/// Variables whose rows a thread reads and keeps, whatever Python does meanwhile.
 #[pyclass(frozen)]
 pub(crate) struct Watch {
     pub(crate) shared: Arc<WatchState>,
@@ -202,7 +202,8 @@ pub(crate) struct Watch {
 
 #[pymethods]
 impl Watch {
-    /// Waits until each source has `rows` rows that span `span` seconds; returns all rows that there are.
+    /// Waits until each source has at least `rows` rows, and at least `span` seconds between its first and last one.
+    /// Returns all rows since the last call.
     fn read<'py>(
         &self,
         py: Python<'py>,
@@ -231,12 +232,12 @@ impl Watch {
         Ok(all)
     }
 
-    /// Returns the restarts of programs since the last call, as texts.
+    /// Returns a text for each source whose program has ended, is back, or cannot be read, since the last call.
     fn changes(&self) -> Vec<String> {
         core::mem::take(&mut self.shared.lock().changes)
     }
 
-    /// Ends it.
+    /// Stops watching. The slots of the loops become free soon after.
     fn close(&self) {
         self.shared.is_closed.store(true, Ordering::Relaxed);
     }
@@ -249,7 +250,7 @@ impl Drop for Watch {
 }
 
 impl WatchState {
-    /// Returns all rows if there are enough within `limit`.
+    /// Returns the rows of all sources if there are enough within `limit`; `None` otherwise.
     fn wait(
         &self,
         rows: usize,
@@ -270,7 +271,7 @@ impl WatchState {
         }
     }
 
-    /// Says which sources have too few rows.
+    /// Makes the error that names the sources with too few rows.
     fn late(&self, rows: usize, span: f64, span_ns: u64, limit: Duration) -> Failure {
         let kept = self.lock();
         let late = kept.sources.iter().filter(|it| !it.has(rows, span_ns));

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use crate::wire::RemoteRefusal;
 
-/// The reason why a robot has not answered as it was asked.
+/// The reason why a request to a robot has failed, or why a client cannot connect.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum RemoteError {

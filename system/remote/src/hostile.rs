@@ -2,11 +2,12 @@
 
 use crate::wire::{ClientRequest, MOTION_BYTES, by, check_name};
 
-/// Checks that a gateway withstands any query: key, payload and attachment, with a zero between them. A query
-/// that it accepts is within the bounds of requests, and is the same when it is written and read again.
+/// Reads a query as a gateway does, for a fuzz target. `bytes` are its key, its payload and its attachment, with a zero
+/// byte between them. A query that is accepted must keep the limits of requests, and must be the same after it is
+/// written and read again.
 ///
 /// # Panics
-/// Panics if an accepted request is not.
+/// Panics if an accepted query does not do so.
 pub fn request(bytes: &[u8]) {
     let mut parts = bytes.splitn(3, |byte| *byte == 0);
     let mut part = || parts.next().unwrap_or_default();

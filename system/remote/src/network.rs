@@ -10,7 +10,8 @@ use zenoh::{Config, Session, Wait};
 use crate::error::RemoteError;
 use crate::wire;
 
-/// The way in which a client reaches gateways and routers, and proves its identity.
+/// The places at which a client reaches gateways and routers, and the password or certificate by which it proves its
+/// identity.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct RemoteAccess {
@@ -25,7 +26,7 @@ pub struct RemoteAccess {
     pub scouting: bool,
 }
 
-/// The files of a client's certificates.
+/// The files of the certificates with which a client checks a gateway or router, and proves its own identity.
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ClientTls {
@@ -38,7 +39,7 @@ pub struct ClientTls {
 }
 
 impl RemoteAccess {
-    /// Makes the access to one place, without a secret.
+    /// Makes the access to one place, such as `tcp/192.168.0.2:7447`, without a password or certificate.
     #[must_use]
     pub fn to(place: &str) -> Self {
         Self {
@@ -47,10 +48,11 @@ impl RemoteAccess {
         }
     }
 
-    /// Returns the configuration of zenoh. It waits for a connection as long as `timeout`.
+    /// Returns the configuration with which zenoh opens a session for the client called `client`. Opening waits for a
+    /// connection, `timeout` at most.
     ///
     /// # Errors
-    /// [`RemoteError::Zenoh`] if zenoh refuses it.
+    /// Returns [`RemoteError::Zenoh`] if zenoh refuses a value.
     pub fn config(&self, client: &str, timeout: Duration) -> Result<Config, RemoteError> {
         let timeout_ms = i64::try_from(timeout.as_millis())
             .unwrap_or(i64::MAX)
@@ -88,9 +90,9 @@ impl RemoteAccess {
     }
 }
 
-/// Returns the part `connect` of zenoh's configuration. `timeout_ms` is the time that the first connection
-/// may take; with -1 there is no limit, and nothing waits for the connection. A connection that is lost is
-/// always made anew.
+/// Returns the part `connect` of zenoh's configuration for the given `allocator`, such as `tcp/192.168.0.2:7447`.
+/// `timeout_ms` is the longest time in milliseconds that opening a session waits for the first connection, and fails
+/// without one; with -1, opening does not wait. A connection that is lost is made again, without any limit.
 #[must_use]
 pub fn connect(places: &[String], timeout_ms: i64) -> Json {
     json!({
@@ -101,7 +103,7 @@ pub fn connect(places: &[String], timeout_ms: i64) -> Json {
     })
 }
 
-/// Makes a configuration of zenoh with these values; `null` keeps the default of a value.
+/// Makes a configuration of zenoh from the keys and values in `values`. A value of `null` keeps the default of its key.
 ///
 /// # Errors
 /// [`RemoteError::Zenoh`] if zenoh refuses a value.
@@ -114,7 +116,8 @@ pub fn configure(values: &[(&str, Json)]) -> Result<Config, RemoteError> {
     Ok(config)
 }
 
-/// A connection to gateways and routers, which is made anew whenever it was lost.
+/// A client's connection to gateways and routers. If the connection is lost, it is made again.
+/// [`Remote`](crate::Remote) uses it for one robot.
 #[derive(Clone, Debug)]
 pub struct Network {
     pub(crate) session: Session,
@@ -122,11 +125,11 @@ pub struct Network {
 }
 
 impl Network {
-    /// Connects, under the name of a client.
+    /// Connects under the name `client`, and waits for the connection, `timeout` at most.
     ///
     /// # Errors
-    /// [`RemoteError::Name`] if the name is not allowed; [`RemoteError::Zenoh`] if no connection is made in
-    /// this time: nothing listens there, or the password or the certificate is refused.
+    /// Returns [`RemoteError::Name`] if `client` is not a valid name; [`RemoteError::Zenoh`] if there is no connection
+    /// within `timeout`: nothing listens there, or the password or the certificate is refused.
     pub fn open(
         access: &RemoteAccess,
         client: &str,
@@ -140,7 +143,8 @@ impl Network {
         })
     }
 
-    /// Returns the robots whose gateways are there, as soon as there are some; none if there are none in this time.
+    /// Waits until at least one robot can be reached, `timeout` at most. Returns the names of all robots whose gateways
+    /// run, in alphabetical order; none if the time is over.
     ///
     /// # Errors
     /// [`RemoteError::Zenoh`] if zenoh fails.

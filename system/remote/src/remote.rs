@@ -22,7 +22,8 @@ use crate::wire::{
 /// The longest time of one query: what is lost on the way is asked for again after it.
 const QUERY: Duration = Duration::from_secs(1);
 
-/// A robot, as a client reaches it. While it exists the client counts as present.
+/// A client's access to one robot: its state, its variables, its motions and its streams. As long as this value exists,
+/// the gateway counts the client as present.
 #[derive(Debug)]
 pub struct Remote {
     network: Network,
@@ -34,10 +35,11 @@ pub struct Remote {
 }
 
 impl Remote {
-    /// Makes the way to a robot, in a new incarnation of the client. It does not wait for the robot.
+    /// Makes the access to the robot called `robot`, for a new incarnation of the client. It does not wait for the
+    /// robot.
     ///
     /// # Errors
-    /// [`RemoteError::Name`] if there can be no such robot, [`RemoteError::Zenoh`] if zenoh fails.
+    /// Returns [`RemoteError::Name`] if `robot` is not a valid name; [`RemoteError::Zenoh`] if zenoh fails.
     pub fn new(network: &Network, robot: &str) -> Result<Self, RemoteError> {
         wire::check_name("robot", robot).map_err(RemoteError::Name)?;
         // Its keys are random.
@@ -53,7 +55,8 @@ impl Remote {
         })
     }
 
-    /// Returns the state of processors and services, as `condor ps --json` has it.
+    /// Returns the state of the robot's processors and services, as the JSON object that `condor ps --json` prints on
+    /// the robot. Waits for the answer, `timeout` at most.
     ///
     /// # Errors
     /// [`RemoteError::Refused`] if the gateway refuses; [`RemoteError::NoAnswer`] if no answer comes within
@@ -63,7 +66,8 @@ impl Remote {
         self.ask_until(&RemoteRequest::Status {}, &[], timeout)
     }
 
-    /// Returns the topics of streams.
+    /// Returns the topics to which the client can [subscribe](Self::subscribe). Waits for the answer, `timeout` at
+    /// most.
     ///
     /// # Errors
     /// [`RemoteError::Refused`] if the gateway refuses; [`RemoteError::NoAnswer`] if no answer comes within
@@ -73,8 +77,9 @@ impl Remote {
         self.ask_until(&RemoteRequest::Topics {}, &[], timeout)
     }
 
-    /// Returns variables, parameters and fields of published cells by name, or all: an object for each, as the
-    /// `variables` of `condor vars get --json` and `condor vars list --json` have it.
+    /// Returns a JSON object for each variable, parameter and field of a published cell in `names`, with its present
+    /// value, as `condor vars get --json` prints it. If `names` is empty, these are all of them, as `condor vars list
+    /// --json` prints them: variables have no value then. Waits for the answer, `timeout` at most.
     ///
     /// # Errors
     /// [`RemoteError::Refused`] if the gateway refuses; [`RemoteError::NoAnswer`] if no answer comes within
@@ -85,7 +90,8 @@ impl Remote {
         self.ask_until(&RemoteRequest::Variables { names }, &[], timeout)
     }
 
-    /// Returns the value of a variable, of a parameter, or of a field of a published cell.
+    /// Returns the present value of the variable, parameter or field of a published cell called `name`. Waits for the
+    /// answer, `timeout` at most.
     ///
     /// # Errors
     /// [`RemoteError::Refused`] if the gateway refuses; [`RemoteError::NoAnswer`] if no answer comes within
@@ -95,8 +101,8 @@ impl Remote {
         self.ask_until(&RemoteRequest::Get { name: name.into() }, &[], timeout)
     }
 
-    /// Sets a parameter, if it has the value `from`; without `from`, whatever its value is. Returns the
-    /// value that the parameter had.
+    /// Sets the parameter called `name` to `value`, and returns its previous value. If `from` is a value, the parameter
+    /// is set only if it has that value. Waits for the answer, `timeout` at most.
     ///
     /// # Errors
     /// [`RemoteError::Refused`] if the gateway refuses; [`RemoteError::NoAnswer`] if no answer comes within
@@ -113,7 +119,8 @@ impl Remote {
         self.ask(&RemoteRequest::Set { name, from, value }, &[], timeout)
     }
 
-    /// Sends a message to a vector, by name or number, of a processor, and returns the reply.
+    /// Sends a message with the word `data` to a vector of the processor called `processor`, and returns the reply.
+    /// `vector` is the name or the number of the vector. Waits for the answer, `timeout` at most.
     ///
     /// # Errors
     /// [`RemoteError::Refused`] if the gateway refuses; [`RemoteError::NoAnswer`] if no answer comes within
@@ -135,8 +142,8 @@ impl Remote {
         self.ask(&request, &[], timeout)
     }
 
-    /// Returns the identity for the next motion of this incarnation of the client. The first call asks the
-    /// gateway for the number of the incarnation.
+    /// Returns a new identity for a motion to [`offer`](Self::offer). The first call asks the gateway for a number of
+    /// this incarnation of the client, and waits for the answer, `timeout` at most. Later calls do not ask.
     ///
     /// # Errors
     /// [`RemoteError::Refused`] if the gateway refuses; [`RemoteError::NoAnswer`] if no answer comes within
@@ -157,14 +164,18 @@ impl Remote {
         })
     }
 
-    /// Enqueues a motion, in the bytes that the robot reads, such as a name. Asks again until the robot has
-    /// decided. The same identity with the same motion may be offered as often as needed: it runs at most
-    /// once.
+    /// Enqueues a motion, and waits until the robot has accepted or refused it, `timeout` at most. `motion` are the
+    /// bytes that the robot reads, such as the name of a motion. With `takes_control`, the motion may take control from
+    /// another program.
+    ///
+    /// `id` comes from [`next_id`](Self::next_id). The same motion may be offered again under the same `id`, as often
+    /// as needed: it runs at most once.
     ///
     /// # Errors
-    /// [`RemoteError::Refused`] if the gateway refuses; [`RemoteError::NoAnswer`] if no answer comes within
-    /// `timeout`; [`RemoteError::Strange`] if the answer cannot be read; [`RemoteError::Zenoh`] if zenoh
-    /// fails. No error says that the motion does not run: ask for the [`outcome`](Self::outcome), or
+    /// [`RemoteError::Refused`] if the gateway refuses; [`RemoteError::NoAnswer`] if no answer comes within `timeout`;
+    /// [`RemoteError::Strange`] if the answer cannot be read; [`RemoteError::Zenoh`] if zenoh fails.
+    ///
+    /// After any of these errors the motion may still run. Ask for its [`outcome`](Self::outcome), or
     /// [withdraw](Self::withdraw) it.
     pub fn offer(
         &self,
@@ -179,7 +190,8 @@ impl Remote {
         })
     }
 
-    /// Returns the outcome of a motion of this client, of this or an earlier incarnation.
+    /// Returns the present state of the motion `id` of this client, which an earlier incarnation of the client may have
+    /// offered. Waits for the answer, `timeout` at most.
     ///
     /// # Errors
     /// [`RemoteError::Refused`] if the gateway refuses; [`RemoteError::NoAnswer`] if no answer comes within
@@ -189,8 +201,9 @@ impl Remote {
         self.ask_until(&RemoteRequest::Outcome { id }, &[], timeout)
     }
 
-    /// Ensures that a motion that the gateway has not received never runs; returns the outcome of the
-    /// motion. Call this after an error of [`offer`](Self::offer), if the motion is not wanted any more.
+    /// Withdraws the motion `id`: if the gateway has not received it yet, it never runs. Returns the state of the
+    /// motion, which may be running if it was received. Call this after an error of [`offer`](Self::offer), if the
+    /// motion is not wanted any more.
     ///
     /// # Errors
     /// [`RemoteError::Refused`] if the gateway refuses; [`RemoteError::NoAnswer`] if no answer comes within
@@ -200,7 +213,8 @@ impl Remote {
         self.ask_until(&RemoteRequest::Withdraw { id }, &[], timeout)
     }
 
-    /// Waits until nothing changes any more about a motion that was offered.
+    /// Waits until the motion `id`, which was [offered](Self::offer), has ended or will certainly not run, `timeout` at
+    /// most. Returns its final outcome.
     ///
     /// # Errors
     /// [`RemoteError::Refused`] if the gateway refuses; [`RemoteError::NoAnswer`] if no answer comes within
@@ -215,7 +229,9 @@ impl Remote {
         )
     }
 
-    /// Runs a motion under a new identity, and waits for its end.
+    /// Offers a motion under a new identity, and waits for its end, `timeout` at most for both. `motion` are the bytes
+    /// that the robot reads, such as the name of a motion. Returns the final outcome. The motion does not take control
+    /// from another program.
     ///
     /// # Errors
     /// Returns the error of [`next_id`](Self::next_id), [`offer`](Self::offer) or [`wait`](Self::wait) if
@@ -231,8 +247,8 @@ impl Remote {
         self.wait(id, left())
     }
 
-    /// Aborts the motion that runs and all that wait: the joints brake within their limits. It is not an emergency
-    /// stop.
+    /// Aborts the motion that runs, and all that wait, also those of other clients. The joints brake within their
+    /// limits. This is not an emergency stop. Waits for the answer, `timeout` at most.
     ///
     /// # Errors
     /// [`RemoteError::Refused`] if the gateway refuses; [`RemoteError::NoAnswer`] if no answer comes within
@@ -243,11 +259,12 @@ impl Remote {
             .map(drop)
     }
 
-    /// Subscribes to a topic by its name, such as `/servo_a/servo`, or by a part of it that no other one has.
+    /// Subscribes to the topic called `name`, such as `/servo_a/servo`. If no topic has this name, `name` may be a part
+    /// of the name of exactly one topic. Waits for the list of topics, `timeout` at most.
     ///
     /// # Errors
-    /// [`RemoteError::NoTopic`] if no topic has this name, and none or more than one contains it; another
-    /// [`RemoteError`] if [`topics`](Self::topics) fails.
+    /// Returns [`RemoteError::NoTopic`] if no topic has the name `name`, and none or several have it as a part of their
+    /// names; another [`RemoteError`] if [`topics`](Self::topics) fails, or if zenoh fails.
     pub fn subscribe(&self, name: &str, timeout: Duration) -> Result<RemoteStream, RemoteError> {
         let topics = self.topics(timeout)?;
         let exact = topics.iter().find(|topic| topic.name == name);

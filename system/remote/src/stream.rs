@@ -15,8 +15,8 @@ use crate::wire::{self, RemoteTopic, StreamPosition};
 /// The greatest number of messages that wait for their reader; then the oldest is lost.
 const WAITING: usize = 1024;
 
-/// The messages of a topic, from the subscription on. Lost messages are counted: those lost at the gateway,
-/// on the way, and in this process, if more than 1024 messages wait.
+/// The messages of one topic, from the [subscription](crate::Remote::subscribe) on. At most 1024 messages wait in this
+/// process until they are read; then the oldest is lost. Lost messages are counted.
 #[derive(Debug)]
 pub struct RemoteStream {
     subscriber: Subscriber<RingChannelHandler<Sample>>,
@@ -27,7 +27,7 @@ pub struct RemoteStream {
     lives: u64,
 }
 
-/// A message of a stream.
+/// A message of a [`RemoteStream`], with the number of messages that were lost before it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RemoteMessage {
     /// The bytes, as CDR of the type of the topic.
@@ -55,31 +55,31 @@ impl RemoteStream {
         })
     }
 
-    /// Returns the topic.
+    /// Returns the topic of this stream: its name, and the type of its messages.
     #[must_use]
     pub const fn topic(&self) -> &RemoteTopic {
         &self.topic
     }
 
-    /// Returns the number of messages that were lost on the way or in this process. Rows that were lost
-    /// before they came to the gateway are counted in the rows.
+    /// Returns the number of messages that were lost between the gateway and the reader since the subscription. Rows
+    /// that were lost before they came to the gateway are not among them: each row has its own count of those.
     #[must_use]
     pub const fn lost(&self) -> u64 {
         self.lost
     }
 
-    /// Returns the number of times that the stream has begun anew because the gateway was restarted. The
-    /// number of messages that were lost meanwhile is unknown.
+    /// Returns the number of times that the stream has begun again because the gateway was restarted. Messages that
+    /// were lost meanwhile are in no count.
     #[must_use]
     pub const fn restarts(&self) -> u64 {
         self.lives.saturating_sub(1)
     }
 
-    /// Waits for the next message; returns `None` if none has come within `timeout`.
+    /// Waits for the next message, `timeout` at most; returns `None` if none has come.
     ///
     /// # Errors
-    /// [`RemoteError::Strange`] if the message is not one of a stream; [`RemoteError::Zenoh`] if zenoh
-    /// fails.
+    /// Returns [`RemoteError::Strange`] if a message comes that has no [position](crate::wire::StreamPosition);
+    /// [`RemoteError::Zenoh`] if zenoh fails.
     pub fn next(&mut self, timeout: Duration) -> Result<Option<RemoteMessage>, RemoteError> {
         let deadline = Instant::now() + timeout;
         let Some(sample) = self.subscriber.recv_deadline(deadline)? else {
@@ -102,7 +102,8 @@ impl RemoteStream {
         Ok(Some(RemoteMessage { payload, lost }))
     }
 
-    /// Decodes a message as a row of values; `None` if this topic has no rows, as that of events.
+    /// Decodes `message`, which this stream has returned, as a row of values. Returns `None` if the messages of this
+    /// topic are not rows, as for events.
     ///
     /// # Errors
     /// [`DecodeError`] if the bytes are not those of a row of this topic.
@@ -114,7 +115,8 @@ impl RemoteStream {
         layout.map(|it| it.decode(&message.payload)).transpose()
     }
 
-    /// Returns the names of the values of a row, in their order.
+    /// Returns the names of the values in a row, in the order of the values; none if the messages of this topic are not
+    /// rows.
     pub fn columns(&self) -> impl Iterator<Item = &str> {
         let fields = self.layout.iter().flat_map(Layout::fields);
         fields.map(|(field, _)| field.name.as_str())

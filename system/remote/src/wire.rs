@@ -14,18 +14,19 @@
 use serde::{Deserialize, Serialize};
 use serde_json::Value as Json;
 
-/// The version of requests and answers.
+/// The version of the protocol between clients and gateways. A gateway refuses requests of another version.
 pub const VERSION: u32 = 1;
-/// The greatest length of a request, in bytes.
+/// The greatest length of the JSON text of a request, in bytes.
 pub const REQUEST_BYTES: usize = 4096;
-/// The greatest length of a motion, in bytes.
+/// The greatest length of the bytes of a motion that a client sends, in bytes.
 pub const MOTION_BYTES: usize = 480;
-/// The greatest length of the name of a robot or a client.
+/// The greatest length of the name of a robot or a client, in bytes.
 pub const NAME_BYTES: usize = 32;
 /// The first part of all keys.
 const ROOT: &str = "condor";
 
-/// A right of a client, by which the access control of zenoh admits its requests.
+/// A right of a client: the kind of requests that it may make. The access control of zenoh checks it by the key of a
+/// request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Right {
@@ -41,7 +42,7 @@ impl Right {
     /// All rights, in the order of the variants.
     pub const ALL: [Self; 3] = [Self::Look, Self::Tune, Self::Move];
 
-    /// Returns the word that stands for the right in keys.
+    /// Returns the word that stands for this right in keys and in configurations: `look`, `tune` or `move`.
     #[must_use]
     pub const fn word(self) -> &'static str {
         match self {
@@ -52,7 +53,7 @@ impl Right {
     }
 }
 
-/// The identity of a request to run a motion: a client never uses it for another motion.
+/// The identity of a motion among all motions of one client. The client never uses it for another motion.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub struct Id {
     /// The incarnation of the client: a number that the gateway assigns to each incarnation of the client,
@@ -68,7 +69,7 @@ impl core::fmt::Display for Id {
     }
 }
 
-/// A request of a client.
+/// A request of a client to the gateway of a robot.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "do", rename_all = "kebab-case", deny_unknown_fields)]
 #[non_exhaustive]
@@ -135,7 +136,7 @@ pub enum RemoteRequest {
 }
 
 impl RemoteRequest {
-    /// Returns the right that the request needs.
+    /// Returns the right that a client needs for this request.
     #[must_use]
     pub const fn right(&self) -> Right {
         match self {
@@ -152,7 +153,7 @@ impl RemoteRequest {
         }
     }
 
-    /// Returns the payload of the query that carries the request.
+    /// Encodes the request as the payload of a zenoh query: JSON, with the [`VERSION`].
     #[must_use]
     pub fn payload(&self) -> Vec<u8> {
         let mut json = serde_json::to_value(self).unwrap_or_default();
@@ -163,7 +164,7 @@ impl RemoteRequest {
     }
 }
 
-/// A request, and the client that makes it.
+/// A request as a gateway receives it: with the name of the client that makes it, and the bytes of a motion.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ClientRequest {
     /// The name of the client.
@@ -175,11 +176,12 @@ pub struct ClientRequest {
 }
 
 impl ClientRequest {
-    /// Reads a request from the key, the payload and the attachment of a query to the gateway of `robot`.
+    /// Reads a request from a zenoh query to the gateway of `robot`: from its `key`, its `payload` and its
+    /// `attachment`. The attachment is empty if the query has none.
     ///
     /// # Errors
-    /// Returns a [`RemoteRefusal`], which says what is wrong, if the key, the version, the request or the
-    /// length of the payload or the attachment is not valid.
+    /// Returns a [`RemoteRefusal`] if the key, the version, the request, or the length of the payload or the attachment
+    /// is not valid; its text says what is wrong.
     pub fn read(
         robot: &str,
         key: &str,
@@ -236,7 +238,7 @@ impl ClientRequest {
     }
 }
 
-/// The reason why a request was not carried out.
+/// The reason why a gateway has refused a request, as a text for people, and whether the request may succeed later.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, thiserror::Error)]
 #[error("{error}")]
 pub struct RemoteRefusal {
@@ -248,7 +250,8 @@ pub struct RemoteRefusal {
 }
 
 impl RemoteRefusal {
-    /// Makes a refusal with this reason.
+    /// Makes a refusal with the reason `error`, a text for people. `again` is true if the same request may succeed
+    /// later.
     #[must_use]
     pub fn new(error: impl Into<String>, again: bool) -> Self {
         Self {
@@ -258,7 +261,7 @@ impl RemoteRefusal {
     }
 }
 
-/// The state of a motion.
+/// The state of a motion that a client has offered, as the gateway knows it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum RemoteState {
@@ -295,7 +298,7 @@ pub enum RemoteState {
 }
 
 impl RemoteState {
-    /// Returns true if the state does not change any more.
+    /// Returns true if the state does not change any more: the motion has ended, or will never run.
     #[must_use]
     pub const fn is_final(self) -> bool {
         !matches!(
@@ -319,7 +322,7 @@ impl core::fmt::Display for RemoteState {
     }
 }
 
-/// The outcome of a motion so far: its state, the reason for it, and the progress.
+/// The state of a motion, with the reason for it and the progress. The gateway answers requests about motions with it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RemoteOutcome {
     /// The present or final state of the motion.
@@ -356,7 +359,8 @@ pub struct RemoteTopic {
     pub has_rows: bool,
 }
 
-/// The position of a message in its stream, which is the attachment of the message.
+/// The position of a message in the stream of its topic. A gateway attaches it to each message, so that the receiver
+/// can count lost messages.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct StreamPosition {
     /// A number that no other incarnation of the stream has.
@@ -367,7 +371,7 @@ pub struct StreamPosition {
 }
 
 impl StreamPosition {
-    /// Returns the position as bytes: both numbers, little-endian.
+    /// Encodes the position: the incarnation and the number, each as 8 bytes, little-endian.
     #[must_use]
     pub fn bytes(self) -> [u8; 16] {
         let mut bytes = [0; 16];
@@ -377,7 +381,8 @@ impl StreamPosition {
         bytes
     }
 
-    /// Reads a position from its bytes; returns `None` if there are not 16 of them.
+    /// Decodes a position from what [`bytes`](Self::bytes) returns; returns `None` if `bytes` has another length than
+    /// 16.
     #[must_use]
     pub fn read(bytes: &[u8]) -> Option<Self> {
         let (incarnation, number) = bytes.split_first_chunk::<8>()?;
@@ -388,19 +393,21 @@ impl StreamPosition {
     }
 }
 
-/// Returns the first part of all keys of a robot.
+/// Returns the prefix of all zenoh keys of the robot `robot`, without a `/` at its end.
 #[must_use]
 pub fn root(robot: &str) -> String {
     format!("{ROOT}/{robot}")
 }
 
-/// Returns the key of the liveliness token of a robot's gateway; `*` is any robot.
+/// Returns the key of the zenoh liveliness token that exists while the gateway of `robot` runs. `*` stands for any
+/// robot.
 #[must_use]
 pub fn alive(robot: &str) -> String {
     format!("{ROOT}/{robot}/alive")
 }
 
-/// Returns the robot whose gateway has this liveliness token; `None` if the key is not one of such a token.
+/// Returns the name of the robot to which the key `alive` of a gateway's liveliness token belongs; `None` if it is
+/// another key. [`alive`] makes such keys.
 #[must_use]
 pub fn robot_of(alive: &str) -> Option<&str> {
     alive
@@ -409,21 +416,21 @@ pub fn robot_of(alive: &str) -> Option<&str> {
         .strip_suffix("/alive")
 }
 
-/// Returns the key of the liveliness token of a client. `token` is a random number, so that no other client
-/// has the same key.
+/// Returns the key of the zenoh liveliness token that exists while the client `client` is present at `robot`. `token`
+/// is a random number, which makes the key different from those of other processes.
 #[must_use]
 pub fn here(robot: &str, client: &str, token: u64) -> String {
     format!("{ROOT}/{robot}/here/{client}/{token}")
 }
 
-/// Returns the key expression of all liveliness tokens of a client; `*` is any client.
+/// Returns the key expression for all liveliness tokens of the client `client` at `robot`. `*` stands for any client.
 #[must_use]
 pub fn all_here(robot: &str, client: &str) -> String {
     format!("{ROOT}/{robot}/here/{client}/*")
 }
 
-/// Returns the client that has this liveliness token, and the number of the token; `None` if the key is not
-/// one of such a token.
+/// Returns the name of the client and the token in the key `here` of a client's liveliness token at `robot`; `None` if
+/// it is another key. [`here`] makes such keys.
 #[must_use]
 pub fn client_of(robot: &str, here: &str) -> Option<(String, u64)> {
     let rest = here.strip_prefix(&format!("{ROOT}/{robot}/here/"))?;
@@ -431,22 +438,25 @@ pub fn client_of(robot: &str, here: &str) -> Option<(String, u64)> {
     Some((client.into(), token.parse().ok()?))
 }
 
-/// Returns the key of the requests of a client that need a right; `*` is any client, or any right.
+/// Returns the key of the zenoh queries to `robot` by which the client `client` makes requests that need the right
+/// `right`. `*` stands for any client or any right.
 #[must_use]
 pub fn by(robot: &str, client: &str, right: &str) -> String {
     format!("{ROOT}/{robot}/by/{client}/{right}")
 }
 
-/// Returns the key of the stream of a topic, whose name begins with `/`; `/**` stands for all topics.
+/// Returns the key of the messages of the topic `topic` of `robot`. The name of a topic begins with `/`; `/**` stands
+/// for all topics.
 #[must_use]
 pub fn stream(robot: &str, topic: &str) -> String {
     format!("{ROOT}/{robot}/streams{topic}")
 }
 
-/// Checks the name of a robot or a client, called `what` in errors.
+/// Checks that `name` has 1 to [`NAME_BYTES`] ASCII letters, digits, `-` and `_`. `what` is the word for the owner of
+/// the name in the error: `robot` or `client`.
 ///
 /// # Errors
-/// Returns the text of an error, which says which names are right, if this one is not.
+/// Returns the text of an error, which says which names are valid, if `name` is not.
 pub fn check_name(what: &str, name: &str) -> Result<(), String> {
     let is_right = |byte: u8| byte.is_ascii_alphanumeric() || matches!(byte, b'-' | b'_');
     if (1..=NAME_BYTES).contains(&name.len()) && name.bytes().all(is_right) {

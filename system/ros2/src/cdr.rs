@@ -5,15 +5,17 @@ use core::str::{Utf8Error, from_utf8};
 /// The beginning of each message: CDR, little-endian, no options.
 const HEADER: [u8; 4] = [0, 1, 0, 0];
 
-/// A message that is being written.
+/// The bytes of a message in CDR, the encoding of ROS 2, while the message is written; see
+/// [`RosMessage::write`](crate::RosMessage::write).
 ///
-/// Each number is aligned to its own size, counted from the end of the header.
+/// Each number is aligned to its own size, counted from the end of the 4 bytes that begin the
+/// message.
 #[derive(Debug)]
 pub struct CdrWriter {
     bytes: Vec<u8>,
 }
 
-/// The reason why a message cannot be read.
+/// The reason why the bytes of a message cannot be read.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum DecodeError {
@@ -30,7 +32,7 @@ pub enum DecodeError {
     Short {
         /// The number of bytes of the message.
         found: usize,
-        /// The number of bytes that it should have, at least.
+        /// The least number of bytes that the message should have.
         needed: usize,
     },
     /// A text is not UTF-8.

@@ -20,22 +20,23 @@ const RESERVED: [&str; 3] = ["stamp", "tick", "lost"];
 /// Its size in bytes.
 const HEAD_BYTES: usize = 24;
 
-/// A variable, as a field of a row.
+/// A variable that is a field of the messages of a [`Layout`].
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RosField {
     /// The name of the variable.
     pub name: String,
     /// The type of its values.
     pub kind: ValueKind,
-    /// Its unit; may be empty.
+    /// The unit of the variable; may be empty.
     pub unit: String,
-    /// Its description; may be empty.
+    /// The description of the variable; may be empty.
     pub about: String,
     /// The labels of the values of a [`ValueKind::Choice`], from 0; empty for other kinds.
     pub labels: Vec<String>,
 }
 
-/// The type of the messages that carry the rows of one loop or cell: one message for each row.
+/// The type of the messages that carry the rows of one loop or cell: one message for each row. A
+/// row has the values of some variables at one tick of the loop.
 ///
 /// All fields have fixed places, so a single value can be read without the others.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -49,10 +50,11 @@ pub struct Layout {
     bytes: usize,
 }
 
-/// The part of a row before its values.
+/// The part of a row before its values: the time and number of its tick, and the number of rows
+/// lost before it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Head {
-    /// When the tick was released.
+    /// The time at which the tick was released.
     pub stamp: Time,
     /// The number of the tick.
     pub tick: u64,
@@ -60,7 +62,8 @@ pub struct Head {
     pub lost: u64,
 }
 
-/// A message that has the size of its layout.
+/// The message of a row, in which [`Layout::decode`] has found room for all fields.
+/// [`value`](Self::value) reads a single field.
 #[derive(Clone, Copy, Debug)]
 pub struct RowMessage<'m> {
     layout: &'m Layout,
@@ -68,7 +71,7 @@ pub struct RowMessage<'m> {
     body: &'m [u8],
 }
 
-/// The reason why a schema or a row does not belong to a layout.
+/// The reason why a schema is not that of a [`Layout`], or why a row does not fit one.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum LayoutError {
@@ -91,8 +94,8 @@ pub enum LayoutError {
 }
 
 impl Layout {
-    /// Makes the layout of rows with these fields, in their order. In names, units, descriptions and
-    /// labels, control characters become spaces.
+    /// Makes the layout of rows with the fields `fields`, in this order. In names, units, descriptions and labels,
+    /// control characters become spaces.
     #[must_use]
     pub fn new(fields: impl IntoIterator<Item = RosField>) -> Self {
         let mut taken: HashSet<String> = RESERVED.map(str::to_owned).into();
@@ -125,11 +128,11 @@ impl Layout {
         self.fields.push(field);
     }
 
-    /// Reads the layout from the text of its schema, as [`schema`](Self::schema) writes it. A
-    /// [`ValueKind::Choice`] without labels becomes a [`ValueKind::U32`]: the schema does not tell them apart.
+    /// Reads the layout from `text`, a schema that [`schema`](Self::schema) has written. A [`ValueKind::Choice`]
+    /// without labels becomes a [`ValueKind::U32`]: the schema does not tell them apart.
     ///
     /// # Errors
-    /// [`LayoutError::Schema`] if a line has another form, or if one is missing.
+    /// [`LayoutError::Schema`] if a line has another form, or if a line is missing.
     pub fn of_schema(text: &str) -> Result<Self, LayoutError> {
         let mut layout = Self::new([]);
         let mut labels = Vec::new();
@@ -183,10 +186,10 @@ impl Layout {
         Ok(layout)
     }
 
-    /// Returns the text of the schema.
+    /// Returns the schema of the messages, as a text in the format `ros2msg`.
     ///
-    /// A field has its variable's name, unit and description in its comment, with tabs between them. The
-    /// labels of a choice are constants before its field, each with the label in its comment.
+    /// Each field has the name, unit and description of its variable in a comment, with tabs between them. The labels
+    /// of a choice are constants before the field, each with the label in a comment.
     #[must_use]
     pub fn schema(&self) -> String {
         let mut text = HEAD.to_owned();
@@ -218,8 +221,8 @@ impl Layout {
             .zip(self.names.iter().map(String::as_str))
     }
 
-    /// Returns the bytes of a row's message. `words` are the values in the order of the fields, each as
-    /// [`ValueKind`] stores it.
+    /// Returns the bytes of the message of a row. `head` is the part of the row before the values. `words` are the
+    /// values in the order of the fields, each as [`ValueKind`] stores it in one or two 32-bit words.
     ///
     /// # Errors
     /// [`LayoutError::Words`] if `words` has another length than the fields need.
@@ -272,11 +275,11 @@ impl Layout {
         }
     }
 
-    /// Reads the message of a row.
+    /// Reads the bytes `message` as the message of a row.
     ///
     /// # Errors
-    /// [`DecodeError::Header`] if it is not little-endian CDR, [`DecodeError::Short`] if it does not
-    /// have all fields.
+    /// [`DecodeError::Header`] if `message` is not little-endian CDR, [`DecodeError::Short`] if it is too short for all
+    /// fields.
     pub fn decode<'m>(&'m self, message: &'m [u8]) -> Result<RowMessage<'m>, DecodeError> {
         let mut from = Reader::new(message)?;
         let head = Head {
@@ -297,7 +300,8 @@ impl Layout {
 }
 
 impl RowMessage<'_> {
-    /// Returns the facts about the row that are not its values.
+    /// Returns the part of the row before its values: the time and number of its tick, and the
+    /// number of rows lost before it.
     #[must_use]
     pub const fn head(&self) -> Head {
         self.head

@@ -40,8 +40,8 @@ pub struct Time {
 }
 
 impl Time {
-    /// Returns the time `ns` nanoseconds after the epoch; times from the year 2038 on count as its
-    /// beginning, since the type ends there.
+    /// Returns the time `ns` nanoseconds after the epoch. The type ends at 2³¹ - 1 seconds, in the
+    /// year 2038; a later time becomes that time.
     #[must_use]
     pub fn from_ns(ns: u64) -> Self {
         match i32::try_from(ns / NS) {
@@ -56,7 +56,7 @@ impl Time {
         }
     }
 
-    /// Returns the nanoseconds since the epoch; 0 for times before it.
+    /// Returns the number of nanoseconds since the epoch; 0 for times before the epoch.
     #[must_use]
     pub fn as_ns(self) -> u64 {
         u64::try_from(self.sec).map_or(0, |sec| sec * NS + u64::from(self.nanosec))
@@ -81,7 +81,7 @@ impl RosMessage for Time {
     }
 }
 
-/// `std_msgs/msg/String`: a text.
+/// `std_msgs/msg/String`: a text, such as the URDF of a robot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct StringMessage<'m>(pub &'m str);
 
@@ -95,7 +95,8 @@ impl RosMessage for StringMessage<'_> {
     }
 }
 
-/// `sensor_msgs/msg/JointState`. Each of the slices of numbers has an element for every name, or none.
+/// `sensor_msgs/msg/JointState`: positions, velocities and efforts of joints at one time. Each slice of numbers has an
+/// element for every name, or is empty.
 ///
 /// ```
 /// use condor_ros2::{JointState, RosMessage, Time, encode};
@@ -112,15 +113,15 @@ impl RosMessage for StringMessage<'_> {
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct JointState<'m> {
-    /// When the joints were in this state.
+    /// The time at which the joints were in this state.
     pub stamp: Time,
     /// The names of the joints.
     pub names: &'m [String],
-    /// Their positions, rad or m.
+    /// The positions of the joints, rad or m.
     pub positions: &'m [f64],
-    /// Their velocities, rad/s or m/s.
+    /// The velocities of the joints, rad/s or m/s.
     pub velocities: &'m [f64],
-    /// Their efforts, N m or N.
+    /// The efforts of the joints, N m or N.
     pub efforts: &'m [f64],
 }
 
@@ -140,25 +141,25 @@ impl RosMessage for JointState<'_> {
     }
 }
 
-/// `tf2_msgs/msg/TFMessage`: where frames are.
+/// `tf2_msgs/msg/TFMessage`: the poses of coordinate frames relative to other frames, at one time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TFMessage<'m> {
-    /// When all of them were there.
+    /// The time at which the frames had these poses.
     pub stamp: Time,
-    /// The frames.
+    /// The poses of the frames.
     pub transforms: &'m [Transform],
 }
 
-/// A frame, relative to another: a part of a [`TFMessage`].
+/// The pose of a coordinate frame relative to another frame, for a [`TFMessage`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Transform {
-    /// The name of the frame to which it is relative.
+    /// The name of the frame to which the pose is relative.
     pub parent: String,
-    /// Its own name.
+    /// The name of the frame that has the pose.
     pub child: String,
-    /// Its origin in the parent: x, y, z, in metres.
+    /// The origin of the frame in its parent: x, y, z, in metres.
     pub translation: [f64; 3],
-    /// Its rotation relative to the parent: a unit quaternion x, y, z, w.
+    /// The rotation of the frame relative to its parent: a unit quaternion x, y, z, w.
     pub rotation: [f64; 4],
 }
 
@@ -186,7 +187,8 @@ impl RosMessage for TFMessage<'_> {
     }
 }
 
-/// `rcl_interfaces/msg/Log`: an event, as people read it. Its file, function and line are empty.
+/// `rcl_interfaces/msg/Log`: an event, described for people. The file, function and line that such
+/// a message can have are left empty.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Log {
     /// The time of the event.
@@ -199,13 +201,13 @@ pub struct Log {
     pub text: String,
 }
 
-/// The severity of an event.
+/// The severity of an event in a [`Log`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 #[repr(u8)]
 pub enum Level {
     /// Helps people who look for a mistake.
     Debug = 10,
-    /// As expected.
+    /// Something happened as expected.
     Info = 20,
     /// Something may be wrong.
     Warn = 30,
@@ -229,10 +231,11 @@ impl Level {
 }
 
 impl Log {
-    /// Reads a message.
+    /// Reads an event from the bytes of its message.
     ///
     /// # Errors
-    /// [`DecodeError`] if it is not little-endian CDR, too short, or has texts that are not UTF-8.
+    /// [`DecodeError`] if `message` is not little-endian CDR, is too short, or has texts that are
+    /// not UTF-8.
     pub fn decode(message: &[u8]) -> Result<Self, DecodeError> {
         let mut from = Reader::new(message)?;
         let stamp = Time::read(&mut from)?;

@@ -3,9 +3,9 @@
 /// The package to which the types of rows belong.
 const PACKAGE: &str = "condor_rows";
 
-/// Returns the name of a field for a variable, such as `index_proximal_tension` for
-/// `index.proximal.tension`: lower-case letters, digits and single underscores, with a letter first.
-/// If that name `is_taken`, a number follows it.
+/// Returns the name of the field for the variable `name`, such as `index_proximal_tension` for
+/// `index.proximal.tension`: lower-case letters, digits and single underscores, with a letter first. If `is_taken`
+/// returns true for that name, a number is appended.
 pub fn field_name(name: &str, is_taken: impl Fn(&str) -> bool) -> String {
     let text = words(name).join("_").to_ascii_lowercase();
     let text = if text.starts_with(|first: char| first.is_ascii_lowercase()) {
@@ -16,8 +16,8 @@ pub fn field_name(name: &str, is_taken: impl Fn(&str) -> bool) -> String {
     untaken(text, "_", is_taken)
 }
 
-/// Returns the name of the type of the rows of a loop or cell, such as `condor_rows/msg/HandServo` for
-/// `hand:servo`. If that name `is_taken`, a number follows it.
+/// Returns the name of the message type for the rows of the loop or cell `place`, such as `condor_rows/msg/HandServo`
+/// for `hand:servo`. If `is_taken` returns true for that name, a number is appended.
 pub fn type_name(place: &str, is_taken: impl Fn(&str) -> bool) -> String {
     let mut text = format!("{PACKAGE}/msg/");
     let words = words(place);

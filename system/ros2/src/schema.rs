@@ -2,12 +2,14 @@
 
 use crate::cdr::CdrWriter;
 
-/// The name of the encoding of the messages in MCAP and in the Foxglove protocol.
+/// The name by which MCAP and the Foxglove protocol know the encoding of the messages of this
+/// crate.
 pub const ENCODING: &str = "cdr";
-/// The name of the encoding of the schemas in MCAP and in the Foxglove protocol.
+/// The name by which MCAP and the Foxglove protocol know the language of the schemas of this crate.
 pub const SCHEMA_ENCODING: &str = "ros2msg";
 
-/// A type of messages.
+/// A type of messages of ROS 2: its name, its definition, and the way to write a message.
+/// [`encode`] and [`schema`] use it.
 pub trait RosMessage {
     /// The name of the type, such as `sensor_msgs/msg/JointState`.
     const NAME: &'static str;
@@ -20,15 +22,15 @@ pub trait RosMessage {
     fn write(&self, to: &mut CdrWriter);
 }
 
-/// Returns the bytes of a message: the header that says how it is encoded, and its fields.
+/// Returns the bytes of `message` in CDR: 4 bytes that say how it is encoded, and its fields.
 pub fn encode<M: RosMessage>(message: &M) -> Vec<u8> {
     let mut to = CdrWriter::new();
     message.write(&mut to);
     to.finish()
 }
 
-/// Returns the text of the schema of a type of messages: its definition, and those of the types that
-/// it contains.
+/// Returns the schema of the message type `M`, as a text in the format `ros2msg`: the definition of the type, and those
+/// of the types that it contains.
 #[must_use]
 pub fn schema<M: RosMessage>() -> String {
     joined(M::DEFINITION, M::CONTAINED)

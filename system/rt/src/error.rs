@@ -13,7 +13,8 @@ use crate::numbers::MISTAKE;
 use crate::objects::ObjectError;
 use crate::text::ShortText;
 
-/// The reason why a program ends before it was told to stop.
+/// The error with which a [`Program`](crate::Program) ends before it was told to stop: the error of
+/// a part, such as the mailbox, a mistake in its setup, or an error of its own.
 #[derive(Clone, Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ProgramError {
@@ -54,7 +55,8 @@ pub enum ProgramError {
         /// The name of the first part for which there is no room.
         name: ShortText<32>,
     },
-    /// The program set up a part twice that it can have only once.
+    /// The program set up a second part of a sort of which it can have only one, such as a
+    /// terminal.
     #[error("a program has one {what}, and this one asked for another")]
     Twice {
         /// The name of that part, such as `console`.
@@ -104,7 +106,7 @@ pub enum ProgramError {
         /// The number of free bytes.
         left: u32,
     },
-    /// An error of the program's own, as text; [`ProgramError::program`] makes it.
+    /// An error that only this program knows, as text; [`ProgramError::program`] makes it.
     #[error("{0}")]
     Program(ShortText<112>),
 }
@@ -117,15 +119,15 @@ impl From<WriteFmtError<condor_fs::FileError>> for ProgramError {
 }
 
 impl ProgramError {
-    /// Makes a [`ProgramError::Program`] of an error of the program's own; keeps the first 112 bytes of
-    /// its text.
+    /// Makes a [`ProgramError::Program`] from the text of `error`, an error that only this program knows. Keeps the
+    /// first 112 bytes of the text.
     #[must_use]
     pub fn program(error: &impl fmt::Display) -> Self {
         Self::Program(ShortText::of(error))
     }
 
-    /// Returns the exit status of a program that ends with this error: [`MISTAKE`] if each restart would
-    /// end with it again, otherwise 1.
+    /// Returns the exit status of a process whose program ends with this error: [`MISTAKE`] for a mistake in the setup
+    /// of the program, which a restart would only repeat; otherwise 1.
     #[must_use]
     pub const fn exit_status(&self) -> u8 {
         match self {

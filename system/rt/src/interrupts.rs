@@ -11,18 +11,19 @@ const NAMED: usize = 8;
 /// No vector.
 const NONE: i32 = -1;
 
-/// Counts of the interrupts of a machine's boards; those of its timer and of its mailbox are not
-/// counted. The counts wrap.
+/// Counts of the interrupts that a machine's boards raised. Interrupts of the machine's timer and
+/// of its mailbox are not counted. The counts wrap.
 ///
-/// A program that [`Setup`](crate::Setup) makes shows them as the cell `interrupts`.
+/// On a machine whose boards can interrupt, a program that [`Setup`](crate::Setup) makes publishes
+/// these counts in a cell called `interrupts`, which other programs can read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
 pub struct Interrupts {
-    /// The number of interrupts that a board had asked for and that were served.
+    /// The number of interrupts that a board had raised and that were served.
     pub served: u32,
     /// The number of interrupts after which the controller had no vector to claim.
     pub spurious: u32,
-    /// The number of interrupts of a vector whose boards all said that they had not asked.
+    /// The number of interrupts of a vector for which all boards said that they had not raised one.
     pub unclaimed: u32,
     /// The number of interrupts of a vector that belongs to no board.
     pub unhandled: u32,
@@ -37,8 +38,9 @@ pub struct Interrupts {
 }
 
 impl Interrupts {
-    /// Makes the record from the counts of a [`Switch`](condor_dev::Switch) and from its unhandled
-    /// vectors, each with its count. No cause of a trap is unhandled at first.
+    /// Makes the record from `counts`, the counts of a [`Switch`](condor_dev::Switch), and from
+    /// `unhandled`, the vectors that interrupted and belong to no board. Keeps the first 8 of these
+    /// vectors, without their counts. `unhandled_causes` begins as 0.
     #[must_use]
     pub fn new(
         counts: InterruptCounts,

@@ -18,13 +18,15 @@ type Row = [u32; 22];
 const ENABLED: u32 = 1 << 0;
 const FAULTED: u32 = 1 << 1;
 
-/// The publisher of the counts of one loop, through which other processors and the host can read
-/// them. The loop's program holds it.
+/// The publisher of the counts of one servo loop, such as its releases and its worst lateness. The
+/// program of the loop holds this object; other processors and the host [`read`] the counts.
 #[derive(Debug)]
 pub struct LoopReport<W>(Publisher<Row, Region<W>>);
 
 impl<W: MemoryWindow + Clone> LoopReport<W> {
-    /// Takes room for the counts of a loop from `allocator`, and enters it in `table` under `name`.
+    /// Takes room from `allocator` for the counts of a loop, and enters them in `table` as the loop
+    /// `name`, so that others can find them. `region` is the users' region of the program's own
+    /// `data`, in which `allocator` hands out room.
     ///
     /// # Errors
     /// [`ObjectError::Access`] if there is no room or the memory cannot be written;
@@ -40,7 +42,7 @@ impl<W: MemoryWindow + Clone> LoopReport<W> {
         Ok(Self(row.publisher(region.clone())?))
     }
 
-    /// Publishes the counts.
+    /// Publishes `counts` in place of the counts that were published before.
     ///
     /// # Errors
     /// [`AccessError`] if the memory cannot be written.
@@ -50,9 +52,10 @@ impl<W: MemoryWindow + Clone> LoopReport<W> {
     }
 }
 
-/// Reads the counts of the loop that `object` describes, an entry in the object table of its
-/// processor. `region` is the users' region of that processor. Returns `None` if the loop's program
-/// has published nothing yet, or is publishing at this moment.
+/// Reads the latest counts of a loop that another program has published. `region` is the users'
+/// region of the processor on which that program runs, and `object` is the loop's entry in the
+/// object table of that processor. Returns `None` if nothing has been published yet, or if the
+/// program is publishing at this moment.
 ///
 /// # Errors
 /// [`AccessError`] if the memory cannot be read, or if the entry in the table names a place outside of the

@@ -11,7 +11,7 @@ use crate::interrupts::Interrupts;
 use crate::numbers::PROCESSORS;
 use crate::servo::ServoLoop;
 
-/// The mailbox of a program on machine `M`.
+/// The type of the mailbox that a program has on machine `M`.
 pub type MailboxOf<'v, M> = Mailbox<
     'v,
     (
@@ -25,8 +25,9 @@ pub type MailboxOf<'v, M> = Mailbox<
 /// The processor on which a program runs: a process of Linux, one of several processors in virtual
 /// time, or a hart without an operating system.
 ///
-/// A program that is generic over `Machine` is the same text on all of them. It makes its mailbox,
-/// its scheduler, its terminal and its files from the parts that the machine has; see [`Program`].
+/// A program that is generic over `Machine` runs unchanged on all of them. The program makes its
+/// mailbox, its scheduler, its terminal and its files from the parts that the machine has; see
+/// [`Program`].
 pub trait Machine: Sync {
     /// The memory that processors and host share.
     type Window: MemoryWindow + Clone + Send + Sync;
@@ -40,7 +41,7 @@ pub trait Machine: Sync {
     /// Returns the number of this processor.
     fn number(&self) -> Processor;
 
-    /// Returns the windows of all processors; the index is the processor's number.
+    /// Returns the windows of all processors; the index in the array is the number of a processor.
     fn windows(&self) -> [Windows<Self::Window>; PROCESSORS];
 
     /// Returns the doorbell of this processor.
@@ -49,7 +50,7 @@ pub trait Machine: Sync {
     /// Returns the critical sections of this processor.
     fn exclusion(&self) -> Self::Exclusion;
 
-    /// Returns the ticks per second of the timer that releases the loops.
+    /// Returns the number of ticks per second of the timer that releases the loops.
     fn timer_frequency(&self) -> Rate;
 
     /// Returns the bus to which the boards are connected.
@@ -58,7 +59,7 @@ pub trait Machine: Sync {
     /// Returns the memory that belongs to no processor and that all processors and the host can
     /// access; `None` if the system has none.
     ///
-    /// It consists of zeros when the system begins, and keeps its contents when a program is restarted. The
+    /// The memory consists of zeros when the system begins, and keeps its contents when a program is restarted. The
     /// programs agree among themselves on the offsets in it.
     fn shared_memory(&self) -> Option<Region<Self::Window>> {
         None
@@ -88,7 +89,8 @@ pub trait Machine: Sync {
     /// if there are fewer arguments. The system description is the file that lists the processors.
     fn argument(&self, index: usize) -> Option<&str>;
 
-    /// Returns true if the program must end. The background asks at least every 100 ms.
+    /// Returns true if the program must end. The background of the program must ask at least every
+    /// 100 ms.
     fn is_stopping(&self) -> bool;
 
     /// Returns true if messages are served while the background computes: by the mailbox interrupt
@@ -148,10 +150,10 @@ pub trait Machine: Sync {
 
 /// A program for any [`Machine`].
 ///
-/// Its loops neither wait, allocate, print nor lock: on most machines they are interrupts. On other
-/// machines they run at the same time as the background and the handlers. Data that they share must
-/// lie in the windows, in an atomic or in a [`Latest`](crate::Latest), or be used only inside critical
-/// sections: those of the machine's [exclusion](Machine::exclusion) or of the `critical-section` crate.
+/// The loops of a program neither wait, allocate, print nor lock: on most machines they are interrupts. On other
+/// machines they run at the same time as the background and the handlers. Data that they share must lie in the windows,
+/// in an atomic or in a [`Latest`](crate::Latest), or be used only inside critical sections: those of the machine's
+/// [exclusion](Machine::exclusion) or of the `critical-section` crate.
 ///
 /// ```
 /// use condor_rt::{Machine, Processor, Program, ProgramError, Rate, Setup, sim::VirtualSystem};

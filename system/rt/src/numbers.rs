@@ -6,35 +6,41 @@ use core::ops::RangeInclusive;
 use condor_mbox::{Processor, Vector};
 use condor_tty::TerminalVectors;
 
-/// The number of processor numbers in a system: programs, services and visitors together.
+/// The number of processor numbers that a system has. Programs, services of the host and visitors
+/// each take one of them.
 pub const PROCESSORS: usize = 32;
 
-/// The numbers that a system description may give to processors.
+/// The numbers that a system description, the file that lists the processors of a system, may use
+/// for them.
 pub const PROGRAMS: RangeInclusive<u8> = 0..=11;
-/// The numbers of services of the host.
+/// The processor numbers of services of the host, such as the file service.
 pub const SERVICES: RangeInclusive<u8> = 12..=19;
-/// The number of the supervisor, which starts, watches and stops all programs and services.
+/// The processor number of the supervisor, the service that starts, watches and stops all programs
+/// and services.
 pub const SUPERVISOR: Processor = Processor(12);
-/// The number of the file service.
+/// The processor number of the file service, through which programs open files of the host.
 pub const FILES: Processor = Processor(13);
-/// The number of the terminal service.
+/// The processor number of the terminal service, which shows the terminals of programs on the host.
 pub const TERMINALS: Processor = Processor(14);
-/// The numbers of services that an application adds, in the order in which it adds them.
+/// The processor numbers of services that an application adds. The service that is added first has
+/// the first of these numbers, and so on.
 pub const EXTENSIONS: RangeInclusive<u8> = 15..=*SERVICES.end();
-/// The numbers of visitors: user interfaces, commands and other programs that come and go.
+/// The processor numbers of visitors: user interfaces, commands and other programs that come and go
+/// while the system runs.
 pub const VISITORS: RangeInclusive<u8> = 20..=31;
 
-/// The exit status of a program that would fail again in the same way: its arguments or its
-/// description must be mended first. It is that of wrong arguments elsewhere, too. A supervisor does not
-/// start such a program again by itself.
+/// The exit status of a program that would fail again in the same way after a restart, because its arguments or its
+/// description are wrong. A supervisor does not restart such a program by itself. Many command-line programs end with
+/// this status, too, if their arguments are wrong.
 pub const MISTAKE: u8 = 2;
 
-/// The vectors that a program may use for its own messages. Libraries for robots use those from 32
-/// on.
+/// The vectors that a program may use for its own messages. Those from 32 on are used by libraries
+/// for robots, such as condor-hand.
 pub const OWN_VECTORS: RangeInclusive<u8> = 0..=39;
-/// The vector of [requests to the supervisor](crate::supervisor).
+/// The vector of messages with which programs send [requests to the supervisor](crate::supervisor).
 pub const REQUESTS: Vector = Vector(43);
-/// All vectors that Condor uses, each with its purpose.
+/// All vectors that Condor itself uses, each with a short text for people that says what it is used
+/// for.
 pub const VECTORS: [(Vector, &str); 7] = [
     (condor_fs::wire::FILES, "requests to the file service"),
     (

@@ -28,12 +28,12 @@ use condor_mbox::{AccessError, Allocator, MemoryWindow, Published, Region};
 use crate::text::ShortText;
 
 const MAGIC: u32 = u32::from_le_bytes(*b"COBJ");
-/// The version of the table's layout.
+/// The version of the layout of object tables that this crate writes and reads.
 pub const VERSION: u32 = 1;
 
-/// The size of the table without its entries, in bytes.
+/// The size of an object table without its entries, in bytes.
 pub const BYTES: u32 = 16;
-/// The greatest length of a name, in bytes.
+/// The greatest length of an object's name, in bytes.
 pub const NAME_BYTES: usize = 64;
 
 mod word {
@@ -51,7 +51,7 @@ mod entry {
     pub(super) const NAME: u32 = 20;
 }
 
-/// The use of an object, by which tools know how to read it.
+/// The kind of an object in an object table, which says how tools can read the object.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u32)]
 #[non_exhaustive]
@@ -90,7 +90,7 @@ pub struct SharedObject {
     pub len: u32,
 }
 
-/// The reason why an object cannot be entered.
+/// The reason why an object table cannot be made, or an object cannot be entered in it.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ObjectError {
@@ -121,7 +121,9 @@ pub enum ObjectError {
     Access(#[from] AccessError),
 }
 
-/// The object table of the processor on which this program runs.
+/// The object table of the processor on which this program runs: a list, in shared memory, of the
+/// objects that the program shows to others. With the table, tools find its terminal, loops and
+/// variables by their names. Other programs read a table through [`all`] and [`find`].
 #[derive(Debug)]
 pub struct ObjectTable<W> {
     region: Region<W>,
@@ -131,7 +133,8 @@ pub struct ObjectTable<W> {
 
 impl<W: MemoryWindow> ObjectTable<W> {
     /// Makes an empty table at the beginning of `region`, the users' region of the program's own
-    /// `data`. Nothing must have been taken from `allocator` before.
+    /// `data`. `allocator` hands out the room in `region`; nothing must have been taken from it
+    /// before.
     ///
     /// # Errors
     /// [`ObjectError::NotFirst`] if something was taken from `allocator` before;
@@ -149,7 +152,9 @@ impl<W: MemoryWindow> ObjectTable<W> {
         Ok(Self { region, last })
     }
 
-    /// Takes room for a cell, whose latest value others can read, and enters it.
+    /// Takes room from `allocator` for a cell, which shows others the latest value of type `T`, and
+    /// enters it in the table as the object `name` of the kind `kind`. The cell has no value before
+    /// its publisher has written one.
     ///
     /// # Errors
     /// [`ObjectError::Access`] if there is no room, [`ObjectError::Name`] if the name is too long,
@@ -170,8 +175,9 @@ impl<W: MemoryWindow> ObjectTable<W> {
         Ok(cell)
     }
 
-    /// Enters the object that takes `len` bytes at `offset` bytes of the users' region. From then
-    /// on others may read the object, so it must be complete. The entry takes room from `allocator`.
+    /// Enters the object `name` of the kind `kind`, which takes `len` bytes at `offset` bytes of
+    /// the users' region. From then on others may read the object, so it must be complete. The
+    /// entry itself takes room from `allocator`.
     ///
     /// # Errors
     /// [`ObjectError::Name`] if the name is too long, [`ObjectError::Taken`] if there is an object
@@ -206,9 +212,9 @@ impl<W: MemoryWindow> ObjectTable<W> {
     }
 }
 
-/// Returns the version of a processor's table; `None` if there is no table, or not yet. `region` is
-/// the users' region of that processor. The objects of a table whose version is not [`VERSION`]
-/// cannot be read.
+/// Returns the version of a processor's object table; `None` if the processor has no table yet, or
+/// never makes one. `region` is the users' region of that processor. The objects can be read only
+/// if the version is [`VERSION`].
 ///
 /// # Errors
 /// [`AccessError`] if the memory cannot be read.
@@ -218,11 +224,13 @@ pub fn version<W: MemoryWindow>(region: &Region<W>) -> Result<Option<u32>, Acces
     Ok(is_there.then_some(version))
 }
 
-/// Iterates over the objects in a processor's table; yields nothing if there is no table of this
-/// [`VERSION`], or not yet. `region` is the users' region of that processor.
+/// Iterates over the objects in a processor's object table, in the order in which they were
+/// entered. `region` is the users' region of that processor. Yields nothing if the processor has no
+/// table yet, or a table of another version than [`VERSION`].
 ///
 /// # Errors
-/// [`AccessError`] if the memory cannot be read; likewise for each item.
+/// [`AccessError`] if the memory cannot be read. An item is this error if its entry cannot be read;
+/// it is then the last one.
 pub fn all<W: MemoryWindow>(
     region: &Region<W>,
 ) -> Result<impl Iterator<Item = Result<SharedObject, AccessError>> + '_, AccessError> {
@@ -261,8 +269,9 @@ fn read<W: MemoryWindow>(region: &Region<W>, at: u32) -> Result<(SharedObject, u
     Ok((object, word(entry::NEXT)?))
 }
 
-/// Returns the object that has this name and kind in a processor's table, or `None`. `region` is
-/// the users' region of that processor.
+/// Returns the object called `name` of the kind `kind` in a processor's object table; `None` if the
+/// table has no such object, or if there is no table. `region` is the users' region of that
+/// processor.
 ///
 /// # Errors
 /// [`AccessError`] if the memory cannot be read.

@@ -25,7 +25,7 @@ use crate::supervisor::Supervisor;
 
 /// Characters that can be typed ahead.
 const TYPED: usize = 128;
-/// The greatest number of files that a program can have open at a time.
+/// The greatest number of host files that a program can have open at a time.
 pub const FILES: usize = 4;
 /// The time that the file service may take, with restarts of it.
 const FILES_TIMEOUT: Duration = Duration::from_secs(30);
@@ -34,9 +34,11 @@ const LOOK: Duration = Duration::from_millis(20);
 /// The time between two reports of the counts of the loops, in nanoseconds.
 const REPORT_NS: u64 = 50_000_000;
 
-/// The terminal of a program on machine `M`.
+/// The type of the terminal that a program has on machine `M`;
+/// [`Setup::console`](crate::Setup::console) makes it.
 pub type ConsoleOf<M> = Terminal<<M as Machine>::Window, <M as Machine>::Exclusion, TYPED>;
-/// The files of a program on machine `M`.
+/// The type of the client of the file service that a program has on machine `M`;
+/// [`Background::files`] returns it.
 pub type FilesOf<'m, M> = FileSystem<'m, MailboxOf<'m, M>, <M as Machine>::Window, FILES>;
 
 /// A terminal that never waits, without its type.
@@ -51,8 +53,8 @@ impl<W: MemoryWindow + Sync, X: Exclusion + Sync, const IN: usize> Screen for Te
     }
 }
 
-/// A message, as its handler gets it. A handler can do all with it that it can do with a [call](mbox::Call)
-/// of the mailbox, and print.
+/// The argument of a message handler. It dereferences to the [call](mbox::Call) of the mailbox, which has the sender,
+/// the vector and the data of the message, and can send messages. It can also print on the program's terminal.
 pub struct HandlerCall<'c> {
     pub(crate) call: &'c mbox::Call<'c>,
     pub(crate) screen: Option<&'c dyn Screen>,
@@ -76,7 +78,8 @@ impl HandlerCall<'_> {
     }
 }
 
-/// One run of a loop, as the loop's body gets it.
+/// The argument of a loop's body: one run of the loop, in which the body can print and send
+/// messages.
 pub struct LoopTick<'t> {
     /// The instant at which the run was due, in nanoseconds of the machine's clock.
     pub due: Instant,
@@ -95,7 +98,8 @@ impl LoopTick<'_> {
         }
     }
 
-    /// Sends a message without reply, and does not wait.
+    /// Sends the word `data` on `vector` to the processor `to`, without a reply and without
+    /// waiting.
     ///
     /// # Errors
     /// [`mbox::MailboxError::NoSlot`] if there is no room for the message now,
@@ -112,8 +116,8 @@ pub(crate) type Reports<M> = (
     heapless::Vec<LoopReport<<M as Machine>::Window>, LOOPS>,
 );
 
-/// The machine, mailbox, terminal, files and loops of a running program, as its background gets
-/// them. Loops and handlers may interrupt the background.
+/// The argument of a program's background: the machine, mailbox, terminal, files and loops of the
+/// running program. Loops and handlers may interrupt the background.
 pub struct Background<'b, M: Machine> {
     pub(crate) machine: &'b M,
     pub(crate) mailbox: &'b MailboxOf<'b, M>,
@@ -135,16 +139,17 @@ impl<'b, M: Machine> Background<'b, M> {
         self.machine
     }
 
-    /// Returns the mailbox, which has joined.
+    /// Returns the mailbox of the program, which has already joined the system.
     #[must_use]
     pub const fn mailbox(&self) -> &'b MailboxOf<'b, M> {
         self.mailbox
     }
 
-    /// Returns the terminal, for reading and writing.
+    /// Returns the program's terminal, for reading and writing.
     ///
     /// # Errors
-    /// [`ProgramError::Missing`] if the program did not set one up.
+    /// [`ProgramError::Missing`] if the program did not call
+    /// [`Setup::console`](crate::Setup::console).
     pub fn console(&self) -> Result<&'b ConsoleOf<M>, ProgramError> {
         self.console
             .ok_or(ProgramError::Missing { what: "console" })
@@ -158,10 +163,10 @@ impl<'b, M: Machine> Background<'b, M> {
         }
     }
 
-    /// Waits at most `time` until a line is typed, and serves messages meanwhile. Returns the line
-    /// without blanks at its ends, or `None` if none was typed. Of a line longer than `into` it returns
-    /// the first part; the next call returns what follows. The line is empty if it, or that first part,
-    /// is not valid UTF-8, at the end of the input, or if the terminal cannot be read.
+    /// Waits at most `time` until a line is typed, and serves messages meanwhile. Returns the line without blanks at
+    /// its ends, or `None` if no line was typed. If the line is longer than `into`, returns the part that fits; the
+    /// next call returns the rest. Returns an empty line at the end of the input, if the terminal cannot be read, or if
+    /// the line (or the part that fits) is not valid UTF-8.
     ///
     /// # Errors
     /// [`ProgramError::Missing`] if the program has no terminal; [`ProgramError::Mailbox`] or [`ProgramError::Access`]
@@ -187,11 +192,12 @@ impl<'b, M: Machine> Background<'b, M> {
         Ok(Some(typed.unwrap_or_default().trim()))
     }
 
-    /// Connects to the host's files.
+    /// Connects to the file service, and returns a client with which the background opens the
+    /// host's files.
     ///
     /// # Errors
-    /// [`ProgramError::Missing`] if the setup did not ask for files; [`ProgramError::Files`] if
-    /// [`FileSystem::connect`] fails.
+    /// [`ProgramError::Missing`] if the program did not call [`Setup::files`](crate::Setup::files);
+    /// [`ProgramError::Files`] if [`FileSystem::connect`] fails.
     pub fn files(&self) -> Result<FilesOf<'b, M>, ProgramError> {
         let area = self.area.ok_or(ProgramError::Missing { what: "files" })?;
         let (own, server) = (self.own.clone(), numbers::FILES);
@@ -204,33 +210,35 @@ impl<'b, M: Machine> Background<'b, M> {
         )?)
     }
 
-    /// Returns the end that asks the supervisor to restart and load the programs of processors. A
-    /// program may have only one such end at a time.
+    /// Returns a client that asks the supervisor to restart and load the programs of processors. A
+    /// program may have only one such client at a time.
     ///
     /// # Errors
-    /// [`ProgramError::Missing`] if the setup did not ask for it; [`ProgramError::Access`] if the processor's own
-    /// memory cannot be accessed.
+    /// [`ProgramError::Missing`] if the program did not call [`Setup::supervisor`](crate::Setup::supervisor);
+    /// [`ProgramError::Access`] if the processor's own memory cannot be accessed.
     pub fn supervisor(&self) -> Result<Supervisor<'b, M>, ProgramError> {
         let what = "supervisor";
         let allocator = self.asks.ok_or(ProgramError::Missing { what })?.clone();
         Supervisor::new(self.mailbox, self.own.clone(), allocator)
     }
 
-    /// Returns the present counts of the loop called `name`.
+    /// Returns the present counts of the loop called `name`, such as its releases and its worst
+    /// lateness.
     ///
     /// # Errors
     /// [`ProgramError::Missing`] if the program has no loops, [`ProgramError::Loop`] with
-    /// [`LoopError::NoSuchLoop`] if none has this name.
+    /// [`LoopError::NoSuchLoop`] if no loop has this name.
     pub fn statistics(&self, name: &str) -> Result<Statistics, ProgramError> {
         let (loops, id) = self.servo(name)?;
         Ok(loops.statistics(id)?)
     }
 
-    /// Sets the counts and times of the loop called `name` to 0.
+    /// Resets the counts and times in the [`statistics`](Self::statistics) of the loop called
+    /// `name` to 0.
     ///
     /// # Errors
     /// [`ProgramError::Missing`] if the program has no loops, [`ProgramError::Loop`] with
-    /// [`LoopError::NoSuchLoop`] if none has this name.
+    /// [`LoopError::NoSuchLoop`] if no loop has this name.
     pub fn reset_statistics(&self, name: &str) -> Result<(), ProgramError> {
         let (loops, id) = self.servo(name)?;
         Ok(loops.reset_statistics(id)?)
@@ -239,9 +247,8 @@ impl<'b, M: Machine> Background<'b, M> {
     /// Changes the rate of the loop called `name`, while all loops go on running.
     ///
     /// # Errors
-    /// [`ProgramError::Missing`] if the program has no loops, [`ProgramError::Loop`] with
-    /// [`LoopError::NoSuchLoop`] if none has this name; [`ProgramError::Loop`] with [`LoopError::Rate`] if
-    /// the new rates cannot be scheduled.
+    /// [`ProgramError::Missing`] if the program has no loops, [`ProgramError::Loop`] with [`LoopError::NoSuchLoop`] if
+    /// no loop has this name; [`ProgramError::Loop`] with [`LoopError::Rate`] if the new rates cannot be scheduled.
     pub fn set_rate(&self, name: &str, rate: Rate) -> Result<(), ProgramError> {
         let (loops, id) = self.servo(name)?;
         Ok(loops.set_rate(id, rate)?)
@@ -251,7 +258,7 @@ impl<'b, M: Machine> Background<'b, M> {
     ///
     /// # Errors
     /// [`ProgramError::Missing`] if the program has no loops, [`ProgramError::Loop`] with
-    /// [`LoopError::NoSuchLoop`] if none has this name.
+    /// [`LoopError::NoSuchLoop`] if no loop has this name.
     pub fn set_enabled(&self, name: &str, enabled: bool) -> Result<(), ProgramError> {
         let (loops, id) = self.servo(name)?;
         Ok(if enabled {
@@ -261,14 +268,14 @@ impl<'b, M: Machine> Background<'b, M> {
         }?)
     }
 
-    /// Returns true if the program must end.
+    /// Returns true if the program has been told to stop, so that the background must return.
     #[must_use]
     pub fn is_stopping(&self) -> bool {
         self.machine.is_stopping()
     }
 
-    /// Waits for messages, for at most `time`, while they are served; then publishes the counts of
-    /// the loops as [`show`](Self::show) does.
+    /// Waits for messages while their handlers run, until messages were served or `time` has
+    /// passed. Then publishes the counts of the loops as [`show`](Self::show) does.
     ///
     /// # Errors
     /// [`ProgramError::Mailbox`] with [`mbox::MailboxError::Window`], or [`ProgramError::Access`], if the processor's
@@ -284,9 +291,9 @@ impl<'b, M: Machine> Background<'b, M> {
         self.show()
     }
 
-    /// Publishes the counts of the loops, and applies rates that others have set. Does nothing if
-    /// the last time was less than 50 ms ago. A background that never calls [`serve`](Self::serve)
-    /// calls this instead.
+    /// Publishes the counts of the loops, and applies rates of loops that other programs have set.
+    /// Does nothing if it has done so less than 50 ms ago. Call this in a background that never
+    /// calls [`serve`](Self::serve), which does the same.
     ///
     /// # Errors
     /// [`ProgramError::Access`] if the processor's own memory cannot be accessed.

@@ -8,12 +8,13 @@ use heapless::Vec;
 use crate::error::ProgramError;
 use crate::list::fitting;
 
-/// The greatest number of loops of a program.
+/// The greatest number of servo loops that a program can have.
 pub const LOOPS: usize = 8;
 /// Entries of the event table that a program's loops have; rates that take more are computed.
 const ENTRIES: usize = 32;
 
-/// A loop, as [`Machine::with_loops`](crate::Machine::with_loops) gets it.
+/// A servo loop that a program passes to [`Machine::with_loops`](crate::Machine::with_loops).
+/// Programs that use [`Setup`](crate::Setup) do not need this type.
 pub struct ServoLoop<'b> {
     /// The rate at which the loop is released.
     pub rate: Rate,
@@ -24,7 +25,8 @@ pub struct ServoLoop<'b> {
     pub body: &'b mut (dyn FnMut(u64) + Send),
 }
 
-/// Runs loops on the stack of the background, which they interrupt. Most machines implement
+/// Runs `background` and returns its result. Meanwhile `loops` interrupt it, on the same stack,
+/// whenever they are due by the timer of `platform`. Most machines implement
 /// [`with_loops`](crate::Machine::with_loops) by this.
 ///
 /// # Errors

@@ -29,7 +29,7 @@ use crate::variables::{
     self, LoopDesk, LoopSampler, LoopServer, Nanoseconds, VARIABLES, incarnation, name_of,
 };
 
-/// The greatest number of handlers of a program.
+/// The greatest number of message handlers that a program can have.
 pub const HANDLERS: usize = 16;
 /// Bytes of a terminal's ring.
 const SHOWN_BYTES: u32 = 8192;
@@ -41,18 +41,19 @@ const NAP: Duration = Duration::from_millis(20);
 /// The rate in the schedule of a loop that rests.
 const RESTING: Rate = Rate::hz(1);
 
-/// A handler of messages, in a program that [`Setup`] makes; its result is the reply.
+/// A function that handles messages, for [`Setup::on`]. Its result is the reply to the message.
 pub type MessageHandler<'e> = &'e (dyn Fn(&HandlerCall<'_>) -> u32 + Sync);
-/// The body of a loop, in a program that [`Setup`] makes.
+/// The body of a servo loop, for [`Setup::servo`]. It runs once at each release of the loop.
 pub type LoopFunction<'e> = &'e mut (dyn FnMut(&mut LoopTick<'_>) + Send);
 
-/// The builder of a program.
+/// The builder of a program: it adds a terminal, handlers of messages, variables, servo loops and
+/// other parts, and then runs the program.
 ///
-/// Each method places a part in the memory of the processor, behind the parts before it. Nothing
-/// runs before [`run`](Self::run) or [`background`](Self::background). Handlers and bodies are
-/// borrowed. The type of a setup does not depend on what is added, so that parts can be added in
-/// `if` and `for`. `run` and `background` report mistakes with handlers, loops and variables, such
-/// as too many of them or a vector that is used twice.
+/// Each method places a part in the shared memory of the processor, behind the parts that were
+/// added before. Nothing runs before [`run`](Self::run) or [`background`](Self::background). A
+/// setup borrows handlers and the bodies of loops. The type of a setup does not depend on what is
+/// added, so that parts can be added in `if` and `for`. `run` and `background` report mistakes with
+/// handlers, loops and variables, such as too many of them or a vector that is used twice.
 ///
 /// ```
 /// use condor_rt::{Machine, ProgramError, Rate, Setup, Var, Vector};
@@ -137,11 +138,13 @@ impl Loop<'_> {
 }
 
 impl<'e, M: Machine> Setup<'e, M> {
-    /// Makes the setup of the program of `machine`, with an empty object table.
+    /// Begins the setup of the program that runs on `machine`: writes an empty object table into
+    /// the processor's shared memory.
     ///
     /// # Errors
     /// [`ProgramError::Objects`] if the processor's shared memory has no room for the table;
-    /// [`ProgramError::Access`] if it is smaller than the doorbell's line.
+    /// [`ProgramError::Access`] if the shared memory is even smaller than the line that the
+    /// doorbell uses.
     pub fn new(machine: &'e M) -> Result<Self, ProgramError> {
         let own = users(machine, machine.number())?;
         let mut allocator = Allocator::new(own.size());
@@ -163,7 +166,8 @@ impl<'e, M: Machine> Setup<'e, M> {
         })
     }
 
-    /// Creates the program's terminal, which the object table lists as `console`.
+    /// Creates the program's terminal, which edits lines on the processor. The object table lists
+    /// it as `console`.
     ///
     /// # Errors
     /// [`ProgramError::Twice`] if the program has a terminal already; [`ProgramError::Window`] if there is
@@ -172,7 +176,8 @@ impl<'e, M: Machine> Setup<'e, M> {
         self.console_with(&condor_tty::TerminalSettings::COOKED)
     }
 
-    /// Creates the program's terminal as [`console`](Self::console) does, with these settings.
+    /// Creates the program's terminal as [`console`](Self::console) does, with `settings` for its
+    /// input and output.
     ///
     /// # Errors
     /// [`ProgramError::Twice`] if the program has a terminal already; [`ProgramError::Window`] if there is
@@ -200,7 +205,8 @@ impl<'e, M: Machine> Setup<'e, M> {
         Ok(self)
     }
 
-    /// Sets the way in which the mailbox waits; the default is the machine's.
+    /// Sets the way in which the program's mailbox waits for messages and replies: spinning,
+    /// sleeping or both. The default is [`Machine::waiting`].
     pub const fn waiting(&mut self, waiting: Waiting) -> &mut Self {
         self.waiting = waiting;
         self
@@ -210,7 +216,7 @@ impl<'e, M: Machine> Setup<'e, M> {
     /// files.
     ///
     /// # Errors
-    /// [`ProgramError::Twice`] if that was done before, [`ProgramError::Window`] if there is no room.
+    /// [`ProgramError::Twice`] if `files` was called before, [`ProgramError::Window`] if there is no room.
     pub fn files(&mut self) -> Result<&mut Self, ProgramError> {
         if self.area.is_some() {
             return Err(ProgramError::Twice { what: "file area" });
@@ -238,11 +244,12 @@ impl<'e, M: Machine> Setup<'e, M> {
         Ok(self)
     }
 
-    /// Makes a cell called `name`, whose latest value others can read, and returns its publisher.
+    /// Makes a cell called `name`, in which others can read the latest value of type `T`. Returns
+    /// the publisher, through which the program writes a new value.
     ///
     /// # Errors
-    /// [`ProgramError::Window`] if there is no room, [`ProgramError::Objects`] if the object table refuses the
-    /// name.
+    /// [`ProgramError::Window`] if there is no room, [`ProgramError::Objects`] if the name is too long, or another cell
+    /// has it.
     pub fn publish<T>(
         &mut self,
         name: &str,
@@ -253,12 +260,12 @@ impl<'e, M: Machine> Setup<'e, M> {
         Ok(self.cell(name)?.publisher(self.own.clone())?)
     }
 
-    /// Makes a cell as [`publish`](Self::publish) does, with a table of its fields, so that
-    /// watching programs can show each field by its name.
+    /// Makes a cell as [`publish`](Self::publish) does, with a table that describes its fields.
+    /// With that table, programs that do not know the type `T` can show each field by its name.
     ///
     /// # Errors
-    /// [`ProgramError::Window`] if there is no room, [`ProgramError::Objects`] if the object table refuses the
-    /// name, [`ProgramError::Variables`] if the fields cannot be described.
+    /// [`ProgramError::Window`] if there is no room, [`ProgramError::Objects`] if the name is too long, or another cell
+    /// has it, [`ProgramError::Variables`] if the fields cannot be described.
     pub fn publish_fields<T>(
         &mut self,
         name: &str,
@@ -282,21 +289,21 @@ impl<'e, M: Machine> Setup<'e, M> {
     }
 
     /// Calls `make` to take room in the processor's shared memory, enters that room in the object
-    /// table as `name`, and returns the result of `make`. Use this for objects of your own, which
-    /// others know how to read.
+    /// table as `name`, and returns the result of `make`. Use this for objects of types of your
+    /// own, if other programs know how to read them.
     ///
     /// ```
     /// # use condor_rt::{ProgramError, Machine, Setup, objects::ObjectKind};
     /// # fn two<M: Machine>(setup: &mut Setup<'_, M>) -> Result<(), ProgramError> {
-    /// let offset = setup.place("points", ObjectKind::Other, |places| allocator.bytes(64))?;
+    /// let offset = setup.place("points", ObjectKind::Other, |allocator| allocator.bytes(64))?;
     /// # let _ = offset;
     /// # Ok(())
     /// # }
     /// ```
     ///
     /// # Errors
-    /// [`ProgramError::Window`] if there is no room, [`ProgramError::Objects`] if the object table refuses the
-    /// name.
+    /// [`ProgramError::Window`] if there is no room, [`ProgramError::Objects`] if the name is too long, or another
+    /// object of this kind has it.
     pub fn place<T>(
         &mut self,
         name: &str,
@@ -311,14 +318,14 @@ impl<'e, M: Machine> Setup<'e, M> {
         Ok(placed)
     }
 
-    /// Returns the users' region of this processor's `data`, in which everything is placed and
-    /// which others can read.
+    /// Returns the users' region of this processor's `data`: the shared memory in which the setup
+    /// places all parts, and which others can read.
     #[must_use]
     pub const fn own(&self) -> &Region<M::Window> {
         &self.own
     }
 
-    /// Sets the handler that runs for each message to `vector`, which must be one of
+    /// Sets the handler that runs for each message on `vector`, which must be one of
     /// [`OWN_VECTORS`](numbers::OWN_VECTORS). Tools show `name` to people.
     pub fn on(&mut self, vector: Vector, name: &'e str, handler: MessageHandler<'e>) -> &mut Self {
         let is_taken = self.handlers.iter().any(|(taken, ..)| *taken == vector);
@@ -333,8 +340,9 @@ impl<'e, M: Machine> Setup<'e, M> {
         self
     }
 
-    /// Shows a variable, or a block of variables, of the servo loop that is added next. While a
-    /// watcher has selected the variable, the loop samples it at each of its releases.
+    /// Adds a variable, or a block of variables, to the servo loop that is added next, so that
+    /// other programs can watch it. While a watcher has selected the variable, the loop samples it
+    /// at each of its releases.
     pub fn watch(&mut self, variable: &'e dyn Watch) -> &mut Self {
         if self.watched.push(variable).is_err() {
             self.full("variables", VARIABLES, name_of(variable).as_str());
@@ -342,7 +350,8 @@ impl<'e, M: Machine> Setup<'e, M> {
         self
     }
 
-    /// Shows a parameter of the servo loop that is added next, and lets others set it.
+    /// Adds a parameter to the servo loop that is added next, so that other programs can read and
+    /// set it while the loop runs.
     pub fn tune(&mut self, parameter: &'e dyn Tune) -> &mut Self {
         if self.tuned.push(parameter).is_err() {
             self.full("parameters", VARIABLES, name_of(parameter).as_str());
@@ -350,8 +359,8 @@ impl<'e, M: Machine> Setup<'e, M> {
         self
     }
 
-    /// Runs `body` at `rate`. If a release comes before the last run has finished, it is skipped
-    /// and counted.
+    /// Adds a servo loop called `name`, which runs `body` at `rate`. If a release comes before the
+    /// last run of `body` has finished, that release is skipped and counted.
     ///
     /// The first release is in the middle of a period of the program's fastest loop; periods are
     /// counted from the beginning of the machine's time. So loops of the same rate are due at the
@@ -360,7 +369,8 @@ impl<'e, M: Machine> Setup<'e, M> {
         self.servo_with(name, rate, Overrun::Skip, body)
     }
 
-    /// Runs `body` as [`servo`](Self::servo) does, with another policy for overruns.
+    /// Adds a servo loop as [`servo`](Self::servo) does. `overrun` says what happens to a release
+    /// that comes before the last run has finished.
     pub fn servo_with(
         &mut self,
         name: &'e str,
@@ -371,12 +381,13 @@ impl<'e, M: Machine> Setup<'e, M> {
         self.add(name, (rate, None), overrun, body)
     }
 
-    /// Runs `body` at a rate in Hz that others may set while it runs, as they [tune](Self::tune)
-    /// any parameter. At 0 Hz the loop rests. The background applies a new rate within 50 ms if it
-    /// calls [`serve`](Background::serve) or [`show`](Background::show) often enough.
+    /// Adds a servo loop called `name`, which runs `body` at the rate `rate_hz`, in Hz. This rate
+    /// is a parameter that others may set while the loop runs, like any parameter of
+    /// [`tune`](Self::tune). At 0 Hz the loop rests. The background applies a new rate within 50 ms
+    /// if it calls [`serve`](Background::serve) or [`show`](Background::show) often enough.
     ///
-    /// If the new rates cannot be scheduled, the loop goes on as before, and an error is printed on
-    /// the terminal.
+    /// If the loops cannot be scheduled at a new rate, the loop keeps its old rate, and an error is
+    /// printed on the terminal.
     pub fn servo_at(
         &mut self,
         name: &'e str,
@@ -410,7 +421,8 @@ impl<'e, M: Machine> Setup<'e, M> {
         self
     }
 
-    /// Joins, runs the loops, and serves messages until the machine is stopping.
+    /// Joins the system, runs the loops, and serves messages until the machine tells the program to
+    /// stop.
     ///
     /// # Errors
     /// Returns the error of [`background`](Self::background) if that fails.
@@ -423,19 +435,19 @@ impl<'e, M: Machine> Setup<'e, M> {
         })
     }
 
-    /// Joins, and runs `background` while loops and handlers interrupt it. If `background` returns
-    /// an error, that is printed on the terminal.
+    /// Joins the system, runs `background` once, and returns its result; loops and handlers
+    /// interrupt it meanwhile. If `background` returns an error, the error is also printed on the
+    /// terminal.
     ///
-    /// A program may have to read a configuration, such as a file, before it can be set up. It does
-    /// so in the background of a first setup, and then makes a second one. To other processors the
-    /// second setup is a new start of the program, with a new incarnation: it keeps nothing of the
-    /// first one. A terminal of the first one with
-    /// [`TerminalSettings::OUTPUT`](condor_tty::TerminalSettings::OUTPUT) leaves what is typed to the second.
+    /// A program may have to read a configuration, such as a file, before it can be set up. It does so in the
+    /// background of a first setup, and then makes a second setup. To other processors the second setup is a new start
+    /// of the program, with a new incarnation: it keeps nothing of the first setup. If the first setup has a terminal,
+    /// set it up with [`TerminalSettings::OUTPUT`](condor_tty::TerminalSettings::OUTPUT): then text that is typed is
+    /// left for the terminal of the second setup.
     ///
     /// # Errors
     /// [`ProgramError::Full`], [`ProgramError::VectorTaken`], [`ProgramError::LeftOver`], [`ProgramError::Variables`]
-    /// or
-    /// [`ProgramError::Window`] if something was wrong with the setup; [`ProgramError::Mailbox`] if the mailbox
+    /// or [`ProgramError::Window`] if something was wrong with the setup; [`ProgramError::Mailbox`] if the mailbox
     /// cannot join; [`ProgramError::Rate`], [`ProgramError::Loop`] or [`ProgramError::Start`] if the loops cannot run;
     /// otherwise the error that `background` returned.
     pub fn background<R>(
@@ -652,8 +664,8 @@ fn enter<W: MemoryWindow>(
     entered.map_err(|error| ProgramError::not_entered(name, error))
 }
 
-/// Returns the users' region of the `data` of `processor`: its part of the shared memory after the
-/// doorbell's line.
+/// Returns the users' region of the `data` of `processor`: the part of its shared memory in which
+/// programs place objects, behind the line that the doorbell uses.
 ///
 /// # Errors
 /// [`ProgramError::Mailbox`] if there is no such processor; [`ProgramError::Access`] if its memory is too small.

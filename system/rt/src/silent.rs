@@ -2,7 +2,7 @@
 
 use condor_dev::{Bus, BusAccessError, BusErrorKind, Width};
 
-/// A bus on which nothing answers.
+/// A bus without boards: each read and each write fails with [`BusErrorKind::NoAnswer`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Silent;
 

@@ -8,7 +8,8 @@ use condor_clock::{Handover, LocalClock, Page};
 use condor_mbox::{self as mbox, Clock, Doorbell, Evidence, Exclusion, Instant};
 use condor_mos::{Armed, ConnectError, Platform, Rate, Timer};
 
-/// The doorbell of a processor in simulated time. All clones are the same doorbell.
+/// The doorbell of a processor in simulated time; `C` dereferences to the [`LocalClock`] of that
+/// processor. All clones are the same doorbell.
 #[derive(Clone, Debug)]
 pub struct SimulatedBell<C>(pub C);
 
@@ -62,7 +63,8 @@ where
 }
 
 /// The critical sections of a processor in simulated time: no time passes in them, so nothing
-/// interrupts them. All clones are the same.
+/// interrupts them. `C` dereferences to the [`LocalClock`] of that processor. All clones are the
+/// same sections.
 #[derive(Clone, Debug)]
 pub struct SimulatedSection<C>(pub C);
 
@@ -77,7 +79,8 @@ where
     }
 }
 
-/// The timer of a processor in simulated time, in nanoseconds. All clones are the same timer.
+/// The timer that releases the loops of a processor in simulated time. It counts nanoseconds. `C`
+/// dereferences to the [`LocalClock`] of that processor. All clones are the same timer.
 #[derive(Clone, Debug)]
 pub struct SimulatedTimer<C>(pub C);
 

@@ -22,31 +22,38 @@ const ANSWER: Duration = Duration::from_secs(5);
 const WORDS: usize = 368;
 const TEXT: usize = 240;
 
-/// Words of [`SupervisorRequest::operation`].
+/// The values of [`SupervisorRequest::operation`], one for each operation of the supervisor that a
+/// program can ask for.
 pub mod operation {
-    /// Restarts the program of a processor; the only word is the processor.
+    /// Restarts the program of a processor. The request has one word: the name or number of the
+    /// processor.
     pub const RESTART: u32 = 1;
-    /// Loads a program: the words are the processor, the program, and its arguments.
+    /// Ends the program of a processor, if it runs, and starts another one there. The words of the
+    /// request are the name or number of the processor, the program, and its arguments.
     pub const LOAD: u32 = 2;
-    /// Asks for the outcome of the request `number`; there are no words.
+    /// Asks for the outcome of an earlier request, whose number is in the request's field `number`.
+    /// The request has no words.
     pub const OUTCOME: u32 = 3;
-    /// Asks for the name of the processor `number`; there are no words. Any processor may ask.
+    /// Asks for the name of a processor, whose number is in the request's field `number`. The
+    /// request has no words. Any processor may ask.
     pub const NAME: u32 = 4;
 }
 
-/// Words of [`SupervisorResponse::state`].
+/// The values of [`SupervisorResponse::state`], which say what has become of a request.
 pub mod state {
-    /// The request is being carried out.
+    /// The supervisor has accepted the request and is carrying it out.
     pub const PENDING: u32 = 1;
-    /// The request has been carried out; the text is the name that was asked for.
+    /// The request has been carried out. If it asked for a [name](super::operation::NAME), the text
+    /// of the response is that name.
     pub const DONE: u32 = 2;
-    /// The request was refused, or has failed; the text says why.
+    /// The request was refused, or has failed; the text of the response says why.
     pub const REFUSED: u32 = 3;
-    /// The supervisor knows of no request or processor with this number.
+    /// The supervisor knows no request, or no processor, with the number in the request.
     pub const UNKNOWN: u32 = 4;
 }
 
-/// A request to the supervisor, as it lies in shared memory.
+/// A request from a program to the supervisor, as it lies in shared memory. [`Supervisor`] makes
+/// and sends it.
 #[derive(Clone, Debug, PartialEq, Eq, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
 pub struct SupervisorRequest {
@@ -64,8 +71,9 @@ pub struct SupervisorRequest {
 }
 
 impl SupervisorRequest {
-    /// Makes a request with these words; `None` if they are too long, or if one contains a zero
-    /// byte.
+    /// Makes a request for `operation`, one of the constants of [`operation`], with `number` and
+    /// `words`. Returns `None` if the words, each with a zero byte at its end, take more than 368
+    /// bytes, or if a word contains a zero byte.
     #[must_use]
     pub fn new<'w>(
         operation: u32,
@@ -91,8 +99,9 @@ impl SupervisorRequest {
         })
     }
 
-    /// Iterates over the words. Returns `None` if they are not UTF-8, if their length is beyond the
-    /// block, or if the last one has no end.
+    /// Iterates over the words of the request. Returns `None` if the request is invalid: its words
+    /// are not UTF-8, its length is greater than the room for words, or its last word does not end
+    /// with a zero byte.
     #[must_use]
     pub fn words(&self) -> Option<impl Iterator<Item = &str>> {
         let bytes = self.words.get(..self.len as usize)?;
@@ -119,7 +128,8 @@ pub struct SupervisorResponse {
 }
 
 impl SupervisorResponse {
-    /// Makes a response; keeps the first 240 bytes of `text`.
+    /// Makes a response to the request `number`. `state` is one of the constants of [`state`], and
+    /// `text` is the reason or the name; its first 240 bytes are kept.
     #[must_use]
     pub fn new(state: u32, number: u32, text: &str) -> Self {
         let cut = ShortText::<TEXT>::of(text);
@@ -137,7 +147,8 @@ impl SupervisorResponse {
         }
     }
 
-    /// Returns the text; empty if the bytes are not UTF-8 or their length is beyond the block.
+    /// Returns the text of the response; empty if its bytes are not UTF-8, or if its length is
+    /// greater than the room for it.
     #[must_use]
     pub fn text(&self) -> &str {
         let bytes = self.text.get(..self.len as usize);
@@ -147,7 +158,8 @@ impl SupervisorResponse {
     }
 }
 
-/// The end of a program that asks the supervisor; [`Background::supervisor`] returns it.
+/// A client that sends requests to the supervisor: to restart and load programs of processors, and
+/// to look up their names. [`Background::supervisor`] returns it.
 ///
 /// [`Background::supervisor`]: crate::Background::supervisor
 pub struct Supervisor<'b, M: Machine> {
@@ -156,11 +168,12 @@ pub struct Supervisor<'b, M: Machine> {
     reason: ShortText<TEXT>,
 }
 
-/// A request that the supervisor has taken, for [`Supervisor::outcome`].
+/// The number of a request that the supervisor has accepted. Pass it to [`Supervisor::outcome`] to
+/// find out whether the request has been carried out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SupervisorTicket(u32);
 
-/// The reason why the supervisor does not carry out a request.
+/// The reason why the supervisor has not carried out a request, or why it could not be asked.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum SupervisorError {
@@ -204,35 +217,36 @@ impl<'b, M: Machine> Supervisor<'b, M> {
         })
     }
 
-    /// Returns the reason why the supervisor refused a request, or could not carry it out,
-    /// the last time.
+    /// Returns the reason that the supervisor stated when it refused a request last, or could not
+    /// carry it out; empty before the first such request.
     #[must_use]
     pub fn reason(&self) -> &str {
         self.reason.as_str()
     }
 
-    /// Asks the supervisor to end the program of `processor`, a name or a number, if it runs, and
-    /// to start it again with the same arguments. Serves messages until the supervisor has taken
-    /// the request; [`outcome`](Self::outcome) tells when it has been carried out.
+    /// Asks the supervisor to end the program of `processor`, if it runs, and to start it again
+    /// with the same arguments. `processor` is a name or a number. Serves messages until the
+    /// supervisor has accepted the request; [`outcome`](Self::outcome) then says when it has been
+    /// carried out.
     ///
     /// # Errors
-    /// [`SupervisorError::Absent`] if no supervisor runs; [`SupervisorError::Refused`] if the
-    /// description does not allow it; [`SupervisorError::TooLong`] if the name is too long;
-    /// [`SupervisorError::Unknown`] if the answer is none; [`SupervisorError::Exchange`] if there is
-    /// no answer.
+    /// [`SupervisorError::Absent`] if no supervisor runs; [`SupervisorError::Refused`] if the system description does
+    /// not allow it; [`SupervisorError::TooLong`] if the name is too long; [`SupervisorError::Unknown`] if the answer
+    /// has a state that this version does not know; [`SupervisorError::Exchange`] if there is no answer.
     pub fn restart(&mut self, processor: &str) -> Result<SupervisorTicket, SupervisorError> {
         self.order(operation::RESTART, [processor].into_iter())
     }
 
-    /// Asks the supervisor to end the program of `processor`, a name or a number, if it runs, and
-    /// to start `program` there with `arguments`. The program is written as in the description: a
-    /// file, or `self`, whose first argument names a program of the running binary.
+    /// Asks the supervisor to end the program of `processor`, if it runs, and to start `program`
+    /// there with `arguments`. `processor` is a name or a number. `program` is written as in the
+    /// system description: the path of a file, or `self` for the running binary, whose first
+    /// argument then names one of its programs.
     ///
     /// # Errors
-    /// [`SupervisorError::Absent`] if no supervisor runs; [`SupervisorError::Refused`] if the description
-    /// does not allow it; [`SupervisorError::TooLong`] if the words do not fit into a request, or one of
-    /// them contains a zero byte; [`SupervisorError::Unknown`] if the answer has a state that this version
-    /// does not know; [`SupervisorError::Exchange`] if there is no answer.
+    /// [`SupervisorError::Absent`] if no supervisor runs; [`SupervisorError::Refused`] if the system description does
+    /// not allow it; [`SupervisorError::TooLong`] if the words do not fit into a request, or one of them contains a
+    /// zero byte; [`SupervisorError::Unknown`] if the answer has a state that this version does not know;
+    /// [`SupervisorError::Exchange`] if there is no answer.
     pub fn load<'w>(
         &mut self,
         processor: &'w str,
@@ -255,8 +269,9 @@ impl<'b, M: Machine> Supervisor<'b, M> {
             .map(|_| SupervisorTicket(response.number))
     }
 
-    /// Asks for the outcome of a request. Returns true when it has been carried out, so that the
-    /// program has joined, and false while it is being carried out.
+    /// Asks for the outcome of the request with the ticket `order`. Returns true if the request has
+    /// been carried out, so that the new program has joined, and false while it is being carried
+    /// out.
     ///
     /// # Errors
     /// [`SupervisorError::Absent`] if no supervisor runs; [`SupervisorError::Refused`] if the request was
@@ -268,8 +283,7 @@ impl<'b, M: Machine> Supervisor<'b, M> {
         self.judge(&response)
     }
 
-    /// Asks for the name that the description has for `processor`; returns `None` if the description has no
-    /// such processor.
+    /// Asks for the name that the system description has for `processor`; returns `None` if it has no such processor.
     ///
     /// # Errors
     /// [`SupervisorError::Absent`] if no supervisor runs; [`SupervisorError::Exchange`] if there is

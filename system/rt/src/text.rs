@@ -2,7 +2,8 @@
 
 use core::fmt::{self, Write as _};
 
-/// A text without a heap, cut off after `BYTES` bytes.
+/// A text of at most `BYTES` bytes, which needs no heap. A longer text is cut off after its last
+/// character that fits.
 ///
 /// ```
 /// use condor_rt::ShortText;
@@ -13,7 +14,8 @@ use core::fmt::{self, Write as _};
 pub struct ShortText<const BYTES: usize>(heapless::String<BYTES, u8>);
 
 impl<const BYTES: usize> ShortText<BYTES> {
-    /// Returns the text that `printed` prints, cut off after `BYTES` bytes.
+    /// Makes a text of all that `printed` prints, cut off after the last character that fits into
+    /// `BYTES` bytes.
     #[must_use]
     pub fn of(printed: &(impl fmt::Display + ?Sized)) -> Self {
         let mut text = Cut(heapless::String::new());
@@ -22,7 +24,7 @@ impl<const BYTES: usize> ShortText<BYTES> {
         Self(text.0)
     }
 
-    /// Returns the text as a string slice.
+    /// Returns the stored text as a string slice.
     #[must_use]
     pub fn as_str(&self) -> &str {
         &self.0

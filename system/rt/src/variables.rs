@@ -12,7 +12,8 @@ use crate::error::ProgramError;
 use crate::machine::Machine;
 use crate::text::ShortText;
 
-/// The greatest number of variables (or blocks of variables), and of parameters, of a program.
+/// The greatest number of variables that a program can show, and also the greatest number of its
+/// parameters. A block counts as one.
 pub const VARIABLES: usize = 32;
 /// The capacity of a loop: all of them, and pieces that a selection may be in.
 const CAPACITY: usize = 24;

@@ -13,7 +13,8 @@ pub(crate) const PALM: &str = "palm";
 /// The name of the ball.
 const BALL: &str = "ball";
 
-/// A hand as people look at it, and its motion without any processor. Its base is the palm.
+/// A hand as plots, recordings and viewers show it: lines, tendons, frames and URDF. It also
+/// simulates motions of the hand without any processor. The base of this robot is the palm.
 #[derive(Clone, Debug)]
 pub struct HandView<const FINGERS: usize, const JOINTS: usize> {
     pub(crate) hand: Hand<FINGERS, JOINTS>,
@@ -23,20 +24,21 @@ pub struct HandView<const FINGERS: usize, const JOINTS: usize> {
     ball: Vec<String>,
 }
 
-/// The names of the variables that describe a ball in a hand.
+/// The names of the variables that describe a ball in a hand, for [`HandView::with_ball`].
 #[derive(Clone, Copy, Debug)]
 pub struct Ball<'v> {
-    /// The variables that have the coordinates of its centre in the frame of the palm, m; not finite without a
-    /// ball.
+    /// The variables with the coordinates of the centre of the ball in the frame of the palm, m. They are not finite
+    /// while there is no ball.
     pub center: [&'v str; 3],
-    /// The variable that has its radius, m.
+    /// The variable with the radius of the ball, m.
     pub radius_m: &'v str,
-    /// The variable that has a bit for each finger that touches it.
+    /// The variable with one bit for each finger: bit *i* is set while finger *i*, counted from 0,
+    /// touches the ball.
     pub touching: &'v str,
 }
 
 impl<const FINGERS: usize, const JOINTS: usize> HandView<FINGERS, JOINTS> {
-    /// Makes the view of a hand.
+    /// Makes the view of the hand that `hand` describes, without a ball.
     #[must_use]
     pub fn new(hand: &Hand<FINGERS, JOINTS>) -> Self {
         let fingers: Vec<Finger> = hand.fingers.iter().map(Finger::new).collect();
@@ -58,7 +60,8 @@ impl<const FINGERS: usize, const JOINTS: usize> HandView<FINGERS, JOINTS> {
         }
     }
 
-    /// Shows a ball, too. The forces of its contacts are the variables such as `index.touch` of fingers with sensors.
+    /// Adds a ball to the view. The position and size of the ball are the variables of `ball`. The forces of its
+    /// contacts are the variables `FINGER.touch`, such as `index.touch`, of fingers that have sensors.
     #[must_use]
     pub fn with_ball(mut self, ball: &Ball<'_>) -> Self {
         let [x, y, z] = ball.center;

@@ -7,7 +7,8 @@ use serde::de::{self, Expected, Unexpected};
 use toml::Spanned;
 use toml::de::DeValue;
 
-/// A mistake whose line is not known yet; [`SourceText::error`](crate::SourceText::error) finds its line.
+/// A mistake in a text, at a range of bytes whose line is not known yet.
+/// [`SourceText::error`](crate::SourceText::error) finds the line.
 #[derive(Debug)]
 pub struct Misreading {
     pub(crate) span: Option<Range<usize>>,
@@ -24,7 +25,8 @@ enum Problem {
 }
 
 impl Misreading {
-    /// Creates a fault at the byte range `span` of the text; `problem` is the message.
+    /// Makes a `Misreading` for a mistake at the byte range `span` of the text; `problem` is the
+    /// message.
     #[must_use]
     pub fn at(span: &Range<usize>, problem: impl Display) -> Self {
         Self::from(problem.to_string()).within(span)

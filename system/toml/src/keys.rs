@@ -7,8 +7,9 @@ use toml::de::{DeTable, DeValue};
 
 use crate::{Misreading, SourceText, read};
 
-/// A reader of one table, which returns the values of its keys one by one. It notes mistakes in the
-/// [`SourceText`], and returns `None` for a wrong value.
+/// A reader of one table, which returns the values of its keys one by one. If a value is wrong, it
+/// notes a mistake in the [`SourceText`] and returns `None`, so that all mistakes of a text are
+/// found at once.
 #[derive(Debug)]
 pub struct Keys<'a, 't> {
     text: &'a SourceText<'t>,
@@ -36,7 +37,8 @@ impl<'t> SourceText<'t> {
 }
 
 impl<'a, 't> Keys<'a, 't> {
-    /// Notes a mistake at the byte range `span` of the text; `problem` is the message.
+    /// Notes a mistake at the byte range `span` of the text, for [`SourceText::finish`] to return;
+    /// `problem` is the message.
     pub fn wrong(&self, span: &Range<usize>, problem: impl Display) {
         self.text.wrong(span, problem);
     }
@@ -72,24 +74,25 @@ impl<'a, 't> Keys<'a, 't> {
         read(value).map_err(|fault| self.text.note(fault)).ok()
     }
 
-    /// Returns the value of a key; `None` if the key is missing, or if its value is wrong, which is
-    /// noted as a mistake. A [`Spanned`] value comes with its byte range; a [`WholeNumber`](crate::WholeNumber)
-    /// is checked against its bounds.
+    /// Returns the value of the optional key `key`. Returns `None` if the key is missing, or if its value is wrong,
+    /// which is noted as a mistake. A [`Spanned`] value comes with its byte range; a
+    /// [`WholeNumber`](crate::WholeNumber) is checked against its bounds.
     pub fn get<T: Deserialize<'a>>(&mut self, key: &'static str) -> Option<T> {
         let value = self.value(key)?;
         self.read(value)
     }
 
-    /// Returns the value of a required key. If the key is missing or its value is wrong, notes a
-    /// mistake and returns `None`; `what` describes the value in the message for a missing key.
+    /// Returns the value of the required key `key`. If the key is missing or its value is wrong,
+    /// notes a mistake and returns `None`; `what` describes the value in the message for a missing
+    /// key.
     pub fn need<T: Deserialize<'a>>(&mut self, key: &'static str, what: &str) -> Option<T> {
         let value = self.needed(key, what)?;
         self.read(value)
     }
 
-    /// Returns the value that belongs to the word under a key; `choices` are all allowed words with their
-    /// values. Returns `None` if the key is missing, or if its word is not one of the choices, which is noted
-    /// as a mistake.
+    /// Returns the value that belongs to the word under the key `key`; `choices` are all allowed words with their
+    /// values. Returns `None` if the key is missing, or if its word is not one of the choices, which is noted as a
+    /// mistake.
     pub fn word<T: Copy>(&mut self, key: &'static str, choices: &[(&'static str, T)]) -> Option<T> {
         let word: Spanned<String> = self.get(key)?;
         let choice = choices.iter().find(|(choice, _)| choice == word.get_ref());
@@ -101,8 +104,8 @@ impl<'a, 't> Keys<'a, 't> {
         choice.map(|(_, choice)| *choice)
     }
 
-    /// Returns a reader of the table under a key; `None` if the key is missing, or if its value is not a table,
-    /// which is noted as a mistake.
+    /// Returns a reader of the table under the key `key`. Returns `None` if the key is missing, or if its value is not
+    /// a table, which is noted as a mistake.
     pub fn table(&mut self, key: &'static str) -> Option<Keys<'a, 't>> {
         let value = self.value(key)?;
         self.text.keys(value)
@@ -123,7 +126,8 @@ impl<'a, 't> Keys<'a, 't> {
         tables.filter_map(|table| self.text.keys(table)).collect()
     }
 
-    /// Notes a mistake for each key of the table that was never asked for.
+    /// Notes a mistake for each key of the table that no call has asked for. Call it after all
+    /// known keys were read.
     pub fn finish(self) {
         for key in self.entries.keys() {
             let name = key.get_ref().as_ref();

@@ -16,9 +16,10 @@ use toml::de::DeValue;
 
 use crate::Misreading;
 
-/// Reads a value of a text into a `T` by serde. If a table has the same span as the table around
-/// it, the program has inserted it: a key that is missing in it is reported as missing in the outer
-/// one.
+/// Reads `value`, which is a part of a text, into a `T` by serde.
+///
+/// A program may insert tables that the text does not have. An inserted table has the same span as
+/// the table around it; a key that is missing in it is reported as missing in that outer table.
 ///
 /// # Errors
 /// [`Misreading`] for the first mistake in the order of the text; a missing key of a table comes after
@@ -213,8 +214,8 @@ impl Visitor<'_> for Refusal<'_> {
 }
 
 impl Misreading {
-    /// Creates the fault of a `value` that stands where `expected`, a description in words, should
-    /// be.
+    /// Makes a `Misreading` which says that `value` stands where `expected`, a description in
+    /// words, should be.
     #[must_use]
     pub fn unsuitable(value: &Spanned<DeValue<'_>>, expected: &str) -> Self {
         let way = String::new();

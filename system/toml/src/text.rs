@@ -12,7 +12,7 @@ use toml::de::{DeTable, DeValue};
 use crate::line_table::LineTable;
 use crate::{Misreading, read};
 
-/// A mistake at one place of a text.
+/// A mistake in a text, with the file, line and column where it is.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error(
     "{file}:{line}:{column}: {problem}{}{text}",
@@ -87,7 +87,7 @@ impl<'t> SourceText<'t> {
         }
     }
 
-    /// Returns the values of the text as a tree, whose root is a table.
+    /// Parses the text as TOML, and returns its values as a tree, whose root is a table.
     ///
     /// # Errors
     /// [`TextError`] at the first part that is not TOML.
@@ -102,7 +102,7 @@ impl<'t> SourceText<'t> {
         ))
     }
 
-    /// Reads the whole text into a `T`.
+    /// Parses the text as TOML, and reads it as a whole into a `T` by serde.
     ///
     /// # Errors
     /// [`TextError`] for the first mistake: a part that is not TOML, or a value that does not suit
@@ -123,7 +123,7 @@ impl<'t> SourceText<'t> {
         places.place(self.content, byte)
     }
 
-    /// Returns `fault` as an error with the file, the line, the column and the wrong text.
+    /// Converts `fault` to an error with the file, the line, the column and the wrong text.
     #[must_use]
     pub fn error(&self, fault: Misreading) -> TextError {
         let problem = fault.to_string();
@@ -139,7 +139,8 @@ impl<'t> SourceText<'t> {
         }
     }
 
-    /// Notes a mistake at the byte range `span` of the text; `problem` is the message.
+    /// Notes a mistake at the byte range `span` of the text, for [`finish`](Self::finish) to
+    /// return; `problem` is the message.
     pub fn wrong(&self, span: &Range<usize>, problem: impl Display) {
         self.note(Misreading::at(span, problem));
     }
@@ -148,7 +149,8 @@ impl<'t> SourceText<'t> {
         self.errors.borrow_mut().push(self.error(fault));
     }
 
-    /// Returns `value`, which was read from the text, if no mistake was noted.
+    /// Returns `value`, which was read from the text, if no mistake was noted. Call it after the
+    /// whole text was read.
     ///
     /// # Errors
     /// [`TextErrors`] with all mistakes that were noted. If `value` is `None`, its reader must have

@@ -3,8 +3,8 @@ use core::marker::PhantomData;
 
 use serde::de::{self, Deserialize, Deserializer, Unexpected, Visitor};
 
-/// A whole number from `LEAST` to `MOST` that is a multiple of `UNIT`; reading any other number is
-/// a mistake.
+/// A whole number from `LEAST` to `MOST` that is a multiple of `UNIT`, to be read by serde. Reading
+/// any other number is an error.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct WholeNumber<T, const LEAST: i64, const MOST: i64, const UNIT: i64 = 1>(
     /// The number.

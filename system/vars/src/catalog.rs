@@ -13,14 +13,16 @@ use crate::param::Tune;
 use crate::sync::{Ordering, fence};
 use crate::var::{VarDescription, Watch};
 
-/// The variables and parameters of a loop, in the order in which they are numbered.
+/// The list of the variables and parameters that a loop shows, from which
+/// [`Selections::open`](crate::Selections::open) makes the loop's table. They are numbered in the
+/// order of the list.
 #[derive(Clone, Copy)]
 pub struct Catalog<'e> {
     watched: &'e [&'e dyn Watch],
     params: &'e [&'e dyn Tune],
 }
 
-/// The reason why the variables of a loop cannot be shown.
+/// The reason why the table of a loop's variables, or of a cell's fields, cannot be made.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum CatalogError {
@@ -49,7 +51,8 @@ pub enum CatalogError {
         /// The index of the parameter, or block, among all parameters of the catalog.
         parameter: usize,
     },
-    /// There are more of some item than the layout or the object can hold.
+    /// There are more items of one kind, such as watchers, than the table or
+    /// [`Selections`](crate::Selections) can hold.
     #[error("there are {count} {what}, but at most {most} are possible")]
     TooMany {
         /// The kind of item.
@@ -86,8 +89,8 @@ impl Item<'_> {
 pub(crate) type Body<'b> = dyn FnMut(&Item<'_>) -> Result<(), CatalogError> + 'b;
 
 impl<'e> Catalog<'e> {
-    /// Makes a catalog of variables and parameters. Their entries are numbered from 0: first those
-    /// of `watched`, then those of `params`.
+    /// Makes a catalog of the variables `watched` and the parameters `params`. Entries are numbered
+    /// from 0: first those of `watched`, then those of `params`.
     #[must_use]
     pub const fn new(watched: &'e [&'e dyn Watch], params: &'e [&'e dyn Tune]) -> Self {
         Self { watched, params }
@@ -152,8 +155,9 @@ impl<'e> Catalog<'e> {
         })
     }
 
-    /// Returns the number of bytes of shared memory that a table takes with `slots` slots for
-    /// watchers, each with room for at least `rows` rows of all variables.
+    /// Returns the number of bytes of shared memory that a table of this catalog takes. The table
+    /// has `slots` slots for watchers, each with room for at least `rows` rows of all variables.
+    /// Returns `u32::MAX` if no memory can be that large.
     ///
     /// # Errors
     /// Returns [`CatalogError::TooLong`] or [`CatalogError::Block`] if an entry is invalid,

@@ -33,7 +33,8 @@ pub trait CellStruct {
     const FIELDS: &'static [CellField];
 }
 
-/// A field of a struct.
+/// The description of one field of a struct, for [`CellStruct::FIELDS`]: its name, unit, type and
+/// offset.
 #[derive(Clone, Copy, Debug)]
 pub struct CellField {
     name: &'static str,
@@ -47,8 +48,9 @@ pub struct CellField {
 }
 
 impl CellField {
-    /// Describes the field at `offset` bytes from the beginning of the struct; `offset_of!` returns
-    /// this offset.
+    /// Describes the field `name`, of the type `kind`, at `offset` bytes from the beginning of the
+    /// struct; `offset_of!` returns this offset. `name` has at most 64 bytes. `unit` has at most 32
+    /// bytes, and may be empty.
     #[must_use]
     pub const fn new(
         name: &'static str,
@@ -67,19 +69,21 @@ impl CellField {
         }
     }
 
-    /// Adds a description, at most 128 bytes.
+    /// Adds a text for people that describes the field, at most 128 bytes.
     #[must_use]
     pub const fn about(self, about: &'static str) -> Self {
         Self { about, ..self }
     }
 
-    /// Adds the names of the values of a [`ValueKind::Choice`], in the order of their numbers.
+    /// Adds the names of the values of a field of the type [`ValueKind::Choice`]. The first name is
+    /// that of the value 0, the next that of 1, and so on.
     #[must_use]
     pub const fn labels(self, labels: &'static [&'static str]) -> Self {
         Self { labels, ..self }
     }
 
-    /// Makes the field an array of `count` elements, which are called `name.0`, `name.1` and so on.
+    /// Makes the field an array of `count` elements, which programs see as `name.0`, `name.1` and
+    /// so on.
     #[must_use]
     pub const fn repeated(self, count: usize) -> Self {
         Self {
@@ -110,10 +114,11 @@ impl CellField {
     }
 }
 
-/// Writes a table that describes the fields of `cell` into memory from `allocator`. Returns the offset
-/// of the table in bytes, from the beginning of `own`.
+/// Writes a table that describes the fields of `cell`, so that other programs can read them by
+/// their names. Returns the offset of the table in bytes, from the beginning of `own`.
 ///
-/// `own` is the users' region of the program's `data`, which must contain the cell, too.
+/// `own` is the users' region of the program's own `data`, which must contain the cell, too.
+/// `allocator` hands out the room for the table in it.
 ///
 /// # Errors
 /// Returns [`CatalogError::Block`] with the number of a field that is not inside of `T`,
@@ -140,7 +145,9 @@ pub fn describe<T: CellStruct, W: MemoryWindow + Clone>(
     Ok(offset)
 }
 
-/// A published cell of which the reader knows only the table that describes its fields.
+/// A reader of another program's published cell, which need not know the type of the cell's value:
+/// a table in shared memory describes its fields. [`read`](Self::read) copies the value, and
+/// [`TableEntry::of_cell`] takes a field out of it.
 #[derive(Clone, Copy, Debug)]
 pub struct Cell<W> {
     table: VariableTable<W>,
@@ -149,7 +156,7 @@ pub struct Cell<W> {
     bytes: usize,
 }
 
-/// The reason why the value of a described cell cannot be read.
+/// The reason why a [`Cell`] cannot be opened or its value cannot be read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum CellError {
@@ -173,11 +180,12 @@ pub enum CellError {
 }
 
 impl<W: MemoryWindow + Clone> Cell<W> {
-    /// Opens the cell that the table at `offset` bytes in `users`, the users' region of its owner's
-    /// `data`, describes.
+    /// Opens the cell that a table describes. `users` is the users' region of the `data` of the
+    /// processor that has the cell; `offset` is the offset of the table in `users`, in bytes.
     ///
     /// # Errors
-    /// Returns [`CellError::Table`] if the table cannot be read, [`CellError::NoCell`] if it is that of a loop.
+    /// Returns [`CellError::Table`] if the table cannot be read, [`CellError::NoCell`] if it describes a loop instead
+    /// of a cell.
     pub fn open(users: &Region<W>, offset: u32) -> Result<Self, CellError> {
         let table = VariableTable::open(users, offset)?;
         let (offset, bytes) = table.cell().ok_or(CellError::NoCell)?;
@@ -191,24 +199,25 @@ impl<W: MemoryWindow + Clone> Cell<W> {
 }
 
 impl<W: MemoryWindow> Cell<W> {
-    /// Returns the table that describes the fields.
+    /// Returns the table that describes the fields of the cell.
     #[must_use]
     pub const fn table(&self) -> &VariableTable<W> {
         &self.table
     }
 
-    /// Returns the size of the value in bytes.
+    /// Returns the size of the cell's value in bytes: the least length of a buffer for
+    /// [`read`](Self::read).
     #[must_use]
     pub const fn bytes(&self) -> usize {
         self.bytes
     }
 
-    /// Copies the latest value into the beginning of `value`, and returns the sequence number with
-    /// which it was published.
+    /// Copies the latest value of the cell into the beginning of `value`. Returns the sequence
+    /// number of this value, which differs for each published value.
     ///
     /// # Errors
-    /// Returns [`CellError::Room`] if `value` is too short, [`CellError::Read`] if there is no consistent
-    /// value, [`CellError::Table`] if the owner has made the table anew.
+    /// Returns [`CellError::Room`] if `value` is too short, [`CellError::Read`] if there is no value yet or no
+    /// consistent one could be read, [`CellError::Table`] if the owner has made the table anew.
     pub fn read(&self, value: &mut [u8]) -> Result<u32, CellError> {
         let (bytes, room) = (self.bytes, value.len());
         let value = value
@@ -221,8 +230,8 @@ impl<W: MemoryWindow> Cell<W> {
 }
 
 impl TableEntry {
-    /// Returns the value of this field of a cell from `value`, the bytes of the whole cell; `None`
-    /// if there are too few.
+    /// Returns the value of the field that this entry describes. `value` has the bytes of the whole
+    /// cell, as [`Cell::read`] copies them. Returns `None` if `value` is too short.
     #[must_use]
     pub fn of_cell(&self, value: &[u8]) -> Option<AnyValue> {
         self.kind

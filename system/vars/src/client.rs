@@ -12,9 +12,10 @@ use crate::layout::{Block, operation, response};
 use crate::table::{TableEntry, VariableTable, VariableTableError};
 use crate::watcher::Watcher;
 
-/// A client of the loops of one processor: it asks for slots and selections, and sets parameters.
+/// A client through which a program watches the variables of the loops of one other processor, and
+/// sets their parameters.
 ///
-/// The calls wait for the reply, and serve messages meanwhile.
+/// Each call sends a request as a message, waits for the reply, and serves messages meanwhile.
 ///
 /// ```
 /// use condor_mbox::{MemoryWindow, Messenger};
@@ -40,7 +41,8 @@ pub struct VariableClient<'m, M: Messenger + ?Sized, W> {
     vector: Vector,
 }
 
-/// The reason why a request was not granted.
+/// The reason why a request of a [`VariableClient`] has failed. The owner is the program that has
+/// the table and runs the loop.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum RequestError {
@@ -137,12 +139,13 @@ impl From<AccessError> for RequestError {
 const PAUSE: Duration = Duration::from_micros(200);
 
 impl<'m, M: Messenger + ?Sized, W: MemoryWindow> VariableClient<'m, M, W> {
-    /// The number of bytes that a client takes from the users' region of its own processor.
+    /// The number of bytes that a client takes from the users' region of the processor on which it
+    /// runs.
     pub const BYTES: usize = Exchange::<'m, M, Region<W>, Block, Block>::BYTES;
 
-    /// Makes a client that sends its requests to the vector `vector` of the processor `to`. It
-    /// takes its block from `allocator` in `own`, the users' region of the processor on which the
-    /// client runs.
+    /// Makes a client that sends its requests on `vector`, such as [`VARS`](crate::VARS), to the
+    /// processor `to`. The client takes room for its requests from `allocator` in `own`, the users'
+    /// region of the processor on which it runs.
     ///
     /// # Errors
     /// Returns [`AccessError`] of the kind `OutOfBounds` if there is no room.
@@ -161,7 +164,8 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow> VariableClient<'m, M, W> {
         })
     }
 
-    /// Claims a slot of a loop for a watcher of its variables.
+    /// Claims a slot of the loop that `table` describes. Returns a watcher, through which the
+    /// loop's variables are selected and read. Waits for the reply for at most `timeout`.
     ///
     /// # Errors
     /// Returns [`RequestError::NoSlot`] if all slots are taken. All calls also return
@@ -180,11 +184,12 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow> VariableClient<'m, M, W> {
         Watcher::new(table.clone(), number, claim).ok_or(RequestError::Protocol { to, code })
     }
 
-    /// Selects entries by number. From then on the loop writes a row of them every `every` ticks
-    /// (at least 1); the values are in the order of the entries' numbers. Rows of the former
-    /// selection that were not read are dropped.
+    /// Selects the variables that `watcher` reads: `entries` are the numbers of their entries in
+    /// the table. From then on the loop writes a row with their values every `every` ticks (at
+    /// least 1); the values are in the order of the entries' numbers. Rows of the former selection
+    /// that were not read are dropped.
     ///
-    /// The first row is that of the tick after the loop has taken the selection over.
+    /// The first row is that of the first tick after the loop has taken over the selection.
     ///
     /// # Errors
     /// Returns [`RequestError::Scattered`] if the selection has too many pieces, [`RequestError::Displaced`] if
@@ -216,7 +221,8 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow> VariableClient<'m, M, W> {
         Ok(())
     }
 
-    /// Releases the slot of a watcher; the watcher cannot be used any more.
+    /// Releases the slot of `watcher`, so that another program can claim it. The watcher cannot be
+    /// used any more.
     ///
     /// # Errors
     /// Returns [`RequestError::Displaced`] if the slot has gone to another watcher, and the errors of all calls
@@ -240,8 +246,8 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow> VariableClient<'m, M, W> {
         Ok(())
     }
 
-    /// Returns the value of a parameter that was accepted last. The loop may not have taken it over
-    /// yet.
+    /// Returns the value of the parameter `entry` that was accepted last. The loop takes it over at
+    /// its next tick, and may still use the value before it.
     ///
     /// # Errors
     /// Returns [`RequestError::NoParam`] if the entry is not a parameter, and the errors of all calls (see
@@ -263,9 +269,10 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow> VariableClient<'m, M, W> {
         Ok(entry.kind.value(words))
     }
 
-    /// Changes a parameter from `expected` to `new`, from the next tick on.
+    /// Changes the parameter `entry` from `expected` to `new`. The loop uses the new value from its
+    /// next tick on.
     ///
-    /// After a timeout the parameter may have either value; [`get`](Self::get) returns the present one.
+    /// After a timeout the parameter may have either value; [`get`](Self::get) returns the present value.
     ///
     /// # Errors
     /// Returns [`RequestError::WrongKind`] if a value does not fit the parameter's type,

@@ -7,10 +7,12 @@ use crate::sampler::Sampler;
 use crate::selections::{MOST_WATCHERS, Selections};
 use crate::server::VariableServer;
 
-/// The two ends of a [`Selections`]: the server for the request handler, and the sampler for the loop.
+/// The result of [`Selections::open`]: the server that answers requests in a message handler, and the sampler that the
+/// loop calls.
 pub type Ends<'e, W, X, const N: usize> = (VariableServer<'e, W, X, N>, Sampler<'e, W, N>);
 
-/// The settings of a loop's table.
+/// The settings of a loop's table, for [`Selections::open`]: the rate of the loop, and the room for
+/// watchers.
 #[derive(Clone, Copy, Debug)]
 pub struct VariableSettings {
     /// The rate of the loop as a number of ticks in a number of seconds, such as `(400, 1)`.
@@ -24,12 +26,14 @@ pub struct VariableSettings {
 }
 
 impl<const N: usize> Selections<N> {
-    /// Makes the table of a loop in memory from `allocator`. The table lies in `own`, the users'
-    /// region of the program's own `data`. Returns the server for the request handler and the
-    /// sampler for the loop.
+    /// Makes the table of a loop, through which other programs find the variables and parameters in
+    /// `catalog`. The table takes room from `allocator` in `own`, the users' region of the program's
+    /// own `data`. Returns the server, for the handler of requests, and the sampler, which the loop
+    /// calls in each tick.
     ///
-    /// `incarnation` returns the incarnation of a processor's program, a number that differs for each
-    /// run of it, or 0 if none runs. With it the server takes slots back from watchers that have died.
+    /// `exclusion` has the critical sections in which the server works. `incarnation` returns the incarnation of a
+    /// processor's program, a number that differs for each run of the program, or 0 if none runs. With this function
+    /// the server takes slots back from watchers that have died.
     ///
     /// # Errors
     /// Returns [`CatalogError::TooLong`] or [`CatalogError::Block`] if an entry of the catalog is invalid,

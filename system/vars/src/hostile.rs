@@ -86,10 +86,11 @@ impl MemoryWindow for Haunted<'_> {
 type Handler<'e> = VariableServer<'e, SimWindow, CriticalSection, 2>;
 type Loop<'e> = Sampler<'e, SimWindow, 2>;
 
-/// Runs the script in `bytes`.
+/// Runs a scenario of a loop and of programs that watch it and set its parameters. Each step of the
+/// scenario is taken from `bytes`, the input of a fuzz target.
 ///
 /// # Panics
-/// Panics if either end breaks a promise.
+/// Panics if the owner of the table or a watching program breaks a guarantee of this crate.
 pub fn run(bytes: &[u8]) {
     let script = Script {
         bytes: Cell::new(bytes),

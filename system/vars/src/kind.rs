@@ -3,7 +3,7 @@
 use core::fmt;
 use core::mem::discriminant;
 
-/// The type of a variable, a parameter or a field.
+/// The type of the value of a variable, a parameter or a field, as a table states it.
 ///
 /// The value of a variable is stored in one 32-bit word, or in two for 64 bits, the lower first.
 /// Narrow integers are extended to a word with their sign; `false` is 0.
@@ -103,7 +103,7 @@ impl ValueKind {
         Self::Choice,
     ];
 
-    /// Returns the kind that has this number in a table; `None` if there is none.
+    /// Returns the kind whose number in a table is `code`; `None` if no kind has this number.
     #[must_use]
     pub fn from_code(code: u32) -> Option<Self> {
         Self::ALL.get((code as usize).checked_sub(1)?).copied()
@@ -129,8 +129,8 @@ impl ValueKind {
         }
     }
 
-    /// Returns the value that these words hold, the lower first; a kind of one word ignores the
-    /// second.
+    /// Returns the value of this kind that `words` hold, the lower word first. A kind of one word
+    /// ignores the second word.
     #[must_use]
     pub fn value(self, words: [u32; 2]) -> AnyValue {
         let ([low, _], long) = (words, join(words));
@@ -150,8 +150,9 @@ impl ValueKind {
         }
     }
 
-    /// Returns the value of a field of a published struct from its bytes, which are little-endian;
-    /// `None` if there are too few. Further bytes are ignored.
+    /// Returns the value of this kind that `bytes` hold: the bytes of a field of a published
+    /// struct, in little-endian order. Returns `None` if there are too few bytes; ignores further
+    /// bytes.
     #[must_use]
     pub fn value_of_bytes(self, bytes: &[u8]) -> Option<AnyValue> {
         let field = bytes.get(..self.bytes())?.iter().rev();
@@ -159,8 +160,8 @@ impl ValueKind {
         Some(self.value(split(long)))
     }
 
-    /// Takes the first value off the words of a row, and returns it with the other words; `None` if
-    /// there are too few.
+    /// Splits the first value, which must be of this kind, off the words of a row. Returns the
+    /// value and the words after it; `None` if there are too few words.
     ///
     /// ```
     /// use condor_vars::{ValueKind, AnyValue};
@@ -177,8 +178,8 @@ impl ValueKind {
         Some((self.value([low, high]), rest))
     }
 
-    /// Returns the words that store `value`, the lower first; `None` if it is of another kind, or
-    /// does not fit.
+    /// Returns the words that store `value` as this kind, the lower word first. Returns `None` if
+    /// `value` is of another kind, or does not fit into this one.
     #[must_use]
     pub fn words_of(self, value: AnyValue) -> Option<[u32; 2]> {
         let [low, high] = split(value.bits());

@@ -83,20 +83,22 @@
 
 use condor_mbox::layout::LINE;
 
-/// The first word of a table: "CVAR" in little-endian order.
+/// The first word of a table in shared memory: "CVAR" in little-endian order.
 pub const MAGIC: u32 = u32::from_le_bytes(*b"CVAR");
-/// The version of this layout.
+/// The version of the layout that this module describes.
 pub const VERSION: u32 = 1;
-/// The greatest length of a name, in bytes.
+/// The greatest length of the name of a variable, parameter or field, in bytes.
 pub const NAME_BYTES: usize = 64;
-/// The greatest length of a unit and of a label, in bytes.
+/// The greatest length of a unit, and of a label of an enum, in bytes.
 pub const UNIT_BYTES: usize = 32;
-/// The greatest length of a description, in bytes.
+/// The greatest length of the description of a variable, parameter or field, in bytes.
 pub const ABOUT_BYTES: usize = 128;
-/// The greatest number of entries of a table.
+/// The greatest number of entries (variables, parameters or fields) of a table, and also of the
+/// 32-bit words of their values.
 pub const MOST_ENTRIES: u32 = 0xffff;
 
-/// The vector of a program for all requests to its loops, unless it chooses another.
+/// The vector on which a program receives requests about its variables and parameters, unless it
+/// chooses another one.
 pub const VARS: condor_mbox::Vector = condor_mbox::Vector(42);
 
 /// The words of a request or of a response.

@@ -10,8 +10,9 @@ use condor_mbox::Instant;
 ///
 /// A source is a loop of some processor. The earliest row is returned as soon as every other source
 /// has delivered a later one, so that no earlier row can come. A source may be silent, because its
-/// loop was stopped or its watcher selects rarely. It does not hold the others back for ever: a row
-/// that is older than the newest by more than the *horizon* is returned all the same.
+/// loop was stopped or its watcher selects rarely. A silent source does not hold the others back
+/// for ever: a row that is older than the newest by more than the *horizon* is returned all the
+/// same.
 ///
 /// ```
 /// use std::time::Duration;
@@ -44,7 +45,7 @@ struct Source<T> {
     waiting: VecDeque<(i128, T)>,
 }
 
-/// A row with its time on the common axis.
+/// A row that a [`Merge`] has put into the common order of time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MergedRow<T> {
     /// The index of the source.
@@ -59,7 +60,8 @@ pub struct MergedRow<T> {
 }
 
 impl<T> Merge<T> {
-    /// Makes a merge of `sources` sources, which waits for a silent one at most for `horizon`.
+    /// Makes a merge of `sources` sources, which have the indices from 0 on. A row waits for silent
+    /// sources until a row of another source is later by more than `horizon`.
     #[must_use]
     pub fn new(sources: usize, horizon: Duration) -> Self {
         let source = || Source {
@@ -75,16 +77,17 @@ impl<T> Merge<T> {
         }
     }
 
-    /// Sets the offset that is added to the times of a source, in nanoseconds, for later calls of
-    /// [`push`](Self::push). Does nothing if there is no such source.
+    /// Sets the offset of the source with index `source`, in nanoseconds. Later calls of
+    /// [`push`](Self::push) add it to the times of this source. Does nothing if there is no such
+    /// source.
     pub fn set_offset(&mut self, source: usize, offset_ns: i64) {
         if let Some(source) = self.sources.get_mut(source) {
             source.offset_ns = offset_ns;
         }
     }
 
-    /// Adds a row of the source with index `source`, whose time `at` is on the clock of that
-    /// source. Returns `None`, or the row if there is no such source.
+    /// Adds the row `item` of the source with index `source`. `at` is the time of the row on the
+    /// clock of that source. Returns `None`; returns the row if there is no such source.
     pub fn push(&mut self, source: usize, at: Instant, item: T) -> Option<T> {
         let Some(source) = self.sources.get_mut(source) else {
             return Some(item);
@@ -96,8 +99,8 @@ impl<T> Merge<T> {
         None
     }
 
-    /// Returns the earliest row, if no earlier one can come or it is older than the horizon allows;
-    /// otherwise `None`.
+    /// Removes and returns the earliest row, if no earlier row can come, or if this row is older
+    /// than the newest row by more than the horizon. Returns `None` otherwise.
     pub fn pop(&mut self) -> Option<MergedRow<T>> {
         let (earliest, at_ns) = self.earliest()?;
         let others = self.sources.iter().enumerate();
@@ -111,7 +114,8 @@ impl<T> Merge<T> {
         }
     }
 
-    /// Iterates over all remaining rows in order of time; call it when no more rows come.
+    /// Removes and returns all remaining rows, one after the other in order of time. Call it when
+    /// no more rows come.
     pub fn finish(&mut self) -> impl Iterator<Item = MergedRow<T>> + '_ {
         core::iter::from_fn(|| {
             let (earliest, _) = self.earliest()?;

@@ -8,8 +8,8 @@ use crate::scalar::{Scalar, Storage};
 use crate::sync::{AtomicU32, Ordering, array_of, const_unless_loom, fence};
 use crate::var::{Names, VarDescription, Watch, description};
 
-/// A parameter of a loop. It has bounds, other programs change it by compare and set, and it is constant within
-/// a tick (one run of the loop's body).
+/// A parameter of a loop: a value within bounds that other programs change, by compare and set, while the loop runs. It
+/// is constant within a tick (one run of the loop's body).
 ///
 /// The loop reads it with [`get`](Self::get). A new value is taken over when the next tick begins.
 /// If the value is being written at that moment, it is taken over one tick later, so that the loop
@@ -28,11 +28,11 @@ use crate::var::{Names, VarDescription, Watch, description};
 /// ```
 pub type Param<T> = Params<T, 1>;
 
-/// `N` parameters of one type with the same bounds, which the loop takes over together, by one read
-/// in each tick.
+/// `N` parameters of one type with the same bounds. The loop takes over new values of all of them
+/// together, by one read in each tick.
 ///
-/// Wrap them in a type of your own to give each its own unit, or names that are known only at run
-/// time; see [`Watch`].
+/// Wrap this struct in a type of your own to give each parameter its own unit, or names that are
+/// known only at run time; see [`Watch`].
 ///
 /// ```
 /// use condor_vars::{Params, Tune};
@@ -83,9 +83,11 @@ pub enum ParamRefusal {
 
 impl<T: Scalar> Param<T> {
     const_unless_loom! {
-        /// Makes a parameter with an initial value and bounds.
+        /// Makes a parameter called `name`, of at most 64 bytes, with an initial value and bounds.
+        /// `unit` has at most 32 bytes, and may be empty.
         ///
-        /// If the initial value is not within the bounds, the setup of the loop returns an error.
+        /// If the initial value is not within the bounds,
+        /// [`Selections::open`](crate::Selections::open) returns an error.
         #[must_use]
         pub fn new(
             name: &'static str,
@@ -97,16 +99,19 @@ impl<T: Scalar> Param<T> {
         }
     }
 
-    /// Returns the value for the present tick. Only the loop that has the parameter may call this.
+    /// Returns the value for the present tick. Only the loop that has the parameter may call this
+    /// method.
     #[inline]
     pub fn get(&self) -> T {
         self.get_at(0).unwrap_or_default()
     }
 
-    /// Changes the value from `expected` to `new`, from the next tick on.
+    /// Changes the value from `expected` to `new`. The loop uses the new value from its next tick
+    /// on.
     ///
-    /// Only one context at a time may do so. If other programs set the parameter by messages, call this inside
-    /// of the same [`Exclusion`](condor_mbox::Exclusion) as the server.
+    /// Only one context (a handler, the background or a loop) may call this at a time. If other programs set the
+    /// parameter by messages, call this inside of a critical section of the same [`Exclusion`](condor_mbox::Exclusion)
+    /// that the server uses.
     ///
     /// # Errors
     /// Returns [`ParamRefusal::OutOfBounds`] if `new` is out of bounds, [`ParamRefusal::Conflict`] if the value
@@ -118,9 +123,12 @@ impl<T: Scalar> Param<T> {
 
 impl<T: Scalar, const N: usize> Params<T, N> {
     const_unless_loom! {
-        /// Makes parameters with these names and initial values, and with common bounds.
+        /// Makes `N` parameters with the names `names`, of at most 64 bytes each, and with these
+        /// initial values. All have the same bounds and the same unit, which has at most 32 bytes
+        /// and may be empty.
         ///
-        /// If an initial value is not within the bounds, the setup of the loop returns an error.
+        /// If an initial value is not within the bounds,
+        /// [`Selections::open`](crate::Selections::open) returns an error.
         #[must_use]
         pub fn named(
             names: &'static [&'static str; N],
@@ -155,16 +163,15 @@ impl<T: Scalar, const N: usize> Params<T, N> {
         }
     }
 
-    /// Adds a description, at most 128 bytes; a block has one description for all of its
-    /// parameters.
+    /// Adds a text for people that describes the parameters of the block, at most 128 bytes.
     #[must_use]
     pub const fn about(mut self, about: &'static str) -> Self {
         self.about = about;
         self
     }
 
-    /// Returns the value of the parameter `index` for the present tick; `None` if there is none of
-    /// this index. Only the loop that has the parameters may call this.
+    /// Returns the value of the parameter with index `index` for the present tick; `None` if there
+    /// is no such parameter. Only the loop that has the parameters may call this method.
     #[inline]
     pub fn get_at(&self, index: usize) -> Option<T> {
         let initial = *self.initial.get(index)?;
@@ -174,14 +181,16 @@ impl<T: Scalar, const N: usize> Params<T, N> {
         Some(T::from_words(self.current.get(index)?.load()).unwrap_or(initial))
     }
 
-    /// Returns a number that changes whenever the loop takes over new values. Only the loop that
-    /// has the parameters may call this.
+    /// Returns a number that changes whenever the loop takes over new values. The loop can compare
+    /// it with that of its last tick, to compute only then what depends on the parameters. Only the
+    /// loop that has the parameters may call this method.
     #[inline]
     pub fn version(&self) -> u32 {
         self.taken.load(Ordering::Relaxed)
     }
 
-    /// Changes the parameter `index` from `expected` to `new`, as [`Param::compare_and_set`] does.
+    /// Changes the parameter with index `index` from `expected` to `new`, as
+    /// [`Param::compare_and_set`] does.
     ///
     /// # Errors
     /// Returns [`ParamRefusal::OutOfBounds`] if `new` is out of bounds or there is no such parameter,
@@ -196,7 +205,8 @@ impl<T: Scalar, const N: usize> Params<T, N> {
     }
 }
 
-/// Parameters of any type: [`Params`], or a type that wraps them.
+/// One parameter, or a block of parameters, of any type. [`Params`] implements this trait;
+/// implement it for a type of your own that wraps them.
 ///
 /// The parameters have the same indices as in [`Watch::describe`].
 pub trait Tune: Watch {

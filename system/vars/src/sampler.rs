@@ -12,8 +12,9 @@ use crate::param::Tune;
 use crate::selections::{MOST_WATCHERS, Part, Plan, Selections};
 use crate::sync::{Ordering, fence};
 
-/// The loop's part of a [`Selections`]. Call [`begin`](Self::begin) before the body of a tick and
-/// [`end`](Self::end) after it.
+/// The part of a [`Selections`] that a loop calls in each tick: it takes over parameters that were
+/// set, and writes rows of variables for watchers. Call [`begin`](Self::begin) before the body of
+/// the loop and [`end`](Self::end) after it.
 ///
 /// A sampler neither waits nor locks. A tick costs some instructions for each slot and each parameter, and one
 /// copy of the selected values for each watcher.
@@ -80,7 +81,7 @@ impl<'e, W: MemoryWindow, const N: usize> Sampler<'e, W, N> {
         }
     }
 
-    /// Begins a tick: takes over the parameters that were set and the selections of watchers.
+    /// Begins a tick: takes over parameters that were set and selections that watchers have made.
     ///
     /// # Errors
     /// Returns [`AccessError`] if the window cannot be accessed; the body may run all the same.
@@ -103,8 +104,9 @@ impl<'e, W: MemoryWindow, const N: usize> Sampler<'e, W, N> {
         result
     }
 
-    /// Ends a tick: writes a row for each watcher that is due for one, with the number of the tick
-    /// and the time of its release.
+    /// Ends a tick: writes a row for each watcher that is due for one. The row has the number of
+    /// the tick, `tick`, the time of its release, `released`, and the values of the variables that
+    /// the watcher has selected.
     ///
     /// # Errors
     /// Returns [`AccessError`] if the window cannot be accessed; some watchers then have no row of this tick.

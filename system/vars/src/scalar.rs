@@ -8,7 +8,7 @@ use crate::kind::{ValueKind, join, split};
 /// A type that variables and parameters can have: numbers, `bool`, and enums made with
 /// [`choice!`](crate::choice).
 ///
-/// The words of its default value are 0.
+/// The words that store the default value of the type must be 0.
 pub trait Scalar: Copy + Default + PartialOrd + Debug + Send + Sync + 'static {
     /// The type of the words that store a value.
     type Storage: Storage;
@@ -24,10 +24,10 @@ pub trait Scalar: Copy + Default + PartialOrd + Debug + Send + Sync + 'static {
     fn from_words(words: [u32; 2]) -> Option<Self>;
 }
 
-/// The words that store a value: one or two [`AtomicU32`].
+/// The memory in which the value of a [`Scalar`] is stored: one or two [`AtomicU32`].
 ///
-/// One context writes them. Another context that interrupts it, or runs beside it, may see one new word
-/// and one old.
+/// Only one context writes this memory. Another context that interrupts it, or runs beside it, may read one new word
+/// and one old word.
 pub trait Storage: Debug + Sync + sealed::Sealed + 'static {
     /// Words that are all 0.
     const ZERO: Self;

@@ -4,16 +4,17 @@ use core::ops::Range;
 
 use crate::sync::{AtomicU32, Ordering, array_of, const_unless_loom};
 
-/// The greatest number of watchers of one loop.
+/// The greatest number of programs that can watch one loop at a time.
 pub const MOST_WATCHERS: usize = 4;
 
-/// The memory through which the [`VariableServer`](crate::VariableServer) of a loop hands selections to its
-/// [`Sampler`](crate::Sampler).
+/// The memory through which the request handler of a program tells a loop which variables are selected.
+/// [`open`](Self::open) makes the two users of this memory: a [`VariableServer`](crate::VariableServer) for the handler
+/// and a [`Sampler`](crate::Sampler) for the loop.
 ///
-/// Each loop has one, and `N` is its capacity: at most `3 * N` blocks of variables and parameters
-/// (a single one is a block), and at most `N` pieces in a selection. A piece is a run of
-/// neighbouring variables of one block, or a run of neighbouring whole blocks. No other processor
-/// can access this memory, of `64 * N + 196` bytes.
+/// Each loop has a `Selections` of its own. `N` is its capacity: at most `3 * N` blocks of
+/// variables and parameters (a single one is a block), and at most `N` pieces in a selection. A
+/// piece is a run of neighbouring variables of one block, or a run of neighbouring whole blocks.
+/// The memory has `64 * N + 196` bytes and is private: no other processor can access it.
 ///
 /// ```
 /// use condor_vars::Selections;
@@ -146,7 +147,7 @@ impl<const N: usize> Slot<N> {
 
 impl<const N: usize> Selections<N> {
     const_unless_loom! {
-        /// Makes the memory, without claims or selections.
+        /// Makes the memory in a state in which no slot is claimed and nothing is selected.
         #[must_use]
         pub fn new() -> Self {
             Self {

@@ -18,7 +18,8 @@ use crate::sync::Ordering::Relaxed;
 use crate::table::VariableTable;
 use crate::watcher::Watcher;
 
-/// The part of a [`Selections`] that answers requests; see [`answer`].
+/// The part of a [`Selections`] that answers requests of other programs to watch the variables of a
+/// loop and to set its parameters. Pass the servers of all loops to [`answer`].
 pub struct VariableServer<'e, W, X, const N: usize> {
     pub(crate) selections: &'e Selections<N>,
     pub(crate) table: Region<W>,
@@ -30,11 +31,12 @@ pub struct VariableServer<'e, W, X, const N: usize> {
     pub(crate) incarnation: &'e (dyn Fn(Processor) -> u32 + Sync),
 }
 
-/// Answers a request to any of the loops of a program, and returns the word with which the handler
-/// must reply. The handler of the vector of requests needs to do nothing else.
+/// Answers a request about the variables or parameters of any loop of a program. Returns the word
+/// with which the message handler must reply. Call it in the handler of the vector for requests,
+/// such as [`VARS`](crate::VARS); the handler needs to do nothing else.
 ///
-/// `data_of_sender` is the users' region of the sender's `data`. `servers` are the servers of all loops. If
-/// none of them has the requested table, the response says so.
+/// `data_of_sender` is the users' region of the sender's `data`. `servers` are the servers of all loops. If no server
+/// has the requested table, the response says so.
 pub fn answer<W: MemoryWindow>(
     call: &Call<'_>,
     data_of_sender: &Region<W>,
@@ -49,8 +51,8 @@ pub fn answer<W: MemoryWindow>(
     })
 }
 
-/// A [`VariableServer`] without its type parameters, so that the servers of several loops fit into one
-/// list.
+/// The operations of a [`VariableServer`] without its type parameters, so that the servers of several loops fit into
+/// one list.
 pub trait Respond: Sync {
     /// Returns the offset of the table in bytes, from the beginning of the users' region, by which
     /// programs address it.
@@ -102,10 +104,10 @@ where
     W: MemoryWindow + Sync,
     X: Exclusion + Sync,
 {
-    /// Makes a watcher in a program that can call the server itself, the one on the processor
-    /// `own`: it claims a slot of `table` and selects entries by number, as
-    /// [`VariableClient`](crate::VariableClient) does by message. The first row is that of the next
-    /// tick.
+    /// Makes a watcher for the program that has this server, without sending a message. `own` is
+    /// the number of the processor on which the program runs. Claims a slot of `table` and selects
+    /// `entries` by number, as [`VariableClient`](crate::VariableClient) does by message. The loop
+    /// writes a row every `every` ticks (at least 1); the first row is that of the next tick.
     ///
     /// # Errors
     /// Returns [`RequestError::NoSlot`] if all slots are taken, [`RequestError::Scattered`] if the selection

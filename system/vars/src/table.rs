@@ -12,7 +12,7 @@ use crate::sync::{Ordering, fence};
 /// A reader of the table that describes the variables and parameters of a loop, or the fields of a
 /// published cell.
 ///
-/// Opening it and reading it write nothing, so the window can be mapped read-only.
+/// Opening and reading a table writes nothing, so the window can be mapped read-only.
 ///
 /// ```
 /// use condor_mbox::{MemoryWindow, Region};
@@ -37,7 +37,7 @@ pub struct VariableTable<W> {
     pub(crate) shape: Shape,
 }
 
-/// A variable, a parameter or a field.
+/// An entry of a table: the description of a variable, a parameter or a field.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TableEntry {
     /// The number of the entry in its table, from 0.
@@ -61,7 +61,7 @@ pub struct TableEntry {
     labels_at: u32,
 }
 
-/// The reason why a table cannot be read.
+/// The reason why a [`VariableTable`] cannot be opened or read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum VariableTableError {
@@ -110,11 +110,12 @@ pub enum VariableTableError {
 }
 
 impl<W: MemoryWindow + Clone> VariableTable<W> {
-    /// Opens the table at `offset` bytes in `users`, the users' region of its owner's `data`.
+    /// Opens the table at `offset` bytes in `users`, the users' region of the `data` of the
+    /// processor that has the table.
     ///
     /// # Errors
-    /// Returns [`VariableTableError::NoTable`] if there is no table, [`VariableTableError::Header`] if its
-    /// header is invalid, [`VariableTableError::Restarted`] if it was made anew meanwhile,
+    /// Returns [`VariableTableError::NoTable`] if there is no table, [`VariableTableError::Header`] if the header of
+    /// the table is invalid, [`VariableTableError::Restarted`] if the table was made anew meanwhile,
     /// [`VariableTableError::Access`] if the memory cannot be accessed.
     pub fn open(users: &Region<W>, offset: u32) -> Result<Self, VariableTableError> {
         let head = users.part(offset, ENTRIES_AT)?;
@@ -159,23 +160,25 @@ impl<W: MemoryWindow> VariableTable<W> {
         self.offset
     }
 
-    /// Returns the number of the table's incarnation when it was opened. An incarnation begins when a program of
-    /// the owner makes the table, and the number then grows by one; from then on reading this
-    /// `VariableTable` fails with [`Restarted`](VariableTableError::Restarted).
+    /// Returns the number of the table's incarnation when it was opened. Whenever the owner's program makes the table
+    /// anew, the number grows by one; from then on reading this `VariableTable` fails with
+    /// [`Restarted`](VariableTableError::Restarted).
     #[must_use]
     pub const fn incarnation(&self) -> u32 {
         self.incarnation
     }
 
-    /// Returns the rate of the loop: a number of ticks, and the number of seconds in which they
-    /// happen.
+    /// Returns the rate of the loop that the table describes: a number of ticks, and the number of
+    /// seconds in which they happen. `(400, 1)` is 400 Hz. Returns `(0, 0)` if the table describes
+    /// a cell.
     #[must_use]
     pub const fn rate(&self) -> (u32, u32) {
         self.rate
     }
 
-    /// Returns the offset of the published cell that the table describes, in the users' region, and
-    /// the size of the cell's value, both in bytes; `None` if it is the table of a loop.
+    /// Returns two numbers of bytes about the published cell that the table describes: the offset
+    /// of the cell in the users' region, and the size of its value. Returns `None` if the table
+    /// describes a loop.
     #[must_use]
     pub const fn cell(&self) -> Option<(u32, u32)> {
         match self.cell {
@@ -184,7 +187,8 @@ impl<W: MemoryWindow> VariableTable<W> {
         }
     }
 
-    /// Returns the number of entries: variables and parameters, or fields.
+    /// Returns the number of entries: the variables and parameters of a loop, or the fields of a
+    /// cell.
     #[must_use]
     pub const fn len(&self) -> u32 {
         self.shape.entries
@@ -202,11 +206,11 @@ impl<W: MemoryWindow> VariableTable<W> {
         self.shape.slots
     }
 
-    /// Reads the entry `number`.
+    /// Reads the entry with the number `number`, counted from 0.
     ///
     /// # Errors
-    /// Returns [`VariableTableError::NoEntry`] if there is none of this number, [`VariableTableError::Entry`]
-    /// if it is invalid, [`VariableTableError::Restarted`] if the table was made anew,
+    /// Returns [`VariableTableError::NoEntry`] if there is no entry with this number, [`VariableTableError::Entry`] if
+    /// the entry is invalid, [`VariableTableError::Restarted`] if the table was made anew,
     /// [`VariableTableError::Access`] if the memory cannot be accessed.
     pub fn entry(&self, number: u32) -> Result<TableEntry, VariableTableError> {
         let entries = self.shape.entries;
@@ -219,7 +223,7 @@ impl<W: MemoryWindow> VariableTable<W> {
         entry.ok_or(VariableTableError::Entry { number })
     }
 
-    /// Finds the entry with this name; returns `None` if there is none.
+    /// Finds the entry called `name`; returns `None` if the table has no such entry.
     ///
     /// # Errors
     /// Returns [`VariableTableError::Entry`] if an entry is invalid, [`VariableTableError::Restarted`] if the
@@ -234,14 +238,14 @@ impl<W: MemoryWindow> VariableTable<W> {
         Ok(None)
     }
 
-    /// Iterates over all entries in the order of their numbers. An item is the error of
-    /// [`entry`](Self::entry) if it cannot be read.
+    /// Iterates over all entries in the order of their numbers. If an entry cannot be read, the
+    /// item is the error of [`entry`](Self::entry).
     pub fn entries(&self) -> impl Iterator<Item = Result<TableEntry, VariableTableError>> + '_ {
         (0..self.len()).map(|number| self.entry(number))
     }
 
-    /// Reads the label of the value `value` of an enum; returns `None` if `entry` has no such
-    /// label.
+    /// Reads the label, the name for people, of the value `value` of the enum that `entry`
+    /// describes. Returns `None` if `entry` has no such label.
     ///
     /// # Errors
     /// Returns [`VariableTableError::Entry`] if the label is invalid, [`VariableTableError::Restarted`] if the

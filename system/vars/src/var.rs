@@ -8,8 +8,8 @@ use crate::scalar::{Scalar, Storage};
 
 /// A variable that a loop sets and other programs watch.
 ///
-/// The variable lies in the program's own memory, and [`set`](Self::set) stores one 32-bit word, or two.
-/// Watching programs get the value at the end of the loop's body. It can be a `static`.
+/// The variable lies in the program's own memory, and [`set`](Self::set) stores one 32-bit word, or two. Watching
+/// programs get the value that the variable has at the end of the loop's body. A variable can be a `static`.
 ///
 /// ```
 /// use condor_vars::Var;
@@ -21,13 +21,14 @@ use crate::scalar::{Scalar, Storage};
 pub type Var<T> = Vars<T, 1>;
 
 impl<T: Scalar> Var<T> {
-    /// Makes a variable whose words are 0, with a name of at most 64 bytes and a unit of at most 32.
+    /// Makes a variable called `name`, of at most 64 bytes. `unit` has at most 32 bytes, and may be empty. The value is
+    /// the default of `T`, such as 0, until it is set.
     #[must_use]
     pub const fn new(name: &'static str, unit: &'static str) -> Self {
         Self::with(Names::One(name), unit)
     }
 
-    /// Sets the value. Only one context at a time may do so: the loop that shows the variable.
+    /// Sets the value. Only one context may call this: the loop that shows the variable.
     #[inline(always)]
     pub fn set(&self, value: T) {
         self.set_all(&[value]);
@@ -42,7 +43,7 @@ impl<T: Scalar> Var<T> {
     }
 }
 
-/// `N` variables of one type, side by side in memory, which are sampled by one copy.
+/// A block of `N` variables of one type, side by side in memory, which a loop samples by one copy.
 ///
 /// ```
 /// use condor_vars::Vars;
@@ -81,22 +82,23 @@ impl<const N: usize> Names<N> {
 }
 
 impl<T: Scalar, const N: usize> Vars<T, N> {
-    /// Makes `N` variables with these names, of at most 64 bytes each, and a common unit of at most
-    /// 32. Their words are 0.
+    /// Makes `N` variables with the names `names`, of at most 64 bytes each, and a common unit of
+    /// at most 32 bytes. Their value is the default of `T`, such as 0, until it is set.
     #[must_use]
     pub const fn named(names: &'static [&'static str; N], unit: &'static str) -> Self {
         Self::with(Names::Each(names), unit)
     }
 
-    /// Makes `N` variables that are called `name.0`, `name.1` and so on, with a common unit. Their
-    /// words are 0.
+    /// Makes `N` variables that are called `name.0`, `name.1` and so on, with a common unit of at
+    /// most 32 bytes. Their value is the default of `T`, such as 0, until it is set.
     #[must_use]
     pub const fn numbered(name: &'static str, unit: &'static str) -> Self {
         Self::with(Names::Numbered(name), unit)
     }
 
-    /// Makes `N` variables whose names are written by `name`, which gets the index of a variable.
-    /// They have a common unit, and their words are 0.
+    /// Makes `N` variables whose names are written by the function `name`, which gets the index of
+    /// a variable. They have a common unit of at most 32 bytes. Their value is the default of `T`,
+    /// such as 0, until it is set.
     #[must_use]
     pub const fn formatted(
         name: fn(usize, &mut dyn fmt::Write) -> fmt::Result,
@@ -114,14 +116,15 @@ impl<T: Scalar, const N: usize> Vars<T, N> {
         }
     }
 
-    /// Adds a description, at most 128 bytes; a block has one description for all of its variables.
+    /// Adds a text for people that describes the variables of the block, at most 128 bytes.
     #[must_use]
     pub const fn about(mut self, about: &'static str) -> Self {
         self.about = about;
         self
     }
 
-    /// Sets the variable `index`; does nothing if there is none of this index.
+    /// Sets the variable with index `index`; does nothing if there is no such variable. Only one
+    /// context may call this: the loop that shows the variables.
     #[inline(always)]
     pub fn set_at(&self, index: usize, value: T) {
         if let Some(storage) = self.storage.get(index) {
@@ -129,7 +132,8 @@ impl<T: Scalar, const N: usize> Vars<T, N> {
         }
     }
 
-    /// Sets all variables of the block.
+    /// Sets all variables of the block. Only one context may call this: the loop that shows the
+    /// variables.
     #[inline(always)]
     pub fn set_all(&self, values: &[T; N]) {
         for (storage, value) in self.storage.iter().zip(values) {
@@ -138,7 +142,8 @@ impl<T: Scalar, const N: usize> Vars<T, N> {
     }
 }
 
-/// Variables that lie side by side in the program's memory: one, or a block.
+/// One variable, or a block of variables side by side in the program's memory, that a loop can
+/// show.
 ///
 /// # For implementers
 ///
@@ -160,7 +165,8 @@ pub trait Watch: Sync {
     fn name(&self, index: usize, to: &mut dyn fmt::Write) -> fmt::Result;
 }
 
-/// The description of a variable, apart from its name.
+/// The description of a variable or parameter, which [`Watch::describe`] returns: all that tools
+/// know of it, except its name.
 #[derive(Clone, Copy, Debug)]
 pub struct VarDescription<'d> {
     /// The type.

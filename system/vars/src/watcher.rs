@@ -50,7 +50,8 @@ struct Selection {
     untold: u32,
 }
 
-/// The head of a row: everything but its values.
+/// All that a row has besides the values: the number and time of its tick, and the number of rows
+/// lost before it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RowHead {
     /// The number of the tick.
@@ -63,7 +64,7 @@ pub struct RowHead {
     pub words: usize,
 }
 
-/// The reason why no row can be read.
+/// The reason why a [`Watcher`] cannot read a row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum WatchError {
@@ -100,7 +101,8 @@ impl From<AccessError> for WatchError {
 const ATTEMPTS: u32 = 4;
 
 impl<W: MemoryWindow> Watcher<W> {
-    /// Makes a watcher of a claimed slot; returns `None` if the table has no such slot.
+    /// Makes a watcher of the slot `number` of `table`, which was claimed with the claim number
+    /// `claim`. Returns `None` if the table has no such slot.
     ///
     /// [`VariableClient`](crate::VariableClient) does this for most programs. This function,
     /// [`choose`](Self::choose) and [`follow`](Self::follow) are for programs that bring requests
@@ -122,7 +124,7 @@ impl<W: MemoryWindow> Watcher<W> {
         &self.table
     }
 
-    /// Returns the number of the slot.
+    /// Returns the number of the claimed slot in its table, counted from 0.
     #[must_use]
     pub const fn slot(&self) -> u32 {
         self.number
@@ -134,27 +136,30 @@ impl<W: MemoryWindow> Watcher<W> {
         self.claim
     }
 
-    /// Returns the number of rows that were lost, summed over all selections.
+    /// Returns the number of rows that were overwritten before this watcher could read them, summed
+    /// over all selections.
     #[must_use]
     pub const fn lost(&self) -> u64 {
         self.lost
     }
 
-    /// Returns the number of words of values in a row of the selection; 0 if nothing is selected.
+    /// Returns the number of 32-bit words that the values of a row take: the least length of a
+    /// buffer for [`read`](Self::read). Returns 0 if nothing is selected.
     #[must_use]
     pub fn words(&self) -> usize {
         self.selection.map_or(0, |it| it.words as usize)
     }
 
-    /// Returns the number of rows of the selection for which the ring has room; 0 if nothing is selected.
+    /// Returns the number of unread rows of the present selection that the slot can keep before rows are lost; 0 if
+    /// nothing is selected.
     #[must_use]
     pub fn rows(&self) -> u32 {
         self.selection.map_or(0, |it| it.rows)
     }
 
-    /// Writes the mask that selects these entries, and stops reading rows of the present selection.
-    /// Call it before the request for the selection is sent. Returns the number of words of values
-    /// that a row will have.
+    /// Writes the mask that selects the entries with the numbers `entries`, and stops reading rows
+    /// of the present selection. Call it before you send the request for the selection. Returns the
+    /// number of 32-bit words that the values of a row will take.
     ///
     /// # Errors
     /// Returns [`VariableTableError::NoEntry`] if an entry does not exist, [`VariableTableError::Restarted`] if
@@ -188,8 +193,8 @@ impl<W: MemoryWindow> Watcher<W> {
         self.selection = None;
     }
 
-    /// Begins to read rows of the selection `number`, whose rows have `words` words of values; both
-    /// are in the owner's response.
+    /// Begins to read rows of the selection `number`, whose rows have `words` 32-bit words of
+    /// values. Both numbers are in the owner's response to the request.
     pub fn follow(&mut self, number: u32, words: u32) {
         self.selection = Some(Selection {
             number,
@@ -200,8 +205,8 @@ impl<W: MemoryWindow> Watcher<W> {
         });
     }
 
-    /// Copies the values of the next unread row into the beginning of `values`; returns `None` if
-    /// there is none.
+    /// Copies the values of the next unread row into the beginning of `values`, and returns the
+    /// rest of the row; returns `None` if the loop has written no further row.
     ///
     /// The values are in the order of the numbers of the selected entries;
     /// [`ValueKind::split`](crate::ValueKind::split) takes them apart. If a reader misses 2³² rows or more,

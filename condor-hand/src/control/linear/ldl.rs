@@ -2,8 +2,9 @@ use nalgebra::{SMatrix, SVector};
 
 use crate::math::{Real, is_finite};
 
-/// A symmetric positive definite matrix as `L D Lᵀ`, L with ones on its diagonal: Golub and Van
-/// Loan, *Matrix Computations*, 4th ed., 4.1.2. There are no square roots.
+/// The factors `L D Lᵀ` of a symmetric positive definite matrix, for solving linear systems with
+/// it. L is a lower triangular matrix with ones on its diagonal, and D is diagonal, so no square
+/// roots are needed: Golub and Van Loan, *Matrix Computations*, 4th ed., 4.1.2.
 #[derive(Clone, Copy, Debug)]
 pub struct Ldl<T: Real, const N: usize> {
     /// L below the diagonal, and the reciprocals of D on it; what is above is not used.
@@ -11,8 +12,8 @@ pub struct Ldl<T: Real, const N: usize> {
 }
 
 impl<T: Real, const N: usize> Ldl<T, N> {
-    /// Factors a matrix, whose upper triangle is ignored; returns `None` if it is not positive
-    /// definite.
+    /// Factors a symmetric `matrix`, of which only the lower triangle is read. Returns `None` if
+    /// the matrix is not positive definite.
     #[inline(always)]
     #[must_use]
     pub fn new(matrix: &SMatrix<T, N, N>) -> Option<Self> {
@@ -42,7 +43,8 @@ impl<T: Real, const N: usize> Ldl<T, N> {
         Some(Self { factors })
     }
 
-    /// Returns the solution x of `matrix x = right`; x is not finite if the exact solution is not.
+    /// Returns the solution x of the linear system `matrix x = right`, with the matrix that was
+    /// factored. x is not finite if the exact solution is not.
     #[inline(always)]
     #[must_use]
     pub fn solve(&self, right: &SVector<T, N>) -> SVector<T, N> {

@@ -2,7 +2,7 @@ use nalgebra::Vector3;
 
 use crate::math::Real;
 
-/// A symmetric 3×3 matrix, stored as its upper triangle.
+/// A symmetric 3×3 matrix, such as an inertia; only the upper triangle is stored.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Symmetric3<T: Real = f64> {
     /// Row x, column x.
@@ -20,7 +20,7 @@ pub struct Symmetric3<T: Real = f64> {
 }
 
 impl<T: Real> Symmetric3<T> {
-    /// Returns the zero matrix.
+    /// Returns the matrix in which all entries are zero.
     #[inline(always)]
     #[must_use]
     pub fn zero() -> Self {
@@ -35,7 +35,8 @@ impl<T: Real> Symmetric3<T> {
         }
     }
 
-    /// Adds the inertia of a unit mass at the end of the arm: `|r|² I - r rᵀ`.
+    /// Adds the inertia of a unit mass at the point `arm`, taken about the origin: `|r|² I - r rᵀ`
+    /// with r = `arm`.
     #[inline(always)]
     pub fn add_point(&mut self, arm: &Vector3<T>) {
         let (xx, yy, zz) = (arm.x * arm.x, arm.y * arm.y, arm.z * arm.z);
@@ -47,14 +48,15 @@ impl<T: Real> Symmetric3<T> {
         self.yz -= arm.y * arm.z;
     }
 
-    /// Returns the sum of the diagonal.
+    /// Returns the trace of the matrix: the sum of its diagonal.
     #[inline(always)]
     #[must_use]
     pub fn trace(&self) -> T {
         self.xx + self.yy + self.zz
     }
 
-    /// Returns the matrix of cofactors, and the determinant.
+    /// Returns the adjugate (the matrix of cofactors) and the determinant. The adjugate divided by
+    /// the determinant is the inverse.
     #[inline(always)]
     #[must_use]
     pub fn adjugate(&self) -> (Self, T) {
@@ -70,7 +72,7 @@ impl<T: Real> Symmetric3<T> {
         (adjugate, determinant)
     }
 
-    /// Returns the matrix times a number.
+    /// Returns the matrix with all entries multiplied by `factor`.
     #[inline(always)]
     #[must_use]
     pub fn scaled(&self, factor: T) -> Self {
@@ -84,7 +86,7 @@ impl<T: Real> Symmetric3<T> {
         }
     }
 
-    /// Returns the matrix times a vector.
+    /// Returns the product of the matrix and `vector`.
     #[inline(always)]
     #[must_use]
     pub fn times(&self, vector: &Vector3<T>) -> Vector3<T> {

@@ -13,9 +13,10 @@ use crate::servo::{JointTarget, ServoMode};
 /// The time within which all fingers are to have the order, s.
 const PATIENCE_S: f64 = 0.25;
 
-/// The controllers of the fingers that a processor serves.
+/// Access to the controllers of the fingers that a processor serves, for a [`DistributedGrasp`].
 ///
-/// An array of controllers implements it, and so does the `HandLoop` of the feature `mbox`.
+/// An array `[Option<FingerController>; F]` implements this trait, and so does the `HandLoop` of
+/// the feature `mbox`.
 pub trait FingerControllers<M, const N: usize> {
     /// Returns the controller of a finger of the hand; `None` if the processor does not serve it.
     fn of_finger(&mut self, finger: usize) -> Option<&mut FingerController<M, N>>;
@@ -29,7 +30,8 @@ impl<M, const F: usize, const N: usize> FingerControllers<M, N>
     }
 }
 
-/// The data that other processors pass to a [`DistributedGrasp`] in one tick.
+/// The data from other processors that a [`DistributedGrasp`] needs in one tick: a new order of the
+/// master, and the joints of the fingers that this processor does not serve.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct GraspInputs<const F: usize, const N: usize> {
     /// The order that has come since the last tick, with its number, which is not 0; `None` if none
@@ -40,8 +42,11 @@ pub struct GraspInputs<const F: usize, const N: usize> {
     pub others: Option<HandJoints<F, N>>,
 }
 
-/// The grasp in the servo loop of one processor: the law for each finger that it serves, of a hand
-/// with `F` fingers of `N` joints.
+/// The part of a grasp that runs in the servo loop of one processor: the grasp law for each finger
+/// that the processor serves. The hand has `F` fingers of `N` joints.
+///
+/// In every tick call [`joints`](Self::joints), pass the result to the other processors, and then
+/// call [`step`](Self::step).
 #[derive(Debug)]
 pub struct DistributedGrasp<M, const F: usize, const N: usize> {
     members: [(M, TorqueLimits<f64, N>); F],
@@ -104,8 +109,9 @@ impl<M, const F: usize, const N: usize> DistributedGrasp<M, F, N>
 where
     M: Kinematics<f64, N> + Dynamics<f64, N>,
 {
-    /// Makes a processor's part of the grasps of a hand with these fingers, some of which the
-    /// processor serves. A hand has [`MOST_FINGERS`] at most.
+    /// Makes the part of a grasp for one processor. `fingers` are the configurations and mechanisms
+    /// of all fingers of the hand, at most [`MOST_FINGERS`]; `served[i]` is true if this processor
+    /// serves finger *i*.
     pub fn new(fingers: [(&Finger<N>, M); F], served: [bool; F]) -> Self {
         const { assert!(F <= MOST_FINGERS) };
         let torque = |joint: &Joint<N>| {
@@ -129,11 +135,13 @@ where
         }
     }
 
-    /// Returns the joints for [`step`](Self::step) and for the other processors, from the positions
-    /// measured in this tick (rad) and the filtered rates of the tick before (rad/s).
+    /// Returns the joints of this processor's fingers in this tick, to pass to [`step`](Self::step)
+    /// and to the other processors.
     ///
-    /// A position that is not plausible is replaced by that from which the servos continue, since a
-    /// grasp outlives a lost reading.
+    /// `position` are the measured positions of this tick (rad), and `velocity` the filtered rates
+    /// that the servos returned in the tick before (rad/s). `period_s` is the time between the two
+    /// ticks, s. A position that is not plausible is replaced by the one from which the servo
+    /// continues, so a lost reading does not end a grasp.
     #[must_use]
     pub fn joints(
         &self,
@@ -158,14 +166,19 @@ where
         }
     }
 
-    /// Returns the last report.
+    /// Returns the report of the last [`step`](Self::step): the state of the grasp on this
+    /// processor.
     #[must_use]
     pub const fn report(&self) -> &GraspReport<F> {
         &self.report
     }
 
-    /// Runs one tick, before that of the servos: `own` are the fingers of this processor. Without a
-    /// grasp in force and without an order it only keeps the joints for the next tick.
+    /// Runs one tick of the grasp; call it before the tick of the servos. It sets the torques of
+    /// the fingers that hold as targets of `controllers`.
+    ///
+    /// `own` is the result of [`joints`](Self::joints) for this tick. `gravity` is in the axes of
+    /// the palm, m/s², and `period_s` is the time since the last tick, s. Without a grasp in force
+    /// and without an order, the call only stores the joints for the next tick.
     pub fn step(
         &mut self,
         own: &HandJoints<F, N>,

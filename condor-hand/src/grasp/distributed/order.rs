@@ -6,9 +6,9 @@ use crate::grasp::{
     TuningSurface, Wrench,
 };
 
-/// An order for a grasp of a hand with `F` fingers: the fingers that hold an object, and the
-/// stiffness, the forces and the tips with which they do so. All vectors are in the axes of the
-/// palm.
+/// An order to the processors of a hand with `F` fingers to grasp an object, or to let it go: the
+/// fingers that hold, the positions of their tips, and the stiffness and forces of the grasp. All
+/// vectors are in the axes of the palm.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GraspOrder<const F: usize> {
     /// The fingers that hold: bit *i* stands for finger *i* of the configuration; 0 lets go.
@@ -39,7 +39,7 @@ pub struct GraspOrder<const F: usize> {
 }
 
 impl<const F: usize> GraspOrder<F> {
-    /// The order to let the object go.
+    /// The order to let the object go; after it no finger holds.
     pub const RELEASE: Self = Self {
         fingers: 0,
         stiffness: [[0.0; 6]; 6],

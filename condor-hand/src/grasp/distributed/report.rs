@@ -1,4 +1,4 @@
-/// The state of a grasp on one processor.
+/// The state of a grasp on one processor, from the order to its end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum GraspState {
@@ -15,7 +15,7 @@ pub enum GraspState {
     Left = 4,
 }
 
-/// The reason why a grasp was refused or left.
+/// The reason why an order for a grasp was refused, or why a finger has left a grasp.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 #[non_exhaustive]
@@ -37,7 +37,7 @@ pub enum GraspReason {
 }
 
 impl GraspReason {
-    /// Returns the reason in words.
+    /// Returns the reason as a short English text, for messages to people.
     #[must_use]
     pub const fn as_str(self) -> &'static str {
         match self {
@@ -52,7 +52,8 @@ impl GraspReason {
     }
 }
 
-/// The state of a grasp of a hand with `F` fingers, as one processor reports it.
+/// The report of one processor about a grasp of a hand with `F` fingers: its state, and how well
+/// the object is held.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GraspReport<const F: usize> {
     /// The number of the order that the report is about.
@@ -83,7 +84,8 @@ impl<const F: usize> GraspReport<F> {
         }
     }
 
-    /// Returns order, state and reason; a change of them is worth telling people.
+    /// Returns the number of the order, the state and the reason. Compare the result with the
+    /// previous one to learn whether something has happened that people should know.
     #[must_use]
     pub const fn event(&self) -> (u64, GraspState, GraspReason) {
         (self.order, self.state, self.reason)

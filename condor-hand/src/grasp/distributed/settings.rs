@@ -14,7 +14,7 @@ use crate::math::sqrt;
 use crate::number::not_negative;
 use crate::pose::{Pose, rotation_of};
 
-/// The axes of the stiffness and damping of a grasp.
+/// The axes in which the stiffness and the damping of a [`GraspSettings`] are written.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum GraspAxes {
@@ -25,10 +25,11 @@ pub enum GraspAxes {
     Object,
 }
 
-/// The properties of a grasp that do not depend on the place of the object or on the fingers that hold it.
+/// The parameters of a grasp that depend neither on the place of the object nor on the fingers that hold it: stiffness,
+/// damping, squeeze, friction and so on.
 ///
-/// [`order`](Self::order) makes an order from them. They are written as text (`from_toml`, feature `text`), and
-/// a processor loads them as an image ([`from_image`](Self::from_image)).
+/// [`order`](Self::order) makes a [`GraspOrder`] from the settings. People write settings as TOML (`from_toml`, feature
+/// `text`); a processor loads them as an image ([`from_image`](Self::from_image)).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct GraspSettings {
     /// The stiffness of the object about its middle, N/m, N/rad, N m/m, N m/rad.
@@ -52,7 +53,7 @@ pub struct GraspSettings {
     pub ramp_s: f64,
 }
 
-/// A ball as it was measured.
+/// The measured pose and radius of a ball, the object of a grasp.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MeasuredBall {
     /// The pose of its middle in the palm.
@@ -62,8 +63,8 @@ pub struct MeasuredBall {
 }
 
 impl MeasuredBall {
-    /// Makes a ball with its middle at `position` (m), its orientation a unit quaternion with the real
-    /// part first, both in the axes of the palm, and a radius (m).
+    /// Makes a ball from measurements in the axes of the palm: `position` of its middle (m), `orientation` as a unit
+    /// quaternion with the real part first, and `radius_m` (m).
     #[must_use]
     pub fn new(position: [f64; 3], orientation: [f64; 4], radius_m: f64) -> Self {
         let [w, x, y, z] = orientation;
@@ -76,8 +77,9 @@ impl MeasuredBall {
 }
 
 impl GraspSettings {
-    /// Makes settings without coupling between the axes: the gains along x, y, z and about them become
-    /// the diagonals, N/m and N m/rad, N s/m and N m s/rad.
+    /// Makes settings whose axes do not influence each other. `stiffness` are the gains along x, y and z (N/m) and
+    /// about x, y and z (N m/rad); `damping` are those in N s/m and N m s/rad. The other parameters have usual values,
+    /// such as a squeeze of 1.5 N.
     #[must_use]
     pub fn diagonal(stiffness: [f64; 6], damping: [f64; 6]) -> Self {
         let diagonal = |gains: [f64; 6]| Matrix6::from_diagonal(&gains.into()).into();
@@ -94,7 +96,7 @@ impl GraspSettings {
         }
     }
 
-    /// Checks that a grasp can be like that.
+    /// Checks that a grasp can have these values, for example that no gain is negative.
     ///
     /// # Errors
     /// [`GraspError`] for the first wrong value.
@@ -117,9 +119,11 @@ impl GraspSettings {
         Ok(())
     }
 
-    /// Makes the order to hold a ball where it was measured, with `fingers` (a bit each) whose tips
-    /// are at `tips` (m): each goes to the nearest point of the ball. The fingers bear its weight in
-    /// the field of `gravity` (m/s²).
+    /// Makes the order to hold a ball in the place where it was measured.
+    ///
+    /// `fingers` are the fingers that hold: bit *i* stands for finger *i*. `tips` are the present positions of the
+    /// fingertips (m, in the palm); each tip is ordered to the nearest point of the ball. The fingers also bear the
+    /// weight of the ball; `gravity` (m/s²) is in the axes of the palm.
     #[must_use]
     pub fn order<const F: usize>(
         &self,
@@ -160,9 +164,12 @@ impl GraspSettings {
 }
 
 impl<const F: usize> GraspOrder<F> {
-    /// Makes an order for `fingers` (a bit each) with their tips at `tips`, about the middle of
-    /// these. The gains along and about the axes become the diagonals, N/m and N m/rad, N s/m and
-    /// N m s/rad.
+    /// Makes an order to hold an object by its present contacts.
+    ///
+    /// `fingers` are the fingers that hold: bit *i* stands for finger *i*. `tips` are the positions
+    /// of the fingertips (m, in the palm); the middle of the object is the mean of the tips that
+    /// hold. `stiffness` are the gains along x, y and z (N/m) and about x, y and z (N m/rad);
+    /// `damping` are those in N s/m and N m s/rad.
     #[must_use]
     pub fn hold(fingers: u64, tips: [[f64; 3]; F], stiffness: [f64; 6], damping: [f64; 6]) -> Self {
         let mut center = Vector3::zeros();

@@ -11,16 +11,18 @@ use crate::math::{Real, abs, atan2, clamp, min, real, sin_cos, sqrt, wrap};
 const ITERATIONS: u32 = 200;
 
 impl<T: Real> PlanarFinger<T> {
-    /// Returns the postures with `q3 = κ q2` that bring the tip to `target` (m, in the palm): up to
-    /// two directions of the first joint, and for each the finger flexed and extended.
+    /// Returns the postures that bring the tip to `target` (m, in the palm) with coupled joints:
+    /// the last joint has the angle `q3 = κ q2`, where κ is `ratio`. There are up to two directions
+    /// of the first joint, and for each the finger flexed and extended. The limits of the joints
+    /// are not regarded.
     ///
-    /// Only the first angle of `present` (rad) is used, and only if the target is on the first
-    /// axis. The middle joint bends no further than where the distance `d` of the tip from the
-    /// second axis begins to grow again (κ = 1), or than `π / (1 + κ)`.
+    /// Only the first angle of `present` (rad) is used, and only if the target is on the axis of
+    /// the first joint. The middle joint bends no further than where the distance `d` of the tip
+    /// from the second axis begins to grow again (κ = 1), or than `π / (1 + κ)`.
     ///
     /// By the law of cosines, twice:
-    /// `d² = l1² + l2² + l3² + 2 l1 l2 cos q2 + 2 l2 l3 cos κ q2 + 2 l1 l3 cos (1 + κ) q2`. With
-    /// κ = 1 that is quadratic in `cos q2`; otherwise it falls strictly on 0..π/(1 + κ), since each
+    /// `d² = l1² + l2² + l3² + 2 l1 l2 cos q2 + 2 l2 l3 cos κ q2 + 2 l1 l3 cos (1 + κ) q2`. With κ
+    /// = 1 that is quadratic in `cos q2`; otherwise it falls strictly on 0..π/(1 + κ), since each
     /// of the three angles stays within 0..π there, and Newton's method within a bracket solves it.
     ///
     /// # Errors

@@ -9,14 +9,15 @@ use crate::math::{Real, min, wrap};
 
 impl<T: Real> PlanarFinger<T> {
     /// Returns all postures that bring the tip to `target` (m, in the palm) with the last link at
-    /// `pitch` ([`PlanarFinger::pitch`], rad): up to two directions of the first joint, and for
-    /// each two sides to which the middle joint is bent.
+    /// the angle `pitch` (rad, see [`PlanarFinger::pitch`]). There are up to two directions of the
+    /// first joint, and for each two sides to which the middle joint is bent. The limits of the
+    /// joints are not regarded.
     ///
-    /// Only the first angle of `present` (rad) is used, and only if the target is on the first
-    /// axis.
+    /// Only the first angle of `present` (rad) is used, and only if the target is on the axis of
+    /// the first joint.
     ///
-    /// The axis of the last joint is at the target less the last link; the two links before it
-    /// and the line to it form a triangle.
+    /// The axis of the last joint is at the target less the last link; the two links before it and
+    /// the line to it form a triangle.
     ///
     /// # Errors
     /// [`InverseError`] if there is no posture; it has the distance by which the target is out of

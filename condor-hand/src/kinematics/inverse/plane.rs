@@ -18,7 +18,7 @@ pub(super) struct Aim<T> {
     pub(super) down: T,
 }
 
-/// The range of distances that a finger reaches from its second axis, in its plane.
+/// The least and the greatest distance of a planar finger's tip from the axis of its second joint.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reach<T> {
     /// The least distance of the tip, m.
@@ -28,9 +28,10 @@ pub struct Reach<T> {
 }
 
 impl<T: Real> PlanarFinger<T> {
-    /// Returns the range of distances of the tip from the second axis, without regard to the limits
-    /// of the joints: at most the sum of the three links, and at least the excess of the longest
-    /// link over the two others.
+    /// Returns the range of distances that the tip can have from the axis of the second joint, if
+    /// the limits of the joints are not regarded. The greatest one is the sum of the last three
+    /// links; the least one is the excess of the longest of these links over the two others, or
+    /// zero.
     #[must_use]
     pub fn reach(&self) -> Reach<T> {
         let [_, l1, l2, l3] = self.lengths.map(abs);

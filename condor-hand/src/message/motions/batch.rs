@@ -3,17 +3,17 @@ use heapless::Vec;
 use super::BODY_BYTES;
 use crate::trajectory::StreamPoint;
 
-/// The greatest number of points of a batch.
+/// The greatest number of points that a [`Batch`] can have.
 pub const BATCH: usize = 16;
 
 /// The number of bytes before the points.
 const HEAD: usize = 8;
 
-/// Some points of a stream of a robot with J joints.
+/// Successive points of a stream, which a client sends in one message. The robot has J joints.
 ///
-/// A message has a word with the number of the batch, and a word that is 1 if it is the last one, otherwise 0.
-/// Then come the points, each with its time and the position and velocity of each joint in the mask, as IEEE
-/// 754 doubles. All numbers are little-endian.
+/// In the message come a word with the number of the batch, and a word that is 1 for the last batch and otherwise 0.
+/// Then come the points, each with its time and the position and velocity of each joint in the mask, as IEEE 754
+/// doubles. All numbers are little-endian.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Batch<const J: usize> {
     /// The number of the batch, counted from 0.
@@ -25,7 +25,7 @@ pub struct Batch<const J: usize> {
 }
 
 impl<const J: usize> Batch<J> {
-    /// Returns the greatest number of points of a batch, in a stream of the joints in `mask` (bit *i* is
+    /// Returns the greatest number of points that one batch can have, in a stream of the joints in `mask` (bit *i* is
     /// joint *i*).
     #[must_use]
     pub const fn room(mask: u32) -> usize {

@@ -16,7 +16,7 @@ const PAUSE: Duration = Duration::from_millis(2);
 /// The longest time that one request waits for its answer. A controller that is busy for longer is asked again.
 const ANSWER: Duration = Duration::from_millis(500);
 
-/// The state of a request, and how much of it is done.
+/// The state of a request in the queue, and the part of its motion that is done.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RequestProgress {
     /// The queue's answer about the request.
@@ -29,7 +29,7 @@ pub struct RequestProgress {
     pub progress: Option<f64>,
 }
 
-/// The outcome of sending points.
+/// The outcome of [`MotionsClient::points`], which sends points of a stream.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum SentPoints {
     /// The controller has the points, and now has points until this time of the stream.
@@ -88,7 +88,8 @@ pub enum MotionsError {
     },
 }
 
-/// A client of the motion queue of another processor, for the background of this one.
+/// A client of the motion queue of another processor, the controller. Use it in the background of
+/// this processor, since calls wait for answers.
 #[derive(Debug)]
 pub struct MotionsClient<'m, M: Messenger + ?Sized, W: MemoryWindow> {
     messenger: &'m M,
@@ -97,10 +98,10 @@ pub struct MotionsClient<'m, M: Messenger + ?Sized, W: MemoryWindow> {
 }
 
 impl<'m, M: Messenger + ?Sized, W: MemoryWindow + Clone> MotionsClient<'m, M, W> {
-    /// Makes a client of the controller `to`. `region` is the users' region of that processor's `data`,
-    /// in which its `blocks` are.
+    /// Makes a client of the motion queue of the processor `to`.
     ///
-    /// There must be only one client on this processor at a time.
+    /// `region` is the users' region of that processor's `data` ([`Region::users`]), and `blocks` are the controller's
+    /// blocks there. There must be only one client on this processor at a time.
     ///
     /// # Errors
     /// Returns [`AccessError`] of the kind `OutOfBounds` if there is no block for this processor, or if it does
@@ -118,7 +119,8 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow + Clone> MotionsClient<'m, M, W>
         })
     }
 
-    /// Opens a session, and returns its number.
+    /// Opens a session in the queue, and returns its number. The session belongs to the present incarnation of this
+    /// processor.
     ///
     /// # Errors
     /// Returns [`MotionsError::Exhausted`] if the controller has used all session numbers. All calls also
@@ -130,8 +132,10 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow + Clone> MotionsClient<'m, M, W>
         self.done(&MotionRequest::new(MotionOperation::Open, 0, 0), timeout)
     }
 
-    /// Puts the session in control if no other one is, or in any case with `from_other`. Returns the number of
-    /// the session that is in control then, 0 for none.
+    /// Asks for control of the queue, so that this session can enqueue motions. If another session is in control, it
+    /// stays so, unless `from_other` is true.
+    ///
+    /// Returns the number of the session that is in control after the call, or 0 if none is.
     ///
     /// # Errors
     /// Returns [`MotionsError::NotYours`] if the session is of another processor or incarnation, and the errors of
@@ -146,7 +150,10 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow + Clone> MotionsClient<'m, M, W>
         self.done(&request, timeout)
     }
 
-    /// Offers motions, in bytes that the controller can read, until they are accepted or refused.
+    /// Offers motions to the queue, and waits until they are accepted or refused. Returns the queue's answer.
+    ///
+    /// `motions` are bytes in a form that the controller reads. Choose a new [`RequestIdentity`] for new motions: the
+    /// queue runs no identity twice.
     ///
     /// # Errors
     /// Returns [`MotionsError::Length`] if there are more than [`BODY_BYTES`] bytes, [`MotionsError::NotYours`]
@@ -162,7 +169,8 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow + Clone> MotionsClient<'m, M, W>
         self.offer_as(MotionOperation::Offer, identity, motions, timeout)
     }
 
-    /// Offers a stream of the joints in `mask` (bit *i* is joint *i*), until it is accepted or refused.
+    /// Offers a stream of the joints in `mask` (bit *i* is joint *i*) to the queue, and waits until it is accepted or
+    /// refused. Returns the queue's answer. Then send the points of the stream with [`points`](Self::points).
     ///
     /// # Errors
     /// Returns [`MotionsError::NotYours`] if the session is of another processor or incarnation, and the errors
@@ -182,7 +190,11 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow + Clone> MotionsClient<'m, M, W>
         )
     }
 
-    /// Sends points of a stream of the joints in `mask`, until it has begun and there is room for them.
+    /// Sends a batch of points of a stream. Waits until the stream has begun and the controller has room for the
+    /// points.
+    ///
+    /// `identity` and `mask` are those with which the stream was offered; see [`stream`](Self::stream). Returns the
+    /// time until which the controller now has points, or the queue's answer if the stream has ended.
     ///
     /// # Errors
     /// Returns [`MotionsError::Points`] if the points are refused, [`MotionsError::TimedOut`] if the stream did
@@ -217,7 +229,8 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow + Clone> MotionsClient<'m, M, W>
         }
     }
 
-    /// Returns the state of a request of any client, and the part of it that is done.
+    /// Returns the state of a request, which may be that of another client, and the part of it that
+    /// is done.
     ///
     /// # Errors
     /// Returns only the errors that all calls return; see [`open`](Self::open).
@@ -240,8 +253,10 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow + Clone> MotionsClient<'m, M, W>
         })
     }
 
-    /// Ends all motion, if the session is in control, and waits until the controller has done so. Returns
-    /// the session that is in control, 0 for none.
+    /// Ends all motion of the controller, and waits until that is done. Nothing happens unless the session is in
+    /// control.
+    ///
+    /// Returns the number of the session that is in control, or 0 if none is.
     ///
     /// # Errors
     /// Returns [`MotionsError::NotYours`] if the session is of another processor or incarnation, and the errors
@@ -254,7 +269,7 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow + Clone> MotionsClient<'m, M, W>
         )
     }
 
-    /// Ends the control of the session, so that any other one can take it.
+    /// Ends the control of the session, if it is in control, so that any other session can take control.
     ///
     /// # Errors
     /// Returns [`MotionsError::NotYours`] if the session is of another processor or incarnation, and the errors of

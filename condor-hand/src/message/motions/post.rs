@@ -10,7 +10,7 @@ use crate::queue::{MotionQueue, QueueAnswer, RefusalReason, RequestState, Sessio
 /// The greatest number of offers that wait for the background, each of another processor.
 const INBOX: usize = 8;
 
-/// The motions or the stream that a client offers.
+/// The motions or the stream that a client offers to the queue, as the controller gets them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Offer<'a> {
     /// Motions, in bytes that the controller reads.
@@ -20,9 +20,10 @@ pub enum Offer<'a> {
     Stream(u32),
 }
 
-/// The state that the handler of [`MOTIONS`](super::MOTIONS) and the background of a controller share.
+/// The motion queue and the open requests of a controller, which the handler of [`MOTIONS`](super::MOTIONS) and the
+/// [`MotionsServer`](super::MotionsServer) in the background share.
 ///
-/// It serves requests from all processors. The parameters are those of its [`MotionQueue`].
+/// `P` is the type of the data of a request, and `N` the number of requests that can wait, as in [`MotionQueue`].
 #[derive(Debug)]
 pub struct MotionsPost<P, const N: usize>(Mutex<RefCell<MotionsState<P, N>>>);
 
@@ -74,7 +75,8 @@ pub(super) struct MotionsState<P, const N: usize> {
 }
 
 impl<P, const N: usize> MotionsPost<P, N> {
-    /// Makes a post without a queue: a [`MotionsServer`](super::MotionsServer) restores that.
+    /// Makes the shared state without a queue. A [`MotionsServer`](super::MotionsServer) restores
+    /// the queue from its ledger; until then clients are told to ask again.
     #[must_use]
     pub const fn new() -> Self {
         Self(Mutex::new(RefCell::new(MotionsState {
@@ -88,11 +90,12 @@ impl<P, const N: usize> MotionsPost<P, N> {
         })))
     }
 
-    /// Answers a message: the handler of [`MOTIONS`](super::MOTIONS) needs to do nothing else. `own` is
-    /// the users' region of the controller, in which its `blocks` are.
+    /// Answers a message of a client, and returns the reply. Register a handler for the vector
+    /// [`MOTIONS`](super::MOTIONS) that calls this and does nothing else.
     ///
-    /// `points` takes points of the stream that runs, with [`StreamRequest::take`](super::StreamRequest::take);
-    /// it returns `None` if the points are not of a stream that runs.
+    /// `own` is the users' region of the controller's own `data`, in which `blocks` are. `points` gets the requests
+    /// that contain points of a stream: pass them to [`StreamRequest::take`](super::StreamRequest::take), and return
+    /// its result, or `None` if no stream runs.
     pub fn answer<W: MemoryWindow>(
         &self,
         call: &Call<'_>,
@@ -130,7 +133,7 @@ impl<P, const N: usize> Default for MotionsPost<P, N> {
 }
 
 impl MotionResponse {
-    /// Returns the answer [`Code::Busy`]: the controller has no time now, and the client asks again.
+    /// Returns an answer with [`Code::Busy`]: the controller has no time now, and the client must ask again.
     #[must_use]
     pub fn busy() -> Self {
         Self::new(Code::Busy, 0)

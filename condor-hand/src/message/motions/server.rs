@@ -12,7 +12,8 @@ use crate::queue::{
 /// A ledger that cannot be read or written is tried again after this time.
 const AGAIN: Duration = Duration::from_millis(500);
 
-/// A store of the rows of a [`Ledger`](crate::queue::Ledger): a file, or memory that outlives the program.
+/// Storage for the rows of a [`Ledger`](crate::queue::Ledger), which a controller implements: a file, or memory that
+/// outlives the program.
 ///
 /// # For implementers
 /// Rows that were written or replaced must be in the store however the program ends. Rows are written whole or
@@ -44,7 +45,8 @@ pub trait LedgerStore {
     fn write(&mut self, row: usize, bytes: &LedgerRow) -> Result<(), Self::Error>;
 }
 
-/// An event for the controller to announce.
+/// An event of the motion queue that [`MotionsServer::attend`] returns, to act on or to announce to
+/// people.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum MotionsEvent {
@@ -67,11 +69,12 @@ enum Condition {
     Whole,
 }
 
-/// The motion queue in the background of a controller, with its ledger.
+/// The part of a motion queue that runs in the background of a controller: it decides about requests, and writes the
+/// ledger.
 ///
-/// After an error, [`attend`](Self::attend) replaces all rows of the ledger, and tries that again until
-/// it is done. Until then nothing begins, nothing is decided, and clients that want something new are told
-/// to ask again.
+/// After an error of the store, [`attend`](Self::attend) replaces all rows of the ledger, and repeats that until it
+/// succeeds. Until then no request begins, nothing is decided, and clients that want something new are told to ask
+/// again.
 #[derive(Debug)]
 pub struct MotionsServer<'p, P, L, const N: usize> {
     post: &'p MotionsPost<P, N>,
@@ -88,7 +91,8 @@ pub struct MotionsServer<'p, P, L, const N: usize> {
 }
 
 impl<'p, P, L: LedgerStore, const N: usize> MotionsServer<'p, P, L, N> {
-    /// Makes the server of a post, with a ledger that [`attend`](Self::attend) reads.
+    /// Makes the server that works on the queue in `post`, with the ledger in `store`. The first
+    /// call of [`attend`](Self::attend) reads the ledger.
     pub const fn new(post: &'p MotionsPost<P, N>, store: L) -> Self {
         Self {
             post,
@@ -101,9 +105,13 @@ impl<'p, P, L: LedgerStore, const N: usize> MotionsServer<'p, P, L, N> {
         }
     }
 
-    /// Handles the requests that have come by message; call it periodically. `incarnation` returns the
-    /// [incarnation](SessionOwner::incarnation) of a processor, `None` if it has none. `make` makes the data of
-    /// a request from an offer, or returns the reason to refuse it.
+    /// Handles the requests that have come by message: opens sessions, and accepts or refuses offers. Call it
+    /// periodically. Returns the next event that the controller must act on or announce; `None` if there is none.
+    ///
+    /// * `now`: the present time, with which failed writes of the ledger are tried again.
+    /// * `incarnation` returns the present [incarnation](SessionOwner::incarnation) of a processor, or `None` if the
+    ///   processor is not up.
+    /// * `make` makes the data of a request from an offer, or returns the reason to refuse the offer.
     ///
     /// # Errors
     /// Returns [`RestoreError::Ledger`] if the bytes in the store are not those of the ledger,
@@ -246,16 +254,19 @@ impl<'p, P, L: LedgerStore, const N: usize> MotionsServer<'p, P, L, N> {
         replaced.map_err(RestoreError::Write)
     }
 
-    /// Looks at the queue; returns `None` if the ledger has not been read.
+    /// Calls `work` with the queue, to read it, and returns the result. Returns `None`, without a
+    /// call, if the ledger has not been read yet.
     pub fn look<T>(&self, work: impl FnOnce(&MotionQueue<P, N>) -> T) -> Option<T> {
         self.post
             .with(|desk| desk.queue.as_ref().map(work))
             .flatten()
     }
 
-    /// Works on the queue, with the function that writes its ledger; clients are told to ask again meanwhile.
-    /// The controller itself can enqueue requests in this way, too. Returns `None` while the ledger cannot be
-    /// read or written.
+    /// Calls `work` with the queue, to change it, and with the function that writes a row of the ledger, for the
+    /// methods of [`MotionQueue`]. Meanwhile clients are told to ask again. The controller can enqueue its own requests
+    /// in this way, too.
+    ///
+    /// Returns the result of `work`, or `None`, without a call, while the ledger cannot be read or written.
     ///
     /// # Errors
     /// Returns the error of `work` if it fails; the ledger counts as not written then, and
@@ -283,8 +294,10 @@ impl<'p, P, L: LedgerStore, const N: usize> MotionsServer<'p, P, L, N> {
         outcome.map(Some)
     }
 
-    /// Returns the next request and its data; `None` if none waits, one runs, or a client has ended all motion.
-    /// [Begin](Self::begin) or [refuse](Self::refuse) the request; if you do neither, it waits.
+    /// Returns the identity and the data of the request whose turn it is. Returns `None` if no request waits, if one
+    /// runs, or if a client has ended all motion.
+    ///
+    /// Then call [`begin`](Self::begin) or [`refuse`](Self::refuse); until then the request waits.
     #[must_use]
     pub fn next_request(&self) -> Option<(RequestIdentity, P)>
     where
@@ -298,7 +311,7 @@ impl<'p, P, L: LedgerStore, const N: usize> MotionsServer<'p, P, L, N> {
         next.flatten()
     }
 
-    /// Refuses the next request, which cannot run.
+    /// Refuses the next request for `reason`, because it cannot run, and removes it from the queue.
     ///
     /// # Errors
     /// Returns the store's error if the ledger cannot be written; the request waits then.
@@ -307,8 +320,11 @@ impl<'p, P, L: LedgerStore, const N: usize> MotionsServer<'p, P, L, N> {
             .map(drop)
     }
 
-    /// Begins the next request. Returns true if the request has begun; false if a client has ended all motion
-    /// meanwhile, if no request can begin, or while the ledger cannot be written.
+    /// Begins the next request: records in the ledger that it runs. The caller must move the robot only if this returns
+    /// true.
+    ///
+    /// Returns false if a client has ended all motion meanwhile, if no request can begin, or while the ledger cannot be
+    /// written.
     ///
     /// # Errors
     /// Returns the store's error if the ledger cannot be written; the request must not run then, and waits.
@@ -329,7 +345,8 @@ impl<'p, P, L: LedgerStore, const N: usize> MotionsServer<'p, P, L, N> {
         Ok(begun == Some(true))
     }
 
-    /// Tells clients the part of the running request that is done, in 0..=1; `None` if the part is not known.
+    /// Sets the part of the running request that is done, 0 to 1, which clients can read; `None` if the controller does
+    /// not know it.
     pub fn tell_progress(&self, done: Option<f64>) {
         let greatest = f64::from(WHOLE);
         #[allow(clippy::cast_sign_loss, reason = "a number below zero becomes zero")]
@@ -337,7 +354,7 @@ impl<'p, P, L: LedgerStore, const N: usize> MotionsServer<'p, P, L, N> {
         self.post.with(|desk| desk.progress = progress);
     }
 
-    /// Ends the request that runs.
+    /// Ends the request that runs, with its final `state` and the `reason` for that state.
     ///
     /// # Errors
     /// Returns the store's error if the ledger cannot be written; [`attend`](Self::attend) tries it again.
@@ -350,7 +367,7 @@ impl<'p, P, L: LedgerStore, const N: usize> MotionsServer<'p, P, L, N> {
         ended.map(drop)
     }
 
-    /// Aborts the request that runs and all that wait.
+    /// Aborts the request that runs and all requests that wait, for `reason`. Call it after the robot has stopped.
     ///
     /// # Errors
     /// Returns the store's error if the ledger cannot be written; [`attend`](Self::attend) tries it again.

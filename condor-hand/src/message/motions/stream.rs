@@ -2,8 +2,8 @@ use super::{Batch, Code, MotionRequest, MotionResponse, StreamRefusal, VERSION};
 use crate::queue::{RequestIdentity, SessionOwner};
 use crate::trajectory::{JointStream, JointStreamError};
 
-/// The stream of a request that runs, whose points come by message. It has room for N points of J
-/// joints that are ahead of its time.
+/// The stream of a request that runs, with the checks for its points, which come by message. The
+/// stream has room for N points of J joints that are ahead of its time.
 #[derive(Clone, Debug)]
 pub struct StreamRequest<const J: usize, const N: usize> {
     identity: RequestIdentity,
@@ -13,7 +13,7 @@ pub struct StreamRequest<const J: usize, const N: usize> {
 }
 
 impl<const J: usize, const N: usize> StreamRequest<J, N> {
-    /// Makes the stream of a request, whose points `owner` sends.
+    /// Makes the stream of the request `identity`. Only points that `owner` sends are taken.
     #[must_use]
     pub const fn new(
         identity: RequestIdentity,
@@ -27,8 +27,9 @@ impl<const J: usize, const N: usize> StreamRequest<J, N> {
         }
     }
 
-    /// Takes points that came by message, for [`MotionsPost::answer`](super::MotionsPost::answer).
-    /// Returns `None` if they are not of this stream.
+    /// Takes the points in `request`, if they belong to this stream and come from its owner, and
+    /// returns the answer for the client. Returns `None` if the request is for another stream. Call
+    /// it in the closure of [`MotionsPost::answer`](super::MotionsPost::answer).
     pub fn take(
         &mut self,
         sender: SessionOwner,

@@ -5,7 +5,7 @@ use thiserror::Error;
 use crate::decimal::Decimal;
 use crate::tendon::Pair;
 
-/// The kind of a fault.
+/// The kind of a fault of a finger.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 #[repr(u8)]
@@ -35,7 +35,7 @@ pub enum FaultCode {
 }
 
 impl FaultCode {
-    /// All codes, in numeric order.
+    /// All kinds of faults, in the order of their numbers.
     pub const ALL: [Self; 10] = [
         Self::NotFinite,
         Self::OutOfRange,
@@ -67,7 +67,7 @@ impl fmt::Display for FaultCode {
     }
 }
 
-/// The site of a fault; joints count from 0 at the palm.
+/// The part of a finger that has a fault. Joints are counted from 0 at the palm.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum FaultSite {
     /// The tendon that pulls this joint to positive angles.
@@ -101,7 +101,7 @@ impl fmt::Display for FaultSite {
     }
 }
 
-/// A fault, with the value that showed it.
+/// A fault of a finger: its kind, the part that has it, and the value that showed it.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[error("{site}: {code} ({value})", value = Decimal(*.value))]
 pub struct FingerFault {

@@ -6,7 +6,7 @@ use super::{FaultCode, FaultLimits, FaultLimitsError, FaultSite, FingerFault};
 use crate::math::{Real, is_finite};
 use crate::tendon::{Pair, TendonPairs};
 
-/// The state of a finger in one tick, as its monitor checks it.
+/// The desired and measured values of a finger in one tick, which a [`FingerMonitor`] checks.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Observation<'a, T: Real, const N: usize> {
     /// The desired tensions, N.
@@ -26,11 +26,12 @@ pub struct Observation<'a, T: Real, const N: usize> {
     pub set_point_age_s: T,
 }
 
-/// Monitors the tendons, the joints and the timing of one finger.
+/// A monitor that detects faults of one finger: it checks the tendons, the joints and the timing in
+/// every tick, and latches the first fault.
 ///
-/// A failed check becomes a fault after as many samples in a row as its limit says. A tension or
-/// position that is not finite does not count for the other checks of its site; those continue with
-/// the next sample. A time that is not finite counts as too long.
+/// A check that fails in as many samples in a row as its limit says is a fault. A tension or
+/// position that is not finite does not count for the other checks of that tendon or joint; those
+/// continue with the next sample. A time that is not finite counts as too long.
 #[derive(Clone, Copy, Debug)]
 pub struct FingerMonitor<T: Real, const N: usize> {
     limits: FaultLimits<T, N>,
@@ -77,7 +78,7 @@ impl<T: Real, const N: usize> FingerState<T, N> {
 }
 
 impl<T: Real, const N: usize> FingerMonitor<T, N> {
-    /// Makes a monitor without faults.
+    /// Makes a monitor with these limits, in which no fault has occurred yet.
     ///
     /// # Errors
     /// [`FaultLimitsError`] for the first limit that is wrong.
@@ -95,8 +96,8 @@ impl<T: Real, const N: usize> FingerMonitor<T, N> {
         })
     }
 
-    /// Checks a tick; returns the first fault since the last [`clear`](Self::clear), or `None` if
-    /// there was none.
+    /// Checks the values of one tick. Returns the first fault since the last
+    /// [`clear`](Self::clear), which may be an earlier one; `None` if there was none.
     #[inline(always)]
     pub fn update(&mut self, observation: &Observation<'_, T, N>) -> Option<FingerFault> {
         if observation.lost != 0 || !self.passes(observation) {
@@ -228,7 +229,7 @@ impl<T: Real, const N: usize> FingerMonitor<T, N> {
         self.state.first
     }
 
-    /// Clears all faults, and forgets all samples.
+    /// Clears the latched fault, and all counts of samples; the monitor is then as it was when new.
     pub fn clear(&mut self) {
         self.state = FingerState::new();
     }

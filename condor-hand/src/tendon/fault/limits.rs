@@ -5,8 +5,8 @@ use crate::math::Real;
 use crate::number::{NumberError, Requirement, check, finite, not_negative};
 use crate::tendon::Pair;
 
-/// A limit of a value, with the number of samples in a row beyond it that is a fault; 0 samples
-/// switch the check off.
+/// A limit of a value. The value has a fault once it is beyond the limit in `samples` samples in a
+/// row; 0 samples switch the check off.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Threshold<T> {
     /// The limit of the value.
@@ -15,8 +15,8 @@ pub struct Threshold<T> {
     pub samples: u16,
 }
 
-/// A range of a value, with the number of samples in a row outside of it that is a fault; 0 samples
-/// switch the check off.
+/// The good range of a value. The value has a fault once it is outside of the range in `samples`
+/// samples in a row; 0 samples switch the check off.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct FaultRange<T> {
     /// The lowest good value.
@@ -27,9 +27,12 @@ pub struct FaultRange<T> {
     pub samples: u16,
 }
 
-/// The conditions of a stuck sensor: its reading stays within `band` of a value for this number of
-/// samples in a row in which the set-point is more than `travel` from its place when the reading
-/// reached that value. 0 samples switch the check off.
+/// The conditions under which a sensor counts as stuck: its reading stays the same although its
+/// set-point moves away.
+///
+/// The sensor has a fault after `samples` samples in a row in which its reading is within `band` of
+/// a value, and the set-point is more than `travel` from where it was when the reading reached that
+/// value. 0 samples switch the check off.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Stuck<T> {
     /// The greatest noise of a stuck sensor, in the unit of its reading.
@@ -40,7 +43,7 @@ pub struct Stuck<T> {
     pub samples: u16,
 }
 
-/// The limits of any sensor.
+/// The limits beyond which the sensor of a tendon or a joint has a fault.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SensorFaultLimits<T> {
     /// The number of samples in a row that are not finite or implausible after which the sensor is
@@ -54,7 +57,7 @@ pub struct SensorFaultLimits<T> {
     pub tracking: Threshold<T>,
 }
 
-/// The limits of a tendon, N.
+/// The limits beyond which a tendon has a fault, N.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct TendonFaultLimits<T> {
     /// The limits of its sensor.
@@ -65,7 +68,7 @@ pub struct TendonFaultLimits<T> {
     pub over_tension: Threshold<T>,
 }
 
-/// The limits of a joint, rad.
+/// The limits beyond which a joint has a fault, rad.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct JointFaultLimits<T> {
     /// The limits of its sensor.
@@ -74,7 +77,7 @@ pub struct JointFaultLimits<T> {
     pub limit: FaultRange<T>,
 }
 
-/// The limits of a finger.
+/// The limits beyond which a finger has a fault: those of its tendons, its joints and its timing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FaultLimits<T, const N: usize> {
     /// The limits of the tendons of each joint.
@@ -101,7 +104,7 @@ pub struct FaultLimitsError {
 }
 
 impl<T: Real, const N: usize> FaultLimits<T, N> {
-    /// Checks all limits, including those of checks that are switched off.
+    /// Checks that all limits can be used, including those of checks that are switched off.
     ///
     /// # Errors
     /// [`FaultLimitsError`] for the first limit that is not finite, negative, or out of order.

@@ -2,7 +2,8 @@ use crate::math::{Real, real, round};
 use crate::number::{NumberError, Requirement, check, finite, positive};
 use crate::tendon::{Pair, TendonPairs};
 
-/// A ramp that brings all tensions to their final values in equal steps.
+/// A ramp that brings the tensions of a finger to final values in equal steps, such as to the least
+/// tensions after a fault.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SafeRamp<T: Real, const N: usize> {
     from: TendonPairs<T, N>,
@@ -12,8 +13,8 @@ pub struct SafeRamp<T: Real, const N: usize> {
 }
 
 impl<T: Real, const N: usize> SafeRamp<T, N> {
-    /// Makes a ramp from the present commands to the least tensions, N, in a time of at least two
-    /// samples.
+    /// Makes a ramp that goes from the tensions `from` to `to` (N) in `seconds`, with `sample_hz`
+    /// steps per second. It must have at least two steps.
     ///
     /// # Errors
     /// [`NumberError`] if a tension is not finite, or the time is not possible.
@@ -46,8 +47,8 @@ impl<T: Real, const N: usize> SafeRamp<T, N> {
         })
     }
 
-    /// Returns the tensions of the next sample: one step nearer to the final ones, which are
-    /// reached exactly.
+    /// Returns the tensions of the next sample, N: one step nearer to the final ones. The last step
+    /// reaches them exactly, and later calls return them again.
     pub fn update(&mut self) -> TendonPairs<T, N> {
         self.left = self.left.saturating_sub(1);
         let left = real::<T>(f64::from(self.left) / f64::from(self.samples));
@@ -62,7 +63,7 @@ impl<T: Real, const N: usize> SafeRamp<T, N> {
         tensions
     }
 
-    /// Returns whether the tensions have reached their final values.
+    /// Returns true if the tensions have reached their final values.
     #[must_use]
     pub fn is_done(&self) -> bool {
         self.left == 0

@@ -5,21 +5,21 @@ use thiserror::Error;
 
 use super::{Board, address};
 
-/// A set of boards of the rack.
+/// A set of boards of the rack, such as those at which one processor has a wire. [`Rack`] takes it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Boards(u64);
 
-/// A bus on which only a set of boards answers.
+/// A bus on which only the boards of one processor answer.
 ///
-/// Start-up initialises every board that answers, and the outputs of a board that is initialised go
-/// to rest. A processor that starts while the others run must therefore not see their boards.
+/// When a program starts, it initialises every board that answers, and a board that is initialised takes its outputs to
+/// rest. A processor that starts while others run must therefore not see the boards of the others.
 #[derive(Clone, Debug)]
 pub struct Rack<B> {
     bus: B,
     seen: Boards,
 }
 
-/// An access that failed.
+/// The reason why an access to the bus by a [`Rack`] has failed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum RackError<E: BusError> {
     /// The board belongs to another processor, or there is none.
@@ -46,12 +46,12 @@ impl Board {
 }
 
 impl Boards {
-    /// Adds `board` to the set.
+    /// Adds `board` to the set. A board that the rack does not have is left out.
     pub fn insert(&mut self, board: Board) {
         self.0 |= board.address().map_or(0, bit);
     }
 
-    /// Returns whether `board` is in the set.
+    /// Returns true if `board` is in the set.
     #[must_use]
     pub fn contains(self, board: Board) -> bool {
         board.address().is_some_and(|address| self.reaches(address))
@@ -70,7 +70,7 @@ fn bit(address: usize) -> u64 {
 }
 
 impl<B> Rack<B> {
-    /// Makes a bus on which only the boards `seen` answer.
+    /// Makes a bus on which only the boards in `seen` answer. `bus` is the bus of the whole rack.
     pub const fn new(bus: B, seen: Boards) -> Self {
         Self { bus, seen }
     }

@@ -14,16 +14,16 @@ use super::{
 /// Boards that a processor can have open: all of them.
 const OPEN: usize = address::ADC.len() + address::DAC.len() + 1;
 
-/// The device switch of a processor of the hand.
+/// The device switch of a processor of the hand, with which its program opens boards. [`open`] makes it.
 pub type Panel<B> = Switch<Rack<B>, NoInterrupts, HandBoards, OPEN>;
 
 type Open<'s, B, D> = Option<Device<'s, Rack<B>, D, OPEN>>;
 
-/// The channels that a processor's own part of the configuration names, on boards that are open.
+/// The channels of the rack at which one processor has a wire, on boards that are open.
 ///
-/// [`scan`](Self::scan) reads each board of inputs once, [`put`](Self::put) writes each board of
-/// outputs once; in between channels are looked up in memory. The channels that one board has of
-/// several processors are read by each of them.
+/// [`scan`](Self::scan) reads each board of inputs once, and [`put`](Self::put) writes each board of outputs once.
+/// [`read`](Self::read) and [`write`](Self::write) only access memory in between. If several processors have wires at
+/// one board of inputs, each of them reads the board.
 #[derive(Debug)]
 pub struct Wires<'s, B: Bus> {
     adc: [Converters<Open<'s, B, Adc16>, Option<i16>>; address::ADC.len()],
@@ -43,7 +43,7 @@ struct Converters<D, L> {
     used: usize,
 }
 
-/// Boards that a processor cannot have.
+/// The reason why a processor cannot use the boards at which it has a wire.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum WiresError {
@@ -52,7 +52,8 @@ pub enum WiresError {
     Open(#[from] OpenError<'static>),
 }
 
-/// Returns the device switch of a processor; of all boards it sees those at which the processor has a wire.
+/// Makes the device switch of the processor `number`. `bus` is the bus of the whole rack, of which the switch sees only
+/// the boards at which this processor has a wire, as the configuration `hand` says.
 pub fn open<B: Bus, const F: usize, const N: usize>(
     bus: B,
     hand: &Hand<F, N>,
@@ -76,11 +77,12 @@ fn sockets<const F: usize, const N: usize>(
 }
 
 impl<'s, B: Bus> Wires<'s, B> {
-    /// Opens the boards at which a processor has a wire, and sets its outputs to the counts of `rest`.
+    /// Opens the boards at which the processor `number` has a wire, as the configuration `hand` says. Sets each of its
+    /// outputs to the counts that `rest` returns for the output's channel.
     ///
     /// # Errors
-    /// Returns [`WiresError::Open`] if a board cannot be opened; the call can be repeated for a board that is
-    /// not there yet.
+    /// Returns [`WiresError::Open`] if a board cannot be opened. If the board is only not there yet, the call can be
+    /// repeated.
     pub fn new<const F: usize, const N: usize>(
         panel: &'s Panel<B>,
         hand: &Hand<F, N>,
@@ -150,7 +152,7 @@ impl<'s, B: Bus> Wires<'s, B> {
         Ok(wires)
     }
 
-    /// Reads every board of inputs.
+    /// Reads every open board of inputs once. [`read`](Self::read) returns the values.
     pub fn scan(&mut self) {
         for adc in &mut self.adc {
             let Some(device) = &adc.device else { continue };
@@ -176,8 +178,8 @@ impl<'s, B: Bus> Wires<'s, B> {
         }
     }
 
-    /// Returns the counts of an input at the last scan; `None` if its board did not answer, or
-    /// shows a value that the input cannot have.
+    /// Returns the counts of the input `channel` at the last [`scan`](Self::scan). Returns `None` if the board of the
+    /// input did not answer then, if the counts are beyond the input's range, or if `channel` is not an open input.
     pub fn read<const F: usize, const N: usize>(
         &self,
         hand: &Hand<F, N>,
@@ -201,7 +203,8 @@ impl<'s, B: Bus> Wires<'s, B> {
         }
     }
 
-    /// Sets the counts that the next [`put`](Self::put) writes to an output.
+    /// Sets the counts that the next [`put`](Self::put) writes to the output `channel`. A channel that the rack does
+    /// not have is ignored.
     pub fn write(&mut self, channel: Channel, counts: u32) {
         if let Some(Socket {
             board: Board::Dac(number),
@@ -214,7 +217,8 @@ impl<'s, B: Bus> Wires<'s, B> {
         }
     }
 
-    /// Writes every board of outputs; its channels change at the same instant.
+    /// Writes every open board of outputs once; all channels of a board change at the same instant. Failed transfers
+    /// are counted in [`failures`](Self::failures).
     pub fn put(&mut self) {
         for dac in &self.dac {
             let Some(device) = &dac.device else { continue };
@@ -225,7 +229,7 @@ impl<'s, B: Bus> Wires<'s, B> {
         }
     }
 
-    /// Transfers of a board that failed; wraps.
+    /// Returns the number of transfers from or to a board that have failed so far; the number wraps.
     #[must_use]
     pub const fn failures(&self) -> u32 {
         self.failures

@@ -9,7 +9,7 @@ use super::drive::{ALL, Motion};
 use super::words::{Path, Problem};
 use crate::{UtahMit, file};
 
-/// Bytes of a sequence of motions, at most.
+/// The greatest size of a compiled sequence of motions that the master can run, in bytes.
 pub const MOTION_BYTES: usize = 8192;
 /// The directory of the sequences.
 const DIRECTORY: &str = "motions";

@@ -266,7 +266,7 @@ pub(super) enum RowError {
     Length { found: u64, size: usize },
 }
 
-/// Returns whether this can be the name of a motion: 1 to 24 letters, digits, `-` and `_`.
+/// Returns true if `word` can be the name of a motion: 1 to 24 ASCII letters, digits, `-` and `_`.
 #[must_use]
 pub fn is_name(word: &str) -> bool {
     let is_plain = |byte: u8| byte.is_ascii_alphanumeric() || matches!(byte, b'-' | b'_');

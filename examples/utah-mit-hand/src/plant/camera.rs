@@ -9,8 +9,8 @@ use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 use super::arguments::Arguments;
 
-/// An object as it was measured, in the axes of the palm: published for each picture in which it is
-/// seen, and not otherwise.
+/// An object as the camera of the simulated robot has measured it, in the axes of the palm. It is published for each
+/// picture in which an object is seen.
 #[derive(Clone, Copy, Debug, PartialEq, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
 pub struct CameraObject {

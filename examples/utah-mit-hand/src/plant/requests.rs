@@ -4,7 +4,7 @@ use core::fmt;
 
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
-/// The operation of a request to the robot.
+/// The operation that a [`PlantRequest`] asks the simulated robot for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 #[non_exhaustive]
@@ -32,7 +32,7 @@ pub enum PlantOperation {
     PushTip = 8,
 }
 
-/// A sensor or a tendon of a joint.
+/// The part of a joint that a [`PlantRequest`] breaks: a sensor or a tendon.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum PlantTarget {
@@ -44,7 +44,7 @@ pub enum PlantTarget {
     Extensor = 2,
 }
 
-/// The values that a number of a request may have.
+/// The range of values that the robot accepts for a number of a [`PlantRequest`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NumberRange {
     /// The name of the number, for errors.
@@ -58,19 +58,19 @@ pub struct NumberRange {
 }
 
 impl NumberRange {
-    /// The radius of a ball.
+    /// The range of the radius of a ball, m.
     pub const RADIUS: Self = Self::new("the radius of the ball", "m", 0.005, 0.04);
-    /// The mass of a ball.
+    /// The range of the mass of a ball, kg.
     pub const MASS: Self = Self::new("the mass of the ball", "kg", 0.001, 1.0);
-    /// The position of a ball, along each axis of the palm.
+    /// The range of the position of a ball along each axis of the palm, m.
     pub const PLACE: Self = Self::new("the position of the ball", "m", -0.3, 0.3);
-    /// The force of a push, along each axis of the palm.
+    /// The range of the force of a push along each axis of the palm, N.
     pub const FORCE: Self = Self::new("the force", "N", -20.0, 20.0);
-    /// The moment of a push, about each axis of the palm.
+    /// The range of the moment of a push about each axis of the palm, N m.
     pub const MOMENT: Self = Self::new("the moment", "N m", -1.0, 1.0);
-    /// The mass of a weight, whose force is that of a push.
+    /// The range of the mass of a weight that hangs on a fingertip, kg. Its force is sent as a push.
     pub const WEIGHT: Self = Self::new("the weight", "kg", 0.0, 1.0);
-    /// The time in which the support lets go of a ball.
+    /// The range of the time within which the support lets go of a ball, s.
     pub const LET_GO: Self = Self::new("the time", "s", 0.0, 60.0);
 
     const fn new(name: &'static str, unit: &'static str, low: f64, high: f64) -> Self {
@@ -82,14 +82,14 @@ impl NumberRange {
         }
     }
 
-    /// Returns whether the value is in the range; NaN is not.
+    /// Returns true if `value` is in the range, of which both ends are part; NaN is not in it.
     #[must_use]
     pub fn contains(&self, value: f64) -> bool {
         (self.low..=self.high).contains(&value)
     }
 }
 
-/// A request to the robot.
+/// A request to the simulated robot, such as to place a ball or to break a tendon. It answers with a [`PlantResponse`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
 pub struct PlantRequest {
@@ -105,7 +105,7 @@ pub struct PlantRequest {
     pub numbers: [f64; 6],
 }
 
-/// The response of the robot to a [`PlantRequest`].
+/// The response of the simulated robot to a [`PlantRequest`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
 pub struct PlantResponse {
@@ -115,7 +115,7 @@ pub struct PlantResponse {
     pub resting: u32,
 }
 
-/// The reason why the robot refuses a request.
+/// The reason why the simulated robot refuses a [`PlantRequest`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 #[non_exhaustive]
@@ -145,7 +145,8 @@ impl fmt::Display for PlantRefusal {
 }
 
 impl PlantRefusal {
-    /// Returns the refusal with this number; `None` for 0, and for an unknown number.
+    /// Returns the refusal with the number `number`, which is in a [`PlantResponse`]. Returns `None` for 0, which means
+    /// that the request is done, and for an unknown number.
     #[must_use]
     pub const fn from_number(number: u32) -> Option<Self> {
         match number {
@@ -160,7 +161,8 @@ impl PlantRefusal {
 }
 
 impl PlantTarget {
-    /// Returns the sensor or tendon that has this number in requests; `None` if there is none.
+    /// Returns the sensor or tendon with the number `number`, which is in a [`PlantRequest`]; `None` for an unknown
+    /// number.
     #[must_use]
     pub const fn from_number(number: u32) -> Option<Self> {
         match number {
@@ -173,7 +175,7 @@ impl PlantTarget {
 }
 
 impl PlantOperation {
-    /// Returns the operation that has this number in requests; `None` if there is none.
+    /// Returns the operation with the number `number`, which is in a [`PlantRequest`]; `None` for an unknown number.
     #[must_use]
     pub const fn from_number(number: u32) -> Option<Self> {
         match number {

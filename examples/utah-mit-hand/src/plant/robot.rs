@@ -36,7 +36,8 @@ const BEYOND_RAD: f64 = 0.3;
 const INPUTS: usize = (3 * JOINTS + 1) * FINGERS + AXES;
 const AXES: usize = 3;
 
-/// The properties of the simulated robot that its configuration does not have, with one update for each tick.
+/// The physical properties of the simulated robot that the configuration of the hand does not have, such as the
+/// stiffness of its stops. The number of updates per tick is 1 here; the robot replaces it by one that fits its rate.
 pub const MACHINE: PlantModel = PlantModel {
     actuator: DriveKind::exact,
     joint_stop: SimStop {

@@ -11,12 +11,13 @@ use crate::{FINGERS, JOINTS};
 /// The time for which a joint settles after its position is controlled, before it counts as following, s.
 const SETTLING_S: f64 = 0.5;
 
-/// The tracking errors of the joints of a processor's fingers: a published value. A tracking error is the
-/// distance of a joint from its desired position. Only ticks count in which the joint follows. It begins to
-/// follow half a second after the positions and the desired positions of all position-controlled joints of its
-/// finger were out of their stops at once. It follows until its position is not controlled any more. A joint
-/// that comes out of a stop is pushed, and pushes its neighbours, and one that falls when it is enabled is
-/// caught first: these joints do not follow yet.
+/// The tracking errors of the joints of a servo processor, which it publishes. A tracking error is the distance of a
+/// joint from its desired position.
+///
+/// Only ticks count in which the joint follows. A joint begins to follow half a second after all position-controlled
+/// joints of its finger, and their desired positions, were out of their stops at once. It follows until its position is
+/// not controlled any more. Before that, a joint may still be pushed out of a stop, or caught after a fall, which is
+/// not the error of following.
 #[derive(Clone, Copy, Debug, Default, PartialEq, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
 pub struct Tracking {
@@ -32,7 +33,8 @@ pub struct Tracking {
     last: Figures,
 }
 
-/// The tracking errors of joints in the ticks in which they followed.
+/// The tracking errors of joints over a span of time, such as a motion: greatest values and root mean squares. Only
+/// ticks in which a joint follows count: see [`Tracking`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
 pub struct Figures {
@@ -83,16 +85,16 @@ const fn ticks(name: &'static str, at: usize) -> CellField {
         .repeated(FINGERS * JOINTS)
 }
 
-/// The joint that was farthest from where it was to be.
+/// The joint with the largest tracking error, and its errors. [`Figures::worst`] returns it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Worst {
-    /// Its finger, from 0.
+    /// The finger of the joint, from 0.
     pub finger: usize,
     /// The joint, from 0.
     pub joint: usize,
-    /// Its largest distance, rad.
+    /// The largest tracking error of the joint, rad.
     pub peak_rad: f64,
-    /// The root of its mean square distance, rad.
+    /// The root mean square tracking error of the joint, rad.
     pub rms_rad: f64,
 }
 
@@ -175,7 +177,8 @@ impl Tracker {
 }
 
 impl Tracking {
-    /// Returns the figures of a motion that has ended; `None` unless it is the last one.
+    /// Returns the tracking errors of the motion with the number `motion`, if it is the last one that has ended; `None`
+    /// otherwise.
     #[must_use]
     pub fn ended(&self, motion: u64) -> Option<&Figures> {
         (motion != 0 && self.last_motion == motion).then_some(&self.last)
@@ -211,7 +214,7 @@ impl Figures {
         }
     }
 
-    /// Returns the joint with the largest distance; `None` if none ever followed.
+    /// Returns the joint with the largest tracking error; `None` if no joint has followed in any tick.
     #[must_use]
     pub fn worst(&self) -> Option<Worst> {
         let mut worst: Option<Worst> = None;
@@ -263,7 +266,8 @@ impl Figures {
         }
     }
 
-    /// Returns the root of the mean square tracking error of a joint, rad; `None` if it never followed.
+    /// Returns the root mean square tracking error of a joint, rad; `None` if the joint never followed, or if there is
+    /// no such joint. `finger` and `joint` count from 0.
     #[must_use]
     pub fn rms_rad(&self, finger: usize, joint: usize) -> Option<f64> {
         let ticks = *self.ticks.get(finger)?.get(joint)?;
@@ -273,7 +277,8 @@ impl Figures {
         ticks.map(|ticks| sqrt(square / ticks))
     }
 
-    /// Returns the largest tracking error of a joint, rad; `None` if there is no such joint.
+    /// Returns the largest tracking error of a joint, rad: 0 if the joint never followed, `None` if there is no such
+    /// joint. `finger` and `joint` count from 0.
     #[must_use]
     pub fn peak_rad(&self, finger: usize, joint: usize) -> Option<f64> {
         self.peak.get(finger)?.get(joint).copied()

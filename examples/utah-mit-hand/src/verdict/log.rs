@@ -4,17 +4,17 @@ use std::path::Path;
 
 use condor_mbox::Processor;
 
-/// The variable with the directory of a run, for the programs.
+/// The name of the environment variable with the directory for the logs of a test. Its programs read it.
 pub const PLACE: &str = "CONDOR_QUEUE_PLACE";
-/// The clients; each one's log has its name.
+/// The names of the clients in a test. The log of each client is a file of that name.
 pub const CLIENTS: [&str; 3] = ["client-a", "client-b", "client-c"];
-/// The joint that each client moves: the middle one of a finger of its own.
+/// The joint that each client moves, in the order of [`CLIENTS`], by its number in the hand. Each is in another finger.
 pub const JOINTS: [usize; 3] = [2, 6, 10];
-/// The processor whose set-points are observed.
+/// The processor of the master, whose set-points are observed.
 pub const MASTER: Processor = Processor(0);
 
-/// Returns the target of a client's request, counted from 0, rad: all differ by more than the set-points are
-/// exact.
+/// Returns the target of the joint, rad, in a client's request number `index`, from 0. Any two targets differ by more
+/// than the error of a set-point, so a target tells which request has run.
 #[must_use]
 pub fn target(index: u32) -> f64 {
     // Far from one to the next, so that each moves; there is room for 30 000 within the joint's range.
@@ -22,16 +22,17 @@ pub fn target(index: u32) -> f64 {
     step + if index.is_multiple_of(2) { 0.0 } else { 0.3 }
 }
 
-/// A line of the log.
+/// A line of a client's log: a request that it is about to send, or the outcome that it was told.
 #[derive(Clone, Debug)]
 pub enum Line {
     /// The request of this index is about to be sent, in a session or an incarnation, with a number.
     Offers(u32, u64, u64),
-    /// Its outcome, as the words of the log.
+    /// The outcome that the client was told for the request of this index, as the words of the log.
     Told(u32, String),
 }
 
-/// Reads a log.
+/// Reads the log of a client in the file `log`, oldest line first. Lines that cannot be understood are left out, and a
+/// file that cannot be read counts as empty.
 #[must_use]
 pub fn read(log: &Path) -> Vec<Line> {
     let text = std::fs::read_to_string(log).unwrap_or_default();

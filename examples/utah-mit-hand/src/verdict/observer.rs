@@ -75,7 +75,8 @@ pub(super) fn read(place: &Path) -> Vec<Sample> {
     samples
 }
 
-/// Returns true if a finger of the clients did not follow at the last look.
+/// Returns true if, in the last observed tick, the finger of any client did not follow its set-points. `place` is the
+/// directory with the log of the observer.
 #[must_use]
 pub fn is_loose(place: &Path) -> bool {
     let tail = || {
@@ -89,7 +90,7 @@ pub fn is_loose(place: &Path) -> bool {
     tail().is_some_and(|last| last.loose & 0b111 != 0)
 }
 
-/// The program.
+/// The program that writes the set-points of the clients' joints to a log, for each tick of the master that it sees.
 pub struct Observer;
 
 impl Program for Observer {

@@ -5,7 +5,7 @@ use core::sync::atomic::{AtomicU8, Ordering::Relaxed};
 use crate::identifies_as;
 use condor_dev::{Bus, DeviceError, Driver, Registers};
 
-/// A board with sixteen analog inputs, each converted to 16 bits.
+/// The driver of a board with sixteen analog inputs, each converted to 16 bits.
 ///
 /// | offset | width | access | register |
 /// |---|---|---|---|
@@ -16,14 +16,14 @@ use condor_dev::{Bus, DeviceError, Driver, Registers};
 /// | 0x20 + 2·*n* | 16 | read | the latest conversion of channel *n*, two's complement |
 ///
 /// `read` returns the channels in order, two bytes each, in the byte order of the processor; it returns
-/// [`DeviceError::WouldBlock`] between the start of a conversion and its end. A board is opened converting
-/// all the time.
+/// [`DeviceError::WouldBlock`] between the start of a conversion and its end. An open board converts all the time,
+/// until [`set_trigger`](Self::set_trigger) changes that.
 #[derive(Debug)]
 pub struct Adc16 {
     trigger: AtomicU8,
 }
 
-/// The event that starts a conversion of all channels.
+/// The event that makes an [`Adc16`] start a conversion of all its channels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum ConversionTrigger {
@@ -46,7 +46,7 @@ mod offset {
 }
 
 impl Adc16 {
-    /// Channels of a board.
+    /// The number of channels of a board.
     pub const CHANNELS: usize = 16;
 
     const fn channel(number: usize) -> usize {
@@ -108,8 +108,8 @@ impl Driver for Adc16 {
 }
 
 impl Adc16 {
-    /// Reads the latest conversions of the first channels, as many as `into` has room for; returns their
-    /// number.
+    /// Reads the latest conversions of the channels from 0 on into `into`, one value per channel, until `into` is full
+    /// or all channels are read. Returns the number of values.
     ///
     /// # Errors
     /// Returns the bus's error if an access fails; `into` may have been written in part.
@@ -127,7 +127,7 @@ impl Adc16 {
         Ok(scanned)
     }
 
-    /// Sets the event that starts a conversion.
+    /// Sets the event that starts a conversion of all channels from now on.
     ///
     /// # Errors
     /// Returns the bus's error if the access fails; the previous trigger stays in force.
@@ -143,7 +143,7 @@ impl Adc16 {
         })
     }
 
-    /// Starts a conversion of all channels, if [`ConversionTrigger::Command`] has been chosen.
+    /// Starts a conversion of all channels; has an effect only if the trigger is [`ConversionTrigger::Command`].
     ///
     /// # Errors
     /// Returns the bus's error if the access fails.
@@ -152,7 +152,7 @@ impl Adc16 {
         registers.write16(offset::START, 1)
     }
 
-    /// Returns true if a conversion has been completed since one was last started.
+    /// Returns true if a conversion has been completed since the last one was started.
     ///
     /// # Errors
     /// Returns the bus's error if the access fails.

@@ -3,7 +3,7 @@
 use crate::identifies_as;
 use condor_dev::{Bus, DeviceError, Driver, Registers};
 
-/// A board with sixteen analog outputs of 16 bits, double-buffered.
+/// The driver of a board with sixteen analog outputs of 16 bits, double-buffered.
 ///
 /// | offset | width | access | register |
 /// |---|---|---|---|
@@ -32,7 +32,7 @@ mod offset {
 }
 
 impl Dac16 {
-    /// Channels of a board.
+    /// The number of channels of a board.
     pub const CHANNELS: usize = 16;
 
     #[inline(always)]
@@ -99,11 +99,12 @@ impl Driver for Dac16 {
 }
 
 impl Dac16 {
-    /// Puts `values` out on the channels from `first` on, at the same instant.
+    /// Sets the outputs of the channels from number `first` on to `values`, in order and all at the
+    /// same instant.
     ///
     /// # Errors
-    /// [`DeviceError::Length`] if the board has fewer channels; [`DeviceError::Bus`] if an access fails. No
-    /// output has changed then.
+    /// [`DeviceError::Length`] if there are more values than channels from `first` on;
+    /// [`DeviceError::Bus`] if an access fails. No output has changed then.
     #[inline]
     pub fn write_channels<B: Bus>(
         &self,
@@ -120,7 +121,7 @@ impl Dac16 {
         Ok(Dac16::put(registers, first, values.iter().copied())?)
     }
 
-    /// Puts `values` out on all channels, at the same instant.
+    /// Sets the outputs of all channels to `values`, at the same instant.
     ///
     /// # Errors
     /// Returns the bus's error if an access fails; no output has changed then.

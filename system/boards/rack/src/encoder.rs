@@ -3,7 +3,7 @@
 use crate::identifies_as;
 use condor_dev::{Bus, Count, DeviceError, Driver, Registers};
 
-/// A board with eight quadrature counters of 32 bits, which wrap.
+/// The driver of a board with eight quadrature counters of 32 bits, which wrap.
 ///
 /// | offset | width | access | register |
 /// |---|---|---|---|
@@ -38,7 +38,7 @@ mod offset {
 }
 
 impl Encoder8 {
-    /// Counters of a board.
+    /// The number of counters of a board.
     pub const COUNTERS: usize = 8;
 
     /// Latches, and shows the first `count` counters to `see`, perhaps more than once.
@@ -120,8 +120,8 @@ impl Driver for Encoder8 {
 }
 
 impl Encoder8 {
-    /// Reads the counts of the first counters at one instant, as many as `into` has room for; returns their
-    /// number.
+    /// Reads the counters from 0 on into `into`, until `into` is full or all counters are read. All counts are of the
+    /// same instant. Returns the number of counts.
     ///
     /// # Errors
     /// [`DeviceError::Bus`] if an access fails; [`DeviceError::WouldBlock`] if faster loops interrupted
@@ -141,8 +141,8 @@ impl Encoder8 {
         Ok(count)
     }
 
-    /// Returns the number of pulses by which each counter has moved since the counts in `last`, and sets
-    /// `last` to the present counts.
+    /// Returns the number of pulses by which each counter has moved since its count in `last`, and sets `last` to the
+    /// present counts.
     ///
     /// A counter may have wrapped meanwhile, but must not have moved by 2³¹ pulses or more.
     ///
@@ -165,7 +165,7 @@ impl Encoder8 {
         Ok(moved)
     }
 
-    /// Sets the counters named by the bits of `counters` to zero, now.
+    /// Sets counters to zero at once: bit *n* of `counters` stands for counter *n*.
     ///
     /// # Errors
     /// Returns the bus's error if the access fails.
@@ -173,8 +173,8 @@ impl Encoder8 {
         registers.write16(offset::ZERO, counters.into())
     }
 
-    /// Sets the counters that the next index pulse zeroes: those named by the bits of `counters`, and no
-    /// others.
+    /// Selects the counters that their next index pulse sets to zero: bit *n* of `counters` stands for counter *n*.
+    /// Each counter does so once. The call replaces the previous selection.
     ///
     /// # Errors
     /// Returns the bus's error if the access fails.
@@ -186,7 +186,7 @@ impl Encoder8 {
         registers.write16(offset::ZERO_AT_INDEX, counters.into())
     }
 
-    /// Returns the counters whose index pulse came since the last call, a bit for each counter.
+    /// Returns the counters whose index pulse came since the last call: bit *n* stands for counter *n*.
     ///
     /// # Errors
     /// Returns the bus's error if an access fails; the next call reports these pulses, too.
@@ -194,8 +194,8 @@ impl Encoder8 {
         Encoder8::take(registers, offset::INDEX)
     }
 
-    /// Returns the counters that missed pulses since the last call, a bit for each counter: their counts
-    /// are wrong until they are zeroed.
+    /// Returns the counters that missed pulses since the last call: bit *n* stands for counter *n*. Their counts are
+    /// wrong until they are set to zero.
     ///
     /// # Errors
     /// Returns the bus's error if an access fails; the next call reports these counters, too.

@@ -5,7 +5,8 @@ use core::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use crate::identifies_as;
 use condor_dev::{Attention, Bus, Count, DeviceError, Driver, Registers, Ring, ShadowRegister};
 
-/// A board with sixteen input and sixteen output lines, used as handshaken bytes or as they are.
+/// The driver of a parallel port board with sixteen input and sixteen output lines. It transfers
+/// either bytes with a handshake, or the states of all lines at once.
 ///
 /// | offset | width | access | register |
 /// |---|---|---|---|
@@ -15,16 +16,16 @@ use condor_dev::{Attention, Bus, Count, DeviceError, Driver, Registers, Ring, Sh
 /// | 0x07 | 8 | both | 8-bit mode: reading takes a byte from the 16 that the board keeps, writing strobes one out |
 /// | 0x08 | 16 | both | the lines: reading returns the input lines at this moment, writing drives the output lines |
 ///
-/// In 8-bit mode, the one after reset, the input strobe latches a byte and interrupts. The
-/// interrupt's half moves bytes to a buffer of 256, from which `read` takes them; while that is full,
-/// the board keeps its bytes and does not interrupt, and what comes on top is counted as overrun by
-/// the board, not dropped by the driver. `write` strobes out as many bytes as the board has ready
-/// for; an upper byte is driven only by `write_16bits`.
+/// In 8-bit mode, which is the mode after a reset, the input strobe latches a byte and interrupts.
+/// The interrupt handler moves bytes to a buffer of 256 bytes, from which `read` takes them. While
+/// the buffer is full, the board keeps its bytes and does not interrupt; bytes for which the board
+/// has no room are lost, and the board reports an overrun. `write` strobes out as many bytes as the
+/// board is ready for. Only `write_16bits` drives the upper eight lines.
 ///
 /// In raw 16-bit mode `read` and `write` transfer words, two bytes each in the byte order of the
 /// processor, and always succeed at once; nothing interrupts and nothing is buffered.
 ///
-/// A board whose place does not interrupt is served by [`poll`](Self::poll).
+/// For a board without an interrupt in its location, call [`poll`](Self::poll) regularly.
 #[derive(Debug)]
 pub struct Mpp {
     input: Ring<256>,
@@ -72,7 +73,7 @@ impl Mpp {
         self.control.update(wanted, write)
     }
 
-    /// Resets the board: 8-bit mode, outputs low, and no input. Input that was not read is lost.
+    /// Resets the board to 8-bit mode with all outputs low. Input that was not read is lost.
     ///
     /// # Errors
     /// Returns the bus's error if an access fails.
@@ -270,7 +271,7 @@ impl Driver for Mpp {
 }
 
 impl Mpp {
-    /// Sets the 8-bit mode, in which lines are transferred as handshaken bytes.
+    /// Sets the 8-bit mode, in which `read` and `write` transfer bytes with a handshake.
     ///
     /// # Errors
     /// Returns the bus's error if the access fails; the board stays in its mode then.
@@ -278,7 +279,8 @@ impl Mpp {
         self.set_raw(registers, false)
     }
 
-    /// Sets the raw 16-bit mode, in which lines are transferred as they are, sixteen at once.
+    /// Sets the raw 16-bit mode, in which `read` and `write` transfer the states of all sixteen
+    /// lines at once.
     ///
     /// # Errors
     /// Returns the bus's error if the access fails; the board stays in its mode then.
@@ -286,7 +288,8 @@ impl Mpp {
         self.set_raw(registers, true)
     }
 
-    /// Returns the input lines at this moment, in either mode.
+    /// Returns the state of the sixteen input lines at this moment, in either mode; bit *n* is line
+    /// *n*.
     ///
     /// # Errors
     /// Returns the bus's error if the access fails.
@@ -295,7 +298,8 @@ impl Mpp {
         registers.read16(offset::LINES)
     }
 
-    /// Drives the output lines; in 8-bit mode only the upper eight of them.
+    /// Drives the output lines: bit *n* of `lines` is line *n*. In 8-bit mode only the upper eight
+    /// lines change.
     ///
     /// # Errors
     /// Returns the bus's error if the access fails.
@@ -308,14 +312,15 @@ impl Mpp {
         registers.write16(offset::LINES, lines)
     }
 
-    /// Returns the number of times that the board reported an overrun: input for which it had no room. The
-    /// number wraps.
+    /// Returns how many times the board reported an overrun, which is input for which it had no
+    /// room; wraps.
     #[must_use]
     pub fn overruns(&self) -> u32 {
         self.overruns.get()
     }
 
-    /// Does the work of the interrupt, for a board that does not interrupt.
+    /// Does the work of the interrupt handler. Call it regularly for a board that does not
+    /// interrupt.
     ///
     /// # Errors
     /// Returns the bus's error if an access fails.

@@ -20,7 +20,7 @@ use super::{
     number, reader,
 };
 
-/// The result of completing a recording.
+/// The result of [`complete`]: the state in which the recording was, and what it contains now.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RecordingCompletion {
     /// Whether the recording was complete, and without damage, before.
@@ -34,7 +34,7 @@ pub struct RecordingCompletion {
     pub kept: Option<PathBuf>,
 }
 
-/// The parts of a file that are not records, or not as they were written.
+/// The amount of damage in the file of a recording: bytes that are not records, or not as they were written.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Damage {
     /// The number of places.
@@ -50,12 +50,11 @@ impl Damage {
     }
 }
 
-/// Completes a recording whose recorder was killed, or that is damaged: all whole chunks stay, and the number
-/// of messages that were dropped is added. A recording that is complete and sound stays as it is.
+/// Completes the recording in the file `path`, whose recorder was killed, or that is damaged. All whole chunks stay,
+/// and the numbers of messages that were dropped are added. A recording that is complete and sound stays as it is.
 ///
-/// The new file is written beside the old one as `FILE.new`, and then takes its place: there must be room for
-/// both. An old file with damage is kept under a numbered name, since another program may be able to read more
-/// of it.
+/// The new file is written beside the old one as `FILE.new`, and then takes its place: there must be room for both. An
+/// old file with damage is kept under a numbered name, since another program may be able to read more of it.
 ///
 /// # Errors
 /// Returns [`RecordingError::NotMcap`] if the file is not a recording; [`RecordingError::InUse`] if it is being

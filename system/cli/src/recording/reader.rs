@@ -20,7 +20,7 @@ use super::records::{self, Step, Walk, part};
 use super::{ABOUT, DROPPED, FORMAT, NamedFileError, RecordedTopic, RecordingError, number};
 use condor_host::names::{self, VariableName};
 
-/// A complete recording.
+/// A reader of a complete recording: its loops and published cells, their rows, and the events.
 #[derive(Debug)]
 pub struct RecordingReader {
     path: PathBuf,
@@ -31,12 +31,12 @@ pub struct RecordingReader {
     columns: Vec<Column>,
 }
 
-/// A loop or a published cell in a recording.
+/// A loop or a published cell in a recording, whose rows have the values of its variables.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RecordedSource {
     /// The name of its processor.
     pub processor: String,
-    /// Its own name.
+    /// The name of the loop or cell.
     pub owner: String,
     /// The topic of its rows.
     pub topic: String,
@@ -50,7 +50,7 @@ pub struct RecordedSource {
     channel: u16,
 }
 
-/// A variable in a recording.
+/// A variable in a recording: the loop or cell in whose rows it is, and its place there.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Column {
     /// The index of its source in [`RecordingReader::sources`].
@@ -70,13 +70,14 @@ impl VariableName for Column {
 }
 
 impl RecordingReader {
-    /// Opens a recording.
+    /// Opens the recording in the file `path`. A recording whose recorder was killed must be
+    /// [completed](super::complete) first.
     ///
     /// # Errors
-    /// Returns [`RecordingError::Incomplete`] if the recorder has not completed it; [`RecordingError::NotMcap`]
-    /// if it is not an MCAP file; [`RecordingError::NoIndex`] if it has no index; [`RecordingError::Format`] if
-    /// its format has another version; [`RecordingError::File`] if it cannot be opened or read;
-    /// [`RecordingError::Schema`] if the schema of a channel cannot be read.
+    /// Returns [`RecordingError::Incomplete`] if the recording is not complete; [`RecordingError::NotMcap`] if the file
+    /// is not an MCAP file; [`RecordingError::NoIndex`] if it has no index; [`RecordingError::Format`] if its format
+    /// has another version; [`RecordingError::File`] if it cannot be opened or read; [`RecordingError::Schema`] if the
+    /// schema of a channel cannot be read.
     pub fn open(path: &Path) -> Result<Self, RecordingError> {
         let mut file = open_regular(path).map_err(NamedFileError::at("open", path))?;
         let Some(whole) = whole(path, &mut file)? else {
@@ -169,13 +170,14 @@ impl RecordingReader {
         self.sources.push(source);
     }
 
-    /// Returns the content of the metadata `condor`: see [the format](super).
+    /// Returns the metadata of the recording, such as the name of the system and the version of the recorder. Its keys
+    /// are those of `condor` in [the format](super).
     #[must_use]
     pub const fn about(&self) -> &BTreeMap<String, String> {
         &self.about
     }
 
-    /// Returns the loops and cells.
+    /// Returns the loops and published cells of which the recording has rows.
     #[must_use]
     pub fn sources(&self) -> &[RecordedSource] {
         &self.sources
@@ -193,14 +195,15 @@ impl RecordingReader {
         }
     }
 
-    /// Returns all variables.
+    /// Returns all variables of all loops and cells.
     #[must_use]
     pub fn all(&self) -> &[Column] {
         &self.columns
     }
 
-    /// Finds the variables with these names and patterns, each once, in the order of `names`; all variables if
-    /// `names` is empty. Names and patterns are those of `condor vars watch`.
+    /// Finds the variables that `names` stand for, in the order of `names`; each variable is returned once. A name may
+    /// be a pattern, as in `condor vars watch`: `*` stands for any characters, and `?` for one. If `names` is empty,
+    /// all variables are returned.
     ///
     /// # Errors
     /// Returns [`RecordingError::Name`] if a name stands for no variable, or for several.
@@ -214,13 +217,14 @@ impl RecordingReader {
         })
     }
 
-    /// Returns the shortest name of each column that no other column has.
+    /// Returns, for each variable in `columns`, the shortest of its names that no other variable of the recording has.
     #[must_use]
     pub fn labels(&self, columns: &[&Column]) -> Vec<String> {
         names::labels(&self.columns, columns)
     }
 
-    /// Hands over the rows of some sources in a span of time, in the order of time: the index of the source,
+    /// Calls `take` for each row of some loops and cells in a span of time, in the order of time. `sources` are indices
+    /// into [`sources`](Self::sources), and `span` is in nanoseconds since 1970. `take` gets the index of the source,
     /// the time in nanoseconds since 1970, and the row.
     ///
     /// # Errors
@@ -249,7 +253,8 @@ impl RecordingReader {
         })
     }
 
-    /// Returns the events in a span of time, each with its time in nanoseconds since 1970.
+    /// Returns the events in a span of time, in the order of time. `span` and the time of each event are in nanoseconds
+    /// since 1970.
     ///
     /// # Errors
     /// Returns [`RecordingError::File`], [`RecordingError::Mcap`], [`RecordingError::Damaged`],

@@ -16,7 +16,7 @@ use condor_host::control::Member;
 /// The text that stands for the number of a process.
 const PID: &str = "{pid}";
 
-/// A program that can be started on a processor.
+/// A program, such as a debugger, that a person can start from the user interface for the program of a processor.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Tool {
     /// The name of the tool, under which the user interface shows it.
@@ -44,7 +44,7 @@ impl std::str::FromStr for Tool {
 }
 
 impl Tool {
-    /// Returns the default tool: `debugger`, which starts GDB on the program of a processor.
+    /// Returns the tool `debugger`, which starts GDB on the program of a processor.
     #[must_use]
     pub fn debugger() -> Self {
         Self {

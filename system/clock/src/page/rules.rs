@@ -6,8 +6,8 @@ use crate::obstacle::Obstacle;
 use crate::sync::{Ordering, fence};
 
 impl<const N: usize> Page<N> {
-    /// If the turn is free, takes it for `me` and passes it to the participant that goes on first, if there
-    /// is one. Any thread of `me` may call this at any moment.
+    /// Lets time go on after a change: if the turn is free, takes it for `me` and passes it to the participant that
+    /// goes on first, if there is one. Any thread of `me` may call this at any moment.
     pub fn kick(&self, me: u8, by: &impl Handover) {
         // Pairs with the fence in `give`: either the last holder sees in its second look what the
         // caller has changed, or the caller sees here that the turn is free.

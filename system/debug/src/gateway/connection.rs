@@ -22,7 +22,8 @@ const INTERRUPT: u8 = 3;
 /// Bytes with which a packet or an acknowledgement begins, or an interrupt.
 const BEGINNINGS: [u8; 4] = [b'$', b'+', b'-', INTERRUPT];
 
-/// A connection to GDB, with the bytes that were read and do not yet make a whole packet.
+/// A connection to GDB, which divides the bytes that arrive into packets of GDB's remote protocol.
+/// Pass it to [`Session::serve`](super::Session::serve).
 #[derive(Debug)]
 pub struct PacketStream {
     file: std::fs::File,
@@ -42,7 +43,7 @@ pub(super) enum GdbInput {
 }
 
 impl PacketStream {
-    /// Makes the stream of a connected socket.
+    /// Makes the stream of `socket`, a connected TCP or Unix socket.
     ///
     /// # Errors
     /// [`io::Error`] if the socket cannot be set up.
@@ -66,8 +67,8 @@ impl PacketStream {
         })
     }
 
-    /// Returns true if the first byte, for which it waits until `limit`, is one of GDB's: a connection
-    /// that begins like HTTP is not GDB's.
+    /// Waits for the first byte, for at most `limit`. Returns true if it is a byte with which GDB begins. Returns false
+    /// if no byte has come, or another one, such as the first of HTTP.
     ///
     /// # Errors
     /// [`io::Error`] if the connection fails.

@@ -86,8 +86,10 @@ pub(super) struct Conversation<'s, W: MemoryWindow> {
 }
 
 impl<W: MemoryWindow> Session<W> {
-    /// Serves a GDB until it goes away. The programs are stopped when GDB asks for it, which it does at once
-    /// unless it is in non-stop mode. Returns true if GDB wants them to be killed; otherwise they go on.
+    /// Serves the GDB at the other end of `stream` until it disconnects; waits for its first byte for at most `limit`.
+    /// The programs are stopped when GDB asks for it, which it does at once unless it is in non-stop mode. At the end
+    /// the programs go on without breakpoints. Returns true if GDB wants the programs to be killed, which the caller
+    /// must do.
     ///
     /// # Errors
     /// [`SessionError::NoProgram`] if all programs have ended; [`SessionError::Tracer`] if a processor does

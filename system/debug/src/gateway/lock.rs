@@ -12,13 +12,14 @@ use rustix::fs::FlockOperation;
 
 use crate::{Tracer, TracerError};
 
-/// The lock of a processor's debugger. The kernel frees it, however its holder ends.
+/// A lock on a file, by which a processor has at most one debugger at a time. The kernel frees the
+/// lock when the process that holds it ends, even if that process is killed.
 #[derive(Debug)]
 pub struct DebuggerLock(File);
 
 impl DebuggerLock {
-    /// Takes the lock on `file`, which is made if it does not exist; returns `None` if another process has
-    /// the lock until `limit` has passed.
+    /// Takes the lock on `file`, which is made if it does not exist. If another process has the lock, waits for at most
+    /// `limit`, and then returns `None`.
     ///
     /// # Errors
     /// [`io::Error`] if the file cannot be made or locked.
@@ -35,7 +36,8 @@ impl DebuggerLock {
     }
 }
 
-/// Cleans up after debuggers that were killed.
+/// A watcher of one processor that cleans up after debuggers that were killed: it removes their
+/// breakpoints and lets the program go on.
 #[derive(Debug, Default)]
 pub struct Cleaner {
     /// Held while the processor is released.
@@ -43,16 +45,17 @@ pub struct Cleaner {
 }
 
 impl Cleaner {
-    /// Makes one that has nothing to do.
+    /// Makes a watcher that has found no killed debugger yet.
     #[must_use]
     pub const fn new() -> Self {
         Self { lock: None }
     }
 
-    /// Looks at a processor, whose debugger lock is on `file`. If a debugger was attached and is dead, has
-    /// the processor remove all breakpoints and go on. It does not wait: call it again and again.
+    /// Checks whether the debugger of the processor of `tracer` was killed; `file` is the file of that processor's
+    /// debugger lock. If so, makes the processor remove all breakpoints and go on. This takes several calls, because
+    /// none of them waits: call this method again and again.
     ///
-    /// Returns true if a debugger was found dead in this call.
+    /// Returns true if this call has found that a debugger was killed.
     ///
     /// # Errors
     /// [`TracerError::Access`] if the area cannot be accessed.
@@ -74,7 +77,8 @@ impl Cleaner {
         Ok(found)
     }
 
-    /// Forgets a processor whose program has ended: nothing is left to be released.
+    /// Stops cleaning up. Call it when the program of the processor has ended, since then nothing
+    /// is left to release.
     pub fn forget(&mut self) {
         self.lock = None;
     }

@@ -6,19 +6,21 @@ use condor_mbox::MemoryWindow;
 
 use crate::{Tracer, TracerError};
 
-/// The places of a frame: `x1` to `x31` are at 0 to 30.
+/// The places of registers in the frame of a RISC-V processor, as
+/// [`Tracer::register`](crate::Tracer::register) counts them. The places 0 to 30 are those of `x1`
+/// to `x31`.
 pub mod frame {
-    /// The address of the next instruction.
+    /// The place of the program counter: the address of the next instruction.
     pub const PC: u32 = 31;
-    /// `mstatus`.
+    /// The place of the register `mstatus`.
     pub const STATUS: u32 = 32;
-    /// `mcause` of the trap.
+    /// The place of the register `mcause`, which has the cause of the trap.
     pub const CAUSE: u32 = 33;
-    /// `mtval` of the trap.
+    /// The place of the register `mtval`, which has the value of the trap, such as an address.
     pub const VALUE: u32 = 34;
-    /// `f0` to `f31` are here and behind.
+    /// The place of the floating-point register `f0`; `f1` to `f31` are at the places after it.
     pub const FLOATS: u32 = 35;
-    /// The register `fcsr`: rounding mode and exception flags of floating point.
+    /// The place of the register `fcsr`: rounding mode and exception flags of floating point.
     pub const FCSR: u32 = 67;
 }
 

@@ -22,7 +22,7 @@ const START: Duration = Duration::from_secs(15);
 /// processor.
 const SUCCESSION: Duration = Duration::from_secs(3);
 
-/// The way in which a program ended.
+/// The way in which a debugged program ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ProgramEnd {
     /// The program returned this status.
@@ -31,17 +31,17 @@ pub enum ProgramEnd {
     Killed,
 }
 
-/// The program that a processor runs, or the end of the last one.
+/// The state of a debugged processor: the program that runs on it, or the end of the last program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DebuggedProgram {
-    /// The program that was started as this number.
+    /// A program runs. The number differs for each start of a program.
     Runs(u32),
     /// No program runs any more.
     Ended(ProgramEnd),
 }
 
-/// The owner of a processor's programs, which starts them and knows the messages that they serve: for
-/// `monitor reset`, `load` and `vectors`.
+/// The part of the host that starts the programs of a processor and knows which messages they serve. GDB's commands
+/// `monitor reset`, `monitor load` and `monitor vectors` use it.
 pub trait ProgramHost: Send {
     /// Ends the program of the processor, and then starts one: the same program again, or that of a file
     /// with arguments. Returns before the program has come to its first statement, where it will be held.
@@ -58,21 +58,23 @@ pub trait ProgramHost: Send {
     fn vectors(&self) -> Result<String, String>;
 }
 
-/// The processor and the program that are debugged.
+/// A processor whose program is debugged: all that a [`Session`] must know about the processor and
+/// the program.
 pub struct Debuggee<W> {
     /// The name of the processor.
     pub name: String,
     /// The means by which commands are sent to the processor's stub.
     pub tracer: Tracer<W>,
-    /// The memory that its program can access.
+    /// The memory that the program can access.
     pub memory: Region<W>,
-    /// The address of that memory, as the program sees it.
+    /// The address of `memory`, as the program sees it.
     pub base: u64,
     /// The addresses at which breakpoints can be: those of the program.
     pub code: core::ops::Range<u64>,
-    /// The bias to add to an address of the program's file.
+    /// The number to add to an address in the program's file, to get the address at which the
+    /// program has been loaded.
     pub bias: u64,
-    /// The file of its debugger lock.
+    /// The file of the processor's debugger lock.
     pub lock: std::path::PathBuf,
     /// Returns the program that the processor runs, or its end.
     pub program: Box<dyn Fn() -> DebuggedProgram + Send>,
@@ -81,8 +83,8 @@ pub struct Debuggee<W> {
 }
 
 impl<W: MemoryWindow> Debuggee<W> {
-    /// Reads the memory that the program sees at `address`, also while the program runs. Words of 32 bits
-    /// that are aligned are read in one piece.
+    /// Reads `bytes` bytes of the memory that the program sees at `address`, also while the program runs. Aligned words
+    /// of 32 bits are read in one piece each.
     ///
     /// Returns `None` if the program has no memory there.
     #[must_use]
@@ -91,9 +93,9 @@ impl<W: MemoryWindow> Debuggee<W> {
         Some(read.split_off(before))
     }
 
-    /// Writes the memory that the program sees at `address`, also while the program runs. Words of 32 bits
-    /// that are aligned are written in one piece, and so are 8 bytes that are alone, if the window can; of
-    /// other words, the bytes beside are written as they were read.
+    /// Writes `bytes` to the memory that the program sees at `address`, also while the program runs. Aligned words of
+    /// 32 bits are written in one piece each, and exactly two of them together in one piece, if the window can do that.
+    /// If only a part of a word is written, the other bytes of that word are written as they were read.
     ///
     /// Returns `None` if the program has no memory there.
     #[must_use]
@@ -131,7 +133,7 @@ impl<W> core::fmt::Debug for Debuggee<W> {
     }
 }
 
-/// The reason why a session failed.
+/// The reason why a debugging session cannot begin, or why it has failed.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum SessionError {
@@ -178,8 +180,8 @@ pub enum SessionError {
     Connection(String),
 }
 
-/// A debugger's hold of processors: breakpoints and fatal exceptions stop their programs as long as the
-/// session exists. When it is dropped, they run without breakpoints.
+/// A debugging session on the programs of one or several processors. As long as it exists, breakpoints and fatal
+/// exceptions stop these programs. When it is dropped, the programs run on without breakpoints.
 #[derive(Debug)]
 pub struct Session<W: MemoryWindow> {
     /// GDB's threads, from 1 on.
@@ -206,11 +208,13 @@ pub(super) struct AttachedProcessor<W: MemoryWindow> {
 }
 
 impl<W: MemoryWindow> Session<W> {
-    /// Attaches to running programs, each of which is a thread of GDB's. They go on.
+    /// Attaches to the programs of `debuggees`, which go on running. GDB sees each of them as a
+    /// thread.
     ///
     /// # Errors
-    /// [`SessionError::NoProgram`]; [`SessionError::Locked`] if another debugger has had a processor
-    /// for 3 s; [`SessionError::Lock`]; [`SessionError::Tracer`].
+    /// [`SessionError::NoProgram`] if a processor runs no program; [`SessionError::Locked`] if another debugger still
+    /// has a processor after 3 s; [`SessionError::Lock`] if the file of a debugger lock cannot be made or locked;
+    /// [`SessionError::Tracer`] if a processor does not answer, or its debug area cannot be accessed.
     pub fn attach(debuggees: Vec<Debuggee<W>>) -> Result<Self, SessionError> {
         let mut processors = Vec::new();
         for debuggee in debuggees {
@@ -233,11 +237,14 @@ impl<W: MemoryWindow> Session<W> {
         Ok(Self { processors })
     }
 
-    /// Has the [`ProgramHost`] of a processor start its program again, and holds it before its first statement.
+    /// Makes the [`ProgramHost`] of `debuggee` start the program of that processor again, and waits until the program
+    /// is held before its first statement.
     ///
     /// # Errors
-    /// [`SessionError::Locked`], [`SessionError::Lock`], [`SessionError::Tracer`]; [`SessionError::Start`] if
-    /// it does not come to that statement within 15 s.
+    /// [`SessionError::Locked`] if another debugger still has the processor after 3 s; [`SessionError::Lock`] if the
+    /// file of the debugger lock cannot be made or locked; [`SessionError::Tracer`] if the debug area cannot be
+    /// accessed; [`SessionError::Start`] if the program cannot be started, or does not come to its first statement
+    /// within 15 s.
     pub fn start(debuggee: Debuggee<W>) -> Result<Self, SessionError> {
         let attached = AttachedProcessor::locked(debuggee)?;
         attached.start(None)?;

@@ -11,7 +11,8 @@ use crate::{ProgramState, Tracer};
 
 const PROGRAM: [u32; 3] = [sim::COUNT, sim::COUNT, sim::JUMP];
 
-/// Serves a connection that sends these bytes and then ends; afterwards, the program runs as before.
+/// Serves a connection on which a debugger sends `bytes`, the input of a fuzz target, and then disconnects. Afterwards
+/// the program must run as before.
 ///
 /// # Panics
 /// Panics if the program does not run, or the gateway panics.

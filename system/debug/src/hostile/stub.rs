@@ -88,7 +88,8 @@ impl Arch for Haunted<'_> {
     }
 }
 
-/// Lets a stub obey, trap and hold with an area that has these bytes.
+/// Calls the methods of a stub while another processor overwrites its debug area. The calls and the
+/// words in the area are taken from `bytes`, the input of a fuzz target.
 ///
 /// # Panics
 /// Panics if the stub panics.

@@ -16,7 +16,8 @@ use expression::{Expression, Step};
 /// The greatest number of bytes of a value.
 const MOST_BYTES: u64 = 1 << 16;
 
-/// The reason why a variable is not found.
+/// The reason why the debug information of a program cannot be read, or why a value is not found in
+/// it.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum NamesError {
@@ -50,7 +51,7 @@ pub enum NamesError {
     Several {
         /// The name in the expression.
         name: String,
-        /// Their whole paths.
+        /// The whole paths of all variables with this name.
         there: Vec<String>,
     },
     /// The value before the step has no such part.
@@ -60,7 +61,7 @@ pub enum NamesError {
         before: String,
         /// The part that was asked for, such as `.gain` or `[2]`.
         step: String,
-        /// The parts that there are.
+        /// The parts that the value has.
         there: Vec<String>,
     },
     /// The value is too large.
@@ -84,27 +85,30 @@ impl core::fmt::Display for NameParts<'_> {
     }
 }
 
-/// The names of a program.
+/// The debug information of a program, in which [`find`](Self::find) looks up static variables by
+/// their names.
 #[derive(Debug)]
 pub struct Names<'f> {
     debug: Debug<'f>,
 }
 
-/// A value in the memory of a program.
+/// A value in the memory of a program, such as a static variable or a field of one. [`Names::find`]
+/// returns it.
 #[derive(Debug)]
 pub struct NamedValue<'n, 'f> {
     names: &'n Names<'f>,
     at: TypeAt,
     /// For a bit field, its bits in the bytes at `address`; `None` for other values.
     bits: Option<Bits>,
-    /// Its address in the program's file.
+    /// The address of the value in the program's file.
     pub address: u64,
-    /// The number of its bytes; for a bit field, of the bytes in which its bits are.
+    /// The size of the value in bytes; for a bit field, the size of the bytes that contain its
+    /// bits.
     pub bytes: usize,
 }
 
 impl<'f> Names<'f> {
-    /// Reads the debug information of a program, whose ELF file has these bytes.
+    /// Reads the debug information of a program. `file` has all bytes of the program's ELF file.
     ///
     /// # Errors
     /// [`NamesError::NoInformation`] if the file has no debug information, or if it is damaged.
@@ -113,7 +117,9 @@ impl<'f> Names<'f> {
         Ok(Self { debug })
     }
 
-    /// Finds the value that an expression names.
+    /// Finds the value that the expression `text` names, such as `SERVO.joints[2].gain`. An
+    /// expression begins with the path of a static variable, or with the last segments of that
+    /// path; fields and indices may follow.
     ///
     /// # Errors
     /// [`NamesError::Expression`] if the text cannot be read; [`NamesError::NoVariable`] or
@@ -212,7 +218,8 @@ impl<'f> Names<'f> {
 }
 
 impl NamedValue<'_, '_> {
-    /// Returns the text of the value, whose bytes in the memory of the program are these.
+    /// Returns the value as a text for people. `bytes` are the bytes that the memory of the program
+    /// has at the address of the value.
     #[must_use]
     pub fn text(&self, bytes: &[u8]) -> String {
         let mut text = String::new();

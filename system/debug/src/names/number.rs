@@ -3,7 +3,8 @@
 use super::NamedValue;
 use super::dwarf::Shape;
 
-/// The type of a value that is one number, a truth value included.
+/// The type of a [`NamedValue`] that is a single number or a truth value. It converts the bytes of
+/// the value into a number, and a text into such bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Number {
     encoding: gimli::DwAte,
@@ -12,8 +13,8 @@ pub struct Number {
 }
 
 impl NamedValue<'_, '_> {
-    /// Returns the type of the value if it is one number, or wraps one, as an atomic does; `None` otherwise,
-    /// and for bit fields.
+    /// Returns the type of the value if it is a single number, a truth value, a pointer or an enum without fields, or
+    /// if it wraps one, as an atomic does. Returns `None` for all other values, and for bit fields.
     #[must_use]
     pub fn number(&self) -> Option<Number> {
         if self.bits.is_some() {
@@ -39,8 +40,8 @@ impl NamedValue<'_, '_> {
 }
 
 impl Number {
-    /// Returns the number with these bytes; 0 and 1 for `false` and `true`. A floating-point number of 64 bits has
-    /// 53 of an integer.
+    /// Returns the number that `bytes` hold, in little-endian order; 0 for `false` and 1 for `true`. An integer of 64
+    /// bits is rounded to the 53 bits that an `f64` can hold.
     #[must_use]
     #[expect(clippy::cast_precision_loss, reason = "as documented")]
     pub fn value(self, bytes: &[u8]) -> f64 {
@@ -60,8 +61,8 @@ impl Number {
         }
     }
 
-    /// Returns the bytes of the value with a text such as `-3`, `0x1f`, `1.5` or `true`; `None` if the type has no
-    /// such value.
+    /// Returns the little-endian bytes of the value that `text` states, such as `-3`, `0x1f`, `1.5` or `true`; `None`
+    /// if the type has no such value.
     #[must_use]
     pub fn bytes(self, text: &str) -> Option<Vec<u8>> {
         let word = match (self.encoding, self.bytes) {

@@ -5,7 +5,8 @@ use serde::Serialize;
 use crate::control::{ClockStatus, Member, SystemStatus};
 use crate::view::{Heart, TerminalCounts, View, ViewError};
 
-/// The processors and services of a running system, as `ps --json` prints them.
+/// The report that `condor ps --json` prints on a running system: its name and clock, and a row for each processor and
+/// each service. [`processors`] makes it.
 #[derive(Serialize)]
 pub struct ProcessorReport<'s> {
     /// The name of the system.
@@ -14,13 +15,14 @@ pub struct ProcessorReport<'s> {
     pub uptime: f64,
     /// The process of its supervisor.
     pub pid: u32,
-    /// Its simulated clock, if it has one.
+    /// The simulated clock of the system; `None` if the system runs by the real one.
     pub clock: Option<&'s ClockStatus>,
     /// The processors, and after them the services.
     pub processors: Vec<ProcessorRow<'s>>,
 }
 
-/// A processor or a service.
+/// The row of a [`ProcessorReport`] on one processor or service: the state of its program, its heartbeat, the number of
+/// its servo loops, and the counts of its terminals.
 #[derive(Serialize)]
 pub struct ProcessorRow<'s> {
     /// The state of the processor or service, as the supervisor reports it.
@@ -36,7 +38,8 @@ pub struct ProcessorRow<'s> {
     pub terminals: Vec<TerminalCounts>,
 }
 
-/// Returns the processors and services of a running system.
+/// Makes the report that `condor ps --json` prints. `status` is the supervisor's report on the system, and `view` reads
+/// the heartbeats, the loops and the terminals from the memory of the processors.
 ///
 /// # Errors
 /// [`ViewError`] if the memory of a processor cannot be accessed.

@@ -11,7 +11,8 @@ use crate::error::AnyError;
 use crate::view::View;
 use crate::watching::{CatalogEntry, Clients, VariableCatalog, present};
 
-/// A variable, a parameter or a field of a published cell, as `vars list --json` prints it.
+/// The report that `condor vars list --json` prints on one variable, one parameter or one field of a published cell. It
+/// serializes to a JSON object. [`variable`] makes it.
 #[derive(Serialize)]
 pub struct Variable<'s> {
     processor: &'s str,
@@ -33,11 +34,15 @@ pub struct Variable<'s> {
     value: Option<Json>,
 }
 
-/// Returns the `variables` that `vars list --json` prints, or with `names` those that `vars get --json` prints.
+/// Returns a JSON array with an object for each variable, parameter and field of a published cell.
+///
+/// If `names` is empty, these are all of the processors in `status`, as `condor vars list --json` prints them.
+/// Variables have no value then: only parameters and fields are read. Otherwise they are those in `names`, in that
+/// order, as `condor vars get --json` prints them, each with its present value.
 ///
 /// # Errors
-/// Returns an error if a table cannot be read, if a name is unknown, or if a value cannot be read; the text
-/// says which one.
+/// Returns an error if there are no variables, if a name is unknown or ambiguous, or, with `names`, if a value cannot
+/// be read; the text says which one.
 pub fn variables(
     status: &SystemStatus,
     view: &View,
@@ -59,8 +64,9 @@ pub fn variables(
     Ok(serde_json::to_value(rows)?)
 }
 
-/// Returns the values of all parameters and fields that can be had, and `None` for others. What is wrong with the
-/// others is added to [`VariableCatalog::troubles`].
+/// Returns the value of each entry of `known`, in that order. The value is `None` for a variable, which has values only
+/// in rows, and for a parameter or field that cannot be read. If a parameter cannot be read, the reason is added to
+/// [`VariableCatalog::troubles`], and no other parameter of that processor is asked for.
 pub fn all_values(known: &mut VariableCatalog, clients: &mut Clients<'_>) -> Vec<Option<AnyValue>> {
     let (mut values, mut silent) = (Vec::new(), BTreeSet::new());
     for one in &known.all {
@@ -78,7 +84,8 @@ pub fn all_values(known: &mut VariableCatalog, clients: &mut Clients<'_>) -> Vec
     values
 }
 
-/// Returns the present values of some variables, parameters and fields.
+/// Returns the present value of each entry of `chosen`, in that order. Variables have the values of the next row of
+/// their loop. The value is `None` only if the bytes of a cell are too few for its field.
 ///
 /// # Errors
 /// Returns an error if a value cannot be read; the text names the variable or the loop.
@@ -95,7 +102,8 @@ pub fn values(
     Ok(values)
 }
 
-/// Returns the report on a variable, with its value if there is one.
+/// Makes the report on the entry `one` of a catalog. `value` is its present value; with `None`, the report has no
+/// value.
 #[must_use]
 pub fn variable(one: &CatalogEntry, value: Option<AnyValue>) -> Variable<'_> {
     let owner = Some(&*one.owner);

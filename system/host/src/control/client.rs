@@ -12,7 +12,7 @@ use crate::system::{ANSWER, NamedFileError, SystemDirectory};
 /// The time that a request may take to take effect; programs may have to end, and others to join.
 const DONE: Duration = Duration::from_secs(120);
 
-/// The reason why a request was not carried out, or not answered.
+/// The reason why the supervisor did not carry out a request, or did not answer it.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ControlClientError {
@@ -48,10 +48,11 @@ pub enum ControlClientError {
     },
 }
 
-/// A connection to the supervisor of a running system.
+/// A connection to the supervisor of a running system, which carries one request after the other.
 ///
-/// It waits for an answer for 15 s, or for 120 s if the request takes effect before the answer.
-/// [`set_timeout`](Self::set_timeout) changes both.
+/// Each call waits for the answer. It fails after 15 s; after 120 s for requests that stop, start, restart or load a
+/// program, since their answer comes when the program has ended or joined; and after 20 s for the end of the system.
+/// [`set_timeout`](Self::set_timeout) replaces all of these times.
 #[derive(Debug)]
 pub struct ControlClient {
     stream: BufReader<UnixStream>,
@@ -60,7 +61,7 @@ pub struct ControlClient {
 }
 
 impl ControlClient {
-    /// Connects to the supervisor of a system.
+    /// Connects to the supervisor of the system in `directory`.
     ///
     /// # Errors
     /// [`ControlClientError::Connect`] if no supervisor accepts the connection.
@@ -71,7 +72,7 @@ impl ControlClient {
         })
     }
 
-    /// Sets the timeout for all answers; `None` means to wait forever.
+    /// Sets the longest time for which each later call waits for an answer; `None` means to wait forever.
     ///
     /// # Errors
     /// Returns [`ControlClientError::Broken`] if `timeout` is zero, which the operating system refuses.
@@ -81,12 +82,14 @@ impl ControlClient {
         Ok(())
     }
 
-    /// Sends a request, and waits for the answer.
+    /// Sends `request`, and waits for the answer. If the request changes something, the answer comes when the change
+    /// has taken effect.
     ///
     /// # Errors
-    /// [`ControlClientError::Refused`] if the supervisor refuses the request; the connection can still be
-    /// used then. [`ControlClientError::TimedOut`], [`ControlClientError::Ended`], [`ControlClientError::Broken`] or
-    /// [`ControlClientError::NoAnswer`] if there is no answer.
+    /// Returns [`ControlClientError::Refused`] if the supervisor refuses the request; the connection can still be used
+    /// then. Returns [`ControlClientError::TimedOut`] if no answer comes in time; [`ControlClientError::Ended`] if the
+    /// supervisor ends before it answers; [`ControlClientError::Broken`] if the connection breaks;
+    /// [`ControlClientError::NoAnswer`] if the line that comes is not an answer.
     pub fn ask(&mut self, request: &ControlRequest) -> Result<ControlAnswer, ControlClientError> {
         let mut line = serde_json::to_string(request).map_err(std::io::Error::from)?;
         line.push('\n');
@@ -106,7 +109,7 @@ impl ControlClient {
         }
     }
 
-    /// Returns the state of the system.
+    /// Asks the supervisor for the present state of the system.
     ///
     /// # Errors
     /// [`ControlClientError::Refused`] if the supervisor refuses; another [`ControlClientError`] if there is no
@@ -117,13 +120,13 @@ impl ControlClient {
             .ok_or(ControlClientError::Ended)
     }
 
-    /// Ends the system, waits until it has ended, and returns the names of the processors and services
-    /// that did not end when they were asked to, and were killed. That takes at most
-    /// [`DOWN`], unless the supervisor itself hangs.
+    /// Ends the system, and waits until the supervisor has ended, too. Returns the names of the processors and services
+    /// that did not end when they were asked to, and were killed. This takes at most [`DOWN`], unless the supervisor
+    /// itself hangs.
     ///
     /// # Errors
-    /// [`ControlClientError::TimedOut`] if the system has not ended after twice that time,
-    /// [`ControlClientError::Ended`] if the supervisor was killed meanwhile, and so all programs;
+    /// Returns [`ControlClientError::TimedOut`] if the system has not ended after 2 × [`DOWN`];
+    /// [`ControlClientError::Ended`] if the supervisor was killed before it answered, which ends all programs, too;
     /// [`ControlClientError::Broken`] or [`ControlClientError::NoAnswer`] if the answer cannot be read.
     pub fn down(mut self) -> Result<Vec<String>, ControlClientError> {
         let killed = self.ask(&ControlRequest::Down {})?.killed;
@@ -131,7 +134,8 @@ impl ControlClient {
         Ok(killed)
     }
 
-    /// Returns an iterator over all events from now on.
+    /// Returns an iterator over the events from now on. The iterator waits for each event: forever, unless
+    /// [`set_timeout`](Self::set_timeout) was called.
     ///
     /// # Errors
     /// [`ControlClientError::Refused`] if the supervisor refuses; another [`ControlClientError`] if there is no
@@ -174,17 +178,20 @@ impl ControlClient {
     }
 }
 
-/// Returns a text for people about the programs that were killed at the end, if there are any.
+/// Returns a sentence for people with the names in `killed`, the result of [`ControlClient::down`]; `None` if there are
+/// no names.
 #[must_use]
 pub fn told_of(killed: &[String]) -> Option<String> {
     let names = killed.join(", ");
     (!killed.is_empty()).then(|| format!("killed, since they did not end in time: {names}"))
 }
 
-/// Returns the last `lines` lines of the log of a system, and an iterator over the events after them.
+/// Returns the last `lines` lines of the log of the system in `directory`, oldest first, and an iterator over the
+/// events after them. The iterator waits for each event, and ends with the system.
 ///
 /// # Errors
-/// [`ControlClientError`] if nobody answers, or the answer cannot be understood.
+/// Returns [`ControlClientError::Connect`] if no supervisor accepts the connection; another [`ControlClientError`] if
+/// the supervisor does not answer, or if its answer cannot be read.
 pub fn follow(
     directory: &SystemDirectory,
     lines: usize,
@@ -212,7 +219,8 @@ pub fn follow(
     Ok((lines, news))
 }
 
-/// An iterator over the events of a system, which ends with the system.
+/// An iterator over the events of a running system. It waits for each event, and ends when the system has ended.
+/// [`ControlClient::events`] returns it.
 #[derive(Debug)]
 pub struct ControlEvents(ControlClient);
 
@@ -224,8 +232,8 @@ impl Iterator for ControlEvents {
     }
 }
 
-/// Makes the path of a program for [`ControlRequest::Load`] absolute, since the supervisor has another working
-/// directory than this program. A name without a slash stays as it is: the supervisor searches for it.
+/// Makes the path of a program absolute, for [`ControlRequest::Load`]: the supervisor has another working directory
+/// than this program. A name without a slash is returned unchanged, since the supervisor searches for it.
 ///
 /// # Errors
 /// Returns the operating system's error if there is no working directory; an error that names the path if the

@@ -11,11 +11,11 @@ use rustix::process::{Pid, PidfdFlags, Signal, WaitId, WaitIdOptions};
 use super::{Exit, Launch, LaunchError, ProgramImage, RunState, StopMethod};
 use crate::error::NamedFileError;
 
-/// A process that is killed when the thread that started it ends, and is asked to end by SIGTERM.
+/// A [`Launch`] of a processor that is a process of this machine. SIGTERM asks the process to end, and it is killed
+/// when the thread that started it ends.
 ///
-/// It has a process group of its own. Processes that are still in this group when it has ended are
-/// killed. A descendant that has made a group of its own is not found here; the program `condor`
-/// has a keeper for those.
+/// The process has a process group of its own. Processes that are still in this group when it has ended are killed. A
+/// descendant that has made a group of its own is not killed here, but by the keeper process of the program `condor`.
 #[derive(Debug, Default)]
 pub struct ChildProcess {
     image: Option<ProgramImage>,
@@ -46,7 +46,7 @@ const AT_ONCE: usize = 16 * 1024;
 const PIPE: usize = 64 * 1024;
 
 impl ChildProcess {
-    /// Makes a processor without a program.
+    /// Makes a processor on which no program is loaded yet.
     #[must_use]
     pub fn new() -> Self {
         Self::default()

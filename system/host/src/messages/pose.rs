@@ -8,8 +8,8 @@ use crate::watching::{CatalogEntry, RowSource, SourceRow, VariableCatalog, float
 /// The distance by which a joint is moved to find the frames that move with it, in radians or metres.
 const STEP: f64 = 0.1;
 
-/// The joints and frames of a robot that moves. A row of a loop makes one message of the joints whose positions it
-/// has, and one of the frames that these joints move.
+/// A converter from rows of variables to messages on the joints and frames of a robot. A row of a loop makes one
+/// message of the joints whose positions are in the row, and one of the frames that these joints move.
 pub struct PoseMessages<'r> {
     robot: &'r dyn Robot,
     /// The last positions of all joints.
@@ -31,7 +31,9 @@ struct Part {
 }
 
 impl<'r> PoseMessages<'r> {
-    /// Finds the joints whose positions are among `columns`; `None` if there are none.
+    /// Makes a converter for the joints of `robot` whose positions are among `columns`; returns `None` if there are
+    /// none. `columns` are the entries of `known` that are watched, and `sources` the loops and cells that write their
+    /// rows.
     pub fn of(
         robot: &'r dyn Robot,
         known: &VariableCatalog,
@@ -74,13 +76,14 @@ impl<'r> PoseMessages<'r> {
         }
     }
 
-    /// Makes the pose of a robot that no source moves.
+    /// Makes a converter for a robot of which no rows come: all joints stay at 0, and [`fixed`](Self::fixed) returns
+    /// all frames.
     #[must_use]
     pub fn still(robot: &'r dyn Robot) -> Self {
         Self::with(robot, Vec::new())
     }
 
-    /// Returns the frames that no source moves.
+    /// Returns the frames that no row moves. One message with them is enough for the whole stream.
     #[must_use]
     pub fn fixed(&self) -> Vec<Transform> {
         let all = self.robot.frames(&self.positions);
@@ -90,7 +93,8 @@ impl<'r> PoseMessages<'r> {
         fixed.map(|(_, frame)| transform(frame)).collect()
     }
 
-    /// Takes a row. Returns the joints and frames of which it tells; `None` if there are none.
+    /// Takes a row of the source with the index `source` in the `sources` of [`of`](Self::of). Returns the joints whose
+    /// positions are in the row, and their frames; `None` if the rows of this source have no positions.
     pub fn row(&mut self, source: usize, row: &SourceRow<'_>) -> Option<PoseRow<'_>> {
         let part = self.parts.get(source)?;
         if part.names.is_empty() {
@@ -118,7 +122,7 @@ impl<'r> PoseMessages<'r> {
     }
 }
 
-/// The joints of which a row tells, and the frames that they move.
+/// The joints whose positions are in one row, and the frames that these joints move. [`PoseMessages::row`] returns it.
 pub struct PoseRow<'p> {
     robot: &'p dyn Robot,
     positions: &'p [f64],
@@ -128,7 +132,8 @@ pub struct PoseRow<'p> {
 }
 
 impl PoseRow<'_> {
-    /// Returns the state of the joints.
+    /// Returns the state of the joints of this row as a message with the time `stamp`. The velocities are empty unless
+    /// the row has those of all these joints; so are the efforts.
     pub fn joints(&self, stamp: Time) -> JointState<'_> {
         let [positions, velocities, efforts] = &self.columns;
         JointState {
@@ -140,7 +145,8 @@ impl PoseRow<'_> {
         }
     }
 
-    /// Returns where the frames are.
+    /// Returns the places and orientations of the frames that the joints of this row move. Other joints count with
+    /// their positions in the last row that had them, or 0.
     pub fn frames(&self) -> Vec<Transform> {
         let all = self.robot.frames(self.positions);
         let frames = self.part.frames.iter();

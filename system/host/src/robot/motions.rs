@@ -8,8 +8,8 @@ use crate::error::AnyError;
 ///
 /// # For implementers
 ///
-/// The names of files come from a network. A name is refused unless it is one that
-/// [`list`](Self::list) could return: without any path, and with the ending of motion files.
+/// The names of files come from a network. Refuse every name that [`list`](Self::list) could not return: a name must
+/// have the ending of motion files, and no path.
 pub trait MotionFiles {
     /// Returns the names of the files, in alphabetical order.
     ///
@@ -32,11 +32,11 @@ pub trait MotionFiles {
     fn write(&mut self, file: &str, text: &str, replaces: bool) -> Result<(), AnyError>;
 }
 
-/// A sender of composed motions to the robot of a running system.
+/// A sender of motions, which a person has composed, to the robot of a running system.
 ///
 /// # For users
 ///
-/// Calls may wait for the system for some seconds.
+/// A call may wait for the system for some seconds.
 pub trait MotionSender {
     /// Enqueues the text of a motion file, and returns a number for [`outcome`](Self::outcome). If
     /// somebody else is in control of the robot, the motion is enqueued only with `takes_control`.
@@ -53,11 +53,11 @@ pub trait MotionSender {
     fn outcome(&mut self, id: u64) -> Result<MotionOutcome, AnyError>;
 }
 
-/// The state of an enqueued motion.
+/// The state of a motion that a [`MotionSender`] has enqueued.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "camelCase")]
 pub struct MotionOutcome {
-    /// Its state, in a word: `accepted`, `started`, `done`, or others of the robot.
+    /// The state of the motion, in a word: `accepted`, `started`, `done`, or others of the robot.
     pub state: String,
     /// The reason why it is refused or has ended early.
     pub reason: Option<String>,

@@ -61,7 +61,8 @@ pub trait Simulator: Send + Sync {
     fn text(&self, steps: &Json) -> Result<String, AnyError>;
 }
 
-/// A posture within the limits of the joints.
+/// The positions of all joints, brought within their limits, and the joints for which that changed something.
+/// [`Simulator::moved`] returns it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct LimitedPosture {
     /// The positions of all joints.
@@ -70,7 +71,7 @@ pub struct LimitedPosture {
     pub held: Vec<LimitedJoint>,
 }
 
-/// A joint that its limit holds.
+/// A joint that stays at one of its limits because the wanted position is beyond it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct LimitedJoint {
     /// The name of the joint.
@@ -79,7 +80,7 @@ pub struct LimitedJoint {
     pub limit: f64,
 }
 
-/// A posture that brings a frame to a point, or near to it.
+/// The positions that bring a frame to a point, or as near to it as was found. [`Simulator::dragged`] returns it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct DragResult {
     /// The positions of all joints.
@@ -92,7 +93,7 @@ pub struct DragResult {
     pub held: Vec<LimitedJoint>,
 }
 
-/// The distance between two parts.
+/// The distance between two parts of a robot that must not touch each other.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Clearance {
     /// The names of the parts, for people; a link has that of its joint.
@@ -103,8 +104,9 @@ pub struct Clearance {
     pub distance_m: f64,
 }
 
-/// A motion, tick by tick of the processor that makes the set-points. Element i of each list is i periods
-/// after the start; the first one is the start.
+/// A motion, computed before a robot makes it. [`Simulator::plan`] returns it. The lists of joints and tendons have an
+/// element for each tick of the processor that makes the set-points: element `i` is `i` periods after the start, and
+/// element 0 is the start.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Plan {
     /// The time from tick to tick, s.
@@ -119,16 +121,17 @@ pub struct Plan {
     pub collisions: Vec<Collision>,
 }
 
-/// The motion of a joint. Units are those of a rotating joint.
+/// The part of a [`Plan`] for one joint: its set-points in each tick, and its limits. The units are those of a rotating
+/// joint.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct JointPlan {
     /// The name of the joint.
     pub name: String,
     /// The set-points, rad.
     pub position: Vec<f64>,
-    /// Their rates, rad/s.
+    /// The rates of the set-points, rad/s.
     pub velocity: Vec<f64>,
-    /// Their accelerations, rad/s².
+    /// The accelerations of the set-points, rad/s².
     pub acceleration: Vec<f64>,
     /// The torques that the motion takes in free space, N m.
     pub torque: Vec<f64>,
@@ -144,7 +147,8 @@ pub struct JointPlan {
     pub tendons: Vec<TendonPlan>,
 }
 
-/// The greatest fraction of each limit of a joint that a motion uses: 1 is the whole limit.
+/// The greatest fraction of each limit of a joint that a motion uses: 1 is the whole limit. [`JointPlan::peaks`]
+/// returns it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct MotionPeaks {
     /// The fraction of the greatest speed.
@@ -156,7 +160,7 @@ pub struct MotionPeaks {
 }
 
 impl JointPlan {
-    /// Returns the greatest fraction of each limit that the motion uses.
+    /// Returns, for each limit of the joint, the greatest fraction of it that the motion uses in any tick.
     #[must_use]
     pub fn peaks(&self) -> MotionPeaks {
         let [least, most] = self.torque_limits;
@@ -172,13 +176,13 @@ impl JointPlan {
     }
 }
 
-/// Returns the largest magnitude of the values; 0 if there are none.
+/// Returns the largest absolute value in `values`; 0 if there are none.
 #[must_use]
 pub fn largest(values: &[f64]) -> f64 {
     values.iter().fold(0.0, |most, value| value.abs().max(most))
 }
 
-/// The tensions of a tendon.
+/// The part of a [`Plan`] for one tendon: its tension in each tick, and its limits.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct TendonPlan {
     /// The name of the tendon.
@@ -189,7 +193,7 @@ pub struct TendonPlan {
     pub limits: [f64; 2],
 }
 
-/// An event of a step of a motion.
+/// An event in a [`Plan`]: the state of one step of the motion changes, for example because the step begins.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct PlanEvent {
     /// The time since the start, s.
@@ -201,7 +205,7 @@ pub struct PlanEvent {
     pub what: What,
 }
 
-/// A change of the state of a step of a motion, such as its begin or its end.
+/// The change of a step's state that a [`PlanEvent`] reports, such as its begin or its end.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case", tag = "what")]
 pub enum What {
@@ -228,7 +232,7 @@ pub enum What {
     Holds,
 }
 
-/// A time in which tendons cannot produce the torque that a motion takes of a joint.
+/// A span of ticks in a [`Plan`] in which the tendons of a joint cannot produce the torque that the motion needs.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Overload {
     /// The name of the joint.
@@ -243,7 +247,7 @@ pub struct Overload {
     pub possible: f64,
 }
 
-/// A time in which two parts meet.
+/// A span of ticks in a [`Plan`] in which two parts of the robot touch each other.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Collision {
     /// The time of the first of these ticks, s since the start.

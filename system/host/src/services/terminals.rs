@@ -241,9 +241,9 @@ fn ask(clock: &HostClock, has_turn: bool, next: Option<u64>) {
     }
 }
 
-/// Adds characters to the file of those typed at the terminal of the processor `name`, and returns. The service
-/// passes them on: the program gets every character exactly once, even if the service is killed meanwhile or
-/// does not run yet. Whether there is such a processor is not checked.
+/// Types `characters` at the terminal of the processor `name`: adds them to a file, and returns without waiting for the
+/// program. The terminal service passes them on. The program gets every character exactly once, even if the service is
+/// killed meanwhile or does not run yet. Whether there is such a processor is not checked.
 ///
 /// # Errors
 /// Returns an error of the kind [`WouldBlock`](io::ErrorKind::WouldBlock) if so many characters wait for the
@@ -284,7 +284,7 @@ pub(crate) fn begin(
     write(directory.replay(), script.text())
 }
 
-/// Opens the file to which the characters typed at the terminal of the processor `name` are added.
+/// Opens the terminal of the processor `name` for typing. Whether there is such a processor is not checked.
 ///
 /// # Errors
 /// Returns the operating system's error if the file cannot be opened.
@@ -292,7 +292,8 @@ pub fn keyboard(directory: &SystemDirectory, name: &str) -> io::Result<Keyboard>
     Keyboard::open(&log(&directory.terminals(), name))
 }
 
-/// Returns the path, in the directory of terminals, of the log with the output of the processor `name`.
+/// Returns the path of the log with the output of the processor `name`. `directory` is the directory of terminals,
+/// [`SystemDirectory::terminals`].
 #[must_use]
 pub fn log(directory: &Path, name: &str) -> PathBuf {
     directory.join(format!("{name}.log"))

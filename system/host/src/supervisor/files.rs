@@ -247,7 +247,8 @@ fn allocated(path: PathBuf, bytes: u64) -> Result<FileRange, NamedFileError> {
     Ok(FileRange::whole(path))
 }
 
-/// Returns the process of the supervisor that runs the system in `directory`, if one does.
+/// Returns the process id of the supervisor that runs the system in `directory`; `None` if the system does not run, or
+/// if this process is its supervisor.
 #[must_use]
 pub fn supervisor(directory: &SystemDirectory) -> Option<u32> {
     let (process, started) = processes(&directory.pids()).next()?;

@@ -140,7 +140,8 @@ fn takes_more(output: &impl std::os::fd::AsFd) -> bool {
     matches!(rustix::event::poll(&mut polled, Some(&now)), Ok(1..))
 }
 
-/// Returns the last lines of a log; of one that somebody else has made longer, what has its size.
+/// Returns the last `count` lines of `log`, the content of a log file, oldest first. Only the last MiB of `log` is
+/// searched for lines.
 #[must_use]
 pub fn last(log: &[u8], count: usize) -> Vec<String> {
     let from = log.len().saturating_sub(SHOWN);

@@ -23,12 +23,10 @@ use super::stat;
 use crate::launch::process::die_with_parent;
 use crate::signals::EndSignals;
 
-/// Runs the command of a supervisor until it ends, and then kills all descendants of this process.
-/// Signals that ask this process to end are passed on to the supervisor. Returns the supervisor's
-/// exit status.
+/// Runs the command of a supervisor until it ends, and then kills all descendants of this process. Returns the exit
+/// status of the supervisor. A signal that asks this process to end is passed on to the supervisor as SIGTERM.
 ///
-/// Call this only in a process that does nothing else and has one thread: it waits for all its
-/// children.
+/// Call this only in a process that does nothing else and has one thread: it waits for all its children.
 ///
 /// # Errors
 /// Returns the operating system's error if the supervisor cannot be started or waited for.

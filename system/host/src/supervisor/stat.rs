@@ -16,8 +16,8 @@ pub(super) fn has_ended(process: u32) -> bool {
     field(process, 3).is_none_or(|state| state == "Z" || state == "X")
 }
 
-/// Returns the number of the parent of `process`: the process that started it, or the one that adopted it.
-/// `None` if there is no such process.
+/// Returns the process id of the parent of `process`: of the process that started it, or of the one that adopted it
+/// when that process ended. Returns `None` if there is no such process.
 #[must_use]
 pub fn parent(process: u32) -> Option<u32> {
     field(process, 4)?.parse().ok()

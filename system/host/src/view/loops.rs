@@ -8,7 +8,7 @@ use super::{View, ViewError};
 use condor_rt::loops;
 use condor_rt::objects::ObjectKind;
 
-/// The counts of a processor's servo loops at one moment.
+/// The counts of all servo loops of a processor at one moment. [`since`](Self::since) computes rates from two samples.
 #[derive(Clone, Debug)]
 pub struct LoopSample {
     at: Instant,
@@ -18,7 +18,8 @@ pub struct LoopSample {
     loops: Vec<(String, Statistics)>,
 }
 
-/// The activity of a servo loop between two samples, or since it began.
+/// The activity of a servo loop between two samples, or since the loop began: its rate, its run times, its lateness and
+/// its overruns.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct LoopRates {
     /// The name of the loop in its processor.
@@ -52,7 +53,7 @@ pub struct LoopRates {
 }
 
 impl View {
-    /// Reads the counts of the loops of `processor`, as its background published them last.
+    /// Reads the counts of the servo loops of `processor`, which its background publishes from time to time.
     ///
     /// # Errors
     /// [`ViewError::Mailbox`] if there is no such processor, [`ViewError::Memory`] if its memory
@@ -75,10 +76,12 @@ impl View {
 }
 
 impl LoopSample {
-    /// Returns the activity of the loops between `before` and this sample, if both are of the same
-    /// run of the program; otherwise there is only one sample. The length of that time follows from
-    /// the number of releases, which are at exact times: counts may have been published some time
-    /// before they are read. For a loop that is not released it follows from the clock.
+    /// Returns the activity of each loop between the sample `before` and this one. If `before` is `None` or belongs to
+    /// an earlier run of the program, values that need two samples are `None`.
+    ///
+    /// The length of the time between the samples follows from the number of releases, which are at exact times, and
+    /// not from the times of reading: the counts may have been published some time before. Only for a loop that was not
+    /// released meanwhile is it the time between the two readings.
     #[must_use]
     pub fn since(&self, before: Option<&Self>) -> Vec<LoopRates> {
         let before = before.filter(|before| before.incarnation == self.incarnation);
@@ -97,7 +100,7 @@ impl LoopSample {
         self.loops.iter().map(rates).collect()
     }
 
-    /// Returns the activity of the loops since they began.
+    /// Returns the activity of each loop from its beginning to this sample.
     #[must_use]
     pub fn overall(&self) -> Vec<LoopRates> {
         let overall = |(name, counts): &(String, Statistics)| {

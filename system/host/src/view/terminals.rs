@@ -5,11 +5,11 @@ use serde::Serialize;
 use super::{View, ViewError};
 use condor_rt::objects::{ObjectKind, SharedObject};
 
-/// The state of a terminal of a processor; counts wrap at 2³².
+/// The state of a terminal of a processor: bytes written, lost and unread, and its reader. Counts wrap at 2³².
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 #[non_exhaustive]
 pub struct TerminalCounts {
-    /// Its name in the processor's object table.
+    /// The name of the terminal in the processor's object table.
     pub name: String,
     /// The number of bytes that the program has written.
     pub written: u32,

@@ -7,7 +7,7 @@ use condor_vars::{VARS, VariableClient, VariableTable, VariableTableError};
 
 use super::{Post, View, ViewError};
 
-/// The variables of one loop, or the fields of one cell: a table of condor-vars.
+/// The table in which a program describes the variables of one loop, or the fields of one published cell.
 #[derive(Debug)]
 pub struct Variables {
     /// The name of the loop or the cell.
@@ -17,8 +17,8 @@ pub struct Variables {
 }
 
 impl View {
-    /// Opens the tables of `processor`: one for each loop that shows variables, and one for each
-    /// described cell.
+    /// Opens the tables of variables of `processor`: one for each loop that shows variables, and one for each published
+    /// cell whose fields are described.
     ///
     /// # Errors
     /// [`ViewError::Mailbox`] if there is no such processor, [`ViewError::Memory`] if its memory
@@ -34,9 +34,8 @@ impl View {
             .collect())
     }
 
-    /// Makes a client that asks the loops of `processor` for rows, the values of variables at one
-    /// release, and sets parameters. The view must have [joined](Self::join) before the first
-    /// request.
+    /// Makes a client for the loops of `processor`. It asks them for rows, which are the values of variables at one
+    /// release, and sets parameters. The view must have [joined](Self::join) before the first request.
     ///
     /// Each client takes a block of the visitor's own memory, which is never returned.
     ///

@@ -5,10 +5,10 @@ use super::{View, ViewError};
 use crate::control::Member;
 use crate::names::word;
 
-/// The counts of a vector of a processor; they wrap at 2³².
+/// The counts of a processor's messages to one vector; all of them wrap at 2³².
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct VectorCounts {
-    /// Its number.
+    /// The number of the vector.
     pub vector: u8,
     /// The name that the program gave to its handler; empty if it has none.
     pub name: String,
@@ -23,7 +23,8 @@ pub struct VectorCounts {
 }
 
 impl View {
-    /// Returns the vectors of `processor` that have a name or a count.
+    /// Returns the vectors of `processor` that have a name or a count above 0, in the order of their numbers. There are
+    /// none if no program has ever joined there.
     ///
     /// # Errors
     /// [`ViewError::Mailbox`] if there is no such processor or its memory cannot be read.
@@ -51,7 +52,8 @@ impl View {
         Ok(vectors)
     }
 
-    /// Returns the vector of `member` that `text` names, by its name or its number.
+    /// Finds a vector of the processor `member`. `text` is the name of the vector's handler, or the number of the
+    /// vector.
     ///
     /// # Errors
     /// Returns [`ViewError::NoVector`] if there is no such vector; [`ViewError::Mailbox`] if the memory of the

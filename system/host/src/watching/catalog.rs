@@ -15,19 +15,20 @@ use crate::view::{View, ViewError};
 /// The hint that errors about names end with.
 const ALL: &str = "`vars list` shows all";
 
-/// A variable, a parameter, or a field of a cell.
+/// A variable, a parameter, or a field of a published cell in a [`VariableCatalog`], with its name, its type and its
+/// place.
 pub struct CatalogEntry {
     /// The processor.
     pub member: Arc<Member>,
     /// The name of its loop or cell.
     pub owner: Arc<str>,
-    /// Its name; that of a field begins with the name of its cell and a period.
+    /// The name of the variable; that of a field begins with the name of its cell and a period.
     pub name: String,
     /// The table in which it is.
     pub table: VariableTable<LinuxWindow>,
-    /// Its entry there.
+    /// The entry of the variable in that table.
     pub entry: TableEntry,
-    /// Its type.
+    /// The type of the variable.
     pub of: Type,
 }
 
@@ -64,13 +65,13 @@ impl CatalogEntry {
         self.table.cell().is_some()
     }
 
-    /// Returns true if this entry is a parameter.
+    /// Returns true if this entry is a parameter, the only kind of entry that can be set.
     #[must_use]
     pub const fn can_be_set(&self) -> bool {
         self.entry.bounds.is_some()
     }
 
-    /// Returns where it belongs: `processor:loop`.
+    /// Returns the place to which this entry belongs: `processor:loop` or `processor:cell`.
     #[must_use]
     pub fn place(&self) -> String {
         format!("{}:{}", self.member.name, self.owner)
@@ -83,7 +84,7 @@ impl VariableName for CatalogEntry {
     }
 }
 
-/// The variables, parameters and fields of some processors.
+/// The variables, parameters and fields of published cells of some processors, which can be found by name.
 #[derive(Default)]
 pub struct VariableCatalog {
     /// All variables, parameters and fields, in the order of the processors.
@@ -93,8 +94,8 @@ pub struct VariableCatalog {
 }
 
 impl VariableCatalog {
-    /// Reads the tables of the processors of a system. A table that cannot be read is noted, and the others are
-    /// read all the same.
+    /// Reads the tables of the processors in `members`. If a table cannot be read, the reason is added to
+    /// [`troubles`](Self::troubles), and the other tables are read all the same.
     ///
     /// # Errors
     /// Returns an error if there is no variable at all; the text names the tables that could not be read.
@@ -119,7 +120,8 @@ impl VariableCatalog {
         Ok(known)
     }
 
-    /// Returns the index in `columns` of the variable `name`; `None` if it is not among them.
+    /// Returns the index in `columns` of the variable called `name`. Returns `None` if it is not in `columns`, or if
+    /// the catalog has no such variable or several.
     #[must_use]
     pub fn column(&self, name: &str, columns: &[&CatalogEntry]) -> Option<usize> {
         let one = self.find(name).ok()?;
@@ -154,15 +156,15 @@ impl VariableCatalog {
         Ok(())
     }
 
-    /// Prints the [`troubles`](Self::troubles) on standard error.
+    /// Prints the [`troubles`](Self::troubles) on standard error, one per line.
     pub fn tell_troubles(&self) {
         for trouble in &self.troubles {
             eprintln!("{}: {}", me(), plain(trouble));
         }
     }
 
-    /// Finds the variable with a name. A name that several variables have must begin with the processor and a
-    /// colon, or with the processor and the loop or cell, to tell them apart.
+    /// Finds the variable, parameter or field called `name`. If several have the same name of their own, `name` must be
+    /// `processor:name` or `processor:loop:name`.
     ///
     /// # Errors
     /// Returns an error if no variable has the name, with similar names, or if several variables have it.
@@ -170,8 +172,8 @@ impl VariableCatalog {
         names::find(&self.all, name, &self.hint())
     }
 
-    /// Finds the variables with these names and patterns, each once, in the order of `patterns`. In a pattern,
-    /// `*` stands for any characters, and `?` for one.
+    /// Finds the variables that `patterns` name, in the order of `patterns`. Each variable is returned once. In a
+    /// pattern, `*` stands for any characters, and `?` for one character.
     ///
     /// # Errors
     /// Returns an error if a name stands for no variable or for several, or if a pattern matches nothing; the
@@ -180,14 +182,14 @@ impl VariableCatalog {
         names::matching(&self.all, patterns, &self.hint())
     }
 
-    /// Returns the shortest name of each chosen variable that no other variable has.
+    /// Returns, for each entry in `chosen`, the shortest of its names that no other entry of the catalog has.
     #[must_use]
     pub fn labels(&self, chosen: &[&CatalogEntry]) -> Vec<String> {
         names::labels(&self.all, chosen)
     }
 
-    /// Returns the end of errors about names: the command that shows all names, and the tables that could not
-    /// be read.
+    /// Returns the text with which errors about names end: the command that shows all names, and the tables that could
+    /// not be read.
     #[must_use]
     pub fn hint(&self) -> String {
         let mut text = format!("; {ALL}");
@@ -197,7 +199,7 @@ impl VariableCatalog {
         text
     }
 
-    /// Finds the parameter with a name.
+    /// Finds the parameter called `name`, which is written as for [`find`](Self::find).
     ///
     /// # Errors
     /// Returns an error if no variable or several variables have the name, or if the variable is not a

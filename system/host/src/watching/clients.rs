@@ -15,14 +15,17 @@ use crate::view::{Post, View, ViewError};
 /// The time that a loop has to answer, unless somebody has chosen another one.
 const ANSWER: Duration = Duration::from_secs(2);
 
-/// The clients for parameters of all processors that were asked. Loops have 2 s to answer.
+/// The requests of a visitor to the loops of all processors: it gets and sets parameters, and reads fields of published
+/// cells. A loop has 2 s to answer, unless [`set_timeout`](Self::set_timeout) sets another time.
+///
+/// Each processor that is asked costs a block of the visitor's own memory, which is never returned.
 pub struct Clients<'v> {
     view: &'v View,
     all: BTreeMap<u8, VariableClient<'v, Post, LinuxWindow>>,
     answer: Duration,
 }
 
-/// The reason why a parameter was not set.
+/// The reason why a parameter was not set, as a text for people, with the error of the request.
 #[derive(Debug, thiserror::Error)]
 #[error("{text}")]
 pub struct SetError {
@@ -32,7 +35,7 @@ pub struct SetError {
 }
 
 impl<'v> Clients<'v> {
-    /// Makes the clients of a visitor, which must have [joined](View::join) before the first request.
+    /// Makes the clients of the visitor `view`, which must have [joined](View::join) before the first request.
     #[must_use]
     pub const fn new(view: &'v View) -> Self {
         Self {
@@ -42,7 +45,7 @@ impl<'v> Clients<'v> {
         }
     }
 
-    /// Sets the time that loops have to answer.
+    /// Sets the time that a loop has to answer each later request.
     pub const fn set_timeout(&mut self, answer: Duration) {
         self.answer = answer;
     }
@@ -74,8 +77,8 @@ impl<'v> Clients<'v> {
         Ok(client)
     }
 
-    /// Returns the value of a parameter or of a field of a cell; `None` for a variable, whose values are
-    /// only in rows.
+    /// Returns the present value of the parameter or field `one`. Returns `None` for a variable, whose values are only
+    /// in rows.
     ///
     /// # Errors
     /// Returns [`RequestError`] if a parameter cannot be read; [`CellError`](condor_vars::CellError) if a field
@@ -96,15 +99,14 @@ impl<'v> Clients<'v> {
         Ok(Some(value))
     }
 
-    /// Sets a parameter to `new` if its value is `from`; with `None`, if its value is still the one that this
-    /// call has read. Returns the previous value.
-    ///
-    /// The owner checks the value.
+    /// Sets the parameter `one` to `new`, and returns its previous value. The parameter is set only if its value is
+    /// `from`; if `from` is `None`, only if no other program sets it during this call. The program that owns the
+    /// parameter checks the new value.
     ///
     /// # Errors
-    /// Returns [`SetError`] if the owner refuses the value or does not answer; its text calls the parameter
-    /// `name`, as the user does. Returns [`RequestError`] if the present value cannot be read; [`ViewError`] if
-    /// the memory of the processor cannot be accessed.
+    /// Returns [`SetError`] if the owner refuses the value or does not answer; its text calls the parameter `name`, as
+    /// the user does. Returns [`RequestError`] if the present value cannot be read; [`ViewError`] if the memory of the
+    /// processor cannot be accessed.
     pub fn set(
         &mut self,
         name: &str,

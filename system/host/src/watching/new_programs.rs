@@ -14,7 +14,7 @@ use crate::view::{MailboxState, View};
 /// The time between two looks.
 const LOOK: Duration = Duration::from_millis(500);
 
-/// A finder of the loops and cells of programs that are loaded or started while the system is watched.
+/// A finder of the variables of programs that are loaded or started while the system is already watched.
 pub struct NewPrograms {
     members: Vec<Arc<Member>>,
     /// Patterns of the wanted variables; none if all are wanted.
@@ -26,8 +26,9 @@ pub struct NewPrograms {
 }
 
 impl NewPrograms {
-    /// Makes a finder of the loops and cells that are not in `known`. Of the texts in `patterns`, those with
-    /// `*` or `?` may stand for variables that come later; without any text, all variables are wanted.
+    /// Makes a finder of the variables of loops and cells that are not in `known`. `members` are the processors to look
+    /// at. The finder wants the variables that match a text in `patterns` with `*` or `?`; if `patterns` is empty, it
+    /// wants all.
     #[must_use]
     pub fn after(known: &VariableCatalog, members: &[Member], patterns: &[String]) -> Self {
         let open = patterns.iter().filter(|text| text.contains(['*', '?']));
@@ -40,8 +41,8 @@ impl NewPrograms {
         }
     }
 
-    /// Returns the wanted variables of loops and cells that have come since the last call; it looks for them
-    /// every 500 ms. A table that cannot be read yet is looked for again.
+    /// Returns the wanted variables of the loops and cells that are new since the last call. It looks at the processors
+    /// every 500 ms; a call in between returns nothing. A table that cannot be read yet is tried again.
     pub fn look(&mut self, view: &View) -> Vec<CatalogEntry> {
         if self.looked.elapsed() < LOOK {
             return Vec::new();

@@ -10,7 +10,8 @@ use crate::error::AnyError;
 /// The shortest wait for rows before a loop counts as silent.
 const SILENCE: Duration = Duration::from_secs(2);
 
-/// Returns the time to wait for rows of loops of which every `every`th tick is read.
+/// Returns the time to wait for a row from each of `sources` before a loop counts as silent: four rows of the slowest,
+/// and at least 2 s. There is a row every `every` ticks.
 #[must_use]
 pub fn patience(sources: &[RowSource], every: u32) -> Duration {
     let periods = sources.iter().map(|source| source.period_s(every));
@@ -18,14 +19,15 @@ pub fn patience(sources: &[RowSource], every: u32) -> Duration {
     several.unwrap_or(Duration::MAX).max(SILENCE)
 }
 
-/// Returns the error text for loops that write no rows.
+/// Returns the text of the error that the loops in `silent` write no rows.
 #[must_use]
 pub fn silence(silent: &[String]) -> String {
     let silent = silent.join(", ");
     format!("{silent}: the loop writes no rows; `top` shows whether it is enabled")
 }
 
-/// Returns the present values of the variables among `chosen`, in its order; `None` for the others.
+/// Returns the present value of each variable in `chosen`, in that order, from the next row of its loop. The value is
+/// `None` for parameters and fields, which [`Clients::value`] reads.
 ///
 /// # Errors
 /// Returns an error if a loop writes no rows, cannot be asked, or has ended; the text names the loop.

@@ -30,10 +30,11 @@ const GOES_ON: &str = "its rows go on";
 /// The time that a program which comes later has to answer: others lose rows meanwhile.
 const QUICK_ANSWER: Duration = Duration::from_millis(100);
 
-/// The values of chosen variables and fields, as the loops and the writers of published cells
-/// deliver them. It survives restarts of their programs.
+/// A reader of the values of chosen variables and fields: row by row, as loops and the writers of published cells write
+/// them. It goes on when programs are restarted.
 ///
-/// Every loop writes its rows into a slot of its own, which is given back when this is dropped.
+/// Each loop has a limited number of slots for readers of rows. This reader uses one slot of each loop, and releases it
+/// when it is dropped.
 pub struct Rows<'v> {
     view: &'v View,
     clients: Clients<'v>,
@@ -46,7 +47,7 @@ pub struct Rows<'v> {
     changes: Vec<Change>,
 }
 
-/// A loop, or a published cell.
+/// A source of rows: a loop whose variables are watched, or a published cell.
 pub struct RowSource {
     member: Arc<Member>,
     owner: Arc<str>,
@@ -95,18 +96,18 @@ struct CellSupply {
     skipped: u64,
 }
 
-/// A value of a row.
+/// The description of one value in each row of a source: its name, its type, and the columns that show it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RowField {
     /// The name of the variable in its loop, or of the field in its cell.
     pub name: String,
-    /// Its type.
+    /// The type of the value.
     pub kind: ValueKind,
     /// The columns that show it.
     pub columns: Vec<usize>,
 }
 
-/// The values of a source at one instant.
+/// A row: the values of all watched variables of a source at one tick.
 #[derive(Clone, Copy, Debug)]
 pub struct SourceRow<'r> {
     /// The number of the tick; the sequence number of the value of a cell.
@@ -123,7 +124,7 @@ pub struct SourceRow<'r> {
 }
 
 impl<'r> SourceRow<'r> {
-    /// Iterates over the values, each with its field.
+    /// Iterates over the values of the row in the order of its fields, each with its field.
     pub fn values(&self) -> impl Iterator<Item = (&'r RowField, AnyValue)> {
         let mut words = self.words;
         self.fields.iter().map_while(move |field| {
@@ -134,7 +135,7 @@ impl<'r> SourceRow<'r> {
     }
 }
 
-/// A change of a source: its program has ended, or is back, or cannot be read.
+/// A change of a source of rows: its program has ended, is back, or cannot be read.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Change {
     /// The number of the source.
@@ -144,8 +145,8 @@ pub struct Change {
 }
 
 impl<'v> Rows<'v> {
-    /// Asks for a row every `every` ticks of each loop that has some of the variables in `columns`. Loops
-    /// have 2 s to answer.
+    /// Begins to read the variables in `columns`: asks each loop that has some of them for a row every `every` ticks.
+    /// Loops have 2 s to answer.
     ///
     /// # Errors
     /// Returns an error if a loop or a cell cannot have rows for this visitor; the text names it and says why.
@@ -155,8 +156,8 @@ impl<'v> Rows<'v> {
         Self::with(Clients::new(view), columns, every)
     }
 
-    /// Asks for the same rows as [`of`](Self::of) by way of `clients`, which set the time that a loop has to
-    /// answer.
+    /// Begins to read the variables in `columns`, as [`of`](Self::of) does, by `clients` that exist already. Their
+    /// timeout is the time that a loop has to answer.
     ///
     /// # Errors
     /// Returns an error if a loop or a cell cannot have rows for this visitor, as [`of`](Self::of) does.
@@ -186,9 +187,9 @@ impl<'v> Rows<'v> {
         Ok(rows)
     }
 
-    /// Watches the variables `columns`, too; none of their loops and cells may be watched already. Each loop
-    /// and cell becomes a new source, whose fields have indices into these `columns` as their columns.
-    /// [`changes`](Self::changes) tells which of them have rows.
+    /// Begins to read the variables in `columns`, too. They must belong to loops and cells that are not read yet. Each
+    /// of these becomes a new source; [`RowField::columns`] of its fields are indices into `columns`.
+    /// [`changes`](Self::changes) says whether its rows begin.
     pub fn extend(&mut self, columns: &[&CatalogEntry]) {
         for of_source in by_source(columns) {
             let number = self.sources.len();
@@ -283,10 +284,11 @@ impl<'v> Rows<'v> {
         Ok(Supply::Loop(LoopSupply { watcher, wanted }))
     }
 
-    /// Hands over all rows that there are, source by source, with the number of the source.
+    /// Passes all rows that have come since the last call to `take`, source by source: the index of the source in
+    /// [`sources`](Self::sources), and the row.
     ///
-    /// A source whose program was restarted has no rows until its variables are found again;
-    /// [`changes`](Self::changes) tells of both.
+    /// After the program of a source was restarted, no rows of it come until its variables are found again.
+    /// [`changes`](Self::changes) reports both the end and the return of its rows.
     ///
     /// # Errors
     /// Returns an error if the memory of a source cannot be read; the text names the source.
@@ -454,12 +456,14 @@ impl<'v> Rows<'v> {
             .unwrap_or_default()
     }
 
-    /// Returns the changes since the last call.
+    /// Returns the changes of sources since the last call, oldest first: programs that have ended, are back, or cannot
+    /// be read.
     pub fn changes(&mut self) -> Vec<Change> {
         core::mem::take(&mut self.changes)
     }
 
-    /// Returns the sources whose programs have answered, but of which no row has come yet.
+    /// Returns the names of the sources whose programs have answered the request for rows, but have not written a row
+    /// yet.
     #[must_use]
     pub fn silent(&self) -> Vec<String> {
         let is_silent = |it: &&RowSource| it.rows == 0 && !matches!(it.supply, Supply::Gone { .. });
@@ -467,7 +471,7 @@ impl<'v> Rows<'v> {
         silent.map(RowSource::name).collect()
     }
 
-    /// Waits until there may be more rows.
+    /// Waits until there may be more rows, for some milliseconds at most.
     ///
     /// # Errors
     /// Returns the mailbox's error if the mailbox of the visitor fails.
@@ -478,8 +482,8 @@ impl<'v> Rows<'v> {
 }
 
 impl<'v> Rows<'v> {
-    /// Releases the slots of the loops, and returns the clients for further use: they have blocks of the
-    /// visitor's memory.
+    /// Stops reading: releases the slots of the loops. Returns the clients, which should be used again, since each has
+    /// a block of the visitor's memory that is never returned.
     #[must_use]
     pub fn end(mut self) -> Clients<'v> {
         self.release();
@@ -506,32 +510,33 @@ impl Drop for Rows<'_> {
 }
 
 impl RowSource {
-    /// Returns its name: `processor:loop` or `processor:cell`.
+    /// Returns the name of the source: `processor:loop` or `processor:cell`.
     #[must_use]
     pub fn name(&self) -> String {
         format!("{}:{}", self.member.name, self.owner)
     }
 
-    /// Returns the names of its processor, and of its loop or cell.
+    /// Returns the name of the processor, and the name of its loop or cell.
     #[must_use]
     pub fn place(&self) -> (&str, &str) {
         (&self.member.name, &self.owner)
     }
 
-    /// Returns the values of a row.
+    /// Returns the descriptions of the values in a row of this source, in the order of the values.
     #[must_use]
     pub fn fields(&self) -> &[RowField] {
         &self.fields
     }
 
-    /// Returns the place of the value in a row that goes to `column`.
+    /// Returns the index in [`fields`](Self::fields) of the value that the column with the index `column` shows; `None`
+    /// if this source does not have it.
     #[must_use]
     pub fn field_of(&self, column: usize) -> Option<usize> {
         let mut fields = self.fields.iter();
         fields.position(|field| field.columns.contains(&column))
     }
 
-    /// Returns the number of rows of a loop that were overwritten before they could be read.
+    /// Returns the number of rows of a loop that were overwritten before they could be read; 0 for a published cell.
     #[must_use]
     pub fn lost(&self) -> u64 {
         self.lost_before
@@ -541,8 +546,8 @@ impl RowSource {
             }
     }
 
-    /// Returns the number of values of a cell that were published between two that were read; 0 for a loop. They are
-    /// not lost: a cell is sampled.
+    /// Returns the number of values that a published cell had between two values that were read; 0 for a loop. They do
+    /// not count as lost, since a cell is only sampled.
     #[must_use]
     pub fn skipped(&self) -> u64 {
         self.skipped_before
@@ -552,7 +557,8 @@ impl RowSource {
             }
     }
 
-    /// Says in words how many rows were kept, and how many were lost or, of a cell, skipped.
+    /// Returns a phrase for people, such as `100 rows, 2 lost`: `rows` is the number of rows that were kept, and the
+    /// source adds the number that were lost or, for a cell, the share that was kept.
     #[must_use]
     pub fn kept(&self, rows: u64) -> String {
         kept(rows, self.lost(), self.skipped())

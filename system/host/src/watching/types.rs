@@ -7,7 +7,8 @@ use serde_json::{Value as Json, json};
 
 use crate::names::whole;
 
-/// The type of a variable, and the labels of its values if it is a choice.
+/// The type of a variable, with the labels of its values if it is a choice. It converts values to text and JSON, and
+/// text to values.
 #[derive(Clone, Debug)]
 pub struct Type {
     /// The form in which its values are stored.
@@ -17,7 +18,7 @@ pub struct Type {
 }
 
 impl Type {
-    /// Returns the exact text of a value; a choice is shown by its label.
+    /// Returns the exact text of a value, which [`parse`](Self::parse) reads again. The text of a choice is its label.
     #[must_use]
     pub fn text(&self, value: AnyValue) -> String {
         match value {
@@ -28,7 +29,8 @@ impl Type {
         }
     }
 
-    /// Returns the text of a value with at most five decimal places, for columns.
+    /// Returns the text of a value for a column of a table. Floating-point numbers have five decimal places, and an
+    /// exponent if they are very small or very large.
     #[must_use]
     pub fn brief(&self, value: AnyValue) -> String {
         let number = match value {
@@ -44,7 +46,8 @@ impl Type {
         }
     }
 
-    /// Returns a value for JSON: a number, a boolean or a label; `null` if a number is infinite or NaN.
+    /// Converts a value to JSON: a number, a boolean, or the label of a choice. A number that is infinite or NaN
+    /// becomes `null`.
     #[must_use]
     pub fn json(&self, value: AnyValue) -> Json {
         match value {
@@ -61,7 +64,7 @@ impl Type {
         }
     }
 
-    /// Returns the value that somebody has written: a number, `true`, `false`, or a label. Whole numbers may be
+    /// Parses `text` as a value of this type: a number, `true`, `false`, or the label of a choice. Whole numbers may be
     /// hexadecimal, such as `0x10` and `-0x10`.
     ///
     /// # Errors
@@ -105,7 +108,7 @@ impl fmt::Display for Type {
     }
 }
 
-/// Returns a value as a number to compute with: 0 or 1 for a boolean, the number of a choice.
+/// Converts a value to the nearest `f64`. A boolean becomes 0 or 1, and a choice its number.
 #[expect(
     clippy::cast_precision_loss,
     reason = "as near as a floating-point number is"

@@ -16,10 +16,11 @@ use std::sync::OnceLock;
 /// The number of functions that may register: the crates of Condor that access memory, and some more.
 const REPAIRS: usize = 8;
 
-/// A function that handles bus errors. It returns true if it handled this one; then the access is repeated, or
-/// the program goes on at another instruction.
+/// A function that handles bus errors, for [`on_bus_error`]. It returns true if it has handled the given error: then
+/// the access is repeated, or the program goes on at another instruction. If it returns false, the next handler is
+/// asked.
 ///
-/// It runs in a signal handler, which may interrupt any code: it may only call async-signal-safe functions.
+/// The function runs in a signal handler, which may interrupt any code: it may only call async-signal-safe functions.
 pub type Repair = fn(&mut MemoryFault<'_>) -> bool;
 
 /// Each is null or a [`Repair`].
@@ -33,7 +34,8 @@ static PREVIOUS: OnceLock<libc::sigaction> = OnceLock::new();
 
 type Handler = extern "C" fn(c_int, *mut libc::siginfo_t, *mut c_void);
 
-/// A bus error that the kernel reports.
+/// A bus error (SIGBUS) that the kernel reports because an access to memory has failed. A
+/// [`Repair`] gets it.
 #[derive(Debug)]
 pub struct MemoryFault<'c> {
     address: usize,
@@ -49,7 +51,7 @@ pub struct MemoryFault<'c> {
 }
 
 impl MemoryFault<'_> {
-    /// Returns the address that could not be reached.
+    /// Returns the address that the program could not access.
     #[must_use]
     pub fn address(&self) -> usize {
         self.address

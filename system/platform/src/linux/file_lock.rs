@@ -7,7 +7,7 @@ use std::time::Instant;
 use rustix::fs::{FlockOperation, flock};
 use rustix::io::Errno;
 
-/// The time for which the crates of Condor wait for a lock on a file that somebody holds: 1 s.
+/// The time for which the crates of Condor wait for a file lock that another program holds: 1 s.
 ///
 /// A lock may outlive the program that took it by some milliseconds: the kernel frees the program's memory first, and
 /// a child process that any thread has started keeps the lock until it executes another program.
@@ -19,8 +19,8 @@ const AGAIN: Duration = Duration::from_millis(5);
 /// Calls `attempt`, and repeats the call as long as `is_held` returns true for its result and `patience` is not
 /// over. Returns the last result.
 ///
-/// The kernel cannot wait for such a lock with a deadline, so this function sleeps for 5 ms between two
-/// attempts. [`LOCK_PATIENCE`] is enough for the locks of a program that has ended.
+/// Use it for a lock: the kernel cannot wait for the lock of a file with a deadline, so this function sleeps for 5 ms
+/// between two attempts. [`LOCK_PATIENCE`] is enough for the locks of a program that has ended.
 pub fn while_held<R>(
     patience: Duration,
     is_held: impl Fn(&R) -> bool,
@@ -36,8 +36,8 @@ pub fn while_held<R>(
     }
 }
 
-/// Takes the exclusive lock of a file (`flock`), which lasts as long as the file is open; waits up to
-/// `patience` while another open file holds it. Returns true if the lock was taken, false if it is still held.
+/// Takes the exclusive lock of `file` (`flock`), which lasts as long as the file is open. Waits for at most `patience`
+/// while another open file has the lock. Returns true if the lock was taken, false if the other file still has it.
 ///
 /// # Errors
 /// Returns the operating system's error if the file cannot be locked.

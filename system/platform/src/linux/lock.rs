@@ -11,15 +11,17 @@ use super::thread_number;
 /// wait: most sections are shorter than a system call.
 const LOOKS: u32 = 100;
 
-/// A lock that stores the kernel's number of the thread that holds it, so that the kernel lends
-/// that thread the priority of the threads that wait.
+/// A mutex with priority inheritance for the threads of a process: while threads wait for the lock,
+/// the kernel lends the most urgent one's priority to the thread that holds it. For this, the lock
+/// stores the kernel's number of the thread that holds it.
 ///
-/// Async-signal-safe, provided that no handler asks for it on the thread that holds it.
+/// The lock is async-signal-safe, provided that no signal handler takes it on the thread that
+/// already holds it.
 #[derive(Debug)]
 pub struct PiLock(AtomicU32);
 
 impl PiLock {
-    /// Makes a free lock.
+    /// Makes a lock that no thread holds.
     #[must_use]
     pub const fn new() -> Self {
         Self(AtomicU32::new(0))

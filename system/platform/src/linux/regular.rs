@@ -8,7 +8,7 @@ use std::path::Path;
 use std::string::String;
 use std::vec::Vec;
 
-/// Opens a regular file for reading.
+/// Opens the regular file `path` for reading, and refuses anything else.
 ///
 /// Opening a FIFO waits until somebody writes to it, and opening a device can have an effect. So this function
 /// opens only regular files.
@@ -29,7 +29,7 @@ pub fn open_regular(path: impl AsRef<Path>) -> io::Result<File> {
     Ok(file)
 }
 
-/// Reads a regular file.
+/// Reads the whole content of the regular file `path`.
 ///
 /// # Errors
 /// Returns an error if the file cannot be opened, as [`open_regular`] does; the operating system's error if it
@@ -40,7 +40,7 @@ pub fn read_regular(path: impl AsRef<Path>) -> io::Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// Reads a regular file that is a text in UTF-8.
+/// Reads the whole content of the regular file `path`, which must be a text in UTF-8.
 ///
 /// # Errors
 /// Returns an error if the file cannot be opened or read, as [`read_regular`] does; one of the kind

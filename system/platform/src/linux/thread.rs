@@ -7,7 +7,7 @@ thread_local! {
     static NUMBER: AtomicU32 = const { AtomicU32::new(0) };
 }
 
-/// Returns the kernel's number of the calling thread. Only the first call of a thread is a system call.
+/// Returns the kernel's number of the calling thread (its TID). Only the first call of a thread is a system call.
 #[must_use]
 #[inline]
 pub fn thread_number() -> u32 {

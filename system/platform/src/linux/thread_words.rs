@@ -22,7 +22,8 @@ thread_local! {
     };
 }
 
-/// Returns true if the calling thread is in a critical section of this crate.
+/// Returns true if the calling thread is in a critical section of this crate's implementation of
+/// `critical-section`.
 ///
 /// A signal handler that finds the section held must not enter it. It records its work instead, and
 /// the function that was given to [`on_leaving`] does that work later.
@@ -33,7 +34,7 @@ pub fn is_held() -> bool {
 }
 
 /// Sets the function that the calling thread calls whenever it has left its outermost critical
-/// section; with `None` it calls nothing.
+/// section. With `None` the thread calls nothing.
 ///
 /// Call it only while no signal handler of the thread enters sections.
 pub fn on_leaving(hook: Option<fn()>) {

@@ -11,9 +11,9 @@ use super::regular::check_regular;
 
 /// A file that gets its name when it is complete.
 ///
-/// It is written under another name in the same directory, `.PROCESS-NUMBER.part`. So a reader finds the former file
-/// or the complete new one, whatever happens: a full disk, a kill of the process, or a loss of power. A file that is
-/// dropped before [`finish`](Self::finish) is removed.
+/// Until then it is written under another name in the same directory, `.PROCESS-NUMBER.part`. So a reader finds the
+/// former file or the complete new one, whatever happens: a full disk, a kill of the process, or a loss of power. A
+/// file that is dropped before [`finish`](Self::finish) is removed.
 ///
 /// ```
 /// use std::io::Write;
@@ -38,8 +38,8 @@ pub struct WholeFile {
 }
 
 impl WholeFile {
-    /// Begins a file whose name will be `path`. A link stays, and the file that it names is replaced. The new file gets
-    /// the permissions of the former one.
+    /// Begins a file whose name will be `path`. If `path` is a link, the link stays, and the file to which it leads is
+    /// replaced. The new file gets the permissions of the file that it replaces.
     ///
     /// # Errors
     /// Returns an error of the kind [`InvalidInput`](ErrorKind::InvalidInput) if `path` exists and is not a
@@ -71,7 +71,7 @@ impl WholeFile {
         Ok(this)
     }
 
-    /// Writes `content` as the whole file `path`, and replaces a previous one.
+    /// Writes `content` as the whole file `path`, and replaces a previous file.
     ///
     /// # Errors
     /// Returns an error if the file cannot be made or named, as [`create`](Self::create) and
@@ -95,7 +95,8 @@ impl WholeFile {
         sync_name(&self.path)
     }
 
-    /// Puts the file under its name once its content is on the disk, unless there is a file of this name.
+    /// Puts the file under its name once its content is on the disk. Does not replace a file that has this name
+    /// already.
     ///
     /// # Errors
     /// Returns an error of the kind [`AlreadyExists`](ErrorKind::AlreadyExists) if there is a file of this

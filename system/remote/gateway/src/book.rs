@@ -8,12 +8,15 @@ use condor_remote::wire::{Id, RemoteOutcome, RemoteRefusal, RemoteState};
 
 use crate::journal::{Journal, JournalError, JournalRecord};
 
-/// The number of motions of a client whose outcome is remembered.
+/// The number of ended motions of one client that a [`Book`] remembers at least. Older ones become
+/// [`RemoteState::Forgotten`].
 pub const REMEMBERED: usize = 256;
-/// The greatest number of motions of a client that have not ended.
+/// The greatest number of motions of one client that have been offered to the robot and have not ended. Further ones
+/// are refused.
 pub const OPEN: usize = 16;
 
-/// The outcome of each motion, as the journal records it.
+/// The state of each motion that clients have sent to the gateway, kept in a [`Journal`], so that no motion runs twice
+/// after the gateway was killed.
 #[derive(Debug)]
 pub struct Book {
     journal: Journal,
@@ -39,7 +42,8 @@ struct Motion {
 }
 
 impl Book {
-    /// Opens the journal.
+    /// Opens the journal in the file `path`, and reads the states of all motions from it. There are none if the file
+    /// does not exist.
     ///
     /// # Errors
     /// [`JournalError::Locked`] if another gateway uses the journal; [`JournalError::Damaged`] if a line is
@@ -56,12 +60,11 @@ impl Book {
         Ok(book)
     }
 
-    /// Assigns a number to a new incarnation of a client: a greater one than all before. Clocks have no
-    /// part in it, since the clock of a machine may begin long ago.
+    /// Assigns a number to a new incarnation of the client `client`, and notes it in the journal. The number is greater
+    /// than those of all earlier incarnations.
     ///
     /// # Errors
     /// Returns a [`RemoteRefusal`] if no number is left, or if the journal cannot be written.
-    /// A refusal if there is no number left, or if the journal cannot be written.
     pub fn join(&mut self, client: &str) -> Result<u64, RemoteRefusal> {
         let former = self.clients.get(client);
         let former = former.map_or(0, |it| {
@@ -79,12 +82,12 @@ impl Book {
         Ok(incarnation)
     }
 
-    /// Returns the way in which a motion has ended, or that it has not been received; `None` if the queue
-    /// must be asked.
+    /// Looks up the motion `id` of the client `client`. Returns its outcome if the motion has ended, if it has been
+    /// forgotten, or if it was never received. Returns `None` if the motion was offered to the robot's queue and has
+    /// not ended: the queue knows its state. `digest` is the [`digest`] of the motion if the client has sent its bytes.
     ///
     /// # Errors
-    /// Returns a [`RemoteRefusal`] if `digest` is that of another motion than the one that had the identity
-    /// before.
+    /// Returns a [`RemoteRefusal`] if another motion, with another digest, had this `id` before.
     pub fn look(
         &self,
         client: &str,
@@ -117,7 +120,8 @@ impl Book {
         }))
     }
 
-    /// Returns the motions that have not ended, with their clients and their requests of the queue.
+    /// Returns the motions that were offered to the robot's queue and have not ended: the name of the client, the
+    /// identity of the motion, and the identity of the request with which the queue got it.
     pub fn open_motions(&self) -> impl Iterator<Item = (&str, Id, RequestIdentity)> {
         self.clients.iter().flat_map(|(client, of_client)| {
             let motions = of_client.motions.iter();
@@ -128,17 +132,19 @@ impl Book {
         })
     }
 
-    /// Returns the request of the queue that a motion is.
+    /// Returns the identity of the request with which the robot's queue got the motion `id` of the client `client`;
+    /// `None` if the queue never got it, or if it is forgotten.
     #[must_use]
     pub fn request(&self, client: &str, id: Id) -> Option<RequestIdentity> {
         self.clients.get(client)?.motions.get(&id)?.request
     }
 
-    /// Notes that a new motion is about to be offered to the queue.
+    /// Notes in the journal that a new motion is about to be offered to the robot's queue. `id` is the identity of the
+    /// motion, `digest` the [`digest`] of its bytes, and `request` the identity of the request to the queue.
     ///
     /// # Errors
-    /// Returns a [`RemoteRefusal`] if the client has too many motions, or if the journal cannot be written;
-    /// then the motion must not be offered.
+    /// Returns a [`RemoteRefusal`] if [`OPEN`] motions of the client have not ended, or if the journal cannot be
+    /// written. The motion must not be offered then.
     pub fn offer(
         &mut self,
         client: &str,
@@ -164,7 +170,8 @@ impl Book {
         })
     }
 
-    /// Notes the way in which a motion has ended, or that it never begins.
+    /// Notes in the journal that the motion `id` of the client `client` has ended, or will never begin: its final
+    /// state, and the reason for it.
     ///
     /// # Errors
     /// Returns a [`RemoteRefusal`] if the journal cannot be written; then the end must not be reported.
@@ -333,7 +340,8 @@ fn all(clients: &BTreeMap<String, Client>) -> Vec<JournalRecord> {
     records
 }
 
-/// Returns a number that two motions hardly share, the same in each version of this program: FNV-1a.
+/// Returns a hash (FNV-1a) of the bytes of a motion, by which two motions with the same identity are told apart. It is
+/// the same in each version of this program.
 #[must_use]
 pub fn digest(motion: &[u8]) -> u64 {
     motion.iter().fold(0xcbf2_9ce4_8422_2325, |hash, byte| {

@@ -13,7 +13,7 @@ use condor_remote::wire::{Right, alive, all_here, by, check_name, root, stream};
 use serde::Deserialize;
 use serde_json::{Value as Json, json};
 
-/// A configuration.
+/// The configuration of a gateway, as its TOML file has it. [`read`](Self::read) reads it.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Config {
@@ -65,7 +65,8 @@ const fn seconds() -> u64 {
     2_000
 }
 
-/// The routers to which a gateway connects. Who a client is, they must check.
+/// The zenoh routers to which a gateway connects, and the user that it is there. If clients connect to a router, the
+/// router must check their identities: the gateway cannot.
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Routers {
@@ -80,7 +81,7 @@ pub struct Routers {
     pub password: Option<String>,
 }
 
-/// The files of a gateway's certificates.
+/// The files of the certificates with which a gateway proves its identity, and checks those of clients and routers.
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct GatewayTls {
@@ -93,7 +94,8 @@ pub struct GatewayTls {
     pub authority: Option<PathBuf>,
 }
 
-/// A client of the gateway: its name, the requests that it may make, and the fate of its motions.
+/// A client that may use the gateway: its name, the requests that it may make, and the fate of its motions when it is
+/// gone.
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ClientRights {
@@ -106,23 +108,23 @@ pub struct ClientRights {
     pub when_gone: WhenGone,
 }
 
-/// The fate of the motions of a client that is gone.
+/// The fate of a client's motions when the client has been away for longer than [`Config::grace_ms`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum WhenGone {
     /// All motion stops.
     #[default]
     Stop,
-    /// Its motions run on.
+    /// The motions of the client run on.
     GoOn,
 }
 
 impl Config {
-    /// Reads a file.
+    /// Reads and checks the configuration in the file `path`. Relative paths in it start at the directory of that file.
     ///
     /// # Errors
-    /// Returns an error that says what is wrong, and where, if the file cannot be read, or is not a valid
-    /// configuration, or if others can read the passwords.
+    /// Returns an error that says what is wrong, and where, if a file cannot be read, if the configuration is not
+    /// valid, or if other users of this machine can read the file of passwords.
     pub fn read(path: &Path) -> Result<Self, AnyError> {
         let shown = path.display();
         let text = read_text(path).map_err(|error| format!("cannot read {shown}: {error}"))?;
@@ -150,7 +152,7 @@ impl Config {
         Ok(config)
     }
 
-    /// Reads a text, and checks it.
+    /// Parses and checks the text of a configuration. Paths stay as they are, and no file is read.
     ///
     /// # Errors
     /// Returns an error text that names the fault if this is not a valid configuration.
@@ -222,14 +224,16 @@ impl Config {
         self.passwords.is_some() || self.tls.as_ref().is_some_and(|tls| tls.authority.is_some())
     }
 
-    /// Returns true if a client has a right.
+    /// Returns true if the client called `client` has the right `right`. A client that is not in the configuration has
+    /// none.
     #[must_use]
     pub fn may(&self, client: &str, right: Right) -> bool {
         let mut clients = self.clients.iter();
         clients.any(|it| it.name == client && it.may.contains(&right))
     }
 
-    /// Returns the clients whose motions stop when they are gone.
+    /// Returns the names of the clients with [`WhenGone::Stop`]: if one of them is gone and a motion of its own has not
+    /// ended, all motion stops.
     #[must_use]
     pub fn stops(&self) -> BTreeSet<String> {
         let clients = self
@@ -239,16 +243,18 @@ impl Config {
         clients.map(|it| it.name.clone()).collect()
     }
 
-    /// Returns the time that a client may be away.
+    /// Returns the time for which a client may be away before [`WhenGone`] applies to its motions.
     #[must_use]
     pub const fn grace(&self) -> Duration {
         Duration::from_millis(self.grace_ms)
     }
 
-    /// Returns the configuration of zenoh.
+    /// Returns the configuration with which the gateway opens its session of zenoh: places, certificates, passwords,
+    /// and access control.
     ///
     /// # Errors
-    /// Returns an error that names the refused value if zenoh refuses one.
+    /// Returns [`RemoteError::Zenoh`](condor_remote::RemoteError::Zenoh) if zenoh refuses a value; its text names the
+    /// value.
     pub fn zenoh(&self) -> Result<zenoh::Config, AnyError> {
         let (tls, routers) = (self.tls.as_ref(), self.routers.as_ref());
         let path = |path: Option<&PathBuf>| json!(path.map(|path| path.display().to_string()));
@@ -343,8 +349,9 @@ impl Config {
     }
 }
 
-/// Returns the access control of zenoh that binds the name of each client to its user or certificate: for a gateway, or
-/// for a router between clients and the gateways of these robots.
+/// Returns the part `access_control` of zenoh's configuration for the gateways that have these `configs`. Each client
+/// may use only the keys that have its own name and its rights; zenoh knows the client by its user or its certificate.
+/// A gateway needs it for its own configuration; a router between clients and gateways, for those of all its gateways.
 #[must_use]
 pub fn access_control(configs: &[Config]) -> Json {
     let mut access = AccessControl::default();

@@ -13,7 +13,7 @@ const HEAD: &str = "condor-gateway journal 1";
 /// The number of records that may be added before the file is made anew.
 const ADDED: usize = 4096;
 
-/// A fact about a motion, or about all former motions of a client.
+/// A record of a [`Journal`]: a fact about one motion or one client that must survive the gateway.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(tag = "is", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum JournalRecord {
@@ -45,7 +45,7 @@ pub enum JournalRecord {
         id: Id,
         /// A hash of its bytes; 0 if they never came.
         digest: u64,
-        /// Its final state.
+        /// The final state of the motion.
         state: RemoteState,
         /// The reason for it.
         reason: String,
@@ -59,7 +59,7 @@ pub enum JournalRecord {
     },
 }
 
-/// The reason why a journal cannot be used.
+/// The reason why a [`Journal`] cannot be opened or written.
 #[derive(Debug, thiserror::Error)]
 pub enum JournalError {
     /// The operating system refuses.
@@ -88,7 +88,8 @@ pub enum JournalError {
     },
 }
 
-/// A journal that this process alone uses.
+/// A file of records about motions, which survives a gateway that is killed. Only one process at a time can have it
+/// open.
 #[derive(Debug)]
 pub struct Journal {
     path: PathBuf,
@@ -100,8 +101,8 @@ pub struct Journal {
 }
 
 impl Journal {
-    /// Opens the journal, and returns the records that it has. A last record that was not written to its
-    /// end is dropped: nothing was done because of it.
+    /// Opens the journal in the file `path`, and returns it with its records, oldest first. There are none if the file
+    /// does not exist. If the last record was not written to its end, it is dropped: the gateway has not acted on it.
     ///
     /// # Errors
     /// [`JournalError::Locked`] if another gateway uses the journal; [`JournalError::Damaged`] if a line is
@@ -135,11 +136,12 @@ impl Journal {
         Ok((journal, records(path, &bytes)?))
     }
 
-    /// Adds a record. When this returns it is on the disk, as far as the disk keeps what was synchronized. `all` are
-    /// the records that the file needs, the new one among them: sometimes it is made anew.
+    /// Adds `record`, and waits until it is on the disk. Sometimes the whole file is written anew instead. `all` then
+    /// returns all records that are still needed, `record` among them.
     ///
     /// # Errors
-    /// [`JournalError::Io`]; whether the record is there is not known then, until the next one is added.
+    /// Returns [`JournalError::Io`] if the operating system refuses. It is then unknown whether the file has the
+    /// record, until another record was added without an error.
     pub fn add(
         &mut self,
         record: &JournalRecord,

@@ -35,17 +35,18 @@ const AGAIN: Duration = Duration::from_millis(100);
 /// The least time between two lines of the log about refusals to one client.
 const REPORT: Duration = Duration::from_secs(1);
 
-/// A gateway that runs.
+/// A running gateway, which serves a system to clients on other machines.
 pub struct Gateway {
     session: Session,
     _alive: LivelinessToken,
 }
 
 impl Gateway {
-    /// Opens the journal and the session of zenoh, and starts the threads.
+    /// Starts a gateway with the configuration `config` for the system `which`: opens the journal and the session of
+    /// zenoh, and starts the threads that serve clients. It does not wait for the system.
     ///
     /// # Errors
-    /// Returns an error that says what cannot be opened, if the journal or the session cannot be.
+    /// Returns an error if the journal or the session of zenoh cannot be opened; the text says which, and why.
     pub fn start(config: &Config, which: &SystemChoice) -> Result<Self, AnyError> {
         let book = Book::open(&config.journal)?;
         let presence = Presence::new(config.stops(), config.grace(), Instant::now());

@@ -12,17 +12,18 @@ const LOOK: Duration = Duration::from_secs(1);
 /// The time that its supervisor may take to answer.
 const ANSWER: Duration = Duration::from_secs(5);
 
-/// Which system is served.
+/// The choice of the running system that a gateway serves.
 #[derive(Clone, Debug)]
 pub enum SystemChoice {
-    /// The one whose supervisor has started this process.
+    /// The system whose supervisor has started this process.
     Own(SystemDirectory),
-    /// The one of this name, or the only one that runs.
+    /// The system of this name; with `None`, the only one that runs.
     Named(Option<String>),
 }
 
 impl SystemChoice {
-    /// Returns the system whose service this process is, or else that of a name.
+    /// Chooses the system whose supervisor has started this process as a service, as `environment` says. Without
+    /// `environment`, chooses the system called `name`, or, without a name, the only one that runs.
     #[must_use]
     pub fn of(environment: Option<&Environment>, name: Option<String>) -> Self {
         let own = environment.and_then(|it| it.system.parent());

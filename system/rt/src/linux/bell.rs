@@ -11,9 +11,10 @@ use super::spinner::Spinner;
 use crate::numbers::PROCESSORS;
 use crate::simulated::SimulatedBell;
 
-/// The doorbell of a [`LinuxProcess`](super::LinuxProcess). If the loops of the process are
-/// [spun](super::LoopContext::Spin), it polls their timer, too; in simulated time, waits and the clock are
-/// those of that time. All clones are the same doorbell.
+/// The doorbell of a [`LinuxProcess`](super::LinuxProcess), with which it rings other processors and waits until they
+/// ring it. If the loops of the process are [spun](super::LoopContext::Spin), each wait and each reading of the
+/// doorbell's clock also runs the loops that are due. In a system with a simulated clock, its waits and its clock are
+/// in simulated time. All clones are the same doorbell.
 #[derive(Clone, Debug)]
 pub struct ProcessBell {
     pub(super) doorbell: LinuxDoorbell<PROCESSORS>,

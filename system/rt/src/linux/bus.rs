@@ -5,12 +5,14 @@ use condor_dev::{Bus, BusAccessError, Width};
 
 use crate::silent::Silent;
 
-/// The bus of a [`LinuxProcess`](super::LinuxProcess). All clones are the same bus.
+/// The bus of a [`LinuxProcess`](super::LinuxProcess), through which its program accesses boards.
+/// All clones are the same bus.
 #[derive(Clone, Debug)]
 pub enum ProcessBus {
-    /// A file that all processes map.
+    /// A bus in a file, or in a part of one, that all processes map. Its first byte has the bus
+    /// address 0.
     Mapped(LinuxBus),
-    /// A bus without boards.
+    /// A bus without boards: all accesses fail.
     Silent(Silent),
 }
 

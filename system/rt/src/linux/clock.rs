@@ -18,8 +18,8 @@ use crate::numbers::PROCESSORS;
 /// The clock of a process in simulated time.
 pub(super) type ProcessClock = Arc<LocalClock<MappedPage, Bells>>;
 
-/// The page of a simulated clock, the memory in which it keeps its state, mapped from a file. All
-/// clones are the same mapping.
+/// The [page](Page) of a simulated clock, mapped from a file. All processes of the system map the
+/// same page, in which the clock keeps its state. All clones are the same mapping.
 #[derive(Clone, Debug)]
 pub struct MappedPage {
     page: NonNull<Page>,
@@ -33,14 +33,17 @@ unsafe impl Send for MappedPage {}
 unsafe impl Sync for MappedPage {}
 
 impl MappedPage {
-    /// The number of bytes that a page takes in a file, at an offset that is a multiple of 64.
+    /// The number of bytes that a page takes in a file. The page must begin at an offset that is a
+    /// multiple of 64.
     pub const BYTES: u32 = size_of::<Page>() as u32;
 
-    /// Maps the page in `range` without a check. The caller must [reset](Page::reset) the page.
+    /// Maps the page of a new clock in `range`, without a check of its contents. The caller must
+    /// [reset](Page::reset) the page before other processes [open](Self::open) it.
     ///
     /// # Errors
     /// [`ProcessError::Open`] or [`ProcessError::MapShared`] if the file cannot be mapped;
-    /// [`ProcessError::ClockPlace`] if no page has room there.
+    /// [`ProcessError::ClockPlace`] if `range` is too short for a page, or is not aligned to 64
+    /// bytes.
     pub fn map(range: &FileRange) -> Result<Self, ProcessError> {
         let window = range.map("simulated clock")?;
         let words = window.words();
@@ -55,12 +58,13 @@ impl MappedPage {
         })
     }
 
-    /// Maps the page in `range` and checks it. Another process has [reset](Page::reset) the page.
+    /// Maps the page in `range`, which another process has already [reset](Page::reset), and checks
+    /// that it is the page of a simulated clock.
     ///
     /// # Errors
     /// [`ProcessError::Open`] or [`ProcessError::MapShared`] if the file cannot be mapped;
-    /// [`ProcessError::ClockPlace`] if no page has room there; [`ProcessError::Clock`] if the
-    /// memory holds no page of this version.
+    /// [`ProcessError::ClockPlace`] if `range` is too short for a page, or is not aligned to 64
+    /// bytes; [`ProcessError::Clock`] if the memory holds no page of this version.
     pub fn open(range: &FileRange) -> Result<Self, ProcessError> {
         let page = Self::map(range)?;
         page.check()?;
@@ -78,8 +82,9 @@ impl Deref for MappedPage {
     }
 }
 
-/// Hands the turn of a simulated clock, the right to run, over between processes: by futex, and
-/// also by doorbell to each participant that [needs one](Page::needs_bell).
+/// The [`Handover`] between processes: it wakes the process that gets the turn of a simulated
+/// clock, the right to run. It wakes by futex, and also by doorbell if the participant [needs
+/// one](Page::needs_bell).
 #[derive(Debug)]
 pub struct Bells {
     futex: Futex,
@@ -88,7 +93,8 @@ pub struct Bells {
 }
 
 impl Bells {
-    /// Makes the handover of the program that runs in the calling thread and holds `doorbell`.
+    /// Makes the handover for a participant of the clock in `page`. The program of the participant
+    /// runs in the calling thread, and `doorbell` is its doorbell.
     #[must_use]
     pub fn new(page: MappedPage, doorbell: LinuxDoorbell<PROCESSORS>) -> Self {
         Self {
@@ -120,9 +126,9 @@ impl Handover for Bells {
     }
 }
 
-/// A part of the host in simulated time: a service, for which time waits, or a guest, for which it does
-/// not. It asks for the *turn*, the right to run at an instant of that time, and releases the turn
-/// afterwards.
+/// The access of one part of the host to the simulated clock. The part is a service, for which simulated time waits, or
+/// a guest, such as a command, for which it does not wait. Through this object the part asks for the *turn*, the right
+/// to run at an instant of simulated time, and releases the turn afterwards.
 #[derive(Debug)]
 pub struct HostClock {
     page: MappedPage,
@@ -132,44 +138,47 @@ pub struct HostClock {
 }
 
 impl HostClock {
-    /// Returns the page of the simulated clock.
+    /// Returns the page of the simulated clock, the shared memory with its state.
     #[must_use]
     pub fn page(&self) -> &Page {
         &self.page
     }
 
-    /// Returns the number of this part of the host among the participants in the simulated time.
+    /// Returns the processor number of this part of the host, under which it takes part in the
+    /// simulated time.
     #[must_use]
     pub const fn number(&self) -> u8 {
         self.number
     }
 
-    /// Returns the way in which it hands the turn over.
+    /// Returns the handover by which this part of the host wakes the next participant when it
+    /// releases the turn.
     #[must_use]
     pub const fn handover(&self) -> &Bells {
         &self.by
     }
 
-    /// Asks for the turn, and does not wait: at the instant `at`, in nanoseconds, or as soon as no
-    /// processor has anything to do, whichever is later. The doorbell rings when this part of the host
-    /// [has](Self::has_turn) it.
+    /// Asks for the turn at the instant `at`, in nanoseconds of simulated time, and returns without waiting. The turn
+    /// comes at `at`, or at the present instant if `at` has passed; in both cases after all processors that go on at
+    /// that instant. Then [`has_turn`](Self::has_turn) returns true, and the doorbell of this part of the host rings.
     pub fn request(&self, at: u64) {
         self.page.request(self.number, at, &self.by);
     }
 
-    /// Returns true if this part of the host has the turn, which it [requested](Self::request).
+    /// Returns true if this part of the host has the turn for which it [asked](Self::request).
     #[must_use]
     pub fn has_turn(&self) -> bool {
         self.page.has_turn(self.number)
     }
 
-    /// Releases the turn, so that the simulated time can go on.
+    /// Releases the turn, so that simulated time can go on. If the turn has not come yet, withdraws
+    /// the [request](Self::request).
     pub fn finish(&self) {
         self.page.finish(self.number, &self.by);
     }
 
-    /// Releases the turn and [requests](Self::request) it again for `at`, before any time passes. If no
-    /// processor has anything to do before, this part of the host keeps the turn.
+    /// Releases the turn and [requests](Self::request) it again for the instant `at`, in nanoseconds, before any time
+    /// passes. This part of the host keeps the turn if no other participant goes on before that instant.
     pub fn postpone(&self, at: u64) {
         self.page.postpone(self.number, at, &self.by);
     }
@@ -184,12 +193,13 @@ impl Drop for HostClock {
     }
 }
 
-/// The mailbox of a part of the host.
+/// The mailbox of a part of the host, such as a service or a command; [`HostBell::mailbox`] makes
+/// it.
 pub type HostMailbox<'v> = Mailbox<'v, (LinuxWindow, HostBell, SingleContext), PROCESSORS>;
 
-/// The doorbell of a part of the host. Its waits are in real time. In a system with a simulated
-/// clock it reports its rings, and the messages that were handled, to that clock. All clones are
-/// the same doorbell.
+/// The doorbell of a part of the host, such as a service or a command. Its waits are in real time.
+/// In a system with a simulated clock it reports to that clock which processors it rings, and which
+/// messages were handled. All clones are the same doorbell.
 #[derive(Clone, Debug)]
 pub struct HostBell {
     doorbell: LinuxDoorbell<PROCESSORS>,
@@ -197,17 +207,17 @@ pub struct HostBell {
 }
 
 impl HostBell {
-    /// Makes the doorbell of a service: a part of the host for which the time of `page` waits until
-    /// the service has taken all messages to it. `page` is `None` in a system that runs by the real
-    /// clock.
+    /// Makes the doorbell of a service: a part of the host for which simulated time waits until the
+    /// service has handled all messages to it. `page` is the page of the simulated clock; `None` if
+    /// the system runs by the real clock.
     #[must_use]
     pub fn of_service(doorbell: LinuxDoorbell<PROCESSORS>, page: Option<MappedPage>) -> Self {
         Self::new(doorbell, page, true)
     }
 
     /// Makes the doorbell of a guest: a part of the host for which simulated time does not wait.
-    /// The guest takes part in the time of `page` until the doorbell and all its clones are
-    /// dropped. `page` is `None` in a system that runs by the real clock.
+    /// `page` is the page of the simulated clock; `None` if the system runs by the real clock. The
+    /// guest takes part in the simulated time until the doorbell and all its clones are dropped.
     #[must_use]
     pub fn of_guest(doorbell: LinuxDoorbell<PROCESSORS>, page: Option<MappedPage>) -> Self {
         Self::new(doorbell, page, false)
@@ -235,7 +245,8 @@ impl HostBell {
         Self { doorbell, clock }
     }
 
-    /// Makes the mailbox of the number that `claim` holds, with the doorbell that `bell` makes.
+    /// Makes the mailbox for the processor number that `claim` holds. `bell` makes its doorbell:
+    /// [`of_service`](Self::of_service) or [`of_guest`](Self::of_guest).
     ///
     /// # Errors
     /// [`mbox::MailboxError::Layout`] if the memory was laid out for another system or by another version;
@@ -249,22 +260,24 @@ impl HostBell {
         Mailbox::new(number, windows, bell(doorbell), SingleContext::new())
     }
 
-    /// Returns the doorbell that wakes this part of the host.
+    /// Returns the underlying doorbell, which wakes this part of the host in real time.
     #[must_use]
     pub const fn doorbell(&self) -> &LinuxDoorbell<PROCESSORS> {
         &self.doorbell
     }
 
-    /// Returns the simulated clock; `None` if the system runs by the real clock.
+    /// Returns the object through which this part of the host uses the simulated clock; `None` if
+    /// the system runs by the real clock.
     #[must_use]
     pub fn clock(&self) -> Option<&HostClock> {
         self.clock.as_deref()
     }
 
-    /// Reports to the simulated clock that the service has handled all messages that came before
-    /// [`prepare`](Doorbell::prepare) returned `seen`. [`wait`](Doorbell::wait) does the same, and also
-    /// releases the turn. A service that sleeps in another way must call this itself. The service has the
-    /// turn when it begins, and must [release it](HostClock::finish).
+    /// Reports to the simulated clock that this service has handled all messages that came before
+    /// [`prepare`](Doorbell::prepare) returned the argument. [`wait`](Doorbell::wait) makes this report itself, and
+    /// also releases the turn; call `done` only if the service sleeps in another way. Such a service has the turn when
+    /// it begins, and must [release it](HostClock::finish). Does nothing for a guest, and in a system that runs by the
+    /// real clock.
     pub fn done(&self, (_, seen): (u32, u32)) {
         if let Some(clock) = &self.clock
             && clock.is_service

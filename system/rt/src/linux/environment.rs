@@ -29,7 +29,8 @@ pub(super) const LOOPS: &str = "CONDOR_LOOPS";
 const CPU: &str = "CONDOR_CPU";
 const PRIORITY: &str = "CONDOR_PRIORITY";
 
-/// The way in which the loops of a program run; see [the module](super).
+/// The way in which the servo loops of a process run: in threads, in signal handlers, or where the
+/// background polls. [The module](super) compares these ways.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum LoopContext {
     /// Each loop runs in a thread of its own.
@@ -42,10 +43,12 @@ pub enum LoopContext {
 }
 
 impl LoopContext {
-    /// All ways in which loops can run.
+    /// All ways in which loops can run, for example to find the one with a given
+    /// [`word`](Self::word).
     pub const ALL: [Self; 3] = [Self::Threads, Self::Signals, Self::Spin];
 
-    /// Returns the word for this way in the environment variable `CONDOR_LOOPS`.
+    /// Returns the value of the environment variable `CONDOR_LOOPS` that selects this way:
+    /// `threads`, `signals` or `spin`.
     #[must_use]
     pub const fn word(self) -> &'static str {
         match self {
@@ -56,19 +59,19 @@ impl LoopContext {
     }
 }
 
-/// A file, or a part of one, that processes map.
+/// A file, or a part of a file, that processes map into their memory.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FileRange {
     /// The path of the file.
     pub path: PathBuf,
     /// The beginning of the part, in bytes from the beginning of the file.
     pub offset: u64,
-    /// Its length in bytes; `None` means up to the end of the file.
+    /// The length of the part in bytes; `None` means up to the end of the file.
     pub bytes: Option<u64>,
 }
 
 impl FileRange {
-    /// Returns the whole of a file.
+    /// Makes the range that covers the whole of the file `path`.
     #[must_use]
     pub const fn whole(path: PathBuf) -> Self {
         Self {
@@ -78,7 +81,8 @@ impl FileRange {
         }
     }
 
-    /// Maps the range as shared memory, for loads and stores.
+    /// Opens the file and maps the range as memory that processes share, for loads and stores.
+    /// Returns that memory as one region.
     ///
     /// # Errors
     /// [`ProcessError::Open`] if the file cannot be opened, [`ProcessError::MapShared`] if it
@@ -116,15 +120,16 @@ impl FileRange {
     }
 }
 
-/// The settings of a process, passed in variables of its environment; see [the module](super) for
-/// them.
+/// The settings of a process that is a processor: its number, its memory, its clock, and the way in
+/// which its loops run. A supervisor passes them in variables of the environment, which [the
+/// module](super) lists.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Environment {
     /// The directory of the mailbox system.
     pub system: PathBuf,
     /// The size of the users' region of each processor's `data`, in bytes.
     pub window_bytes: u32,
-    /// The number of the processor that this process is.
+    /// The number of the processor that this process implements.
     pub processor: Processor,
     /// The file that is the bus of the boards, if there is one; its first byte has the bus address
     /// 0.
@@ -155,7 +160,9 @@ impl Environment {
         Self::from_variables(|variable| std::env::var_os(variable))
     }
 
-    /// Sets the variables in `command`, so that the process that it starts gets these settings.
+    /// Sets environment variables of `command`, so that the process that it starts
+    /// [reads](Self::read) these settings. Removes the variables of optional settings that are
+    /// absent here. Returns `command`.
     pub fn pass_to<'c>(&self, command: &'c mut Command) -> &'c mut Command {
         command
             .env(SYSTEM, &self.system)

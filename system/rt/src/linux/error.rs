@@ -7,7 +7,8 @@ use std::path::PathBuf;
 use condor_dev::linux::BusMapError;
 use condor_mbox::linux::SystemError;
 
-/// The reason why a process cannot be a processor.
+/// The reason why a process of Linux cannot be a processor: its settings, its memory, its bus, its
+/// clock or its signals.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ProcessError {
@@ -29,7 +30,8 @@ pub enum ProcessError {
         /// The values that are allowed.
         expected: &'static str,
     },
-    /// The processor's number could not be claimed, or the memory of the processors not be opened.
+    /// The processor's number could not be claimed, or the memory of the processors could not be
+    /// opened.
     #[error(transparent)]
     System(#[from] SystemError),
     /// The file of the bus, of the shared memory or of the simulated clock could not be opened.

@@ -38,7 +38,8 @@ const NAP: Duration = Duration::from_millis(100);
 
 /// A process of Linux as a processor: the [`Machine`] of its program.
 ///
-/// It holds the processor's number until it and all objects that it returned are dropped.
+/// It holds the processor's number: no other process can claim that number until this machine and
+/// all windows, doorbells and other parts that it returned are dropped.
 pub struct LinuxProcess {
     number: Processor,
     windows: [Windows<LinuxWindow>; PROCESSORS],
@@ -63,20 +64,23 @@ enum LoopPlatform {
 }
 
 impl LinuxProcess {
-    /// Makes the processor that `environment` describes; `arguments` are the program's arguments,
+    /// Makes the processor that `environment` describes. `arguments` are the program's arguments,
     /// without its name.
     ///
-    /// It claims the processor's number; if another process still holds the number, it retries for
-    /// 5 s. It asks the kernel for the core and the priority, which apply to the calling thread and
-    /// to threads that this thread starts; it prints what the kernel refuses to standard error.
-    /// From then on SIGTERM and SIGINT make [`is_stopping`](Machine::is_stopping) true.
+    /// This function claims the processor's number; while another process still holds the number,
+    /// it retries for up to 5 s. It asks the kernel to apply the core and the priority to the
+    /// calling thread and to threads that this thread starts. A request that the kernel refuses is
+    /// printed to standard error, and is not an error. From then on SIGTERM and SIGINT make
+    /// [`is_stopping`](Machine::is_stopping) true.
     ///
     /// # Errors
     /// [`ProcessError::Wrong`] if the environment says that loops run in signals, which only
     /// [`allowing_signals`](Self::allowing_signals) permits; [`ProcessError::Open`] or
-    /// [`ProcessError::MapBus`] if the bus fails; [`ProcessError::Stopping`] if the signals cannot
-    /// be handled; [`ProcessError::System`] if the memory cannot be opened or the number not be
-    /// claimed.
+    /// [`ProcessError::MapBus`] if the bus cannot be mapped; [`ProcessError::Open`] or
+    /// [`ProcessError::MapShared`] if another shared memory cannot be mapped;
+    /// [`ProcessError::ClockPlace`] or [`ProcessError::Clock`] if that memory holds no page of a
+    /// simulated clock; [`ProcessError::Stopping`] if the signals cannot be handled;
+    /// [`ProcessError::System`] if the memory cannot be opened or the number cannot be claimed.
     pub fn new(
         environment: &Environment,
         arguments: impl IntoIterator<Item = String>,
@@ -91,8 +95,8 @@ impl LinuxProcess {
         Self::of(environment, arguments)
     }
 
-    /// Makes the processor as [`new`](Self::new) does, but also permits that loops run in signals
-    /// if `environment` says so.
+    /// Makes the processor as [`new`](Self::new) does, and also permits loops in signal handlers.
+    /// They run there if `environment` says so.
     ///
     /// # Safety
     /// If `environment` says so, all loops that run [on this machine](Machine::with_loops) must
@@ -101,9 +105,11 @@ impl LinuxProcess {
     /// stack.
     ///
     /// # Errors
-    /// [`ProcessError::Open`] or [`ProcessError::MapBus`] if the bus fails;
-    /// [`ProcessError::Stopping`] if the signals cannot be handled; [`ProcessError::System`] if the
-    /// memory cannot be opened or the number not be claimed.
+    /// [`ProcessError::Open`] or [`ProcessError::MapBus`] if the bus cannot be mapped;
+    /// [`ProcessError::Open`] or [`ProcessError::MapShared`] if another shared memory cannot be
+    /// mapped; [`ProcessError::ClockPlace`] or [`ProcessError::Clock`] if that memory holds no page
+    /// of a simulated clock; [`ProcessError::Stopping`] if the signals cannot be handled;
+    /// [`ProcessError::System`] if the memory cannot be opened or the number cannot be claimed.
     pub unsafe fn allowing_signals(
         environment: &Environment,
         arguments: impl IntoIterator<Item = String>,

@@ -8,14 +8,15 @@ use super::error::ProcessError;
 use super::process::LinuxProcess;
 use crate::machine::{Machine as _, Program};
 
-/// Runs `program` as the processor that the environment describes, until it ends. A `main` needs
-/// nothing else.
+/// Runs `program` on the processor that variables of the environment describe, until the program
+/// ends. A `main` has to do nothing else.
 ///
-/// `arguments` are the program's arguments, without its name. If the program fails, the reason is
-/// printed to standard error, and the exit status is [that of the error](crate::ProgramError::exit_status); each
-/// privilege that the kernel refuses is printed, too.
+/// `arguments` are the program's arguments, without its name. If the program fails, the reason is printed to standard
+/// error, and the result is the [exit status of the error](crate::ProgramError::exit_status). Each privilege that the
+/// kernel refuses, such as the priority, is printed, too.
 ///
-/// With `CONDOR_LOOPS=signals` it fails: see [`run_allowing_signals`].
+/// If the environment has `CONDOR_LOOPS=signals`, the result is a failure, and `program` does not
+/// run: only [`run_allowing_signals`] permits loops in signal handlers.
 #[must_use]
 pub fn run<P: Program>(program: &P, arguments: impl IntoIterator<Item = String>) -> ExitCode {
     run_on(program, |environment| {
@@ -23,10 +24,11 @@ pub fn run<P: Program>(program: &P, arguments: impl IntoIterator<Item = String>)
     })
 }
 
-/// Runs `program` as [`run`] does; its loops run in signals if the environment says so.
+/// Runs `program` as [`run`] does, and also permits loops in signal handlers. They run there if the
+/// environment has `CONDOR_LOOPS=signals`.
 ///
 /// # Safety
-/// The loops of `program` keep the contract of
+/// If loops run in signal handlers, the loops of `program` must keep the contract of
 /// [`SignalPlatform::new`](condor_mos::linux::SignalPlatform::new), as for [`LinuxProcess::allowing_signals`].
 #[must_use]
 pub unsafe fn run_allowing_signals<P: Program>(

@@ -9,9 +9,10 @@ use condor_platform::linux::thread_number;
 use super::clock::ProcessClock;
 use crate::simulated::SimulatedSection;
 
-/// The critical sections of a [`LinuxProcess`](super::LinuxProcess): those of the `critical-section` crate.
-/// If the loops of the process run in threads, only one thread at a time serves messages. In
-/// simulated time they are sections in which no time passes. All clones are the same.
+/// The critical sections of a [`LinuxProcess`](super::LinuxProcess), which keep its background, handlers and loops
+/// apart. With the real clock they are those of the `critical-section` crate; if the loops run in threads, only one
+/// thread at a time serves messages. In simulated time, no time passes inside of a section, so nothing interrupts it.
+/// All clones are the same sections.
 #[derive(Clone, Debug)]
 pub struct ProcessSections(pub(super) Sections);
 

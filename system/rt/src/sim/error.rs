@@ -10,7 +10,8 @@ use condor_mbox::linux::SystemError;
 
 use crate::numbers::PROCESSORS;
 
-/// The reason why a system cannot be made, or its run has failed.
+/// The reason why a [`VirtualSystem`](super::VirtualSystem) cannot be made or set up, or why its
+/// run has failed.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum SimError {
@@ -32,7 +33,7 @@ pub enum SimError {
     /// A thread could not be started.
     #[error("cannot start a thread for {number}: {source}")]
     Thread {
-        /// The number of the processor whose program it was to run.
+        /// The number of the processor whose program the thread was made for.
         number: Processor,
         /// The error of the operating system.
         source: std::io::Error,
@@ -42,7 +43,8 @@ pub enum SimError {
     Failed(Vec<SimFailure>),
 }
 
-/// The failure of a program.
+/// The failure of one program in a run of a [`VirtualSystem`](super::VirtualSystem): the processor,
+/// the instant and the cause.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SimFailure {
     /// The number of the program's processor.
@@ -53,7 +55,8 @@ pub struct SimFailure {
     pub cause: Cause,
 }
 
-/// The cause of a failure.
+/// The cause for which a program in virtual time has failed: an error, a panic, or a wrong use of
+/// time, such as a wait that can never end.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Cause {

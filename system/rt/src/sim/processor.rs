@@ -24,10 +24,12 @@ pub type Bell = simulated::SimulatedBell<Clock>;
 /// The critical sections of a processor in virtual time: no time passes in them, so nothing
 /// interrupts them.
 pub type SimCriticalSection = simulated::SimulatedSection<Clock>;
-/// The timer of a processor in virtual time, in nanoseconds.
+/// The timer that releases the loops of a processor in virtual time. It counts nanoseconds since
+/// the beginning of the run.
 pub type VirtualTimer = simulated::SimulatedTimer<Clock>;
 
-/// The handover of the turn, the right to run, between the threads of this process.
+/// The [`Handover`] between the processors of a [`VirtualSystem`](super::VirtualSystem), each of
+/// which is a thread: it wakes the thread that gets the turn, the right to run.
 #[derive(Debug)]
 pub struct TurnHandover(Futex);
 
@@ -87,18 +89,21 @@ impl<B> SimMachine<B> {
         }
     }
 
-    /// Returns the processor's time, in nanoseconds. This reading takes no time.
+    /// Returns the present virtual time, in nanoseconds since the beginning of the run. This
+    /// reading takes no virtual time.
     #[must_use]
     pub fn now(&self) -> u64 {
         self.clock.now()
     }
 
-    /// Lets `ns` nanoseconds pass, as if the background computed; other processors run meanwhile.
+    /// Lets `ns` nanoseconds of virtual time pass, as if the background computed for so long; other
+    /// processors run meanwhile.
     pub fn work(&self, ns: u64) {
         self.clock.pass(ns);
     }
 
-    /// Returns the timer, which is also the [`Platform`](condor_mos::Platform) of a scheduler.
+    /// Returns the timer of the processor. It is a [`Platform`](condor_mos::Platform), on which a
+    /// scheduler of loops can be made.
     #[must_use]
     pub fn platform(&self) -> VirtualTimer {
         simulated::SimulatedTimer(self.clock.clone())

@@ -18,7 +18,8 @@ use crate::machine::Program;
 use crate::numbers::{self, PROCESSORS};
 use crate::silent::Silent;
 
-/// A system of programs in virtual time, which can be run once.
+/// A system of processors in virtual time, all in this process. Add programs to it, then run it; it
+/// can be run once.
 ///
 /// ```
 /// use condor_rt::{Machine, sim};
@@ -56,8 +57,8 @@ struct ProcessorSettings<'env, B> {
 }
 
 impl VirtualSystem<'_> {
-    /// Makes a system without boards, in which each processor's users have `window_bytes` bytes of
-    /// its `data`.
+    /// Makes a system without boards. The users' region of each processor's `data`, in which its
+    /// program places objects, has `window_bytes` bytes.
     ///
     /// # Errors
     /// [`SimError::System`] if the memory cannot be made.
@@ -67,7 +68,7 @@ impl VirtualSystem<'_> {
 }
 
 impl<'env, B: Bus + Clone + Send + Sync> VirtualSystem<'env, B> {
-    /// Makes a system as [`new`](VirtualSystem::new) does, with boards on a bus that all processors share.
+    /// Makes a system as [`new`](VirtualSystem::new) does, with boards on `bus`, which all processors share.
     ///
     /// # Errors
     /// [`SimError::System`] if the memory cannot be made.
@@ -86,7 +87,8 @@ impl<'env, B: Bus + Clone + Send + Sync> VirtualSystem<'env, B> {
         })
     }
 
-    /// Adds a memory of `bytes` bytes that belongs to no processor.
+    /// Adds a memory of `bytes` bytes that belongs to no processor;
+    /// [`Machine::shared_memory`](crate::Machine::shared_memory) returns it to all programs.
     ///
     /// # Errors
     /// [`SimError::System`] if the memory cannot be made.
@@ -97,7 +99,8 @@ impl<'env, B: Bus + Clone + Send + Sync> VirtualSystem<'env, B> {
         Ok(())
     }
 
-    /// Sets the arguments of the program on processor `number`.
+    /// Sets the arguments of the program on processor `number`, which reads them by
+    /// [`Machine::argument`](crate::Machine::argument).
     ///
     /// # Errors
     /// [`SimError::NoSuchProcessor`] if no processor has the number.
@@ -110,8 +113,9 @@ impl<'env, B: Bus + Clone + Send + Sync> VirtualSystem<'env, B> {
         Ok(())
     }
 
-    /// Declares how many nanoseconds a loop of processor `number` takes after its body has run.
-    /// `rank` selects the loop: the fastest loop has rank 0. A rank that no loop has is ignored.
+    /// Declares how many nanoseconds of virtual time pass in each run of a loop of processor
+    /// `number`, after the body of the loop. `rank` selects the loop: the fastest loop has rank 0.
+    /// A rank that no loop has is ignored.
     ///
     /// # Errors
     /// [`SimError::NoSuchProcessor`] if no processor has the number.
@@ -128,7 +132,7 @@ impl<'env, B: Bus + Clone + Send + Sync> VirtualSystem<'env, B> {
     }
 
     /// Sets the instant at which the program of `number` begins, in nanoseconds; the default is 0.
-    /// Programs that begin at the same instant do so in the order of their numbers.
+    /// Programs that begin at the same instant do so in the order of their processor numbers.
     ///
     /// # Errors
     /// [`SimError::NoSuchProcessor`] if no processor has the number.
@@ -137,11 +141,10 @@ impl<'env, B: Bus + Clone + Send + Sync> VirtualSystem<'env, B> {
         Ok(())
     }
 
-    /// Makes processor `number` run a program.
+    /// Makes processor `number` run `program` when the system [runs](Self::run).
     ///
     /// # Errors
-    /// [`SimError::NoSuchProcessor`] if no processor has the number, [`SimError::Taken`] if it has a
-    /// program.
+    /// [`SimError::NoSuchProcessor`] if no processor has the number, [`SimError::Taken`] if it has a program already.
     pub fn spawn<P: Program + Sync>(
         &mut self,
         number: mbox::Processor,
@@ -150,11 +153,11 @@ impl<'env, B: Bus + Clone + Send + Sync> VirtualSystem<'env, B> {
         self.host(number, |machine| program.run(machine))
     }
 
-    /// Makes processor `number` run a closure. Use it for parts of the host, such as a service.
+    /// Makes processor `number` run the closure `body` when the system [runs](Self::run). Use it
+    /// for parts of the host, such as a service, and for tests.
     ///
     /// # Errors
-    /// [`SimError::NoSuchProcessor`] if no processor has the number, [`SimError::Taken`] if it has a
-    /// program.
+    /// [`SimError::NoSuchProcessor`] if no processor has the number, [`SimError::Taken`] if it has a program already.
     pub fn host<E: fmt::Display>(
         &mut self,
         number: mbox::Processor,
@@ -170,11 +173,12 @@ impl<'env, B: Bus + Clone + Send + Sync> VirtualSystem<'env, B> {
         Ok(())
     }
 
-    /// Makes the processor [`FILES`](numbers::FILES) run a file service for the directory `root`.
+    /// Makes the processor [`FILES`](numbers::FILES) run a file service, through which programs
+    /// open files in the directory `root`.
     ///
     /// # Errors
-    /// [`SimError::Taken`] if there is one already. If the directory cannot be served, the run
-    /// fails.
+    /// [`SimError::Taken`] if that processor has a program already. If the directory cannot be
+    /// served, the run fails.
     pub fn files(&mut self, root: impl Into<PathBuf>) -> Result<(), SimError> {
         let root = root.into();
         self.host(numbers::FILES, move |machine| files::serve(machine, &root))

@@ -30,10 +30,12 @@ pub enum GraspImageError {
 }
 
 impl GraspSettings {
-    /// The greatest length of an image, in bytes.
+    /// The greatest length of the image of grasp settings, in bytes. A buffer of this size is
+    /// always enough for [`to_image`](Self::to_image).
     pub const IMAGE_BYTES: usize = HEADER_BYTES + 1 + 8 * (2 * 36 + 6);
 
-    /// Writes the image to the front of `buffer`, and returns its length in bytes.
+    /// Writes the settings as an image, which [`from_image`](Self::from_image) reads, to the front of `buffer`. Returns
+    /// the length of the image in bytes.
     ///
     /// # Errors
     /// * [`Grasp`](GraspImageError::Grasp) if a grasp cannot be like that.
@@ -49,7 +51,8 @@ impl GraspSettings {
         Ok(HEADER_BYTES + body.len())
     }
 
-    /// Reads settings from exactly the bytes of their image, and checks them.
+    /// Reads settings from an image that [`to_image`](Self::to_image) wrote, and checks them.
+    /// `image` must be exactly the bytes of the image, without any after them.
     ///
     /// # Errors
     /// [`GraspImageError::Header`] if the bytes are no image of a grasp,

@@ -43,9 +43,9 @@ const AXES: [&str; 6] = [
 ];
 
 impl GraspSettings {
-    /// Reads settings from TOML and checks them.
+    /// Reads the settings of a grasp from TOML text, and checks them.
     ///
-    /// `file` is the name in error messages; no file is opened.
+    /// `file` is the name to show in error messages; no file is opened.
     ///
     /// # Errors
     /// [`TextError`] for the first mistake, with its place and the remedy.

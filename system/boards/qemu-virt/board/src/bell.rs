@@ -10,7 +10,8 @@ use crate::link;
 use crate::machine::MTIME_HZ;
 use crate::msip::Msip;
 
-/// The doorbell of a hart, and the clock that all harts share. Copies are the same doorbell.
+/// The [`Doorbell`] of a hart, by which it wakes other processors for a message and is woken itself. It is also the
+/// hart's [`Clock`], which all harts share. Copies are the same doorbell.
 #[derive(Clone, Copy, Debug)]
 pub struct HartBell {
     msip: &'static Msip,

@@ -35,7 +35,8 @@ pub(crate) fn clint(hart: usize) -> Option<&'static Clint> {
     TIMERS.get(hart)
 }
 
-/// The hart that runs this program: the machine of the program.
+/// The hart (RISC-V hardware thread) that runs this program. It is the
+/// [`Machine`](condor_rt::Machine) that the program gets.
 #[derive(Debug)]
 pub struct Hart {
     /// Which of the machine.
@@ -53,8 +54,8 @@ pub struct Hart {
 }
 
 impl Hart {
-    /// Makes the machine of hart `hart`, an index from 0, which must be the calling hart. Returns
-    /// `None` if the memory has no valid map, or the map no such hart.
+    /// Makes the machine of the calling hart. `hart` is the index of this hart, counted from 0.
+    /// Returns `None` if the memory has no valid map, or the map has no hart with this index.
     #[must_use]
     pub fn new(hart: u32) -> Option<Self> {
         let least = memory(LEAST_BYTES);
@@ -82,13 +83,13 @@ impl Hart {
         })
     }
 
-    /// Returns the index of the hart in its machine, from 0.
+    /// Returns the index of the hart, counted from 0.
     #[must_use]
     pub const fn hart(&self) -> u32 {
         self.index
     }
 
-    /// Returns the map of the machine's memory.
+    /// Returns the map of the machine's memory, which tells where everything lies in it.
     #[must_use]
     pub const fn map(&self) -> &Map {
         &self.map
@@ -100,15 +101,16 @@ impl Hart {
         &self.control
     }
 
-    /// Returns the first argument, which selects the program, and removes it from the arguments;
-    /// `None` if there is none.
+    /// Returns the first argument of the image, and removes it from the arguments; `None` if there
+    /// is none. An image with several programs uses it to select one of them.
     pub fn program(&mut self) -> Option<&str> {
         let program = self.skipped;
         self.skipped = program.saturating_add(1);
         self.text(program)
     }
 
-    /// Returns the timer of the hart, for a scheduler; one scheduler at a time may use it.
+    /// Returns the timer of the hart, which is the platform for a
+    /// [`Scheduler`](condor_mos::Scheduler). Only one scheduler at a time may use it.
     #[must_use]
     pub const fn platform(&self) -> HartTimer {
         HartTimer(self.clint)
@@ -217,8 +219,8 @@ impl Machine for Hart {
     }
 }
 
-/// The timer of a hart. [`connect`](Platform::connect) sets the handler of its interrupt for as
-/// long as a scheduler runs.
+/// The timer of a hart, as the [`Platform`] of a scheduler. [`connect`](Platform::connect) sets the
+/// handler of the timer's interrupt for as long as the scheduler runs.
 #[derive(Clone, Copy, Debug)]
 pub struct HartTimer(&'static Clint);
 

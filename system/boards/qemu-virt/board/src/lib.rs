@@ -45,5 +45,5 @@ pub use memory::memory;
 pub use program::{start, status};
 pub use run::run;
 
-/// The functions of the monitor, the program that a hart runs while it has no other.
+/// Functions for the monitor, which is the program that a hart runs while it has no other program.
 pub mod resident;

@@ -26,7 +26,7 @@ pub(crate) const SWITCH: usize = 0x0010_0000;
 
 /// The frequency at which `mtime` counts, in Hz.
 pub(crate) const MTIME_HZ: NonZeroU32 = NonZeroU32::new(10_000_000).unwrap();
-/// The rate of `mtime`, the counter of all harts: 10 MHz.
+/// The rate of `mtime`, the counter of time that all harts share: 10 MHz.
 pub const MTIME: Rate = Rate::hz(MTIME_HZ.get());
 
 /// Machine interrupts, as bits of `mie`.

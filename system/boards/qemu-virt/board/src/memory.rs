@@ -5,12 +5,12 @@ use qemu_virt_host::map;
 
 use crate::machine::RAM;
 
-/// Returns the first `bytes` bytes of the RAM, which the host maps, too. Offsets in this region are
-/// those of the [`Map`](qemu_virt_host::Map).
+/// Returns the first `bytes` bytes of the machine's RAM, which it shares with the host. The offsets in a
+/// [`Map`](qemu_virt_host::Map) are offsets in this region.
 ///
-/// `bytes` must not exceed the offset at which the ranges of the harts begin. Before there is a map, it
-/// must not exceed the end of the pages of the map and of the harts. Do not access what lies before the
-/// map: it belongs to the monitor.
+/// `bytes` must not exceed the offset `programs.offset` of the map, where the memory for programs begins. If there may
+/// be no valid map yet, `bytes` must not exceed the end of the [`Control`](qemu_virt_host::Control) pages, which follow
+/// the page of the map. Do not access the memory before the map: it belongs to the monitor.
 #[must_use]
 pub fn memory(bytes: u32) -> Region<StaticWindow<'static>> {
     // SAFETY: the machine has RAM there, as much as the map says; everything in it that processors

@@ -54,8 +54,8 @@ macro_rules! program {
     };
 }
 
-/// Runs `main` on hart `hart`, which must be the calling hart, and then goes back to the monitor
-/// with the status that `main` returns, 0 for success.
+/// Runs `main` on the calling hart, whose index is `hart`, and then goes back to the monitor with the status that
+/// `main` returns, 0 for success. [`program!`](crate::program!) makes the call.
 pub fn start(hart: u32, main: fn(Hart) -> u32) -> ! {
     resident::prepare(Return::Ended, hart);
     debug::start(hart);
@@ -68,9 +68,9 @@ pub fn start(hart: u32, main: fn(Hart) -> u32) -> ! {
     trap::leave(Return::Ended)
 }
 
-/// Returns the status of a program: 0 if `outcome` is a success, otherwise
-/// [that of the error](condor_rt::Error::exit_status). On failure it also stores the text of the error, which the
-/// host writes to its log.
+/// Returns the status with which a program must end after `outcome`: 0 for success, otherwise [the status of the
+/// error](condor_rt::Error::exit_status). On failure it also stores the text of the error, which the host writes to its
+/// log.
 #[must_use]
 pub fn status(outcome: &Result<(), ProgramError>, hart: &Hart) -> u32 {
     let Err(error) = outcome else { return 0 };

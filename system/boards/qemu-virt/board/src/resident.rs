@@ -10,22 +10,21 @@ use crate::machine::{RAM, SWITCH};
 pub use crate::trap::Return;
 use crate::{debug, hart, hooks, msip, trap};
 
-/// The offset, in bytes in the [`Control`](qemu_virt_host::Control) page of a hart, at which the trap
-/// entry saves `x1` to `x31` on an exception. `mscratch` holds its address.
+/// The place where the trap entry saves the registers `x1` to `x31` on an exception: an offset in bytes in the hart's
+/// [`Control`](qemu_virt_host::Control) page. The register `mscratch` holds the address of this place.
 pub const SAVED: usize = BOARD as usize;
 
-/// Forgets the requests of a debugger about the former program of this hart. The monitor calls this when it
-/// begins.
+/// Forgets what a debugger has requested for the former program of hart `hart`, the calling one. The monitor calls this
+/// when it begins.
 pub fn forget_debugger(hart: u32) {
     debug::forget(hart);
 }
 
-/// Removes the interrupt handlers of the former program, disarms the timer, and enables the mailbox
-/// interrupt and, on hart 0, that of the serial port. If `why` is [`Return::Cold`], hart 0 first
-/// resets the serial link and the interrupt controller.
+/// Prepares the calling hart, `hart`, for a new program: removes the interrupt handlers of the former one, disarms the
+/// timer, and enables the mailbox interrupt and, on hart 0, the interrupt of the serial port. If `why` is
+/// [`Return::Cold`], hart 0 first resets the serial link and the interrupt controller.
 ///
-/// Call it before anything else, with interrupts masked and the trap entry set; they are enabled
-/// when it returns.
+/// Call it before anything else, with interrupts masked and the trap entry set. Interrupts are enabled when it returns.
 pub fn prepare(why: Return, hart: u32) {
     if why == Return::Cold {
         trap::reset();
@@ -47,7 +46,8 @@ fn may_panic(index: usize) {
     }
 }
 
-/// Keeps the hart from accessing the guard bytes below its stack, until the machine is reset.
+/// Makes every access of the calling hart, `hart`, to the guard bytes below its stack a fault, until the machine is
+/// reset.
 ///
 /// Source: RISC-V Privileged Architecture 1.12, section 3.7; a locked entry counts in machine mode, too.
 pub fn guard_stack(map: &Map, hart: u32) {
@@ -66,8 +66,8 @@ pub fn guard_stack(map: &Map, hart: u32) {
     }
 }
 
-/// Starts the program that the host has put into this hart's range, on a new stack. Its first
-/// instruction is `entry` bytes from the beginning of the RAM.
+/// Starts the program that the host has put into the memory of `hart`, the calling hart, on a new stack. `entry` is the
+/// place of the program's first instruction, in bytes from the beginning of the RAM.
 pub fn start(map: &Map, hart: u32, entry: u32) -> ! {
     let stack = RAM + map.stack_end(hart) as usize;
     renew(map, hart);
@@ -100,8 +100,8 @@ fn renew(map: &Map, hart: u32) {
     }
 }
 
-/// Returns the cause and the registers of the trap that ended the program of this hart. Call it before
-/// any other trap occurs.
+/// Returns the cause and the registers of the trap that ended the program of `hart`, the calling hart. Call it before
+/// another trap occurs.
 #[must_use]
 pub fn fault(hart: u32) -> HartFault {
     let saved = (RAM + Map::control(hart) as usize + SAVED) as *const u64;
@@ -117,7 +117,8 @@ pub fn fault(hart: u32) -> HartFault {
     }
 }
 
-/// Waits until this hart is rung, but at most 100 ms. It needs no map in the memory.
+/// Waits until another processor rings the doorbell of `hart`, the calling hart, but for at most 100 ms. This also
+/// works while the memory has no map.
 pub fn nap(hart: u32) {
     use condor_mbox::{Clock as _, Doorbell as _};
     if let Some(bell) = msip::of(hart as usize) {
@@ -129,7 +130,7 @@ pub fn nap(hart: u32) {
     }
 }
 
-/// Ends QEMU, with exit status 0 if `success`, otherwise 1.
+/// Switches the machine off, which ends QEMU with exit status 0 if `success` is true, otherwise 1.
 pub fn switch_off(success: bool) -> ! {
     let word: u32 = if success { 0x5555 } else { 0x3333 | 1 << 16 };
     loop {

@@ -6,8 +6,9 @@ use crate::hart::Hart;
 use crate::program::status;
 use crate::simulated;
 
-/// Runs a program and returns its status, 0 for success. The program runs in simulated time if the
-/// system has it, otherwise by the clock of the machine.
+/// Runs `program` on the calling hart, and returns the status for the monitor, 0 for success. The
+/// program runs in simulated time if the system has a simulated clock, otherwise by the clock of
+/// the machine.
 pub fn run(program: &impl Program, hart: &Hart) -> u32 {
     // The page of the hart is there.
     match hart.control().simulated() {

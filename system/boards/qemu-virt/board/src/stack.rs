@@ -11,9 +11,9 @@ use qemu_virt_host::map::STACK_BYTES;
 use crate::hart::Hart;
 use crate::machine::{CLINT, RAM};
 
-/// The number of bytes of a stack.
+/// The size of the stack of a program, in bytes.
 pub const BYTES: u32 = STACK_BYTES;
-/// The word with which the unused part of a stack is filled.
+/// The word with which the unused part of a stack is filled, so that the used part can be recognized.
 pub const PAINT: u64 = 0xc0de_d00d_5eed_f00d;
 
 /// The alignment of the stack pointer by the calling convention, in bytes.
@@ -22,8 +22,8 @@ const ALIGNED: u32 = 16;
 const REACH: usize = 64 * 1024;
 const MTIME: usize = CLINT + 0xbff8;
 
-/// Returns the greatest number of bytes of its stack that the calling program has used since it
-/// began or since [`paint`]. `hart` is the hart that runs it.
+/// Returns the greatest number of bytes of stack that the calling program has used since it began, or since the last
+/// [`paint`]. `hart` is the calling hart.
 #[must_use]
 pub fn deepest(hart: &Hart) -> u32 {
     let words = STACK_BYTES as usize / 8;
@@ -35,8 +35,8 @@ pub fn deepest(hart: &Hart) -> u32 {
     (STACK_BYTES - 8 * painted.count() as u32).next_multiple_of(ALIGNED)
 }
 
-/// Fills the unused part of the stack with [`PAINT`], so that [`deepest`] counts anew. `hart` is
-/// the calling hart.
+/// Fills the unused part of the calling program's stack with [`PAINT`], so that [`deepest`] counts anew. `hart` is the
+/// calling hart.
 #[inline(never)]
 pub fn paint(hart: &Hart) {
     let begin = begin(hart);
@@ -57,11 +57,10 @@ pub fn paint(hart: &Hart) {
     });
 }
 
-/// Returns the greatest number of bytes that interrupts take on the stack, below the caller's
-/// frame, during `ticks` ticks of the timer. The call idles for so long, with interrupts unmasked.
-/// `hart` is the calling hart.
+/// Measures how many bytes of stack interrupts take: idles for `ticks` ticks of `mtime` with interrupts unmasked, and
+/// returns the greatest number of bytes that they took below the caller's frame. `hart` is the calling hart.
 ///
-/// The result is exact up to 64 KiB: all interrupts find the stack pointer at one place.
+/// The result is exact up to 64 KiB, since the stack pointer is at the same place whenever an interrupt comes.
 #[must_use]
 #[inline(never)]
 pub fn taken(hart: &Hart, ticks: u64) -> u32 {

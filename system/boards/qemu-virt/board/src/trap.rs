@@ -24,7 +24,7 @@ use crate::machine::{
 use crate::memory::{LEAST_BYTES, memory};
 use crate::msip::{self, ring_hart};
 
-/// The reason why a hart enters the monitor. The hart passes it in register `a0`.
+/// The reason why a hart enters the monitor. The monitor gets it in register `a0`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(usize)]
 pub enum Return {
@@ -34,12 +34,12 @@ pub enum Return {
     Ended = 1,
     /// The host has abandoned the program.
     Abandoned = 2,
-    /// The program has made a trap that it does not handle.
+    /// The program has caused a trap that it does not handle.
     Faulted = 3,
 }
 
 impl Return {
-    /// Returns the reason that `word`, the value of `a0`, stands for; unknown values are
+    /// Returns the reason that `word`, the value of register `a0`, stands for; unknown values are
     /// [`Cold`](Self::Cold).
     #[must_use]
     pub const fn from_word(word: usize) -> Self {

@@ -5,10 +5,11 @@ use condor_mbox::{AccessError, MemoryWindow, Region};
 
 use super::map::{BOARD, Map, PAGE};
 
-/// The greatest size of all arguments of a program, in bytes, with a zero after each.
+/// The greatest total size of the arguments of a hart's program, in bytes, including a zero byte
+/// after each argument.
 pub const ARGUMENT_BYTES: usize = 512;
 
-/// The greatest size of the error text of a program, in bytes.
+/// The greatest size of the error text that a hart's program leaves for the host, in bytes.
 pub const ERROR_BYTES: usize = 240;
 
 /// Written by the host.
@@ -40,10 +41,11 @@ const ENDED: u32 = 3;
 const ABANDONED: u32 = 4;
 const FAULTED: u32 = 5;
 
-/// The state of a hart. Starts of programs are counted from 1.
+/// The state of a hart, as its [`Control`] page shows it. A *start* is the number of a start of a
+/// program on the hart, counted from 1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum HartState {
-    /// The hart has not come up.
+    /// The hart has not reached the monitor, its first program, since the machine was switched on.
     Off,
     /// The hart is in the monitor, the program that waits for orders of the host, and has run no
     /// other program.
@@ -73,19 +75,19 @@ pub enum HartState {
     },
 }
 
-/// The order to start a program.
+/// The host's order to start a program on a hart, for [`Control::order`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct StartOrder<'a> {
-    /// The address of its first instruction, in bytes from the beginning of the memory.
+    /// The place of the program's first instruction, in bytes from the beginning of the memory.
     pub entry: u32,
     /// The arguments, each with a zero after it: at most [`ARGUMENT_BYTES`] bytes.
     pub arguments: &'a [u8],
-    /// The simulated duration of one run of each of its loops, in nanoseconds, the fastest loop
-    /// first; `None` if the program runs by the real clock.
+    /// The simulated duration of one run of each loop of the program, in nanoseconds, the fastest
+    /// loop first; `None` if the program runs by the real clock.
     pub simulated: Option<[u64; LOOPS]>,
 }
 
-/// The state of a hart at a trap that its program does not handle, by the registers of RISC-V.
+/// The registers of a hart when its program caused a trap that it does not handle.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct HartFault {
     /// `mcause`: the cause of the trap.
@@ -101,14 +103,15 @@ pub struct HartFault {
 }
 
 impl HartFault {
-    /// Returns the meaning of the cause, for people.
+    /// Returns the meaning of the cause in words, such as "load access fault".
     #[must_use]
     pub const fn name(&self) -> &'static str {
         cause_name(self.cause)
     }
 }
 
-/// Returns the meaning of a value of `mcause`, for people.
+/// Returns the meaning of `cause`, a value of the register `mcause`, in words such as "load access
+/// fault"; "unknown trap" for other values.
 ///
 /// Source: RISC-V Privileged Architecture 1.12, table 3.6.
 #[must_use]
@@ -130,15 +133,16 @@ pub const fn cause_name(cause: u64) -> &'static str {
     }
 }
 
-/// The page of memory by which the host controls a hart, as the host or the hart sees it.
+/// The page of shared memory by which the host controls a hart: the host writes its orders there,
+/// and the hart its state. Both use this type.
 #[derive(Clone, Debug)]
 pub struct Control<W> {
     page: Region<W>,
 }
 
 impl<W: MemoryWindow + Clone> Control<W> {
-    /// Makes the control of hart `hart`, an index from 0. Its page lies in `memory`, the whole
-    /// memory of its machine.
+    /// Makes the control of the hart with index `hart`, counted from 0. `memory` is the whole
+    /// memory of the machine.
     ///
     /// # Errors
     /// [`AccessError`] if the memory is too small.
@@ -147,8 +151,8 @@ impl<W: MemoryWindow + Clone> Control<W> {
         Ok(Self { page })
     }
 
-    /// Returns the debug area of the hart: its frame, and the words of its debugger (see
-    /// [`condor_debug`]).
+    /// Returns the debug area of the hart: the memory for the registers of a stopped program, and
+    /// for the words by which a debugger controls it (see [`condor_debug`]).
     ///
     /// # Errors
     /// [`AccessError`] if the memory is too small.
@@ -156,7 +160,7 @@ impl<W: MemoryWindow + Clone> Control<W> {
         self.page.part(BOARD, condor_debug::AREA_BYTES)
     }
 
-    /// Returns the state of the hart.
+    /// Returns the state of the hart: whether it runs a program, or how its last program ended.
     ///
     /// # Errors
     /// [`AccessError`] if the memory cannot be accessed.
@@ -176,8 +180,9 @@ impl<W: MemoryWindow + Clone> Control<W> {
         })
     }
 
-    /// Requests a start of the program that the host has put into the hart's range, and returns the number
-    /// of the start. The hart must be in the monitor; the host must ring it afterwards.
+    /// Requests the start of the program that the host has put into the hart's memory, and returns
+    /// the number of the start. The host calls this while the hart is in the monitor, and must ring
+    /// the hart's doorbell afterwards.
     ///
     /// Arguments that are too long are cut off at [`ARGUMENT_BYTES`].
     ///
@@ -201,8 +206,9 @@ impl<W: MemoryWindow + Clone> Control<W> {
         Ok(start)
     }
 
-    /// Asks the program that was started as number `start` to end; there
-    /// [`is_asked_to_end`](Self::is_asked_to_end) then returns true. The host calls this.
+    /// Asks the program with the start number `start` to end:
+    /// [`is_asked_to_end`](Self::is_asked_to_end) then returns true on the hart. The host calls
+    /// this.
     ///
     /// # Errors
     /// [`AccessError`] if the memory cannot be accessed.
@@ -210,8 +216,9 @@ impl<W: MemoryWindow + Clone> Control<W> {
         self.page.set_word(host::ASKED, start)
     }
 
-    /// Takes the hart back to the monitor, whatever the program that was started as number `start`
-    /// does, unless it masks interrupts. The host calls this, and must ring the hart afterwards.
+    /// Takes the hart away from the program with the start number `start`, whatever the program
+    /// does, unless it masks interrupts; the hart goes back to the monitor. The host calls this,
+    /// and must ring the hart's doorbell afterwards.
     ///
     /// # Errors
     /// [`AccessError`] if the memory cannot be accessed.
@@ -219,7 +226,8 @@ impl<W: MemoryWindow + Clone> Control<W> {
         self.page.set_word(host::ABANDONED, start)
     }
 
-    /// Returns the fault that ended a program whose state is [`Faulted`](HartState::Faulted).
+    /// Returns the trap that ended the last program. The host calls this if the
+    /// [`state`](Self::state) is [`Faulted`](HartState::Faulted).
     ///
     /// # Errors
     /// [`AccessError`] if the memory cannot be accessed.
@@ -238,8 +246,8 @@ impl<W: MemoryWindow + Clone> Control<W> {
         Ok(fault)
     }
 
-    /// Copies the error text of the program into the beginning of `into`. Returns its length in bytes; 0
-    /// if there is none.
+    /// Copies the error text that the program left into the beginning of `into`, and returns the
+    /// length of the text in bytes; 0 if there is none. The host calls this.
     ///
     /// # Errors
     /// [`AccessError`] if the memory cannot be accessed.
@@ -250,8 +258,8 @@ impl<W: MemoryWindow + Clone> Control<W> {
         Ok(len)
     }
 
-    /// Sets the state to [`Waits`](HartState::Waits) if it is [`Off`](HartState::Off); other states, which
-    /// tell how the last program ended, stay. The monitor calls this when it begins.
+    /// Sets the state to [`Waits`](HartState::Waits) if it is [`Off`](HartState::Off). Other states
+    /// stay, because they tell how the last program ended. The monitor calls this when it begins.
     ///
     /// # Errors
     /// [`AccessError`] if the memory cannot be accessed.
@@ -262,9 +270,9 @@ impl<W: MemoryWindow + Clone> Control<W> {
         }
     }
 
-    /// Returns the number of the start that the host has [ordered](Self::order) and the monitor has
-    /// not made, and the first instruction of its program, in bytes from the beginning of the
-    /// memory; `None` if no start is ordered.
+    /// Returns the start that the host has [ordered](Self::order) and that has not been made yet:
+    /// its number, and the place of the program's first instruction in bytes from the beginning of
+    /// the memory. Returns `None` if there is no such order. The monitor calls this.
     ///
     /// # Errors
     /// [`AccessError`] if the memory cannot be accessed.
@@ -276,8 +284,8 @@ impl<W: MemoryWindow + Clone> Control<W> {
         Ok(Some((wanted, self.page.word(host::ENTRY)?)))
     }
 
-    /// Sets the state to [`Runs`](HartState::Runs) with the number `start`, and clears the error
-    /// text. The monitor calls this before it starts the program.
+    /// Sets the state to [`Runs`](HartState::Runs) with the start number `start`, and clears the
+    /// error text. The monitor calls this before it starts the program.
     ///
     /// # Errors
     /// [`AccessError`] if the memory cannot be accessed.
@@ -287,8 +295,8 @@ impl<W: MemoryWindow + Clone> Control<W> {
         self.page.set_word(hart::STATE, RUNS)
     }
 
-    /// Copies the arguments of the program, each with a zero after it, into the beginning of `into`.
-    /// Returns their length in bytes.
+    /// Copies the arguments of the program, each with a zero byte after it, into the beginning of
+    /// `into`. Returns the total length in bytes, including the zeros.
     ///
     /// # Errors
     /// [`AccessError`] if the memory cannot be accessed.
@@ -300,7 +308,7 @@ impl<W: MemoryWindow + Clone> Control<W> {
     }
 
     /// Returns the simulated duration of one run of each loop of the program, in nanoseconds, the
-    /// fastest loop first; `None` if the program runs by the real clock.
+    /// fastest loop first; `None` if the program runs by the real clock. The program calls this.
     ///
     /// # Errors
     /// [`AccessError`] if the memory cannot be accessed.
@@ -315,7 +323,8 @@ impl<W: MemoryWindow + Clone> Control<W> {
         Ok(Some(work))
     }
 
-    /// Returns true if the host has [asked](Self::ask_to_end) the present program to end.
+    /// Returns true if the host has [asked](Self::ask_to_end) the present program to end. The
+    /// program calls this.
     ///
     /// # Errors
     /// [`AccessError`] if the memory cannot be accessed.
@@ -323,7 +332,8 @@ impl<W: MemoryWindow + Clone> Control<W> {
         Ok(self.page.word(host::ASKED)? == self.page.word(hart::START)?)
     }
 
-    /// Returns true if the host has [abandoned](Self::abandon) the present program.
+    /// Returns true if the host has [abandoned](Self::abandon) the present program. The hart calls
+    /// this when it is rung.
     ///
     /// # Errors
     /// [`AccessError`] if the memory cannot be accessed.
@@ -345,7 +355,8 @@ impl<W: MemoryWindow + Clone> Control<W> {
         self.page.set_word(hart::ERROR_LEN, error.len() as u32)
     }
 
-    /// Sets the state to [`Ended`](HartState::Ended) with this status; 0 is success.
+    /// Sets the state to [`Ended`](HartState::Ended) with `status`, which is 0 for success. The
+    /// hart calls this when its program has returned.
     ///
     /// # Errors
     /// [`AccessError`] if the memory cannot be accessed.
@@ -354,7 +365,8 @@ impl<W: MemoryWindow + Clone> Control<W> {
         self.page.set_word(hart::STATE, ENDED)
     }
 
-    /// Sets the state to [`Abandoned`](HartState::Abandoned). The monitor calls this.
+    /// Sets the state to [`Abandoned`](HartState::Abandoned). The monitor calls this after the host
+    /// took the program off the hart.
     ///
     /// # Errors
     /// [`AccessError`] if the memory cannot be accessed.
@@ -362,8 +374,8 @@ impl<W: MemoryWindow + Clone> Control<W> {
         self.page.set_word(hart::STATE, ABANDONED)
     }
 
-    /// Stores the state at a trap that the program does not handle. The monitor calls this before
-    /// [`fail`](Self::fail).
+    /// Stores the registers at a trap that the program did not handle, for [`fault`](Self::fault).
+    /// The monitor calls this before [`fail`](Self::fail).
     ///
     /// # Errors
     /// [`AccessError`] if the memory cannot be accessed.

@@ -24,8 +24,8 @@ type HartNumber = WholeNumber<u32, 0, { map::HARTS as i64 - 1 }>;
 /// The program that is the machine, if no other is named.
 const QEMU: &str = "qemu-system-riscv64";
 
-/// The extension of `condor` by harts of QEMU's RISC-V machine `virt`: processors whose
-/// `kind` is "hart", and the table `[machine]` of a system's description.
+/// The extension by which the program `condor` runs harts of QEMU's RISC-V machine `virt`. In the description of a
+/// system, it adds processors with `kind = "hart"`, and the table `[machine]`.
 pub const HARTS: &dyn Extension = &Harts;
 
 struct Harts;

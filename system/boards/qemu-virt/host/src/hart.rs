@@ -30,19 +30,21 @@ const ABANDONED: &str = "killed; its hart can run another program";
 /// The end of a program whose hart does not answer.
 const UNREACHABLE: &str = "its hart no longer answers; restart the service `machine`";
 
-/// A record of whether a machine is on, by which its [`HartLauncher`]s know it. The code that switches the
-/// machine calls [`switch`](Self::switch). All clones are the same record.
+/// A record of whether a machine is on. The code that switches the machine on and off calls
+/// [`switch`](Self::switch), and the machine's [`HartLauncher`]s read the record. Clones share one
+/// record.
 #[derive(Clone, Debug, Default)]
 pub struct Power(Arc<AtomicU32>);
 
 impl Power {
-    /// Makes the record of a machine that is off.
+    /// Makes the record of a machine that is switched off.
     #[must_use]
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// Records that the machine was switched on or off: programs that ran before count as lost.
+    /// Records that the machine was switched on (`true`) or off (`false`). Programs that ran on its
+    /// harts before count as lost, also after a call with the same value.
     pub fn switch(&self, on: bool) {
         let count = self.count();
         let next = count.wrapping_add(if Self::is_on(count) == on { 2 } else { 1 });
@@ -59,7 +61,7 @@ impl Power {
     }
 }
 
-/// The reason why a hart cannot run a program.
+/// The reason why a [`HartLauncher`] cannot run a program on its hart.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum HartError {
@@ -115,8 +117,8 @@ impl From<HartError> for LaunchError {
     }
 }
 
-/// A hart of a machine as a processor of `condor`. A program is copied into the hart's range of
-/// memory and controlled through its [`Control`].
+/// A launcher that runs programs on a hart, for the supervisor of a system. It copies a program
+/// into the memory of the hart, and controls the hart through its [`Control`] page.
 #[derive(Debug)]
 pub struct HartLauncher {
     number: Processor,
@@ -152,8 +154,9 @@ struct Running {
 }
 
 impl HartLauncher {
-    /// Makes the hart with index `hart`, without a program. `doorbell` rings it, and can be that of
-    /// any processor; `power` says whether the machine is on.
+    /// Makes a launcher for the hart with index `hart` of the machine with this `memory`, without a
+    /// program. `doorbell` may be that of any processor of the system; the launcher uses it to ring
+    /// the hart. `power` tells whether the machine is on.
     ///
     /// # Errors
     /// [`HartError::Memory`] if the machine has no such hart, or its memory cannot be accessed.
@@ -187,7 +190,8 @@ impl HartLauncher {
         })
     }
 
-    /// Sets whether an exception of its programs holds them for a debugger, instead of ending them.
+    /// Sets whether a program that causes an exception is held for a debugger (`true`) or ended
+    /// (`false`, the default).
     #[must_use]
     pub const fn holding_exceptions(mut self, holds: bool) -> Self {
         self.holds_exceptions = holds;

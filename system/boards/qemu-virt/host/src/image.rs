@@ -8,16 +8,18 @@ use condor_mbox::{AccessError, MemoryWindow, Region};
 
 use super::map::{Map, PAGE};
 
-/// The address at which the harts see the beginning of the memory.
+/// The address at which harts see the beginning of the machine's memory.
 pub const RAM: u64 = 0x8000_0000;
 
 /// Bytes of an entry of a table of relocations.
 const RELA_BYTES: u64 = 24;
 
-/// A program of a hart, relocated to the hart's range.
+/// A program in the form in which it lies in the memory of a hart: loaded from an ELF file, and
+/// relocated to the addresses of that hart.
 ///
-/// It was an ELF file for RV64: one that lies anywhere (static-pie, whose relocations are all
-/// `R_RISCV_RELATIVE`; RISC-V ELF psABI, "Dynamic Linking"), or one that was linked for that range.
+/// The file must be for RV64. It is either position-independent (static-pie, whose relocations are
+/// all `R_RISCV_RELATIVE`; RISC-V ELF psABI, "Dynamic Linking"), or linked for the addresses of
+/// that hart.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct HartImage {
     bytes: Vec<u8>,
@@ -28,7 +30,8 @@ pub struct HartImage {
     bias: u64,
 }
 
-/// The reason why a file cannot be the program of a hart, and what to do about it.
+/// The reason why a file cannot be the program of a hart, as text that also says what to do about
+/// it.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
 pub struct HartImageError(String);
@@ -53,12 +56,12 @@ struct Segment<'f> {
 }
 
 impl HartImage {
-    /// Makes the image of the program in `file`, the bytes of an ELF file, for hart `hart` of a
-    /// machine whose memory is laid out by `map`.
+    /// Makes the image of a program for the hart with index `hart`. `file` is the content of an ELF
+    /// file, and `map` the map of the machine's memory.
     ///
     /// # Errors
-    /// [`HartImageError`] if the file is not a static RV64 program, does not fit into the hart's range,
-    /// or the machine has no such hart.
+    /// [`HartImageError`] if the file is not a static RV64 program, does not fit into the memory of
+    /// the hart, or the machine has no such hart.
     pub fn new(file: &[u8], map: &Map, hart: u32) -> Result<Self, HartImageError> {
         if hart >= map.harts() {
             return Err(HartImageError::no_hart(hart, map));
@@ -142,8 +145,8 @@ impl HartImage {
         Ok(image)
     }
 
-    /// Copies the image into `memory`, the whole memory of the machine. The hart must not run
-    /// meanwhile.
+    /// Copies the image to its place in `memory`, the whole memory of the machine. The hart must
+    /// not run a program meanwhile.
     ///
     /// # Errors
     /// [`AccessError`] if the memory cannot be accessed.
@@ -151,33 +154,34 @@ impl HartImage {
         memory.write(self.offset, &self.bytes)
     }
 
-    /// Returns the address of the first instruction, in bytes from the beginning of the memory.
+    /// Returns the place of the program's first instruction, in bytes from the beginning of the
+    /// memory.
     #[must_use]
     pub const fn entry(&self) -> u32 {
         self.entry
     }
 
-    /// Returns where the image begins, in bytes from the beginning of the memory.
+    /// Returns the place at which the image begins, in bytes from the beginning of the memory.
     #[must_use]
     pub const fn offset(&self) -> u32 {
         self.offset
     }
 
-    /// Returns the size of the image in memory, in bytes.
+    /// Returns the number of bytes that the image takes in the memory.
     #[must_use]
     pub fn len(&self) -> u32 {
         // The length fits: the image is no longer than the range of a hart.
         self.bytes.len() as u32
     }
 
-    /// Returns true if the image has no bytes, which is never so for a program.
+    /// Returns true if the image has no bytes; the image of a program always has some.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.bytes.is_empty()
     }
 
-    /// Returns the address in the file, as a debugger has it, of the byte that harts see at
-    /// `address`; `None` outside of the program.
+    /// Converts an address at which the hart sees a byte of the program to the address in the ELF
+    /// file, which a debugger uses. Returns `None` if `address` is outside of the program.
     #[must_use]
     pub fn linked(&self, address: u64) -> Option<u64> {
         let begin = RAM + u64::from(self.offset);

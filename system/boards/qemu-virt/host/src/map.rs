@@ -4,16 +4,16 @@ use condor_mbox::{AccessError, MemoryWindow, Region, layout};
 
 use condor_rt::numbers::PROCESSORS;
 
-/// The offset of the map, in bytes from the beginning of the memory. The memory before it is the
-/// monitor's.
+/// The offset of the [`Map`] in the machine's memory, in bytes. The memory before the map belongs
+/// to the monitor.
 pub const AT: u32 = 1 << 20;
-/// The number of bytes of a page, the unit of the map.
+/// The number of bytes of a page. Every object in the map begins at a multiple of this.
 pub const PAGE: u32 = 4096;
-/// The greatest number of harts of a machine.
+/// The greatest number of harts that a machine can have.
 pub const HARTS: u32 = 8;
-/// The number of bytes of the stack of a program.
+/// The number of bytes of the stack of a hart's program.
 pub const STACK_BYTES: u32 = 512 * 1024;
-/// The number of bytes below the stack that no program can access.
+/// The number of guard bytes directly below the stack of a hart, which no program can access.
 pub const GUARD_BYTES: u32 = PAGE;
 
 const MAGIC: u32 = u32::from_le_bytes(*b"CHRT");
@@ -38,19 +38,20 @@ mod word {
     pub(super) const NUMBERS: u32 = 64;
 }
 
-/// The number of bytes of the page of a simulated clock.
+/// The number of bytes that the page of a simulated clock takes in the memory.
 pub const CLOCK_BYTES: u32 = condor_clock::PAGE_BYTES;
 
 /// Bytes of the map.
 const BYTES: u32 = word::NUMBERS + 4 * HARTS;
-/// The offset of the board's own words, in bytes from the beginning of the page of the map, where
-/// they belong to all harts together, and of each hart's [`Control`](super::Control) page, where they
-/// are the [debug area](super::Control::debug_area) of that hart. They reach to the end of the page. The
-/// host sets them to 0 when the machine is switched on, and a debugger uses those of a hart.
+/// The offset in a page, in bytes, from which on the harts' own software uses it, up to the end of
+/// the page. In the page of the map this part belongs to all harts together. In the
+/// [`Control`](super::Control) page of a hart it is the [debug area](super::Control::debug_area) of
+/// that hart, which a debugger uses. The host sets these parts to 0 when the machine is switched
+/// on.
 pub const BOARD: u32 = PAGE / 2;
 const _: () = assert!(BOARD + condor_debug::AREA_BYTES <= PAGE);
 
-/// A run of objects of one kind in the memory, one after the other.
+/// A row of equal objects in the memory, at equal distances.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ObjectRun {
     /// The offset of the first object, in bytes from the beginning of the memory.
@@ -60,8 +61,8 @@ pub struct ObjectRun {
 }
 
 impl ObjectRun {
-    /// Returns the offset of the object with index `number`, in bytes from the beginning of the
-    /// memory.
+    /// Returns the offset of the object with index `number`, counted from 0, in bytes from the
+    /// beginning of the memory.
     #[must_use]
     pub const fn at(&self, number: u32) -> u32 {
         self.offset
@@ -69,8 +70,8 @@ impl ObjectRun {
     }
 }
 
-/// The places of all objects in the memory of a machine. Offsets are in bytes from the beginning of
-/// the memory, and are multiples of [`PAGE`].
+/// The map of a machine's memory: the places of all objects in it. Offsets are in bytes from the
+/// beginning of the memory, and are multiples of [`PAGE`].
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Map {
     /// The size of the memory in bytes.
@@ -91,14 +92,14 @@ pub struct Map {
     pub shared_bytes: u32,
     /// The offset of the [`Page`](condor_clock::Page) of a simulated clock.
     pub clock: u32,
-    /// The range of each hart, for program and stack.
+    /// The memory of each hart for its program and stack, by the index of the hart.
     pub programs: ObjectRun,
-    /// The number of the processor that each hart is, by the index of the hart; its length is the
-    /// number of harts.
+    /// The processor number of each hart, by the index of the hart. The length is the number of
+    /// harts.
     pub numbers: heapless::Vec<u8, { HARTS as usize }>,
 }
 
-/// The reason why a memory cannot be laid out, or has no valid map.
+/// The reason why [`Map::new`] cannot lay out a memory, or [`Map::read`] finds no valid map in it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum MemoryMapError {
@@ -166,9 +167,12 @@ pub enum MemoryMapError {
 const LEAST_RANGE: u32 = 2 * (STACK_BYTES + GUARD_BYTES);
 
 impl Map {
-    /// Lays out a memory of `memory_bytes`: `user_bytes` of users' data for each processor, a bus
-    /// of `bus_bytes`, and `shared_bytes` that belong to no processor. The harts divide the rest;
-    /// hart *i* is processor `numbers[i]`. All sizes are in bytes.
+    /// Lays out the memory of a machine. All sizes are in bytes.
+    ///
+    /// `memory_bytes` is the size of the memory; `numbers[i]` is the processor number of hart *i*.
+    /// Each processor of the system gets `user_bytes` of data for its users. `bus_bytes` are for
+    /// the registers of simulated boards, and `shared_bytes` belong to no processor; both may be 0.
+    /// The harts share the rest equally, for programs and stacks.
     ///
     /// # Errors
     /// [`MemoryMapError::Harts`] if there are no harts or too many; [`MemoryMapError::Number`] if a processor
@@ -239,20 +243,21 @@ impl Map {
         self.numbers.len() as u32
     }
 
-    /// Returns the size of the `mail` of each processor, in bytes.
+    /// Returns the size in bytes of the `mail` of each processor, the part of its window that only
+    /// the processor writes.
     #[must_use]
     pub const fn mail_bytes() -> u32 {
         layout::mail_bytes(PROCESSORS as u32)
     }
 
-    /// Returns the offset of the page of the [`Control`](super::Control) of hart `hart`, in bytes
-    /// from the beginning of the memory.
+    /// Returns the offset of the [`Control`](super::Control) page of the hart with index `hart`, in
+    /// bytes from the beginning of the memory.
     #[must_use]
     pub const fn control(hart: u32) -> u32 {
         AT.saturating_add(PAGE.saturating_mul(hart.saturating_add(1)))
     }
 
-    /// Returns the index of the hart that is processor `number`; `None` if none is.
+    /// Returns the index of the hart with the processor number `number`; `None` if no hart has it.
     #[must_use]
     pub fn hart_of(&self, number: u8) -> Option<u32> {
         (0..)
@@ -260,7 +265,8 @@ impl Map {
             .find_map(|(hart, &one)| (one == number).then_some(hart))
     }
 
-    /// Returns the number of bytes for the program of a hart, without stack and guard.
+    /// Returns the number of bytes that a hart has for its program, without the stack and the guard
+    /// bytes.
     #[must_use]
     pub const fn program_bytes(&self) -> u32 {
         self.programs
@@ -268,15 +274,15 @@ impl Map {
             .saturating_sub(STACK_BYTES + GUARD_BYTES)
     }
 
-    /// Returns the offset at which the stack of hart `hart` ends, in bytes from the beginning of
-    /// the memory. The stack grows downwards from there.
+    /// Returns the offset of the upper end of the stack of the hart with index `hart`, in bytes
+    /// from the beginning of the memory. The stack grows downwards from there.
     #[must_use]
     pub const fn stack_end(&self, hart: u32) -> u32 {
         self.programs.at(hart).saturating_add(self.programs.stride)
     }
 
-    /// Writes the map into `memory`, the whole memory of the machine, for the harts and for other
-    /// processes.
+    /// Writes the map into `memory`, the whole memory of the machine, where harts and other
+    /// processes [`read`](Self::read) it.
     ///
     /// # Errors
     /// [`AccessError`] if the memory cannot be accessed.
@@ -306,7 +312,8 @@ impl Map {
         set(word::MAGIC, MAGIC)
     }
 
-    /// Reads the map in `memory`, and checks that all that it describes lies inside the memory.
+    /// Reads the map from `memory`, the whole memory of the machine or its beginning, and checks
+    /// that all objects lie inside the memory.
     ///
     /// # Errors
     /// [`MemoryMapError::NoMap`] or [`MemoryMapError::Version`] if there is no map of this version;

@@ -14,8 +14,8 @@ use super::map::{self, Map, ObjectRun, PAGE};
 use condor_rt::linux::FileRange;
 use condor_rt::numbers::PROCESSORS;
 
-/// The memory of a machine of harts: a file that is mapped into this process, with the map of its
-/// objects.
+/// The memory of a machine of harts, as the host accesses it: a file that is mapped into this
+/// process and that QEMU uses as the RAM of the machine, with the [`Map`] of the objects in it.
 #[derive(Clone, Debug)]
 pub struct MachineMemory {
     path: PathBuf,
@@ -23,7 +23,7 @@ pub struct MachineMemory {
     region: Region<LinuxWindow>,
 }
 
-/// The reason why a file is not the memory of a machine, or cannot be used as such.
+/// The reason why a [`MachineMemory`] cannot be made, opened or accessed, as text.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
 pub struct MemoryError(String);
@@ -35,8 +35,8 @@ impl From<HartImageError> for MemoryError {
 }
 
 impl MachineMemory {
-    /// Creates the file `path`, which must not exist yet, with zeros and the map. It allocates all
-    /// of its memory at once, so that none is missing later.
+    /// Creates the file `path`, which must not exist yet, and writes `map` into it; the rest is
+    /// zeros. All of the memory is allocated at once, so that none can be missing later.
     ///
     /// # Errors
     /// [`MemoryError`] if the file exists, cannot be made, or has no room.
@@ -96,13 +96,13 @@ impl MachineMemory {
         Ok(Self { path, map, region })
     }
 
-    /// Returns the path of the file.
+    /// Returns the path of the file that is the memory.
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Returns the map of the objects in the memory.
+    /// Returns the map, which tells where everything lies in the memory.
     #[must_use]
     pub const fn map(&self) -> &Map {
         &self.map
@@ -114,8 +114,8 @@ impl MachineMemory {
         &self.region
     }
 
-    /// Puts the memory into the state in which a machine is switched on: no hart has come up. The
-    /// programs of harts and the windows of processors stay.
+    /// Prepares the memory for switching the machine on: every hart is
+    /// [`Off`](super::HartState::Off). The programs of harts and the windows of processors stay.
     ///
     /// # Errors
     /// [`MemoryError`] if the memory cannot be accessed.
@@ -132,7 +132,7 @@ impl MachineMemory {
         Ok(())
     }
 
-    /// Returns the control of hart `hart`, an index from 0.
+    /// Returns the control of the hart with index `hart`, counted from 0.
     ///
     /// # Errors
     /// [`MemoryError`] if the memory cannot be accessed.
@@ -140,9 +140,9 @@ impl MachineMemory {
         Control::new(&self.region, hart).map_err(self.at())
     }
 
-    /// Puts the program in `file`, the bytes of an ELF file, into the range of hart `hart`, which
-    /// must not run a program. To start the program, call [`Control::order`] with its
-    /// [`entry`](HartImage::entry), and ring the hart.
+    /// Copies a program into the memory of the hart with index `hart`, which must not run a
+    /// program. `file` is the content of an ELF file. To start the program, call [`Control::order`]
+    /// with the [`entry`](HartImage::entry) of the result, and ring the hart's doorbell.
     ///
     /// # Errors
     /// [`MemoryError`] if the file is not a program for this hart, as in [`HartImage::new`], or if the
@@ -153,21 +153,21 @@ impl MachineMemory {
         Ok(image)
     }
 
-    /// Returns the range of the file in which the bus lies, the registers of simulated boards;
-    /// `None` if there is none.
+    /// Returns the range of the file that holds the bus, which is the registers of simulated
+    /// boards; `None` if the machine has no bus.
     #[must_use]
     pub fn bus(&self) -> Option<FileRange> {
         self.range(self.map.bus, self.map.bus_bytes)
     }
 
-    /// Returns the range of the file in which the memory lies that belongs to no processor; `None`
-    /// if there is none.
+    /// Returns the range of the file that holds the shared memory, which belongs to no processor;
+    /// `None` if the machine has none.
     #[must_use]
     pub fn shared_memory(&self) -> Option<FileRange> {
         self.range(self.map.shared, self.map.shared_bytes)
     }
 
-    /// Returns the range of the file in which the page of a simulated clock lies.
+    /// Returns the range of the file that holds the page of a simulated clock; it is always `Some`.
     #[must_use]
     pub fn clock(&self) -> Option<FileRange> {
         self.range(self.map.clock, map::CLOCK_BYTES)
@@ -181,11 +181,12 @@ impl MachineMemory {
         })
     }
 
-    /// Returns the system of the processors whose windows lie in this memory. The other files that
-    /// processes need are in `directory`, where [`LinuxSystem::at`] finds the system from then on.
+    /// Returns the system of the processors whose windows are in this memory, through which
+    /// processes and harts exchange messages. The call creates the other files that processes need
+    /// in `directory`; later, [`LinuxSystem::at`] finds the system there.
     ///
     /// # Errors
-    /// [`MemoryError`] with the text of the error of [`LinuxSystem::in_memory`].
+    /// [`MemoryError`] if [`LinuxSystem::in_memory`] fails, with the text of that error.
     pub fn system(&self, directory: &Path) -> Result<LinuxSystem<PROCESSORS>, MemoryError> {
         let run = |run: ObjectRun| linux::ObjectPositions {
             offset: run.offset.into(),

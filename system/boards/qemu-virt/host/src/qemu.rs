@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use super::MachineMemory;
 
-/// The way in which QEMU is started.
+/// The command line of QEMU for a machine of harts.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Qemu {
     /// The program, `qemu-system-riscv64`.
@@ -17,8 +17,8 @@ pub struct Qemu {
 
 impl Qemu {
     /// Returns all arguments of QEMU for a machine with this memory, [`options`](Self::options)
-    /// included. The machine's serial line is connected to the socket `link`, at which a process
-    /// must listen; with `None` it is connected to nothing.
+    /// included. `link` is the path of the socket to which the machine's serial line is connected,
+    /// and at which a process must listen already. With `None` the line is connected to nothing.
     #[must_use]
     pub fn arguments(&self, memory: &MachineMemory, link: Option<&Path>) -> Vec<String> {
         // A comma ends a value there, unless it is doubled.

@@ -41,8 +41,9 @@ const END: Duration = Duration::from_secs(1);
 /// The time for which a number may be held by a former incarnation of this service, or by a visitor.
 const SUCCESSION: Duration = Duration::from_secs(5);
 
-/// Runs QEMU and serves its machine, whose memory is the file `memory`, until SIGTERM comes or QEMU
-/// ends. It makes the socket `link`, through which both sides ring each other.
+/// Runs QEMU and serves its machine until SIGTERM comes or QEMU ends. `memory` is the file that is the memory of the
+/// machine. `link` is the path of the socket that this call makes; through it the harts and the processes of the host
+/// ring each other's doorbells.
 ///
 /// # Errors
 /// Returns an error whose text says why the machine cannot be served, or how QEMU ended if it ended without

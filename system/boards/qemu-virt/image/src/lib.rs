@@ -1,6 +1,7 @@
 //! For the build scripts of programs of harts.
 
-/// Has the linker make an image of a package's programs that can lie anywhere in a hart's memory.
+/// Prints the linker arguments that make the programs of a package images for harts, which can lie
+/// anywhere in a hart's memory. Call it from the package's build script.
 pub fn link() {
     // All memory of a hart can be written, so that relocations may be anywhere.
     for argument in [

@@ -12,7 +12,8 @@ use condor_dev::{
 };
 
 device_switch! {
-    /// Every board that ships; parallel and serial ports share a vector each.
+    /// The boards that the fuzz test uses: one of each driver at least. The parallel ports share
+    /// one vector, and the serial ports another.
     pub struct Boards {
         adc: Adc16 = [Location::at(ADC)],
         dac: Dac16 = [Location::at(DAC)],
@@ -41,7 +42,8 @@ pub type Error = IoError<BusAccessError>;
 pub type Serial = Uart16550<1, 32>;
 pub type Serial4 = Uart16550<4, 32>;
 
-/// A machine, with access to both sides of its boards.
+/// A simulated machine with all boards: the test accesses them as a program does, and also their
+/// models.
 pub struct Machine {
     pub bus: SimBus,
     pub controller: Controller,
@@ -55,7 +57,8 @@ pub struct Machine {
 }
 
 impl Machine {
-    /// Makes a machine with all boards in their places, before start-up.
+    /// Makes a machine with the models of all boards at their addresses; [`Switch::start`] has not
+    /// run yet.
     pub fn new() -> Self {
         let (bus, controller) = (SimBus::new(), Controller::new());
         let this = Self {
@@ -101,7 +104,7 @@ impl Machine {
     }
 }
 
-/// Locks the model of a board, which stands for the board's other side.
+/// Locks the model of a board, so that a test can act on the board from outside.
 pub fn outside<M>(model: &Mutex<M>) -> MutexGuard<'_, M> {
     model.lock().unwrap()
 }

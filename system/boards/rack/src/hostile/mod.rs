@@ -19,7 +19,7 @@ use core::fmt;
 
 pub use program::run as drivers;
 
-/// The counts of events in a run.
+/// The counts of what happened in a run of the fuzz test.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Tally {
     /// The number of accesses that drivers made.

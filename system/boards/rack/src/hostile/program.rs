@@ -35,10 +35,11 @@ struct Program {
     calls: u64,
 }
 
-/// Drives a program by `bytes`.
+/// Runs a fuzz test of the drivers: `bytes` decide what the program calls, and how the bus and the boards fail. Returns
+/// counts of what happened.
 ///
 /// # Panics
-/// Panics if a driver breaks a promise.
+/// Panics if a driver breaks a promise, such as to send each accepted byte once.
 pub fn run(bytes: &[u8]) -> Tally {
     let script = Script::new(bytes);
     let machine = Machine::new();

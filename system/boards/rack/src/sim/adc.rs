@@ -3,7 +3,8 @@
 use condor_dev::Width;
 use condor_dev::sim::Model;
 
-/// A 16-channel analog-to-digital board, whose voltages a test sets.
+/// A simulated analog-to-digital board with 16 channels, for tests of the driver
+/// [`Adc16`](crate::Adc16). The test sets the voltages.
 #[derive(Debug, Default)]
 pub struct AdcModel {
     /// The value to which each channel would convert now.
@@ -15,14 +16,14 @@ pub struct AdcModel {
 }
 
 impl AdcModel {
-    /// Sends a pulse on the trigger line.
+    /// Simulates a pulse on the board's trigger line.
     pub fn trigger(&mut self) {
         if self.control == 2 {
             self.begin();
         }
     }
 
-    /// Ends a conversion that was started.
+    /// Completes the conversion that was started, if there is one.
     pub fn complete(&mut self) {
         if self.converting {
             self.converted = self.channels;

@@ -3,7 +3,8 @@
 use condor_dev::Width;
 use condor_dev::sim::Model;
 
-/// A 16-channel digital-to-analog board, whose outputs a test looks at.
+/// A simulated digital-to-analog board with 16 channels, for tests of the driver
+/// [`Dac16`](crate::Dac16). The test reads the outputs.
 #[derive(Debug, Default)]
 pub struct DacModel {
     written: [i16; 16],
@@ -12,7 +13,7 @@ pub struct DacModel {
 }
 
 impl DacModel {
-    /// Returns the value that each channel puts out; 0 while the outputs are disconnected.
+    /// Returns the present output of each channel; 0 while the outputs are disconnected.
     #[must_use]
     pub fn outputs(&self) -> [i16; 16] {
         if self.connected {
@@ -22,7 +23,7 @@ impl DacModel {
         }
     }
 
-    /// Returns true if the outputs are connected.
+    /// Returns true if the driver has connected the outputs.
     #[must_use]
     pub fn is_connected(&self) -> bool {
         self.connected

@@ -3,7 +3,8 @@
 use condor_dev::Width;
 use condor_dev::sim::Model;
 
-/// Eight quadrature counters, whose encoders a test turns.
+/// A simulated board with eight quadrature counters, for tests of the driver
+/// [`Encoder8`](crate::Encoder8). The test turns the encoders.
 #[derive(Debug, Default)]
 pub struct EncoderModel {
     counts: [i32; 8],
@@ -14,14 +15,15 @@ pub struct EncoderModel {
 }
 
 impl EncoderModel {
-    /// Turns encoder `number` by some pulses; numbers from 8 on have no encoder.
+    /// Turns encoder `number` by `pulses`, which may be negative. Does nothing if `number` is 8 or
+    /// more.
     pub fn turn(&mut self, number: usize, pulses: i32) {
         if let Some(count) = self.counts.get_mut(number) {
             *count = count.wrapping_add(pulses);
         }
     }
 
-    /// Sends an index pulse of encoder `number`; numbers from 8 on have no encoder.
+    /// Simulates an index pulse of encoder `number`. Does nothing if `number` is 8 or more.
     pub fn index(&mut self, number: usize) {
         let Some(count) = self.counts.get_mut(number) else {
             return;
@@ -34,7 +36,8 @@ impl EncoderModel {
         }
     }
 
-    /// Changes both phases of encoder `number` at once, so that its counter misses pulses.
+    /// Simulates that both phases of encoder `number` change at once: the board then reports that
+    /// its counter missed pulses. Does nothing if `number` is 8 or more.
     pub fn miss(&mut self, number: usize) {
         if number < self.counts.len() {
             self.missed |= 1 << number;

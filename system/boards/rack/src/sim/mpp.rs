@@ -12,18 +12,20 @@ const INTERRUPT: u16 = 1 << 0;
 const RAW: u16 = 1 << 1;
 const RESET: u16 = 1 << 15;
 
-/// A parallel port, whose other side a test is.
+/// A simulated parallel port board, for tests of the driver [`Mpp`](crate::Mpp). The test plays the
+/// device at the other end of the lines.
 #[derive(Debug, Default)]
 pub struct MppModel {
     /// The input lines, as `read_16bits` sees them.
     pub inputs: u16,
-    /// Lines that the other side will show, one at each look, before `inputs`.
+    /// The states that the next reads of the input lines return, one for each read; after them,
+    /// reads return `inputs`.
     pub samples: VecDeque<u16>,
-    /// Whether outputs are connected to inputs.
+    /// Whether the output lines are connected to the input lines.
     pub loopback: bool,
-    /// Whether it asks for its interrupt, whatever its registers say.
+    /// Whether the board asks for its interrupt, whatever its registers say.
     pub stuck: bool,
-    /// Bytes strobed out that the other side has not acknowledged.
+    /// The bytes that the board strobed out and the test has not yet acknowledged by removing them.
     pub strobed: VecDeque<u8>,
     outputs: u16,
     received: VecDeque<u8>,
@@ -32,7 +34,8 @@ pub struct MppModel {
 }
 
 impl MppModel {
-    /// Sends a byte from the other side, with its strobe; returns true if the board had room for it.
+    /// Lets the board receive `byte` with its strobe. Returns false if the byte is lost, because
+    /// the board has no room, which it reports as an overrun, or because it is in raw 16-bit mode.
     pub fn strobe_in(&mut self, byte: u8) -> bool {
         if self.control & RAW != 0 {
             return false;
@@ -46,13 +49,13 @@ impl MppModel {
         has_room
     }
 
-    /// Returns the state of the output lines.
+    /// Returns the state of the sixteen output lines; bit *n* is line *n*.
     #[must_use]
     pub fn outputs(&self) -> u16 {
         self.outputs
     }
 
-    /// Returns true if the board is in raw 16-bit mode.
+    /// Returns true if the driver has set the board to raw 16-bit mode.
     #[must_use]
     pub fn is_raw(&self) -> bool {
         self.control & RAW != 0

@@ -17,19 +17,19 @@ use crate::system::SystemDirectory;
 /// The line with which a record of typing begins.
 pub(super) const HEAD: &str = "condor typing 1";
 
-/// A record of the characters that were typed in a system with a simulated clock, by which a run is repeated.
+/// A record of the characters that were typed in a system with a simulated clock. Typing them again repeats the run.
 ///
-/// It is a text of lines. After `condor typing 1`, each has four parts with a blank between them:
-/// the instant in nanoseconds, the name of the processor, the number of characters that were typed at
-/// its terminal before these, and the characters. Those that are not printable ASCII are escaped as
-/// in Rust's byte strings.
+/// The record is a text. Its first line is `condor typing 1`. Each further line has four parts with a blank between
+/// them: the instant in nanoseconds, the name of the processor, the number of characters that were typed at its
+/// terminal before these, and the characters. Characters that are not printable ASCII are escaped as in Rust's byte
+/// strings.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Script {
     text: String,
 }
 
-/// The mistakes for which a record of typing cannot be replayed: one sentence for each, which
-/// begins with the file and the line.
+/// The mistakes for which a record of typed characters cannot be replayed. Each is a sentence that begins with the file
+/// and the line.
 #[derive(Debug, thiserror::Error)]
 #[error("{}", .0.join("\n"))]
 pub struct ScriptError(pub Vec<String>);
@@ -45,7 +45,8 @@ struct Piece {
 }
 
 impl Script {
-    /// Reads the record in `path`, whose lines may only name the processors in `names`.
+    /// Reads and checks the record in the file `path`. `names` are the processors of the system: lines may name only
+    /// these.
     ///
     /// # Errors
     /// [`ScriptError`] with every mistake, or if the file cannot be read.

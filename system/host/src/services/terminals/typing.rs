@@ -37,7 +37,8 @@ pub(super) fn file_of(log: &Path) -> PathBuf {
     log.with_extension("typed")
 }
 
-/// The file of typed characters as somebody who types has it: it takes them while there is room.
+/// A keyboard for the terminal of one processor. Typed characters wait in a file until the program reads them; the
+/// number that may wait is limited. [`keyboard`](super::keyboard) opens it.
 #[derive(Debug)]
 pub struct Keyboard {
     pub(crate) file: File,
@@ -69,7 +70,7 @@ impl Keyboard {
         Ok(usize::try_from(room(self.taken)).unwrap_or(0))
     }
 
-    /// Types as many of the characters as there is room for, and returns their number.
+    /// Types the first of `characters`, as many as there is room for, and returns their number; 0 if there is no room.
     ///
     /// # Errors
     /// Returns the operating system's error if the file of typed characters cannot be read or written.

@@ -18,8 +18,9 @@ use condor_rt::numbers::PROCESSORS;
 /// The time for which a thread waits for a ring before it checks if it must end.
 const LOOK: Duration = Duration::from_millis(200);
 
-/// A bridge that carries rings between doorbells of processes and the link to a machine, until it
-/// is dropped. It has a thread for each hart, and one for what comes from the machine.
+/// A bridge between the doorbells of Linux processes and the serial line of a machine: it passes on
+/// each ring (the wake-up of a processor for a message) in both directions, until it is dropped. It
+/// has a thread for each hart, and one for what comes from the machine.
 #[derive(Debug)]
 pub struct Bridge {
     stream: UnixStream,
@@ -28,9 +29,10 @@ pub struct Bridge {
 }
 
 impl Bridge {
-    /// Starts to carry rings. `stream` leads to the machine; `harts` are the processors that its
-    /// harts are, with the doorbells at which they are rung. In simulated time a ring also wakes
-    /// its receiver from a sleep on the `page` of the clock.
+    /// Starts a bridge. `stream` is the connection to the machine's serial line. `harts` lists the
+    /// harts of the machine: the processor number of each, and the doorbell on which processes ring
+    /// it. `page` is the page of the simulated clock, if there is one: a ring then also wakes a
+    /// processor that sleeps on that page.
     ///
     /// # Errors
     /// Returns the operating system's error if it has no descriptors or threads left.
