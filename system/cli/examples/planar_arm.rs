@@ -15,7 +15,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::process::ExitCode;
 
-use condor_cli::{AnyError, Application, ProgramFunction};
+use condor_cli::{AnyError, Application};
 use condor_host::robot::{
     Clearance, DragResult, Frame, JointPlan, LimitedJoint, LimitedPosture, Plan, PlanEvent, Robot,
     RobotJoint, RobotLine, Simulator, What,
@@ -230,8 +230,12 @@ fn push(plan: &mut Plan, from: &[f64], to: &[f64], part: f64, duration_s: f64) {
 struct OfArm;
 
 impl Application for OfArm {
-    fn programs(&self) -> &[(&'static str, ProgramFunction)] {
-        &[]
+    fn programs(&self) -> Vec<&'static str> {
+        Vec::new()
+    }
+
+    fn run_program(&self, _: &str, _: Vec<String>) -> ExitCode {
+        ExitCode::FAILURE
     }
 
     fn robot(&self, robot: &Path) -> Result<Option<Box<dyn Robot>>, AnyError> {

@@ -120,13 +120,13 @@ pub fn main(application: &dyn Application) -> ExitCode {
             .num_args(0..)
             .trailing_var_arg(true)
             .allow_hyphen_values(true);
-        let own = clap::Command::new(*name).about(*about).arg(arguments);
+        let own = clap::Command::new(name).about(about).arg(arguments);
         command = command.subcommand(own.disable_help_flag(true));
     }
     // clap exits by itself, with 2, if the arguments cannot be understood.
     let matches = command.get_matches();
     if let Some((name, own)) = matches.subcommand()
-        && let Some((.., run)) = application.commands().iter().find(|it| it.0 == name)
+        && let Some((.., run)) = application.commands().into_iter().find(|it| it.0 == name)
     {
         let arguments = own.get_many(ARGUMENTS).unwrap_or_default();
         return run(arguments.cloned().collect());
@@ -214,12 +214,11 @@ fn run(line: Line, application: &dyn Application) -> Result<ExitCode, AnyError> 
         Some(Command::Debug(debug)) => debug.run(application)?,
         Some(Command::Service { words }) => services::run(&words, application)?,
         Some(Command::Program { name, arguments }) => {
-            let mut known = application.programs().iter();
-            let Some((_, run)) = known.find(|(known, _)| *known == name) else {
+            if !application.programs().contains(&name.as_str()) {
                 eprintln!("{}: this binary contains no program `{name}`", me());
                 return Ok(ExitCode::from(2));
-            };
-            return Ok(run(arguments));
+            }
+            return Ok(application.run_program(&name, arguments));
         }
     }
     Ok(ExitCode::SUCCESS)

@@ -18,9 +18,13 @@ pub type ProgramFunction = fn(Vec<String>) -> ExitCode;
 /// the robot. The `main` of the crate condor-cli takes it. A binary that adds only programs and extensions can use
 /// [`Programs`].
 pub trait Application: Sync {
-    /// Returns the programs of the binary, each with its name. A description selects one by
-    /// `program = "self"` and its name as the first argument.
-    fn programs(&self) -> &[(&'static str, ProgramFunction)];
+    /// Returns the names of the programs of the binary. A description selects one by `program = "self"` and
+    /// its name as the first argument.
+    fn programs(&self) -> Vec<&'static str>;
+
+    /// Runs `program`, which is one of [`programs`](Self::programs), in the process that a supervisor started
+    /// for it, and returns the exit status.
+    fn run_program(&self, program: &str, arguments: Vec<String>) -> ExitCode;
 
     /// Returns the file of the description that commands use if the user names none; `None` if there is no such
     /// file.
@@ -30,8 +34,8 @@ pub trait Application: Sync {
 
     /// Returns further commands of the binary: the name of each, its line in the help, and the function that
     /// gets its arguments.
-    fn commands(&self) -> &[(&'static str, &'static str, ProgramFunction)] {
-        &[]
+    fn commands(&self) -> Vec<(&'static str, &'static str, ProgramFunction)> {
+        Vec::new()
     }
 
     /// Returns the extensions: further kinds of processors, and further services.
@@ -146,17 +150,19 @@ impl<'p> Programs<'p> {
 }
 
 impl Application for Programs<'_> {
-    fn programs(&self) -> &[(&'static str, ProgramFunction)] {
-        self.programs
+    fn programs(&self) -> Vec<&'static str> {
+        self.programs.iter().map(|(name, _)| *name).collect()
+    }
+
+    fn run_program(&self, program: &str, arguments: Vec<String>) -> ExitCode {
+        let mut programs = self.programs.iter();
+        match programs.find(|(name, _)| *name == program) {
+            Some((_, run)) => run(arguments),
+            None => ExitCode::from(2),
+        }
     }
 
     fn extensions(&self) -> &[&'static dyn Extension] {
         self.extensions
     }
-}
-
-/// Returns the names of the programs of `application`, in the order of [`Application::programs`].
-pub fn names(application: &dyn Application) -> Vec<&'static str> {
-    let programs = application.programs().iter();
-    programs.map(|(name, _)| *name).collect()
 }

@@ -36,7 +36,7 @@ pub trait Machine: Sync {
     /// The critical sections that keep background, handlers and loops apart.
     type Exclusion: Exclusion + Clone + Sync;
     /// The bus to which the boards are connected.
-    type Bus: Bus + Clone + Sync;
+    type Bus: Bus + Clone + Send + Sync;
 
     /// Returns the number of this processor.
     fn number(&self) -> Processor;

@@ -16,7 +16,7 @@ const TARGETS: [&str; 4] = [
 const SETS: [(&str, &str); 3] = [
     (
         "-p condor-clock -p condor-debug -p condor-dev -p condor-fs -p condor-hand -p condor-mbox -p condor-mcap -p condor-mos \
-         -p condor-platform -p condor-rt -p condor-tty -p condor-vars -p qemu-virt-host",
+         -p condor-platform -p condor-robot -p condor-rt -p condor-tty -p condor-vars -p qemu-virt-host",
         "",
     ),
     (
@@ -25,13 +25,17 @@ const SETS: [(&str, &str); 3] = [
          condor-hand/sim,condor-mbox/async,condor-mbox/conformance,condor-mbox/riscv,condor-mos/conformance,\
          condor-mos/cortex-m,condor-mos/riscv,condor-tty/dev",
     ),
-    ("-p two-processors -p utah-mit-hand", ""),
+    (
+        "-p two-processors -p utah-mit-boards",
+        "--features utah-mit-boards/robot",
+    ),
 ];
 
 /// Nothing is run; the manifest has these optimized for the tests.
 const UNOPTIMIZED: &str = "--config profile.dev.package.condor-hand.opt-level=0 \
                            --config profile.dev.package.condor-mos.opt-level=0 \
-                           --config profile.dev.package.utah-mit-hand.opt-level=0";
+                           --config profile.dev.package.condor-robot.opt-level=0 \
+                           --config profile.dev.package.utah-mit-boards.opt-level=0";
 
 pub(crate) fn run(context: &Context) -> Result<Summary> {
     let mut targets = String::new();

@@ -16,7 +16,7 @@ const SOON: Duration = Duration::from_secs(2);
 macro_rules! ask {
     ($typist:expr, $client:ident, $question:expr) => {{
         let region = $typist.region(MASTER);
-        let blocks = utah_mit_hand::objects::motions(&region).unwrap().unwrap();
+        let blocks = condor_robot::objects::motions(&region).unwrap().unwrap();
         let mailbox = $typist.mailbox();
         let mut $client = MotionsClient::new(mailbox, MASTER, &blocks, &region).unwrap();
         let answer: Result<_, MotionsError> = $question;

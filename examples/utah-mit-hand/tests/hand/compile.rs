@@ -8,14 +8,14 @@ use std::time::Duration;
 
 use condor_hand::trajectory::Target;
 use condor_hand::trajectory::image::MotionSequence;
-use utah_mit_hand::compile::{compile_motions, joint_names};
-use utah_mit_hand::{FINGERS, JOINTS, UtahMit, grasp};
+use condor_robot::compile::{compile_motions, joint_names};
+use condor_robot::{FINGERS, JOINTS, RobotDescription, grasp};
 
 const HAND: &str = include_str!("../../../../condor-hand/hands/utah-mit.toml");
 const ALL: usize = FINGERS * JOINTS;
 
-fn hand() -> UtahMit {
-    UtahMit::from_toml(HAND, "utah-mit.toml").unwrap()
+fn hand() -> RobotDescription {
+    RobotDescription::from_toml(HAND, "utah-mit.toml").unwrap()
 }
 
 fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {

@@ -8,12 +8,12 @@ use std::time::Instant;
 
 use condor_host::view::View;
 use condor_mbox::Processor;
+use condor_robot::objects;
 use rustix::process::{Pid, Signal, kill_process};
 use serde_json::{Value, json};
 use tungstenite::client::IntoClientRequest;
 use tungstenite::http::HeaderValue;
 use tungstenite::{Error, Message, WebSocket};
-use utah_mit_hand::objects;
 
 use crate::up::{DEADLINE, Up};
 

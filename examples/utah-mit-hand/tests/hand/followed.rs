@@ -1,6 +1,6 @@
 //! How well the joints follow, of each motion.
 
-use utah_mit_hand::objects;
+use condor_robot::objects;
 
 use crate::typist::{FIRST, MASTER, Typist, run};
 

@@ -14,10 +14,10 @@ use std::time::Duration;
 use condor_hand::config::Hand;
 use condor_mbox::linux::LinuxWindow;
 use condor_mbox::{Allocator, MemoryWindow, Processor};
+use condor_robot::{FINGERS, JOINTS, servo};
 use condor_rt::numbers;
 use condor_rt::objects::{self, ObjectKind};
 use condor_vars::{VARS, VariableClient, VariableTable, Watcher};
-use utah_mit_hand::{FINGERS, JOINTS, servo};
 
 use crate::rig::Posture;
 use crate::typist::{FIRST, MASTER, SECOND, Typist, hand, run, run_with};

@@ -11,10 +11,10 @@ use condor_hand::servo::{FingerReadings, ServoMode};
 use condor_hand::tendon::Pair;
 use condor_hand::tendon::fault::{FaultCode, FaultSite, FingerFault};
 use condor_hand::trajectory::{Generator, Observations, SetPoint, StopGuard, motion};
+use condor_robot::compile::joint_names;
+use condor_robot::plant as plant_of_the_hand;
+use condor_robot::{FINGERS, JOINTS, RobotDescription};
 use nalgebra::{SVector, Vector3};
-use utah_mit_hand::compile::joint_names;
-use utah_mit_hand::plant as plant_of_the_hand;
-use utah_mit_hand::{FINGERS, JOINTS, UtahMit};
 
 const HAND: &str = include_str!("../../../../condor-hand/hands/utah-mit.toml");
 const ALL: usize = FINGERS * JOINTS;
@@ -37,8 +37,8 @@ const MACHINE: PlantModel = PlantModel {
     ..plant_of_the_hand::MACHINE
 };
 
-fn hand() -> UtahMit {
-    UtahMit::from_toml(HAND, "utah-mit.toml").unwrap()
+fn hand() -> RobotDescription {
+    RobotDescription::from_toml(HAND, "utah-mit.toml").unwrap()
 }
 
 /// What the sensor of a joint does to its reading, rad.
@@ -56,7 +56,7 @@ struct Finger<'h> {
 }
 
 impl<'h> Finger<'h> {
-    fn new(hand: &'h UtahMit, number: usize, q: SVector<f64, JOINTS>) -> Self {
+    fn new(hand: &'h RobotDescription, number: usize, q: SVector<f64, JOINTS>) -> Self {
         let entry = &hand.fingers[number];
         let mechanism = entry.planar().unwrap();
         let plant = MACHINE.finger(entry, mechanism, q).unwrap();
@@ -127,7 +127,7 @@ impl<'h> Finger<'h> {
 }
 
 /// The set-points of each finger at each tick of the master, of a motion that begins where it ends.
-fn set_points(hand: &UtahMit, text: &str) -> [Vec<[SetPoint<f64>; JOINTS]>; FINGERS] {
+fn set_points(hand: &RobotDescription, text: &str) -> [Vec<[SetPoint<f64>; JOINTS]>; FINGERS] {
     let names = joint_names(hand);
     let motions = motion::load::<ALL>(text, "motion", &names).unwrap();
     let joints = || hand.fingers.iter().flat_map(|finger| &finger.joints);
@@ -182,7 +182,7 @@ struct Undisturbed {
 }
 
 /// The shipped hand.
-static UTAH_MIT: LazyLock<UtahMit> = LazyLock::new(hand);
+static UTAH_MIT: LazyLock<RobotDescription> = LazyLock::new(hand);
 
 /// All fingers in all motions, from which all tests begin.
 static UNDISTURBED: LazyLock<Vec<Undisturbed>> = LazyLock::new(|| {
@@ -195,7 +195,7 @@ static UNDISTURBED: LazyLock<Vec<Undisturbed>> = LazyLock::new(|| {
 });
 
 fn undisturbed(
-    hand: &'static UtahMit,
+    hand: &'static RobotDescription,
     name: &'static str,
     number: usize,
     points: Vec<[SetPoint<f64>; JOINTS]>,

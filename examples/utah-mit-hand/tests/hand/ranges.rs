@@ -1,6 +1,6 @@
 //! Numbers that can only be a mistake are refused, and what is simulated stays in its workspace.
 
-use utah_mit_hand::plant::{self, PlantOperation, PlantRefusal};
+use condor_robot::plant::{self, PlantOperation, PlantRefusal};
 
 use crate::rig;
 use crate::typist::run;

@@ -12,14 +12,14 @@ use condor_hand::tendon::Pair;
 use condor_hand::trajectory::StopGuard;
 use condor_mbox::{MemoryWindow, Processor, Region, StoreOrder};
 use condor_mcap::MessageHead;
+use condor_robot::recording::{OUTPUTS, ServoOutputs};
+use condor_robot::replay::Replay;
+use condor_robot::{objects, plant, table};
 use condor_rt::objects::ObjectKind;
 use condor_rt::sim::VirtualSystem;
 use condor_rt::{Machine, Program, numbers};
 use condor_vars::AnyValue;
-use utah_mit_hand::boards::{Board, address, output_counts, socket, zero_of};
-use utah_mit_hand::recording::{OUTPUTS, ServoOutputs};
-use utah_mit_hand::replay::Replay;
-use utah_mit_hand::{objects, plant, table};
+use utah_mit_boards::robot::{Board, address, output_counts, socket, zero_of};
 
 use crate::rig::{
     FIRST, Master, Posture, SOON, TWO, WINDOW_BYTES, console, files, run_on, serve_files,

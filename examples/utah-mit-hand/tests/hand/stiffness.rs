@@ -1,9 +1,7 @@
 //! The stiffness of a ball that the whole hand holds, measured along and about all axes.
 
 use condor_hand::grasp::distributed::GraspSettings;
-#[cfg(feature = "program")]
 use condor_host::robot::Simulator;
-#[cfg(feature = "program")]
 use condor_scene::HandView;
 use nalgebra::{Matrix6, Quaternion, UnitQuaternion, Vector3, Vector6};
 
@@ -44,7 +42,6 @@ fn rests(typist: &mut Typist<'_>) -> Place {
                 assert!(is_free, "joint {joint} of finger {finger} is at its stop");
             }
         }
-        #[cfg(feature = "program")]
         for clearance in HandView::new(&hand).clearances(truth.position.as_flattened()) {
             assert!(clearance.distance_m > 0.0, "{clearance:?}");
         }

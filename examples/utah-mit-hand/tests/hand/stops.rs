@@ -1,11 +1,11 @@
 //! How joints leave their stops, at which most of them lie when nobody holds them.
 
-use utah_mit_hand::{JOINTS, UtahMit, objects};
+use condor_robot::{JOINTS, RobotDescription, objects};
 
 use crate::typist::{Typist, hand, run, run_with};
 
 /// Whether all joints are out of the zones of their stops.
-fn are_free(typist: &Typist<'_>, hand: &UtahMit) -> bool {
+fn are_free(typist: &Typist<'_>, hand: &RobotDescription) -> bool {
     let truth = typist.truth();
     hand.fingers.iter().zip(&truth.position).all(|(entry, is)| {
         let mut joints = entry.joints.iter().zip(is);
@@ -17,7 +17,7 @@ fn are_free(typist: &Typist<'_>, hand: &UtahMit) -> bool {
 }
 
 /// The largest error of tracking of any joint, as the summary has it, degrees.
-fn largest_error(typist: &Typist<'_>, hand: &UtahMit) -> f64 {
+fn largest_error(typist: &Typist<'_>, hand: &RobotDescription) -> f64 {
     let mut largest = 0.0_f64;
     for (number, finger) in hand.fingers.iter().enumerate() {
         let processor = finger.processor().unwrap();

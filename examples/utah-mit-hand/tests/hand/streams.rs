@@ -10,8 +10,8 @@ use condor_hand::queue::{QueueAnswer, RefusalReason, RequestIdentity, RequestSta
 use condor_host::control::{ControlClient, ControlRequest};
 use condor_host::view::View;
 use condor_mbox::Processor;
-use utah_mit_hand::master::DesiredPositions;
-use utah_mit_hand::objects;
+use condor_robot::master::DesiredPositions;
+use condor_robot::objects;
 
 use crate::up::{DEADLINE, Up};
 

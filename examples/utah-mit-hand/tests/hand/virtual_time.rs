@@ -2,8 +2,8 @@
 
 use condor_hand::grasp::distributed::{GraspOrder, GraspReason, GraspState};
 use condor_hand::kinematics::{JointLimits, Redundancy};
+use condor_robot::{plant, table};
 use nalgebra::{Vector3, Vector4};
-use utah_mit_hand::{plant, table};
 
 use crate::rig::{FIRST, Master, Posture, SECOND, TWO, hand, run, run_with};
 

@@ -16,7 +16,7 @@ use rustix::process::{Signal, kill_process};
 use crate::client::ENOUGH;
 use crate::system::{Clock, KEEPER, Outcome, SUPERVISOR, Up};
 use crate::{PATIENCE, Random};
-use utah_mit_hand::verdict::{self, log::CLIENTS};
+use verdict::log::CLIENTS;
 
 const PROGRAMS: [&str; 6] = [
     "master",

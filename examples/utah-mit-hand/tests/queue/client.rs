@@ -12,9 +12,9 @@ use condor_hand::message::motions::{MotionsClient, MotionsError};
 use condor_hand::queue::{QueueAnswer, RefusalReason, RequestIdentity, RequestState};
 use condor_hand::trajectory::image::append;
 use condor_hand::trajectory::{Pace, Primitive, Profile, Target};
+use condor_robot::objects;
 use condor_rt::{Background, Machine, MailboxOf, Program, ProgramError, Setup, users};
-use utah_mit_hand::objects;
-use utah_mit_hand::verdict::log::{CLIENTS, JOINTS, Line, MASTER, PLACE, read, target};
+use verdict::log::{CLIENTS, JOINTS, Line, MASTER, PLACE, read, target};
 
 /// While a file of this name is there, the clients enqueue nothing new.
 pub(crate) const ENOUGH: &str = "enough";

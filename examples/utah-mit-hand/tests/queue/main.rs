@@ -17,58 +17,32 @@ mod attack;
 mod client;
 mod system;
 
-use std::path::Path;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
-use condor_cli::{AnyError, Application, ProgramFunction};
-use condor_host::description::SystemDescription;
+use condor_robot::program::RobotApplication;
 use condor_rt::linux;
-use utah_mit_hand::compile::{compile_all, read_hand};
-use utah_mit_hand::processes;
-use utah_mit_hand::verdict::log::PLACE;
-use utah_mit_hand::verdict::{self, observer::Observer};
+use utah_mit_boards::robot::PROCESSES;
+use verdict::log::PLACE;
+use verdict::observer::Observer;
 
 use client::Client;
-use system::{Clock, KEEPER, Outcome, PACKAGE, SUPERVISOR, Up};
+use system::{Clock, KEEPER, Outcome, SUPERVISOR, Up};
 
 /// The whole run may take so long on a machine that has much else to do, and so much per request.
 const PATIENCE: Duration = Duration::from_secs(300);
 const PATIENCE_EACH: Duration = Duration::from_secs(5);
 
-/// The programs of the processors.
-struct Hand;
-
-impl Application for Hand {
-    fn programs(&self) -> &[(&'static str, ProgramFunction)] {
-        &[
-            ("master", processes::master),
-            ("plant", processes::plant),
-            ("servo", processes::servo),
-            ("table", processes::table),
-            ("client", |arguments| linux::run(&Client, arguments)),
-            ("observer", |arguments| linux::run(&Observer, arguments)),
-        ]
-    }
-
-    fn check_robot(&self, robot: &Path) -> Result<(), AnyError> {
-        read_hand(robot)?;
-        Ok(())
-    }
-
-    fn prepare(&self, description: &SystemDescription) -> Result<(), AnyError> {
-        let (Some(hand), Some(files)) = (&description.robot, &description.files) else {
-            return Err("the hand needs `robot` and `[files]`".into());
-        };
-        let motions = Path::new(PACKAGE).join("motions");
-        Ok(compile_all(hand, &motions, &files.root)?)
-    }
-}
+/// The hand, with the programs that enqueue motions and watch.
+const HAND: RobotApplication = RobotApplication::new("system.toml", &PROCESSES).with_programs(&[
+    ("client", |arguments| linux::run(&Client, arguments)),
+    ("observer", |arguments| linux::run(&Observer, arguments)),
+]);
 
 fn main() -> ExitCode {
     // What the test starts is this program, too.
     if std::env::var_os(PLACE).is_some() {
-        return condor_cli::main(&Hand);
+        return HAND.run();
     }
     // Like a test of this name.
     let mut words = std::env::args().skip(1);

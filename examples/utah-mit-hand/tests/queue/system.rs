@@ -11,12 +11,12 @@ use condor_host::control::{ControlClient, SystemStatus};
 use condor_host::services::terminals::type_in;
 use condor_host::system::SystemDirectory;
 use rustix::process::{Pid, Signal, kill_process};
-use utah_mit_hand::verdict::log::{CLIENTS, PLACE};
-use utah_mit_hand::verdict::observer;
+use verdict::log::{CLIENTS, PLACE};
+use verdict::observer;
 
 pub(crate) type Outcome<T> = Result<T, Box<dyn Error>>;
 
-pub(crate) const PACKAGE: &str = env!("CARGO_MANIFEST_DIR");
+const PACKAGE: &str = env!("CARGO_MANIFEST_DIR");
 const NAME: &str = "queue";
 const MASTER: &str = "master";
 /// The names of the processes that look after the programs.

@@ -1,12 +1,15 @@
 #![doc = include_str!("../README.md")]
 // Loom's atomics cannot be made in constants, as drivers are.
 #![cfg(not(condor_loom))]
-#![cfg_attr(not(feature = "sim"), no_std)]
+#![cfg_attr(not(any(feature = "sim", feature = "linux", test)), no_std)]
 
 mod adc;
 mod dac;
 mod encoder;
 mod mpp;
+// The boards as a robot has them.
+#[cfg(feature = "robot")]
+pub mod robot;
 #[cfg(feature = "sim")]
 pub mod sim;
 

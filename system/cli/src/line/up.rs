@@ -12,7 +12,6 @@ use super::clock::ClockOptions;
 use super::summary::Summary;
 use super::{AnyError, Application, code, description};
 use crate::commands::number::duration;
-use condor_host::application::names;
 use condor_host::description::{ProcessorEntry, SystemDescription};
 use condor_host::error::me;
 use condor_host::plain::plain_lines;
@@ -112,7 +111,7 @@ pub(super) fn run(
     }
     let is_typed = typing.is_some();
     let options = SupervisorOptions {
-        own: names(application),
+        own: application.programs(),
         // Nobody reads it at once, and the log has it.
         echo: !how.attended,
         duration: how.duration,

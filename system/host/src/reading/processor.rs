@@ -7,7 +7,6 @@ use condor_rt::numbers::PROGRAMS;
 use condor_toml::{Keys, Spanned, WholeNumber, suggest};
 
 use super::{Own, Restarts, name};
-use crate::application::names;
 use crate::description::{MayAsk, OnFailure, ProcessorEntry, ProgramEntry, beside, find_program};
 use crate::extension::{Extension, FoundProcessor};
 
@@ -207,7 +206,7 @@ fn program(
             }
         };
     }
-    let known = names(own.application);
+    let known = own.application.programs();
     let first =
         arguments.and_then(|arguments| Some((arguments.span(), arguments.get_ref().first()?)));
     let (span, problem) = match first {

@@ -208,15 +208,10 @@ impl Supervisor<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::application::Programs;
 
     /// Of the processors, `boss` may restart and load, `nurse` may restart, and `rest` nothing.
     fn description() -> SystemDescription {
-        struct None;
-        impl crate::application::Application for None {
-            fn programs(&self) -> &[(&'static str, crate::application::ProgramFunction)] {
-                &[]
-            }
-        }
         let this = std::env::current_exe().unwrap();
         let processor = |number: u8, name: &str, may: &str| {
             format!(
@@ -229,7 +224,12 @@ mod tests {
             processor(1, "nurse", "may_ask = [\"restart\"]"),
             processor(2, "rest", ""),
         ];
-        SystemDescription::from_toml(&text.concat(), Path::new("/x/tested.toml"), &None).unwrap()
+        SystemDescription::from_toml(
+            &text.concat(),
+            Path::new("/x/tested.toml"),
+            &Programs::default(),
+        )
+        .unwrap()
     }
 
     fn ask<'w>(

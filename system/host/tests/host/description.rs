@@ -6,7 +6,7 @@ use std::process::{Command, ExitCode};
 use std::sync::mpsc;
 use std::time::Duration;
 
-use condor_host::application::{Application, ProgramFunction, Programs};
+use condor_host::application::{Application, Programs};
 use condor_host::description::{ClockKind, ClockSpeed, OnFailure, ProgramEntry, SystemDescription};
 use condor_host::error::AnyError;
 use condor_host::services::terminals::Script;
@@ -20,8 +20,12 @@ static OWN: Walker = Walker(Programs::new(&[
 ]));
 
 impl Application for Walker {
-    fn programs(&self) -> &[(&'static str, ProgramFunction)] {
+    fn programs(&self) -> Vec<&'static str> {
         self.0.programs()
+    }
+
+    fn run_program(&self, program: &str, arguments: Vec<String>) -> ExitCode {
+        self.0.run_program(program, arguments)
     }
 
     fn check_robot(&self, robot: &Path) -> Result<(), AnyError> {

@@ -16,7 +16,7 @@ use crate::machine::Machine as _;
 const NAP: Duration = Duration::from_millis(100);
 
 /// Serves `root` until the run is over.
-pub(super) fn serve<B: Bus + Clone + Sync>(
+pub(super) fn serve<B: Bus + Clone + Send + Sync>(
     machine: &SimMachine<B>,
     root: &Path,
 ) -> Result<(), Box<dyn Error>> {

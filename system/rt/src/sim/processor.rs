@@ -114,7 +114,7 @@ impl<B> SimMachine<B> {
     }
 }
 
-impl<B: Bus + Clone + Sync> Machine for SimMachine<B> {
+impl<B: Bus + Clone + Send + Sync> Machine for SimMachine<B> {
     type Window = LinuxWindow;
     type Doorbell = Bell;
     type Exclusion = SimCriticalSection;

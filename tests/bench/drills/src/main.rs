@@ -11,7 +11,7 @@ mod summary;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use condor_cli::{AnyError, Application, ProgramFunction};
+use condor_cli::{AnyError, Application, Programs};
 use condor_host::description::SystemDescription;
 use condor_host::extension::Extension;
 use condor_host::system::SystemDirectory;
@@ -21,21 +21,27 @@ use qemu_virt_host::HARTS;
 
 struct Drills;
 
+const PROGRAMS: Programs<'static> = Programs::new(&[
+    ("echo", |arguments| linux::run(&Echo, arguments)),
+    ("order", |arguments| linux::run(&Order, arguments)),
+    ("stress", |arguments| {
+        // SAFETY: its loops send and compute. They neither allocate nor print, and take no lock.
+        unsafe { linux::run_allowing_signals(&Stress(|| 0), arguments) }
+    }),
+    ("table", |arguments| linux::run(&Table, arguments)),
+    ("variables", |arguments| {
+        // SAFETY: its loop sets variables, and calls nothing else.
+        unsafe { linux::run_allowing_signals(&Variables, arguments) }
+    }),
+]);
+
 impl Application for Drills {
-    fn programs(&self) -> &[(&'static str, ProgramFunction)] {
-        &[
-            ("echo", |arguments| linux::run(&Echo, arguments)),
-            ("order", |arguments| linux::run(&Order, arguments)),
-            ("stress", |arguments| {
-                // SAFETY: its loops send and compute. They neither allocate nor print, and take no lock.
-                unsafe { linux::run_allowing_signals(&Stress(|| 0), arguments) }
-            }),
-            ("table", |arguments| linux::run(&Table, arguments)),
-            ("variables", |arguments| {
-                // SAFETY: its loop sets variables, and calls nothing else.
-                unsafe { linux::run_allowing_signals(&Variables, arguments) }
-            }),
-        ]
+    fn programs(&self) -> Vec<&'static str> {
+        PROGRAMS.programs()
+    }
+
+    fn run_program(&self, program: &str, arguments: Vec<String>) -> ExitCode {
+        PROGRAMS.run_program(program, arguments)
     }
 
     fn extensions(&self) -> &[&'static dyn Extension] {

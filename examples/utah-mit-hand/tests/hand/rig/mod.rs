@@ -17,16 +17,17 @@ use condor_mbox::{
     Windows,
 };
 use condor_mos::{Loops, Rate};
+use condor_robot::plant::{self, Plant, TrueState};
+use condor_robot::servo::{Servo, Tracking};
+use condor_robot::table::{self, Table};
+use condor_robot::{FINGERS, IMAGE, JOINTS, RobotDescription, grasp, objects, servo};
 use condor_rt::objects::ObjectKind;
 use condor_rt::sim::{Bell, SimCriticalSection, SimMachine as Simulated, VirtualSystem};
 use condor_rt::{Machine, PROCESSORS, Program, ProgramError, ServoLoop, loops, numbers};
 use condor_tty::TerminalReader;
 use condor_vars::{AnyValue, VARS, VariableClient};
 use tempfile::TempDir;
-use utah_mit_hand::plant::{self, Plant, TrueState};
-use utah_mit_hand::servo::{Servo, Tracking};
-use utah_mit_hand::table::{self, Table};
-use utah_mit_hand::{FINGERS, IMAGE, JOINTS, UtahMit, boards, grasp, objects, servo};
+use utah_mit_boards::robot::{Rack, address};
 use zerocopy::IntoBytes;
 
 pub(crate) const MASTER: Processor = Processor(0);
@@ -47,8 +48,8 @@ const TICK_NS: u64 = 20_000_000;
 pub(crate) const SOON: Duration = Duration::from_secs(2);
 const HAND: &str = include_str!("../../../../../condor-hand/hands/utah-mit.toml");
 
-pub(crate) fn hand() -> UtahMit {
-    UtahMit::from_toml(HAND, "utah-mit.toml").unwrap()
+pub(crate) fn hand() -> RobotDescription {
+    RobotDescription::from_toml(HAND, "utah-mit.toml").unwrap()
 }
 
 /// The processors of the fingers, as the configuration has them.
@@ -58,7 +59,7 @@ pub(crate) const TWO: Partition = [1, 1, 2, 2];
 pub(crate) type Partition = [u8; FINGERS];
 
 /// The hand with its fingers on other processors.
-pub(crate) fn hand_on(partition: Partition) -> UtahMit {
+pub(crate) fn hand_on(partition: Partition) -> RobotDescription {
     let mut hand = hand();
     let servo = hand.processors[1].clone();
     hand.processors
@@ -96,7 +97,7 @@ type Post<'v> = Mailbox<'v, (LinuxWindow, Bell, SimCriticalSection), PROCESSORS>
 pub(crate) struct Master<'m> {
     pub(crate) machine: &'m Simulated<LinuxBus>,
     mailbox: &'m Post<'m>,
-    pub(crate) hand: UtahMit,
+    pub(crate) hand: RobotDescription,
     pub(crate) servos: Vec<Processor>,
     points: Vec<SetPoints<LinuxWindow, JOINTS>>,
     /// The motions of the joints from the next set-points on, and what stops them.
@@ -151,15 +152,8 @@ pub(crate) fn run_on(
     script: impl FnOnce(&mut Master<'_>) + Send,
 ) -> Run {
     let memory = tempfile::tempfile().unwrap();
-    memory.set_len(boards::address::BUS_BYTES as u64).unwrap();
-    let bus = LinuxBus::map(
-        &memory,
-        0,
-        0,
-        boards::address::BUS_BYTES,
-        MapAccess::ReadWrite,
-    )
-    .unwrap();
+    memory.set_len(address::BUS_BYTES as u64).unwrap();
+    let bus = LinuxBus::map(&memory, 0, 0, address::BUS_BYTES, MapAccess::ReadWrite).unwrap();
     let server = FileServer::new(files, ServerOptions::default()).unwrap();
     let found = Mutex::new(Run::default());
 
@@ -181,11 +175,14 @@ pub(crate) fn run_on(
     for number in servos(partition) {
         let at_ns = ends_at(number);
         system
-            .host(number, move |machine| Servo.run(&Ending { machine, at_ns }))
+            .host(number, move |machine| {
+                Servo::<Rack>::new().run(&Ending { machine, at_ns })
+            })
             .unwrap();
     }
-    system.spawn(TABLE, &Table).unwrap();
-    system.spawn(PLANT, &Plant).unwrap();
+    let (table, plant) = (Table::<Rack>::new(), Plant::<Rack>::new());
+    system.spawn(TABLE, &table).unwrap();
+    system.spawn(PLANT, &plant).unwrap();
     system
         .host(MASTER, |machine| {
             let mut mailbox = Post::new(

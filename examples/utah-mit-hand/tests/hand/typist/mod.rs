@@ -12,17 +12,18 @@ use condor_mbox::{
     Call, Mailbox, MemoryWindow as _, Messenger, PeerState, Processor, Region, Waiting, Windows,
 };
 use condor_mos::{Loops, Rate};
+use condor_robot::compile::{compile_grasps, compile_motions, joint_names};
+use condor_robot::master::{DesiredPositions, Master};
+use condor_robot::plant::{Plant, TrueState};
+use condor_robot::servo::Servo;
+use condor_robot::table::Table;
+use condor_robot::{FINGERS, IMAGE, JOINTS, RobotDescription, objects};
 use condor_rt::objects::{self as table, ObjectKind};
 use condor_rt::sim::{Bell, SimCriticalSection, SimMachine as Simulated, VirtualSystem};
 use condor_rt::{Machine, PROCESSORS, Program, ProgramError, ServoLoop, loops, numbers};
 use condor_tty::layout::{ALIGNMENT, reply};
 use condor_tty::{TerminalReader, TerminalVectors};
-use utah_mit_hand::compile::{compile_grasps, compile_motions, joint_names};
-use utah_mit_hand::master::{DesiredPositions, Master};
-use utah_mit_hand::plant::{Plant, TrueState};
-use utah_mit_hand::servo::Servo;
-use utah_mit_hand::table::Table;
-use utah_mit_hand::{FINGERS, IMAGE, JOINTS, UtahMit, boards, objects};
+use utah_mit_boards::robot::{Rack, address};
 
 pub(crate) const MASTER: Processor = Processor(0);
 pub(crate) const FIRST: Processor = Processor(1);
@@ -36,8 +37,8 @@ const STEP_NS: u64 = 500_000;
 const SOON: Duration = Duration::from_secs(2);
 const HAND: &str = include_str!("../../../../../condor-hand/hands/utah-mit.toml");
 
-pub(crate) fn hand() -> UtahMit {
-    UtahMit::from_toml(HAND, "utah-mit.toml").unwrap()
+pub(crate) fn hand() -> RobotDescription {
+    RobotDescription::from_toml(HAND, "utah-mit.toml").unwrap()
 }
 
 /// Where the motions that ship are written.
@@ -88,7 +89,7 @@ pub(crate) fn run<R: Send>(script: impl FnOnce(&mut Typist<'_>) -> R + Send) -> 
 
 /// The same with another hand.
 pub(crate) fn run_with<R: Send>(
-    hand: &UtahMit,
+    hand: &RobotDescription,
     script: impl FnOnce(&mut Typist<'_>) -> R + Send,
 ) -> R {
     let files = tempfile::tempdir().unwrap();
@@ -103,8 +104,8 @@ pub(crate) fn run_with<R: Send>(
     .unwrap();
     compile_grasps(&grasps(), &files.path().join("grasps")).unwrap();
     let memory = tempfile::tempfile().unwrap();
-    memory.set_len(boards::address::BUS_BYTES as u64).unwrap();
-    let bytes = boards::address::BUS_BYTES;
+    memory.set_len(address::BUS_BYTES as u64).unwrap();
+    let bytes = address::BUS_BYTES;
     let bus = LinuxBus::map(&memory, 0, 0, bytes, MapAccess::ReadWrite).unwrap();
     let ends: [AtomicU64; PROCESSORS] = std::array::from_fn(|_| AtomicU64::new(u64::MAX));
     let (found, stalled) = (Mutex::new(None), Mutex::new(None));
@@ -119,14 +120,20 @@ pub(crate) fn run_with<R: Send>(
         .unwrap();
     for number in [FIRST, SECOND] {
         system
-            .host(number, move |machine| live(machine, &Servo, lives))
+            .host(number, move |machine| {
+                live(machine, &Servo::<Rack>::new(), lives)
+            })
             .unwrap();
     }
     system
-        .host(TABLE, move |machine| live(machine, &Table, lives))
+        .host(TABLE, move |machine| {
+            live(machine, &Table::<Rack>::new(), lives)
+        })
         .unwrap();
     system
-        .host(PLANT, move |machine| live(machine, &Plant, lives))
+        .host(PLANT, move |machine| {
+            live(machine, &Plant::<Rack>::new(), lives)
+        })
         .unwrap();
     system
         .host(numbers::TERMINALS, |machine| {

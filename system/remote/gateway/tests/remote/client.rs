@@ -11,7 +11,7 @@ use std::time::Duration;
 use condor_hand::trajectory::image::append;
 use condor_hand::trajectory::{Pace, Primitive, Profile, Target};
 use condor_remote::{Id, Network, Remote, RemoteAccess, RemoteError, RemoteOutcome, RemoteState};
-use utah_mit_hand::verdict::log::{CLIENTS, JOINTS, Line, PLACE, read, target};
+use verdict::log::{CLIENTS, JOINTS, Line, PLACE, read, target};
 
 use crate::system;
 

@@ -8,8 +8,7 @@ use std::time::{Duration, Instant};
 use condor_gateway::config::{Config, access_control};
 use condor_remote::network::configure;
 use serde_json::json;
-use utah_mit_hand::verdict;
-use utah_mit_hand::verdict::log::{CLIENTS, PLACE};
+use verdict::log::{CLIENTS, PLACE};
 use zenoh::Wait;
 
 use crate::between::Between;

@@ -17,62 +17,30 @@ mod proxy;
 mod random;
 mod system;
 
-use std::path::Path;
 use std::process::ExitCode;
 
-use condor_cli::{AnyError, Application, ProgramFunction};
-use condor_host::description::SystemDescription;
+use condor_robot::program::RobotApplication;
 use condor_rt::linux;
-use utah_mit_hand::compile::{compile_all, read_hand};
-use utah_mit_hand::master::Master;
-use utah_mit_hand::plant::Plant;
-use utah_mit_hand::servo::Servo;
-use utah_mit_hand::table::Table;
-use utah_mit_hand::verdict::log::PLACE;
-use utah_mit_hand::verdict::observer::Observer;
+use utah_mit_boards::robot::PROCESSES;
+use verdict::log::PLACE;
+use verdict::observer::Observer;
 
-use system::{Outcome, PACKAGE};
+use system::Outcome;
 
 /// A test.
 type Test = fn() -> Outcome<()>;
 
-/// The programs of the processors.
-struct Hand;
-
-impl Application for Hand {
-    fn programs(&self) -> &[(&'static str, ProgramFunction)] {
-        &[
-            ("master", |arguments| linux::run(&Master, arguments)),
-            ("plant", |arguments| linux::run(&Plant, arguments)),
-            ("servo", |arguments| linux::run(&Servo, arguments)),
-            ("table", |arguments| linux::run(&Table, arguments)),
-            ("observer", |arguments| linux::run(&Observer, arguments)),
-        ]
-    }
-
-    fn commands(&self) -> &[(&'static str, &'static str, ProgramFunction)] {
-        &[
-            ("client", "Enqueues motions", |arguments| {
-                ends(client::run(&arguments))
-            }),
-            ("router", "Is a router", |arguments| {
-                ends(kills::route(&arguments))
-            }),
-        ]
-    }
-
-    fn check_robot(&self, robot: &Path) -> Result<(), AnyError> {
-        read_hand(robot)?;
-        Ok(())
-    }
-
-    fn prepare(&self, description: &SystemDescription) -> Result<(), AnyError> {
-        let (Some(hand), Some(files)) = (&description.robot, &description.files) else {
-            return Err("the hand needs `robot` and `[files]`".into());
-        };
-        Ok(compile_all(hand, Path::new(PACKAGE), &files.root)?)
-    }
-}
+/// The hand, with a program that watches, and clients and routers as commands.
+const HAND: RobotApplication = RobotApplication::new("system.toml", &PROCESSES)
+    .with_programs(&[("observer", |arguments| linux::run(&Observer, arguments))])
+    .with_commands(&[
+        ("client", "Enqueues motions", |arguments| {
+            ends(client::run(&arguments))
+        }),
+        ("router", "Is a router", |arguments| {
+            ends(kills::route(&arguments))
+        }),
+    ]);
 
 fn ends(result: Outcome<()>) -> ExitCode {
     match result {
@@ -87,7 +55,7 @@ fn ends(result: Outcome<()>) -> ExitCode {
 fn main() -> ExitCode {
     // What the test starts is this program, too.
     if std::env::var_os(PLACE).is_some() {
-        return condor_cli::main(&Hand);
+        return HAND.run();
     }
     let words: Vec<_> = std::env::args().skip(1).collect();
     if words.iter().any(|word| word == "--list") {

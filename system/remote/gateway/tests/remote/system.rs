@@ -12,13 +12,13 @@ use condor_host::control::ControlClient;
 use condor_host::services::terminals::type_in;
 use condor_host::system::SystemDirectory;
 use rustix::process::{Pid, Signal, kill_process};
-use utah_mit_hand::verdict::log::PLACE;
-use utah_mit_hand::verdict::observer;
+use verdict::log::PLACE;
+use verdict::observer;
 
 pub(crate) type Outcome<T> = Result<T, Box<dyn Error>>;
 
 /// The package of the hand.
-pub(crate) const PACKAGE: &str = concat!(
+const PACKAGE: &str = concat!(
     env!("CARGO_MANIFEST_DIR"),
     "/../../../examples/utah-mit-hand"
 );
@@ -201,6 +201,7 @@ fn describe(place: &Path) -> Outcome<PathBuf> {
     text.extend([format!(
         "\n[gateway]\nconfig = \"gateway.toml\"\nprogram = {gateway:?}\n\n[services]\nrestarts = 1000000\n"
     )]);
+    std::os::unix::fs::symlink(package.join("motions"), place.join("motions"))?;
     let description = place.join("system.toml");
     fs::write(&description, text)?;
     Ok(description)

@@ -1,0 +1,211 @@
+//! Compiles the text files of the hand's configuration, motions and grasps to the files that programs load.
+
+use std::format;
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::string::String;
+use std::vec;
+use std::vec::Vec;
+
+use condor_hand::config::TextError;
+use condor_hand::grasp::distributed::GraspSettings;
+use condor_hand::trajectory::image::encode;
+use condor_hand::trajectory::motion::load;
+use condor_platform::linux::{WholeFile, read_text};
+use thiserror::Error;
+
+use crate::boards::BoardError;
+#[cfg(doc)]
+use crate::boards::Boards;
+use crate::start::IMAGE_BYTES;
+use crate::{FINGERS, IMAGE, JOINTS, RobotDescription};
+
+/// Bytes of a sequence that the master has room for.
+const BYTES: usize = crate::master::MOTION_BYTES;
+
+/// The reason why the text of a configuration, a motion or a grasp cannot be compiled.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum CompileError {
+    /// A file or directory cannot be read, made or written.
+    #[error("{}: {error}", path.display())]
+    Io {
+        /// The file or directory.
+        path: PathBuf,
+        /// The reason.
+        error: io::Error,
+    },
+    /// The text of the configuration, of a motion or of a grasp has a mistake.
+    #[error(transparent)]
+    Text(#[from] TextError),
+    /// A problem without a place, such as a sequence that is too long for the master.
+    #[error("{}: {problem}", path.display())]
+    Whole {
+        /// The file.
+        path: PathBuf,
+        /// The problem in words.
+        problem: String,
+    },
+}
+
+/// Returns the names of all joints of `hand`, such as `index.proximal`, finger by finger.
+#[must_use]
+pub fn joint_names(hand: &RobotDescription) -> Vec<String> {
+    let fingers = hand.fingers.iter();
+    let names = fingers.flat_map(|finger| {
+        let joints = finger.joints.iter();
+        joints.map(|joint| format!("{}.{}", finger.name, joint.name))
+    });
+    names.collect()
+}
+
+/// Reads the text of the hand's configuration in the file `path`, and checks that the boards of the rack can serve the
+/// hand.
+///
+/// # Errors
+/// Returns [`CompileError::Io`] if the file cannot be read; [`CompileError::Text`] if it has a mistake;
+/// [`CompileError::Whole`] if the boards cannot serve the robot.
+pub fn read_robot(
+    path: &Path,
+    check: impl FnOnce(&RobotDescription) -> Result<(), BoardError>,
+) -> Result<RobotDescription, CompileError> {
+    let text = read_text(path).map_err(io(path))?;
+    let robot = RobotDescription::from_toml(&text, &path.to_string_lossy())?;
+    check(&robot).map_err(whole(path))?;
+    Ok(robot)
+}
+
+/// Compiles all texts of the hand for its programs, which read them through the file service. `hand` is the file of the
+/// configuration; it becomes [`IMAGE`] in the directory `files`. The texts in the directories `motions` and `grasps` of
+/// `texts`, if these exist, are compiled to directories of the same names in `files`. Directories are made if they do
+/// not exist.
+///
+/// # Errors
+/// Returns the first error; the files before it have been written. It is [`CompileError::Io`] if a file cannot
+/// be read or written; [`CompileError::Text`] if a text has a mistake; [`CompileError::Whole`] if a result is
+/// too long.
+pub fn compile_all(
+    robot: &RobotDescription,
+    texts: &Path,
+    files: &Path,
+) -> Result<(), CompileError> {
+    fs::create_dir_all(files).map_err(io(files))?;
+    let mut image = vec![0; IMAGE_BYTES];
+    let path = files.join(IMAGE);
+    let len = robot.to_image(&mut image).map_err(whole(&path))?;
+    image.truncate(len);
+    write(&path, &image)?;
+    let motions = texts.join("motions");
+    if motions.is_dir() {
+        compile_motions(&motions, &files.join("motions"), &joint_names(robot))?;
+    }
+    let grasps = texts.join("grasps");
+    if grasps.is_dir() {
+        compile_grasps(&grasps, &files.join("grasps"))?;
+    }
+    Ok(())
+}
+
+fn write(path: &Path, content: &[u8]) -> Result<(), CompileError> {
+    WholeFile::write(path, content).map_err(io(path))
+}
+
+fn io(path: &Path) -> impl FnOnce(io::Error) -> CompileError + use<> {
+    let path = path.to_path_buf();
+    |error| CompileError::Io { path, error }
+}
+
+fn whole<E: ToString>(path: &Path) -> impl FnOnce(E) -> CompileError + use<E> {
+    let path = path.to_path_buf();
+    |error| CompileError::Whole {
+        path,
+        problem: error.to_string(),
+    }
+}
+
+/// Compiles every motion `NAME.toml` in `directory` to `NAME.motion` in the directory `out`, which is made if it does
+/// not exist. `names` are the names of the hand's joints: see [`joint_names`]. Returns the names of the motions in
+/// alphabetical order. Other files in `out` stay as they are.
+///
+/// # Errors
+/// Returns the first error; the files before it have been written. It is [`CompileError::Io`] if a file cannot
+/// be read or written; [`CompileError::Text`] if a text has a mistake; [`CompileError::Whole`] if a sequence is
+/// too long for the master.
+pub fn compile_motions(
+    directory: &Path,
+    out: &Path,
+    names: &[impl AsRef<str>],
+) -> Result<Vec<String>, CompileError> {
+    compile_texts(directory, out, "motion", |text, path| {
+        compile_motion(text, path, names)
+    })
+}
+
+/// Compiles every grasp `NAME.toml` in `directory` to `NAME.grasp` in the directory `out`, which is made if it does not
+/// exist. Returns the names of the grasps in alphabetical order. Other files in `out` stay as they are.
+///
+/// # Errors
+/// Returns the first error; the files before it have been written. It is [`CompileError::Io`] if a file cannot
+/// be read or written; [`CompileError::Text`] if a text has a mistake; [`CompileError::Whole`] if the settings
+/// cannot be encoded.
+pub fn compile_grasps(directory: &Path, out: &Path) -> Result<Vec<String>, CompileError> {
+    compile_texts(directory, out, "grasp", compile_grasp)
+}
+
+/// Compiles the texts of a directory to files with this suffix in `out`.
+fn compile_texts(
+    directory: &Path,
+    out: &Path,
+    suffix: &str,
+    compile: impl Fn(&str, &Path) -> Result<Vec<u8>, CompileError>,
+) -> Result<Vec<String>, CompileError> {
+    fs::create_dir_all(out).map_err(io(out))?;
+    let mut paths = Vec::new();
+    for entry in fs::read_dir(directory).map_err(io(directory))? {
+        let path = entry.map_err(io(directory))?.path();
+        if path
+            .extension()
+            .is_some_and(|extension| extension == "toml")
+        {
+            paths.push(path);
+        }
+    }
+    paths.sort();
+    let mut compiled = Vec::new();
+    for path in paths {
+        let text = read_text(&path).map_err(io(&path))?;
+        let image = compile(&text, &path)?;
+        let name = path.file_stem().unwrap_or_default();
+        let name = String::from(name.to_string_lossy());
+        write(&out.join(format!("{name}.{suffix}")), &image)?;
+        compiled.push(name);
+    }
+    Ok(compiled)
+}
+
+fn compile_grasp(text: &str, path: &Path) -> Result<Vec<u8>, CompileError> {
+    let settings = GraspSettings::from_toml(text, &path.to_string_lossy())?;
+    let mut bytes = vec![0; GraspSettings::IMAGE_BYTES];
+    let len = settings.to_image(&mut bytes).map_err(whole(path))?;
+    bytes.truncate(len);
+    Ok(bytes)
+}
+
+/// Compiles the text of a motion, and returns the bytes that the master reads. `path` is the name of the text in
+/// errors. `names` are the names of the hand's joints: see [`joint_names`].
+///
+/// # Errors
+/// Returns [`CompileError::Text`] if the text has a mistake; [`CompileError::Whole`] if the sequence of motions is too
+/// long for the master.
+pub fn compile_motion(
+    text: &str,
+    path: &Path,
+    names: &[impl AsRef<str>],
+) -> Result<Vec<u8>, CompileError> {
+    let motions = load::<{ FINGERS * JOINTS }>(text, &path.to_string_lossy(), names)?;
+    let mut bytes = vec![0; BYTES];
+    let len = encode(&motions, &mut bytes).map_err(whole(path))?;
+    bytes.truncate(len);
+    Ok(bytes)
+}

@@ -1,0 +1,122 @@
+//! [`Failure`]: the reason why a program of the hand ended before it was told to.
+
+use condor_fs::FileError;
+use condor_hand::controller::{ControllerError, TableError};
+use condor_hand::kinematics::JointLimitsError;
+use condor_hand::plant::PlantError;
+use thiserror::Error;
+
+use crate::boards::{BoardError, BusFault};
+use crate::recording::ServoRecordingError;
+
+/// The text of another crate's error, cut to 80 bytes.
+pub type FailureText = condor_rt::ShortText<80>;
+
+/// The name of a file, cut to 32 bytes.
+pub type FileName = condor_rt::ShortText<32>;
+
+/// The reason why a program of the hand could not begin, or ended by itself. Errors that any program can have are in
+/// [`ProgramError`](condor_rt::ProgramError).
+#[derive(Clone, Debug, PartialEq, Error)]
+#[non_exhaustive]
+pub enum Failure {
+    /// The file of the configuration cannot be read.
+    #[error("{name}: {error}")]
+    File {
+        /// The name of the file.
+        name: &'static str,
+        /// The reason.
+        error: FileError,
+    },
+    /// The file of the configuration holds no valid image.
+    #[error("{name}: {error}")]
+    Image {
+        /// The name of the file.
+        name: &'static str,
+        /// The text of the reader's error.
+        error: FailureText,
+    },
+    /// The boards cannot serve the description, or cannot be opened.
+    #[error(transparent)]
+    Boards(#[from] BoardError),
+    /// The bus did not answer the simulated robot.
+    #[error(transparent)]
+    Bus(#[from] BusFault),
+    /// The configuration assigns no finger to a servo processor.
+    #[error("the configuration has no finger for processor {processor}")]
+    NoFinger {
+        /// The number of the processor.
+        processor: u8,
+    },
+    /// The configuration does not have this processor.
+    #[error("the configuration has no processor {processor}")]
+    NoProcessor {
+        /// The number of the processor.
+        processor: u8,
+    },
+    /// The form of a finger has no closed solution.
+    #[error("finger {finger} must be a planar finger of four joints")]
+    Form {
+        /// The finger, from 0.
+        finger: usize,
+    },
+    /// The hand has another number of fingers than the simulated robot.
+    #[error("the configuration has {fingers} fingers, but the simulated robot has {simulated}")]
+    Hand {
+        /// The number of fingers in the configuration.
+        fingers: usize,
+        /// The number of fingers of the simulated robot.
+        simulated: usize,
+    },
+    /// A finger cannot be controlled.
+    #[error("cannot control finger {finger}: {error}")]
+    Controller {
+        /// The finger, from 0.
+        finger: usize,
+        /// The reason.
+        error: ControllerError,
+    },
+    /// The table cannot be controlled.
+    #[error(transparent)]
+    Table(#[from] TableError),
+    /// The limits of the trajectories are not possible.
+    #[error(transparent)]
+    Trajectory(#[from] condor_hand::trajectory::TrajectoryError),
+    /// The limits of a finger's joints are not possible.
+    #[error(transparent)]
+    Limits(#[from] JointLimitsError),
+    /// The simulated robot is not possible.
+    #[error(transparent)]
+    Plant(#[from] PlantError),
+    /// The moment arms of a finger are not possible.
+    #[error(transparent)]
+    Arms(#[from] condor_hand::tendon::ArmError),
+    /// The program does not know an argument.
+    #[error("unknown argument \"{argument}\"; the program takes {known}")]
+    Argument {
+        /// The argument that was given.
+        argument: FailureText,
+        /// The arguments that the program takes.
+        known: &'static str,
+    },
+    /// A necessary argument of the program is missing.
+    #[error("the argument {wanted} is missing")]
+    NoArgument {
+        /// The missing argument.
+        wanted: &'static str,
+    },
+    /// The recording of a servo processor cannot be made or replayed.
+    #[error("{name}: {error}")]
+    Recording {
+        /// The name of its file.
+        name: FileName,
+        /// The reason.
+        error: ServoRecordingError,
+    },
+}
+
+impl From<Failure> for condor_rt::ProgramError {
+    fn from(failure: Failure) -> Self {
+        Self::program(&failure)
+    }
+}

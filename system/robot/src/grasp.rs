@@ -1,0 +1,142 @@
+//! A grasp of the hand by [`DistributedGrasp`](condor_hand::grasp::distributed::DistributedGrasp): where
+//! its processors find each other's joints, orders and reports.
+//!
+//! The master writes the same `GraspOrder` for each servo processor, into [`HandGraspLayout`] in the object
+//! named [`NAME`] of its object table; [`tips`] computes the present places of the tips. Each servo
+//! processor publishes its [`Joints`] in every tick. A master that dies does not end a grasp.
+
+use condor_hand::grasp::distributed::HandJoints;
+use condor_hand::kinematics::Kinematics;
+use condor_vars::{CellField, CellStruct, ValueKind};
+use core::mem::offset_of;
+use nalgebra::Vector4;
+use zerocopy::{FromBytes, Immutable, IntoBytes};
+
+use crate::{FINGERS, JOINTS, RobotDescription};
+
+mod partner;
+
+pub(crate) use partner::{Partner, PartnerState, TickTime};
+
+/// The [layout](condor_hand::message::GraspLayout), for the fingers of this hand, of the memory by which a servo
+/// processor takes orders for a grasp and reports on them.
+pub type HandGraspLayout = condor_hand::message::GraspLayout<FINGERS>;
+
+/// The name of the object with the [`HandGraspLayout`] in the object table of a servo processor.
+pub const NAME: &str = "grasp";
+/// The name of the published [`Joints`] in the object table of a servo processor.
+pub const JOINTS_NAME: &str = "joints";
+
+/// The positions and velocities of the joints that a servo processor measures, published in every tick of its loop: a
+/// `Published<Joints>`.
+///
+/// The arrays have an element for each finger of the hand. Only the fingers in [`served`](Self::served) count.
+#[derive(Clone, Copy, Debug, PartialEq, FromBytes, IntoBytes, Immutable)]
+#[repr(C)]
+pub struct Joints {
+    /// The measured positions of the joints in this tick, rad; NaN if a sensor has no reading.
+    pub position: [[f64; JOINTS]; FINGERS],
+    /// The filtered rates of the joints in the previous tick, rad/s.
+    pub velocity: [[f64; JOINTS]; FINGERS],
+    /// The number of the grasp order in force for each finger; 0 for none.
+    pub order: [u64; FINGERS],
+    /// A bit for each finger that the processor serves.
+    pub served: u64,
+    /// When the tick was due, ns of the processor's clock.
+    pub due_ns: u64,
+    /// Ticks of the servo loop.
+    pub ticks: u64,
+}
+
+impl CellStruct for Joints {
+    const FIELDS: &'static [CellField] = &[
+        CellField::new(
+            "position",
+            "rad",
+            ValueKind::F64,
+            offset_of!(Joints, position),
+        )
+        .repeated(FINGERS * JOINTS)
+        .about("As measured; joints in the order of the fingers."),
+        CellField::new(
+            "velocity",
+            "rad/s",
+            ValueKind::F64,
+            offset_of!(Joints, velocity),
+        )
+        .repeated(FINGERS * JOINTS)
+        .about("Filtered."),
+        CellField::new("order", "", ValueKind::U64, offset_of!(Joints, order))
+            .repeated(FINGERS)
+            .about("The grasp order in force for each finger; 0 for none."),
+        CellField::new("served", "", ValueKind::U64, offset_of!(Joints, served))
+            .about("A bit for each finger of this processor; others do not count."),
+        CellField::new("due_ns", "ns", ValueKind::U64, offset_of!(Joints, due_ns)),
+        CellField::new("ticks", "", ValueKind::U64, offset_of!(Joints, ticks)),
+    ];
+}
+
+impl Joints {
+    /// The joints of the hand in a tick that was due at an instant, ns.
+    pub(crate) const fn new(hand: &HandJoints<FINGERS, JOINTS>, due_ns: u64, ticks: u64) -> Self {
+        Self {
+            position: hand.position,
+            velocity: hand.velocity,
+            order: hand.order,
+            served: hand.served,
+            due_ns,
+            ticks,
+        }
+    }
+
+    pub(crate) const fn of_hand(&self) -> HandJoints<FINGERS, JOINTS> {
+        HandJoints {
+            position: self.position,
+            velocity: self.velocity,
+            order: self.order,
+            served: self.served,
+        }
+    }
+}
+
+impl TickTime for Joints {
+    fn due_ns(&self) -> u64 {
+        self.due_ns
+    }
+}
+
+/// Returns the places of all fingertips (m, in the axes of the palm) if the joints have the positions `joints` (rad).
+/// Returns `None` if `hand` has another number of fingers, or one that is not a planar finger of four joints.
+#[must_use]
+pub fn tips(
+    hand: &RobotDescription,
+    joints: &[[f64; JOINTS]; FINGERS],
+) -> Option<[[f64; 3]; FINGERS]> {
+    let mut tips = [[0.0; 3]; FINGERS];
+    if hand.fingers.len() != FINGERS {
+        return None;
+    }
+    for ((tip, finger), joints) in tips.iter_mut().zip(&hand.fingers).zip(joints) {
+        *tip = finger
+            .planar()?
+            .tip(&Vector4::from(*joints))
+            .position
+            .into();
+    }
+    Some(tips)
+}
+
+/// Returns the positions of the joints of all fingers (rad), as the servo processors publish them. `published` returns
+/// the value that the processor with the given number publishes. The result is `None` if `published` returns `None` for
+/// the processor of a finger.
+#[must_use]
+pub fn joints(
+    hand: &RobotDescription,
+    mut published: impl FnMut(u8) -> Option<Joints>,
+) -> Option<[[f64; JOINTS]; FINGERS]> {
+    let mut all = [[0.0; JOINTS]; FINGERS];
+    for (number, (joints, finger)) in all.iter_mut().zip(&hand.fingers).enumerate() {
+        *joints = *published(finger.processor()?)?.position.get(number)?;
+    }
+    Some(all)
+}

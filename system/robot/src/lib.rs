@@ -1,0 +1,55 @@
+#![doc = include_str!("../README.md")]
+#![cfg_attr(not(any(feature = "std", test)), no_std)]
+#![forbid(unsafe_code)]
+
+// The boards on the bus.
+pub mod boards;
+
+// The messages between processors.
+pub mod grasp;
+pub mod guards;
+pub mod objects;
+
+// The inputs of a servo processor, as a file.
+pub mod recording;
+
+// The programs.
+pub mod master;
+pub mod plant;
+pub mod replay;
+pub mod servo;
+pub mod table;
+
+// On the host, before anything runs.
+#[cfg(feature = "std")]
+pub mod compile;
+
+// The programs as processes. The unit tests run none, and would compile them anew.
+#[cfg(all(feature = "linux", not(test)))]
+pub mod processes;
+
+// The program `condor` for a robot.
+#[cfg(all(feature = "program", not(test)))]
+pub mod program;
+
+mod arguments;
+mod desired;
+mod failure;
+mod file;
+mod start;
+mod tracking;
+
+pub use failure::{Failure, FailureText, FileName};
+
+/// The number of fingers of the hand.
+pub const FINGERS: usize = 4;
+/// The number of joints of each finger.
+pub const JOINTS: usize = 4;
+/// The number of joints of the hand. A list of all joints goes finger by finger.
+pub const ALL: usize = FINGERS * JOINTS;
+
+/// The description of a robot.
+pub type RobotDescription = condor_hand::config::Hand<FINGERS, JOINTS>;
+
+/// The name of the file with the compiled configuration, which each program reads through the file service.
+pub const IMAGE: &str = "hand.image";

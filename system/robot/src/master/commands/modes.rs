@@ -1,0 +1,146 @@
+//! The commands that give joints other modes, and the weight that shows them.
+
+use condor_hand::servo::{JointTarget, ServoMode};
+use condor_hand::tendon::Pair;
+use condor_rt::Machine;
+
+use super::{Commands, JOINTS, Problem, Words, plant, with};
+use crate::RobotDescription;
+
+/// The damping of an impedance for each unit of its stiffness, s, unless the command has one. Position laws of
+/// up to 10 Hz have more.
+const DAMPING: f64 = 0.03;
+/// The modes that the command `mode` sets.
+const MODES: &str = "off, tension, torque, position or impedance; `grasp` takes the ball";
+const STIFFNESS: &str = "a stiffness, N m/rad";
+const WEIGHT: &str = "a weight, kg";
+
+impl<M: Machine> Commands<'_, '_, M> {
+    /// A torque of one joint.
+    pub(super) fn torque<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
+        let (finger, joint) = words.joint(self.hand)?;
+        let torque = words.number("a torque, N m")?;
+        words.end()?;
+        self.check_free(finger)?;
+        self.servos
+            .set_target(finger, joint, &JointTarget::Torque(torque))
+    }
+
+    /// Tensions of the two tendons of one joint.
+    pub(super) fn tension<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
+        let (finger, joint) = words.joint(self.hand)?;
+        let flexor = words.number("the tension of the flexor, N")?;
+        let extensor = words.number("the tension of the extensor, N")?;
+        words.end()?;
+        self.check_free(finger)?;
+        let pair = Pair { flexor, extensor };
+        self.servos
+            .set_target(finger, joint, &JointTarget::Tension(pair))
+    }
+
+    /// A stiffness and a damping of one joint, or of all joints of a finger.
+    pub(super) fn impedance<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
+        let (finger, joint) = place(words, self.hand)?;
+        let stiffness = words.number(STIFFNESS)?;
+        let mut rest = words.peek();
+        let damping = match rest.next() {
+            Some(_) => words.number("a damping, N m s/rad")?,
+            None => DAMPING * stiffness,
+        };
+        let position = match (joint, rest.next()) {
+            (Some(_), Some(_)) => Some(words.number("a position, rad")?),
+            _ => None,
+        };
+        words.end()?;
+        self.check_free(finger)?;
+        for joint in joints(joint) {
+            let position = match position {
+                Some(position) => position,
+                None => self.present(finger, joint)?,
+            };
+            let target = JointTarget::Impedance {
+                position,
+                stiffness,
+                damping,
+            };
+            self.servos.set_target(finger, joint, &target)?;
+        }
+        Ok(())
+    }
+
+    /// Another mode of one joint, or of all joints of a finger, in which they keep what they have.
+    pub(super) fn mode<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
+        let (finger, joint) = place(words, self.hand)?;
+        let what = MODES;
+        let word = words.word(what)?;
+        words.end()?;
+        let mode = [
+            ServoMode::Off,
+            ServoMode::Tension,
+            ServoMode::Torque,
+            ServoMode::Position,
+            ServoMode::Impedance,
+        ];
+        let mode = mode.into_iter().find(|mode| mode.name() == word);
+        let mode = mode.ok_or(Problem::Not { word, what })?;
+        self.check_free(finger)?;
+        self.servos.set_mode(finger, joint, mode)
+    }
+
+    /// Hangs a weight on the tip of a finger of the simulated robot, in the place of any former one.
+    pub(super) fn weight<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
+        let word = words.word("FINGER")?;
+        let finger = Words::of(word).finger(self.hand)?;
+        let mass = words.within(WEIGHT, plant::NumberRange::WEIGHT)?;
+        words.end()?;
+        let [x, y, z] = self.hand.gravity.map(|gravity| mass * gravity);
+        self.others.plant(&plant::PlantRequest {
+            operation: plant::PlantOperation::PushTip as u32,
+            finger: finger.unwrap_or_default() as u32,
+            numbers: [x, y, z, 0.0, 0.0, 0.0],
+            ..plant::PlantRequest::default()
+        })
+    }
+
+    /// Checks that only this terminal, and no grasp, moves a finger; then the terminal is in control.
+    fn check_free(&mut self, finger: usize) -> Result<(), Problem<'static>> {
+        let status = self.servos.status(finger);
+        if status.is_some_and(|status| status.modes.contains(&ServoMode::Grasp)) {
+            let name = self.hand.fingers.get(finger).map(|it| it.name.clone());
+            return Err(Problem::InGrasp(name.unwrap_or_default()));
+        }
+        self.requests.check_free()
+    }
+
+    /// Returns the measured position of a joint, within its limits, rad.
+    fn present(&self, finger: usize, joint: usize) -> Result<f64, Problem<'static>> {
+        let measured = with(self.shared, |drive| {
+            drive.measured.get(finger).copied().flatten()
+        });
+        let is = measured.flatten().and_then(|all| all.get(joint).copied());
+        if let (Some(is), Some(entry)) = (is, self.hand.joint(finger, joint)) {
+            let limits = &entry.limits;
+            return Ok(condor_hand::math::clamp(is, limits.low, limits.high));
+        }
+        let name = self.hand.fingers.get(finger).map(|it| it.name.clone());
+        Err(Problem::NotMeasured(name.unwrap_or_default()))
+    }
+}
+
+/// The next word as FINGER or FINGER.JOINT.
+fn place<'l>(
+    words: &mut Words<'l>,
+    hand: &RobotDescription,
+) -> Result<(usize, Option<usize>), Problem<'l>> {
+    if words.peek().next().is_some_and(|word| word.contains('.')) {
+        let (finger, joint) = words.joint(hand)?;
+        return Ok((finger, Some(joint)));
+    }
+    let finger = words.finger(hand)?;
+    Ok((finger.ok_or(Problem::Missing("FINGER"))?, None))
+}
+
+/// One joint, or all of a finger.
+fn joints(only: Option<usize>) -> impl Iterator<Item = usize> {
+    (0..JOINTS).filter(move |&joint| only.is_none_or(|only| only == joint))
+}

@@ -1,0 +1,322 @@
+//! [`Player`]: the motion that runs, and the one that is recorded.
+
+use core::fmt::Arguments;
+
+use condor_hand::queue::{RefusalReason, RequestState};
+use condor_hand::trajectory::image::MotionImageError;
+use condor_hand::trajectory::{
+    Happening, MotionEnd, MotionGuard, MotionProgress, MotionTicket, ProfileLimits, StreamEnd,
+    Target,
+};
+
+use super::drive::{ALL, Drive, SharedDrive, with};
+use super::sequence::Sequence;
+use super::words::{GuardText, Problem};
+use crate::{FINGERS, JOINTS, RobotDescription};
+
+/// The title of a motion.
+pub(super) type Title = heapless::String<32>;
+/// Motions that the generator has, or that it has ended since it was asked last.
+const GIVEN: usize = 64;
+
+/// The motion that runs, and the one that is recorded or loaded.
+pub(super) struct Player {
+    limits: [ProfileLimits<f64>; ALL],
+    running: Sequence,
+    /// Its name, while it runs.
+    title: Option<Title>,
+    /// The number of the first motion that the generator does not have yet.
+    next: u32,
+    count: u32,
+    /// Motions that the generator has and has not ended.
+    tickets: heapless::Vec<MotionTicket, GIVEN>,
+    /// Whether what runs is a stream.
+    is_stream: bool,
+    /// A bit for each finger that what runs moves.
+    fingers: u32,
+    /// The sequence that is recorded, or was loaded.
+    pub(super) kept: Sequence,
+    /// The name that it was given.
+    pub(super) kept_title: Title,
+    pub(super) is_recording: bool,
+    is_held: bool,
+    /// The end of the motion that runs, as far as it is known.
+    end: (RequestState, RefusalReason),
+}
+
+/// The end of a motion of which nothing else is known.
+const DONE: (RequestState, RefusalReason) = (RequestState::Done, RefusalReason::None);
+
+impl Player {
+    pub(super) const fn new(limits: &[ProfileLimits<f64>; ALL]) -> Self {
+        Self {
+            limits: *limits,
+            running: Sequence::new(),
+            title: None,
+            next: 0,
+            count: 0,
+            tickets: heapless::Vec::new(),
+            is_stream: false,
+            fingers: 0,
+            kept: Sequence::new(),
+            kept_title: Title::new(),
+            is_recording: false,
+            is_held: false,
+            end: DONE,
+        }
+    }
+
+    /// The name of the motion that runs.
+    pub(super) fn title(&self) -> Option<&str> {
+        self.title.as_deref()
+    }
+
+    /// The number of its motions that the generator has taken, and the number of all.
+    pub(super) const fn progress(&self) -> (u32, u32) {
+        (self.next, self.count)
+    }
+
+    /// Returns true if the motion that runs moves a finger.
+    pub(super) const fn moves(&self, finger: usize) -> bool {
+        self.title.is_some() && self.fingers >> finger & 1 == 1
+    }
+
+    /// The fraction of the motion that is done, in 0..=1; `None` for a stream, whose points are still to come.
+    pub(super) fn done<W>(&self, shared: &SharedDrive<'_, W>) -> Option<f64> {
+        if self.count == 0 {
+            return None;
+        }
+        let first = self.tickets.first();
+        let first =
+            first.and_then(|&ticket| with(shared, |drive| drive.generator.progress(ticket)));
+        let part = match first.flatten() {
+            Some(MotionProgress::Running { fraction, .. }) => fraction,
+            _ => 0.0,
+        };
+        let ended = self.next.saturating_sub(self.tickets.len() as u32);
+        Some((f64::from(ended) + part) / f64::from(self.count))
+    }
+
+    /// Forgets what runs.
+    pub(super) fn stop(&mut self) {
+        self.title = None;
+        (self.next, self.count) = (0, 0);
+        self.tickets.clear();
+        (self.is_stream, self.fingers) = (false, 0);
+    }
+
+    /// Returns the room for the next motion; call [`begin`](Self::begin) then.
+    pub(super) fn room(&mut self) -> &mut Sequence {
+        self.stop();
+        &mut self.running
+    }
+
+    /// The kept sequence is to run.
+    pub(super) fn take_kept(&mut self) {
+        self.stop();
+        self.running.copy(&self.kept);
+    }
+
+    /// Returns the fingers that the sequence in [`room`](Self::room) moves, a bit for each.
+    ///
+    /// # Errors
+    /// Returns the [`Problem`] if there is a guard of contact without a sensor, a target or via point beyond
+    /// the limits, or no motion.
+    pub(super) fn fingers(&self, hand: &RobotDescription) -> Result<u32, Problem<'static>> {
+        let motions = self.running.motions().map_err(Problem::Recording)?;
+        let mut fingers = 0;
+        for (number, motion) in (1..).zip(motions.iter()) {
+            if motion.start.contact || motion.stop.contact {
+                for (finger, entry) in hand.fingers.iter().enumerate() {
+                    let moves = motion.mask >> (finger * JOINTS) & ((1 << JOINTS) - 1) != 0;
+                    if moves && entry.touch.is_none() {
+                        let finger = entry.name.clone();
+                        return Err(Problem::Guard { number, finger });
+                    }
+                }
+            }
+            for (joint, limits) in self.limits.iter().enumerate() {
+                if motion.mask >> joint & 1 == 0 {
+                    continue;
+                }
+                fingers |= 1 << (joint / JOINTS);
+                let Some(&Target::Absolute(target)) = motion.targets.get(joint) else {
+                    continue;
+                };
+                let vias = motion
+                    .vias
+                    .iter()
+                    .filter_map(|via| via.positions.get(joint));
+                for &value in vias.chain([&target]) {
+                    if !limits.contains(value) {
+                        let (low, high) = (limits.low, limits.high);
+                        return Err(Problem::Beyond {
+                            number,
+                            joint,
+                            value,
+                            low,
+                            high,
+                        });
+                    }
+                }
+            }
+        }
+        if fingers == 0 {
+            return Err(Problem::Nothing);
+        }
+        Ok(fingers & ((1 << FINGERS) - 1))
+    }
+
+    /// Sets the name of the sequence that is recorded or loaded.
+    pub(super) fn name_kept(&mut self, name: &str) {
+        self.kept_title.clear();
+        // Names are short enough.
+        let _ = self.kept_title.push_str(name);
+    }
+
+    /// Runs the sequence that is there, which moves these fingers.
+    pub(super) fn begin(&mut self, title: &str, fingers: u32) -> Result<(), MotionImageError> {
+        let motions = self.running.motions()?;
+        self.count = motions.len();
+        if self.is_recording {
+            for motion in motions.iter() {
+                self.kept.push(&motion)?;
+            }
+        }
+        let mut name = Title::new();
+        // Names are short enough.
+        let _ = name.push_str(title);
+        self.title = Some(name);
+        self.next = 0;
+        self.fingers = fingers;
+        self.is_held = false;
+        self.end = DONE;
+        Ok(())
+    }
+
+    /// A stream runs, which moves these fingers.
+    pub(super) fn begin_stream(&mut self, title: Title, fingers: u32) {
+        self.stop();
+        self.title = Some(title);
+        (self.is_stream, self.fingers) = (true, fingers);
+    }
+
+    /// The fingers of a mask of joints, a bit for each.
+    pub(super) fn fingers_of(mask: u32) -> u32 {
+        let joints = (0..ALL).filter(|joint| mask >> joint & 1 == 1);
+        joints.fold(0, |fingers, joint| fingers | 1 << (joint / JOINTS))
+    }
+
+    /// The limits of all joints.
+    pub(super) const fn limits(&self) -> &[ProfileLimits<f64>; ALL] {
+        &self.limits
+    }
+
+    /// Feeds the generator as many motions as it has room for, and reports events. Returns the motion that has
+    /// ended and how, if one has.
+    pub(super) fn play<W>(
+        &mut self,
+        hand: &RobotDescription,
+        shared: &SharedDrive<'_, W>,
+        mut say: impl FnMut(Arguments<'_>),
+    ) -> Option<(Title, RequestState, RefusalReason)> {
+        if self.is_stream {
+            let end = with(shared, Drive::take_stream_end).flatten()?;
+            let (state, reason) = match end {
+                StreamEnd::Done => DONE,
+                StreamEnd::Starved => (RequestState::Aborted, RefusalReason::Starved),
+                StreamEnd::Aborted => (RequestState::Aborted, RefusalReason::Command),
+            };
+            let title = self.title.take().unwrap_or_default();
+            self.stop();
+            return Some((title, state, reason));
+        }
+        if self.title.is_some() && self.next < self.count {
+            let fed = with(shared, |drive| {
+                let (generator, tickets) = (&mut drive.generator, &mut self.tickets);
+                self.running.feed(self.next, hand, generator, tickets)
+            });
+            if let Some((fed, result)) = fed {
+                self.next += fed;
+                if let Err(error) = result {
+                    let number = self.next + 1;
+                    say(format_args!(
+                        "motion {number} is not possible, so the sequence stops: {error}"
+                    ));
+                    return Some(self.break_off(shared, RefusalReason::FromHere));
+                }
+            }
+        }
+        while let Some(Some((finger, stop))) = with(shared, |drive| drive.stops.pop_front()) {
+            if let Some(entry) = hand.fingers.get(finger) {
+                say(format_args!("{}", GuardText { entry, stop }));
+            }
+        }
+        // A generator that is idle at this moment has reported all ends already.
+        let state = with(shared, |drive| {
+            (drive.generator.is_idle(), drive.generator.is_held())
+        });
+        let (is_idle, is_held) = state.unwrap_or((false, self.is_held));
+        while let Some(Some(event)) = with(shared, |drive| drive.generator.take_event()) {
+            let is_start = matches!(event.happening, Happening::Started { .. });
+            if is_start || !self.tickets.contains(&event.ticket) {
+                continue;
+            }
+            self.tickets.retain(|it| *it != event.ticket);
+            let reason = match event.happening {
+                Happening::Refused(error) => {
+                    say(format_args!(
+                        "a motion is not possible from this position: {error}"
+                    ));
+                    RefusalReason::FromHere
+                }
+                Happening::Ended(MotionEnd::Stopped(guard)) => {
+                    if guard == MotionGuard::Time {
+                        say(format_args!(
+                            "a motion was stopped because its time is over"
+                        ));
+                    }
+                    self.end.0 = RequestState::Stopped;
+                    continue;
+                }
+                Happening::Ended(MotionEnd::Superseded { by }) if self.tickets.contains(&by) => {
+                    continue;
+                }
+                Happening::Ended(MotionEnd::Reached) | Happening::Started { .. } => continue,
+                // Joints were taken from it.
+                Happening::Ended(MotionEnd::Aborted | MotionEnd::Superseded { .. }) => {
+                    RefusalReason::Failure
+                }
+            };
+            return Some(self.break_off(shared, reason));
+        }
+        if is_held && !self.is_held {
+            say(format_args!("the motion waits: `resume` continues it"));
+        }
+        self.is_held = is_held;
+        if is_idle && self.next >= self.count && !self.tickets.is_empty() {
+            // The generator has lost events: nobody knows how these motions have ended.
+            return Some(self.break_off(shared, RefusalReason::Failure));
+        }
+        if is_idle
+            && self.next >= self.count
+            && let Some(title) = self.title.take()
+        {
+            self.stop();
+            return Some((title, self.end.0, self.end.1));
+        }
+        None
+    }
+
+    /// Stops what runs, for a reason.
+    fn break_off<W>(
+        &mut self,
+        shared: &SharedDrive<'_, W>,
+        reason: RefusalReason,
+    ) -> (Title, RequestState, RefusalReason) {
+        with(shared, |drive| drive.generator.abort());
+        let title = self.title.take().unwrap_or_default();
+        self.stop();
+        (title, RequestState::Aborted, reason)
+    }
+}

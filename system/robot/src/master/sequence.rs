@@ -1,0 +1,162 @@
+//! [`Sequence`]: a sequence of motions in memory, and [`Store`]: in files.
+
+use condor_fs::{Errno, FileError, OpenOptions};
+use condor_hand::trajectory::image::{MotionImageError, MotionSequence, append};
+use condor_hand::trajectory::{Generator, MotionTicket, PrimitiveError};
+use condor_rt::{FilesOf, Machine};
+
+use super::drive::{ALL, Motion};
+use super::words::{Path, Problem};
+use crate::{RobotDescription, file};
+
+/// The greatest size of a compiled sequence of motions that the master can run, in bytes.
+pub const MOTION_BYTES: usize = 8192;
+/// The directory of the sequences.
+const DIRECTORY: &str = "motions";
+/// The suffix of their names.
+const SUFFIX: &str = ".motion";
+
+/// A sequence of motions as the bytes of its image; nothing at first.
+pub(super) struct Sequence {
+    bytes: [u8; MOTION_BYTES],
+    len: usize,
+}
+
+impl Sequence {
+    pub(super) const fn new() -> Self {
+        Self {
+            bytes: [0; MOTION_BYTES],
+            len: 0,
+        }
+    }
+
+    pub(super) fn clear(&mut self) {
+        self.len = 0;
+    }
+
+    pub(super) fn is_empty(&self) -> bool {
+        self.len == 0
+    }
+
+    fn bytes(&self) -> &[u8] {
+        self.bytes.get(..self.len).unwrap_or(&[])
+    }
+
+    /// Takes the bytes of an image, which is checked.
+    pub(super) fn set(&mut self, image: &[u8]) -> Result<(), MotionImageError> {
+        MotionSequence::<ALL>::new(image)?;
+        self.clear();
+        if let Some(place) = self.bytes.get_mut(..image.len()) {
+            place.copy_from_slice(image);
+            self.len = image.len();
+        }
+        Ok(())
+    }
+
+    pub(super) fn copy(&mut self, from: &Self) {
+        *self = Self {
+            bytes: from.bytes,
+            len: from.len,
+        };
+    }
+
+    /// The motions, if there are any.
+    pub(super) fn motions(&self) -> Result<MotionSequence<'_, ALL>, MotionImageError> {
+        MotionSequence::new(self.bytes())
+    }
+
+    pub(super) fn push(&mut self, motion: &Motion) -> Result<(), MotionImageError> {
+        self.len = append(motion, &mut self.bytes, self.len)?;
+        Ok(())
+    }
+
+    /// Feeds `generator` as many motions from the number `next` on as it takes, as long as there is room for
+    /// their tickets. Returns their number, and the error of a motion that it refuses.
+    pub(super) fn feed<const Q: usize, const N: usize>(
+        &self,
+        next: u32,
+        hand: &RobotDescription,
+        generator: &mut Generator<ALL, Q>,
+        tickets: &mut heapless::Vec<MotionTicket, N>,
+    ) -> (u32, Result<(), PrimitiveError>) {
+        let Ok(motions) = self.motions() else {
+            return (0, Ok(()));
+        };
+        let motions = motions.iter().skip(next as usize).map(|mut motion| {
+            hand.rest_between_stops(&mut motion);
+            motion
+        });
+        generator.feed(motions, tickets)
+    }
+}
+
+/// The sequences in files.
+pub(super) struct Store<'r, M: Machine>(pub(super) &'r FilesOf<'r, M>);
+
+impl<M: Machine> Store<'_, M> {
+    /// Reads a sequence, which is checked.
+    pub(super) fn load(&self, name: &str, into: &mut Sequence) -> Result<(), Problem<'static>> {
+        let path = path(name, SUFFIX);
+        into.clear();
+        let options = OpenOptions::new().read();
+        into.len = match file::read(self.0, &path, options, &mut into.bytes) {
+            Ok(len) => len,
+            Err(error) => return Err(Problem::File { name: path, error }),
+        };
+        if let Err(error) = into.motions() {
+            into.clear();
+            return Err(Problem::Image { name: path, error });
+        }
+        Ok(())
+    }
+
+    /// Writes a sequence: under another name first, so that a name never has half of one.
+    pub(super) fn save(&self, name: &str, from: &Sequence) -> Result<(), Problem<'static>> {
+        let (path, half) = (path(name, SUFFIX), path(name, ".half"));
+        let write = || {
+            match self.0.make_directory(DIRECTORY) {
+                Err(error) if error.errno() != Some(Errno::EXIST) => return Err(error),
+                _ => {}
+            }
+            let options = OpenOptions::new().write().create().truncate();
+            let mut file = self.0.open(&half, options)?;
+            file::write_all(&mut file, from.bytes())?;
+            file.sync()?;
+            file.close()?;
+            self.0.rename(&half, &path)
+        };
+        let outcome: Result<(), FileError> = write();
+        outcome.map_err(|error| Problem::File { name: path, error })
+    }
+
+    /// The names of all sequences.
+    pub(super) fn list(&self, mut each: impl FnMut(&str)) -> Result<(), Problem<'static>> {
+        let mut list = || {
+            let mut directory = self.0.open_directory(DIRECTORY)?;
+            let mut name = [0; 255];
+            while let Some(entry) = directory.next(&mut name)? {
+                let name = core::str::from_utf8(entry.name).unwrap_or("");
+                if let Some(name) = name.strip_suffix(SUFFIX) {
+                    each(name);
+                }
+            }
+            directory.close()
+        };
+        let outcome: Result<(), FileError> = list();
+        outcome.map_err(|error| {
+            let mut name = Path::new();
+            // There is room.
+            let _ = name.push_str(DIRECTORY);
+            Problem::File { name, error }
+        })
+    }
+}
+
+/// The path of a sequence; names are short enough.
+fn path(name: &str, suffix: &str) -> Path {
+    let mut path = Path::new();
+    for part in [DIRECTORY, "/", name, suffix] {
+        let _ = path.push_str(part);
+    }
+    path
+}

@@ -1,0 +1,521 @@
+//! [`Servos`]: the servo processors as the master's background has them.
+
+use core::fmt::Arguments;
+use core::time::Duration;
+
+use condor_hand::message::{ServoClient, ServoClientError, ServoRefusal, ServoStatus};
+use condor_hand::servo::{JointTarget, ServoMode};
+use condor_hand::trajectory::{Begin, Pace, PrimitiveError, Profile, Target};
+use condor_mbox::{Clock as _, PeerState, Processor, Region};
+use condor_rt::objects::{self as names, ObjectKind};
+use condor_rt::{Background, Machine, ProgramError, users};
+use condor_vars::VariableTable;
+
+use super::drive::{FingerServos, Link, Motion, OfServos, ServoIncarnation, SharedDrive, with};
+use super::words::Problem;
+use crate::failure::Failure;
+use crate::servo::{self, Names};
+use crate::{FINGERS, JOINTS, RobotDescription, objects};
+
+/// The time in which a servo must answer.
+pub(super) const ANSWER: Duration = Duration::from_millis(500);
+/// The time in which a finger must come to rest.
+const REST: Duration = Duration::from_secs(3);
+/// The distance, rad, by which joints leave the zones of their stops, and the fraction of their limits of
+/// velocity.
+const ROOM_RAD: f64 = 0.02;
+const LEAVE_SPEED: f64 = 0.02;
+const NAP: Duration = Duration::from_millis(20);
+/// The bits of the joints of the first finger.
+const ALL_JOINTS: u32 = (1 << JOINTS) - 1;
+
+type Client<'r, M> =
+    ServoClient<'r, condor_rt::MailboxOf<'r, M>, <M as Machine>::Window, FINGERS, JOINTS>;
+
+/// One servo processor.
+struct Servo<'r, M: Machine> {
+    number: u8,
+    region: Region<M::Window>,
+    mail: M::Window,
+    /// The incarnation whose objects these are; the client asks that one only.
+    incarnation: Option<u32>,
+    /// Whether it has ever been there.
+    is_known: bool,
+    client: Option<Client<'r, M>>,
+}
+
+/// The servo processors.
+pub(super) struct Servos<'r, 'p, M: Machine> {
+    hand: &'r RobotDescription,
+    background: &'r Background<'r, M>,
+    shared: &'r SharedDrive<'p, M::Window>,
+    finger_servos: FingerServos,
+    processors: OfServos<Servo<'r, M>>,
+    /// The last status of each finger.
+    status: [Option<ServoStatus<JOINTS>>; FINGERS],
+    /// Whether a finger that followed does not any more, since somebody asked.
+    has_lost: bool,
+    /// A bit for each finger that may still follow a former incarnation of the master. Nobody knows its set-points: it
+    /// gets none, and so gives up.
+    inherited: u32,
+}
+
+/// The numbers of the servo processors, and which of them serves each finger.
+pub(super) fn finger_servos(
+    hand: &RobotDescription,
+) -> Result<(OfServos<u8>, FingerServos), Failure> {
+    let mut numbers = OfServos::<u8>::new();
+    let mut finger_servos = [0; FINGERS];
+    let fingers = hand.fingers.len();
+    if fingers != FINGERS {
+        let simulated = FINGERS;
+        return Err(Failure::Hand { fingers, simulated });
+    }
+    for (servo, entry) in finger_servos.iter_mut().zip(&hand.fingers) {
+        // A configuration has all joints of a finger on one processor.
+        let processor = entry.processor().unwrap_or(0);
+        let known = numbers.iter().position(|&it| it == processor);
+        *servo = known.unwrap_or(numbers.len());
+        if known.is_none() {
+            // At most one for each finger.
+            let _ = numbers.push(processor);
+        }
+    }
+    Ok((numbers, finger_servos))
+}
+
+impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
+    pub(super) fn new(
+        background: &'r Background<'r, M>,
+        hand: &'r RobotDescription,
+        shared: &'r SharedDrive<'p, M::Window>,
+        numbers: &[u8],
+        finger_servos: FingerServos,
+    ) -> Result<Self, ProgramError> {
+        let mut processors = OfServos::new();
+        for &number in numbers {
+            let machine = background.machine();
+            let windows = machine.windows().into_iter().nth(number.into());
+            let windows = windows.ok_or(Failure::NoProcessor { processor: number })?;
+            let servo = Servo {
+                number,
+                region: users(machine, Processor(number))?,
+                mail: windows.mail,
+                incarnation: None,
+                is_known: false,
+                client: None,
+            };
+            // At most one for each finger.
+            let _ = processors.push(servo);
+        }
+        Ok(Self {
+            hand,
+            background,
+            shared,
+            finger_servos,
+            processors,
+            status: [None; FINGERS],
+            has_lost: false,
+            inherited: u32::MAX,
+        })
+    }
+
+    /// The number and the region of each.
+    pub(super) fn regions(&self) -> impl Iterator<Item = (u8, &Region<M::Window>)> {
+        self.processors
+            .iter()
+            .map(|servo| (servo.number, &servo.region))
+    }
+
+    /// Returns the last status of a finger.
+    pub(super) fn status(&self, finger: usize) -> Option<&ServoStatus<JOINTS>> {
+        self.status.get(finger)?.as_ref()
+    }
+
+    /// The processor of a finger.
+    pub(super) fn processor(&self, finger: usize) -> u8 {
+        let servo = self.finger_servos.get(finger).copied();
+        let servo = servo.and_then(|servo| self.processors.get(servo));
+        servo.map_or(0, |servo| servo.number)
+    }
+
+    /// A bit for each finger of a processor.
+    pub(super) fn fingers(&self, number: u8) -> u64 {
+        let mut fingers = 0;
+        for finger in (0..FINGERS).filter(|&finger| self.processor(finger) == number) {
+            fingers |= 1 << finger;
+        }
+        fingers
+    }
+
+    /// Returns true if a finger follows its set-points.
+    pub(super) fn follows(&self, finger: usize) -> bool {
+        self.inherited >> finger & 1 == 0 && self.status(finger).is_some_and(follows)
+    }
+
+    /// Looks how all are.
+    pub(super) fn watch(&mut self, mut say: impl FnMut(Arguments<'_>)) -> Result<(), ProgramError> {
+        for index in 0..self.processors.len() {
+            self.watch_one(index, &mut say)?;
+        }
+        Ok(())
+    }
+
+    /// Returns true if a finger that followed does not any more, since the flag was taken last.
+    pub(super) const fn has_lost(&self) -> bool {
+        self.has_lost
+    }
+
+    /// Takes the flag of [`has_lost`](Self::has_lost), which is false then.
+    pub(super) fn take_lost(&mut self) -> bool {
+        core::mem::take(&mut self.has_lost)
+    }
+
+    fn watch_one(
+        &mut self,
+        index: usize,
+        say: &mut impl FnMut(Arguments<'_>),
+    ) -> Result<(), ProgramError> {
+        let Some(servo) = self.processors.get_mut(index) else {
+            return Ok(());
+        };
+        let state = self
+            .background
+            .mailbox()
+            .peer_state(Processor(servo.number))?;
+        let incarnation = match state {
+            PeerState::Up {
+                incarnation,
+                connected: true,
+            } => Some(incarnation),
+            _ => None,
+        };
+        let served = self.finger_servos.map(|servo| servo == index);
+        let names = Names(self.hand, served);
+        if servo.incarnation.is_some() && servo.incarnation != incarnation {
+            (servo.incarnation, servo.client) = (None, None);
+            for (status, _) in self.status.iter_mut().zip(served).filter(|(_, it)| *it) {
+                let former = status.take();
+                self.has_lost |= former.is_some_and(|it| follows(&it));
+            }
+            with(self.shared, |drive| {
+                if let Some(link) = drive.links.get_mut(index) {
+                    *link = None;
+                }
+            });
+            let number = servo.number;
+            say(format_args!(
+                "processor {number} is gone: nothing controls {names}"
+            ));
+        }
+        if let (None, Some(incarnation)) = (servo.incarnation, incarnation)
+            && let Some(places) = objects::servos(&servo.region)?
+            && objects::joints(&servo.region)?.is_some()
+            && objects::grasp(&servo.region)?.is_some()
+        {
+            let seen =
+                ServoIncarnation::new(servo.mail.clone(), servo.region.clone(), incarnation)?;
+            let link = Link::new(seen, &places)?;
+            with(self.shared, |drive| {
+                if let Some(place) = drive.links.get_mut(index) {
+                    *place = Some(link);
+                }
+            });
+            servo.client = Some(ServoClient::new(
+                self.background.mailbox(),
+                Processor(servo.number),
+                &servo.region,
+                places,
+            )?);
+            servo.incarnation = Some(incarnation);
+            let number = servo.number;
+            if servo.is_known {
+                say(format_args!(
+                    "processor {number} was restarted: `enable` makes {names} hold again"
+                ));
+            } else {
+                say(format_args!("processor {number} controls {names}"));
+            }
+            servo.is_known = true;
+        }
+        if servo.incarnation.is_some() {
+            for finger in (0..FINGERS).filter(|&finger| served.get(finger) == Some(&true)) {
+                self.look(finger, index, say);
+            }
+        }
+        self.tell_loop();
+        Ok(())
+    }
+
+    /// Asks how a finger is, and says what is new.
+    fn look(&mut self, finger: usize, index: usize, say: &mut impl FnMut(Arguments<'_>)) {
+        let name = name(self.hand, finger);
+        let Some(servo) = self.processors.get_mut(index) else {
+            return;
+        };
+        let (Some(client), Some(kept)) = (&mut servo.client, self.status.get_mut(finger)) else {
+            return;
+        };
+        // One that does not answer now is asked again, unless it is gone.
+        let Ok(status) = client.status(finger as u32, ANSWER) else {
+            return;
+        };
+        let former = kept.replace(status);
+        self.has_lost |= former.is_some_and(|it| follows(&it)) && !follows(&status);
+        let (fault, refused) = former.map_or((None, status.refused_set_points), |former| {
+            (former.fault, former.refused_set_points)
+        });
+        match status.fault {
+            Some(now) if status.fault != fault => {
+                say(format_args!("{name} gave up: {now}; `enable` restarts it"));
+            }
+            _ => {}
+        }
+        if status.refused_set_points != refused {
+            let count = status.refused_set_points.wrapping_sub(refused);
+            say(format_args!("{name} refused {count} set-points"));
+        }
+    }
+
+    /// Tells the loop of the trajectories which fingers and joints follow.
+    fn tell_loop(&mut self) {
+        let (mut loose, mut adrift) = (u32::MAX, u32::MAX);
+        for finger in 0..FINGERS {
+            if self.status(finger).is_some_and(|it| !needs_set_points(it)) {
+                self.inherited &= !(1 << finger);
+            }
+            if self.follows(finger) {
+                loose &= !(1 << finger);
+            }
+            let Some(status) = self.status(finger).filter(|it| works(it)) else {
+                continue;
+            };
+            for (joint, mode) in status.modes.iter().enumerate() {
+                if *mode == ServoMode::Position {
+                    adrift &= !(1 << (finger * JOINTS + joint));
+                }
+            }
+        }
+        with(self.shared, |drive| {
+            (drive.loose, drive.adrift, drive.inherited) = (loose, adrift, self.inherited);
+        });
+    }
+
+    /// Asks the servos of a finger something: the client is given, and the finger.
+    pub(super) fn ask<R>(
+        &mut self,
+        finger: usize,
+        question: impl FnOnce(&mut Client<'r, M>, u32, Duration) -> R,
+    ) -> Result<R, Problem<'static>> {
+        let number = self.processor(finger);
+        let absent = Problem::Absent(number);
+        let state = self.background.mailbox().peer_state(Processor(number))?;
+        let servo = self.finger_servos.get(finger).copied();
+        let Some(servo) = servo.and_then(|servo| self.processors.get_mut(servo)) else {
+            return Err(absent);
+        };
+        match (state, servo.incarnation, &mut servo.client) {
+            (PeerState::Up { incarnation, .. }, Some(seen), Some(client))
+                if incarnation == seen =>
+            {
+                Ok(question(client, finger as u32, ANSWER))
+            }
+            _ => Err(absent),
+        }
+    }
+
+    /// Finds the variables and parameters of the loop that serves a finger.
+    pub(super) fn table(
+        &mut self,
+        finger: usize,
+    ) -> Result<(Processor, VariableTable<M::Window>), Problem<'static>> {
+        // The program is there that was seen.
+        self.ask(finger, |_, _, _| ())?;
+        let number = self.processor(finger);
+        let absent = || Problem::Absent(number);
+        let servo = self.finger_servos.get(finger).copied();
+        let known = servo.and_then(|servo| self.processors.get(servo));
+        let known = known.ok_or_else(absent)?;
+        let object =
+            names::find(&known.region, servo::LOOP, ObjectKind::Variables)?.ok_or_else(absent)?;
+        Ok((
+            Processor(number),
+            VariableTable::open(&known.region, object.offset)?,
+        ))
+    }
+
+    fn refresh(&mut self, finger: usize) -> Result<ServoStatus<JOINTS>, Problem<'static>> {
+        let status = self.ask(finger, |client, finger, timeout| {
+            client.status(finger, timeout)
+        })??;
+        if let Some(kept) = self.status.get_mut(finger) {
+            let former = kept.replace(status);
+            self.has_lost |= former.is_some_and(|it| follows(&it)) && !follows(&status);
+        }
+        Ok(status)
+    }
+
+    /// Restarts a finger if it has a fault, and has it follow from where it is.
+    pub(super) fn enable(&mut self, finger: usize) -> Result<(), Problem<'static>> {
+        let named = || self.hand.fingers.get(finger).map(|it| it.name.clone());
+        let name = named().unwrap_or_default();
+        let mut status = self.refresh(finger)?;
+        if status.modes.contains(&ServoMode::Grasp) {
+            return Err(Problem::InGrasp(name));
+        }
+        self.tell_loop();
+        if self.inherited >> finger & 1 == 1 {
+            self.disable(finger)?;
+            status = self.refresh(finger)?;
+        }
+        if follows(&status) {
+            return Ok(());
+        }
+        if status.fault.is_some() || status.is_resting {
+            self.ask(finger, |client, finger, timeout| {
+                client.restart(finger, timeout)
+            })??;
+            let clock = self.background.machine().doorbell();
+            let deadline = clock.now().after(REST);
+            status = self.refresh(finger)?;
+            while status.is_resting && clock.now() < deadline {
+                self.background.serve(NAP)?;
+                status = self.refresh(finger)?;
+            }
+            if let Some(fault) = status.fault {
+                let finger = name;
+                return Err(Problem::Fault { finger, fault });
+            }
+            if status.is_resting {
+                return Err(Problem::Resting(name));
+            }
+        }
+        let is_measured = with(self.shared, |drive| {
+            let measured = drive.measured.get(finger).copied().flatten();
+            if measured.is_some() {
+                // A finger that gave up a moment ago may still be in motion here.
+                drive.loose |= 1 << finger;
+                drive.hold_loose();
+                // From here on the set-points stay where the finger was just measured.
+                drive.loose &= !(1 << finger);
+                drive.adrift &= !(ALL_JOINTS << (finger * JOINTS));
+            }
+            measured.is_some()
+        });
+        if is_measured != Some(true) {
+            return Err(Problem::NotMeasured(name));
+        }
+        let outcome = self.ask(finger, |client, finger, timeout| {
+            client.enable(finger, None, ServoMode::Position, timeout)
+        });
+        let refreshed = self.refresh(finger);
+        self.tell_loop();
+        outcome??;
+        refreshed?;
+        self.leave_stops(finger)
+    }
+
+    /// Has the joints of a finger that are where the servos push them from their stops come out of
+    /// there: a position that is held against such a push makes a joint tremble.
+    fn leave_stops(&self, finger: usize) -> Result<(), Problem<'static>> {
+        let first = finger * JOINTS;
+        let Some(entry) = self.hand.fingers.get(finger) else {
+            return Ok(());
+        };
+        let moved = with(self.shared, |drive| {
+            let points = drive.generator.set_points();
+            let mut motion = Motion::new(Pace::Speed(LEAVE_SPEED), Profile::MinimumJerk);
+            for (joint, (entry, point)) in entry
+                .joints
+                .iter()
+                .zip(points.iter().skip(first))
+                .enumerate()
+            {
+                let room = entry.stop.zone + ROOM_RAD;
+                let (low, high) = (entry.limits.low + room, entry.limits.high - room);
+                if low < high && !(low <= point.position && point.position <= high) {
+                    let to = if point.position < low { low } else { high };
+                    motion = motion.with(first + joint, Target::Absolute(to))?;
+                }
+            }
+            if motion.mask != 0 {
+                motion.begin = Begin::Beside;
+                drive.generator.enqueue(motion)?;
+            }
+            Ok::<_, PrimitiveError>(())
+        });
+        Ok(moved.unwrap_or(Ok(()))?)
+    }
+
+    /// Sets another mode of a joint, or of all joints of a finger, in which they keep their state.
+    pub(super) fn set_mode(
+        &mut self,
+        finger: usize,
+        joint: Option<usize>,
+        mode: ServoMode,
+    ) -> Result<(), Problem<'static>> {
+        let outcome = self.ask(finger, |client, finger, timeout| {
+            client.enable(finger, joint.map(|joint| joint as u32), mode, timeout)
+        });
+        self.refresh(finger)?;
+        self.tell_loop();
+        Ok(outcome??)
+    }
+
+    /// Sets a target of a joint, and the mode of that target.
+    pub(super) fn set_target(
+        &mut self,
+        finger: usize,
+        joint: usize,
+        target: &JointTarget<f64>,
+    ) -> Result<(), Problem<'static>> {
+        let outcome = self.ask(finger, |client, finger, timeout| {
+            client.set_target(finger, joint as u32, target, timeout)
+        });
+        self.refresh(finger)?;
+        self.tell_loop();
+        match outcome? {
+            Err(ServoClientError::Refused(ServoRefusal::Target(error))) => {
+                let entry = self.hand.fingers.get(finger);
+                let name = entry.map(|it| it.name.clone());
+                let joint = self.hand.joint(finger, joint).map(|it| it.name.clone());
+                Err(Problem::Target {
+                    finger: name.unwrap_or_default(),
+                    joint: joint.unwrap_or_default(),
+                    error,
+                })
+            }
+            outcome => Ok(outcome?),
+        }
+    }
+
+    /// Switches a finger off.
+    pub(super) fn disable(&mut self, finger: usize) -> Result<(), Problem<'static>> {
+        self.ask(finger, |client, finger, timeout| {
+            client.disable(finger, None, timeout)
+        })??;
+        // A finger that is switched off here does not count as lost.
+        let has_lost = self.has_lost;
+        self.refresh(finger)?;
+        self.has_lost = has_lost;
+        self.tell_loop();
+        Ok(())
+    }
+}
+
+fn works(status: &ServoStatus<JOINTS>) -> bool {
+    status.fault.is_none() && !status.is_resting
+}
+
+fn follows(status: &ServoStatus<JOINTS>) -> bool {
+    works(status) && status.modes.iter().all(|&mode| mode == ServoMode::Position)
+}
+
+/// Returns true if a finger gives up without set-points.
+fn needs_set_points(status: &ServoStatus<JOINTS>) -> bool {
+    works(status) && status.modes.contains(&ServoMode::Position)
+}
+
+fn name(hand: &RobotDescription, finger: usize) -> &str {
+    hand.fingers.get(finger).map_or("", |finger| &finger.name)
+}

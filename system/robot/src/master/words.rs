@@ -1,0 +1,475 @@
+//! [`Words`]: what was typed, and [`Problem`]: why it is not done.
+
+use core::fmt;
+
+use condor_fs::FileError;
+use condor_hand::config::{Finger, ShortName};
+use condor_hand::controller::GuardStop;
+use condor_hand::decimal::Decimal;
+use condor_hand::grasp::distributed::{GraspImageError, GraspReason};
+use condor_hand::message::ServoClientError;
+use condor_hand::queue::{LedgerError, RefusalReason};
+use condor_hand::servo::TargetError;
+use condor_hand::tendon::fault::FingerFault;
+use condor_hand::trajectory::image::MotionImageError;
+use condor_hand::trajectory::{MotionGuard, PrimitiveError, TrajectoryError};
+use condor_mbox::AccessError;
+use condor_mbox::exchange::ExchangeError;
+use condor_rt::supervisor::SupervisorError;
+use condor_vars::{RequestError, VariableTableError};
+use thiserror::Error;
+
+use crate::RobotDescription;
+use crate::{JOINTS, plant, table};
+
+/// The reason why a command is not done.
+#[derive(Debug, Error)]
+pub(super) enum Problem<'l> {
+    #[error("there is no command \"{0}\"; `help` lists them")]
+    Command(&'l str),
+    #[error("give {0}")]
+    Missing(&'static str),
+    #[error("\"{word}\" is not {what}")]
+    Not { word: &'l str, what: &'static str },
+    #[error("\"{0}\" is one word too many")]
+    TooMany(&'l str),
+    #[error("no finger is called \"{word}\"; there are {known}")]
+    Finger { word: &'l str, known: NameList },
+    #[error("no joint is called \"{word}\"; there are {known}")]
+    Joint { word: &'l str, known: NameList },
+    #[error(
+        "\"{0}\" cannot be the name of a motion: a name has letters, digits, - and _, at most {max}", max = NAME_BYTES)]
+    Name(&'l str),
+    #[error("there is no gain \"{0}\"; `gains FINGER.JOINT` shows all")]
+    Gain(&'l str),
+    #[error(
+        "{name} cannot be {value}; it may be {low} to {high}",
+        value = Decimal(*.value),
+        low = Decimal(*.low),
+        high = Decimal(*.high),
+    )]
+    Bounds {
+        word: &'l str,
+        name: &'l str,
+        value: f64,
+        low: f64,
+        high: f64,
+    },
+    #[error(
+        "{name} cannot be {value} {unit}; it may be {low} to {high} {unit}",
+        name = .range.name,
+        unit = .range.unit,
+        value = Decimal(*.value),
+        low = Decimal(.range.low),
+        high = Decimal(.range.high),
+    )]
+    Range {
+        word: &'l str,
+        value: f64,
+        range: plant::NumberRange,
+    },
+    #[error("{0} is not enabled: `enable` makes it hold its position")]
+    NotEnabled(ShortName),
+    #[error("{finger}.{joint} is in the mode {mode}: `enable {finger}` makes it hold its position")]
+    OtherMode {
+        finger: ShortName,
+        joint: ShortName,
+        mode: &'static str,
+    },
+    #[error(
+        "{quantity} cannot be {value} {unit} at {finger}.{joint}; it may be {low} to {high}",
+        quantity = .error.quantity.name(),
+        unit = .error.quantity.unit(),
+        value = Decimal(.error.value),
+        low = Decimal(.error.low),
+        high = Decimal(.error.high),
+    )]
+    Target {
+        finger: ShortName,
+        joint: ShortName,
+        error: TargetError,
+    },
+    #[error("{0} is held by a grasp: type `release` first")]
+    InGrasp(ShortName),
+    #[error("the position of {0} is not known: its processor does not run")]
+    NotMeasured(ShortName),
+    #[error("{finger} has a fault: {fault}")]
+    Fault {
+        finger: ShortName,
+        fault: FingerFault,
+    },
+    #[error("{0} is still at rest after its fault; try again")]
+    Resting(ShortName),
+    #[error("a motion runs or waits: type `abort` first")]
+    Running,
+    #[error("another program is in control, by session {0}: `control` takes control from it")]
+    InControl(u32),
+    #[error("the motion is refused: {0}")]
+    Refused(RefusalReason),
+    #[error("the queue of motions is not ready for this terminal; try again")]
+    NoSession,
+    #[error(
+        "{LEDGER} has no number left for another session: stop the master, remove the file, and start the master \
+         again"
+    )]
+    Exhausted,
+    #[error("{LEDGER}: {0}")]
+    LedgerFile(#[from] RowError),
+    #[error("{LEDGER}: {0}")]
+    Ledger(LedgerError),
+    #[error("no motion is recorded or loaded: give the name of a motion")]
+    Nothing,
+    #[error("motion {number} is to stop at contact, but {finger} has no tactile sensor")]
+    Guard { number: u32, finger: ShortName },
+    #[error(
+        "motion {number}: joint {joint} cannot go to {value} rad; it may be {low} to {high} rad",
+        value = Decimal(*.value),
+        low = Decimal(*.low),
+        high = Decimal(*.high),
+    )]
+    Beyond {
+        number: u32,
+        joint: usize,
+        value: f64,
+        low: f64,
+        high: f64,
+    },
+    #[error("the supervisor has not carried out `{0}` yet; try again")]
+    Ordered(heapless::String<48>),
+    #[error(transparent)]
+    Supervisor(#[from] SupervisorError),
+    #[error("processor {0} does not run the program that this command needs")]
+    Absent(u8),
+    #[error("no processor simulates the robot, which this command needs")]
+    NoPlant,
+    #[error("no processor measures the position of the object")]
+    NoCamera,
+    #[error("processor {0} has not seen the object for 0.2 s")]
+    NotSeen(u8),
+    #[error("the configuration has no table")]
+    NoTable,
+    #[error("the robot refused: {0}")]
+    Plant(plant::PlantRefusal),
+    #[error("the table refused: {0}")]
+    Table(table::TableRefusal),
+    #[error("a processor answered with the unknown code {0}")]
+    Answer(u32),
+    #[error("processor {processor} does not hold the ball: {reason}", reason = .reason.as_str())]
+    Grasp { processor: u8, reason: GraspReason },
+    #[error("{name}: {error}")]
+    File { name: Path, error: FileError },
+    #[error("{name}: {error}")]
+    Image { name: Path, error: MotionImageError },
+    #[error("cannot read the grasp from its file: {0}")]
+    GraspImage(#[from] GraspImageError),
+    #[error("cannot read the recorded motion: {0}")]
+    Recording(MotionImageError),
+    #[error(transparent)]
+    Primitive(#[from] PrimitiveError),
+    #[error(transparent)]
+    Trajectory(#[from] TrajectoryError),
+    #[error(transparent)]
+    Client(#[from] ServoClientError),
+    #[error(transparent)]
+    Request(#[from] RequestError),
+    #[error(transparent)]
+    Variables(#[from] VariableTableError),
+    #[error(transparent)]
+    Exchange(#[from] ExchangeError),
+    #[error(transparent)]
+    Access(#[from] AccessError),
+    #[error(transparent)]
+    Mailbox(#[from] condor_mbox::MailboxError),
+    #[error(transparent)]
+    Program(#[from] condor_rt::ProgramError),
+}
+
+impl Problem<'_> {
+    /// Returns the number of the word of `line` in which the mistake is, from 1; `None` if it is in
+    /// no word.
+    pub(super) fn place(&self, line: &str) -> Option<usize> {
+        let wrong: &str = match self {
+            Self::Command(word)
+            | Self::Not { word, .. }
+            | Self::TooMany(word)
+            | Self::Finger { word, .. }
+            | Self::Joint { word, .. }
+            | Self::Name(word)
+            | Self::Gain(word)
+            | Self::Bounds { word, .. }
+            | Self::Range { word, .. } => word,
+            Self::Missing(_) => return Some(line.split_whitespace().count() + 1),
+            _ => return None,
+        };
+        // The same word may be there twice: it is the one at this place.
+        let at = |text: &str| text.as_ptr().addr().wrapping_sub(line.as_ptr().addr());
+        let mut words = line.split_whitespace();
+        let place = words.position(|word| (at(word)..=at(word) + word.len()).contains(&at(wrong)));
+        place.map(|place| place + 1)
+    }
+
+    /// Returns true if the same may be possible a moment later.
+    pub(super) fn is_passing(&self) -> bool {
+        matches!(self, Self::File { error, .. } if error.errno().is_none())
+    }
+
+    /// Returns the reason why a motion that cannot run is refused.
+    pub(super) const fn reason(&self) -> RefusalReason {
+        match self {
+            Self::File { .. } | Self::Image { .. } | Self::Nothing | Self::Recording(_) => {
+                RefusalReason::NoMotion
+            }
+            Self::NotEnabled(_) | Self::InGrasp(_) | Self::OtherMode { .. } => {
+                RefusalReason::NotReady
+            }
+            _ => RefusalReason::Limits,
+        }
+    }
+}
+
+/// Which guard has stopped a finger, and at which value.
+pub(super) struct GuardText<'h> {
+    pub(super) entry: &'h Finger<JOINTS>,
+    pub(super) stop: GuardStop,
+}
+
+impl fmt::Display for GuardText<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { entry, stop } = self;
+        let finger = &entry.name;
+        let (what, joint, unit) = match stop.guard {
+            MotionGuard::Torque { joint } => ("a torque", Some(joint), "N m"),
+            MotionGuard::Tension { joint } => ("a tension", Some(joint), "N"),
+            MotionGuard::Contact { .. } => ("a contact", None, "N"),
+            MotionGuard::Time => ("a time", None, "s"),
+        };
+        write!(f, "{what} of ")?;
+        if stop.value.is_finite() {
+            write!(f, "{:.3} {unit}", Decimal(stop.value))?;
+        } else {
+            f.write_str("an unknown value")?;
+        }
+        write!(f, " at {finger}")?;
+        if let Some(joint) = joint.and_then(|joint| entry.joints.get(joint)) {
+            write!(f, ".{}", joint.name)?;
+        }
+        f.write_str(" has stopped a motion")
+    }
+}
+
+/// The reason why a row is not written.
+#[derive(Clone, Copy, Debug, Error)]
+pub(super) enum RowError {
+    #[error(transparent)]
+    File(#[from] FileError),
+    #[error("it has {found} bytes instead of {size}; the master writes a new one")]
+    Length { found: u64, size: usize },
+}
+
+/// Returns true if `word` can be the name of a motion: 1 to 24 ASCII letters, digits, `-` and `_`.
+#[must_use]
+pub fn is_name(word: &str) -> bool {
+    let is_plain = |byte: u8| byte.is_ascii_alphanumeric() || matches!(byte, b'-' | b'_');
+    !word.is_empty() && word.len() <= NAME_BYTES && word.bytes().all(is_plain)
+}
+
+/// The file of the ledger of motions.
+pub(super) const LEDGER: &str = "motions.ledger";
+/// The longest name of a motion.
+pub(super) const NAME_BYTES: usize = 24;
+
+/// The path of a file.
+pub(super) type Path = heapless::String<48>;
+
+/// Names that are there, as a sentence has them.
+pub(super) type NameList = heapless::String<56>;
+
+/// Lists names; what does not fit is left out.
+fn known<'n>(names: impl Iterator<Item = &'n ShortName>) -> NameList {
+    let mut known = NameList::new();
+    for name in names {
+        let comma = if known.is_empty() { "" } else { ", " };
+        if known.len() + comma.len() + name.len() <= known.capacity() {
+            let _ = known.push_str(comma).and_then(|()| known.push_str(name));
+        }
+    }
+    known
+}
+
+/// The words of a line, one after another.
+#[derive(Clone)]
+pub(super) struct Words<'l>(core::str::SplitWhitespace<'l>);
+
+impl<'l> Words<'l> {
+    pub(super) fn of(line: &'l str) -> Self {
+        Self(line.split_whitespace())
+    }
+
+    pub(super) fn next(&mut self) -> Option<&'l str> {
+        self.0.next()
+    }
+
+    /// The words that are left, without taking them.
+    pub(super) fn peek(&self) -> core::str::SplitWhitespace<'l> {
+        self.0.clone()
+    }
+
+    /// The next word, which says `what`.
+    pub(super) fn word(&mut self, what: &'static str) -> Result<&'l str, Problem<'l>> {
+        self.0.next().ok_or(Problem::Missing(what))
+    }
+
+    /// The next word as a finite number.
+    pub(super) fn number(&mut self, what: &'static str) -> Result<f64, Problem<'l>> {
+        let word = self.word(what)?;
+        number(word, what)
+    }
+
+    /// The next three words as finite numbers, such as a vector has.
+    pub(super) fn three(&mut self, what: &'static str) -> Result<[f64; 3], Problem<'l>> {
+        Ok([self.number(what)?, self.number(what)?, self.number(what)?])
+    }
+
+    /// The next word as a number in a range.
+    pub(super) fn within(
+        &mut self,
+        what: &'static str,
+        range: plant::NumberRange,
+    ) -> Result<f64, Problem<'l>> {
+        let word = self.word(what)?;
+        match number(word, what)? {
+            value if range.contains(value) => Ok(value),
+            value => Err(Problem::Range { word, value, range }),
+        }
+    }
+
+    /// The next word, if there is one, as a number in a range.
+    pub(super) fn maybe_within(
+        &mut self,
+        what: &'static str,
+        range: plant::NumberRange,
+    ) -> Result<Option<f64>, Problem<'l>> {
+        if self.peek().next().is_none() {
+            return Ok(None);
+        }
+        self.within(what, range).map(Some)
+    }
+
+    /// The next three words as numbers in a range, such as a vector has.
+    pub(super) fn three_within(
+        &mut self,
+        what: &'static str,
+        range: plant::NumberRange,
+    ) -> Result<[f64; 3], Problem<'l>> {
+        let mut next = || self.within(what, range);
+        Ok([next()?, next()?, next()?])
+    }
+
+    /// The next word, if there is one, as a finite number above zero.
+    pub(super) fn positive(&mut self, what: &'static str) -> Result<Option<f64>, Problem<'l>> {
+        let Some(word) = self.0.next() else {
+            return Ok(None);
+        };
+        match number(word, what)? {
+            value if value > 0.0 => Ok(Some(value)),
+            _ => Err(Problem::Not { word, what }),
+        }
+    }
+
+    /// The next word as the name of a motion.
+    pub(super) fn name(&mut self) -> Result<&'l str, Problem<'l>> {
+        let word = self.word("the name of a motion")?;
+        if is_name(word) {
+            Ok(word)
+        } else {
+            Err(Problem::Name(word))
+        }
+    }
+
+    /// The next word as a finger of the hand, from 0.
+    pub(super) fn finger(&mut self, hand: &RobotDescription) -> Result<Option<usize>, Problem<'l>> {
+        let Some(word) = self.0.next() else {
+            return Ok(None);
+        };
+        named(word, hand).map(Some)
+    }
+
+    /// The next word as FINGER.JOINT: both from 0.
+    pub(super) fn joint(&mut self, hand: &RobotDescription) -> Result<(usize, usize), Problem<'l>> {
+        let word = self.word("FINGER.JOINT")?;
+        let what = "FINGER.JOINT";
+        let dot = word.bytes().position(|byte| byte == b'.');
+        let names = dot.and_then(|dot| Some((word.get(..dot)?, word.get(dot + 1..)?)));
+        let (finger, joint) = names.ok_or(Problem::Not { word, what })?;
+        let finger = named(finger, hand)?;
+        let joints = hand.fingers.get(finger).map(|it| it.joints.as_slice());
+        let mut joints = joints.unwrap_or_default().iter().take(JOINTS);
+        let all = joints.clone();
+        let found = joints.position(|it| it.name == joint);
+        let problem = || Problem::Joint {
+            word: joint,
+            known: known(all.map(|it| &it.name)),
+        };
+        Ok((finger, found.ok_or_else(problem)?))
+    }
+
+    /// All words that are left.
+    pub(super) fn rest(&mut self) -> impl Iterator<Item = &'l str> {
+        self.0.by_ref()
+    }
+
+    /// There must be no more words.
+    pub(super) fn end(&mut self) -> Result<(), Problem<'l>> {
+        match self.0.next() {
+            None => Ok(()),
+            Some(word) => Err(Problem::TooMany(word)),
+        }
+    }
+}
+
+/// The finger that is called so, from 0.
+fn named<'l>(word: &'l str, hand: &RobotDescription) -> Result<usize, Problem<'l>> {
+    let mut fingers = hand.fingers.iter();
+    let found = fingers.position(|finger| finger.name == word);
+    let problem = || Problem::Finger {
+        word,
+        known: known(hand.fingers.iter().map(|it| &it.name)),
+    };
+    found.ok_or_else(problem)
+}
+
+pub(super) fn number<'l>(word: &'l str, what: &'static str) -> Result<f64, Problem<'l>> {
+    let value = Decimal::parse(word).map(|value| value.0);
+    let value = value.filter(|value| value.is_finite());
+    value.ok_or(Problem::Not { word, what })
+}
+
+#[cfg(test)]
+mod tests {
+    use std::string::ToString;
+
+    use super::*;
+
+    #[test]
+    fn words_are_what_they_are_asked_for() {
+        let mut words = Words::of("  0.5 1e400 0 wave a/b  ");
+        let half = words.number("a position, rad").unwrap();
+        assert_eq!(half.to_bits(), 0.5_f64.to_bits());
+        assert_eq!(
+            words.number("a position, rad").unwrap_err().to_string(),
+            "\"1e400\" is not a position, rad"
+        );
+        assert_eq!(
+            words
+                .positive("a time, s, above 0")
+                .unwrap_err()
+                .to_string(),
+            "\"0\" is not a time, s, above 0"
+        );
+        assert_eq!(words.name().unwrap(), "wave");
+        assert!(matches!(words.name(), Err(Problem::Name("a/b"))));
+        assert!(words.end().is_ok());
+        assert!(words.positive("a time, s, above 0").unwrap().is_none());
+        assert!(matches!(words.word("it"), Err(Problem::Missing("it"))));
+    }
+}

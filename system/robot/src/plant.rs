@@ -1,0 +1,324 @@
+//! The program that is the robot: a simulated hand on a table, behind the other side of the boards.
+//!
+//! It writes what sensors say into the registers of A/D and encoder boards, and takes from those of the
+//! D/A boards what actuators are to do, with the calibration and the widths that the configuration has.
+//! Boards identify themselves once their registers are right, so a controller that is early waits.
+//!
+//! Each D/A board has a watchdog. Without a strobe for some time, or once nobody has the board open, it
+//! takes its tensions to the least ones, and its forces to none, within the time of a ramp, and goes on
+//! with the next strobe. Registers are memory here, so a board does not take its channels at the
+//! instant of the strobe, but when the robot looks next.
+//!
+//! Arguments, in any order:
+//!
+//! | argument | is | without it |
+//! |---|---|---|
+//! | `rate=HZ` | how often the robot looks at its boards | 2000 |
+//! | `watchdog_ms=MS` | after which time without a strobe a board rests | 25 |
+//! | `ramp_ms=MS` | how long it takes to the least tensions | 250 |
+//! | `camera_hz=HZ` | how often the camera takes a picture of the ball | 50 |
+//! | `camera_um=UM` | the standard deviation of a point in it, µm | exact |
+//! | `seed=N` | from which the noise of the pictures follows | 1 |
+//!
+//! | object | is |
+//! |---|---|
+//! | `console` | its terminal: boards that rest and go on |
+//! | `robot` | its loop: counts and variables |
+//! | `truth` | a published [`TrueState`] |
+//! | `object` | a published [`CameraObject`]: what the camera measures |
+//! | `plant` | the blocks of [`PLANT`]: a [`Blocks`] of [`PlantRequest`] and [`PlantResponse`] |
+
+use condor_vars::{CellField, CellStruct, ValueKind};
+use core::cell::RefCell;
+use core::marker::PhantomData;
+use core::mem::offset_of;
+
+use condor_hand::grasp::Wrench;
+use condor_mbox::Vector;
+use condor_mbox::exchange::Blocks;
+use condor_rt::objects;
+use condor_rt::{Machine, PROCESSORS, Program, ProgramError, Setup};
+use condor_vars::{Var, Vars};
+use critical_section::Mutex;
+use nalgebra::Vector3;
+use zerocopy::{FromBytes, Immutable, IntoBytes};
+
+use crate::boards::SimBoards;
+use crate::{FINGERS, Failure, JOINTS, start};
+
+mod arguments;
+mod ball;
+mod camera;
+mod requests;
+mod robot;
+mod watchdog;
+
+use arguments::Arguments;
+use camera::Camera;
+pub use camera::CameraObject;
+pub use requests::{
+    NumberRange, PlantOperation, PlantRefusal, PlantRequest, PlantResponse, PlantTarget,
+};
+pub use robot::MACHINE;
+use robot::{Robot, WORKSPACE_M};
+
+/// The vector of messages with requests to the simulated robot: see [`PlantRequest`].
+pub const PLANT: Vector = Vector(4);
+/// The name of the blocks for requests to the simulated robot in its processor's object table.
+pub const NAME: &str = "plant";
+/// The name of the published [`TrueState`] in the object table of the robot's processor.
+pub const TRUTH_NAME: &str = "truth";
+/// The name of the published [`CameraObject`] in the object table of the robot's processor.
+pub const OBJECT_NAME: &str = "object";
+
+/// The true state of the simulated robot, which its program publishes in every tick; controllers see only sensors.
+/// Vectors are in the axes of the palm.
+#[derive(Clone, Copy, Debug, PartialEq, FromBytes, IntoBytes, Immutable)]
+#[repr(C)]
+pub struct TrueState {
+    /// The time since the robot began, s.
+    pub time_s: f64,
+    /// The positions of the joints of each finger, rad.
+    pub position: [[f64; JOINTS]; FINGERS],
+    /// The velocities of the joints of each finger, rad/s.
+    pub velocity: [[f64; JOINTS]; FINGERS],
+    /// The tensions of the flexor and the extensor of each joint, N.
+    pub tension: [[[f64; 2]; JOINTS]; FINGERS],
+    /// The positions of the table's axes, m.
+    pub table: [f64; 3],
+    /// The centre of the ball, m; NaN without one.
+    pub ball: [f64; 3],
+    /// The orientation of the ball, a unit quaternion, the real part first.
+    pub orientation: [f64; 4],
+    /// A bit for each finger that touches the ball.
+    pub touching: u64,
+    /// A bit for each finger that slides on it.
+    pub sliding: u64,
+    /// A bit for each D/A board that rests.
+    pub resting: u64,
+    /// A hash of the positions of all joints in all ticks so far, by which runs can be compared.
+    pub hash: u64,
+    /// Ticks in which the robot or its bus failed since it was last mended.
+    pub failed: u64,
+}
+
+impl CellStruct for TrueState {
+    const FIELDS: &'static [CellField] = &[
+        CellField::new("time_s", "s", ValueKind::F64, offset_of!(TrueState, time_s))
+            .about("Since the robot began."),
+        CellField::new(
+            "position",
+            "rad",
+            ValueKind::F64,
+            offset_of!(TrueState, position),
+        )
+        .repeated(FINGERS * JOINTS)
+        .about("Joints in the order of the fingers."),
+        CellField::new(
+            "velocity",
+            "rad/s",
+            ValueKind::F64,
+            offset_of!(TrueState, velocity),
+        )
+        .repeated(FINGERS * JOINTS),
+        CellField::new(
+            "tension",
+            "N",
+            ValueKind::F64,
+            offset_of!(TrueState, tension),
+        )
+        .repeated(2 * FINGERS * JOINTS)
+        .about("Of flexor and extensor."),
+        CellField::new("table", "m", ValueKind::F64, offset_of!(TrueState, table)).repeated(3),
+        CellField::new("ball", "m", ValueKind::F64, offset_of!(TrueState, ball))
+            .repeated(3)
+            .about("Its centre; NaN without one."),
+        CellField::new(
+            "orientation",
+            "",
+            ValueKind::F64,
+            offset_of!(TrueState, orientation),
+        )
+        .repeated(4)
+        .about("Of the ball: a unit quaternion, the real part first."),
+        CellField::new(
+            "touching",
+            "",
+            ValueKind::U64,
+            offset_of!(TrueState, touching),
+        )
+        .about("A bit for each finger that touches the ball."),
+        CellField::new(
+            "sliding",
+            "",
+            ValueKind::U64,
+            offset_of!(TrueState, sliding),
+        )
+        .about("A bit for each finger that slides on it."),
+        CellField::new(
+            "resting",
+            "",
+            ValueKind::U64,
+            offset_of!(TrueState, resting),
+        )
+        .about("A bit for each D/A board that rests."),
+        CellField::new("hash", "", ValueKind::U64, offset_of!(TrueState, hash))
+            .about("Of the positions of all joints in all ticks so far."),
+        CellField::new("failed", "", ValueKind::U64, offset_of!(TrueState, failed))
+            .about("Ticks in which the robot or its bus failed since it was mended."),
+    ];
+}
+
+/// The robot, between handlers and the loop.
+type SharedRobot = Mutex<RefCell<Robot>>;
+
+/// The program of the simulated robot: a hand on a table, with a ball, which programs reach by the registers of its
+/// boards.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Plant<B>(PhantomData<B>);
+
+impl<B> Plant<B> {
+    /// Makes the program.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self(PhantomData)
+    }
+}
+
+impl<B: SimBoards> Program for Plant<B> {
+    fn run<M: Machine>(&self, machine: &M) -> Result<(), ProgramError> {
+        let arguments = Arguments::of(machine)?;
+        let bus = machine.bus();
+        // Boards of a former incarnation answer no more.
+        B::plug(&bus, false).map_err(Failure::from)?;
+        let mut place = None;
+        let (hand, robot) = start::configured(machine, &mut place, |_, hand| {
+            let robot = Robot::new::<B>(hand, &arguments)?;
+            robot.show::<B, _>(&bus)?;
+            B::plug(&bus, true).map_err(Failure::from)?;
+            Ok((hand, robot))
+        })?;
+        let shared: SharedRobot = Mutex::new(RefCell::new(robot));
+        let ball = Vars::<f64, 3>::named(&["ball.x", "ball.y", "ball.z"], "m");
+        let ball = ball.about("Its centre, in the axes of the palm; NaN without one.");
+        let touching = Var::<u64>::new("ball.touching", "").about("A bit for each finger.");
+        let resting = Var::<u64>::new("boards.resting", "").about("A bit for each D/A board.");
+
+        let mut setup = Setup::new(machine)?;
+        let mut truth = setup.publish_fields(TRUTH_NAME)?;
+        let mut seen = setup.publish_fields(OBJECT_NAME)?;
+        let mut camera = Camera::new(&arguments);
+        let blocks = setup.place(NAME, objects::ObjectKind::Other, |allocator| {
+            Blocks::<PlantRequest, PlantResponse>::new(places, PROCESSORS as u8)
+        })?;
+        let own = setup.own().clone();
+        setup
+            .console()?
+            .on(PLANT, NAME, &|call| {
+                blocks.answer(call, &own, |request| respond(&shared, &request))
+            })
+            .watch(&ball)
+            .watch(&touching)
+            .watch(&resting)
+            .servo("robot", start::rate(arguments.rate_hz), &mut |_| {
+                let done = with(&shared, |robot| {
+                    let now = robot.tick::<B, _>(&bus);
+                    (now, camera.look(robot.ball(), now.time_s))
+                });
+                if let Some((now, picture)) = done {
+                    ball.set_all(&now.ball);
+                    touching.set(now.touching);
+                    resting.set(now.resting);
+                    // After an error the reader finds the former value.
+                    let _ = truth.publish(&now);
+                    if let Some(picture) = picture {
+                        let _ = seen.publish(&picture);
+                    }
+                }
+            })
+            .background(|background| {
+                let (name, hz) = (&hand.name, arguments.rate_hz);
+                background.print(format_args!("simulates the hand {name} at {hz} Hz\n"));
+                let (mut tripped, mut failures, mut lost) = (0, 0, 0);
+                start::attend(background, || {
+                    let seen = with(&shared, |robot| {
+                        (robot.tripped(), robot.failures(), robot.lost_balls(), robot.cause())
+                    });
+                    let Some((now, failed, balls, cause)) = seen else {
+                        return Ok(());
+                    };
+                    for board in 0..u64::BITS {
+                        let is_new = (now ^ tripped) >> board & 1 != 0;
+                        let ms = arguments.watchdog_ms;
+                        if is_new && now >> board & 1 != 0 {
+                            background.print(format_args!(
+                                "D/A board {board} rests: no values came for {ms} ms\n"
+                            ));
+                        } else if is_new {
+                            background.print(format_args!("D/A board {board} works again\n"));
+                        }
+                    }
+                    if let Some(cause) = cause.filter(|_| failed != failures) {
+                        background.print(format_args!(
+                            "the robot or its bus failed in {failed} ticks: {cause}; `clear` at the master puts the \
+                             robot back to its start\n"
+                        ));
+                    }
+                    if balls != lost {
+                        background.print(format_args!(
+                            "the ball was more than {WORKSPACE_M} m from the palm and is taken away\n"
+                        ));
+                    }
+                    (tripped, failures, lost) = (now, failed, balls);
+                    Ok(())
+                })
+            })
+    }
+}
+
+/// Does something with the robot; `None` if that is in progress already.
+fn with<R>(shared: &SharedRobot, work: impl FnOnce(&mut Robot) -> R) -> Option<R> {
+    critical_section::with(|section| {
+        let mut robot = shared.borrow(section).try_borrow_mut().ok()?;
+        Some(work(&mut robot))
+    })
+}
+
+fn respond(shared: &SharedRobot, request: &PlantRequest) -> PlantResponse {
+    let done = with(shared, |robot| (obey(robot, request), robot.resting()));
+    let (outcome, resting) = done.unwrap_or((Err(PlantRefusal::Busy), 0));
+    PlantResponse {
+        refusal: outcome.err().map_or(0, |refusal| refusal as u32),
+        resting: resting as u32,
+    }
+}
+
+/// Does what is asked for.
+fn obey(robot: &mut Robot, request: &PlantRequest) -> Result<(), PlantRefusal> {
+    let [first @ .., radius, mass, _] = request.numbers;
+    let [.., mx, my, mz] = request.numbers;
+    let first = Vector3::from(first);
+    let (finger, joint) = (request.finger as usize, request.joint as usize);
+    let which = PlantTarget::from_number(request.which).ok_or(PlantRefusal::NoSuchPart);
+    let wrench = Wrench {
+        force: first,
+        moment: Vector3::new(mx, my, mz),
+    };
+    match PlantOperation::from_number(request.operation).ok_or(PlantRefusal::Operation)? {
+        PlantOperation::Status => Ok(()),
+        PlantOperation::Push => robot.push_ball(wrench),
+        PlantOperation::PlaceBall => robot.place_ball(first, radius, mass),
+        PlantOperation::LetGo => robot.let_go(first.x),
+        PlantOperation::RemoveBall => {
+            robot.remove_ball();
+            Ok(())
+        }
+        PlantOperation::StickSensor => robot.stick(finger, joint, which?),
+        PlantOperation::CutTendon => robot.cut(finger, joint, which?),
+        PlantOperation::Mend => {
+            robot.mend();
+            Ok(())
+        }
+        PlantOperation::PushTip => robot.push_tip(finger, wrench),
+    }
+}

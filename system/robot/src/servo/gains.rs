@@ -1,0 +1,373 @@
+//! [`Gains`]: the gains of the joints, as parameters of the servo loop.
+
+use core::fmt::{self, Write};
+use core::sync::atomic::AtomicU32;
+
+use condor_hand::math::max;
+use condor_hand::servo::{JointGains, PositionLaw};
+use condor_hand::tendon::{Pair, TensionGains};
+use condor_vars::{ParamRefusal, Params, Scalar, Tune, VarDescription, Watch, choice};
+
+use super::ServedFingers;
+use crate::{FINGERS, JOINTS};
+
+/// The gains of each joint: name, unit and description. All are numbers.
+const GAIN: [Names; 15] = [
+    ("kp", "N m/rad", "Of the law pd."),
+    ("kv", "N m s/rad", "Of the law pd."),
+    ("ki", "N m/(rad s)", "Of the law pd."),
+    (
+        "integral_nm",
+        "N m",
+        "The limit of the integral of the law pd.",
+    ),
+    ("bandwidth_hz", "Hz", "Of the law computed-torque."),
+    ("damping_ratio", "", "Of the law computed-torque."),
+    (
+        "k_torque",
+        "",
+        "How much of the torque's error is added to a torque.",
+    ),
+    ("flexor.kt", "", "Proportional, of the tension's servo."),
+    ("flexor.ki", "1/s", "Integral, of the tension's servo."),
+    ("flexor.kd", "s", "Derivative, of the tension's servo."),
+    (
+        "flexor.kv",
+        "N s/rad",
+        "Of the joint's velocity, in the tension's servo.",
+    ),
+    ("extensor.kt", "", "Proportional, of the tension's servo."),
+    ("extensor.ki", "1/s", "Integral, of the tension's servo."),
+    ("extensor.kd", "s", "Derivative, of the tension's servo."),
+    (
+        "extensor.kv",
+        "N s/rad",
+        "Of the joint's velocity, in the tension's servo.",
+    ),
+];
+const LAW: [Names; 1] = [("law", "", "How the joint follows positions.")];
+/// The greatest value of each gain, in the order of [`GAIN`]: above what a finger of this size bears, and
+/// below what can only be a mistake. If a joint is configured with more, that is the greatest value. The least
+/// value is 0.
+const MOST: [f64; GAIN.len()] = [
+    100.0, 10.0, 1000.0, 10.0, 50.0, 10.0, 10.0, 100.0, 1000.0, 10.0, 1000.0, 100.0, 1000.0, 10.0,
+    1000.0,
+];
+/// The greatest gain that a configuration can have.
+const GREATEST: f64 = 1e9;
+/// The number of joints of a processor that serves all fingers.
+const ALL: usize = FINGERS * JOINTS;
+const NUMBERS: usize = ALL * GAIN.len();
+
+type Names = (&'static str, &'static str, &'static str);
+
+choice! {
+    /// A law of position.
+    pub(super) enum Law {
+        /// [`PositionLaw::Pd`].
+        Pd = "pd",
+        /// [`PositionLaw::ComputedTorque`].
+        ComputedTorque = "computed-torque",
+    }
+}
+
+/// The gains of the joints of a processor, under names such as `index.proximal.flexor.kt`.
+///
+/// Both laws have their gains all the time; the one of `law` is in force.
+pub(super) struct Gains<'h> {
+    pub(super) laws: OfJoints<'h, Params<Law, ALL>, 1>,
+    pub(super) numbers: OfJoints<'h, Params<f64, NUMBERS>, { GAIN.len() }>,
+}
+
+/// Parameters of joints, `N` of each.
+pub(super) struct OfJoints<'h, P, const N: usize> {
+    fingers: ServedFingers<'h>,
+    names: &'static [Names; N],
+    /// The greatest values of numbers.
+    most: Option<[f64; N]>,
+    params: P,
+}
+
+impl<'h> Gains<'h> {
+    /// Begins with what the servos of these fingers have; `of` returns it, given the place of a finger
+    /// among them and a joint.
+    pub(super) fn new(
+        fingers: &ServedFingers<'h>,
+        of: impl Fn(usize, usize) -> Option<JointGains<f64>>,
+    ) -> Self {
+        let mut laws = [Law::Pd; ALL];
+        let mut numbers = [0.0; NUMBERS];
+        let (of_joints, _) = numbers.as_chunks_mut();
+        let mut most = MOST;
+        for (joint, (law, numbers)) in laws.iter_mut().zip(of_joints).enumerate() {
+            if let Some(gains) = of(joint / JOINTS, joint % JOINTS) {
+                (*law, *numbers) = split(&gains);
+                for (most, &configured) in most.iter_mut().zip(&*numbers) {
+                    *most = max(*most, configured);
+                }
+            }
+        }
+        Self {
+            laws: OfJoints {
+                fingers: fingers.clone(),
+                names: &LAW,
+                most: None,
+                params: Params::named(&[""; ALL], "", laws, Law::Pd..=Law::ComputedTorque),
+            },
+            numbers: OfJoints {
+                fingers: fingers.clone(),
+                names: &GAIN,
+                most: Some(most),
+                params: Params::named(&[""; NUMBERS], "", numbers, 0.0..=GREATEST),
+            },
+        }
+    }
+
+    /// Returns what differs from before when a change has been taken over.
+    pub(super) fn version(&self) -> [u32; 2] {
+        [self.laws.params.version(), self.numbers.params.version()]
+    }
+
+    /// Returns the gains of a joint in this tick.
+    pub(super) fn of(&self, finger: usize, joint: usize) -> Option<JointGains<f64>> {
+        let joint = finger * JOINTS + joint;
+        let law = self.laws.params.get_at(joint)?;
+        let first = joint * GAIN.len();
+        let number = |index| self.numbers.params.get_at(first + index);
+        let tendon = |index| {
+            Some(TensionGains {
+                kt: number(index)?,
+                ki: number(index + 1)?,
+                kd: number(index + 2)?,
+                kv: number(index + 3)?,
+            })
+        };
+        Some(JointGains {
+            law: match law {
+                Law::Pd => PositionLaw::Pd {
+                    kp: number(0)?,
+                    kv: number(1)?,
+                    ki: number(2)?,
+                    integral_nm: number(3)?,
+                },
+                Law::ComputedTorque => PositionLaw::ComputedTorque {
+                    bandwidth_hz: number(4)?,
+                    damping_ratio: number(5)?,
+                },
+            },
+            k_torque: number(6)?,
+            tension: Pair {
+                flexor: tendon(7)?,
+                extensor: tendon(11)?,
+            },
+        })
+    }
+}
+
+/// The law of a joint and its numbers, in the order of [`GAIN`]; those of the other law are 0.
+fn split(gains: &JointGains<f64>) -> (Law, [f64; GAIN.len()]) {
+    let (law, of_law) = match gains.law {
+        PositionLaw::Pd {
+            kp,
+            kv,
+            ki,
+            integral_nm,
+        } => (Law::Pd, [kp, kv, ki, integral_nm, 0.0, 0.0]),
+        PositionLaw::ComputedTorque {
+            bandwidth_hz,
+            damping_ratio,
+        } => (
+            Law::ComputedTorque,
+            [0.0, 0.0, 0.0, 0.0, bandwidth_hz, damping_ratio],
+        ),
+    };
+    let tendons = [gains.tension.flexor, gains.tension.extensor];
+    let tendons = tendons.map(|TensionGains { kt, ki, kd, kv }| [kt, ki, kd, kv]);
+    let torque = [gains.k_torque];
+    let all = of_law.iter().chain(&torque).chain(tendons.as_flattened());
+    let mut numbers = [0.0; GAIN.len()];
+    for (place, value) in numbers.iter_mut().zip(all) {
+        *place = *value;
+    }
+    (law, numbers)
+}
+
+impl<P, const N: usize> OfJoints<'_, P, N> {
+    /// The greatest value of a number.
+    fn most(&self, index: usize) -> Option<f64> {
+        self.most.as_ref()?.get(index % N).copied()
+    }
+}
+
+impl<P: Tune, const N: usize> Watch for OfJoints<'_, P, N> {
+    fn words(&self) -> &[AtomicU32] {
+        let words = self.params.words();
+        // Others are those of fingers on other processors.
+        let len = words.len() / FINGERS * self.fingers.len();
+        words.get(..len).unwrap_or(words)
+    }
+
+    fn describe(&self, index: usize) -> Option<VarDescription<'_>> {
+        let (_, unit, about) = *self.names.get(index % N)?;
+        self.fingers.get(index / N / JOINTS)?;
+        let mut description = self.params.describe(index)?;
+        if let Some(most) = self.most(index) {
+            description.bounds = [0.0, most].map(Scalar::to_words);
+        }
+        Some(VarDescription {
+            unit,
+            about,
+            ..description
+        })
+    }
+
+    fn name(&self, index: usize, to: &mut dyn Write) -> fmt::Result {
+        let joint = index / N;
+        let finger = self.fingers.get(joint / JOINTS).ok_or(fmt::Error)?;
+        let joint = finger.joints.get(joint % JOINTS).ok_or(fmt::Error)?;
+        let (name, ..) = self.names.get(index % N).ok_or(fmt::Error)?;
+        write!(to, "{}.{}.{name}", finger.name, joint.name)
+    }
+}
+
+impl<P: Tune, const N: usize> Tune for OfJoints<'_, P, N> {
+    fn compare_and_set_words(
+        &self,
+        index: usize,
+        expected: [u32; 2],
+        new: [u32; 2],
+    ) -> Result<(), ParamRefusal> {
+        if let Some(most) = self.most(index) {
+            let value = f64::from_words(new).filter(|value| (0.0..=most).contains(value));
+            value.ok_or(ParamRefusal::OutOfBounds)?;
+        }
+        self.params.compare_and_set_words(index, expected, new)
+    }
+
+    fn wanted(&self, index: usize) -> [u32; 2] {
+        self.params.wanted(index)
+    }
+
+    fn latch(&self) {
+        self.params.latch();
+    }
+
+    fn is_sound(&self) -> bool {
+        self.params.is_sound()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_gain_can_be_set_to_what_is_configured() {
+        let text = include_str!("../../../../condor-hand/hands/utah-mit.toml");
+        let hand = crate::RobotDescription::from_toml(text, "utah-mit.toml").unwrap();
+        let tension = TensionGains {
+            kt: 500.0,
+            ki: 0.25,
+            kd: 0.0,
+            kv: 3.0,
+        };
+        let configured = JointGains {
+            law: PositionLaw::ComputedTorque {
+                bandwidth_hz: 80.0,
+                damping_ratio: 1.0,
+            },
+            k_torque: 0.0,
+            tension: Pair {
+                flexor: tension,
+                extensor: tension,
+            },
+        };
+        let fingers = super::super::fingers_on(&hand, 1);
+        let gains = Gains::new(&fingers, |_, _| Some(configured)).numbers;
+        let set = |index: usize, from: f64, to: f64| {
+            gains.compare_and_set_words(index, from.to_words(), to.to_words())
+        };
+        for (index, (value, most)) in split(&configured).1.into_iter().zip(MOST).enumerate() {
+            set(index, value, 0.5).unwrap();
+            set(index, 0.5, value).unwrap();
+            let most = value.max(most);
+            assert_eq!(
+                set(index, value, 1.01 * most),
+                Err(ParamRefusal::OutOfBounds)
+            );
+            let bounds = gains.describe(index).unwrap().bounds;
+            assert_eq!(bounds, [0.0, most].map(Scalar::to_words));
+        }
+    }
+
+    #[test]
+    fn a_gain_that_is_set_is_that_of_its_joint_alone() {
+        let text = include_str!("../../../../condor-hand/hands/utah-mit.toml");
+        let hand = crate::RobotDescription::from_toml(text, "utah-mit.toml").unwrap();
+        let tension = |kt| TensionGains {
+            kt,
+            ki: 0.25,
+            kd: 0.0,
+            kv: 3.0,
+        };
+        let first = |finger: usize, joint: usize| JointGains {
+            law: PositionLaw::ComputedTorque {
+                bandwidth_hz: 10.0 + f64::from(finger as u8),
+                damping_ratio: 1.0,
+            },
+            k_torque: f64::from(joint as u8),
+            tension: Pair {
+                flexor: tension(1.0),
+                extensor: tension(2.0),
+            },
+        };
+        let fingers = super::super::fingers_on(&hand, 1);
+        let gains = Gains::new(&fingers, |finger, joint| Some(first(finger, joint)));
+        let number = |wanted: &str| {
+            (0..NUMBERS).find(|&index| {
+                let mut name = String::new();
+                gains.numbers.name(index, &mut name).unwrap();
+                name == wanted
+            })
+        };
+        let kp = number("middle.proximal.kp").unwrap();
+        assert_eq!(gains.numbers.describe(kp).unwrap().unit, "N m/rad");
+        let params = &gains.numbers.params;
+        let bandwidth = number("index.middle.bandwidth_hz").unwrap();
+        let set = |hz: f64| {
+            let now = 10.0_f64.to_words();
+            (gains.numbers).compare_and_set_words(bandwidth, now, hz.to_words())
+        };
+        assert_eq!(set(9999.0), Err(ParamRefusal::OutOfBounds));
+        assert_eq!(set(f64::NAN), Err(ParamRefusal::OutOfBounds));
+        let described = gains.numbers.describe(bandwidth).unwrap();
+        assert_eq!(described.bounds, [0.0_f64, 50.0].map(Scalar::to_words));
+        params.compare_and_set_at(kp, 0.0, 7.0).unwrap();
+        let kt = number("middle.proximal.extensor.kt").unwrap();
+        params.compare_and_set_at(kt, 2.0, 0.5).unwrap();
+        assert_eq!(
+            params.compare_and_set_at(kt, 0.5, -1.0),
+            Err(ParamRefusal::OutOfBounds)
+        );
+        let before = gains.version();
+        assert_eq!(gains.of(1, 1), Some(first(1, 1)));
+        gains.numbers.latch();
+        assert_ne!(gains.version(), before);
+        let mut changed = first(1, 1);
+        changed.tension.extensor.kt = 0.5;
+        assert_eq!(gains.of(1, 1), Some(changed));
+        assert_eq!(gains.of(1, 2), Some(first(1, 2)));
+        assert_eq!(gains.of(0, 1), Some(first(0, 1)));
+        let laws = &gains.laws.params;
+        laws.compare_and_set_at(5, Law::ComputedTorque, Law::Pd)
+            .unwrap();
+        laws.latch();
+        let law = gains.of(1, 1).unwrap().law;
+        assert!(
+            matches!(law, PositionLaw::Pd { kp, .. } if (kp - 7.0).abs() < 1e-12),
+            "{law:?}"
+        );
+        assert_eq!(gains.of(FINGERS, 0), None);
+        assert_eq!(gains.laws.words().len(), 2 * JOINTS);
+    }
+}

@@ -1,0 +1,190 @@
+//! [`Variables`]: what the servo loop shows of its fingers.
+
+use core::fmt::{self, Write};
+use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
+
+use condor_hand::controller::FingerTick;
+use condor_hand::servo::FingerReadings;
+use condor_vars::{ValueKind, VarDescription, Watch};
+
+use super::ServedFingers;
+use super::control::OfFingers;
+use crate::{FINGERS, JOINTS};
+
+/// The variables of each joint: name, unit and description.
+const JOINT: [(&str, &str, &str); 11] = [
+    ("position", "rad", "Filtered."),
+    ("velocity", "rad/s", "The rate of the filtered position."),
+    ("target", "rad", "NaN where positions are not controlled."),
+    ("torque", "N m", "That of the desired tensions."),
+    ("error", "rad", "Target less position."),
+    ("flexor.tension", "N", "As its sensor measures it."),
+    ("flexor.desired", "N", "What it is to have."),
+    ("flexor.command", "N", "What its actuator gets."),
+    ("extensor.tension", "N", "As its sensor measures it."),
+    ("extensor.desired", "N", "What it is to have."),
+    ("extensor.command", "N", "What its actuator gets."),
+];
+/// The variables of each finger, after those of its joints.
+const FINGER: [(&str, &str, &str); 3] = [
+    (
+        "touch",
+        "N",
+        "The force at its tip, as its sensor measures it; NaN without one.",
+    ),
+    (
+        "saturated",
+        "",
+        "A bit for each joint whose tendons cannot give the torque that it needs.",
+    ),
+    (
+        "fault",
+        "",
+        "The number of the fault's code plus 1; 0 without.",
+    ),
+];
+const OF_FINGER: usize = JOINTS * JOINT.len() + FINGER.len();
+
+/// The variables of the servo loop about its fingers, under names such as `index.proximal.flexor.tension`.
+pub(super) struct Variables<'h> {
+    fingers: ServedFingers<'h>,
+    words: [AtomicU32; FINGERS * OF_FINGER],
+}
+
+impl<'h> Variables<'h> {
+    pub(super) const fn new(fingers: ServedFingers<'h>) -> Self {
+        Self {
+            fingers,
+            words: [const { AtomicU32::new(0) }; FINGERS * OF_FINGER],
+        }
+    }
+
+    /// Shows what the fingers felt and did in a tick.
+    pub(super) fn show(
+        &self,
+        sensed: &OfFingers<FingerReadings<f64, JOINTS>>,
+        ticks: &OfFingers<FingerTick<JOINTS>>,
+    ) {
+        let served = sensed.iter().zip(ticks);
+        let served = served.filter_map(|(sensed, tick)| sensed.as_ref().zip(tick.as_ref()));
+        let (fingers, _) = self.words.as_chunks::<OF_FINGER>();
+        for ((words, finger), (sensed, tick)) in fingers.iter().zip(&self.fingers).zip(served) {
+            let (joints, rest) = words.as_chunks::<{ JOINT.len() }>();
+            for (joint, words) in joints.iter().enumerate() {
+                let values = of_joint(joint, sensed, tick).into_iter().flatten();
+                for (word, value) in words.iter().zip(values) {
+                    word.store((value as f32).to_bits(), Relaxed);
+                }
+            }
+            let fault = tick.fault.map_or(0, |fault| fault.code as u32 + 1);
+            let touch = finger.touch.as_ref().map_or(f64::NAN, |_| sensed.touch);
+            let touch = (touch as f32).to_bits();
+            for (word, value) in rest.iter().zip([touch, tick.output.saturated, fault]) {
+                word.store(value, Relaxed);
+            }
+        }
+    }
+}
+
+/// In the order of [`JOINT`]; `None` for a joint that there is not.
+fn of_joint(
+    joint: usize,
+    sensed: &FingerReadings<f64, JOINTS>,
+    tick: &FingerTick<JOINTS>,
+) -> Option<[f64; JOINT.len()]> {
+    let output = &tick.output;
+    let position = *output.position.get(joint)?;
+    let target = tick.target.get(joint)?.unwrap_or(f64::NAN);
+    let (tension, desired) = (sensed.tension.get(joint)?, output.tension.get(joint)?);
+    let command = output.command.get(joint)?;
+    Some([
+        position,
+        *output.velocity.get(joint)?,
+        target,
+        *output.torque.get(joint)?,
+        target - position,
+        tension.flexor,
+        desired.flexor,
+        command.flexor,
+        tension.extensor,
+        desired.extensor,
+        command.extensor,
+    ])
+}
+
+impl Watch for Variables<'_> {
+    fn words(&self) -> &[AtomicU32] {
+        let len = self.fingers.len() * OF_FINGER;
+        self.words.get(..len).unwrap_or(&self.words)
+    }
+
+    fn describe(&self, index: usize) -> Option<VarDescription<'_>> {
+        let (kind, unit, about) = match part(index) {
+            Part::Finger(&(_, "", about)) => (ValueKind::U32, "", about),
+            Part::Joint(_, &(_, unit, about)) | Part::Finger(&(_, unit, about)) => {
+                (ValueKind::F32, unit, about)
+            }
+        };
+        (index < self.words().len()).then_some(VarDescription {
+            kind,
+            unit,
+            about,
+            labels: &[],
+            bounds: [[0; 2]; 2],
+        })
+    }
+
+    fn name(&self, index: usize, to: &mut dyn Write) -> fmt::Result {
+        let finger = self.fingers.get(index / OF_FINGER).ok_or(fmt::Error)?;
+        match part(index) {
+            Part::Joint(joint, (name, ..)) => {
+                let joint = finger.joints.get(joint).ok_or(fmt::Error)?;
+                write!(to, "{}.{}.{name}", finger.name, joint.name)
+            }
+            Part::Finger((name, ..)) => write!(to, "{}.{name}", finger.name),
+        }
+    }
+}
+
+/// The part of its finger that a variable is about.
+enum Part {
+    Joint(usize, &'static (&'static str, &'static str, &'static str)),
+    Finger(&'static (&'static str, &'static str, &'static str)),
+}
+
+fn part(index: usize) -> Part {
+    let within = index % OF_FINGER;
+    let [.., fault] = &FINGER;
+    let joint = (within / JOINT.len() < JOINTS).then(|| JOINT.get(within % JOINT.len()));
+    match joint.flatten() {
+        Some(of_joint) => Part::Joint(within / JOINT.len(), of_joint),
+        None => Part::Finger(FINGER.get(within - JOINTS * JOINT.len()).unwrap_or(fault)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_word_has_a_name_of_its_own_and_its_kind() {
+        let text = include_str!("../../../../condor-hand/hands/utah-mit.toml");
+        let hand = crate::RobotDescription::from_toml(text, "utah-mit.toml").unwrap();
+        let variables = Variables::new(super::super::fingers_on(&hand, 1));
+        let names: Vec<String> = (0..variables.words().len())
+            .map(|index| {
+                let mut name = String::new();
+                variables.name(index, &mut name).unwrap();
+                let kind = variables.describe(index).unwrap().kind;
+                let is_count = name.ends_with("fault") || name.ends_with("saturated");
+                assert_eq!(kind == ValueKind::U32, is_count, "{name}");
+                name
+            })
+            .collect();
+        assert_eq!(names[18], "index.proximal.flexor.command");
+        assert_eq!(names[OF_FINGER - 1], "index.fault");
+        assert_eq!(names[OF_FINGER], "middle.abduction.position");
+        assert!((1..names.len()).all(|index| !names[..index].contains(&names[index])));
+        assert!(variables.describe(names.len()).is_none());
+    }
+}

@@ -1,0 +1,134 @@
+//! The start of all programs of the hand: the configuration, and the boards.
+
+use core::time::Duration;
+
+use condor_fs::OpenOptions;
+use condor_hand::config::{Channel, Finger, HandImageError, Wire};
+use condor_hand::kinematics::PlanarFinger;
+use condor_mbox::Clock;
+use condor_mos::Rate;
+use condor_rt::{Background, Machine, ProgramError, Setup, ShortText};
+use condor_tty::TerminalSettings;
+
+use crate::boards::Boards;
+use crate::failure::Failure;
+use crate::file;
+use crate::{FINGERS, IMAGE, JOINTS, RobotDescription};
+
+/// Bytes of a compiled configuration, at most.
+pub(crate) const IMAGE_BYTES: usize = 16 * 1024;
+/// The time for which a program waits for its boards.
+const BOARDS_TIMEOUT: Duration = Duration::from_secs(10);
+/// The time for which the background serves before it looks around.
+const NAP: Duration = Duration::from_millis(20);
+
+/// The first incarnation of a program: reads the configuration, and makes what follows from it alone.
+pub(crate) fn configured<'h, M: Machine, R>(
+    machine: &M,
+    place: &'h mut Option<RobotDescription>,
+    make: impl FnOnce(&Background<'_, M>, &'h RobotDescription) -> Result<R, ProgramError>,
+) -> Result<R, ProgramError> {
+    // A result that is returned through all functions of a background is on the stack many times.
+    let mut result = None;
+    Setup::new(machine)?
+        // Input at the terminal is for the next incarnation.
+        .console_with(&TerminalSettings::OUTPUT)?
+        .files()?
+        .background(|background| {
+            let hand = place.insert(configuration(background)?);
+            result = Some(make(background, hand)?);
+            Ok(())
+        })?;
+    result.ok_or(ProgramError::Missing {
+        what: "configuration",
+    })
+}
+
+/// The description, from the file service.
+pub(crate) fn configuration<M: Machine>(
+    background: &Background<'_, M>,
+) -> Result<RobotDescription, ProgramError> {
+    let failed = |error| Failure::File { name: IMAGE, error };
+    let files = background.files()?;
+    let mut image = [0; IMAGE_BYTES];
+    let len = file::read(&files, IMAGE, OpenOptions::new().read(), &mut image).map_err(failed)?;
+    let broken = |error: HandImageError| Failure::Image {
+        name: IMAGE,
+        error: ShortText::of(&error),
+    };
+    let hand = RobotDescription::from_image(image.get(..len).unwrap_or(&[])).map_err(broken)?;
+    Ok(hand)
+}
+
+/// The fingers with their closed forms, which all of them must have.
+pub(crate) fn fingers(
+    hand: &RobotDescription,
+) -> Result<[(&Finger<JOINTS>, PlanarFinger); FINGERS], Failure> {
+    let mut fingers = heapless::Vec::<_, FINGERS>::new();
+    for (finger, entry) in hand.fingers.iter().enumerate() {
+        let mechanism = entry.planar().ok_or(Failure::Form { finger })?;
+        // As many as the configuration has room for.
+        let _ = fingers.push((entry, mechanism));
+    }
+    let wrong = Failure::Hand {
+        fingers: fingers.len(),
+        simulated: FINGERS,
+    };
+    fingers.into_array().map_err(|_| wrong)
+}
+
+/// The channels of this processor, on boards that may still be about to be plugged in.
+pub(crate) fn wires<'s, M: Machine, B: Boards>(
+    background: &Background<'_, M>,
+    panel: &'s B::Panel<M::Bus>,
+    hand: &RobotDescription,
+) -> Result<B::Wires<'s, M::Bus>, ProgramError> {
+    B::check(hand).map_err(Failure::from)?;
+    let (number, clock) = (
+        background.machine().number().0,
+        background.machine().doorbell(),
+    );
+    let deadline = clock.now().after(BOARDS_TIMEOUT);
+    loop {
+        match B::open(panel, hand, number, |channel| at_rest(hand, channel)) {
+            Ok(wires) => return Ok(wires),
+            Err(error) if background.is_stopping() || clock.now() >= deadline => {
+                return Err(Failure::from(error).into());
+            }
+            Err(_) => background.serve(NAP)?,
+        }
+    }
+}
+
+/// The counts of an output while nothing is controlled: of the least tension, and of no force.
+fn at_rest(hand: &RobotDescription, channel: Channel) -> u32 {
+    let wire = hand.wire(channel);
+    let newtons = match wire {
+        Some(Wire::Flexor { finger, joint }) => {
+            hand.joint(finger, joint).map(|joint| joint.flexor.min_n)
+        }
+        Some(Wire::Extensor { finger, joint }) => {
+            hand.joint(finger, joint).map(|joint| joint.extensor.min_n)
+        }
+        _ => None,
+    };
+    let output = wire.and_then(|wire| hand.output(wire));
+    output.map_or(0, |output| output.counts(newtons.unwrap_or(0.0)))
+}
+
+/// A rate of the configuration, which are above 0.
+pub(crate) fn rate(hz: u32) -> Rate {
+    Rate::new(hz, 1).unwrap_or(Rate::hz(1))
+}
+
+/// The background: serves messages and calls `look`, in turn, until the program is to end.
+pub(crate) fn attend<M: Machine>(
+    background: &Background<'_, M>,
+    mut look: impl FnMut() -> Result<(), ProgramError>,
+) -> Result<(), ProgramError> {
+    while !background.is_stopping() {
+        background.serve(NAP)?;
+        look()?;
+    }
+    Ok(())
+}

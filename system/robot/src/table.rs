@@ -1,0 +1,437 @@
+//! The program of the table's processor: three axes that carry the hand.
+//!
+//! Its loop reads the encoder board, moves the axes, and publishes the acceleration that the palm is to
+//! have, which the servos take from gravity. It takes no arguments.
+//!
+//! | object | is |
+//! |---|---|
+//! | `console` | its terminal |
+//! | `axes` | its loop: counts and variables |
+//! | `palm` | a published [`Palm`] |
+//! | `table` | the blocks of [`TABLE`]: a [`Blocks`] of [`TableRequest`] and [`TableResponse`] |
+//!
+//! A table takes motions after it has been home.
+
+use core::fmt;
+use core::marker::PhantomData;
+
+use condor_vars::{CellField, CellStruct, ValueKind};
+use core::cell::RefCell;
+use core::mem::offset_of;
+
+use condor_hand::controller::{
+    AXES, TableController, TableError, TableState, read_table, write_table,
+};
+use condor_hand::trajectory::{Pace, Primitive, Profile, Target};
+use condor_mbox::exchange::Blocks;
+use condor_mbox::published::Publisher;
+use condor_mbox::{Clock, Instant, Region, Vector};
+use condor_rt::objects;
+use condor_rt::{Machine, PROCESSORS, Program, ProgramError, Setup};
+use condor_vars::Vars;
+use critical_section::Mutex;
+use zerocopy::{FromBytes, Immutable, IntoBytes};
+
+use crate::boards::{Boards, Wires};
+use crate::failure::Failure;
+use crate::grasp::TickTime;
+use crate::{RobotDescription, start};
+
+/// The vector of messages with requests to the table: see [`TableRequest`].
+pub const TABLE: Vector = Vector(3);
+/// The name of the blocks for requests to the table in its processor's object table.
+pub const NAME: &str = "table";
+/// The name of the published [`Palm`] in the object table of the table's processor.
+pub const PALM_NAME: &str = "palm";
+
+/// The state of the table that carries the hand, which its processor publishes in every tick: the positions of its
+/// axes, and the acceleration of the palm.
+#[derive(Clone, Copy, Debug, PartialEq, FromBytes, IntoBytes, Immutable)]
+#[repr(C)]
+pub struct Palm {
+    /// The acceleration that the palm is to have, in its own axes, m/s².
+    pub acceleration: [f64; 3],
+    /// The measured positions of the axes, m.
+    pub position: [f64; AXES],
+    /// The desired positions of the axes, m.
+    pub target: [f64; AXES],
+    /// The number of a [`TableStatus`].
+    pub state: u64,
+    /// When the tick was due, ns of the processor's clock.
+    pub due_ns: u64,
+}
+
+impl TickTime for Palm {
+    fn due_ns(&self) -> u64 {
+        self.due_ns
+    }
+}
+
+impl CellStruct for Palm {
+    const FIELDS: &'static [CellField] = &[
+        CellField::new(
+            "acceleration",
+            "m/s^2",
+            ValueKind::F64,
+            offset_of!(Palm, acceleration),
+        )
+        .repeated(3)
+        .about("Of the palm, in its own axes."),
+        CellField::new("position", "m", ValueKind::F64, offset_of!(Palm, position))
+            .repeated(AXES)
+            .about("Where the axes are."),
+        CellField::new("target", "m", ValueKind::F64, offset_of!(Palm, target))
+            .repeated(AXES)
+            .about("Where they are to be."),
+        CellField::new("state", "", ValueKind::U64, offset_of!(Palm, state)),
+        CellField::new("due_ns", "ns", ValueKind::U64, offset_of!(Palm, due_ns)),
+    ];
+}
+
+/// The state of the table: whether it is off, goes home, takes motions, or has failed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u32)]
+#[non_exhaustive]
+pub enum TableStatus {
+    /// The drives of the table are off.
+    Off = 0,
+    /// The table goes home.
+    Homing = 1,
+    /// The table was stopped on its way home.
+    Stopped = 2,
+    /// The table takes motions.
+    Ready = 3,
+    /// A sensor has failed, or the ticks were late for too long.
+    Failed = 4,
+}
+
+impl fmt::Display for TableStatus {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Off => "off",
+            Self::Homing => "going home",
+            Self::Stopped => "stopped on its way home",
+            Self::Ready => "ready",
+            Self::Failed => "failed",
+        })
+    }
+}
+
+impl TableStatus {
+    const fn of(state: TableState) -> Self {
+        match state {
+            TableState::Starting { .. } | TableState::Homing => Self::Homing,
+            TableState::Stopped => Self::Stopped,
+            TableState::Ready => Self::Ready,
+            TableState::Failed { .. } | TableState::Late => Self::Failed,
+            _ => Self::Off,
+        }
+    }
+
+    /// Returns the state with the number `number`, which is in a [`Palm`] or a [`TableResponse`]; `None` for an unknown
+    /// number.
+    #[must_use]
+    pub const fn from_number(number: u32) -> Option<Self> {
+        match number {
+            0 => Some(Self::Off),
+            1 => Some(Self::Homing),
+            2 => Some(Self::Stopped),
+            3 => Some(Self::Ready),
+            4 => Some(Self::Failed),
+            _ => None,
+        }
+    }
+}
+
+/// The operation that a [`TableRequest`] asks the table for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u32)]
+#[non_exhaustive]
+pub enum TableOperation {
+    /// Asks for the state of the table.
+    Status = 0,
+    /// Enables the table, which goes home at the fraction `speed` of its limits of velocity.
+    Home = 1,
+    /// Goes to `to` at the fraction `speed`, after the motions before.
+    Move = 2,
+    /// Stops on the way, and forgets all motions.
+    Stop = 3,
+    /// Disables the table: nothing drives it.
+    Disable = 4,
+    /// Forgets a failure.
+    Clear = 5,
+}
+
+/// A request to the table, such as to go home or to move. The table answers with a [`TableResponse`].
+#[derive(Clone, Copy, Debug, PartialEq, FromBytes, IntoBytes, Immutable)]
+#[repr(C)]
+pub struct TableRequest {
+    /// The number of a [`TableOperation`].
+    pub operation: u32,
+    /// The number 0.
+    pub zero: u32,
+    /// The fraction of the limits of velocity, above 0 and at most 1.
+    pub speed: f64,
+    /// The targets of the axes, m; a target without an axis is ignored.
+    pub to: [f64; AXES],
+}
+
+/// The response of the table to a [`TableRequest`].
+#[derive(Clone, Copy, Debug, PartialEq, FromBytes, IntoBytes, Immutable)]
+#[repr(C)]
+pub struct TableResponse {
+    /// The number of a [`TableRefusal`]; 0 if what was asked for is done, or on its way.
+    pub refusal: u32,
+    /// The number of the [`TableStatus`] that it is in now.
+    pub state: u32,
+}
+
+/// The reason why the table refuses a [`TableRequest`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u32)]
+#[non_exhaustive]
+pub enum TableRefusal {
+    /// The table does not have such an operation.
+    Operation = 1,
+    /// The table is busy with another request: ask again.
+    Busy = 2,
+    /// The table has not been home, or has failed.
+    NotReady = 3,
+    /// The speed is not above 0 and at most 1.
+    Speed = 4,
+    /// The motion goes beyond the limits of the table, or there is no room for it.
+    Motion = 5,
+}
+
+impl fmt::Display for TableRefusal {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Operation => "it does not know this operation",
+            Self::Busy => "it is busy with another request: ask again",
+            Self::NotReady => "it has not been home, or has failed: type `table home`",
+            Self::Speed => "the speed must be above 0 and at most 1",
+            Self::Motion => "the motion goes beyond the limits of the table, or is one too many",
+        })
+    }
+}
+
+impl TableRefusal {
+    /// Returns the refusal with the number `number`, which is in a [`TableResponse`]. Returns `None` for 0, which means
+    /// that the request was accepted, and for an unknown number.
+    #[must_use]
+    pub const fn from_number(number: u32) -> Option<Self> {
+        match number {
+            1 => Some(Self::Operation),
+            2 => Some(Self::Busy),
+            3 => Some(Self::NotReady),
+            4 => Some(Self::Speed),
+            5 => Some(Self::Motion),
+            _ => None,
+        }
+    }
+}
+
+/// The controller, between handlers and the loop.
+type SharedTable = Mutex<RefCell<DrivenTable>>;
+
+struct DrivenTable {
+    controller: TableController,
+    /// The number of axes.
+    axes: usize,
+}
+
+/// The program of the table's processor, which moves the three axes that carry the hand.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Table<B>(PhantomData<B>);
+
+impl<B> Table<B> {
+    /// Makes the program.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self(PhantomData)
+    }
+}
+
+impl<B: Boards> Program for Table<B> {
+    fn run<M: Machine>(&self, machine: &M) -> Result<(), ProgramError> {
+        let number = machine.number().0;
+        let (mut place, mut panel) = (None, None);
+        let (hand, rate_hz, driven, mut wires) =
+            start::configured(machine, &mut place, |background, hand| {
+                let processor = hand.processor(number);
+                let processor = processor.ok_or(Failure::NoProcessor { processor: number })?;
+                let driven = DrivenTable {
+                    controller: TableController::new(hand).map_err(Failure::from)?,
+                    axes: hand.table.as_ref().map_or(0, |table| table.axes.len()),
+                };
+                let panel = panel.insert(B::panel(machine.bus(), hand, number));
+                let wires = start::wires::<M, B>(background, panel, hand)?;
+                Ok((hand, hand.rate_hz(processor), driven, wires))
+            })?;
+        let shared: SharedTable = Mutex::new(RefCell::new(driven));
+        let variables = Variables::new();
+        let clock = machine.doorbell();
+
+        let mut setup = Setup::new(machine)?;
+        let mut axes = Axes::<M> {
+            hand,
+            shared: &shared,
+            wires: &mut wires,
+            publisher: setup.publish_fields(PALM_NAME)?,
+            variables: &variables,
+            clock: &clock,
+            last: None,
+            period_s: 1.0 / f64::from(rate_hz),
+        };
+        let blocks = setup.place(NAME, objects::ObjectKind::Other, |allocator| {
+            Blocks::<TableRequest, TableResponse>::new(places, PROCESSORS as u8)
+        })?;
+        let own = setup.own().clone();
+        setup
+            .console()?
+            .on(TABLE, NAME, &|call| {
+                blocks.answer(call, &own, |request| respond(&shared, &request))
+            })
+            .watch(&variables.position)
+            .watch(&variables.target)
+            .watch(&variables.force)
+            .servo("axes", start::rate(rate_hz), &mut |tick| {
+                axes.tick(tick.due);
+            })
+            .background(|background| {
+                background.print(format_args!("moves the table at {rate_hz} Hz\n"));
+                let mut before = TableStatus::Off;
+                start::attend(background, || {
+                    let state = with(&shared, |table| table.controller.state());
+                    let state = state.map_or(before, TableStatus::of);
+                    if state != before {
+                        before = state;
+                        background.print(format_args!("{state}\n"));
+                    }
+                    Ok(())
+                })
+            })
+    }
+}
+
+/// The variables of the axes, which the loop sets in every tick.
+struct Variables {
+    position: Vars<f64, AXES>,
+    target: Vars<f64, AXES>,
+    force: Vars<f64, AXES>,
+}
+
+impl Variables {
+    const fn new() -> Self {
+        Self {
+            position: Vars::numbered("table.position", "m").about("As the encoders measure it."),
+            target: Vars::numbered("table.target", "m"),
+            force: Vars::numbered("table.force", "N").about("What the drives get."),
+        }
+    }
+}
+
+/// All that happens in a tick of the table's loop.
+struct Axes<'r, M: Machine> {
+    hand: &'r RobotDescription,
+    shared: &'r SharedTable,
+    wires: &'r mut dyn Wires,
+    publisher: Publisher<Palm, Region<M::Window>>,
+    variables: &'r Variables,
+    clock: &'r M::Doorbell,
+    last: Option<Instant>,
+    period_s: f64,
+}
+
+impl<M: Machine> Axes<'_, M> {
+    fn tick(&mut self, due: Instant) {
+        let Some(table) = &self.hand.table else {
+            return;
+        };
+        let now = self.clock.now();
+        #[allow(clippy::cast_precision_loss, reason = "2^53 ns are a hundred days")]
+        let since = (self.last.replace(now)).map(|last| now.ns_since(last) as f64 * 1e-9);
+        let period_s = since.unwrap_or(self.period_s);
+        self.wires.scan();
+        let position = read_table(table, |channel| self.wires.read(channel));
+        // Nobody else has it: handlers are interrupted outside of their sections only.
+        let Some(tick) = with(self.shared, |table| {
+            table.controller.tick(&position, period_s)
+        }) else {
+            return;
+        };
+        let wires = &mut *self.wires;
+        write_table(table, &tick.force, |channel, counts| {
+            wires.write(channel, counts);
+        });
+        self.wires.put();
+        let palm = Palm {
+            acceleration: tick.acceleration.into(),
+            position,
+            target: tick.target.map(|point| point.position),
+            state: u64::from(TableStatus::of(tick.state) as u32),
+            due_ns: due.as_ns(),
+        };
+        self.variables.position.set_all(&palm.position);
+        self.variables.target.set_all(&palm.target);
+        self.variables.force.set_all(&tick.force);
+        // The servos take an acceleration that is not published any more for none.
+        let _ = self.publisher.publish(&palm);
+    }
+}
+
+/// Does something with the controller; `None` if that is in progress already.
+fn with<R>(shared: &SharedTable, work: impl FnOnce(&mut DrivenTable) -> R) -> Option<R> {
+    critical_section::with(|section| {
+        let mut table = shared.borrow(section).try_borrow_mut().ok()?;
+        Some(work(&mut table))
+    })
+}
+
+fn respond(shared: &SharedTable, request: &TableRequest) -> TableResponse {
+    let done = with(shared, |table| {
+        let outcome = obey(table, request);
+        (outcome, TableStatus::of(table.controller.state()))
+    });
+    let (outcome, state) = done.unwrap_or((Err(TableRefusal::Busy), TableStatus::Off));
+    TableResponse {
+        refusal: outcome.err().map_or(0, |refusal| refusal as u32),
+        state: state as u32,
+    }
+}
+
+fn obey(table: &mut DrivenTable, request: &TableRequest) -> Result<(), TableRefusal> {
+    const STATUS: u32 = TableOperation::Status as u32;
+    const HOME: u32 = TableOperation::Home as u32;
+    const MOVE: u32 = TableOperation::Move as u32;
+    const STOP: u32 = TableOperation::Stop as u32;
+    const DISABLE: u32 = TableOperation::Disable as u32;
+    const CLEAR: u32 = TableOperation::Clear as u32;
+    let DrivenTable { controller, axes } = table;
+    match request.operation {
+        STATUS => {}
+        HOME => controller.start(request.speed).map_err(refusal)?,
+        MOVE => {
+            let pace = Pace::Speed(request.speed);
+            let mut motion = Primitive::new(pace, Profile::MinimumJerk);
+            for (axis, &to) in request.to.iter().enumerate().take(*axes) {
+                let more = motion.with(axis, Target::Absolute(to));
+                motion = more.map_err(|_| TableRefusal::Motion)?;
+            }
+            controller.enqueue(motion).map_err(refusal)?;
+        }
+        STOP => controller.stop(),
+        DISABLE => controller.disable(),
+        CLEAR => controller.clear(),
+        _ => return Err(TableRefusal::Operation),
+    }
+    Ok(())
+}
+
+fn refusal(error: TableError) -> TableRefusal {
+    match error {
+        TableError::NotReady { .. } => TableRefusal::NotReady,
+        TableError::Speed(_) => TableRefusal::Speed,
+        _ => TableRefusal::Motion,
+    }
+}
