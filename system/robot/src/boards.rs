@@ -116,7 +116,7 @@ pub enum BoardEvent {
 
 /// A transfer on the bus that failed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
-#[error("the bus at address {address:#x}: {kind}")]
+#[error("the bus failed at address {address:#x}: {kind}")]
 pub struct BusFault {
     /// The address on the bus.
     pub address: usize,
@@ -130,7 +130,7 @@ pub struct BusFault {
 pub enum BoardError {
     /// No board has a channel.
     #[error(
-        "no {} board {} has a channel {}",
+        "no {} board {} has a channel {}; correct the channel in the configuration",
         channel.converter, channel.board, channel.channel
     )]
     NoChannel {
@@ -139,7 +139,7 @@ pub enum BoardError {
     },
     /// Counts do not fit into a register.
     #[error(
-        "{} board {} channel {} has {bits} bits from {zero} counts at zero, and a register 16 bits",
+        "{} board {} channel {} has {bits} bits from {zero} counts at zero, but a register has 16 bits",
         channel.converter, channel.board, channel.channel
     )]
     Bits {
@@ -152,7 +152,7 @@ pub enum BoardError {
     },
     /// Two processors write a board of outputs; opening it rests the outputs of both.
     #[error(
-        "processors {first} and {second} both write D/A board {board}, and a board has one owner"
+        "processors {first} and {second} both write D/A board {board}, but a board must have one owner"
     )]
     Shared {
         /// The number of the board, from 0.

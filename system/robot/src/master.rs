@@ -95,7 +95,7 @@ impl Program for Master {
         let drive = Drive::new(generator, finger_servos, &ears, publisher, period_s);
         let shared = Mutex::new(RefCell::new(drive));
         let wanted = Vars::<f64, ALL>::numbered("joint", "rad");
-        let wanted = wanted.about("Where it is to be; joints in the order of the fingers.");
+        let wanted = wanted.about("Targets; joints in the order of the fingers.");
         let loose =
             Var::<u32>::new("loose", "").about("A bit for each finger that does not follow.");
         let tuning = setup.place("tuning", ObjectKind::Other, |allocator| {

@@ -128,11 +128,11 @@ impl CellStruct for TrueState {
             offset_of!(TrueState, tension),
         )
         .repeated(2 * FINGERS * JOINTS)
-        .about("Of flexor and extensor."),
+        .about("Tensions of flexor and extensor."),
         CellField::new("table", "m", ValueKind::F64, offset_of!(TrueState, table)).repeated(3),
         CellField::new("ball", "m", ValueKind::F64, offset_of!(TrueState, ball))
             .repeated(3)
-            .about("Its centre; NaN without one."),
+            .about("Centre of the ball; NaN without one."),
         CellField::new(
             "orientation",
             "",

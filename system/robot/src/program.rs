@@ -180,7 +180,7 @@ impl Application for RobotApplication {
         directory: &SystemDirectory,
     ) -> Result<(), AnyError> {
         let robot = description.robot.as_ref();
-        let robot = robot.ok_or("the system description names no `robot`")?;
+        let robot = robot.ok_or("the description of the system has no key `robot`")?;
         summary::of(&self.read(robot)?, description, directory)
     }
 }

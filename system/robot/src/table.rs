@@ -79,10 +79,10 @@ impl CellStruct for Palm {
         .about("Of the palm, in its own axes."),
         CellField::new("position", "m", ValueKind::F64, offset_of!(Palm, position))
             .repeated(AXES)
-            .about("Where the axes are."),
+            .about("Position of the axes."),
         CellField::new("target", "m", ValueKind::F64, offset_of!(Palm, target))
             .repeated(AXES)
-            .about("Where they are to be."),
+            .about("Target of the axes."),
         CellField::new("state", "", ValueKind::U64, offset_of!(Palm, state)),
         CellField::new("due_ns", "ns", ValueKind::U64, offset_of!(Palm, due_ns)),
     ];
@@ -324,9 +324,9 @@ struct Variables {
 impl Variables {
     const fn new() -> Self {
         Self {
-            position: Vars::numbered("table.position", "m").about("As the encoders measure it."),
+            position: Vars::numbered("table.position", "m").about("Measured position."),
             target: Vars::numbered("table.target", "m"),
-            force: Vars::numbered("table.force", "N").about("What the drives get."),
+            force: Vars::numbered("table.force", "N").about("Command to the drives."),
         }
     }
 }

@@ -131,14 +131,8 @@ pub(super) fn serve(settings: &Settings) -> Result<(), ServiceError> {
                 kind: error.kind,
             }
         })?;
-        let station = Station::open(
-            directory,
-            name,
-            number,
-            region,
-            settings.sizes,
-            writer.clone(),
-        )?;
+        let sizes = settings.sizes;
+        let station = Station::open(directory, name, number, region, sizes, writer.clone())?;
         let flags = epoll::EventFlags::IN | epoll::EventFlags::OUT | epoll::EventFlags::ET;
         let data = epoll::EventData::new_u64(0);
         epoll::add(&ptys, station.pty(), data, flags).map_err(events)?;

@@ -173,7 +173,7 @@ impl Supervisor<'_> {
             match member.phase {
                 Phase::Stopped | Phase::Failed => member.wish(),
                 Phase::Ending { .. } => {
-                    member.end(NextStep::Start, &self.mailbox, &mut self.journal)
+                    member.end(NextStep::Start, &self.mailbox, &mut self.journal);
                 }
                 Phase::Waiting { .. } | Phase::Starting | Phase::Pausing { .. } => {}
                 Phase::Up { .. } => {
