@@ -76,7 +76,7 @@ impl Program for Master {
     fn run<M: Machine>(&self, machine: &M) -> Result<(), ProgramError> {
         let mut place = None;
         let hand = start::configured(machine, &mut place, |_, hand| Ok(hand))?;
-        let (numbers, finger_servos) = servos::finger_servos(hand)?;
+        let (numbers, servo_indices) = servos::servo_indices(hand)?;
         let mut ears = OfServos::new();
         for &number in &numbers {
             // As many as there are.
@@ -92,7 +92,7 @@ impl Program for Master {
         let middles = limits.map(|limits| f64::midpoint(limits.low, limits.high));
         let generator = Generator::new(limits, middles, period_s).map_err(Failure::from)?;
         let generator = generator.with_guards_in_servos();
-        let drive = Drive::new(generator, finger_servos, &ears, publisher, period_s);
+        let drive = Drive::new(generator, servo_indices, &ears, publisher, period_s);
         let shared = Mutex::new(RefCell::new(drive));
         let wanted = Vars::<f64, ALL>::numbered("joint", "rad");
         let wanted = wanted.about("Targets; joints in the order of the fingers.");
@@ -141,7 +141,7 @@ impl Program for Master {
                     hand,
                     background,
                     shared: &shared,
-                    servos: Servos::new(background, hand, &shared, &numbers, finger_servos)?,
+                    servos: Servos::new(background, hand, &shared, &numbers, servo_indices)?,
                     player: Player::new(&limits),
                     follow: Follow::new(followed),
                     closing: None,

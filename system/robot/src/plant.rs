@@ -209,7 +209,7 @@ impl<B: SimBoards> Program for Plant<B> {
         let mut seen = setup.publish_fields(OBJECT_NAME)?;
         let mut camera = Camera::new(&arguments);
         let blocks = setup.place(NAME, objects::ObjectKind::Other, |allocator| {
-            Blocks::<PlantRequest, PlantResponse>::new(places, PROCESSORS as u8)
+            Blocks::<PlantRequest, PlantResponse>::new(allocator, PROCESSORS as u8)
         })?;
         let own = setup.own().clone();
         setup

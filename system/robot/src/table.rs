@@ -284,7 +284,7 @@ impl<B: Boards> Program for Table<B> {
             period_s: 1.0 / f64::from(rate_hz),
         };
         let blocks = setup.place(NAME, objects::ObjectKind::Other, |allocator| {
-            Blocks::<TableRequest, TableResponse>::new(places, PROCESSORS as u8)
+            Blocks::<TableRequest, TableResponse>::new(allocator, PROCESSORS as u8)
         })?;
         let own = setup.own().clone();
         setup

@@ -496,11 +496,8 @@ fn commands_do_what_they_say_and_errors_tell_where_and_what_was_expected() {
         ] {
             assert_eq!(typist.says(line), said, "{line}");
         }
-        assert!(
-            typist
-                .says("run dance")
-                .starts_with("motions/dance.motion: ")
-        );
+        let missing = typist.says("run dance");
+        assert!(missing.starts_with("motions/dance.motion: "), "{missing}");
         let names = typist.says("motions");
         for name in SHIPPED {
             assert!(names.lines().any(|line| line == name), "{names}");

@@ -70,10 +70,10 @@ pub(super) struct Link<W> {
 impl<W: MemoryWindow + Clone> Link<W> {
     pub(super) fn new(
         incarnation: ServoIncarnation<W>,
-        places: &ServoLayout<FINGERS, JOINTS>,
+        layout: &ServoLayout<FINGERS, JOINTS>,
     ) -> Result<Self, AccessError> {
         let region = &incarnation.data;
-        let points = |finger| places.set_points(finger, region);
+        let points = |finger| layout.set_points(finger, region);
         let points = [points(0)?, points(1)?, points(2)?, points(3)?];
         Ok(Self {
             incarnation,
@@ -154,7 +154,7 @@ pub(super) struct Drive<'p, W> {
     pub(super) stream: Option<Streaming>,
     /// The end of the last stream, until it is taken.
     pub(super) stream_end: Option<StreamEnd>,
-    finger_servos: FingerServos,
+    servo_indices: FingerServos,
     ears: &'p [ServoListener<W>],
     reports: [ServoReport; FINGERS],
     /// Stops that the background has not told yet.
@@ -171,7 +171,7 @@ impl<'p, W: MemoryWindow + Clone> Drive<'p, W> {
     /// Makes the state with all fingers loose, and no links.
     pub(super) fn new(
         generator: Generator<ALL, QUEUE>,
-        finger_servos: FingerServos,
+        servo_indices: FingerServos,
         ears: &'p [ServoListener<W>],
         publisher: Publisher<DesiredPositions, Region<W>>,
         period_s: f64,
@@ -186,7 +186,7 @@ impl<'p, W: MemoryWindow + Clone> Drive<'p, W> {
             measured: [None; FINGERS],
             stream: None,
             stream_end: None,
-            finger_servos,
+            servo_indices,
             ears,
             reports: [ServoReport::NOTHING; FINGERS],
             stops: heapless::Deque::new(),
@@ -218,7 +218,7 @@ impl<'p, W: MemoryWindow + Clone> Drive<'p, W> {
         for (to, from) in (guards.as_flattened_mut().iter_mut()).zip(self.generator.guards()) {
             *to = from;
         }
-        let wanted = self.finger_servos.iter().zip(fingers.iter().zip(&guards));
+        let wanted = self.servo_indices.iter().zip(fingers.iter().zip(&guards));
         for (finger, (&servo, (points, guards))) in wanted.enumerate() {
             let Some(Some(link)) = self.links.get_mut(servo) else {
                 continue;
@@ -248,7 +248,7 @@ impl<'p, W: MemoryWindow + Clone> Drive<'p, W> {
             ears.felt.read(&mut reports.felt, self.period_s);
             ears.stops.read(&mut reports.stops, self.period_s);
         }
-        let fingers = self.finger_servos.iter().zip(&mut self.measured);
+        let fingers = self.servo_indices.iter().zip(&mut self.measured);
         for (finger, (&servo, measured)) in fingers.enumerate() {
             let reports = self.reports.get(servo).map(|reports| &reports.joints);
             let joints = reports.filter(|reports| reports.age_s <= SILENT_S);
@@ -261,7 +261,7 @@ impl<'p, W: MemoryWindow + Clone> Drive<'p, W> {
 
     /// Joints that a guard has stopped in a servo rest there.
     fn take_stops(&mut self) {
-        for (finger, &servo) in self.finger_servos.iter().enumerate() {
+        for (finger, &servo) in self.servo_indices.iter().enumerate() {
             let reports = self.reports.get(servo);
             let Some(stops) = reports.and_then(|reports| reports.stops.value) else {
                 continue;
@@ -299,7 +299,7 @@ impl<'p, W: MemoryWindow + Clone> Drive<'p, W> {
         let (torques, _) = observed.torques.as_chunks_mut::<JOINTS>();
         let (tensions, _) = observed.tensions.as_chunks_mut::<JOINTS>();
         let fingers = self
-            .finger_servos
+            .servo_indices
             .iter()
             .zip(torques.iter_mut().zip(tensions));
         for (finger, (&servo, (torques, tensions))) in fingers.enumerate() {

@@ -49,7 +49,7 @@ pub(super) struct Servos<'r, 'p, M: Machine> {
     hand: &'r RobotDescription,
     background: &'r Background<'r, M>,
     shared: &'r SharedDrive<'p, M::Window>,
-    finger_servos: FingerServos,
+    servo_indices: FingerServos,
     processors: OfServos<Servo<'r, M>>,
     /// The last status of each finger.
     status: [Option<ServoStatus<JOINTS>>; FINGERS],
@@ -61,17 +61,17 @@ pub(super) struct Servos<'r, 'p, M: Machine> {
 }
 
 /// The numbers of the servo processors, and which of them serves each finger.
-pub(super) fn finger_servos(
+pub(super) fn servo_indices(
     hand: &RobotDescription,
 ) -> Result<(OfServos<u8>, FingerServos), Failure> {
     let mut numbers = OfServos::<u8>::new();
-    let mut finger_servos = [0; FINGERS];
+    let mut servo_indices = [0; FINGERS];
     let fingers = hand.fingers.len();
     if fingers != FINGERS {
         let simulated = FINGERS;
         return Err(Failure::Hand { fingers, simulated });
     }
-    for (servo, entry) in finger_servos.iter_mut().zip(&hand.fingers) {
+    for (servo, entry) in servo_indices.iter_mut().zip(&hand.fingers) {
         // A configuration has all joints of a finger on one processor.
         let processor = entry.processor().unwrap_or(0);
         let known = numbers.iter().position(|&it| it == processor);
@@ -81,7 +81,7 @@ pub(super) fn finger_servos(
             let _ = numbers.push(processor);
         }
     }
-    Ok((numbers, finger_servos))
+    Ok((numbers, servo_indices))
 }
 
 impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
@@ -90,7 +90,7 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
         hand: &'r RobotDescription,
         shared: &'r SharedDrive<'p, M::Window>,
         numbers: &[u8],
-        finger_servos: FingerServos,
+        servo_indices: FingerServos,
     ) -> Result<Self, ProgramError> {
         let mut processors = OfServos::new();
         for &number in numbers {
@@ -112,7 +112,7 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
             hand,
             background,
             shared,
-            finger_servos,
+            servo_indices,
             processors,
             status: [None; FINGERS],
             has_lost: false,
@@ -134,7 +134,7 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
 
     /// The processor of a finger.
     pub(super) fn processor(&self, finger: usize) -> u8 {
-        let servo = self.finger_servos.get(finger).copied();
+        let servo = self.servo_indices.get(finger).copied();
         let servo = servo.and_then(|servo| self.processors.get(servo));
         servo.map_or(0, |servo| servo.number)
     }
@@ -190,7 +190,7 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
             } => Some(incarnation),
             _ => None,
         };
-        let served = self.finger_servos.map(|servo| servo == index);
+        let served = self.servo_indices.map(|servo| servo == index);
         let names = Names(self.hand, served);
         if servo.incarnation.is_some() && servo.incarnation != incarnation {
             (servo.incarnation, servo.client) = (None, None);
@@ -209,13 +209,13 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
             ));
         }
         if let (None, Some(incarnation)) = (servo.incarnation, incarnation)
-            && let Some(places) = objects::servos(&servo.region)?
+            && let Some(layout) = objects::servos(&servo.region)?
             && objects::joints(&servo.region)?.is_some()
             && objects::grasp(&servo.region)?.is_some()
         {
             let seen =
                 ServoIncarnation::new(servo.mail.clone(), servo.region.clone(), incarnation)?;
-            let link = Link::new(seen, &places)?;
+            let link = Link::new(seen, &layout)?;
             with(self.shared, |drive| {
                 if let Some(place) = drive.links.get_mut(index) {
                     *place = Some(link);
@@ -225,7 +225,7 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
                 self.background.mailbox(),
                 Processor(servo.number),
                 &servo.region,
-                places,
+                layout,
             )?);
             servo.incarnation = Some(incarnation);
             let number = servo.number;
@@ -310,7 +310,7 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
         let number = self.processor(finger);
         let absent = Problem::Absent(number);
         let state = self.background.mailbox().peer_state(Processor(number))?;
-        let servo = self.finger_servos.get(finger).copied();
+        let servo = self.servo_indices.get(finger).copied();
         let Some(servo) = servo.and_then(|servo| self.processors.get_mut(servo)) else {
             return Err(absent);
         };
@@ -333,7 +333,7 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
         self.ask(finger, |_, _, _| ())?;
         let number = self.processor(finger);
         let absent = || Problem::Absent(number);
-        let servo = self.finger_servos.get(finger).copied();
+        let servo = self.servo_indices.get(finger).copied();
         let known = servo.and_then(|servo| self.processors.get(servo));
         let known = known.ok_or_else(absent)?;
         let object =

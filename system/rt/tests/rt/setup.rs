@@ -380,13 +380,17 @@ fn what_is_wrong_with_a_setup_is_said_with_its_name() {
                 .on(ADD, "more", &|_| 0)
                 .run()
         }),
-        format!("`more` cannot have {ADD}, which belongs to another handler of the program")
+        format!(
+            "`more` cannot have {ADD}, which belongs to another handler of the program; choose another vector"
+        )
     );
     assert_eq!(
         error(WINDOW_BYTES, |machine| Setup::new(machine)?
             .on(VARS, "mine", &|_| 0)
             .run()),
-        format!("`mine` cannot have {VARS}, which belongs to variables and parameters")
+        format!(
+            "`mine` cannot have {VARS}, which belongs to variables and parameters; choose another vector"
+        )
     );
     assert_eq!(
         error(WINDOW_BYTES, |machine| {
