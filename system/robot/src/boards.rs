@@ -75,7 +75,7 @@ pub trait Wires: Send {
 
 /// Boards whose registers are memory, as a simulated robot sees them: it sets inputs and reads outputs.
 pub trait SimBoards: Boards {
-    /// Plugs the boards in, or unplugs them: then they do not answer.
+    /// Sets whether the boards are plugged in; unplugged boards do not answer.
     ///
     /// # Errors
     /// Returns [`BusFault`] if the bus fails.
@@ -103,7 +103,7 @@ pub trait SimBoards: Boards {
     fn output<B: Bus>(bus: &B, output: &OutputChannel) -> Result<Option<u32>, BusFault>;
 }
 
-/// What became of a board of outputs.
+/// The use of a board of outputs since the last look at it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BoardEvent {
     /// No program has the board open.

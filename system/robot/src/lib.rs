@@ -48,7 +48,7 @@ pub const JOINTS: usize = 4;
 /// The number of joints of the hand. A list of all joints goes finger by finger.
 pub const ALL: usize = FINGERS * JOINTS;
 
-/// The description of a robot.
+/// The configuration of a robot with [`FINGERS`] fingers of [`JOINTS`] joints.
 pub type RobotDescription = condor_hand::config::Hand<FINGERS, JOINTS>;
 
 /// The name of the file with the compiled configuration, which each program reads through the file service.

@@ -88,7 +88,7 @@ impl RobotApplication {
         read_robot(robot, |robot| self.processes.check(robot))
     }
 
-    /// Obeys the command line, and returns the exit status.
+    /// Executes the command line, and returns the exit status.
     #[must_use]
     pub fn run(&self) -> ExitCode {
         condor_cli::main(self)
