@@ -206,8 +206,8 @@ fn what_was_accepted_runs_once_or_is_lost_whatever_ends() {
             if round % 6 == 5 {
                 typist.wait(0.01 * f64::from(random(40)));
                 typist.restart(MASTER);
-                typist.expect("processor 1 serves", 5.0);
-                typist.expect("processor 2 serves", 5.0);
+                typist.expect("processor 1 controls", 5.0);
+                typist.expect("processor 2 controls", 5.0);
                 typist.wait(0.3);
                 said += &std::mem::take(&mut typist.shown);
                 enable(typist);
@@ -519,7 +519,7 @@ fn a_ledger_with_the_last_session_says_that_it_must_be_removed() {
         assert!(matches!(opened, Err(MotionsError::Exhausted)), "{opened:?}");
         let said = typist.says("control");
         assert!(
-            said.contains("motions.ledger has the last number") && said.contains("remove the file"),
+            said.contains("motions.ledger has no number left") && said.contains("remove the file"),
             "{said}"
         );
         pass(session);

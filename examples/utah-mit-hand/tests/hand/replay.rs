@@ -347,7 +347,7 @@ fn what_is_no_recording_is_refused() {
         ),
         (
             changed(0, b'K'),
-            "servo.mcap: after 0 ticks: it is no MCAP file",
+            "servo.mcap: cannot read the recording after 0 ticks: it is not an MCAP file",
         ),
         (
             changed(version, b'9'),
@@ -398,7 +398,7 @@ fn a_recording_that_falls_behind_is_broken_off_and_the_servos_go_on() {
     });
     let said = &run.said[0];
     assert!(
-        said.contains("servo.mcap: the recording is incomplete: it ends after"),
+        said.contains("servo.mcap: the recording ended early, after"),
         "{said}"
     );
     assert!(said.contains("the file service did not keep up"), "{said}");
@@ -431,7 +431,7 @@ fn a_ring_in_which_somebody_else_writes_ends_the_recording_alone() {
         },
     );
     let said = &run.said[0];
-    let told = "there is a message of channel 65535 with 262144 bytes";
+    let told = "there is an unexpected message, of channel 65535 with 262144 bytes";
     assert!(said.contains(told), "{said}");
     assert!(!said.contains("fault"), "{said}");
 }

@@ -163,7 +163,7 @@ mod tests {
             encoding,
             ..called(0, 0)
         };
-        assert_eq!(told(&other), "/look understands `json`, and not \"cdr\"");
+        assert_eq!(told(&other), "/look understands only `json`, not \"cdr\"");
         assert_eq!(calls.hear(&called(1, 0), Trust::MaySet, &SERVICES), Ok(()));
     }
 

@@ -151,7 +151,7 @@ fn a_real_clock_cannot_be_changed() {
             &["speed", "0"][..],
             "\"0\" is not a speed: a speed is a number from 0.001 to 1000, or `max`",
         ),
-        (&["speed", "fast"], "\"fast\" is no speed"),
+        (&["speed", "fast"], "\"fast\" is not a speed"),
         (&["step", "soon"], "write a time such as 10s or 500ms"),
     ] {
         let wrong = complaint(&up, &[&["clock"], change].concat());
@@ -172,7 +172,7 @@ fn options_that_no_clock_has_are_refused() {
         ),
         (
             &["--clock", "simulated", "--speed=-1"],
-            "\"-1\" is no speed",
+            "\"-1\" is not a speed",
         ),
         (&["--clock", "fast"], "possible values: real, simulated"),
     ] {

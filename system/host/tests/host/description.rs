@@ -315,7 +315,7 @@ fn a_clock_is_real_unless_it_is_simulated_at_a_speed() {
         let range = "a speed is a number from 0.001 to 1000, or `max`";
         assert!(told.starts_with("6:"), "{told}");
         assert!(
-            told.contains(&format!("\"{shown}\" is no speed: {range}")),
+            told.contains(&format!("\"{shown}\" is not a speed: {range}")),
             "{told}"
         );
     }

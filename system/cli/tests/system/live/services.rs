@@ -239,5 +239,9 @@ fn what_is_checked_is_not_served() {
         .output()
         .unwrap();
     assert_eq!(none.status.code(), Some(1));
-    assert!(text(&none).contains("knows no robots"), "{}", text(&none));
+    assert!(
+        text(&none).contains("cannot simulate the robot"),
+        "{}",
+        text(&none)
+    );
 }
