@@ -401,7 +401,7 @@ fn a_recording_that_falls_behind_is_broken_off_and_the_servos_go_on() {
         said.contains("servo.mcap: the recording ended early, after"),
         "{said}"
     );
-    assert!(said.contains("the file service did not keep up"), "{said}");
+    assert!(said.contains("the file service wrote too slowly"), "{said}");
     assert!(!said.contains("fault"), "{said}");
     let error = replay(files.path(), 1).unwrap_err();
     assert!(error.contains("it ends after"), "{error}");

@@ -55,7 +55,7 @@ commands! {
     "torque" "FINGER.JOINT NM" "sets the torque of the joint's tendons" "torque index.middle 0.05" torque;
     "tension" "FINGER.JOINT N N" "sets tensions of flexor and extensor" "tension index.middle 8 8" tension;
     "impedance" "FINGER[.JOINT] NM_PER_RAD [NM_S_PER_RAD [RAD]]" "acts as a spring" "impedance index 0.5" impedance;
-    "mode" "FINGER[.JOINT] MODE" "sets the way in which joints are controlled" "mode index impedance" mode;
+    "mode" "FINGER[.JOINT] MODE" "sets the way to control joints" "mode index impedance" mode;
     "gains" "FINGER.JOINT [GAIN VALUE]..." "shows or sets gains of the controller"
         "gains index.middle damping_ratio 1" gains;
     "record" "MOTION" "records motions until `save`" "record mine" record;
