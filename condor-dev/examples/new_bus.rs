@@ -45,7 +45,7 @@ impl<L: Link> Bus for Bridge<L> {
 
 // Here ends what a user writes; what follows stands in for the hardware and is the program.
 
-/// Something that sends a request of nine bytes to the bridge, and gives its answer of five.
+/// A link that sends a request of nine bytes to the bridge, and returns its answer of five.
 trait Link {
     fn transfer(&self, request: [u8; 9]) -> [u8; 5];
 }

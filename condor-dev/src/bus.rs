@@ -11,7 +11,7 @@ use core::fmt::Debug;
 #[non_exhaustive]
 pub enum BusErrorKind {
     /// Nothing answers at the address: no board, or one that is broken.
-    #[error("nothing answers")]
+    #[error("no device answers")]
     NoAnswer,
     /// The address is not a multiple of the access's width.
     #[error("the address is misaligned")]
@@ -24,7 +24,7 @@ pub enum BusErrorKind {
     ReadOnly,
     /// The board or memory that answered before is gone: a device vanished, or a file was
     /// truncated.
-    #[error("the device is gone")]
+    #[error("the device was removed")]
     Lost,
     /// Another context, or another controller of the same wires, is using the bus; try again later.
     #[error("the bus is in use")]

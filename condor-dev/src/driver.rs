@@ -140,7 +140,9 @@ pub enum DeviceError<E> {
     #[error("the device is not ready")]
     WouldBlock,
     /// The board does not transfer this many bytes at a time, or in its present configuration.
-    #[error("{bytes} bytes, where the device moves a multiple of {unit} at a time")]
+    #[error(
+        "the length {bytes} is not a multiple of {unit} bytes, which the device transfers at once"
+    )]
     Length {
         /// The number of bytes that was requested.
         bytes: usize,

@@ -11,7 +11,7 @@ use crate::unit::Presence;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum OpenError<'n> {
     /// The program was built without such a device.
-    #[error("there is no device {name}; there are: {}", Names(devices))]
+    #[error("there is no device {name}; the devices are: {}", Names(devices))]
     NoSuchDevice {
         /// The requested name.
         name: &'n str,
@@ -19,7 +19,7 @@ pub enum OpenError<'n> {
         devices: &'static [(&'static str, u8)],
     },
     /// The program was built for fewer boards of this device.
-    #[error("there is no {name} board {board}: there may be {boards}")]
+    #[error("there is no {name} board {board}: the program has {boards}, numbered from 0")]
     NoSuchBoard {
         /// The device.
         name: &'n str,
@@ -29,7 +29,7 @@ pub enum OpenError<'n> {
         boards: u8,
     },
     /// Start-up has not looked for the board, did not find it, or could not initialise it.
-    #[error("{name} board {board} is {presence}")]
+    #[error("{name} board {board} cannot be opened: it is {presence}")]
     NotPresent {
         /// The device.
         name: &'n str,
@@ -48,7 +48,7 @@ pub enum OpenError<'n> {
     },
     /// The board is open already, and the old or the new descriptor is exclusive; or another
     /// context is opening or closing it.
-    #[error("{name} board {board} is open, and not to be shared")]
+    #[error("{name} board {board} is already open, and cannot be shared")]
     Busy {
         /// The device.
         name: &'n str,
@@ -56,7 +56,7 @@ pub enum OpenError<'n> {
         board: u8,
     },
     /// All descriptors are open.
-    #[error("all {count} descriptors are open")]
+    #[error("all {count} descriptors are in use: close one first")]
     TooMany {
         /// The number of descriptors.
         count: usize,
@@ -86,10 +86,12 @@ pub enum IoError<E> {
     WouldBlock,
     /// There is nothing more to read, as at the end of a file. Devices never return it; a
     /// [`DeviceStream`](crate::stream::DeviceStream) reads 0 bytes.
-    #[error("there is no more to read")]
+    #[error("the end of the input is reached")]
     End,
     /// The device does not transfer this many bytes at a time.
-    #[error("{bytes} bytes, where the device moves a multiple of {unit} at a time")]
+    #[error(
+        "the length {bytes} is not a multiple of {unit} bytes, which the device transfers at once"
+    )]
     Length {
         /// The number of bytes that was requested.
         bytes: usize,

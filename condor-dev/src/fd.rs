@@ -23,7 +23,7 @@ impl fmt::Display for OpenMode {
         let names = [
             (Self::READ, "reading"),
             (Self::WRITE, "writing"),
-            (Self::EXCLUSIVE, "itself alone"),
+            (Self::EXCLUSIVE, "exclusive use"),
         ];
         let mut between = "";
         for (_, name) in names.into_iter().filter(|(mode, _)| self.contains(*mode)) {
@@ -84,13 +84,13 @@ impl fmt::Display for Fd {
 pub enum FdError {
     /// The descriptor has been closed, or belongs to another switch. A newer descriptor may have
     /// its index.
-    #[error("{fd} is not open")]
+    #[error("descriptor {fd} is not open")]
     Closed {
         /// The descriptor.
         fd: Fd,
     },
     /// The descriptor was not opened for reading, or not for writing.
-    #[error("{fd} is not open for {wanted}, but for {opened}")]
+    #[error("descriptor {fd} is open for {opened}, not for {wanted}")]
     Direction {
         /// The descriptor.
         fd: Fd,
@@ -100,7 +100,7 @@ pub enum FdError {
         opened: OpenMode,
     },
     /// The descriptor belongs to another device.
-    #[error("{fd} is not of device {wanted}")]
+    #[error("descriptor {fd} does not belong to the device {wanted}")]
     WrongType {
         /// The descriptor.
         fd: Fd,
@@ -108,7 +108,7 @@ pub enum FdError {
         wanted: &'static str,
     },
     /// The descriptor cannot be closed, because a [`Device`](crate::Device) of it is held.
-    #[error("{fd} cannot be closed: its device is in use")]
+    #[error("descriptor {fd} cannot be closed: its device is in use")]
     InUse {
         /// The descriptor.
         fd: Fd,

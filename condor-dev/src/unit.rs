@@ -108,7 +108,7 @@ pub enum Presence {
 impl fmt::Display for Presence {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
-            Self::Unknown => "not looked for",
+            Self::Unknown => "not probed yet",
             Self::Absent => "absent",
             Self::Present => "present",
             Self::Failed => "not initialised",

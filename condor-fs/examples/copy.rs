@@ -19,7 +19,7 @@ use serving::{AnyError, BYTES, Files, N, ServerProcess, on_processor, served};
 
 const COPIER: Processor = Processor(1);
 const PERIOD: Duration = Duration::from_millis(50);
-/// How many files there are to copy.
+/// The number of files to copy.
 const COUNT: u64 = 1500;
 /// Bytes that are moved at a time.
 const CHUNK: u32 = 64 * 1024;
@@ -49,8 +49,8 @@ fn run() -> Result<(), AnyError> {
     let begun = Instant::now();
     let (kills, copied) = std::thread::scope(|threads| {
         let copier = threads.spawn(|| {
-            let copied = on_processor(&system, COPIER, |files, own, places| {
-                copy_tree(files, own, places, "source", "copy")
+            let copied = on_processor(&system, COPIER, |files, own, allocator| {
+                copy_tree(files, own, allocator, "source", "copy")
             });
             done.store(true, Ordering::SeqCst);
             copied
@@ -74,7 +74,7 @@ fn run() -> Result<(), AnyError> {
     }
 }
 
-/// Kills a server every 50 ms and starts another one; gives how many were killed.
+/// Kills a server every 50 ms and starts another one; returns the number of killed servers.
 fn kill_until(done: &AtomicBool, system: &LinuxSystem<N>, root: &Path) -> Result<u32, AnyError> {
     let mut kills = 0;
     loop {
@@ -91,15 +91,15 @@ fn kill_until(done: &AtomicBool, system: &LinuxSystem<N>, root: &Path) -> Result
     }
 }
 
-/// What runs on the processor: gives how many bytes it copied.
+/// Copies all files, as the program of the processor; returns the number of copied bytes.
 fn copy_tree(
     files: &Files<'_, '_>,
     own: &Region<LinuxWindow>,
-    places: &mut Allocator,
+    allocator: &mut Allocator,
     from: &str,
     to: &str,
 ) -> Result<u64, AnyError> {
-    let mut buffer = Buffer::new(own, places, CHUNK)?;
+    let mut buffer = Buffer::new(own, allocator, CHUNK)?;
     let mut copied = 0;
     let mut left = vec![String::new()];
     files.make_directory(to)?;

@@ -9,7 +9,7 @@ extern crate std;
 pub mod server;
 pub mod wire;
 
-// What tests and fuzz targets make of bytes.
+// Functions that tests and fuzz targets call with arbitrary bytes.
 #[cfg(all(feature = "hostile", target_os = "linux"))]
 #[doc(hidden)]
 pub mod hostile;

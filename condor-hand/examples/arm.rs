@@ -31,11 +31,11 @@ const REST_S: f64 = 0.5;
 /// critical damping.
 const STIFFNESS: f64 = 2.0 * std::f64::consts::PI * 4.0;
 
-/// What the controller does not know of the load, kg, and the errors that it may cause in motion and
+/// The part of the load that the controller does not know, kg, and the errors that it may cause in motion and
 /// at rest, degrees.
 const TRIALS: [(f64, f64, f64); 2] = [(0.0, 0.05, 0.001), (0.2, 3.0, 2.0)];
 
-/// What a motion asks of the joints at one time.
+/// The set-point of the joints at one time of a motion.
 struct Setpoint {
     position: Joints,
     velocity: Joints,
@@ -82,7 +82,7 @@ fn run(load_kg: f64, start: &Joints, end: &Joints) -> Option<(f64, f64)> {
         if time < MOVE_S {
             moving = max(moving, error);
         } else {
-            // What counts is what is left at the end.
+            // The error that is left at the end counts.
             at_rest = error;
         }
 

@@ -30,7 +30,7 @@ const HAND: &str = include_str!("../hands/utah-mit.toml");
 const STIFFNESS: [f64; 6] = [200.0, 250.0, 150.0, 0.1, 0.1, 0.1];
 const DAMPING: [f64; 6] = [4.0, 4.0, 4.0, 2e-3, 2e-3, 2e-3];
 
-/// What it is pushed and twisted with, N and N m.
+/// The force and the moment on the ball, N and N m.
 const PUSH_N: f64 = 0.2;
 const TWIST_NM: f64 = 4e-3;
 const SETTLING_S: f64 = 6.0;
@@ -104,9 +104,9 @@ struct Bench<const M: usize> {
     fingers: [FingerController<PlanarFinger, 4>; M],
     velocities: [Vector4<f64>; M],
     law: Option<GraspStiffness<f64, M, 4>>,
-    /// What pushes the ball, N and N m.
+    /// The force and the moment that push the ball, N and N m.
     push: [f64; 6],
-    /// How much of the ball a hand that is not simulated still holds, 1 to 0.
+    /// The share of the ball's weight that a hand outside of the simulation still holds, 1 to 0.
     support: f64,
     margin: f64,
     slid: bool,
@@ -267,7 +267,7 @@ impl<const M: usize> Bench<M> {
         Ok(())
     }
 
-    /// What acts on the ball beside the fingers.
+    /// Returns the force and the moment that act on the ball beside the fingers.
     fn pushes(&self) -> Wrench {
         let [fx, fy, fz, mx, my, mz] = self.push;
         let mut wrench = Wrench {
@@ -306,7 +306,7 @@ impl<const M: usize> Bench<M> {
     }
 }
 
-/// How a ball has moved and turned, m and rad; for small turns.
+/// Returns the displacement and the small rotation of a ball, m and rad.
 fn moved(from: &condor_hand::Pose, to: &condor_hand::Pose) -> [f64; 6] {
     let moved = to.position - from.position;
     let turn = to.rotation * from.rotation.transpose();

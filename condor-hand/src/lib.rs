@@ -53,7 +53,7 @@ pub mod message;
 #[cfg(feature = "sim")]
 pub mod plant;
 
-// What tests and fuzz targets make of bytes.
+// Functions that tests and fuzz targets call with arbitrary bytes.
 #[cfg(feature = "hostile")]
 #[doc(hidden)]
 pub mod hostile;

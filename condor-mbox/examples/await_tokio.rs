@@ -105,7 +105,7 @@ async fn serve_when_rung(mailbox: &LinuxMailbox<'_, 2>) -> Result<(), AnyError> 
         while mailbox.serve(Duration::ZERO)? > 0 {}
         if let Ok(ready) = tokio::time::timeout(TICK, bell.readable()).await {
             ready?;
-            // tokio believes the bell silent once a read found nothing.
+            // tokio takes the descriptor for not readable once a read found nothing.
             let _ = bell.try_read(&mut [0; 4096]);
         }
     }

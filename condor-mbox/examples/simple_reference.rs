@@ -134,7 +134,7 @@ struct Server(Child);
 
 impl Drop for Server {
     fn drop(&mut self) {
-        // It has ended already, unless we failed first.
+        // Both fail if the server has ended already, as it does unless this process failed first.
         let _ = self.0.kill();
         let _ = self.0.wait();
     }

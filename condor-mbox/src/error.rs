@@ -46,6 +46,21 @@ pub enum LayoutField {
     DataSize,
 }
 
+impl fmt::Display for LayoutField {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Magic => "magic number",
+            Self::Version => "layout version",
+            Self::Processors => "number of processors",
+            Self::Number => "processor number",
+            Self::Slots => "number of slots",
+            Self::Vectors => "number of vectors",
+            Self::MailSize => "size of `mail`",
+            Self::DataSize => "size of `data`",
+        })
+    }
+}
+
 /// A word in the memory of a peer that can have a value that no correct peer writes;
 /// [`MailboxError::Protocol`] names it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -83,7 +98,7 @@ pub enum SendProgress {
 impl fmt::Display for SendProgress {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
-            Self::Never => "the request never runs",
+            Self::Never => "the request will never run",
             Self::MayRun => "the request may still run",
             Self::Taken => "the request was taken",
         })
@@ -149,13 +164,13 @@ pub enum MailboxError {
         code: u32,
     },
     /// The mailbox has not joined the system.
-    #[error("{number} has not joined")]
+    #[error("{number} has not joined the system")]
     NotJoined {
         /// The mailbox's own number.
         number: Processor,
     },
     /// A mailbox was told to listen to its own number. It gets the messages to that number anyway.
-    #[error("{number} cannot listen to itself")]
+    #[error("{number} cannot listen to its own number: its messages arrive anyway")]
     ListensToItself {
         /// The mailbox's own number.
         number: Processor,
@@ -169,7 +184,8 @@ pub enum MailboxError {
     /// The receiver, or an earlier program with the sender's number, was built for another system:
     /// a word of its memory's layout differs.
     #[error(
-        "{object:?} of {processor} disagrees in {field:?}: found {found:#x}, expected {expected:#x}"
+        "the {field} in the {object} of {processor} is {found:#x}, expected {expected:#x}: it was built for another \
+         system"
     )]
     Layout {
         /// The processor whose window it is.
@@ -185,7 +201,7 @@ pub enum MailboxError {
     },
     /// Every slot for messages to the receiver is in use: its ring is full, or as many calls to it
     /// are unanswered as there are slots.
-    #[error("no free slot to {to}")]
+    #[error("all message slots to {to} are in use: wait for its replies, or try again")]
     NoSlot {
         /// The processor to which the message was sent.
         to: Processor,
@@ -221,7 +237,7 @@ pub enum MailboxError {
         progress: SendProgress,
     },
     /// The receiver left the system in an orderly way, or was reset by the host.
-    #[error("{to} left ({progress})")]
+    #[error("{to} left the system ({progress})")]
     PeerLeft {
         /// The processor to which the message was sent.
         to: Processor,
@@ -239,7 +255,9 @@ pub enum MailboxError {
     },
     /// A handler waited for a reply although [`Call::MAX_DEPTH`](crate::Call::MAX_DEPTH) handlers
     /// are in progress, each nested in the one before.
-    #[error("{depth} handlers are in progress: no deeper call is allowed")]
+    #[error(
+        "{depth} handlers are in progress, each called by the one before: no deeper call is allowed"
+    )]
     TooDeep {
         /// The number of handlers in progress.
         depth: u32,
@@ -255,7 +273,7 @@ pub enum MailboxError {
         found: u32,
     },
     /// An access to a processor's shared memory (a window) failed.
-    #[error("{object} of {processor}: {kind}")]
+    #[error("cannot access the {object} of {processor}: {kind}")]
     Window {
         /// The processor whose window it is.
         processor: Processor,

@@ -65,8 +65,8 @@ const REFUSED: u32 = 0;
 /// std::thread::scope(|threads| {
 ///     threads.spawn(move || controller.serve(Duration::from_secs(10)));
 ///     let own = host.region(HOST)?;
-///     let mut places = Allocator::new(own.size());
-///     let mut exchange = Exchange::<_, _, Gains, f32>::new(host, own, &mut places)?;
+///     let mut allocator = Allocator::new(own.size());
+///     let mut exchange = Exchange::<_, _, Gains, f32>::new(host, own, &mut allocator)?;
 ///     let gains = Gains { joint: 3, proportional: 1.5, derivative: 0.1 };
 ///     let doubled = exchange.call(CONTROLLER, SET_GAINS, &gains, Duration::from_secs(10))?;
 ///     assert_eq!(doubled.to_bits(), 3.0_f32.to_bits());
@@ -122,16 +122,16 @@ where
     /// Makes an exchange that sends requests by `messenger`.
     ///
     /// `own` is the users' region of the sender's own `data`. The exchange takes its block from
-    /// `places`, the allocator of this region.
+    /// `allocator`, that of this region.
     ///
     /// # Errors
-    /// [`AccessError`] of the kind `OutOfBounds` if `places` has no room for [`Self::BYTES`].
+    /// [`AccessError`] of the kind `OutOfBounds` if `allocator` has no room for [`Self::BYTES`].
     pub fn new(
         messenger: &'m M,
         own: Region<W>,
-        places: &mut Allocator,
+        allocator: &mut Allocator,
     ) -> Result<Self, AccessError> {
-        let offset = places.bytes(Self::BYTES)?;
+        let offset = allocator.bytes(Self::BYTES)?;
         Ok(Self {
             messenger,
             own,

@@ -30,7 +30,7 @@ use condor_platform as _;
 // Machines, and documents of their own.
 #[cfg(feature = "conformance")]
 pub mod conformance;
-// What tests and fuzz targets make of bytes.
+// Functions that tests and fuzz targets call with arbitrary bytes.
 #[cfg(all(feature = "hostile", not(any(condor_loom, target_os = "none"))))]
 #[doc(hidden)]
 pub mod hostile;

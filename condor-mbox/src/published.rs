@@ -222,7 +222,7 @@ pub enum PublishedReadError {
     #[error("nothing has been published yet")]
     Unpublished,
     /// The writer was faster than every attempt, or the cell holds garbage.
-    #[error("no whole value in {attempts} attempts")]
+    #[error("the value changed during each of {attempts} attempts to read it")]
     Contended {
         /// The number of attempts.
         attempts: u32,

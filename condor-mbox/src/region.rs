@@ -43,9 +43,9 @@ use crate::window::{
 /// let processor3_ram = Region::users(MEMORY.window())?;
 /// processor3_ram.set_word(4 * 100, 977)?;
 ///
-/// let mut places = Allocator::new(processor3_ram.size());
-/// places.bytes(4 * 101)?;
-/// let gains: Offset<Gains> = places.place()?;
+/// let mut allocator = Allocator::new(processor3_ram.size());
+/// allocator.bytes(4 * 101)?;
+/// let gains: Offset<Gains> = allocator.place()?;
 /// processor3_ram.set(gains, &Gains { stiffness: [1.0; 3], damping: 0.5 })?;
 ///
 /// // The offset is what a message carries; its receiver need not trust it.
@@ -141,9 +141,9 @@ impl<W: MemoryWindow> Region<W> {
     /// # Errors
     /// [`AccessError`] if the place is misaligned or not wholly inside the region (an offset that
     /// came in a message may be any number), or if the memory is gone.
-    pub fn get<T: FromBytes + IntoBytes>(&self, place: Offset<T>) -> Result<T, AccessError> {
+    pub fn get<T: FromBytes + IntoBytes>(&self, offset: Offset<T>) -> Result<T, AccessError> {
         let mut value = T::new_zeroed();
-        self.read(place.offset, value.as_mut_bytes())?;
+        self.read(offset.offset, value.as_mut_bytes())?;
         Ok(value)
     }
 
@@ -154,10 +154,10 @@ impl<W: MemoryWindow> Region<W> {
     /// read-only, or if the memory is gone.
     pub fn set<T: IntoBytes + Immutable>(
         &self,
-        place: Offset<T>,
+        offset: Offset<T>,
         value: &T,
     ) -> Result<(), AccessError> {
-        self.write(place.offset, value.as_bytes())
+        self.write(offset.offset, value.as_bytes())
     }
 
     fn inside(&self, offset: u32, len: usize) -> Result<(), AccessError> {
@@ -319,11 +319,11 @@ impl<T> fmt::Debug for Offset<T> {
 /// ```
 /// use condor_mbox::{Allocator, Offset};
 ///
-/// let mut places = Allocator::new(4096);
-/// let gains: Offset<[f32; 4]> = places.place()?;
-/// let log = places.bytes(1024)?;
+/// let mut allocator = Allocator::new(4096);
+/// let gains: Offset<[f32; 4]> = allocator.place()?;
+/// let log = allocator.bytes(1024)?;
 /// assert_eq!((gains.offset(), log), (0, 64));
-/// assert!(places.bytes(4096).is_err());
+/// assert!(allocator.bytes(4096).is_err());
 /// # Ok::<_, condor_mbox::AccessError>(())
 /// ```
 #[derive(Clone, Debug)]

@@ -62,8 +62,8 @@ pub enum WindowErrorKind {
 impl fmt::Display for WindowErrorKind {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
-            Self::OutOfBounds => "not wholly inside the window",
-            Self::Misaligned => "the offset is no multiple of four",
+            Self::OutOfBounds => "the range is not wholly inside the window",
+            Self::Misaligned => "the offset is not a multiple of four",
             Self::ReadOnly => "the window is for reading only",
             Self::Lost => "the memory behind the window is gone",
             Self::NotCoherent => "the memory is not coherent",

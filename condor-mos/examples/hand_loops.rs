@@ -39,7 +39,7 @@ fn run() -> Result<(), LoopError> {
     let hand = SimPlatform::new(MICROSECONDS);
     let scheduler = Scheduler::new(hand.clone(), TABLE);
 
-    // Where the joint is to be, of which the trajectory loop tells the torque loop.
+    // The target of the joint, which the trajectory loop passes to the torque loop.
     let goal = LoopLock::new(&[TORQUE, TRAJECTORY], 0.0);
     let mut position = 0.0;
 

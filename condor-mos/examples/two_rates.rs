@@ -14,7 +14,7 @@ const RATES: [Rate; 2] = [Rate::hz(400), Rate::hz(50)];
 const SERVO: LoopId = LoopId(0);
 const TRAJECTORY: LoopId = LoopId(1);
 
-/// What the loops share: a joint that follows a target.
+/// The state that the loops share: a joint that follows a target.
 #[derive(Clone, Copy, Default)]
 struct Joint {
     target: u32,

@@ -80,20 +80,20 @@ pub fn timer<T: Timer>(
     };
     suite.is_monotonic()?;
     suite.attempt(
-        "attempts to see an interrupt ahead",
+        "disturbed attempts to see an interrupt at an armed instant",
         Suite::one_interrupt_comes,
     )?;
     suite.interrupts_across_the_end_of_the_counter()?;
     suite.reports_the_past()?;
     suite.attempt(
-        "attempts to see a later instant in place of another",
+        "disturbed attempts to replace an armed instant by a later one",
         Suite::replaces_by_later,
     )?;
     suite.attempt(
-        "attempts to see an earlier instant in place of another",
+        "disturbed attempts to replace an armed instant by an earlier one",
         Suite::replaces_by_earlier,
     )?;
-    suite.attempt("attempts to see a timer disarmed", Suite::disarms)
+    suite.attempt("disturbed attempts to disarm a timer", Suite::disarms)
 }
 
 fn same(check: &'static str, found: u32, expected: u32) -> Verdict {
@@ -210,7 +210,7 @@ impl<T: Timer, I: Fn() -> u32, P: FnMut()> Suite<'_, T, I, P> {
             } else {
                 before.since(now)
             };
-            same("ticks that the counter went back", back, 0)?;
+            same("ticks by which the counter went back", back, 0)?;
             before = now;
         }
         let later = self.ahead(1);
@@ -222,14 +222,14 @@ impl<T: Timer, I: Fn() -> u32, P: FnMut()> Suite<'_, T, I, P> {
         let count = (self.interrupts)();
         let at = self.ahead(2);
         if self.timer.arm(at) == Armed::Past {
-            self.has_come("ticks left to an instant that was reported as past", at)?;
+            self.has_come("ticks left until an instant that was reported as past", at)?;
             return Ok(TimingOutcome::TooLate);
         }
         self.interrupt_comes("interrupts at the instant that was armed", count)?;
-        self.has_come("ticks left to the instant when its interrupt came", at)?;
+        self.has_come("ticks left until the instant when its interrupt came", at)?;
         let later = self.ahead(4);
         self.pass_until(later);
-        self.have_come("interrupts for one instant", count, 1)?;
+        self.have_come("interrupts for one armed instant", count, 1)?;
         Ok(TimingOutcome::Yes)
     }
 
@@ -243,7 +243,7 @@ impl<T: Timer, I: Fn() -> u32, P: FnMut()> Suite<'_, T, I, P> {
         let rounds = 3 * (1_u64 << bits) / (6 * u64::from(self.short.max(1))) + 1;
         for _ in 0..rounds {
             self.attempt(
-                "attempts to see an interrupt around the counter",
+                "disturbed attempts to see an interrupt across the counter's wrap",
                 Self::one_interrupt_comes,
             )?;
         }
@@ -256,7 +256,7 @@ impl<T: Timer, I: Fn() -> u32, P: FnMut()> Suite<'_, T, I, P> {
         let later = self.ahead(1);
         self.pass_until(later);
         let reports = u32::from(self.timer.arm(now) == Armed::Past);
-        same("reports of an instant that has passed", reports, 1)
+        same("reports that a passed instant has passed", reports, 1)
     }
 
     fn replaces_by_later(&mut self) -> Verdict<TimingOutcome> {
@@ -270,7 +270,7 @@ impl<T: Timer, I: Fn() -> u32, P: FnMut()> Suite<'_, T, I, P> {
         }
         self.interrupt_comes("interrupts after the timer was armed again", count)?;
         self.has_come(
-            "ticks left to the later instant when an interrupt came",
+            "ticks left until the later instant when an interrupt came",
             second,
         )?;
         Ok(TimingOutcome::Yes)

@@ -10,7 +10,10 @@ use crate::rate::Rate;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum RateError {
     /// A period is shorter than a tick, or is not a whole number of ticks in any countable time.
-    #[error("a rate of {rate} has no grid in ticks of {frequency}")]
+    #[error(
+        "the rate {rate} does not fit ticks of {frequency}: a period is shorter than a tick, or no number of \
+             periods is a whole number of ticks"
+    )]
     TooFast {
         /// The rate that has no schedule.
         rate: Rate,
@@ -19,8 +22,8 @@ pub enum RateError {
     },
     /// The releases of the set take so long to repeat that the table has no room for them all.
     #[error(
-        "the rates take {needed} entries, the event table has {capacity}: use a larger one, or a \
-         scan"
+        "the rates need {needed} entries of the event table, which has {capacity}: use a larger table, or a schedule \
+         that scans"
     )]
     TooManyEvents {
         /// The number that [`entries`](crate::entries) returns for the rates and their phases.
@@ -29,7 +32,7 @@ pub enum RateError {
         capacity: usize,
     },
     /// A loop's phase, the time of its first release, is not within its first period.
-    #[error("a phase of {phase} ticks is not less than the period of {rate}")]
+    #[error("the phase of {phase} ticks is not less than the period of the rate {rate}")]
     Phase {
         /// The loop's rate.
         rate: Rate,
@@ -37,7 +40,7 @@ pub enum RateError {
         phase: u32,
     },
     /// There are too many rates, or none.
-    #[error("a schedule of 1 to {capacity} loops cannot have {loops}")]
+    #[error("the schedule has room for 1 to {capacity} loops, not for {loops}")]
     Loops {
         /// The number of rates.
         loops: usize,
@@ -52,7 +55,7 @@ impl RateError {
         match self {
             Self::TooFast { .. } => "a rate is faster than the timer's ticks",
             Self::TooManyEvents { .. } => {
-                "the event table is too small for these rates: use a larger one, or a scan"
+                "the event table is too small for these rates: use a larger table, or a schedule that scans"
             }
             Self::Phase { .. } => "a phase is not less than the period",
             Self::Loops { .. } => "there are too many rates, or none",
@@ -72,13 +75,13 @@ pub enum LoopError {
         loops: u8,
     },
     /// The loop has a body already.
-    #[error("loop {} already has something to run", id.0)]
+    #[error("loop {} already has a body to run", id.0)]
     Taken {
         /// The number of the loop.
         id: LoopId,
     },
     /// The loop has no body.
-    #[error("loop {} has nothing to run yet", id.0)]
+    #[error("loop {} has no body to run yet", id.0)]
     Unassigned {
         /// The number of the loop.
         id: LoopId,
@@ -88,13 +91,13 @@ pub enum LoopError {
     Rate(#[from] RateError),
     /// The scheduler was made with [`NoStatistics`](crate::NoStatistics), so it has no counts of
     /// the loop.
-    #[error("there are no statistics of loop {}: its scheduler keeps none", id.0)]
+    #[error("there are no statistics of loop {}: its scheduler was made without them", id.0)]
     NoStatistics {
         /// The number of the loop.
         id: LoopId,
     },
     /// The operating system could not start a thread for the loop.
-    #[error("no thread for loop {}: error {os_error} of the operating system", id.0)]
+    #[error("cannot start a thread for loop {}: error {os_error} of the operating system", id.0)]
     NoThread {
         /// The number of the loop.
         id: LoopId,
@@ -108,7 +111,7 @@ pub enum LoopError {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum StartError {
     /// The schedule was made for a clock that differs from the platform's.
-    #[error("the timer counts at {timer}, the schedule was made for {schedule}")]
+    #[error("the timer counts at {timer}, but the schedule was made for {schedule}")]
     Clock {
         /// The clock of the platform.
         timer: ClockSpec,
@@ -133,10 +136,10 @@ pub enum StartError {
 #[non_exhaustive]
 pub enum ConnectError {
     /// The platform is connected already, or the thread is connected with another platform.
-    #[error("the thread or the platform is connected already")]
+    #[error("the thread or the platform already has a handler of the timer's interrupt")]
     Connected,
     /// There is no real-time signal of this number.
-    #[error("there is no signal {signal}")]
+    #[error("there is no real-time signal {signal}")]
     NoSuchSignal {
         /// The number of the signal.
         signal: i32,
@@ -154,7 +157,7 @@ pub enum ConnectError {
     )]
     OtherSection,
     /// The operating system refuses a timer or its signal.
-    #[error("no timer with a signal: error {os_error} of the operating system")]
+    #[error("cannot make a timer that sends a signal: error {os_error} of the operating system")]
     Timer {
         /// The error number of the operating system.
         os_error: i32,
@@ -165,7 +168,9 @@ pub enum ConnectError {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum LoopLockError {
     /// A loop that is faster than all declared users asked for it.
-    #[error("a loop that is faster than all declared users of the lock asked for it")]
+    #[error(
+        "a loop asked for the lock that is faster than all its declared users: declare this loop, too"
+    )]
     Undeclared,
     /// The lock is taken already: the same context asked twice, or the caller is an interrupt
     /// handler or a context of another scheduler.

@@ -46,8 +46,8 @@ fn run() -> Result<(), AnyError> {
 /// The processor: answers lines until one of them is `quit`.
 fn hand(mut claim: Claim<2>) -> Result<(), AnyError> {
     let ram = Region::users(claim.windows()[HAND.index()].data.clone())?;
-    let mut places = claim.places()?;
-    let terminal = Terminal::<_, _, 256>::new(ram, &mut places, 4096, CriticalSection)?;
+    let mut allocator = claim.places()?;
+    let terminal = Terminal::<_, _, 256>::new(ram, &mut allocator, 4096, CriticalSection)?;
     terminal.set_policy(Policy::Block { timeout: SECOND })?;
     let receive = |call: &Call<'_>| terminal.receive(call);
     let mut mailbox = claim.mailbox()?;
@@ -104,7 +104,7 @@ struct Hand(Child);
 
 impl Drop for Hand {
     fn drop(&mut self) {
-        // It has ended already, unless we failed first.
+        // Both fail if the process has ended already, as it does unless this process failed first.
         let _ = self.0.kill();
         let _ = self.0.wait();
     }

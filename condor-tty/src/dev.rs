@@ -55,8 +55,8 @@
 //! # let [_, windows] = system.windows(HAND);
 //! # let bus = SimBus::new();
 //! let ram = Region::users(windows.data)?;
-//! let mut places = Allocator::new(ram.size());
-//! let terminal = Terminal::new(ram.clone(), &mut places, 1024, CriticalSection)?;
+//! let mut allocator = Allocator::new(ram.size());
+//! let terminal = Terminal::new(ram.clone(), &mut allocator, 1024, CriticalSection)?;
 //! let terminal = TERMINAL.get_or_init(|| terminal);
 //! let mut mailbox = system.mailbox(HAND)?;
 //! let receive: &(dyn Fn(&Call<'_>) -> u32 + Sync) =

@@ -14,14 +14,16 @@ pub enum TerminalError {
     Access(#[from] AccessError),
     /// The size of the terminal's ring of output is not a power of two, or not from
     /// [`MIN_CAPACITY`] to [`MAX_CAPACITY`].
-    #[error("{capacity} bytes are no power of two from {MIN_CAPACITY} to {MAX_CAPACITY}")]
+    #[error(
+        "the output size of {capacity} bytes is not a power of two from {MIN_CAPACITY} to {MAX_CAPACITY}"
+    )]
     Capacity {
         /// The size that was asked for, in bytes.
         capacity: u32,
     },
     /// The terminal's block would begin at an offset that messages cannot express: not a multiple
     /// of [`ALIGNMENT`] below 1 GiB.
-    #[error("offset {offset:#x} is no multiple of {ALIGNMENT} below 2^30")]
+    #[error("offset {offset:#x} is not a multiple of {ALIGNMENT} below 2^30")]
     Offset {
         /// The offset of the terminal's block in the users' region, in bytes.
         offset: u32,
@@ -36,13 +38,13 @@ pub enum ConsoleError {
     ///
     /// `write`, `read` and `flush` have lost nothing then; `write_all` and formatted writes drop
     /// the rest.
-    #[error("timed out, and {lost} bytes were given up")]
+    #[error("the terminal timed out, and {lost} bytes were lost")]
     TimedOut {
         /// The number of bytes that were dropped and counted as lost.
         lost: usize,
     },
     /// The character that interrupts was typed; this is reported once.
-    #[error("interrupted from the keyboard")]
+    #[error("the wait was interrupted from the keyboard")]
     Interrupted,
     /// The terminal's memory is gone.
     #[error(transparent)]

@@ -14,7 +14,7 @@
 // Documents of their own.
 #[cfg(feature = "dev")]
 pub mod dev;
-// What tests and fuzz targets make of bytes.
+// Functions that tests and fuzz targets call with arbitrary bytes.
 #[cfg(all(feature = "hostile", not(condor_loom)))]
 #[doc(hidden)]
 pub mod hostile;

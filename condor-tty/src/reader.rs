@@ -23,8 +23,8 @@ use crate::sync::{Ordering, fence};
 ///
 /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
 /// let ram = Region::users(MEMORY.window())?;
-/// let mut places = Allocator::new(ram.size());
-/// let terminal = Terminal::<_, _, 64>::new(ram, &mut places, 256, CriticalSection)?;
+/// let mut allocator = Allocator::new(ram.size());
+/// let terminal = Terminal::<_, _, 64>::new(ram, &mut allocator, 256, CriticalSection)?;
 /// terminal.accept(b'a')?; // which is echoed
 ///
 /// let mut reader = TerminalReader::attach(ram, terminal.offset(), Processor(1))?;
@@ -98,8 +98,8 @@ pub enum TerminalReaderError {
     Access(#[from] AccessError),
     /// There is no terminal there, or one of another version of the layout.
     #[error(
-        "no terminal of version {VERSION} and magic {MAGIC:#x} at offset {offset:#x}: found version {version} and \
-         magic {magic:#x}"
+        "there is no terminal of version {VERSION} and magic {MAGIC:#x} at offset {offset:#x}: found version \
+         {version} and magic {magic:#x}"
     )]
     NoTerminal {
         /// The offset at which it should be in the users' region, in bytes.
@@ -110,13 +110,13 @@ pub enum TerminalReaderError {
         version: u32,
     },
     /// The processor is initialising the terminal: try again.
-    #[error("the terminal at offset {offset:#x} is not ready")]
+    #[error("the terminal at offset {offset:#x} is not ready: its program is about to make it")]
     NotReady {
         /// The offset of the terminal in the users' region, in bytes.
         offset: u32,
     },
     /// The processor has made the terminal anew: attach again.
-    #[error("the terminal at offset {offset:#x} has a new incarnation, {incarnation}")]
+    #[error("the terminal at offset {offset:#x} was made again, as incarnation {incarnation}")]
     Restarted {
         /// The offset of the terminal in the users' region, in bytes.
         offset: u32,
@@ -124,7 +124,9 @@ pub enum TerminalReaderError {
         incarnation: u32,
     },
     /// Another host has attached.
-    #[error("another host is attached to the terminal at offset {offset:#x}: {attached:#x}")]
+    #[error(
+        "another host is attached to the terminal at offset {offset:#x}: its mark is {attached:#x}"
+    )]
     Displaced {
         /// The offset of the terminal in the users' region, in bytes.
         offset: u32,
@@ -133,7 +135,7 @@ pub enum TerminalReaderError {
         attached: u32,
     },
     /// One of the processor's words has a value that no terminal writes.
-    #[error("the terminal at offset {offset:#x} is broken: word {word} is {value:#x}")]
+    #[error("the terminal at offset {offset:#x} has invalid memory: word {word} is {value:#x}")]
     Broken {
         /// The offset of the terminal in the users' region, in bytes.
         offset: u32,

@@ -44,8 +44,8 @@ use crate::settings::TerminalSettings;
 /// // The terminal before the mailbox, whose handlers borrow it.
 /// let [_, windows] = system.windows(HAND);
 /// let ram = Region::users(windows.data)?;
-/// let mut places = Allocator::new(ram.size()); // one for all that the processor has there
-/// let terminal = Terminal::<_, _, 128>::new(ram.clone(), &mut places, 1024, CriticalSection)?;
+/// let mut allocator = Allocator::new(ram.size()); // one for all that the processor has there
+/// let terminal = Terminal::<_, _, 128>::new(ram.clone(), &mut allocator, 1024, CriticalSection)?;
 /// let receive = |call: &Call<'_>| terminal.receive(call);
 /// let mut hand = system.mailbox(HAND)?;
 /// hand.set_vector(TerminalVectors::DEFAULT.input, &receive, "terminal input")?;
@@ -68,7 +68,7 @@ pub struct Terminal<W, X, const IN: usize> {
 
 impl<W: MemoryWindow, X: Exclusion, const IN: usize> Terminal<W, X, IN> {
     /// Makes a terminal with a ring of `capacity` bytes, a power of two. `own` is the processor's
-    /// [`Region::users`]; `places` allocates the memory in it. All terminals of a processor must
+    /// [`Region::users`]; `allocator` allocates the memory in it. All terminals of a processor must
     /// share one allocator.
     ///
     /// A host that was attached to an earlier terminal at the same offset notices the change, and
@@ -80,14 +80,14 @@ impl<W: MemoryWindow, X: Exclusion, const IN: usize> Terminal<W, X, IN> {
     /// [`TerminalError::Access`] if there is no room.
     pub fn new(
         own: Region<W>,
-        places: &mut Allocator,
+        allocator: &mut Allocator,
         capacity: u32,
         exclusion: X,
     ) -> Result<Self, TerminalError> {
         if !layout::is_capacity(capacity) {
             return Err(TerminalError::Capacity { capacity });
         }
-        let offset = places.bytes((BLOCK_BYTES + capacity) as usize)?;
+        let offset = allocator.bytes((BLOCK_BYTES + capacity) as usize)?;
         let this = Self {
             output: Output::new(own, offset, capacity, exclusion)?,
             input: Input::new(),

@@ -26,16 +26,17 @@ pub(crate) struct Context {
 /// The texts that `words` checks instead of the repository's, and whether it lowers the counts.
 #[derive(clap::Args)]
 pub(crate) struct Words {
-    /// Makes `words` print all findings of the sources in FOLDER and their share, here or of another project; may be repeated
+    /// Makes `words` print all findings of the sources in FOLDER and their share, here or of another project; may be
+    /// repeated
     #[arg(long, value_name = "FOLDER")]
     pub path: Vec<PathBuf>,
-    /// With `--path`: checks the first paragraphs of N public items of each folder alone
+    /// With `--path`: checks only the first paragraphs of N public items of each folder
     #[arg(long, value_name = "N", requires = "path")]
     pub sample: Option<usize>,
-    /// With `--sample`: draws other items
+    /// With `--sample`: the number from which items are drawn; another number draws others
     #[arg(long, value_name = "SEED", requires = "sample", default_value_t = 1)]
     pub seed: u64,
-    /// Makes `words` write the counts of findings to xtask/words.toml anew; refuses to raise one
+    /// Makes `words` write the new counts of findings to xtask/words.toml; refuses to raise one
     #[arg(long, conflicts_with = "path")]
     pub record: bool,
 }

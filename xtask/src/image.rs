@@ -91,7 +91,7 @@ impl Image {
             }
         }
         if references.is_empty() {
-            return Err(format!("{}: no relocations were kept", path.display()).into());
+            return Err(format!("{}: the linker kept no relocations", path.display()).into());
         }
         Ok(Self {
             functions,

@@ -216,7 +216,7 @@ fn run(context: &Context, part: &Part) -> Record {
         steps: command::take_times(),
     };
     if let Err(problem) = record.write(context) {
-        eprintln!("xtask: no record of {}: {problem}", part.name);
+        eprintln!("xtask: cannot keep the record of {}: {problem}", part.name);
     }
     record
 }

@@ -98,7 +98,7 @@ pub(crate) const PARTS: &[Part] = &[
     Part::new("test", "the tests as README.md says to run them", test::run),
     Part::new("fmt", "rustfmt, in every workspace", fmt::run),
     Part::new("unsafe", "the READMEs' tables of unsafe code", unsafe_code::run),
-    Part::new("imports", "circles of imports, in every workspace", imports::run),
+    Part::new("imports", "cycles of imports, in every workspace", imports::run),
     Part::new("words", "rules for docs, comments, READMEs, help and error texts", words::run),
     Part::new("docs", "rustdoc without warnings", docs::run),
     Part::new("lint", "clippy over all targets, in every workspace", lint::run),

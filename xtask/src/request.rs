@@ -11,22 +11,22 @@ use crate::parts::{PARTS, Part};
 #[derive(Parser)]
 #[command(bin_name = "cargo xtask", after_help = list(), arg_required_else_help = true)]
 pub(crate) struct Request {
-    /// `verify`, which makes all parts, then a table of what took how long, and a count; or parts
+    /// The parts to run; `verify` runs all, then prints a table of their times
     #[arg(value_name = "PART", value_parser = part, required = true)]
     pub parts: Vec<Selection>,
-    /// With `verify`: a part of which target/checks has the record of an earlier call counts as that says
+    /// With `verify`: does not repeat a part whose result of an earlier call is in target/checks
     #[arg(long)]
     pub rest: bool,
     /// The time for which each fuzz target runs, in seconds
     #[arg(long, default_value_t = 60)]
     pub fuzz_seconds: u32,
-    /// `suites` and `full-disk` take ten and twenty minutes, instead of a short run of each
+    /// Makes `suites` and `full-disk` run in full, for ten and twenty minutes, instead of a short run of each
     #[arg(long)]
     pub whole: bool,
     /// Makes `test` run the programs of all tests N times beside busy loops, to find those that fail by chance
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub again: Option<u32>,
-    /// Makes `imports` print the floors of the packages, from bottom to top: a package depends on lower ones alone
+    /// Makes `imports` print packages in layers, from bottom to top: a package depends only on lower layers
     #[arg(long)]
     pub picture: bool,
     #[command(flatten)]

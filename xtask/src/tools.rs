@@ -78,7 +78,7 @@ pub(crate) fn need_qemu(context: &Context, program: &str) -> Result<()> {
     };
     need_debian(context, package, program).or_else(|problem| {
         // A newer qemu-utils, from a distribution's backports, keeps the package out.
-        eprintln!("{problem}; once more without qemu-utils");
+        eprintln!("{problem}; trying again without qemu-utils");
         need_debian(context, &format!("{package} qemu-utils-"), program)
     })
 }
@@ -111,7 +111,7 @@ pub(crate) fn need_python(context: &Context, dir: &str, packages: &str) -> Resul
         let venv = context.command(&format!("python3 -m venv --clear {dir}"));
         if let Err(problem) = venv.run() {
             // Debian has what is missing in a package of its own.
-            eprintln!("{problem}; once more with python3-venv");
+            eprintln!("{problem}; trying again with python3-venv");
             debian(context, "python3-venv")?;
             install(&venv)?;
         }

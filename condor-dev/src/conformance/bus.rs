@@ -32,7 +32,7 @@ pub enum BusAccess {
 /// The first check of [`bus()`] that failed, with the access that showed it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "{check}: {access:x?} of {width:?} at {address:#x} gave {found:x?}, expected {expected:x?}"
+    "{check}: {access:x?} of {width:?} at {address:#x} returned {found:x?}, expected {expected:x?}"
 )]
 pub struct BusFailure {
     /// The rule that is broken.
@@ -79,7 +79,7 @@ struct Suite<'b, B> {
 
 impl<B: Bus> Suite<'_, B> {
     fn values_are_kept(&self) -> Result<(), BusFailure> {
-        let check = "what is written is read back, also after looking whether something answers";
+        let check = "a read returns the bytes that were written, also after a probe";
         for width in WIDTHS {
             for offset in (0..8).step_by(width.bytes()) {
                 for pattern in [0, u32::MAX, 0x8182_8384, 0x1020_4080] {
@@ -94,7 +94,7 @@ impl<B: Bus> Suite<'_, B> {
     }
 
     fn neighbours_are_left_alone(&self) -> Result<(), BusFailure> {
-        let check = "a write changes its own bytes and no other";
+        let check = "a write changes only its own bytes";
         for width in WIDTHS {
             for offset in (0..8).step_by(width.bytes()) {
                 let mut bytes = self.lay_background(check)?;
@@ -121,7 +121,7 @@ impl<B: Bus> Suite<'_, B> {
     }
 
     fn blocks_are_bytes_in_order(&self) -> Result<(), BusFailure> {
-        let check = "a block is the bytes from its address on, in order, and no other";
+        let check = "a block transfer moves exactly the bytes from its address on, in order";
         for first in 0..8 {
             for len in 0..8 - first {
                 let mut bytes = self.lay_background(check)?;
@@ -144,7 +144,7 @@ impl<B: Bus> Suite<'_, B> {
     }
 
     fn misaligned_accesses_are_refused(&self) -> Result<(), BusFailure> {
-        let check = "a misaligned access is refused as such, and changes nothing";
+        let check = "a misaligned access returns `Misaligned` and changes nothing";
         let bytes = self.lay_background(check)?;
         let refused = Err(BusErrorKind::Misaligned);
         for (width, offset) in [
@@ -162,7 +162,7 @@ impl<B: Bus> Suite<'_, B> {
     }
 
     fn nothing_answers(&self, absent: usize) -> Result<(), BusFailure> {
-        let check = "an access to what is not there is an error";
+        let check = "an access to an address without a device returns an error";
         for width in WIDTHS {
             for offset in (0..8).step_by(width.bytes()) {
                 let address = absent.wrapping_add(offset);

@@ -4,7 +4,7 @@ use crate::interrupt::{InterruptController, InterruptLevel, InterruptVector};
 
 /// The first check of [`interrupt_controller()`] that failed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{check}: `claim` gave {found:?}, expected {expected:?}")]
+#[error("{check}: `claim` returned {found:?}, expected {expected:?}")]
 pub struct ControllerFailure {
     /// The rule that is broken.
     pub check: &'static str,
@@ -73,7 +73,7 @@ impl<C: InterruptController, F: FnMut(InterruptVector, bool)> Bench<'_, C, F> {
     fn serve(&mut self, line: InterruptVector) -> Result<(), ControllerFailure> {
         (self.set)(line, false);
         self.controller.complete(line);
-        self.gives("a line that was served is not pending", None)
+        self.gives("a line whose interrupt was completed is not pending", None)
     }
 
     fn single(&mut self, line: InterruptVector) -> Result<(), ControllerFailure> {
@@ -84,26 +84,32 @@ impl<C: InterruptController, F: FnMut(InterruptVector, bool)> Bench<'_, C, F> {
         self.gives("level 0 never interrupts", None)?;
         controller.enable(line, LOW);
         self.gives(
-            "what was asked for meanwhile is pending when it is enabled",
+            "an interrupt that was raised while its vector was disabled is pending once it is enabled",
             Some(line),
         )?;
-        self.gives("what is in service is not claimed again", None)?;
+        self.gives("a vector in service is not claimed again", None)?;
         controller.enable(line, HIGH);
-        self.gives("nor when it is enabled anew", None)?;
+        self.gives(
+            "a vector in service is not claimed after it is enabled again",
+            None,
+        )?;
         controller.complete(line);
         self.gives(
-            "a line that still asks is pending after `complete`",
+            "a line that is still asserted is pending after `complete`",
             Some(line),
         )?;
         self.serve(line)?;
         (self.set)(line, true);
-        self.gives("a line that asks again is pending", Some(line))?;
+        self.gives("a line that is asserted again is pending", Some(line))?;
         self.serve(line)?;
         controller.disable(line);
         (self.set)(line, true);
         self.gives("a vector disabled again is not claimed", None)?;
         controller.enable(line, LOW);
-        self.gives("and is pending when enabled again", Some(line))?;
+        self.gives(
+            "a disabled vector is pending once it is enabled again",
+            Some(line),
+        )?;
         self.serve(line)?;
         controller.disable(line);
         Ok(())
@@ -113,13 +119,16 @@ impl<C: InterruptController, F: FnMut(InterruptVector, bool)> Bench<'_, C, F> {
         let controller = self.controller;
         controller.enable(line, LOW);
         (self.set)(line, true);
-        self.gives("a line that asks is pending", Some(line))?;
+        self.gives("an asserted line is pending", Some(line))?;
         controller.disable(line);
         controller.complete(line);
-        self.gives("what was disabled in service is not claimed after it", None)?;
+        self.gives(
+            "a vector that was disabled in service is not claimed after `complete`",
+            None,
+        )?;
         controller.enable(line, LOW);
         self.gives(
-            "what was disabled in service interrupts when enabled again",
+            "a vector that was disabled in service interrupts once it is enabled again",
             Some(line),
         )?;
         self.serve(line)?;
@@ -140,7 +149,7 @@ impl<C: InterruptController, F: FnMut(InterruptVector, bool)> Bench<'_, C, F> {
         self.gives("the highest level comes first", Some(urgent))?;
         (self.set)(urgent, false);
         controller.complete(urgent);
-        self.gives("then the next", Some(other))?;
+        self.gives("the next lower level comes second", Some(other))?;
         self.serve(other)?;
         controller.disable(urgent);
         controller.disable(other);
@@ -156,16 +165,16 @@ impl<C: InterruptController, F: FnMut(InterruptVector, bool)> Bench<'_, C, F> {
         controller.enable(one, HIGH);
         controller.enable(other, LOW);
         (self.set)(one, true);
-        self.gives("a line that asks is pending", Some(one))?;
+        self.gives("an asserted line is pending", Some(one))?;
         (self.set)(other, true);
         self.gives(
-            "another can be claimed while one is in service",
+            "another vector can be claimed while one is in service",
             Some(other),
         )?;
-        self.gives("neither is claimed twice", None)?;
+        self.gives("no vector in service is claimed twice", None)?;
         (self.set)(one, false);
         controller.complete(one);
-        self.gives("completing one does not complete the other", None)?;
+        self.gives("completing one vector does not complete another", None)?;
         self.serve(other)?;
         controller.disable(one);
         controller.disable(other);
@@ -179,17 +188,20 @@ impl<C: InterruptController, F: FnMut(InterruptVector, bool)> Bench<'_, C, F> {
     ) -> Result<(), ControllerFailure> {
         let controller = self.controller;
         controller.enable(nobody, HIGH);
-        self.gives("a vector that there is not is never pending", None)?;
+        self.gives("a vector that does not exist is never pending", None)?;
         controller.enable(line, LOW);
         (self.set)(line, true);
         controller.complete(nobody);
         controller.disable(nobody);
         self.gives(
-            "a vector that there is not changes nothing for others",
+            "a call for a vector that does not exist changes no other vector",
             Some(line),
         )?;
         controller.complete(nobody);
-        self.gives("nor does it complete them", None)?;
+        self.gives(
+            "completing a vector that does not exist completes no other",
+            None,
+        )?;
         self.serve(line)?;
         controller.disable(line);
         Ok(())

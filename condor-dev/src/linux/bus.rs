@@ -32,7 +32,10 @@ pub enum MapAccess {
 #[non_exhaustive]
 pub enum BusMapError {
     /// The bus address or the offset in the file is not a multiple of four, or the length is zero.
-    #[error("{len:#x} bytes of registers at offset {offset:#x} cannot be at address {base:#x}")]
+    #[error(
+        "cannot map {len:#x} bytes at offset {offset:#x} to bus address {base:#x}: the length must not be 0, and \
+             both numbers must be multiples of 4"
+    )]
     Misaligned {
         /// The beginning of the range in the file, in bytes.
         offset: u64,
@@ -42,7 +45,7 @@ pub enum BusMapError {
         len: usize,
     },
     /// The range exceeds the addresses of this machine.
-    #[error("{len:#x} bytes at offset {offset:#x} are too many for this machine")]
+    #[error("{len:#x} bytes at offset {offset:#x} exceed the addresses of this machine")]
     TooLarge {
         /// The beginning of the range in the file, in bytes.
         offset: u64,

@@ -2,7 +2,7 @@
 //!
 //! | your case | use |
 //! |---|---|
-//! | a device that the kernel gives to programs as `/dev/uio`*n* | [`LinuxBus::uio`], [`UioInterrupts`] |
+//! | a device that the kernel exposes to programs as `/dev/uio`*n* | [`LinuxBus::uio`], [`UioInterrupts`] |
 //! | physical addresses, and the right to open `/dev/mem` | [`LinuxBus::physical`] |
 //! | a file whose other side is a simulated machine | [`LinuxBus::map`] |
 //!

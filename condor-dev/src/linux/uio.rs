@@ -80,7 +80,8 @@ impl UioInterrupts {
         let lines = lines.collect::<io::Result<Vec<_>>>()?;
         if lines.len() > MOST {
             let found = lines.len();
-            let problem = format!("{found} devices, of which {MOST} can be waited for at once");
+            let problem =
+                format!("{found} devices are too many: at most {MOST} can be waited for at once");
             return Err(io::Error::new(io::ErrorKind::InvalidInput, problem));
         }
         Ok(Self { lines })

@@ -8,14 +8,14 @@ use embedded_io::ErrorKind;
 pub enum StdioError {
     /// The program has set no standard input or output, or its input or output has no reader or
     /// writer yet.
-    #[error("there is no input or output")]
+    #[error("the program has no standard input or output")]
     NotOpen,
     /// The interrupted context, or another thread, is reading or writing; it will also write the
     /// bytes in an output's ring.
-    #[error("the input or output is in use")]
+    #[error("standard input or output is in use")]
     InUse,
     /// The reader or writer failed; the bytes in an output's ring stay there.
-    #[error("the input or output fails: {0}")]
+    #[error("standard input or output failed: {0}")]
     Failed(ErrorKind),
 }
 

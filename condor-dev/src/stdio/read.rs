@@ -93,7 +93,7 @@ fn copy(from: &[u8], into: &mut [u8]) -> usize {
 
 /// The error of [`ReadLine::read_until`]: the reader failed before the delimiter was read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("after {read} bytes: {error}")]
+#[error("reading failed after {read} bytes: {error}")]
 pub struct UntilError<E> {
     /// The number of bytes read before, which are in the caller's memory; continue after them.
     pub read: usize,
@@ -109,7 +109,7 @@ pub enum LineError<E> {
     #[error("{0}")]
     Reader(UntilError<E>),
     /// The line is longer than the caller's memory; the next call reads the rest.
-    #[error("a line is longer than {read} bytes")]
+    #[error("a line is longer than the buffer of {read} bytes")]
     TooLong {
         /// The number of bytes that were read: as many as there is room for.
         read: usize,

@@ -36,7 +36,7 @@ pub enum WriteError<E> {
     #[error("{0}")]
     Writer(E),
     /// The writer took nothing and returned no error, which `embedded-io` forbids.
-    #[error("the writer takes nothing")]
+    #[error("the writer accepted no byte")]
     Zero,
 }
 

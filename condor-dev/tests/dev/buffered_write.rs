@@ -51,7 +51,7 @@ fn nothing_is_lost<const N: usize>(
     buffering: Buffering,
 ) -> Result<(), TestCaseError> {
     let mut writer = BufWriter::<_, N>::new(Flaky::new(script, Vec::new()), buffering);
-    let mut accepted = Vec::new();
+    let mut accepted = Vec::<u8>::new();
     for step in steps {
         let (result, bytes) = match step {
             Step::Write(bytes) => (writer.write(&bytes), bytes),

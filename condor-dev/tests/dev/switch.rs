@@ -165,7 +165,7 @@ fn a_device_is_opened_by_the_name_of_its_field() {
             .open("middle", 0, OpenMode::READ)
             .unwrap_err()
             .to_string(),
-        "there is no device middle; there are: left, right"
+        "there is no device middle; the devices are: left, right"
     );
 }
 

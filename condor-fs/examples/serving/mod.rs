@@ -19,7 +19,7 @@ pub(crate) const N: usize = 3;
 pub(crate) const SERVER: Processor = Processor(0);
 /// Bytes of data of each processor.
 pub(crate) const BYTES: u32 = 512 * 1024;
-/// How many files a processor can have open.
+/// The number of files that a processor can have open.
 pub(crate) const FILES: usize = 8;
 /// A server that is killed every few milliseconds may not get far each time.
 const TIMEOUT: Duration = Duration::from_secs(60);
@@ -48,7 +48,7 @@ impl ServerProcess {
 
 impl Drop for ServerProcess {
     fn drop(&mut self) {
-        // It may have been killed already.
+        // Both fail if the server was killed already.
         let _ = self.0.kill();
         let _ = self.0.wait();
     }
@@ -68,7 +68,7 @@ pub(crate) fn served() -> Result<bool, AnyError> {
     if parent != rustix::process::getppid() {
         return Err("the parent has ended".into());
     }
-    // It is killed so often that no request can be blamed for it.
+    // The example kills the server so often that no request can be blamed for it.
     let options = ServerOptions {
         incarnations: u32::MAX,
         ..ServerOptions::default()
@@ -87,12 +87,12 @@ pub(crate) fn on_processor<R>(
 ) -> Result<R, AnyError> {
     let mut claim = system.claim(number)?;
     let own = Region::users(claim.windows()[number.index()].data.clone())?;
-    let mut places = claim.places()?;
-    let area = Area::<FILES>::new(&mut places, 256, 4096)?;
+    let mut allocator = claim.places()?;
+    let area = Area::<FILES>::new(&mut allocator, 256, 4096)?;
     let handler = area.handler();
     let mut mailbox = claim.mailbox()?;
     mailbox.set_vector(OPEN_FILES, &handler, "open files")?;
     mailbox.join()?;
     let files = FileSystem::connect(&mailbox, SERVER, own.clone(), area, TIMEOUT)?;
-    program(&files, &own, &mut places)
+    program(&files, &own, &mut allocator)
 }

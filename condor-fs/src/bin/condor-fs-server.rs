@@ -8,13 +8,12 @@ use condor_fs::server::{FileServer, ServerOptions};
 use condor_mbox::Processor;
 use condor_mbox::linux::LinuxSystem;
 
-const USAGE: &str = "\
-usage: condor-fs-server --system NAME --bytes N [--processor N] [options] DIRECTORY
+const USAGE: &str = "usage: condor-fs-server --system NAME --bytes N [--processor N] [options] DIRECTORY
 
 Serves DIRECTORY to the processors of a system of 32, as condor_mbox::linux::System::<32>::named(NAME, N).
 
   --system NAME         the name of the system
-  --bytes N             bytes of data of each processor, as all its programs say
+  --bytes N             size of each processor's data, the same in all programs
   --processor N         the server's own number (0)
   --read-only           nothing in the tree can be changed
   --read-only-for N     the same for processor N only; may be given again

@@ -16,9 +16,9 @@ use crate::wire::{block, slot, table};
 /// use condor_mbox::Allocator;
 ///
 /// // 4 files, paths of up to 100 bytes, and a buffer of 512 bytes for each file.
-/// let mut places = Allocator::new(8192);
-/// let area = Area::<4>::new(&mut places, 100, 512)?;
-/// assert!(Area::<64>::new(&mut places, 100, 512).is_err(), "there is no room left for 64");
+/// let mut allocator = Allocator::new(8192);
+/// let area = Area::<4>::new(&mut allocator, 100, 512)?;
+/// assert!(Area::<64>::new(&mut allocator, 100, 512).is_err(), "there is no room left for 64");
 /// # Ok::<(), condor_mbox::AccessError>(())
 /// ```
 #[derive(Clone, Copy, Debug)]
@@ -33,7 +33,7 @@ pub struct Area<const FILES: usize> {
 }
 
 impl<const FILES: usize> Area<FILES> {
-    /// Takes memory from `places`, the allocator of the users' region: room for paths of up to
+    /// Takes memory from `allocator`, that of the users' region: room for paths of up to
     /// `path_bytes` bytes, and for every file a buffer of `buffer_bytes` bytes. Both sizes are
     /// rounded up to a multiple of four.
     ///
@@ -43,31 +43,31 @@ impl<const FILES: usize> Area<FILES> {
     /// # Errors
     /// [`AccessError`] of the kind `OutOfBounds` if there is no room.
     pub const fn new(
-        places: &mut Allocator,
+        allocator: &mut Allocator,
         path_bytes: u32,
         buffer_bytes: u32,
     ) -> Result<Self, AccessError> {
         let path_bytes = round_up(path_bytes);
         let buffer_bytes = round_up(buffer_bytes);
-        let slot = match places.bytes(slot::BYTES as usize) {
+        let slot = match allocator.bytes(slot::BYTES as usize) {
             Ok(slot) => slot,
             Err(error) => return Err(error),
         };
-        let table = match places.bytes(table::BYTES as usize) {
+        let table = match allocator.bytes(table::BYTES as usize) {
             Ok(table) => table,
             Err(error) => return Err(error),
         };
-        let blocks = match places.bytes(FILES.saturating_mul(block::BYTES as usize)) {
+        let blocks = match allocator.bytes(FILES.saturating_mul(block::BYTES as usize)) {
             Ok(blocks) => blocks,
             Err(error) => return Err(error),
         };
         // One for each file, and two for the paths of an operation.
-        let paths = match places.bytes(FILES.saturating_add(2).saturating_mul(path_bytes as usize))
-        {
-            Ok(paths) => paths,
-            Err(error) => return Err(error),
-        };
-        let buffers = match places.bytes(FILES.saturating_mul(buffer_bytes as usize)) {
+        let paths =
+            match allocator.bytes(FILES.saturating_add(2).saturating_mul(path_bytes as usize)) {
+                Ok(paths) => paths,
+                Err(error) => return Err(error),
+            };
+        let buffers = match allocator.bytes(FILES.saturating_mul(buffer_bytes as usize)) {
             Ok(buffers) => buffers,
             Err(error) => return Err(error),
         };

@@ -21,15 +21,19 @@ pub struct Buffer<W> {
 }
 
 impl<W: MemoryWindow + Clone> Buffer<W> {
-    /// Takes `bytes` bytes, a multiple of four, from `places`, the allocator of `own`. `own` is the
+    /// Takes `bytes` bytes, a multiple of four, from `allocator`, that of `own`. `own` is the
     /// part of the processor's shared memory that is for programs: [`Region::users`] of its own
     /// `data`.
     ///
     /// # Errors
     /// [`AccessError`] of the kind `OutOfBounds` if there is no room, `Misaligned` if `bytes` is
     /// not a multiple of four.
-    pub fn new(own: &Region<W>, places: &mut Allocator, bytes: u32) -> Result<Self, AccessError> {
-        let offset = places.bytes(bytes as usize)?;
+    pub fn new(
+        own: &Region<W>,
+        allocator: &mut Allocator,
+        bytes: u32,
+    ) -> Result<Self, AccessError> {
+        let offset = allocator.bytes(bytes as usize)?;
         Ok(Self {
             memory: own.part(offset, bytes)?,
             offset,

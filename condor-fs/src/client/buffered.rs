@@ -33,7 +33,7 @@ pub struct FileReader<
     bytes: [u8; N],
     /// The part of `bytes` that was not given out.
     held: Part,
-    asked: OperationStart,
+    begun: OperationStart,
 }
 
 /// A buffered writer of a file: it collects small writes in the file's buffer in shared memory. One
@@ -52,7 +52,7 @@ pub struct FileWriter<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILE
     file: File<'f, 'm, S, W, FILES>,
     /// The number of bytes in the file's buffer that are not written yet.
     held: u32,
-    asked: OperationStart,
+    begun: OperationStart,
 }
 
 /// The error of a [`FileWriter`] that could not write the bytes that it holds, or could not close
@@ -106,7 +106,7 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f
             left: Part::default(),
             bytes: [0; N],
             held: Part::default(),
-            asked: None,
+            begun: None,
         }
     }
 
@@ -117,19 +117,19 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f
         FileWriter {
             file: self,
             held: 0,
-            asked: None,
+            begun: None,
         }
     }
 
-    /// Returns the number of bytes that the operation in `asked` moved; waits for its end if it is in
+    /// Returns the number of bytes that the operation in `begun` moved; waits for its end if it is in
     /// doubt.
-    fn settled(&self, asked: &mut OperationStart) -> Result<u32, FileError> {
-        let Some(before) = *asked else {
+    fn settled(&self, begun: &mut OperationStart) -> Result<u32, FileError> {
+        let Some(before) = *begun else {
             return Ok(0);
         };
         let alone = self.system.enter()?;
         self.system.clear(&alone)?;
-        *asked = None;
+        *begun = None;
         let moved = alone.position(self.index)?.saturating_sub(before);
         Ok(u32::try_from(moved).map_or(self.capacity(), |moved| moved.min(self.capacity())))
     }
@@ -139,12 +139,12 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f
         &self,
         reads: bool,
         len: u32,
-        asked: &mut OperationStart,
+        begun: &mut OperationStart,
     ) -> Result<u32, FileError> {
-        *asked = Some(self.position()?);
+        *begun = Some(self.position()?);
         let buffer = self.system.own_buffer(self.index, len as usize);
         let moved = self.transfer_ahead(reads, buffer)?;
-        *asked = None;
+        *begun = None;
         Ok(u32::try_from(moved).map_or(len, |moved| moved.min(len)))
     }
 
@@ -189,7 +189,7 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, const N
     /// Settles a read that was in doubt: the bytes that it turned out to have read are in the file's
     /// buffer.
     fn settle(&mut self) -> Result<(), FileError> {
-        let end = self.file.settled(&mut self.asked)?;
+        let end = self.file.settled(&mut self.begun)?;
         if end > 0 {
             self.left = Part { begin: 0, end };
         }
@@ -206,7 +206,7 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, const N
         if most == 0 {
             return Err(Errno::INVAL.into());
         }
-        let end = self.file.move_buffer(true, most, &mut self.asked)?;
+        let end = self.file.move_buffer(true, most, &mut self.begun)?;
         self.left = Part { begin: 0, end };
         Ok(())
     }
@@ -359,11 +359,11 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize>
         let copied = (self.file.position()).and_then(|position| {
             let rest = rest.get_mut(..held).ok_or(Errno::INVAL)?;
             system.own.read(at, rest)?;
-            Ok(self.asked.unwrap_or(position))
+            Ok(self.begun.unwrap_or(position))
         });
         match copied {
             Ok(position) => Ok(WriterParts {
-                in_doubt: self.asked.is_some(),
+                in_doubt: self.begun.is_some(),
                 file: self.file,
                 held,
                 position,
@@ -377,7 +377,7 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize>
 
     /// Takes off what was written of an operation that was in doubt.
     fn settle(&mut self) -> Result<(), FileError> {
-        let written = self.file.settled(&mut self.asked)?;
+        let written = self.file.settled(&mut self.begun)?;
         self.forget(written)
     }
 
@@ -398,7 +398,7 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize>
     fn drain(&mut self) -> Result<(), FileError> {
         self.settle()?;
         while self.held > 0 {
-            let written = (self.file).move_buffer(false, self.held, &mut self.asked)?;
+            let written = (self.file).move_buffer(false, self.held, &mut self.begun)?;
             if written == 0 {
                 return Err(Errno::IO.into());
             }

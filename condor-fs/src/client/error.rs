@@ -33,7 +33,7 @@ pub enum FileError {
     },
     /// The server has not answered an earlier request in time: an operation in doubt, or the
     /// closing of a dropped file. The operation of this call was not begun, and will not be.
-    #[error("the file server, {server}, has not answered what was asked before in time{}", Cause(.cause))]
+    #[error("the file server, {server}, has not answered the previous request in time{}", Cause(.cause))]
     NotBegun {
         /// The number of the server.
         server: Processor,
@@ -49,7 +49,7 @@ pub enum FileError {
     Access(#[from] AccessError),
     /// `Display` of a value that `write!` was to write returned an error; a part of the text may
     /// have been written.
-    #[error("a value has no text: its `Display` returned an error")]
+    #[error("a value cannot be formatted: its `Display` returned an error")]
     Format,
 }
 

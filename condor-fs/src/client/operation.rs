@@ -557,8 +557,8 @@ mod tests {
 
         let [_, windows] = system.windows(CLIENT);
         let own = Region::users(windows.data).unwrap();
-        let mut places = Allocator::new(own.size());
-        let area = Area::<2>::new(&mut places, 16, 16).unwrap();
+        let mut allocator = Allocator::new(own.size());
+        let area = Area::<2>::new(&mut allocator, 16, 16).unwrap();
         let mut mailbox: SimMailbox<'_, 2> = system.mailbox(CLIENT).unwrap();
         mailbox.join().unwrap();
         let files = FileSystem::connect(&mailbox, HOST, own.clone(), area, TIMEOUT).unwrap();

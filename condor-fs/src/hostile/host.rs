@@ -59,8 +59,8 @@ pub fn run(bytes: &[u8]) {
         hostile.lock().unwrap().answer(own, at)
     };
     peer::run(answer, |pair| {
-        let mut places = Allocator::new(pair.own().size());
-        places.bytes(AREA as usize).unwrap();
+        let mut allocator = Allocator::new(pair.own().size());
+        allocator.bytes(AREA as usize).unwrap();
         let guards = || (AREA + LENT..pair.own().size()).step_by(4);
         for at in guards() {
             pair.own().set_word(at, GUARD).unwrap();
@@ -69,7 +69,7 @@ pub fn run(bytes: &[u8]) {
             pair,
             requests: &requests,
         };
-        program.run(&mut Source::new(ours), &mut places);
+        program.run(&mut Source::new(ours), &mut allocator);
         for at in guards() {
             assert_eq!(pair.own().word(at), Ok(GUARD), "written at {at:#x}");
         }
@@ -165,11 +165,11 @@ impl Program<'_> {
         outcome.ok()
     }
 
-    fn run(&self, source: &mut Source<'_>, places: &mut condor_mbox::Allocator) {
+    fn run(&self, source: &mut Source<'_>, allocator: &mut condor_mbox::Allocator) {
         let Some(fs) = self.call(|| self.pair.connect()) else {
             return;
         };
-        let mut lent = Some(Buffer::new(self.pair.own(), places, LENT).unwrap());
+        let mut lent = Some(Buffer::new(self.pair.own(), allocator, LENT).unwrap());
         let mut files: [Option<OpenFile<'_>>; 2] = [None, None];
         while !source.is_empty() {
             let act = source.byte();

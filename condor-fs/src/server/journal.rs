@@ -158,7 +158,7 @@ fn check(window: &LinuxWindow) -> io::Result<()> {
             stored.try_for_each(|stored| stored.map_err(io::Error::other))
         }
         _ => Err(io::Error::other(format!(
-            "it has magic {magic:#x} and version {version}, and this server reads {MAGIC:#x} and {VERSION}"
+            "its magic is {magic:#x} and its version {version}; this server reads {MAGIC:#x} and {VERSION}"
         ))),
     }
 }
@@ -221,7 +221,7 @@ mod tests {
         let Err(ServerError::Journal { source, .. }) = Journal::open(&tree, root.path()) else {
             panic!("it was taken");
         };
-        let expected = "version 9, and this server reads 0x4a534643 and 1";
+        let expected = "version 9; this server reads 0x4a534643 and 1";
         assert!(source.to_string().ends_with(expected), "{source}");
     }
 

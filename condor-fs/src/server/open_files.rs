@@ -32,7 +32,7 @@ struct Cache {
     /// The session of each processor, and the place of its table.
     tables: BTreeMap<Processor, (u64, u32)>,
     /// The question for it that a session has not answered yet.
-    asked: BTreeMap<Processor, (u64, PendingReply)>,
+    pending: BTreeMap<Processor, (u64, PendingReply)>,
 }
 
 /// A file of the tree that the server has open for a client.
@@ -103,23 +103,23 @@ impl OpenFiles {
     pub(super) fn ask(&self, call: &Call<'_>, session: u64) -> Option<u32> {
         let sender = call.sender();
         let mut cache = self.lock();
-        let mut asked = None;
-        if let Some((of, pending)) = cache.asked.remove(&sender) {
+        let mut kept = None;
+        if let Some((of, pending)) = cache.pending.remove(&sender) {
             // If another session was asked, or in a former incarnation, it is given up with its ticket.
             let mut ticket = MessageTicket::attach(call, pending);
             if of == session {
                 match ticket.poll() {
-                    Ok(None) => asked = Some(ticket),
+                    Ok(None) => kept = Some(ticket),
                     Ok(table) => return table,
                     Err(_) => {}
                 }
             }
         }
         // If it cannot be asked now, then when it tries again.
-        let asked = asked.or_else(|| call.begin(sender, wire::OPEN_FILES, 0, Duration::ZERO).ok());
-        let pending = asked.and_then(MessageTicket::detach);
+        let ticket = kept.or_else(|| call.begin(sender, wire::OPEN_FILES, 0, Duration::ZERO).ok());
+        let pending = ticket.and_then(MessageTicket::detach);
         cache
-            .asked
+            .pending
             .extend(pending.map(|pending| (sender, (session, pending))));
         None
     }
@@ -328,5 +328,5 @@ pub(super) fn system_flags(flags: u32) -> OFlags {
 /// The name X of WIRE.md.
 pub(super) fn unique_name(processor: Processor, session: u64, sequence: u64) -> CString {
     let name = format!("{:02x}-{session:016x}-{sequence:016x}", processor.0);
-    CString::new(name).unwrap_or_default() // It has no zero.
+    CString::new(name).unwrap_or_default() // The name has no zero byte.
 }

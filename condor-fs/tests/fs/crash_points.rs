@@ -214,7 +214,7 @@ fn exchanges(fs: &Fs<'_, '_>, note: &mut impl FnMut(&str, Result<u64, condor_fs:
 
 /// Holes and room: what is done to another range, or after a later write, is seen in the contents.
 fn ranges(fs: &Fs<'_, '_>, note: &mut impl FnMut(&str, Result<u64, condor_fs::FileError>)) {
-    const HOLE: u64 = 64 * 1024; // Longer than a block of any file system here.
+    const HOLE: u64 = 64 * 1024; // Longer than a block of any filesystem here.
     let new = OpenOptions::new().read().write().exclusive();
     let mut file = fs.open("sparse", new).unwrap();
     let found = |place: Result<Option<u64>, _>| place.map(|place| place.unwrap_or(u64::MAX));

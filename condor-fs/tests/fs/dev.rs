@@ -107,7 +107,7 @@ fn every_misuse_has_its_error() {
                 "nothing",
                 0,
                 OpenMode::READ,
-                "there is no device nothing; there are: adc",
+                "there is no device nothing; the devices are: adc",
             ),
             (
                 ":fs/none",
@@ -119,13 +119,13 @@ fn every_misuse_has_its_error() {
                 "fs/../a",
                 0,
                 OpenMode::READ,
-                "fs/../a: Outside of the tree, or on another file system (EXDEV)",
+                "fs/../a: The path is outside of the served tree, or on another filesystem (EXDEV)",
             ),
             (
                 ":fs/a",
                 1,
                 OpenMode::READ,
-                "there is no :fs/a board 1: there may be 1",
+                "there is no :fs/a board 1: the program has 1, numbered from 0",
             ),
         ] {
             let error = switch.open(name, board, mode).unwrap_err();
@@ -250,8 +250,8 @@ fn what_is_printed_is_a_file_of_the_host() {
     let _supervisor = Supervisor::start(&system, disk.path(), None, "");
     let mut claim = system.claim(CLIENT).unwrap();
     let own = condor_mbox::Region::users(claim.windows()[CLIENT.index()].data.clone()).unwrap();
-    let mut places = claim.places().unwrap();
-    let area = condor_fs::Area::<FILES>::new(&mut places, 300, 4096).unwrap();
+    let mut allocator = claim.places().unwrap();
+    let area = condor_fs::Area::<FILES>::new(&mut allocator, 300, 4096).unwrap();
     let handler = Box::leak(Box::new(area.handler()));
     let mut mail = claim.mailbox().unwrap();
     let vector = condor_fs::wire::OPEN_FILES;

@@ -35,7 +35,7 @@ fn an_operation_in_doubt_is_done_once_by_the_next_server() {
     let root = disk();
     let system = system();
     let first = Supervisor::start(&system, root.path(), None, "");
-    with_client(&system, CLIENT, |fs, own, places, _| {
+    with_client(&system, CLIENT, |fs, own, allocator, _| {
         let append = OpenOptions::new().append().create();
         let mut log = fs.open("log", append).unwrap();
         let mut data = fs
@@ -65,12 +65,12 @@ fn an_operation_in_doubt_is_done_once_by_the_next_server() {
         // A lent buffer is nobody's until its operation has ended.
         drop(second);
         fs.set_timeout(SHORT);
-        let buffer = Buffer::new(own, places, 4096).unwrap();
+        let buffer = Buffer::new(own, allocator, 4096).unwrap();
         buffer.memory().write(0, &[9; 4096]).unwrap();
         let kept = data.write_buffer(buffer, 4096).unwrap_err();
         assert!(timed_out(kept.error) && kept.buffer.is_none());
         assert!(fs.take_buffer().is_none());
-        let other = Buffer::new(own, places, 64).unwrap();
+        let other = Buffer::new(own, allocator, 64).unwrap();
         let kept = data.write_buffer(other, 64).unwrap_err();
         let other = kept.buffer.expect("it was not lent");
         let third = Supervisor::start(&system, root.path(), None, "");

@@ -83,7 +83,7 @@ fn a_server_does_not_start_on_a_full_disk() {
     let mut probe = unshare(mount);
     probe.env(FULL, root.path()).stderr(Stdio::null());
     if !probe.status().is_ok_and(|status| status.success()) {
-        println!("SKIPPED: no file system may be mounted here");
+        println!("SKIPPED: no filesystem may be mounted here");
         return;
     }
     let output = unshare(&format!(

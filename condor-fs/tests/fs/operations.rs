@@ -32,7 +32,7 @@ fn sleeps(thread: Pid) -> u64 {
 #[test]
 fn positions_of_others_leave_that_of_the_file() {
     let disk = disk();
-    with_server(disk.path(), "", |fs, own, places, _| {
+    with_server(disk.path(), "", |fs, own, allocator, _| {
         let mut file = fs.open("f", READ.write().exclusive()).unwrap();
         file.write(b"0123456789").unwrap();
         assert_eq!(file.write_at(b"ab", 3), Ok(2));
@@ -46,7 +46,7 @@ fn positions_of_others_leave_that_of_the_file() {
             Some(Errno::INVAL.into())
         );
         assert_eq!(file.position(), Ok(10));
-        let buffer = Buffer::new(own, places, 64).unwrap();
+        let buffer = Buffer::new(own, allocator, 64).unwrap();
         let (count, buffer) = file.read_buffer_at(buffer, 4, 1).unwrap();
         buffer.memory().read(0, &mut read[..4]).unwrap();
         assert_eq!((count, &read[..4]), (4, &b"12ab"[..]));
@@ -167,9 +167,9 @@ fn a_file_is_written_and_read() {
 #[test]
 fn buffers_are_lent_without_a_copy() {
     let disk = disk();
-    with_server(disk.path(), "", |fs, own, places, _| {
+    with_server(disk.path(), "", |fs, own, allocator, _| {
         let mut file = fs.open("data", WRITE.read().create()).unwrap();
-        let buffer = Buffer::new(own, places, 65_536).unwrap();
+        let buffer = Buffer::new(own, allocator, 65_536).unwrap();
         let data: Vec<u8> = (0..65_536_u32).map(|n| (n / 7) as u8).collect();
         buffer.memory().write(0, &data).unwrap();
         let (written, buffer) = file.write_buffer(buffer, 65_535).unwrap();

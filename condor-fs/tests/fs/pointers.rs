@@ -32,7 +32,7 @@ struct Raw<'r, 'v> {
 fn with_raw(program: impl FnOnce(&Raw<'_, '_>)) {
     let disk = disk();
     std::fs::write(disk.path().join("file"), [7; 4096]).unwrap();
-    with_server(disk.path(), "", |fs, own, places, mail| {
+    with_server(disk.path(), "", |fs, own, allocator, mail| {
         // As `Area` lays it out: behind the slot.
         let table = Allocator::new(own.size())
             .bytes(slot::BYTES as usize)
@@ -40,8 +40,8 @@ fn with_raw(program: impl FnOnce(&Raw<'_, '_>)) {
             + slot::BYTES;
         assert_eq!(own.word(table).unwrap(), table::MAGIC);
         let first = own.word(table + 8).unwrap();
-        let at = places.bytes(slot::BYTES as usize).unwrap();
-        let path = places.bytes(8).unwrap();
+        let at = allocator.bytes(slot::BYTES as usize).unwrap();
+        let path = allocator.bytes(8).unwrap();
         own.write(path, b"file").unwrap();
         let options = OpenOptions::new().read().write();
         let _file = fs.open("file", options).unwrap();

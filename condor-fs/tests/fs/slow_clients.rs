@@ -50,9 +50,9 @@ impl Doorbell for Counting<'_> {
 /// Writes a request to unlink what does not exist, which needs the table, and a table without files.
 fn ask_to_unlink(windows: &Windows<LinuxWindow>) -> Asked {
     let own = Region::users(windows.data.clone()).unwrap();
-    let mut places = Allocator::new(own.size());
+    let mut allocator = Allocator::new(own.size());
     let [slot, table, path] =
-        [slot::BYTES, table::BYTES, 8].map(|it| places.bytes(it as usize).unwrap());
+        [slot::BYTES, table::BYTES, 8].map(|it| allocator.bytes(it as usize).unwrap());
     own.write(path, b"none").unwrap();
     own.set_word(table, table::MAGIC).unwrap();
     for (at, word) in [(4, 0), (8, 0), (12, wire::block::BYTES)] {

@@ -19,7 +19,7 @@ use process::Process;
 use rig::{Configuration, Result, Simulated};
 use trials::{GOALS, Tuning, strokes, tuned};
 
-/// What differs from the shipped configuration.
+/// A trial, by its differences from the shipped configuration.
 struct Trial {
     name: &'static str,
     tuning: Option<Tuning>,

@@ -28,7 +28,7 @@ pub(crate) fn shipped() -> Result<Configuration> {
     Ok(Configuration::from_toml(text, "utah-mit.toml")?)
 }
 
-/// A hand that takes tensions and gives positions and tensions.
+/// A hand that takes tensions and returns positions and tensions.
 pub(crate) trait Plant {
     /// Puts the joints at rest at these positions, rad, without tension.
     fn reset(&mut self, positions: &OfJoints<f64>) -> Result<HandState>;
@@ -37,7 +37,7 @@ pub(crate) trait Plant {
     fn step(&mut self, commands: &[TendonPairs<f64, JOINTS>; FINGERS]) -> Result<HandState>;
 }
 
-/// What the sensors of a hand say.
+/// The readings of all sensors of a hand.
 pub(crate) type HandState = [FingerReadings<f64, JOINTS>; FINGERS];
 
 /// The plant of this package, with the integration of `MuJoCo`.
@@ -140,7 +140,7 @@ impl<P: Plant> Rig<P> {
         self.period_s * f64::from(self.substeps)
     }
 
-    /// Gives all fingers their set-points of the next tick of the master.
+    /// Sets the set-points of all fingers for the next tick of the master.
     pub(crate) fn follow(&mut self, points: &OfJoints<SetPoint<f64>>) -> Result<()> {
         for (controller, points) in self.fingers.iter_mut().zip(points) {
             controller.follow(points, &[StopGuard::NONE; JOINTS])?;

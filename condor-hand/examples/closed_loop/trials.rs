@@ -1,4 +1,4 @@
-//! What a hand that is under control must do, on any plant.
+//! The trials that a controlled hand must pass, on any plant.
 
 use condor_hand::math::{max, min};
 use condor_hand::trajectory::{Polynomial, SetPoint};
@@ -14,7 +14,7 @@ const SETTLED_S: f64 = 0.6;
 const REST_S: f64 = 1.0;
 const WATCH_S: f64 = 0.5;
 
-/// What a trial has left, or may leave: the largest of all joints.
+/// The errors of a trial, or their bounds: the largest of all joints.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Errors {
     /// The error on the way, degrees.
@@ -25,7 +25,7 @@ pub(crate) struct Errors {
     pub(crate) restless_deg: f64,
     /// The range that the command of a tendon goes through at rest, N.
     pub(crate) restless_n: f64,
-    /// How far a tendon at rest comes below the least tension of the configuration, N.
+    /// The largest shortfall of a tendon at rest from the least tension of the configuration, N.
     pub(crate) slack_n: f64,
 }
 
@@ -165,7 +165,7 @@ fn points(
     Ok(points)
 }
 
-/// Where a value has been.
+/// The range in which a value has been.
 #[derive(Clone, Copy)]
 struct Range {
     low: f64,

@@ -52,7 +52,7 @@ fn sensed() -> FingerReadings<f64, 4> {
 /// A system of a master and two fingers, whose sensors say what was commanded.
 struct Rig {
     system: SimSystem<2>,
-    places: ServoLayout<2, 4>,
+    layout: ServoLayout<2, 4>,
     fingers: Arc<Mutex<(Servos, [FingerReadings<f64, 4>; 2])>>,
     /// In virtual time: whether the loop runs while the master waits.
     ticking: Arc<AtomicBool>,
@@ -74,7 +74,7 @@ impl Rig {
         let hand = hand();
         let [_, windows] = system.windows(REMOTE);
         let ram = Region::users(windows.data).unwrap();
-        let places = ServoLayout::new(&mut Allocator::new(ram.size()), 2).unwrap();
+        let layout = ServoLayout::new(&mut Allocator::new(ram.size()), 2).unwrap();
         let names = [&hand.fingers[0].name, &hand.fingers[1].name];
         let identity = HandIdentity::new(
             &hand.name,
@@ -87,7 +87,7 @@ impl Rig {
         });
         let object = Box::leak(Box::new(ServoObject::new()));
         let (handler, servos) = object
-            .split(identity, &ram, places, CriticalSection, controllers)
+            .split(identity, &ram, layout, CriticalSection, controllers)
             .unwrap();
         let mut remote = system.mailbox(REMOTE).unwrap();
         let handler = Box::leak(Box::new(move |call: &Call<'_>| handler.answer(call)));
@@ -96,7 +96,7 @@ impl Rig {
         let master = system.mailbox(MASTER).unwrap();
         let rig = Self {
             system,
-            places,
+            layout,
             fingers: Arc::new(Mutex::new((servos, [sensed(), sensed()]))),
             ticking: Arc::new(AtomicBool::new(true)),
             master,
@@ -123,12 +123,12 @@ impl Rig {
     }
 
     fn client(&self) -> Client<'_> {
-        ServoClient::new(&self.master, REMOTE, &self.ram(), self.places).unwrap()
+        ServoClient::new(&self.master, REMOTE, &self.ram(), self.layout).unwrap()
     }
 
     /// Words that no client sends, and what comes back: the reply and the response.
     fn raw(&self, words: &[u32]) -> (u32, [u32; REQUEST_WORDS]) {
-        let (ram, block) = (self.ram(), self.places.block(MASTER).unwrap());
+        let (ram, block) = (self.ram(), self.layout.block(MASTER).unwrap());
         for (word, offset) in words.iter().zip((block..).step_by(4)) {
             ram.set_word(offset, *word).unwrap();
         }
@@ -345,8 +345,8 @@ fn an_order_that_another_one_replaced_says_so() {
 #[test]
 fn the_masters_set_points_are_followed_without_messages() {
     let rig = Rig::in_virtual_time();
-    let mut set_points = rig.places.set_points(0, &rig.ram()).unwrap();
-    assert!(rig.places.set_points(2, &rig.ram()).is_err());
+    let mut set_points = rig.layout.set_points(0, &rig.ram()).unwrap();
+    assert!(rig.layout.set_points(2, &rig.ram()).is_err());
     let mut client = rig.client();
     client.enable(0, None, ServoMode::Position, SECOND).unwrap();
     rig.ticking.store(false, Ordering::Relaxed);
@@ -376,7 +376,7 @@ fn the_masters_set_points_are_followed_without_messages() {
 #[test]
 fn set_points_that_are_not_finite_are_refused_and_counted() {
     let rig = Rig::in_virtual_time();
-    let mut set_points = rig.places.set_points(1, &rig.ram()).unwrap();
+    let mut set_points = rig.layout.set_points(1, &rig.ram()).unwrap();
     let mut client = rig.client();
     client.enable(1, None, ServoMode::Position, SECOND).unwrap();
     for _ in 0..3 {
@@ -393,9 +393,9 @@ fn set_points_that_are_not_finite_are_refused_and_counted() {
 #[test]
 fn a_message_with_another_offset_is_refused() {
     let rig = Rig::in_virtual_time();
-    let mine = rig.places.block(MASTER).unwrap();
-    let others = rig.places.block(REMOTE).unwrap();
-    assert_eq!(rig.places.block(Processor(2)), None);
+    let mine = rig.layout.block(MASTER).unwrap();
+    let others = rig.layout.block(REMOTE).unwrap();
+    assert_eq!(rig.layout.block(Processor(2)), None);
     for offset in [0, mine - 4, mine + 1, others, DATA_BYTES, u32::MAX] {
         let reply = rig.master.send_with_reply(REMOTE, SERVO, offset, SECOND);
         assert_eq!(reply, Ok(0), "{offset:#x}");
@@ -408,7 +408,7 @@ fn places_that_are_not_there_are_errors() {
     let small = Region::users(rig.system.windows(MASTER)[1].data.clone()).unwrap();
     let small = small.part(0, 576).unwrap();
     assert!(ServoLayout::<2, 4>::new(&mut Allocator::new(small.size()), 2).is_err());
-    assert!(ServoClient::new(&rig.master, REMOTE, &small, rig.places).is_err());
+    assert!(ServoClient::new(&rig.master, REMOTE, &small, rig.layout).is_err());
     let mut object = ServoObject::<2, 4>::new();
     let hand = hand();
     let controllers = [0, 1].map(|finger| {
@@ -419,7 +419,7 @@ fn places_that_are_not_there_are_errors() {
     let split = object.split(
         identity,
         &small,
-        rig.places,
+        rig.layout,
         SingleContext::new(),
         controllers,
     );

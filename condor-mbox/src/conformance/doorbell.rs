@@ -51,10 +51,22 @@ pub fn doorbell<D: Doorbell>(
     // A ring before `prepare` may end the wait or not; it must not spoil what follows.
     ring_me();
     undisturbed(mine)?;
-    ended_by("a ring after unheard rings ends the wait", mine, &ring_me)?;
-    ended_by("a ring of one's own ends the wait", mine, || mine.ring(me))?;
+    ended_by(
+        "a ring after rings that no wait consumed ends the wait",
+        mine,
+        &ring_me,
+    )?;
+    ended_by(
+        "a ring by the waiting processor itself ends the wait",
+        mine,
+        || mine.ring(me),
+    )?;
     nobody(mine)?;
-    ended_by("a ring after rings of nobody ends the wait", mine, &ring_me)?;
+    ended_by(
+        "a ring after rings to numbers that do not exist ends the wait",
+        mine,
+        &ring_me,
+    )?;
     // Preparing again, as a wait does that found work, forgets no later ring.
     let _ = mine.prepare();
     ended_by(
@@ -122,7 +134,7 @@ fn nobody<D: Doorbell>(mine: &D) -> Result<(), DoorbellFailure> {
         if mine.evidence(number) == Evidence::Alive {
             let now = mine.now();
             return Err(DoorbellFailure {
-                check: "nobody is alive under a number that does not exist",
+                check: "no program is alive under a number that does not exist",
                 now,
                 until: now,
             });

@@ -17,7 +17,7 @@ pub(super) fn size<W: MemoryWindow>(window: &W) -> Result<(), WindowFailure> {
     let size = window.size();
     expect("the size is a multiple of four", 0, 0, Ok(size % 4), Ok(0))?;
     expect(
-        "the size suffices for the checks",
+        "the window is large enough for the checks",
         0,
         0,
         Ok(size.min(LEAST_BYTES)),
@@ -49,7 +49,7 @@ pub(super) fn bounds<W: MemoryWindow>(window: &W) -> Result<(), WindowFailure> {
         )?;
     }
     done(
-        "a write up to the end is done",
+        "a write up to the end succeeds",
         last,
         4,
         write(window, last, &[0; 4]),
@@ -86,14 +86,14 @@ pub(super) fn bounds_of_loads<W: MemoryWindow>(window: &W) -> Result<(), WindowF
     )?;
     let found = check(window, 4, usize::MAX);
     expect(
-        "a check of more than memory holds fails",
+        "a check of a range that overflows fails",
         4,
         usize::MAX,
         found,
         OUT_OF_BOUNDS,
     )?;
     done(
-        "a read up to the end is done",
+        "a read up to the end succeeds",
         last,
         4,
         read(window, last, &mut [0; 4]),
@@ -158,7 +158,7 @@ pub(super) fn empty<W: MemoryWindow>(window: &W) -> Result<(), WindowFailure> {
     for offset in [0, 4, size] {
         let found = read(window, offset, &mut []);
         expect(
-            "an empty read up to the end is done",
+            "an empty read up to the end succeeds",
             offset,
             0,
             found,
@@ -166,7 +166,7 @@ pub(super) fn empty<W: MemoryWindow>(window: &W) -> Result<(), WindowFailure> {
         )?;
         let found = write(window, offset, &[]);
         expect(
-            "an empty write up to the end is done",
+            "an empty write up to the end succeeds",
             offset,
             0,
             found,
@@ -207,7 +207,12 @@ pub(super) fn empty<W: MemoryWindow>(window: &W) -> Result<(), WindowFailure> {
 
 pub(super) fn refused_copies<W: MemoryWindow>(window: &W) -> Result<(), WindowFailure> {
     let last = window.size().wrapping_sub(4);
-    done("a store is done", last, 4, store(window, last, 0x1234_5678))?;
+    done(
+        "a store succeeds",
+        last,
+        4,
+        store(window, last, 0x1234_5678),
+    )?;
     let found = write(window, last, &[0; 8]);
     expect(
         "a write across the end is refused",

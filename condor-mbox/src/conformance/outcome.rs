@@ -11,7 +11,7 @@ pub type AccessOutcome = Result<u32, WindowErrorKind>;
 /// The error of the checks of a window: an access with a wrong result, and the result that is
 /// required.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{check}: {len} bytes at offset {offset:#x} gave {found:x?}, expected {expected:x?}")]
+#[error("{check}: {len} bytes at offset {offset:#x} returned {found:x?}, expected {expected:x?}")]
 pub struct WindowFailure {
     /// The rule that is broken.
     pub check: &'static str,

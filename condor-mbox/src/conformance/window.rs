@@ -73,7 +73,7 @@ pub fn read_only<W: MemoryWindow>(window: &W) -> Result<(), WindowFailure> {
     }
     let found = write(window, 0, &[]);
     expect(
-        "an empty write to a window for reading is done",
+        "an empty write to a read-only window succeeds",
         0,
         0,
         found,
@@ -88,7 +88,7 @@ pub fn read_only<W: MemoryWindow>(window: &W) -> Result<(), WindowFailure> {
 /// [`WindowFailure`] for the first check that fails.
 pub fn shared<A: MemoryWindow, B: MemoryWindow>(a: &A, b: &B) -> Result<(), WindowFailure> {
     expect(
-        "both windows have one size",
+        "both windows have the same size",
         0,
         0,
         Ok(b.size()),
@@ -96,35 +96,35 @@ pub fn shared<A: MemoryWindow, B: MemoryWindow>(a: &A, b: &B) -> Result<(), Wind
     )?;
     for offset in some_offsets(a.size()) {
         let word = pattern(offset);
-        done("a store is done", offset, 4, store(a, offset, word))?;
+        done("a store succeeds", offset, 4, store(a, offset, word))?;
         let found = load(b, offset);
         expect(
-            "what one window stores the other loads",
+            "the second window loads the word that the first stored",
             offset,
             4,
             found,
             Ok(word),
         )?;
-        done("a store is done", offset, 4, store(b, offset, !word))?;
+        done("a store succeeds", offset, 4, store(b, offset, !word))?;
         let found = load(a, offset);
         expect(
-            "what the other stores the one loads",
+            "the first window loads the word that the second stored",
             offset,
             4,
             found,
             Ok(!word),
         )?;
         done(
-            "a write is done",
+            "a write succeeds",
             offset,
             4,
             write(a, offset, &word.to_le_bytes()),
         )?;
         let mut bytes = [0; 4];
-        done("a read is done", offset, 4, read(b, offset, &mut bytes))?;
+        done("a read succeeds", offset, 4, read(b, offset, &mut bytes))?;
         let found = Ok(u32::from_le_bytes(bytes));
         expect(
-            "what one window writes the other reads",
+            "the second window reads the bytes that the first wrote",
             offset,
             4,
             found,
@@ -149,10 +149,10 @@ pub fn compare_exchange<W: CompareExchange>(window: &W) -> Result<(), WindowFail
     };
     for offset in some_offsets(window.size()) {
         let word = pattern(offset);
-        done("a store is done", offset, 4, store(window, offset, word))?;
+        done("a store succeeds", offset, 4, store(window, offset, word))?;
         let found = swap(offset, !word, 0);
         expect(
-            "a swap gives the word that was there",
+            "a swap returns the previous word",
             offset,
             4,
             found,
@@ -160,17 +160,23 @@ pub fn compare_exchange<W: CompareExchange>(window: &W) -> Result<(), WindowFail
         )?;
         let found = load(window, offset);
         expect(
-            "a swap from another word changes nothing",
+            "a swap that expects another word changes nothing",
             offset,
             4,
             found,
             Ok(word),
         )?;
         let found = swap(offset, word, !word);
-        expect("a swap from this word gives it", offset, 4, found, Ok(word))?;
+        expect(
+            "a swap that expects the present word returns it",
+            offset,
+            4,
+            found,
+            Ok(word),
+        )?;
         let found = load(window, offset);
         expect(
-            "a swap from this word writes the new one",
+            "a swap that expects the present word writes the new one",
             offset,
             4,
             found,
@@ -199,7 +205,7 @@ fn words<W: MemoryWindow>(window: &W) -> Result<(), WindowFailure> {
         0x0123_4567,
     ];
     for word in patterns.into_iter().chain((0..32).map(|bit| 1 << bit)) {
-        done("a store is done", 4, 4, store(window, 4, word))?;
+        done("a store succeeds", 4, 4, store(window, 4, word))?;
         expect(
             "a word holds every bit pattern",
             4,
@@ -211,7 +217,7 @@ fn words<W: MemoryWindow>(window: &W) -> Result<(), WindowFailure> {
     let all = || (0..window.size()).step_by(4);
     for offset in all() {
         done(
-            "a store is done",
+            "a store succeeds",
             offset,
             4,
             store(window, offset, pattern(offset)),
@@ -220,7 +226,7 @@ fn words<W: MemoryWindow>(window: &W) -> Result<(), WindowFailure> {
     for offset in all() {
         let found = load(window, offset);
         expect(
-            "every word is a word of its own",
+            "every word is stored separately",
             offset,
             4,
             found,
@@ -237,7 +243,7 @@ fn orders<W: MemoryWindow>(window: &W) -> Result<(), WindowFailure> {
                 .store(0, word, stored)
                 .and_then(|()| window.load(0, loaded))
                 .map_err(|error| error.kind());
-            expect("every order is taken", 0, 4, found, Ok(word))?;
+            expect("every memory ordering is accepted", 0, 4, found, Ok(word))?;
         }
     }
     Ok(())
@@ -246,7 +252,7 @@ fn orders<W: MemoryWindow>(window: &W) -> Result<(), WindowFailure> {
 fn all_words<W: MemoryWindow>(window: &W) -> Result<(), WindowFailure> {
     for offset in [0, window.size().wrapping_sub(4)] {
         done(
-            "a store is done",
+            "a store succeeds",
             offset,
             4,
             store(window, offset, pattern(offset)),
@@ -255,7 +261,7 @@ fn all_words<W: MemoryWindow>(window: &W) -> Result<(), WindowFailure> {
         window.invalidate(offset, 4);
         let found = load(window, offset);
         expect(
-            "a load finds what was cleaned",
+            "a load returns the word that was cleaned",
             offset,
             4,
             found,
@@ -263,11 +269,17 @@ fn all_words<W: MemoryWindow>(window: &W) -> Result<(), WindowFailure> {
         )?;
         if let Some(words) = window.words() {
             let coherent = Ok(u32::from(window.is_coherent()));
-            expect("words are of coherent memory", offset, 4, coherent, Ok(1))?;
+            expect(
+                "only coherent memory has `words`",
+                offset,
+                4,
+                coherent,
+                Ok(1),
+            )?;
             let word = words.get().get((offset / 4) as usize);
             let found = Ok(word.map_or(0, |word| word.load(LoadOrder::Acquire.into())));
             expect(
-                "the words are those of loads",
+                "`words` has the words that loads return",
                 offset,
                 4,
                 found,
@@ -278,7 +290,7 @@ fn all_words<W: MemoryWindow>(window: &W) -> Result<(), WindowFailure> {
     if let Some(words) = window.words() {
         let bytes = Ok(u32::try_from(4 * words.get().len()).unwrap_or(u32::MAX));
         expect(
-            "there are as many words as the size says",
+            "`words` has as many words as the size says",
             0,
             0,
             bytes,
@@ -295,9 +307,9 @@ fn all_words<W: MemoryWindow>(window: &W) -> Result<(), WindowFailure> {
 
 fn bytes<W: MemoryWindow>(window: &W) -> Result<(), WindowFailure> {
     const LEFT: u32 = 0x0302_0100;
-    done("a store is done", 0, 4, store(window, 0, LEFT))?;
+    done("a store succeeds", 0, 4, store(window, 0, LEFT))?;
     let mut found = [0; 4];
-    done("a read is done", 0, 4, read(window, 0, &mut found))?;
+    done("a read succeeds", 0, 4, read(window, 0, &mut found))?;
     let found = Ok(u32::from_le_bytes(found));
     expect(
         "a word is read as little-endian bytes",
@@ -311,17 +323,17 @@ fn bytes<W: MemoryWindow>(window: &W) -> Result<(), WindowFailure> {
         let span = usize::from(len);
         for offset in (0..32).step_by(4) {
             done(
-                "a store is done",
+                "a store succeeds",
                 offset,
                 4,
                 store(window, offset, u32::MAX),
             )?;
         }
         let from: [u8; 16] = core::array::from_fn(|at| (at as u8) ^ len);
-        done("a write is done", 4, span, write(window, 4, &from[..span]))?;
+        done("a write succeeds", 4, span, write(window, 4, &from[..span]))?;
         let mut into = [0xEE; 20];
         done(
-            "a read is done",
+            "a read succeeds",
             4,
             span,
             read(window, 4, &mut into[..span]),
@@ -330,7 +342,7 @@ fn bytes<W: MemoryWindow>(window: &W) -> Result<(), WindowFailure> {
             let expected = if at < span { from[at] } else { 0xEE };
             let found = Ok(u32::from(into[at]));
             expect(
-                "a read gives what was written",
+                "a read returns the bytes that were written",
                 4,
                 span,
                 found,
@@ -347,7 +359,7 @@ fn bytes<W: MemoryWindow>(window: &W) -> Result<(), WindowFailure> {
             let expected = Ok(u32::from_le_bytes(expected));
             let found = load(window, offset);
             expect(
-                "a write changes its own bytes alone",
+                "a write changes only its own bytes",
                 offset,
                 span,
                 found,
@@ -365,17 +377,17 @@ fn slices<W: MemoryWindow>(window: &W) -> Result<(), WindowFailure> {
     for len in (0..=28).step_by(4) {
         for offset in (0..36).step_by(4) {
             let stored = store(window, offset, u32::MAX);
-            done("a store is done", offset, 4, stored)?;
+            done("a store succeeds", offset, 4, stored)?;
         }
         let from = [first, second, &[], third];
         let written = write_words(window, 4, len, &from);
-        done("a write of words is done", 4, len, written)?;
+        done("a write of words succeeds", 4, len, written)?;
         for offset in (0..36_u32).step_by(4) {
             let at = (offset / 4).wrapping_sub(1);
             let is_written = at < words.len() as u32 && 4 * at < len as u32;
             let expected = Ok(if is_written { at } else { u32::MAX });
             let found = load(window, offset);
-            let check = "a write of words copies slice after slice";
+            let check = "a write of words copies one slice after the other";
             expect(check, offset, len, found, expected)?;
         }
     }

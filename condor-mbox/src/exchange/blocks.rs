@@ -26,13 +26,13 @@ impl<Q, R> Blocks<Q, R> {
     /// The size of a block, in bytes.
     const BLOCK: u32 = response_at::<Q>(0) + (size_of::<R>() as u32).next_multiple_of(LINE);
 
-    /// Takes the blocks from `places`, the allocator of the users' region of the processor that
+    /// Takes the blocks from `allocator`, that of the users' region of the processor that
     /// answers. Processors 0 to `processors` − 1 may ask.
     ///
     /// # Errors
     /// [`AccessError`] of the kind `OutOfBounds` if there is no room.
-    pub const fn new(places: &mut Allocator, processors: u8) -> Result<Self, AccessError> {
-        match places.bytes(processors as usize * Self::BLOCK as usize) {
+    pub const fn new(allocator: &mut Allocator, processors: u8) -> Result<Self, AccessError> {
+        match allocator.bytes(processors as usize * Self::BLOCK as usize) {
             Ok(offset) => Ok(Self::at(offset, processors)),
             Err(error) => Err(error),
         }

@@ -91,7 +91,7 @@ fn run_behind(caches: Option<u64>, bytes: &[u8]) -> Tally {
     }
     replace_hostile(&world, script.byte());
     for number in 0..N {
-        world.seat(number, None);
+        world.put_mailbox(number, None);
     }
     WORLD.set(None);
     tally
@@ -244,7 +244,7 @@ impl Program {
     /// Restarts as a new process does, without a message to the others.
     fn restart(&mut self) {
         self.pending.clear();
-        self.world.seat(self.number, None);
+        self.world.put_mailbox(self.number, None);
         self.world.model.borrow_mut().restart(self.number);
         let windows = self.world.windows(self.number);
         let bell = self.world.bell(self.number);
@@ -262,7 +262,7 @@ impl Program {
         }
         mailbox.set_waiting(Waiting::Sleep);
         mailbox.join().expect("to join");
-        self.world.seat(self.number, Some(mailbox));
+        self.world.put_mailbox(self.number, Some(mailbox));
     }
 
     fn mailbox(&self) -> Rc<RefCell<HonestMailbox>> {

@@ -123,7 +123,7 @@ impl World {
     }
 
     /// Puts `mailbox` in the place of `number`: its program runs whenever another one sleeps.
-    pub(super) fn seat(&self, number: usize, mailbox: Option<HonestMailbox>) {
+    pub(super) fn put_mailbox(&self, number: usize, mailbox: Option<HonestMailbox>) {
         let seated = mailbox.map(|mailbox| Rc::new(RefCell::new(mailbox)));
         let former = core::mem::replace(&mut self.boxes.borrow_mut()[number], seated);
         drop(former);

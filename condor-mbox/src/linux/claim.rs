@@ -23,7 +23,7 @@ use crate::windows::Windows;
 #[derive(Debug)]
 pub struct Claim<const N: usize> {
     number: Processor,
-    places: Option<Allocator>,
+    allocator: Option<Allocator>,
     windows: [Windows<LinuxWindow>; N],
     doorbell: LinuxDoorbell<N>,
 }
@@ -58,7 +58,7 @@ impl<const N: usize> Claim<N> {
     /// [`SystemError::PlacesTaken`] if this function has returned the allocator before.
     pub fn places(&mut self) -> Result<Allocator, SystemError> {
         let number = self.number;
-        self.places
+        self.allocator
             .take()
             .ok_or(SystemError::PlacesTaken { number })
     }
@@ -150,7 +150,7 @@ impl<const N: usize> Claim<N> {
         .map_err(SystemError::os("duplicate", objects.path(own, "bell")))?;
         Ok(Some(Self {
             number,
-            places: Some(Allocator::new(data_bytes.saturating_sub(BELL_BYTES))),
+            allocator: Some(Allocator::new(data_bytes.saturating_sub(BELL_BYTES))),
             windows: one_for_each(windows),
             doorbell,
         }))

@@ -211,7 +211,9 @@ impl OpenDirectory {
             let mode = mode.as_raw_mode();
             return Err(SystemError::OtherSystem {
                 path: self.path_of(name),
-                reason: format!("it names a memory, and others may write it by its mode {mode:o}"),
+                reason: format!(
+                    "it names the memory, but its mode {mode:o} lets others write it; use `chmod go-w`"
+                ),
             });
         }
         Ok(())

@@ -40,21 +40,23 @@ impl fmt::Display for FileKind {
 #[non_exhaustive]
 pub enum SystemError {
     /// A name is empty, holds a slash or a zero byte, or is longer than a file name may be.
-    #[error("{name:?} cannot be the name of a system")]
+    #[error(
+        "{name:?} cannot be the name of a system: a name is a file name, without slash or zero byte"
+    )]
     BadName {
         /// The name that was given.
         name: String,
     },
     /// [`Claim::places`](super::Claim::places) has already returned the allocator of this number's
     /// memory.
-    #[error("the places of {number} were already taken: share that one distributor")]
+    #[error("the allocator of the memory of {number} was already taken: share that one")]
     PlacesTaken {
         /// The number of the processor.
         number: Processor,
     },
     /// The size of the users' region of `data` is not a multiple of four, or does not fit in 32
     /// bits together with the doorbell's line before it.
-    #[error("data of {user_bytes} bytes do not consist of whole words, or are too large")]
+    #[error("the data size of {user_bytes} bytes is not a multiple of 4, or is too large")]
     BadDataSize {
         /// The size that was given, in bytes.
         user_bytes: u32,
@@ -107,14 +109,14 @@ pub enum SystemError {
         process_id: u32,
     },
     /// All numbers are held.
-    #[error("all {processors} numbers are taken")]
+    #[error("all {processors} processor numbers are taken: end a program that holds one")]
     NoFreeNumber {
         /// The number of processors in the system.
         processors: usize,
     },
     /// The environment variable `CONDOR_SYSTEM`, by which a parent passes a system, does not
     /// describe one of this type.
-    #[error("the description {description:?} of a system is refused: {reason}")]
+    #[error("the environment describes a system as {description:?}, which is refused: {reason}")]
     BadDescription {
         /// The description that was passed.
         description: String,
@@ -130,7 +132,7 @@ pub enum SystemError {
         reason: String,
     },
     /// The memory of a system cannot have the requested layout.
-    #[error("the memory {path:?} cannot be laid out so: {reason}")]
+    #[error("cannot lay out the memory {path:?}: {reason}")]
     BadLayout {
         /// The file that is the memory.
         path: PathBuf,

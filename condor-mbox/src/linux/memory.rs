@@ -62,7 +62,7 @@ impl Memory {
             reason,
         };
         if !self.file.is_absolute() {
-            return Err(refused("the path is not absolute".into()));
+            return Err(refused("its path is not absolute".into()));
         }
         let mut all = Vec::new();
         for (object, run, bytes) in [
@@ -76,10 +76,14 @@ impl Memory {
                     .and_then(|offset| Some((offset, end(offset)?)));
                 let Some((offset, end)) = range.filter(|&(_, end)| i64::try_from(end).is_ok())
                 else {
-                    return Err(refused(format!("{number}.{object} lies beyond every file")));
+                    return Err(refused(format!(
+                        "{number}.{object} lies beyond the largest possible file"
+                    )));
                 };
                 if !offset.is_multiple_of(4) {
-                    let reason = format!("{number}.{object} at {offset:#x} begins within a word");
+                    let reason = format!(
+                        "{number}.{object} at {offset:#x} does not begin at a multiple of 4"
+                    );
                     return Err(refused(reason));
                 }
                 all.push((offset, end, number, object));
@@ -187,9 +191,12 @@ pub(super) mod tests {
             ),
             (
                 |one| one.mail.offset = 4098,
-                "0.mail at 0x1002 begins within a word",
+                "0.mail at 0x1002 does not begin at a multiple of 4",
             ),
-            (|one| one.data.stride = 1 << 63, "lies beyond every file"),
+            (
+                |one| one.data.stride = 1 << 63,
+                "lies beyond the largest possible file",
+            ),
             (|one| one.file = "memory".into(), "not absolute"),
         ];
         for (change, expected) in cases {

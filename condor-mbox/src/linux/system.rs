@@ -213,18 +213,19 @@ impl<const N: usize> LinuxSystem<N> {
             reason,
         };
         let mut fields = description.as_bytes().splitn(4, |&byte| byte == b' ');
-        let mut field = || fields.next().ok_or_else(|| refused("it is incomplete"));
-        let count = parse::<usize>(field()?).ok_or_else(|| refused("it begins with no number"))?;
+        let mut field = || fields.next().ok_or_else(|| refused("it ends too early"));
+        let count = parse::<usize>(field()?)
+            .ok_or_else(|| refused("it does not begin with a number of processors"))?;
         if count != N {
-            return Err(refused("the number of processors differs"));
+            return Err(refused("it has another number of processors"));
         }
-        let user_bytes = parse(field()?).ok_or_else(|| refused("the data size is no number"))?;
+        let user_bytes = parse(field()?).ok_or_else(|| refused("its data size is not a number"))?;
         let data_bytes = data_bytes(user_bytes)?;
         match field()? {
             b"at" => {
                 let path = PathBuf::from(OsString::from_vec(field()?.to_vec()));
                 if !path.is_absolute() {
-                    return Err(refused("the path is not absolute"));
+                    return Err(refused("its path is not absolute"));
                 }
                 Self::at(path, user_bytes)
             }
@@ -237,7 +238,7 @@ impl<const N: usize> LinuxSystem<N> {
                 let family = Family::inherit(&descriptors, Self::MAIL_BYTES, data_bytes)?;
                 Self::new(Home::Family(Arc::new(family)), user_bytes)
             }
-            _ => Err(refused("the kind of place is unknown")),
+            _ => Err(refused("it names the memory by neither `at` nor `family`")),
         }
     }
 

@@ -52,7 +52,10 @@ impl WindowError for LinuxWindowError {
 #[non_exhaustive]
 pub enum WindowMapError {
     /// Offset or length is not a multiple of four, or the length is zero.
-    #[error("a window of {len:#x} bytes at offset {offset:#x} does not consist of whole words")]
+    #[error(
+        "a window needs a size above 0 and an offset that are multiples of 4, not {len:#x} bytes at offset \
+             {offset:#x}"
+    )]
     NotWords {
         /// Offset in the file, in bytes.
         offset: u64,
@@ -76,7 +79,7 @@ pub enum WindowMapError {
         found: u64,
     },
     /// The process has the greatest possible number of windows already.
-    #[error("this process has {slots} windows, which is all it may have")]
+    #[error("this process already has {slots} windows, the most that it may have")]
     TooMany {
         /// The greatest number of mappings at a time.
         slots: usize,

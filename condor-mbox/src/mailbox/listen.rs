@@ -49,7 +49,7 @@ enum Look {
 
 impl<const N: usize> Listening<N> {
     pub(super) fn new() -> Self {
-        let heard = |_| ListenerProgress {
+        let progress = |_| ListenerProgress {
             epoch: Word::new(0),
             tail: Word::new(0),
             missed: Word::new(0),
@@ -57,7 +57,7 @@ impl<const N: usize> Listening<N> {
         Self {
             to: Word::new(0),
             incarnation: Word::new(0),
-            senders: core::array::from_fn(heard),
+            senders: core::array::from_fn(progress),
         }
     }
 }
@@ -166,8 +166,8 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
             End::Left => return Err(MailboxError::PeerLeft { to, progress }),
             End::Restarted => return Err(MailboxError::PeerRestarted { to, progress }),
         }
-        for (sender, heard) in self.peers.iter().zip(&self.listening.senders) {
-            heard.missed.set(0);
+        for (sender, progress) in self.peers.iter().zip(&self.listening.senders) {
+            progress.missed.set(0);
             // A sender whose memory is gone sends nothing; it is heard from its next incarnation on.
             let present = sender.load_present().unwrap_or(JOINING);
             // The messages that the holder has taken by now were sent before. Its count is of this incarnation
@@ -180,7 +180,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
                 0
             };
             let epoch = layout::epoch(present, incarnation);
-            self.start_hearing(sender.number, heard, epoch, taken)?;
+            self.start_hearing(sender.number, progress, epoch, taken)?;
         }
         self.listening.incarnation.set(incarnation);
         self.listening.to.set(u32::from(to.0) + 1);
@@ -216,9 +216,9 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
     /// # Errors
     /// [`MailboxError::NoSuchProcessor`] if there is no processor `sender`.
     pub fn missed(&self, sender: Processor) -> Result<u32, MailboxError> {
-        let heard = self.listening.senders.get(sender.index());
-        heard
-            .map(|heard| heard.missed.get())
+        let progress = self.listening.senders.get(sender.index());
+        progress
+            .map(|progress| progress.missed.get())
             .ok_or_else(|| Self::no_such(sender))
     }
 
@@ -279,7 +279,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         // Acquire: pairs with the Release stores in `start_hearing` and `hear_alone`.
         let word = |offset| listener.mail().load(offset, LoadOrder::Acquire);
         match word(at) {
-            Ok(heard) if heard == epoch => {}
+            Ok(known) if known == epoch => {}
             _ => return 0,
         }
         word(At::heard_count(self.me)).map_or(0, |count| sequence.wrapping_sub(count))
@@ -324,8 +324,8 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         let Some(_turn) = self.begin_turn() else {
             return Ok(false);
         };
-        for (sender, heard) in self.peers.iter().zip(&self.listening.senders) {
-            if let Some((from, entry)) = self.hear_from(holder, sender, heard)? {
+        for (sender, progress) in self.peers.iter().zip(&self.listening.senders) {
+            if let Some((from, entry)) = self.hear_from(holder, sender, progress)? {
                 // The sender may wait for us to take it.
                 self.notify(sender.mail());
                 self.run_heard(to, (sender.number, from), entry, deadline);
@@ -342,7 +342,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         &self,
         holder: &Peer<B::Window, N>,
         sender: &Peer<B::Window, N>,
-        heard: &ListenerProgress,
+        progress: &ListenerProgress,
     ) -> Result<Option<(u32, Entry)>, MailboxError> {
         let present = holder.present();
         if present != self.listening.incarnation.get() && !matches!(present, 0 | JOINING) {
@@ -359,12 +359,12 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
                 return Ok(None);
             }
             let epoch = layout::epoch(from, to);
-            if epoch != heard.epoch.get() {
-                self.start_hearing(sender.number, heard, epoch, 0)?;
+            if epoch != progress.epoch.get() {
+                self.start_hearing(sender.number, progress, epoch, 0)?;
             }
             // Every slot may have been overrun.
             for _ in 0..=SLOTS {
-                match self.hear_alone(holder, sender, heard)? {
+                match self.hear_alone(holder, sender, progress)? {
                     Look::Heard(entry) => return Ok(Some((from, entry))),
                     Look::Overrun => {}
                     Look::Nothing => break,
@@ -378,12 +378,12 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
     fn start_hearing(
         &self,
         sender: Processor,
-        heard: &ListenerProgress,
+        progress: &ListenerProgress,
         epoch: u32,
         tail: u32,
     ) -> Result<(), MailboxError> {
-        heard.epoch.set(epoch);
-        heard.tail.set(tail);
+        progress.epoch.set(epoch);
+        progress.tail.set(tail);
         let own = self.own()?;
         let at = At::heard_epoch(sender);
         own.store(at, 0, StoreOrder::Relaxed)?;
@@ -395,13 +395,13 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         &self,
         holder: &Peer<B::Window, N>,
         sender: &Peer<B::Window, N>,
-        heard: &ListenerProgress,
+        progress: &ListenerProgress,
     ) -> Result<Look, MailboxError> {
         let depth = self.depth.get();
         if depth >= Call::MAX_DEPTH {
             return Ok(Look::Nothing);
         }
-        let next = heard.tail.get().wrapping_add(1);
+        let next = progress.tail.get().wrapping_add(1);
         // The pair of any processor with the holder is where ours is.
         let slot = holder.ours.slot(next);
         let found = sender
@@ -412,7 +412,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
             return Ok(Look::Nothing);
         };
         if entry.epoch == 0
-            || entry.epoch != heard.epoch.get()
+            || entry.epoch != progress.epoch.get()
             || ahead > u32::MAX / 2
             || !ahead.is_multiple_of(SLOTS)
         {
@@ -423,15 +423,15 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
             next
         } else {
             // Overrun: what may still be there begins a ringful before the one found.
-            heard.missed.set(
-                heard
+            progress.missed.set(
+                progress
                     .missed
                     .get()
                     .wrapping_add(ahead.wrapping_sub(SLOTS).wrapping_add(1)),
             );
             found.wrapping_sub(SLOTS)
         };
-        heard.tail.set(tail);
+        progress.tail.set(tail);
         // Release: pairs with the Acquire load in `untaken_by`; the slot has been read.
         own.store(At::heard_count(sender.number), tail, StoreOrder::Release)?;
         if ahead != 0 {

@@ -252,25 +252,25 @@ pub enum SpinLockError {
         owner: Option<LockOwner>,
     },
     /// Living owners held the lock until the deadline.
-    #[error("the lock was held until the deadline, at last by {}", OwnerName(.owner))]
+    #[error("the lock was held until the deadline, last by {}", OwnerName(.owner))]
     TimedOut {
         /// The last owner; `None` if the lock was changing hands.
         owner: Option<LockOwner>,
     },
     /// The owner's incarnation ended while it held the lock; see [`SpinLock::recover`].
-    #[error("{owner} died with the lock")]
+    #[error("{owner} died while it held the lock")]
     OwnerDead {
         /// The dead owner, or garbage that was found in its place.
         owner: LockOwner,
     },
     /// The caller's own incarnation is over: it must join again before it takes a lock.
-    #[error("{owner} may not lock: that incarnation is over")]
+    #[error("{owner} may not lock: this incarnation has ended")]
     NotCurrent {
         /// The caller.
         owner: LockOwner,
     },
     /// The memory could not be accessed.
-    #[error("the memory of the lock: {kind}")]
+    #[error("cannot access the memory of the lock: {kind}")]
     Memory {
         /// The kind of error.
         kind: WindowErrorKind,

@@ -86,7 +86,7 @@ impl fmt::Display for LockOwner {
                 "{processor} in incarnation {}",
                 self.0.get() & INCARNATION_MASK
             ),
-            None => write!(f, "nobody known ({:#010x})", self.0),
+            None => write!(f, "an unknown owner ({:#010x})", self.0),
         }
     }
 }

@@ -2,7 +2,7 @@
 //!
 //! The bound stands at each model. Measured, release build, two busy cores: streams 1236 to 14 872
 //! executions, 2 to 38 s; calls 2005 to 11 777, 2 to 16 s; nested calls 1317 to 8137, 3 to 14 s; two
-//! contexts 32 119, 14 s; time-out against reply 50 696, 74 s.
+//! contexts 32 119, 14 s; timeout against reply 50 696, 74 s.
 
 use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use std::sync::{Arc, Mutex};
@@ -171,7 +171,7 @@ fn two_contexts_of_one_processor() {
 /// cell comes free.
 #[test]
 fn time_out_against_reply() {
-    explore("time-out against reply", 3, || {
+    explore("timeout against reply", 3, || {
         let double = handler(|call| call.data() * 2);
         let system = System::<2>::new();
         let a = Arc::new(system.joined::<Spinning, _>(A, Alone, &[]));

@@ -113,7 +113,10 @@ fn what_a_wrong_doorbell_breaks_is_named() {
             Kind::Once,
             "a ring after the second `prepare` ends the wait",
         ),
-        (Kind::Confused, "a ring after rings of nobody ends the wait"),
+        (
+            Kind::Confused,
+            "a ring after rings to numbers that do not exist ends the wait",
+        ),
         (Kind::Backwards, "the clock never runs backwards"),
     ] {
         assert_eq!(Virtual::suite(kind).unwrap_err().check, check);
@@ -266,7 +269,7 @@ impl MemoryWindow for Faulty {
 fn what_a_wrong_window_breaks_is_named() {
     for (fault, check) in [
         (Fault::BigEndian, "a word is read as little-endian bytes"),
-        (Fault::ZeroesTheRest, "a write changes its own bytes alone"),
+        (Fault::ZeroesTheRest, "a write changes only its own bytes"),
         (Fault::LosesTheTopBit, "a word holds every bit pattern"),
         (
             Fault::CopiesBeforeItChecks,
@@ -274,8 +277,11 @@ fn what_a_wrong_window_breaks_is_named() {
         ),
         (Fault::AcceptsMisaligned, "a misaligned load is refused"),
         (Fault::WrapsAround, "a load outside is refused"),
-        (Fault::HasOtherWords, "the words are those of loads"),
-        (Fault::HasWordsInCaches, "words are of coherent memory"),
+        (
+            Fault::HasOtherWords,
+            "`words` has the words that loads return",
+        ),
+        (Fault::HasWordsInCaches, "only coherent memory has `words`"),
     ] {
         let failure = conformance::window(&Faulty(Memory::new(64), fault)).unwrap_err();
         assert_eq!(failure.check, check, "{failure}");

@@ -52,9 +52,9 @@ fn exchange<'m>(
     offset: usize,
 ) -> Result<PoseExchange<'m>, AccessError> {
     let region = asker.region(ASKER).unwrap();
-    let mut places = Allocator::new(region.size());
-    places.bytes(offset)?;
-    Exchange::new(asker, region, &mut places)
+    let mut allocator = Allocator::new(region.size());
+    allocator.bytes(offset)?;
+    Exchange::new(asker, region, &mut allocator)
 }
 
 fn pose(first: u32) -> Pose {
@@ -117,9 +117,9 @@ fn blocks_of_the_server_belong_to_one_asker_each() {
     let system = SimSystem::<2>::in_virtual_time(4096);
     let [_, own] = system.windows(SERVER);
     let data = Region::users(own.data).unwrap();
-    let mut places = Allocator::new(data.size());
-    places.bytes(100).unwrap();
-    let blocks = Blocks::<Pose, u32>::new(&mut places, 2).unwrap();
+    let mut allocator = Allocator::new(data.size());
+    allocator.bytes(100).unwrap();
+    let blocks = Blocks::<Pose, u32>::new(&mut allocator, 2).unwrap();
     let first = move |call: &Call<'_>| blocks.answer(call, &data, |pose: Pose| pose.joints[0]);
     let mut server = system.mailbox(SERVER).unwrap();
     server

@@ -116,8 +116,8 @@ fn no_line_has_two_writers() {
             }
         });
         let own = a.region(A).unwrap();
-        let mut places = Allocator::new(own.size());
-        let mut exchange = Exchange::<_, _, u32, u32>::new(&a, own, &mut places).unwrap();
+        let mut allocator = Allocator::new(own.size());
+        let mut exchange = Exchange::<_, _, u32, u32>::new(&a, own, &mut allocator).unwrap();
         for value in 0..20 {
             assert_eq!(exchange.call(B, V, &value, GENEROUS).unwrap(), value * 2);
         }

@@ -119,9 +119,9 @@ fn a_cell_outside_its_window_is_refused() {
 fn cells_lie_side_by_side() {
     let memory = Memory::new(256);
     let ram = Region::users(&memory).unwrap();
-    let mut places = Allocator::new(ram.size());
-    let first: Published<u64> = places.published().unwrap();
-    let second: Published<[u32; 40]> = places.published().unwrap();
+    let mut allocator = Allocator::new(ram.size());
+    let first: Published<u64> = allocator.published().unwrap();
+    let second: Published<[u32; 40]> = allocator.published().unwrap();
     let mut one = first.publisher(&ram).unwrap();
     let mut two = second.publisher(&ram).unwrap();
     for round in 0..4 {

@@ -48,9 +48,9 @@ fn the_line_of_the_doorbell_is_not_the_users() {
 fn an_offset_from_a_message_reaches_the_same_value() {
     let memory = Memory::new(64);
     let ram = Region::users(&memory).unwrap();
-    let mut places = Allocator::new(ram.size());
-    places.bytes(1).unwrap();
-    let place = places.place::<Sample>().unwrap();
+    let mut allocator = Allocator::new(ram.size());
+    allocator.bytes(1).unwrap();
+    let place = allocator.place::<Sample>().unwrap();
     ram.set(place, &SAMPLE).unwrap();
     let message = place.offset();
     assert_eq!(ram.get(Offset::<Sample>::at(message)), Ok(SAMPLE));
@@ -108,8 +108,8 @@ fn a_part_has_no_more_than_it_was_given() {
 
 #[test]
 fn places_are_the_same_at_compile_time() {
-    const fn first(mut places: Allocator) -> Offset<Sample> {
-        match places.place() {
+    const fn first(mut allocator: Allocator) -> Offset<Sample> {
+        match allocator.place() {
             Ok(place) => place,
             Err(_) => panic!("no room"),
         }
@@ -121,12 +121,12 @@ fn places_are_the_same_at_compile_time() {
 
 #[test]
 fn places_begin_at_lines_and_end_with_the_region() {
-    let mut places = Allocator::new(3 * LINE - 4);
-    assert_eq!(places.bytes(1), Ok(0));
-    assert_eq!(places.bytes(LINE as usize), Ok(LINE));
-    assert!(places.bytes(LINE as usize).is_err());
-    assert_eq!(places.bytes(LINE as usize - 4), Ok(2 * LINE));
-    assert!(places.bytes(1).is_err());
+    let mut allocator = Allocator::new(3 * LINE - 4);
+    assert_eq!(allocator.bytes(1), Ok(0));
+    assert_eq!(allocator.bytes(LINE as usize), Ok(LINE));
+    assert!(allocator.bytes(LINE as usize).is_err());
+    assert_eq!(allocator.bytes(LINE as usize - 4), Ok(2 * LINE));
+    assert!(allocator.bytes(1).is_err());
     assert!(Allocator::new(64).bytes(usize::MAX).is_err());
     assert_eq!(Allocator::new(u32::MAX - 3).bytes(0xFFFF_FFF0), Ok(0));
 }

@@ -42,9 +42,12 @@ fn the_suite_names_what_a_wrong_window_breaks() {
     static SMALL: StaticMemory<8> = StaticMemory::new();
     static OTHER: StaticMemory<64> = StaticMemory::new();
     let failure = conformance::shared(&MEMORY.window(), &OTHER.window()).unwrap_err();
-    assert_eq!(failure.check, "what one window stores the other loads");
+    assert_eq!(
+        failure.check,
+        "the second window loads the word that the first stored"
+    );
     let failure = conformance::read_only(&OTHER.window()).unwrap_err();
     assert_eq!(failure.check, "a store is refused");
     let failure = conformance::window(&SMALL.window()).unwrap_err();
-    assert_eq!(failure.check, "the size suffices for the checks");
+    assert_eq!(failure.check, "the window is large enough for the checks");
 }

@@ -155,7 +155,12 @@ fn a_memory_that_a_stranger_names_is_refused() {
     assert_eq!(mode(&said), 0o400);
     set_mode(&said, 0o420);
     let error = LinuxSystem::<1>::at(&path, USER_BYTES).expect_err("others may write it");
-    assert!(error.to_string().contains("by its mode 420"), "{error}");
+    assert!(
+        error
+            .to_string()
+            .contains("its mode 420 lets others write it"),
+        "{error}"
+    );
     set_mode(&said, 0o400);
     LinuxSystem::<1>::at(&path, USER_BYTES).expect("it is ours");
     // Only root can make it somebody else's.

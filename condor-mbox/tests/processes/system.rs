@@ -243,15 +243,15 @@ fn a_child_that_was_passed_nothing_holds_nothing() {
 fn descriptions_that_are_wrong_are_refused() {
     let cases = [
         ("", "number"),
-        ("2", "incomplete"),
-        ("3 256 at /nowhere", "number of processors differs"),
-        ("2 x at /nowhere", "data size is no number"),
-        ("2 256", "incomplete"),
-        ("2 256 somewhere else", "kind of place"),
+        ("2", "ends too early"),
+        ("3 256 at /nowhere", "another number of processors"),
+        ("2 x at /nowhere", "its data size is not a number"),
+        ("2 256", "ends too early"),
+        ("2 256 somewhere else", "neither `at` nor `family`"),
         ("2 256 family 1 2 3", "three descriptors"),
         ("2 256 family 1 2 3 4 5 -1", "three descriptors"),
         ("2 256 family 900 901 902 903 904 905", "cannot open"),
-        ("2 254 family 1 2 3 4 5 6", "whole words"),
+        ("2 254 family 1 2 3 4 5 6", "not a multiple of 4"),
         ("2 256 at /nowhere/at/all", "cannot create"),
     ];
     for (description, expected) in cases {
@@ -720,7 +720,7 @@ fn a_memory_that_is_wrong_is_refused() {
                 &memory_of(&kept, 2),
             )
             .err(),
-            "0.mail at 0x2 begins within a word",
+            "0.mail at 0x2 does not begin at a multiple of 4",
         ),
     ] {
         let error = wrong.expect("it is refused").to_string();

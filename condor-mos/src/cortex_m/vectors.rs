@@ -98,7 +98,10 @@ impl<T: Alarm, const N: usize> VectorPlatform<T, N> {
         let mut vectors = [Vector::new(0); N];
         let mut rank = 0;
         while rank < N {
-            assert!(interrupts[rank] < INTERRUPTS, "there is no such interrupt");
+            assert!(
+                interrupts[rank] < INTERRUPTS,
+                "the processor has no such interrupt"
+            );
             vectors[rank] = Vector::new(interrupts[rank]);
             rank += 1;
         }

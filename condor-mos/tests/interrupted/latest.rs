@@ -1,8 +1,8 @@
 //! [`Latest`] with interrupts at every point of either end.
 //!
 //! There are points between the words of a value that is being written or read, too. A run is made for
-//! every way to place up to three interrupts, those within other interrupts included. One end of one cell is never in use twice: it is used
-//! through `&mut`.
+//! every way to place up to three interrupts, those within other interrupts included. One end of one cell is never in
+//! use twice: it is used through `&mut`.
 //!
 //! It fails if the reader's buffer is not its own until its next call, if a value that was complete
 //! before a call is not found by it, if the reader goes back to an older value, and if an exchange

@@ -56,7 +56,7 @@ fn a_table_that_does_not_fit_is_refused_with_the_entries_that_it_takes() {
     assert_eq!(error, RateError::TooManyEvents { needed, capacity });
     assert_eq!(
         error.to_string(),
-        "the rates take 25000 entries, the event table has 64: use a larger one, or a scan"
+        "the rates need 25000 entries of the event table, which has 64: use a larger table, or a schedule that scans"
     );
     assert!(EventTable::<3, 25_000>::try_new(&rates, MICROSECONDS).is_ok());
     assert!(Scan::<3>::try_new(&rates, MICROSECONDS).is_ok());

@@ -137,8 +137,8 @@ fn each_fault_is_found() {
         (Fault::InterruptsEarly, "when its interrupt came"),
         (Fault::NeverInterrupts, "at the instant that was armed"),
         (Fault::TakesAheadForPast, "was reported as past"),
-        (Fault::TakesPastForAhead, "an instant that has passed"),
-        (Fault::KeepsTheFirst, "to the later instant"),
+        (Fault::TakesPastForAhead, "that a passed instant has passed"),
+        (Fault::KeepsTheFirst, "until the later instant"),
         (Fault::StaysArmed, "after disarming"),
     ] {
         let processor = SimPlatform::new(Rate::hz(1_000));

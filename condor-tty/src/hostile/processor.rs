@@ -34,9 +34,9 @@ pub fn run(bytes: &[u8]) {
     let memory = SimWindow::new(END + 64);
     let window = Haunted::new(&memory, &script, OFFSET..END);
     let region = Region::whole(window.clone());
-    let mut places = Allocator::new(region.size());
-    places.bytes(OFFSET as usize).unwrap();
-    let hand = Hand::new(region, &mut places, CAPACITY, SingleContext::new()).unwrap();
+    let mut allocator = Allocator::new(region.size());
+    allocator.bytes(OFFSET as usize).unwrap();
+    let hand = Hand::new(region, &mut allocator, CAPACITY, SingleContext::new()).unwrap();
     // From now on only the host may write the host's line.
     window.forbid(OFFSET + 64..OFFSET + 128);
     let board = Board::new();

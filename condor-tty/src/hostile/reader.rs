@@ -26,10 +26,10 @@ pub fn run(bytes: &[u8]) {
     let window = Haunted::new(&memory, &script, OFFSET..END);
     // A processor that behaves correctly between its attacks.
     let region = Region::whole(memory);
-    let mut places = Allocator::new(region.size());
-    places.bytes(OFFSET as usize).unwrap();
+    let mut allocator = Allocator::new(region.size());
+    allocator.bytes(OFFSET as usize).unwrap();
     let hand =
-        Terminal::<_, _, 16>::new(region, &mut places, CAPACITY, SingleContext::new()).unwrap();
+        Terminal::<_, _, 16>::new(region, &mut allocator, CAPACITY, SingleContext::new()).unwrap();
     let board = Board::new();
     window.forbid(OFFSET..OFFSET + 64);
     let mut reader = None;

@@ -35,7 +35,7 @@ pub struct TerminalHost<W> {
     /// Whether the sink knows which of its characters come next.
     told: bool,
     /// The message whose reply has not come: a character, or none to settle.
-    asked: Option<(Option<u8>, PendingReply)>,
+    pending_reply: Option<(Option<u8>, PendingReply)>,
 }
 
 /// The result of [`TerminalHost::serve`]: what was moved, and what is left to do.
@@ -61,7 +61,7 @@ pub enum HostError {
     #[error(transparent)]
     Reader(#[from] TerminalReaderError),
     /// The sink returned this error.
-    #[error("the sink of a terminal fails: {0}")]
+    #[error("cannot pass on the output of a terminal: {0}")]
     Sink(#[from] io::Error),
     /// The mailbox returned this error.
     #[error(transparent)]
@@ -107,7 +107,7 @@ impl<W: MemoryWindow + Clone> TerminalHost<W> {
             typed: VecDeque::new(),
             settled: false,
             told: false,
-            asked: None,
+            pending_reply: None,
         })
     }
 
@@ -212,13 +212,13 @@ impl<W: MemoryWindow + Clone> TerminalHost<W> {
         sink: &mut dyn Sink,
         served: &mut ServedTerminal,
     ) -> Result<(), HostError> {
-        if let Some((character, pending)) = self.asked {
+        if let Some((character, pending)) = self.pending_reply {
             let answer = mailbox.poll_pending(&pending);
             if answer == Ok(None) {
                 return Ok(());
             }
             mailbox.abandon(&pending);
-            self.asked = None;
+            self.pending_reply = None;
             match (character, answer) {
                 // All that a former host has sent was taken before this.
                 (None, answer) => self.settled = answer.is_ok(),
@@ -258,7 +258,7 @@ impl<W: MemoryWindow + Clone> TerminalHost<W> {
             return Ok(());
         }
         self.ask(mailbox, Some(character))?;
-        served.sent = self.asked.is_some();
+        served.sent = self.pending_reply.is_some();
         Ok(())
     }
 
@@ -296,7 +296,7 @@ impl<W: MemoryWindow + Clone> TerminalHost<W> {
         };
         match mailbox.begin(self.to, vector, data, Duration::ZERO) {
             Ok(ticket) => {
-                self.asked = ticket.detach().map(|pending| (character, pending));
+                self.pending_reply = ticket.detach().map(|pending| (character, pending));
                 if character.is_some() {
                     self.typed.pop_front();
                 }
@@ -323,7 +323,7 @@ impl<W: MemoryWindow + Clone> TerminalHost<W> {
     /// Returns the number of typed characters that the processor has not taken yet.
     #[must_use]
     pub fn waiting_input(&self) -> usize {
-        let sent = matches!(self.asked, Some((Some(_), _)));
+        let sent = matches!(self.pending_reply, Some((Some(_), _)));
         self.typed.len() + usize::from(sent)
     }
 

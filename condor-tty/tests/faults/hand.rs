@@ -19,9 +19,10 @@ const REST: Duration = Duration::from_micros(20);
 pub(crate) fn play(policy: &str, mut random: Random) -> Result<(), AnyError> {
     let mut claim = LinuxSystem::<N>::inherited()?.claim(HAND)?;
     let ram = Region::users(claim.windows()[HAND.index()].data.clone())?;
-    let mut places = claim.places()?;
-    let terminal = Terminal::<_, _, 16>::new(ram.clone(), &mut places, CAPACITY, CriticalSection)?;
-    if places.bytes(board::BYTES as usize)? != board::AT {
+    let mut allocator = claim.places()?;
+    let terminal =
+        Terminal::<_, _, 16>::new(ram.clone(), &mut allocator, CAPACITY, CriticalSection)?;
+    if allocator.bytes(board::BYTES as usize)? != board::AT {
         return Err("the board is not where it is looked for".into());
     }
     let board = Board(ram);

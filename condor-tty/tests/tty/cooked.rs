@@ -12,8 +12,8 @@ type Hand = Terminal<SimWindow, SingleContext, 8>;
 fn hand() -> (SimWindow, Hand) {
     let memory = SimWindow::new(1024);
     let region = Region::whole(memory.clone());
-    let mut places = Allocator::new(region.size());
-    let terminal = Terminal::new(region, &mut places, 512, SingleContext::new()).unwrap();
+    let mut allocator = Allocator::new(region.size());
+    let terminal = Terminal::new(region, &mut allocator, 512, SingleContext::new()).unwrap();
     (memory, terminal)
 }
 
@@ -256,8 +256,8 @@ fn newlines_are_as_terminals_want_them() {
 fn half_a_newline_is_never_written() {
     let memory = SimWindow::new(512);
     let region = Region::whole(memory.clone());
-    let mut places = Allocator::new(region.size());
-    let terminal: Hand = Terminal::new(region, &mut places, 8, SingleContext::new()).unwrap();
+    let mut allocator = Allocator::new(region.size());
+    let terminal: Hand = Terminal::new(region, &mut allocator, 8, SingleContext::new()).unwrap();
     let board = Board::new();
     assert_eq!(terminal.poster(&board).post(b"1234567\n9").unwrap(), 7);
     assert_eq!((terminal.lost(), shown(&memory)), (2, "1234567".into()));

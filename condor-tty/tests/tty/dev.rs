@@ -56,8 +56,8 @@ fn terminal() -> (&'static Hand, &'static SimMailbox<'static, 2>, SimWindow) {
     let system = SimSystem::<2>::in_virtual_time(1024);
     let [_, windows] = system.windows(HAND);
     let ram = Region::users(windows.data.clone()).unwrap();
-    let mut places = Allocator::new(ram.size());
-    let hand = Hand::new(ram.clone(), &mut places, CAPACITY, CriticalSection).unwrap();
+    let mut allocator = Allocator::new(ram.size());
+    let hand = Hand::new(ram.clone(), &mut allocator, CAPACITY, CriticalSection).unwrap();
     hand.configure(&TerminalSettings {
         echo: false,
         ..TerminalSettings::COOKED

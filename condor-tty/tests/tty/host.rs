@@ -46,9 +46,9 @@ fn output_arrives_whole_and_input_is_answered() {
     let system = SimSystem::<2>::in_real_time(4096);
     let [_, windows] = system.windows(HAND);
     let ram = Region::users(windows.data).unwrap();
-    let mut places = Allocator::new(ram.size());
+    let mut allocator = Allocator::new(ram.size());
     let terminal =
-        Terminal::<_, _, 16>::new(ram.clone(), &mut places, 64, CriticalSection).unwrap();
+        Terminal::<_, _, 16>::new(ram.clone(), &mut allocator, 64, CriticalSection).unwrap();
     terminal
         .set_policy(Policy::Block { timeout: LONG })
         .unwrap();
@@ -159,8 +159,8 @@ fn a_sink_is_told_where_in_an_incarnation_its_output_was() {
     let [_, windows] = system.windows(HAND);
     let ram = Region::users(windows.data).unwrap();
     let begin = || {
-        let mut places = Allocator::new(ram.size());
-        Terminal::<_, _, 16>::new(ram.clone(), &mut places, 64, CriticalSection).unwrap()
+        let mut allocator = Allocator::new(ram.size());
+        Terminal::<_, _, 16>::new(ram.clone(), &mut allocator, 64, CriticalSection).unwrap()
     };
     let terminal = begin();
     let mut host = system.mailbox(HOST).unwrap();
@@ -240,9 +240,9 @@ fn typed_by_many_hosts(text: &[u8], queue_is_read: impl Fn(u32) -> bool) -> Vec<
     let system = SimSystem::<2>::in_virtual_time(4096);
     let [_, windows] = system.windows(HAND);
     let ram = Region::users(windows.data).unwrap();
-    let mut places = Allocator::new(ram.size());
+    let mut allocator = Allocator::new(ram.size());
     let terminal =
-        Terminal::<_, _, 16>::new(ram.clone(), &mut places, 64, CriticalSection).unwrap();
+        Terminal::<_, _, 16>::new(ram.clone(), &mut allocator, 64, CriticalSection).unwrap();
     let receive = |call: &Call<'_>| terminal.receive(call);
     let mut hand = system.mailbox(HAND).unwrap();
     hand.set_vector(TerminalVectors::DEFAULT.input, &receive, "input")

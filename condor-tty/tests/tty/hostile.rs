@@ -60,9 +60,10 @@ proptest! {
             memory.store(at, CANARY, StoreOrder::Relaxed).unwrap();
         }
         let region = Region::whole(memory.clone());
-        let mut places = Allocator::new(region.size());
-        places.bytes(OFFSET as usize).unwrap();
-        let terminal = Terminal::<_, _, 16>::new(region.clone(), &mut places, CAPACITY, SingleContext::new()).unwrap();
+        let mut allocator = Allocator::new(region.size());
+        allocator.bytes(OFFSET as usize).unwrap();
+        let context = SingleContext::new();
+        let terminal = Terminal::<_, _, 16>::new(region.clone(), &mut allocator, CAPACITY, context).unwrap();
         let board = Board::new();
         let mut reader = None;
         for step in steps {

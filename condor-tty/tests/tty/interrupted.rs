@@ -85,8 +85,8 @@ fn interrupt(policy: Policy, begin: usize, at: u32) -> bool {
     let line = Rc::new(Line::default());
     let memory = SimWindow::new(256);
     let region = Region::whole(Interrupted(memory.clone(), Rc::clone(&line)));
-    let mut places = Allocator::new(region.size());
-    let hand = Terminal::new(region, &mut places, 32, Masked(Rc::clone(&line))).unwrap();
+    let mut allocator = Allocator::new(region.size());
+    let hand = Terminal::new(region, &mut allocator, 32, Masked(Rc::clone(&line))).unwrap();
     let hand = Rc::new(hand);
     *line.hand.borrow_mut() = Rc::downgrade(&hand);
     hand.configure(&TerminalSettings::RAW).unwrap();

@@ -20,9 +20,9 @@ type Hand = Terminal<SimWindow, SingleContext, 8>;
 
 fn hand(memory: &SimWindow, policy: Policy) -> Hand {
     let region = Region::whole(memory.clone());
-    let mut places = Allocator::new(region.size());
-    places.bytes(OFFSET as usize).unwrap();
-    let terminal = Terminal::new(region, &mut places, CAPACITY, SingleContext::new()).unwrap();
+    let mut allocator = Allocator::new(region.size());
+    allocator.bytes(OFFSET as usize).unwrap();
+    let terminal = Terminal::new(region, &mut allocator, CAPACITY, SingleContext::new()).unwrap();
     assert_eq!(terminal.offset(), OFFSET);
     terminal.configure(&TerminalSettings::RAW).unwrap();
     terminal.set_policy(policy).unwrap();
@@ -365,9 +365,9 @@ fn a_new_incarnation_of_the_terminal_is_noticed_and_counted_from_its_beginning()
         (vec![2; 3], 0)
     );
     // Nor is an incarnation at another place one that there was here.
-    let mut places = Allocator::new(512);
+    let mut allocator = Allocator::new(512);
     let own = Region::whole(memory.clone());
-    let other = Terminal::<_, _, 8>::new(own, &mut places, 16, SingleContext::new()).unwrap();
+    let other = Terminal::<_, _, 8>::new(own, &mut allocator, 16, SingleContext::new()).unwrap();
     assert_ne!(other.offset(), OFFSET);
     let incarnation = TerminalReader::attach(Region::whole(memory), other.offset(), HOST)
         .unwrap()

@@ -152,9 +152,9 @@ fn run(policy: Policy, host: HostWas, writer: Loop) -> Outcome {
         }
     });
     let ram = Region::users(windows[HAND.index()].data.clone()).unwrap();
-    let mut places = Allocator::new(ram.size());
+    let mut allocator = Allocator::new(ram.size());
     let terminal =
-        Terminal::<_, _, 16>::new(ram.clone(), &mut places, 512, masked.clone()).unwrap();
+        Terminal::<_, _, 16>::new(ram.clone(), &mut allocator, 512, masked.clone()).unwrap();
     terminal.configure(&TerminalSettings::RAW).unwrap();
     terminal.set_policy(policy).unwrap();
     let receive = |call: &Call<'_>| terminal.receive(call);

@@ -143,7 +143,7 @@ impl Extension for Adder {
     }
 
     fn serve(&self, arguments: &[String]) -> Result<(), AnyError> {
-        let amount = arguments.first().ok_or("no amount is given")?;
+        let amount = arguments.first().ok_or("the amount is missing")?;
         let amount: u32 = amount.parse()?;
         let mut signals = EndSignals::new()?;
         let environment = Environment::read()?;

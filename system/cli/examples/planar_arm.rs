@@ -135,7 +135,7 @@ impl Simulator for Arm {
         to: [f64; 3],
     ) -> Result<DragResult, AnyError> {
         if frame != TIP {
-            return Err(format!("there is no frame {frame:?} to drag, but {TIP:?}").into());
+            return Err(format!("the frame {frame:?} cannot be dragged; drag {TIP:?}").into());
         }
         let mut moved = self.moved(positions);
         for turn in 0..3000 {

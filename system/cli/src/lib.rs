@@ -12,7 +12,7 @@
 mod commands;
 mod counts;
 mod guard;
-// What fuzz targets make of bytes.
+// Functions that fuzz targets call with arbitrary bytes.
 #[cfg(feature = "hostile")]
 #[doc(hidden)]
 pub mod hostile;

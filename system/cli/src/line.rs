@@ -51,7 +51,8 @@ enum Command {
     Restart(requests::OneProcessor),
     /// Stops the program of a processor and starts another one there
     Load(requests::Load),
-    /// Stops all programs and services of a running system, within 10 s; kills and names those that do not end when asked
+    /// Stops all programs and services of a running system, within 10 s; kills and names those that do not end when
+    /// asked
     Down(SystemChoice),
     /// Shows a running system on this terminal: terminals, loops, messages, log
     Ui(ui::Ui),
@@ -76,14 +77,14 @@ enum Command {
     Export(commands::Export),
     /// Draws variables over time on this terminal, and the robot as lines
     Plot(commands::Plot),
-    /// Shows a robot in browsers from its configuration alone, for postures and motions to be tried; or checks a
-    /// motion: limits, torques, tensions, collisions
+    /// Shows a robot in browsers from its configuration alone, to try postures and motions; or checks a motion:
+    /// limits, torques, tensions, collisions
     Sim(commands::Sim),
     /// Connects this terminal to the terminal of a processor
     Tty(commands::Tty),
-    /// Prints static variables of a program that runs, by their names in its debug information
+    /// Prints static variables of a running program, by their names in its debug information
     Print(commands::Print),
-    /// Starts GDB on the program of a processor: a hart through a gateway, a process as it is
+    /// Starts GDB on the program of a processor: on a hart through a gateway, on a process directly
     Gdb(commands::Gdb),
     /// Serves the program of a processor to a debugger that an editor starts
     Debug(commands::Debug),

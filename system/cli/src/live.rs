@@ -73,7 +73,7 @@ struct Live<'s> {
     newcomers: NewPrograms,
     events: EventCollector<'s>,
     feeds: Feeds<'s>,
-    desk: ParameterWorker,
+    parameter_worker: ParameterWorker,
     worker: Option<Worker>,
     server: Server,
     /// The parameters of which any client wants to know changes.
@@ -173,7 +173,7 @@ impl<'s> Live<'s> {
             [ahead_ns, at_ns],
         );
         let events = EventCollector::of(stage.directory, status, view)?;
-        let desk = ParameterWorker::open(
+        let parameter_worker = ParameterWorker::open(
             stage.directory.clone(),
             status.window_bytes,
             status.processors.clone(),
@@ -198,7 +198,7 @@ impl<'s> Live<'s> {
             newcomers,
             events,
             feeds,
-            desk,
+            parameter_worker,
             worker,
             server,
             watched: BTreeSet::new(),
@@ -226,15 +226,17 @@ impl<'s> Live<'s> {
             self.timed = Some(now);
         }
         server.turn(now)?;
-        self.desk.told().for_each(|told| server.take(told));
-        if self.desk.is_free()
+        self.parameter_worker
+            .messages()
+            .for_each(|message| server.take(message));
+        if self.parameter_worker.is_free()
             && let Some((client, ask)) = server.ask()
         {
-            self.desk.ask(client, ask);
+            self.parameter_worker.ask(client, ask);
         }
         let watched = server.watched();
         if watched != self.watched {
-            self.desk.watch(watched.clone());
+            self.parameter_worker.watch(watched.clone());
             self.watched = watched;
         }
         if let Some(worker) = &mut self.worker {
@@ -258,8 +260,8 @@ impl<'s> Live<'s> {
         let channels = self.feeds.add(first, sources, &columns);
         self.server.advertise(channels);
         if ones.iter().any(CatalogEntry::can_be_set) {
-            let text = "parameters of programs that have come later are set by `condor vars set`, or \
-                        here after `condor view` is started again";
+            let text = "parameters of programs that started later can be set by `condor vars set`, or here after \
+                        `condor view` is started again";
             eprintln!("condor: {text}");
             self.server.tell(text);
         }

@@ -88,7 +88,7 @@ impl Peek {
         let names = self.names()?;
         let value = names.find(expression)?;
         let number = value.number();
-        let number = number.ok_or_else(|| format!("`{expression}` is not one number"))?;
+        let number = number.ok_or_else(|| format!("`{expression}` is not a single number"))?;
         Ok(NumberAt {
             address: value.address,
             bytes: value.bytes,

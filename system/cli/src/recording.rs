@@ -123,7 +123,8 @@ pub enum RecordingError {
         path: PathBuf,
     },
     /// A chunk is not as it was written.
-    #[error("{}: the chunk at byte {at} is damaged; `record --finish {}` keeps all others", path.display(), path.display())]
+    #[error(
+        "{}: the chunk at byte {at} is damaged; `record --finish {}` keeps all others", path.display(), path.display())]
     Damaged {
         /// The file.
         path: PathBuf,

@@ -40,17 +40,19 @@ impl fmt::Display for Obstacle {
             Self::Turn {
                 holder,
                 asks: Some(service),
-            } => write!(f, "service {service}, which processor {holder} has asked"),
-            Self::Entry { of } => write!(f, "the program of processor {of}, which has not entered"),
+            } => write!(
+                f,
+                "service {service}, of which processor {holder} awaits a reply"
+            ),
+            Self::Entry { of } => {
+                write!(f, "the program of processor {of}, which does not run yet")
+            }
             Self::Service { number } => {
-                write!(
-                    f,
-                    "service {number}, which has not taken all that was sent to it"
-                )
+                write!(f, "service {number}, which has not taken all messages yet")
             }
             Self::Limit => f.write_str("`resume` or `step`"),
             Self::Pace => f.write_str("the real time"),
-            Self::Idle => f.write_str("nobody: no processor has anything to do"),
+            Self::Idle => f.write_str("a message or a loop: no processor has anything to do"),
         }
     }
 }

@@ -119,7 +119,8 @@ pub enum Until {
 /// The error of [`Page::check`]: the memory does not hold a page, or the page has another version.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "the page of the simulated clock begins with {magic:#010x}, version {version}; expected {MAGIC:#010x}, version {VERSION}"
+    "the page of the simulated clock begins with {magic:#010x}, version {version}; expected {MAGIC:#010x}, version \
+     {VERSION}"
 )]
 pub struct PageError {
     /// The first word that was found.

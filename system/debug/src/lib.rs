@@ -31,7 +31,7 @@ pub mod names;
 #[cfg(feature = "sim")]
 pub mod sim;
 
-// What tests and fuzz targets make of bytes.
+// Functions that tests and fuzz targets call with arbitrary bytes.
 #[cfg(all(feature = "hostile", target_os = "linux"))]
 #[doc(hidden)]
 pub mod hostile;

@@ -77,7 +77,8 @@ pub enum TracerError {
     NoAnswer,
     /// The processor refuses a breakpoint.
     #[error(
-        "no breakpoint can be at {address:#x}, or {} are planted already; a processor has few triggers, if any",
+        "cannot set a breakpoint at {address:#x}: the address does not allow one, or all {} breakpoints are in use; \
+         a processor has few hardware triggers, if any",
         area::MOST_PLANTED
     )]
     Refused {

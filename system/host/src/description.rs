@@ -124,7 +124,7 @@ impl FromStr for ClockSpeed {
         }
         let number = text.parse().ok().and_then(Self::times);
         number.ok_or_else(|| {
-            format!("\"{text}\" is no speed: a speed is a number from 0.001 to 1000, or `max`")
+            format!("\"{text}\" is not a speed: a speed is a number from 0.001 to 1000, or `max`")
         })
     }
 }

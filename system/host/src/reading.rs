@@ -206,8 +206,7 @@ fn clock(mut keys: Keys<'_, '_>) -> Option<ClockKind> {
     let kind = keys.word("kind", &[("real", false), ("simulated", true)]);
     let speed: Option<Spanned<ClockSpeed>> = keys.get("speed");
     if let (Some(speed), Some(false) | None) = (&speed, kind) {
-        let problem =
-            "a real clock has no speed; `kind = \"simulated\"` gives the system a clock of its own";
+        let problem = "a real clock has no speed; with `kind = \"simulated\"` the system has a clock of its own";
         keys.wrong(&speed.span(), problem);
     }
     keys.finish();

@@ -60,7 +60,9 @@ pub enum ServiceError {
 /// Returns [`ServiceError`] if the file or the terminal service fails; the extension's error if its service
 /// fails; an error that names the mistake if the words are wrong.
 pub fn run(words: &[String], application: &dyn Application) -> Result<(), AnyError> {
-    let (name, arguments) = words.split_first().ok_or("no service is named")?;
+    let (name, arguments) = words
+        .split_first()
+        .ok_or("the name of the service is missing")?;
     match name.as_str() {
         FILES => Ok(files::serve(&settings(arguments)?)?),
         TERMINALS => Ok(terminals::serve(&settings(arguments)?)?),

@@ -181,14 +181,14 @@ pub fn run(
     let claim = windows.claim(SUPERVISOR)?;
     let orders = Orders::new(description, claim.windows());
     let receive = |call: &Call<'_>| orders.receive(call);
-    let eye = SupervisorMailbox::open(claim, page, &receive)?;
-    let members = plan::members(description, &place.directory, &furniture, &eye)?;
+    let mailbox = SupervisorMailbox::open(claim, page, &receive)?;
+    let members = plan::members(description, &place.directory, &furniture, &mailbox)?;
     let mut supervisor = Supervisor {
         description,
         options,
         signals: EndSignals::new().map_err(UpError::Events)?,
         server: Server::new(furniture.listener).map_err(UpError::Events)?,
-        eye,
+        mailbox,
         orders: &orders,
         shared: furniture.shared,
         members,
@@ -220,7 +220,7 @@ struct Supervisor<'d> {
     options: SupervisorOptions,
     signals: EndSignals,
     server: Server,
-    eye: SupervisorMailbox<'d>,
+    mailbox: SupervisorMailbox<'d>,
     orders: &'d Orders<'d>,
     /// The memory that belongs to no processor.
     shared: Option<FileRange>,
@@ -286,12 +286,12 @@ impl Supervisor<'_> {
                     .iter_mut()
                     .filter(|member| !member.plan.is_service())
                 {
-                    member.end(NextStep::Stop, &self.eye, &mut self.journal);
+                    member.end(NextStep::Stop, &self.mailbox, &mut self.journal);
                 }
             }
             if ending.is_none() {
                 // Perhaps it gets the turn only now that a program that hung with it is dead.
-                self.eye.stop_all();
+                self.mailbox.stop_all();
             }
             let is_over = self.is_over();
             self.publish();
@@ -312,7 +312,7 @@ impl Supervisor<'_> {
             return;
         };
         self.pace.begin();
-        if let Err(error) = self.eye.begin(speed, self.options.duration) {
+        if let Err(error) = self.mailbox.begin(speed, self.options.duration) {
             let text = format!("the simulated time cannot begin: {error}");
             self.journal.tell(CONDOR, text, None);
             self.go_down("its time does not begin");
@@ -323,28 +323,28 @@ impl Supervisor<'_> {
     /// has the turn, unless it does not get it.
     fn may_end(&self) -> bool {
         let waited = self.down_for().is_some_and(|age| age >= PATIENCE);
-        self.down.is_some() && (waited || self.eye.ask_for_turn())
+        self.down.is_some() && (waited || self.mailbox.ask_for_turn())
     }
 
     /// Looks at everything once.
     fn turn(&mut self) -> Result<(), UpError> {
-        let seen = self.eye.serve()?;
+        let seen = self.mailbox.serve()?;
         for _ in 0..self.signals.taken() {
             match self.down {
                 None => self.go_down("a signal"),
                 Some(_) => self.force(),
             }
         }
-        let is_over = match (self.options.duration, self.eye.clock()) {
+        let is_over = match (self.options.duration, self.mailbox.clock()) {
             (Some(most), None) => self.since.elapsed() >= most,
-            (end, Some(_)) => self.is_up && self.down.is_none() && self.eye.is_at_end(end),
+            (end, Some(_)) => self.is_up && self.down.is_none() && self.mailbox.is_at_end(end),
             (None, _) => false,
         };
         if is_over {
             self.go_down("the time is over");
         }
-        self.eye.free_visitor();
-        self.pace.sample(&self.eye);
+        self.mailbox.free_visitor();
+        self.pace.sample(&self.mailbox);
         self.server.serve();
         for _ in 0..REQUESTS {
             let Some((from, request)) = self.server.next() else {
@@ -353,7 +353,7 @@ impl Supervisor<'_> {
             self.request(Asker::Client(from), request);
         }
         self.carry_out_orders();
-        self.eye.done(seen);
+        self.mailbox.done(seen);
         if self.options.adopts {
             let members = self.members.iter();
             let own: Vec<_> = members.filter_map(|it| it.launch().process()).collect();
@@ -361,7 +361,7 @@ impl Supervisor<'_> {
         }
         let mut changed = false;
         for member in &mut self.members {
-            changed |= member.look(&self.eye, &mut self.journal);
+            changed |= member.look(&self.mailbox, &mut self.journal);
         }
         changed |= self.start_next();
         if changed || !self.is_noted {
@@ -427,7 +427,7 @@ impl Supervisor<'_> {
                 && (may_pass || !in_turn)
                 && member.launch().is_ready()
             {
-                member.start(&self.eye, &mut self.journal);
+                member.start(&self.mailbox, &mut self.journal);
                 changed = true;
             }
             may_pass &= member.lets_pass();
@@ -446,7 +446,7 @@ impl Supervisor<'_> {
     /// Kills everybody: whoever asks twice does not want to wait.
     fn force(&mut self) {
         for member in &mut self.members {
-            member.end(NextStep::Stop, &self.eye, &mut self.journal);
+            member.end(NextStep::Stop, &self.mailbox, &mut self.journal);
             member.force(&mut self.journal);
         }
     }
@@ -468,7 +468,7 @@ impl Supervisor<'_> {
                 KILL_PROCESSORS
             };
             if age >= limit {
-                member.end(NextStep::Stop, &self.eye, &mut self.journal);
+                member.end(NextStep::Stop, &self.mailbox, &mut self.journal);
                 member.force(&mut self.journal);
             }
         }
@@ -502,7 +502,7 @@ impl Supervisor<'_> {
             Some(Down::Processors) => {
                 self.down = Some(Down::Services);
                 for member in &mut self.members {
-                    member.end(NextStep::Stop, &self.eye, &mut self.journal);
+                    member.end(NextStep::Stop, &self.mailbox, &mut self.journal);
                 }
                 !any_alive(&self.members, true)
             }
@@ -520,9 +520,9 @@ impl Supervisor<'_> {
     fn wait(&self) -> Result<(), UpError> {
         let now = Instant::now();
         let end = self.options.duration.map(|most| self.since + most);
-        let end = end.filter(|_| self.down.is_none() && self.eye.clock().is_none());
+        let end = end.filter(|_| self.down.is_none() && self.mailbox.clock().is_none());
         // Until it has the turn.
-        let asks = self.down == Some(Down::Processors) && self.eye.clock().is_some();
+        let asks = self.down == Some(Down::Processors) && self.mailbox.clock().is_some();
         let end = end.or(asks.then(|| now + ASK));
         let dues = self.members.iter().filter_map(|member| member.due(now));
         // Even without anybody to look at, the supervisor's own heartbeat goes on.
@@ -535,7 +535,7 @@ impl Supervisor<'_> {
         let span = due.map(|due| due.saturating_duration_since(now));
         let span = span.and_then(|span| Timespec::try_from(span).ok());
         let mut polled = vec![
-            PollFd::from_borrowed_fd(self.eye.bell(), PollFlags::IN),
+            PollFd::from_borrowed_fd(self.mailbox.bell(), PollFlags::IN),
             PollFd::from_borrowed_fd(self.signals.descriptor(), PollFlags::IN),
         ];
         for (descriptor, flags) in self.server.descriptors() {
@@ -572,7 +572,7 @@ impl Supervisor<'_> {
             file: self.description.file.display().to_string(),
             window_bytes: self.description.window_bytes,
             shared_memory: self.shared.as_ref().map(MemoryFile::from),
-            clock: self.pace.status(&self.eye),
+            clock: self.pace.status(&self.mailbox),
             files_root: self
                 .description
                 .files

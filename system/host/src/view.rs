@@ -137,7 +137,7 @@ pub struct Heart {
 pub struct View {
     post: Post,
     /// The allocator of the free part of the visitor's own memory.
-    places: RefCell<Allocator>,
+    allocator: RefCell<Allocator>,
     /// The simulated clock, if the system has one.
     clock: Option<MappedPage>,
 }
@@ -160,13 +160,13 @@ impl View {
     /// opened; [`ViewError::Clock`] if the simulated clock cannot be opened.
     pub fn open(directory: &SystemDirectory, window_bytes: u32) -> Result<Self, ViewError> {
         let mut claim = claim(&directory.system(window_bytes)?)?;
-        let places = RefCell::new(claim.places()?);
+        let allocator = RefCell::new(claim.places()?);
         let page = directory.clock_page()?;
         let clock = page.clone();
         let post = HostBell::mailbox(claim, |bell| HostBell::of_guest(bell, page))?;
         Ok(Self {
             post,
-            places,
+            allocator,
             clock,
         })
     }

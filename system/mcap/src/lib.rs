@@ -2,7 +2,7 @@
 #![cfg_attr(not(any(feature = "hostile", test)), no_std)]
 #![forbid(unsafe_code)]
 
-// What tests and fuzz targets make of bytes.
+// Functions that tests and fuzz targets call with arbitrary bytes.
 #[cfg(feature = "hostile")]
 #[doc(hidden)]
 pub mod hostile;

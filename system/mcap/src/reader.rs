@@ -93,16 +93,16 @@ pub enum McapError<E> {
     #[error(transparent)]
     Io(E),
     /// The file does not begin as MCAP files do.
-    #[error("it is no MCAP file: it begins with {found:02x?}")]
+    #[error("it is not an MCAP file: it begins with {found:02x?}")]
     Magic {
         /// The first bytes.
         found: [u8; 8],
     },
     /// The file ends before its last record.
-    #[error("the file was broken off")]
+    #[error("the file ends in the middle of a record")]
     BrokenOff,
     /// A record is longer than the buffer.
-    #[error("a record of kind {opcode:#04x} has {bytes} bytes, and there is room for {room}")]
+    #[error("a record of kind {opcode:#04x} has {bytes} bytes, but the buffer has room for {room}")]
     Room {
         /// The kind of the record.
         opcode: u8,
@@ -120,7 +120,7 @@ pub enum McapError<E> {
         bytes: u64,
     },
     /// The file has messages in chunks, which this reader does not take apart.
-    #[error("its messages are in chunks, which cannot be read here")]
+    #[error("its messages are in chunks, which this reader does not support")]
     Chunk,
 }
 

@@ -155,7 +155,7 @@ impl From<Failure> for PyErr {
 pub(crate) fn seconds(what: &str, seconds: f64) -> Result<Duration, Failure> {
     Duration::try_from_secs_f64(seconds).map_err(|_| {
         Failure::refused(format!(
-            "`{what}` must be a number of seconds from 0 on, not {seconds}"
+            "`{what}` must be a number of seconds, 0 or more, not {seconds}"
         ))
     })
 }

@@ -40,7 +40,7 @@ impl<'v> WorkerState<'v> {
         }
         let system = &self.status.system;
         Err(Failure::not_found(format!(
-            "no processor of `{system}` has a queue of motions now"
+            "no running processor of `{system}` has a queue of motions; start its master"
         )))
     }
 
@@ -83,7 +83,7 @@ impl<'v> WorkerState<'v> {
         let given_up = queue.give_up_control(session, timeout);
         self.session.last = number;
         let offered = offered.map_err(|error| {
-            let text = format!("{error}; the motion may run all the same");
+            let text = format!("{error}; the motion may run nevertheless");
             Failure {
                 text,
                 ..Failure::from(error)
@@ -146,6 +146,8 @@ fn take_control(
 ) -> Result<(), Failure> {
     match queue.control(session, from_other, timeout)? {
         own if own == session => Ok(()),
-        other => Err(Failure::refused(format!("session {other} is in control"))),
+        other => Err(Failure::refused(format!(
+            "another program is in control, by session {other}; `take_control=True` takes control from it"
+        ))),
     }
 }

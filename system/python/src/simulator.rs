@@ -135,7 +135,8 @@ impl Simulator {
     fn run(&self, step: &Bound<'_, PyAny>) -> PyResult<()> {
         let (py, step) = (step.py(), step.clone().unbind());
         let process = lock(&self.process).take();
-        let process = process.ok_or_else(|| Failure::refused("a simulator runs once"))?;
+        let process = process
+            .ok_or_else(|| Failure::refused("a simulator can run only once; make another one"))?;
         let raised = Mutex::new(None);
         let ran = py.detach(|| self.program(&process, &step, &raised));
         let raised = raised.into_inner().unwrap_or_else(PoisonError::into_inner);

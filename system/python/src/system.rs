@@ -31,7 +31,7 @@ pub(crate) fn running(py: Python<'_>) -> PyResult<Vec<String>> {
 #[pyclass(frozen)]
 pub(crate) struct System {
     directory: SystemDirectory,
-    desk: SystemWorker,
+    worker: SystemWorker,
 }
 
 #[pymethods]
@@ -50,15 +50,15 @@ impl System {
                 Some(directory) => SystemDirectory::at(directory),
                 None => system::find(name)?,
             };
-            let desk = SystemWorker::open(directory.clone(), timeout)?;
-            Ok::<_, Failure>(Self { directory, desk })
+            let worker = SystemWorker::open(directory.clone(), timeout)?;
+            Ok::<_, Failure>(Self { directory, worker })
         });
         Ok(joined?)
     }
 
     /// Leaves the system.
     fn close(&self, py: Python<'_>) {
-        py.detach(|| self.desk.close());
+        py.detach(|| self.worker.close());
     }
 
     /// Sends a request to the supervisor, and waits for the answer. Both are JSON.
@@ -75,30 +75,30 @@ impl System {
 
     /// Returns the mailbox, the loops and the vectors of a processor or service, as JSON.
     fn member(&self, py: Python<'_>, processor: String, timeout: f64) -> PyResult<String> {
-        self.desk
-            .ask(py, seconds("timeout", timeout)?, move |seat| {
-                let number = seat.status.member(&processor)?.processor();
+        self.worker
+            .ask(py, seconds("timeout", timeout)?, move |state| {
+                let number = state.status.member(&processor)?.processor();
                 Ok(serde_json::to_string(&json!({
-                    "heart": seat.view.heart(number)?,
-                    "loops": seat.view.loops(number)?.overall(),
-                    "vectors": seat.view.vectors(number)?,
+                    "heart": state.view.heart(number)?,
+                    "loops": state.view.loops(number)?.overall(),
+                    "vectors": state.view.vectors(number)?,
                 }))?)
             })
     }
 
     /// Returns the present time on the clock of the system, in seconds.
     fn now(&self, py: Python<'_>, timeout: f64) -> PyResult<f64> {
-        self.desk.ask(py, seconds("timeout", timeout)?, |seat| {
-            let now = Duration::from_nanos(seat.view.now().as_ns());
+        self.worker.ask(py, seconds("timeout", timeout)?, |state| {
+            let now = Duration::from_nanos(state.view.now().as_ns());
             Ok(now.as_secs_f64())
         })
     }
 
     /// Returns descriptions of the variables, parameters and fields that `patterns` name, as JSON.
     fn variables(&self, py: Python<'_>, patterns: Vec<String>, timeout: f64) -> PyResult<String> {
-        self.desk
-            .ask(py, seconds("timeout", timeout)?, move |seat| {
-                let known = seat.known()?;
+        self.worker
+            .ask(py, seconds("timeout", timeout)?, move |state| {
+                let known = state.known()?;
                 let chosen = known.matching(&patterns).map_err(Failure::not_found)?;
                 let labels = known.labels(&chosen);
                 let all = chosen.iter().zip(&labels);
@@ -111,10 +111,10 @@ impl System {
     /// are only in rows.
     fn get(&self, py: Python<'_>, name: String, timeout: f64) -> PyResult<Option<PythonValue>> {
         let timeout = seconds("timeout", timeout)?;
-        self.desk.ask(py, timeout, move |seat| {
-            let known = seat.known()?;
+        self.worker.ask(py, timeout, move |state| {
+            let known = state.known()?;
             let one = known.find(&name).map_err(Failure::not_found)?;
-            let value = seat.with_clients(timeout, |clients| Ok(clients.value(one)?))?;
+            let value = state.with_clients(timeout, |clients| Ok(clients.value(one)?))?;
             Ok(value.map(|value| PythonValue::of(&one.of, value)))
         })
     }
@@ -129,24 +129,24 @@ impl System {
         timeout: f64,
     ) -> PyResult<PythonValue> {
         let timeout = seconds("timeout", timeout)?;
-        self.desk.ask(py, timeout, move |seat| {
-            let known = seat.known()?;
+        self.worker.ask(py, timeout, move |state| {
+            let known = state.known()?;
             known.find(&name).map_err(Failure::not_found)?;
             let one = known.parameter(&name).map_err(Failure::refused)?;
             let parse = |text: &str| one.of.parse(text).map_err(Failure::refused);
             let new = parse(&value)?;
             let from = expected.as_deref().map(parse).transpose()?;
             let before =
-                seat.with_clients(timeout, |clients| Ok(clients.set(&name, one, from, new)?))?;
+                state.with_clients(timeout, |clients| Ok(clients.set(&name, one, from, new)?))?;
             Ok(PythonValue::of(&one.of, before))
         })
     }
 
     /// Returns the latest value of the published cell `name`, field by field.
     fn published(&self, py: Python<'_>, name: String, timeout: f64) -> PyResult<Latest> {
-        self.desk
-            .ask(py, seconds("timeout", timeout)?, move |seat| {
-                seat.published(&name)
+        self.worker
+            .ask(py, seconds("timeout", timeout)?, move |state| {
+                state.published(&name)
             })
     }
 
@@ -166,8 +166,8 @@ impl System {
                 format!("`every` and `capacity` must be 1 or more, not {every} and {capacity}");
             return Err(Failure::refused(text).into());
         }
-        self.desk.ask(py, timeout, move |seat| {
-            let shared = seat.watch(&patterns, every, capacity, timeout)?;
+        self.worker.ask(py, timeout, move |state| {
+            let shared = state.watch(&patterns, every, capacity, timeout)?;
             Ok(Watch { shared })
         })
     }
@@ -184,11 +184,11 @@ impl System {
         timeout: f64,
     ) -> PyResult<Option<u32>> {
         let timeout = seconds("timeout", timeout)?;
-        self.desk.ask(py, timeout, move |seat| {
-            let member = seat.status.member(&processor)?;
+        self.worker.ask(py, timeout, move |state| {
+            let member = state.status.member(&processor)?;
             let to = member.processor();
-            let vector = seat.view.vector(member, &vector)?;
-            let post = seat.view.post();
+            let vector = state.view.vector(member, &vector)?;
+            let post = state.view.post();
             if replies {
                 return Ok(Some(post.send_with_reply(to, vector, data, timeout)?));
             }
@@ -206,32 +206,33 @@ impl System {
         timeout: f64,
     ) -> PyResult<Ticket> {
         let timeout = seconds("timeout", timeout)?;
-        self.desk.ask(py, timeout, move |seat| {
-            seat.enqueue(&motions, takes_control, timeout)
+        self.worker.ask(py, timeout, move |state| {
+            state.enqueue(&motions, takes_control, timeout)
         })
     }
 
     /// Returns the present state of an enqueued motion.
     fn outcome(&self, py: Python<'_>, motion: Ticket, timeout: f64) -> PyResult<Outcome> {
         let timeout = seconds("timeout", timeout)?;
-        self.desk
-            .ask(py, timeout, move |seat| seat.outcome(motion, timeout))
+        self.worker
+            .ask(py, timeout, move |state| state.outcome(motion, timeout))
     }
 
     /// Ends the motion that runs, and all that wait. If another program is in control of the robot, this needs
     /// `takes_control`.
     fn abort(&self, py: Python<'_>, takes_control: bool, timeout: f64) -> PyResult<()> {
         let timeout = seconds("timeout", timeout)?;
-        self.desk
-            .ask(py, timeout, move |seat| seat.abort(takes_control, timeout))
+        self.worker.ask(py, timeout, move |state| {
+            state.abort(takes_control, timeout)
+        })
     }
 
     /// Opens the terminal of a processor. While the terminal service is not ready for it, tries again for `timeout`.
     fn terminal(&self, py: Python<'_>, processor: String, timeout: f64) -> PyResult<Terminal> {
         let timeout = seconds("timeout", timeout)?;
         let begun = Instant::now();
-        let name = self.desk.ask(py, timeout, move |seat| {
-            Ok(seat.status.processor(&processor)?.name.clone())
+        let name = self.worker.ask(py, timeout, move |state| {
+            Ok(state.status.processor(&processor)?.name.clone())
         })?;
         loop {
             match Terminal::open(self.directory.clone(), name.clone()) {

@@ -73,7 +73,7 @@ impl SystemWorker {
         ready.unwrap_or_else(|_| {
             let after = timeout.as_secs_f64();
             Err(Failure::timed_out(format!(
-                "the system was not joined within {after} s"
+                "the system could not be joined within {after} s"
             )))
         })?;
         Ok(Self {
@@ -91,13 +91,15 @@ impl SystemWorker {
         job: impl FnOnce(&mut WorkerState<'_>) -> Result<T, Failure> + Send + 'static,
     ) -> PyResult<T> {
         let (answer, answered) = channel();
-        let job: Job = Box::new(move |seat| {
+        let job: Job = Box::new(move |state| {
             // The thread that asked may have been interrupted.
-            let _ = answer.send(job(seat));
+            let _ = answer.send(job(state));
         });
         let sent = match &*self.jobs.lock().unwrap_or_else(PoisonError::into_inner) {
             Some(jobs) => jobs.send(job).is_ok(),
-            None => return Err(Failure::new_other("the system was left").into()),
+            None => {
+                return Err(Failure::new_other("the connection to the system was closed").into());
+            }
         };
         if !sent {
             return Err(Failure::new_other(ENDED).into());
@@ -115,7 +117,7 @@ impl SystemWorker {
                 Err(RecvTimeoutError::Disconnected) => return Err(Failure::new_other(ENDED).into()),
                 Err(RecvTimeoutError::Timeout) if begun.elapsed() > timeout + PATIENCE => {
                     let after = begun.elapsed().as_secs();
-                    let text = format!("the system could not be asked within {after} s");
+                    let text = format!("the system did not answer within {after} s");
                     return Err(Failure::timed_out(text).into());
                 }
                 Err(RecvTimeoutError::Timeout) => py.check_signals()?,
@@ -133,7 +135,7 @@ impl SystemWorker {
     }
 }
 
-const ENDED: &str = "the thread that visits the system has ended";
+const ENDED: &str = "the thread that exchanges messages with the system has ended";
 
 fn take<T>(from: &Mutex<Option<T>>) -> Option<T> {
     from.lock().unwrap_or_else(PoisonError::into_inner).take()

@@ -78,7 +78,7 @@ class SystemTest(unittest.TestCase):
         self.refused(LookupError, "servo-a has no vector `servo`: name one of ", system.call, "servo-a", "servo", 0)
         self.refused(LookupError, "has no handler for", system.call, "servo-a", 9, 0)
         self.refused(ValueError, "a message has a number from 0 to 4294967295, not -1", system.send, 1, 42, -1)
-        self.refused(ValueError, "`timeout` must be a number of seconds from 0 on, not -1", system.get, GAIN, timeout=-1)
+        self.refused(ValueError, "`timeout` must be a number of seconds, 0 or more, not -1", system.get, GAIN, timeout=-1)
         self.refused(ValueError, "`every` and `capacity` must be 1 or more, not 0 ", system.watch, GAIN, every=0)
         self.refused(condor.Refused, "no such motion", system.enqueue, "wafe")
 
@@ -190,7 +190,7 @@ class SystemTest(unittest.TestCase):
             watch.read()
             waiting = threading.Thread(target=lambda: read.append(watch.read(100, timeout=DEADLINE_S)))
             waiting.start()
-            # If the thread that waits kept others from running, time would not go on before its time-out.
+            # If the thread that waits kept others from running, time would not go on before its timeout.
             self.system.resume()
             waiting.join(DEADLINE_S)
         (samples,) = read
@@ -226,7 +226,7 @@ class SystemTest(unittest.TestCase):
     def test_zz_a_system_that_was_left_is_not_asked(self) -> None:
         with condor.join(self.system.name) as other:
             self.assertEqual(other.name, self.system.name)
-        self.refused(condor.Error, "the system was left", other.get, GAIN)
+        self.refused(condor.Error, "the connection to the system was closed", other.get, GAIN)
 
 
 if __name__ == "__main__":

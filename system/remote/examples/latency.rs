@@ -1,9 +1,9 @@
-//! Takes all streams of rows of a robot on this machine, and tells how old rows are when they arrive: latency PLACE CLIENT
-//! ROBOT.
+//! Takes all streams of rows of a robot on this machine, and measures how old rows are when they arrive:
+//! `latency ADDRESS CLIENT ROBOT`.
 //!
-//! It prints how many streams it takes. Then it counts from the first line of its standard input until the end of it, and then prints JSON: the number of `rows`, of
-//! those that were `lost`, and the `median_us` and `p99_us` of the times from the release of the loop's tick to the
-//! arrival of its row, in µs.
+//! The example prints the number of streams. Then it counts rows, from the first line of its standard input until the
+//! end of the input. At last it prints JSON: the number of `rows`, of those that were `lost`, and the `median_us` and
+//! `p99_us` of the times from the release of the loop's tick to the arrival of its row, in µs.
 
 use std::error::Error;
 use std::io::{Read, stdin};
@@ -17,7 +17,7 @@ use serde_json::json;
 
 type AnyError = Box<dyn Error + Send + Sync>;
 
-/// How long anything may take to come up.
+/// The longest time that anything may take to start.
 const PATIENCE: Duration = Duration::from_secs(30);
 /// The longest time between two looks whether to end.
 const LOOK: Duration = Duration::from_millis(100);
@@ -25,7 +25,7 @@ const LOOK: Duration = Duration::from_millis(100);
 /// Not counting yet, counting, and done.
 static PHASE: AtomicU8 = AtomicU8::new(0);
 
-/// What came by a stream: ages in ns, and the number of rows that were lost.
+/// The rows of a stream: their ages in ns, and the number of lost ones.
 #[derive(Default)]
 struct Taken {
     ages_ns: Vec<u64>,
@@ -37,7 +37,7 @@ fn take(mut stream: RemoteStream) -> Result<Taken, AnyError> {
     loop {
         let message = stream.next(LOOK)?;
         let now = SystemTime::now().duration_since(UNIX_EPOCH)?;
-        // It orders nothing else.
+        // Relaxed: the phase orders no other memory.
         match PHASE.load(Ordering::Relaxed) {
             0 => continue,
             1 => {}
@@ -65,7 +65,7 @@ fn main() -> ExitCode {
 fn run() -> Result<(), AnyError> {
     let words: Vec<_> = std::env::args().skip(1).collect();
     let [place, client, robot] = &words[..] else {
-        return Err("expected a place, the name of a client, and a robot".into());
+        return Err("expected an address, the name of a client, and the name of a robot".into());
     };
     let network = Network::open(&RemoteAccess::to(place), client, PATIENCE)?;
     let remote = Remote::new(&network, robot)?;
@@ -95,12 +95,12 @@ fn run() -> Result<(), AnyError> {
         let rank = (all.ages_ns.len() * part).div_ceil(100).max(1) - 1;
         all.ages_ns.get(rank).map(|&ns| ns / 1000)
     };
-    let told = json!({
+    let result = json!({
         "rows": all.ages_ns.len(),
         "lost": all.lost,
         "median_us": rank(50),
         "p99_us": rank(99),
     });
-    println!("{told}");
+    println!("{result}");
     Ok(())
 }

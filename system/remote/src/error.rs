@@ -14,7 +14,8 @@ pub enum RemoteError {
     /// No answer has come: the robot cannot be reached, or the client is not allowed to ask. What was asked for may
     /// have been done.
     #[error(
-        "`{robot}` has not answered within {timeout:?}: it is not there, or this client may not ask it"
+        "the robot `{robot}` has not answered within {timeout:?}: its gateway cannot be reached, or this client has \
+         no right to ask"
     )]
     NoAnswer {
         /// The name of the robot.
@@ -23,10 +24,10 @@ pub enum RemoteError {
         timeout: Duration,
     },
     /// The answer cannot be read: it is not one of this version.
-    #[error("an answer that no gateway of this version gives: {0}")]
+    #[error("cannot understand the answer of the gateway, whose version may differ: {0}")]
     Strange(String),
     /// There is no topic of this name.
-    #[error("there is no topic `{name}`; there are {}", there.join(", "))]
+    #[error("there is no topic `{name}`; the topics are {}", there.join(", "))]
     NoTopic {
         /// The name that was asked for.
         name: String,
@@ -37,7 +38,7 @@ pub enum RemoteError {
     #[error("{0}")]
     Name(String),
     /// zenoh has refused a configuration, or has failed.
-    #[error("zenoh: {0}")]
+    #[error("zenoh, the network library, failed: {0}")]
     Zenoh(String),
 }
 

@@ -2,7 +2,7 @@
 
 #[cfg(feature = "client")]
 mod error;
-// What fuzz targets make of bytes.
+// Functions that fuzz targets call with arbitrary bytes.
 #[cfg(feature = "hostile")]
 #[doc(hidden)]
 pub mod hostile;

@@ -90,7 +90,7 @@ impl RemoteAccess {
     }
 }
 
-/// Returns the part `connect` of zenoh's configuration for the given `places`, such as `tcp/192.168.0.2:7447`.
+/// Returns the part `connect` of zenoh's configuration for the given `allocator`, such as `tcp/192.168.0.2:7447`.
 /// `timeout_ms` is the longest time in milliseconds that opening a session waits for the first connection, and fails
 /// without one; with -1, opening does not wait. A connection that is lost is made again, without any limit.
 #[must_use]

@@ -201,7 +201,7 @@ impl ClientRequest {
         }
         let json: Result<serde_json::Map<_, _>, _> = serde_json::from_slice(payload);
         let mut json =
-            json.map_err(|error| wrong(format!("a request is a JSON object: {error}")))?;
+            json.map_err(|error| wrong(format!("the request is not a JSON object: {error}")))?;
         match json.remove("version") {
             Some(version) if version == VERSION => {}
             Some(other) => {
@@ -211,11 +211,12 @@ impl ClientRequest {
             None => return Err(wrong("the request has no `version`".into())),
         }
         let request: Result<RemoteRequest, _> = serde_json::from_value(json.into());
-        let request = request.map_err(|error| wrong(format!("no request: {error}")))?;
+        let request =
+            request.map_err(|error| wrong(format!("cannot understand the request: {error}")))?;
         if request.right().word() != word {
             let right = request.right().word();
             return Err(wrong(format!(
-                "this request needs the key of `{right}`, not `{word}`"
+                "this request must be sent by the key of the right `{right}`, not of `{word}`"
             )));
         }
         let most = match &request {
@@ -225,7 +226,7 @@ impl ClientRequest {
         if attachment.len() > most || attachment.is_empty() && most > 0 {
             let length = attachment.len();
             let text = format!(
-                "an attachment of {length} bytes: a motion has 1 to {MOTION_BYTES}, other requests none"
+                "the attachment has {length} bytes; a motion has 1 to {MOTION_BYTES}, and other requests have none"
             );
             return Err(wrong(text));
         }
@@ -467,7 +468,7 @@ pub fn check_name(what: &str, name: &str) -> Result<(), String> {
         .flat_map(char::escape_default)
         .collect();
     Err(format!(
-        "the name of a {what} has 1 to {NAME_BYTES} letters, digits, `-` and `_`, which `{shown}` has not"
+        "`{shown}` cannot be the name of a {what}: a name has 1 to {NAME_BYTES} letters, digits, `-` and `_`"
     ))
 }
 
@@ -563,7 +564,7 @@ mod tests {
                 b"",
                 "unknown field `x`",
             ),
-            (&key, &status, b"wave", "an attachment of 4 bytes"),
+            (&key, &status, b"wave", "the attachment has 4 bytes"),
             (
                 &key,
                 &[b' '; REQUEST_BYTES + 1],

@@ -75,7 +75,7 @@ pub trait Wires: Send {
 
 /// Boards whose registers are memory, as a simulated robot sees them: it sets inputs and reads outputs.
 pub trait SimBoards: Boards {
-    /// Plugs the boards in, or unplugs them: then they do not answer.
+    /// Sets whether the boards are plugged in; unplugged boards do not answer.
     ///
     /// # Errors
     /// Returns [`BusFault`] if the bus fails.
@@ -103,7 +103,7 @@ pub trait SimBoards: Boards {
     fn output<B: Bus>(bus: &B, output: &OutputChannel) -> Result<Option<u32>, BusFault>;
 }
 
-/// What became of a board of outputs.
+/// The use of a board of outputs since the last look at it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BoardEvent {
     /// No program has the board open.
@@ -116,7 +116,7 @@ pub enum BoardEvent {
 
 /// A transfer on the bus that failed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
-#[error("the bus at address {address:#x}: {kind}")]
+#[error("the bus failed at address {address:#x}: {kind}")]
 pub struct BusFault {
     /// The address on the bus.
     pub address: usize,
@@ -130,7 +130,7 @@ pub struct BusFault {
 pub enum BoardError {
     /// No board has a channel.
     #[error(
-        "no {} board {} has a channel {}",
+        "no {} board {} has a channel {}; correct the channel in the configuration",
         channel.converter, channel.board, channel.channel
     )]
     NoChannel {
@@ -139,7 +139,7 @@ pub enum BoardError {
     },
     /// Counts do not fit into a register.
     #[error(
-        "{} board {} channel {} has {bits} bits from {zero} counts at zero, and a register 16 bits",
+        "{} board {} channel {} has {bits} bits from {zero} counts at zero, but a register has 16 bits",
         channel.converter, channel.board, channel.channel
     )]
     Bits {
@@ -152,7 +152,7 @@ pub enum BoardError {
     },
     /// Two processors write a board of outputs; opening it rests the outputs of both.
     #[error(
-        "processors {first} and {second} both write D/A board {board}, and a board has one owner"
+        "processors {first} and {second} both write D/A board {board}, but a board must have one owner"
     )]
     Shared {
         /// The number of the board, from 0.

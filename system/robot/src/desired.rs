@@ -57,7 +57,7 @@ impl CellStruct for DesiredPositions {
             offset_of!(DesiredPositions, position),
         )
         .repeated(FINGERS * JOINTS)
-        .about("Where the joints are to be at the next tick."),
+        .about("Targets of the joints at the next tick."),
         CellField::new(
             "velocity",
             "rad/s",

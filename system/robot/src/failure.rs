@@ -55,7 +55,7 @@ pub enum Failure {
         processor: u8,
     },
     /// A finger cannot be controlled.
-    #[error("finger {finger}: {error}")]
+    #[error("cannot control finger {finger}: {error}")]
     Controller {
         /// The finger, from 0.
         finger: usize,

@@ -42,12 +42,12 @@ impl CellStruct for Felt {
     const FIELDS: &'static [CellField] = &[
         CellField::new("torque", "N m", ValueKind::F64, offset_of!(Felt, torque))
             .repeated(FINGERS * JOINTS)
-            .about("The greatest of late, to either side; joints in the order of the fingers."),
+            .about("Greatest recent value, to either side; joints in the order of the fingers."),
         CellField::new("tension", "N", ValueKind::F64, offset_of!(Felt, tension))
             .repeated(FINGERS * JOINTS)
-            .about("The greater of the two tendons, the greatest of late."),
+            .about("Greatest recent value of either tendon."),
         CellField::new("contacts", "", ValueKind::U64, offset_of!(Felt, contacts))
-            .about("A bit for each finger that was in contact of late."),
+            .about("A bit for each finger in recent contact."),
         CellField::new("ticks", "", ValueKind::U64, offset_of!(Felt, ticks)),
     ];
 }
@@ -78,7 +78,7 @@ impl CellStruct for Stops {
             .about("1 torque, 2 tension, 3 contact, and 256 times the joint."),
         CellField::new("value", "", ValueKind::F64, offset_of!(Stops, value))
             .repeated(FINGERS * JOINTS)
-            .about("What was measured, N m or N."),
+            .about("Measured value, N m or N."),
         CellField::new(
             "position",
             "rad",
@@ -86,7 +86,7 @@ impl CellStruct for Stops {
             offset_of!(Stops, position),
         )
         .repeated(FINGERS * JOINTS)
-        .about("Where the joint rests."),
+        .about("Position at which it stopped."),
     ];
 }
 

@@ -49,7 +49,7 @@ pub const JOINTS: usize = 4;
 /// The greatest number of joints of a robot. Lists of all joints go finger by finger, proximal joints first.
 pub const ALL: usize = FINGERS * JOINTS;
 
-/// The description of a robot.
+/// The configuration of a robot with [`FINGERS`] fingers of [`JOINTS`] joints.
 pub type RobotDescription = condor_hand::config::Hand<FINGERS, JOINTS>;
 
 /// The mechanism of a finger: any chain of joints.

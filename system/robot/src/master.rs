@@ -77,7 +77,7 @@ impl Program for Master {
     fn run<M: Machine>(&self, machine: &M) -> Result<(), ProgramError> {
         let mut place = None;
         let hand = start::configured(machine, &mut place, |_, hand| Ok(hand))?;
-        let (numbers, seats) = servos::seats(hand);
+        let (numbers, servo_indices) = servos::servo_indices(hand);
         let mut ears = OfServos::new();
         for &number in &numbers {
             // As many as there are.
@@ -96,23 +96,23 @@ impl Program for Master {
         let drive = Drive::new(
             generator,
             JointNumbers::of(hand),
-            seats,
+            servo_indices,
             &ears,
             publisher,
             period_s,
         );
         let shared = Mutex::new(RefCell::new(drive));
         let wanted = Vars::<f64, ALL>::numbered("joint", "rad");
-        let wanted = wanted.about("Where it is to be; joints in the order of the fingers.");
+        let wanted = wanted.about("Targets; joints in the order of the fingers.");
         let loose =
             Var::<u32>::new("loose", "").about("A bit for each finger that does not follow.");
-        let tuning = setup.place("tuning", ObjectKind::Other, |places| {
-            let free = places.clone();
-            places.bytes(VariableClient::<MailboxOf<'_, M>, M::Window>::BYTES)?;
+        let tuning = setup.place("tuning", ObjectKind::Other, |allocator| {
+            let free = allocator.clone();
+            allocator.bytes(VariableClient::<MailboxOf<'_, M>, M::Window>::BYTES)?;
             Ok(free)
         })?;
-        let blocks = setup.place(MOTIONS_NAME, ObjectKind::Other, |places| {
-            MotionsBlocks::new(places, PROCESSORS as u8)
+        let blocks = setup.place(MOTIONS_NAME, ObjectKind::Other, |allocator| {
+            MotionsBlocks::new(allocator, PROCESSORS as u8)
         })?;
         let own = setup.own().clone();
         let post = Post::new();
@@ -150,7 +150,7 @@ impl Program for Master {
                     numbers: JointNumbers::of(hand),
                     background,
                     shared: &shared,
-                    servos: Servos::new(background, hand, &shared, &numbers, seats)?,
+                    servos: Servos::new(background, hand, &shared, &numbers, servo_indices)?,
                     player: Player::new(&limits),
                     follow: Follow::new(followed),
                     closing: None,

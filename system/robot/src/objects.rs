@@ -183,12 +183,12 @@ fn published<W: MemoryWindow, T>(
     Ok(object.map(|object| Published::at(object.offset)))
 }
 
-/// The places from an object on.
+/// Returns an allocator of the memory from an object on.
 fn from<W: MemoryWindow>(
     region: &Region<W>,
     object: &SharedObject,
 ) -> Result<Allocator, AccessError> {
-    let mut places = Allocator::new(region.size());
-    places.bytes(object.offset as usize)?;
-    Ok(places)
+    let mut allocator = Allocator::new(region.size());
+    allocator.bytes(object.offset as usize)?;
+    Ok(allocator)
 }

@@ -128,11 +128,11 @@ impl CellStruct for TrueState {
             offset_of!(TrueState, tension),
         )
         .repeated(2 * FINGERS * JOINTS)
-        .about("Of flexor and extensor."),
+        .about("Tensions of flexor and extensor."),
         CellField::new("table", "m", ValueKind::F64, offset_of!(TrueState, table)).repeated(3),
         CellField::new("ball", "m", ValueKind::F64, offset_of!(TrueState, ball))
             .repeated(3)
-            .about("Its centre; NaN without one."),
+            .about("Centre of the ball; NaN without one."),
         CellField::new(
             "orientation",
             "",
@@ -208,8 +208,8 @@ impl<B: SimBoards> Program for Plant<B> {
         let mut truth = setup.publish_fields(TRUTH_NAME)?;
         let mut seen = setup.publish_fields(OBJECT_NAME)?;
         let mut camera = Camera::new(&arguments);
-        let blocks = setup.place(NAME, objects::ObjectKind::Other, |places| {
-            Blocks::<PlantRequest, PlantResponse>::new(places, PROCESSORS as u8)
+        let blocks = setup.place(NAME, objects::ObjectKind::Other, |allocator| {
+            Blocks::<PlantRequest, PlantResponse>::new(allocator, PROCESSORS as u8)
         })?;
         let own = setup.own().clone();
         setup
@@ -238,7 +238,7 @@ impl<B: SimBoards> Program for Plant<B> {
             })
             .background(|background| {
                 let (name, hz) = (&hand.name, arguments.rate_hz);
-                background.print(format_args!("is the hand {name}, at {hz} Hz\n"));
+                background.print(format_args!("simulates the hand {name} at {hz} Hz\n"));
                 let (mut tripped, mut failures, mut lost) = (0, 0, 0);
                 start::attend(background, || {
                     let seen = with(&shared, |robot| {
@@ -252,16 +252,16 @@ impl<B: SimBoards> Program for Plant<B> {
                         let ms = arguments.watchdog_ms;
                         if is_new && now >> board & 1 != 0 {
                             background.print(format_args!(
-                                "D/A board {board} rests: nothing came for {ms} ms\n"
+                                "D/A board {board} rests: no values came for {ms} ms\n"
                             ));
                         } else if is_new {
-                            background.print(format_args!("D/A board {board} goes on\n"));
+                            background.print(format_args!("D/A board {board} works again\n"));
                         }
                     }
                     if let Some(cause) = cause.filter(|_| failed != failures) {
                         background.print(format_args!(
-                            "{failed} ticks in which the robot or its bus failed: {cause}; `clear` at \
-                             the master puts the robot back to its start\n"
+                            "the robot or its bus failed in {failed} ticks: {cause}; `clear` at the master puts the \
+                             robot back to its start\n"
                         ));
                     }
                     if balls != lost {

@@ -88,7 +88,7 @@ impl RobotApplication {
         read_robot(robot, |robot| self.processes.check(robot))
     }
 
-    /// Obeys the command line, and returns the exit status.
+    /// Executes the command line, and returns the exit status.
     #[must_use]
     pub fn run(&self) -> ExitCode {
         condor_cli::main(self)
@@ -180,7 +180,7 @@ impl Application for RobotApplication {
         directory: &SystemDirectory,
     ) -> Result<(), AnyError> {
         let robot = description.robot.as_ref();
-        let robot = robot.ok_or("the system description names no `robot`")?;
+        let robot = robot.ok_or("the description of the system has no key `robot`")?;
         summary::of(&self.read(robot)?, description, directory)
     }
 }

@@ -124,7 +124,7 @@ pub enum ServoRecordingError {
     #[error(transparent)]
     Access(#[from] condor_mbox::AccessError),
     /// The file is not an MCAP file, or is one that a processor cannot read.
-    #[error("after {ticks} ticks: {error}")]
+    #[error("cannot read the recording after {ticks} ticks: {error}")]
     Mcap {
         /// The number of whole ticks before the problem.
         ticks: u32,
@@ -133,7 +133,7 @@ pub enum ServoRecordingError {
     },
     /// The file is another one, or has another version of the format.
     #[error(
-        "it is no recording of this version: its {name} is {}, not {wanted}",
+        "it is not a recording of this version: its {name} is {}, not {wanted}",
         FoundVersion(found)
     )]
     Head {
@@ -146,8 +146,8 @@ pub enum ServoRecordingError {
     },
     /// The configuration has another rate.
     #[error(
-        "it was recorded at {recorded_hz} Hz, and processor {processor} of this configuration runs \
-         at {configured_hz} Hz"
+        "it was recorded at {recorded_hz} Hz, but processor {processor} of this configuration runs at \
+         {configured_hz} Hz"
     )]
     Rate {
         /// Ticks in a second of the recording, Hz.
@@ -158,13 +158,15 @@ pub enum ServoRecordingError {
         configured_hz: u32,
     },
     /// The file ends before its recording does.
-    #[error("it was broken off after {ticks} ticks")]
+    #[error("the recording is incomplete: it ends after {ticks} ticks")]
     BrokenOff {
         /// The number of whole ticks that are in the file.
         ticks: u32,
     },
     /// A message has an unknown channel, a wrong place or a wrong length.
-    #[error("after {ticks} ticks there is a message of channel {channel} with {bytes} bytes")]
+    #[error(
+        "after {ticks} ticks there is an unexpected message, of channel {channel} with {bytes} bytes"
+    )]
     Message {
         /// The number of whole ticks before the message.
         ticks: u32,
@@ -174,13 +176,13 @@ pub enum ServoRecordingError {
         bytes: usize,
     },
     /// Ticks came faster than the file service wrote them.
-    #[error("it was broken off after {ticks} ticks: the file service did not keep up")]
+    #[error("the recording ended early, after {ticks} ticks: the file service wrote too slowly")]
     Behind {
         /// The number of whole ticks that are in the file.
         ticks: u32,
     },
     /// The outputs are not those of the recorded run.
-    #[error("tick {tick} put out {difference}")]
+    #[error("tick {tick} differs from the recording: {difference}")]
     Differs {
         /// The first tick that differs, from 0.
         tick: u32,
@@ -216,11 +218,10 @@ impl Difference {
 impl fmt::Display for Difference {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.0 {
-            Some((output, was, is)) => write!(
-                f,
-                "{was} counts at output {output} when it was recorded, and {is} now"
-            ),
-            None => f.write_str("the same counts for tensions of other bits"),
+            Some((output, was, is)) => {
+                write!(f, "output {output} had {was} counts, and now has {is}")
+            }
+            None => f.write_str("the counts are equal, but tensions differ in some bits"),
         }
     }
 }

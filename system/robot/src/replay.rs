@@ -211,9 +211,9 @@ impl Servos for ReplayedControllers {
         period_s: f64,
     ) -> Option<FingerTick<JOINTS>> {
         let controller = self.controllers.of_finger(finger)?;
-        let asked = self.row.iter().flat_map(|row| &row.asked);
-        for (_, asked) in asked.filter(|(of, _)| *of == finger) {
-            asked.repeat(controller);
+        let requests = self.row.iter().flat_map(|row| &row.requests);
+        for (_, request) in requests.filter(|(of, _)| *of == finger) {
+            request.repeat(controller);
         }
         Some(controller.tick(sensed, gravity, period_s))
     }

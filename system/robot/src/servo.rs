@@ -123,8 +123,8 @@ fn serve<M: Machine>(
     let mut setup = Setup::new(machine)?;
     setup.console()?;
     let own = setup.own().clone();
-    let places = setup.place("servos", ObjectKind::Other, |places| {
-        ServoLayout::new(places, PROCESSORS as u8)
+    let layout = setup.place("servos", ObjectKind::Other, |allocator| {
+        ServoLayout::new(allocator, PROCESSORS as u8)
     })?;
     let gains = Gains::new(&entries, |place, joint| {
         let mut served = controllers.iter().flatten();
@@ -137,13 +137,13 @@ fn serve<M: Machine>(
     }
     let identity = HandIdentity::new(&hand.name, names, rate_hz);
     let (asked, servos) =
-        servo_object.split(identity, &own, places, machine.exclusion(), controllers)?;
+        servo_object.split(identity, &own, layout, machine.exclusion(), controllers)?;
     let variables = Variables::new(entries.clone());
 
     let partners = Partners::new(machine, hand, number)?;
     let grasp = setup.place(NAME, ObjectKind::Other, HandGraspLayout::new)?;
-    let mut told = Latest::new(LoopNews::NOTHING);
-    let (writer, mut reader) = told.split_mut();
+    let mut news_cell = Latest::new(LoopNews::NOTHING);
+    let (writer, mut reader) = news_cell.split_mut();
     let clock = machine.doorbell();
     let ring = Ring::default();
     let recording = record.as_ref().map(|record| {
@@ -163,7 +163,7 @@ fn serve<M: Machine>(
         wires,
         grasp: grasp.servo_end(own.clone())?,
         partners: &partners.servos,
-        heard: [PartnerState::NOTHING; FINGERS],
+        states: [PartnerState::NOTHING; FINGERS],
         palm: &partners.palm,
         accelerated: PartnerState::NOTHING,
         wanted: &partners.wanted,
@@ -193,13 +193,13 @@ fn serve<M: Machine>(
         .background(|background| {
             let say = |line: Arguments<'_>| background.print(format_args!("{line}\n"));
             let names = Names(hand, served(hand, number));
-            say(format_args!("serves {names} at {rate_hz} Hz"));
-            let mut heard = LoopNews::NOTHING;
+            say(format_args!("controls {names} at {rate_hz} Hz"));
+            let mut before = LoopNews::NOTHING;
             attend(background, recording.as_ref(), || {
                 partners.look()?;
                 let news = *reader.read();
-                news.tell(&heard, hand, say);
-                heard = news;
+                news.tell(&before, hand, say);
+                before = news;
                 Ok(())
             })
         })
@@ -380,7 +380,7 @@ impl<'r, W: MemoryWindow + Clone> Recording<'r, W> {
         ring: &'r Ring,
     ) -> Result<Self, ProgramError> {
         let bytes = Ring::BYTES as usize;
-        let place = |places: &mut Allocator| places.bytes(bytes);
+        let place = |allocator: &mut Allocator| allocator.bytes(bytes);
         let offset = setup
             .files()?
             .place("recording", ObjectKind::Other, place)?;

@@ -79,10 +79,10 @@ impl CellStruct for Palm {
         .about("Of the palm, in its own axes."),
         CellField::new("position", "m", ValueKind::F64, offset_of!(Palm, position))
             .repeated(AXES)
-            .about("Where the axes are."),
+            .about("Position of the axes."),
         CellField::new("target", "m", ValueKind::F64, offset_of!(Palm, target))
             .repeated(AXES)
-            .about("Where they are to be."),
+            .about("Target of the axes."),
         CellField::new("state", "", ValueKind::U64, offset_of!(Palm, state)),
         CellField::new("due_ns", "ns", ValueKind::U64, offset_of!(Palm, due_ns)),
     ];
@@ -206,11 +206,11 @@ pub enum TableRefusal {
 impl fmt::Display for TableRefusal {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
-            Self::Operation => "it has no such operation",
+            Self::Operation => "it does not know this operation",
             Self::Busy => "it is busy with another request: ask again",
-            Self::NotReady => "it has not been home, or has failed: `table home`",
-            Self::Speed => "a speed is above 0 and at most 1",
-            Self::Motion => "the motion goes beyond its limits, or is one too many",
+            Self::NotReady => "it has not been home, or has failed: type `table home`",
+            Self::Speed => "the speed must be above 0 and at most 1",
+            Self::Motion => "the motion goes beyond the limits of the table, or is one too many",
         })
     }
 }
@@ -283,8 +283,8 @@ impl<B: Boards> Program for Table<B> {
             last: None,
             period_s: 1.0 / f64::from(rate_hz),
         };
-        let blocks = setup.place(NAME, objects::ObjectKind::Other, |places| {
-            Blocks::<TableRequest, TableResponse>::new(places, PROCESSORS as u8)
+        let blocks = setup.place(NAME, objects::ObjectKind::Other, |allocator| {
+            Blocks::<TableRequest, TableResponse>::new(allocator, PROCESSORS as u8)
         })?;
         let own = setup.own().clone();
         setup
@@ -324,9 +324,9 @@ struct Variables {
 impl Variables {
     const fn new() -> Self {
         Self {
-            position: Vars::numbered("table.position", "m").about("As the encoders measure it."),
+            position: Vars::numbered("table.position", "m").about("Measured position."),
             target: Vars::numbered("table.target", "m"),
-            force: Vars::numbered("table.force", "N").about("What the drives get."),
+            force: Vars::numbered("table.force", "N").about("Command to the drives."),
         }
     }
 }

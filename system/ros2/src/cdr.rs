@@ -20,13 +20,15 @@ pub struct CdrWriter {
 #[non_exhaustive]
 pub enum DecodeError {
     /// The message is not little-endian CDR.
-    #[error("the message begins with {found:02x?}, and little-endian CDR with {HEADER:02x?}")]
+    #[error(
+        "the message begins with {found:02x?}, but little-endian CDR begins with {HEADER:02x?}"
+    )]
     Header {
         /// The first bytes of the message, four at most.
         found: Vec<u8>,
     },
     /// The message ends too early.
-    #[error("the message has {found} bytes and needs {needed}")]
+    #[error("the message has {found} bytes, but needs at least {needed}")]
     Short {
         /// The number of bytes of the message.
         found: usize,

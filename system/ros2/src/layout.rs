@@ -76,7 +76,7 @@ pub struct RowMessage<'m> {
 #[non_exhaustive]
 pub enum LayoutError {
     /// A line of a schema is not one that a layout has.
-    #[error("line {line} of the schema is not that of a row: `{text}`")]
+    #[error("line {line} of the schema does not describe a field of a row: `{text}`")]
     Schema {
         /// The number of the line, from 1.
         line: usize,
@@ -84,7 +84,7 @@ pub enum LayoutError {
         text: String,
     },
     /// A row has more or fewer words than its fields need.
-    #[error("a row has {found} words, and its fields need {expected}")]
+    #[error("a row has {found} words, but its fields need {expected}")]
     Words {
         /// The number of words of the row.
         found: usize,

@@ -69,7 +69,7 @@ pub enum ProgramError {
         what: &'static str,
     },
     /// The program set up a handler for a vector that is already in use.
-    #[error("`{name}` cannot have {vector}, which belongs to {by}")]
+    #[error("`{name}` cannot have {vector}, which belongs to {by}; choose another vector")]
     VectorTaken {
         /// The number of the vector that is in use.
         vector: Vector,
@@ -86,7 +86,7 @@ pub enum ProgramError {
         name: ShortText<32>,
     },
     /// The variables of a loop, or the fields of a cell, cannot be shown.
-    #[error("the variables of `{name}`: {error}")]
+    #[error("cannot show the variables of `{name}`: {error}")]
     Variables {
         /// The name of the loop, or of the cell.
         name: ShortText<32>,
@@ -94,7 +94,10 @@ pub enum ProgramError {
         error: CatalogError,
     },
     /// The processor's window, its shared memory, has no room for an object.
-    #[error("`{name}` needs {needed} bytes of the window, and {left} are left: raise `window_bytes` by {}", .needed - .left)]
+    #[error(
+        "`{name}` needs {needed} bytes of the processor's window, but {left} are left: raise `window_bytes` by {}",
+        .needed - .left
+    )]
     Window {
         /// The name of the object that was to be placed.
         name: ShortText<32>,

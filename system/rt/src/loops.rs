@@ -24,9 +24,9 @@ const FAULTED: u32 = 1 << 1;
 pub struct LoopReport<W>(Publisher<Row, Region<W>>);
 
 impl<W: MemoryWindow + Clone> LoopReport<W> {
-    /// Takes room from `places` for the counts of a loop, and enters them in `table` as the loop
+    /// Takes room from `allocator` for the counts of a loop, and enters them in `table` as the loop
     /// `name`, so that others can find them. `region` is the users' region of the program's own
-    /// `data`, in which `places` hands out room.
+    /// `data`, in which `allocator` hands out room.
     ///
     /// # Errors
     /// [`ObjectError::Access`] if there is no room or the memory cannot be written;
@@ -34,11 +34,11 @@ impl<W: MemoryWindow + Clone> LoopReport<W> {
     /// loop of this name.
     pub fn new(
         region: &Region<W>,
-        places: &mut Allocator,
+        allocator: &mut Allocator,
         table: &mut ObjectTable<W>,
         name: &str,
     ) -> Result<Self, ObjectError> {
-        let row = table.cell::<Row>(places, name, ObjectKind::Loop)?;
+        let row = table.cell::<Row>(allocator, name, ObjectKind::Loop)?;
         Ok(Self(row.publisher(region.clone())?))
     }
 

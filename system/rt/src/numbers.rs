@@ -43,15 +43,18 @@ pub const REQUESTS: Vector = Vector(43);
 /// for.
 pub const VECTORS: [(Vector, &str); 7] = [
     (condor_fs::wire::FILES, "requests to the file service"),
-    (condor_fs::wire::OPEN_FILES, "what a client has open"),
+    (
+        condor_fs::wire::OPEN_FILES,
+        "the files that a client has open",
+    ),
     (condor_vars::VARS, "variables and parameters"),
     (REQUESTS, "requests to the supervisor"),
-    (TerminalVectors::DEFAULT.output, "what a terminal shows"),
+    (TerminalVectors::DEFAULT.output, "output of terminals"),
+    (TerminalVectors::DEFAULT.input, "input of terminals"),
     (
-        TerminalVectors::DEFAULT.input,
-        "what is typed at a terminal",
+        TerminalVectors::DEFAULT.room,
+        "room for the output of terminals",
     ),
-    (TerminalVectors::DEFAULT.room, "room in a terminal"),
 ];
 
 const _: () = {
@@ -72,5 +75,5 @@ pub(crate) fn reserved(vector: Vector) -> Option<&'static str> {
     }
     let mut known = VECTORS.iter();
     let known = known.find(|(it, _)| *it == vector);
-    Some(known.map_or("protocols to come", |(_, what)| what))
+    Some(known.map_or("protocols of later versions", |(_, what)| what))
 }

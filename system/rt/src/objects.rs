@@ -96,14 +96,14 @@ pub struct SharedObject {
 pub enum ObjectError {
     /// The table would not lie at the offset 0, where hosts look for it.
     #[error(
-        "the object table would be at offset {offset}, but hosts look for it at 0: make it first of all"
+        "the object table would be at offset {offset}, but hosts look for it at 0: make it before all other objects"
     )]
     NotFirst {
         /// The offset at which it would lie, in bytes.
         offset: u32,
     },
     /// A name is longer than [`NAME_BYTES`].
-    #[error("an object's name has at most {NAME_BYTES} bytes, and that of `{name}...` has {len}")]
+    #[error("an object's name has at most {NAME_BYTES} bytes, but `{name}...` has {len}")]
     Name {
         /// The beginning of the name.
         name: ShortText<32>,
@@ -133,14 +133,14 @@ pub struct ObjectTable<W> {
 
 impl<W: MemoryWindow> ObjectTable<W> {
     /// Makes an empty table at the beginning of `region`, the users' region of the program's own
-    /// `data`. `places` hands out the room in `region`; nothing must have been taken from it
+    /// `data`. `allocator` hands out the room in `region`; nothing must have been taken from it
     /// before.
     ///
     /// # Errors
-    /// [`ObjectError::NotFirst`] if something was taken from `places` before;
+    /// [`ObjectError::NotFirst`] if something was taken from `allocator` before;
     /// [`ObjectError::Access`] if there is no room.
-    pub fn new(region: Region<W>, places: &mut Allocator) -> Result<Self, ObjectError> {
-        let offset = places.bytes(BYTES as usize)?;
+    pub fn new(region: Region<W>, allocator: &mut Allocator) -> Result<Self, ObjectError> {
+        let offset = allocator.bytes(BYTES as usize)?;
         if offset != 0 {
             return Err(ObjectError::NotFirst { offset });
         }
@@ -152,7 +152,7 @@ impl<W: MemoryWindow> ObjectTable<W> {
         Ok(Self { region, last })
     }
 
-    /// Takes room from `places` for a cell, which shows others the latest value of type `T`, and
+    /// Takes room from `allocator` for a cell, which shows others the latest value of type `T`, and
     /// enters it in the table as the object `name` of the kind `kind`. The cell has no value before
     /// its publisher has written one.
     ///
@@ -161,30 +161,30 @@ impl<W: MemoryWindow> ObjectTable<W> {
     /// [`ObjectError::Taken`] if there is an object of this name and kind.
     pub fn cell<T>(
         &mut self,
-        places: &mut Allocator,
+        allocator: &mut Allocator,
         name: &str,
         kind: ObjectKind,
     ) -> Result<Published<T>, ObjectError> {
-        let cell = places.published::<T>()?;
+        let cell = allocator.published::<T>()?;
         // A former program may have left words there that are not this one's.
         for word in (0..Published::<T>::BYTES).step_by(4) {
             self.region.set_word(cell.offset() + word, 0)?;
         }
         let bytes = Published::<T>::BYTES;
-        self.enter(places, name, kind, cell.offset(), bytes)?;
+        self.enter(allocator, name, kind, cell.offset(), bytes)?;
         Ok(cell)
     }
 
     /// Enters the object `name` of the kind `kind`, which takes `len` bytes at `offset` bytes of
     /// the users' region. From then on others may read the object, so it must be complete. The
-    /// entry itself takes room from `places`.
+    /// entry itself takes room from `allocator`.
     ///
     /// # Errors
     /// [`ObjectError::Name`] if the name is too long, [`ObjectError::Taken`] if there is an object
     /// of this name and kind, [`ObjectError::Access`] if there is no room.
     pub fn enter(
         &mut self,
-        places: &mut Allocator,
+        allocator: &mut Allocator,
         name: &str,
         kind: ObjectKind,
         offset: u32,
@@ -198,7 +198,7 @@ impl<W: MemoryWindow> ObjectTable<W> {
             let name = ShortText::of(name);
             return Err(ObjectError::Taken { name });
         }
-        let at = places.bytes(entry::NAME as usize + name.len())?;
+        let at = allocator.bytes(entry::NAME as usize + name.len())?;
         self.region.set_word(at + entry::NEXT, 0)?;
         self.region.set_word(at + entry::KIND, kind as u32)?;
         self.region.set_word(at + entry::OFFSET, offset)?;

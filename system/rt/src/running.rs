@@ -218,8 +218,8 @@ impl<'b, M: Machine> Background<'b, M> {
     /// [`ProgramError::Access`] if the processor's own memory cannot be accessed.
     pub fn supervisor(&self) -> Result<Supervisor<'b, M>, ProgramError> {
         let what = "supervisor";
-        let places = self.asks.ok_or(ProgramError::Missing { what })?.clone();
-        Supervisor::new(self.mailbox, self.own.clone(), places)
+        let allocator = self.asks.ok_or(ProgramError::Missing { what })?.clone();
+        Supervisor::new(self.mailbox, self.own.clone(), allocator)
     }
 
     /// Returns the present counts of the loop called `name`, such as its releases and its worst

@@ -71,7 +71,7 @@ pub type LoopFunction<'e> = &'e mut (dyn FnMut(&mut LoopTick<'_>) + Send);
 pub struct Setup<'e, M: Machine> {
     machine: &'e M,
     own: Region<M::Window>,
-    places: Allocator,
+    allocator: Allocator,
     objects: ObjectTable<M::Window>,
     console: Option<ConsoleOf<M>>,
     area: Option<Area<FILES>>,
@@ -147,12 +147,12 @@ impl<'e, M: Machine> Setup<'e, M> {
     /// doorbell uses.
     pub fn new(machine: &'e M) -> Result<Self, ProgramError> {
         let own = users(machine, machine.number())?;
-        let mut places = Allocator::new(own.size());
-        let objects = ObjectTable::new(own.clone(), &mut places)?;
+        let mut allocator = Allocator::new(own.size());
+        let objects = ObjectTable::new(own.clone(), &mut allocator)?;
         Ok(Self {
             machine,
             own,
-            places,
+            allocator,
             objects,
             console: None,
             area: None,
@@ -190,7 +190,7 @@ impl<'e, M: Machine> Setup<'e, M> {
             return Err(ProgramError::Twice { what: "console" });
         }
         let (own, exclusion) = (self.own.clone(), self.machine.exclusion());
-        let mut room = self.places.clone();
+        let mut room = self.allocator.clone();
         let made = Terminal::new(own, &mut room, SHOWN_BYTES, exclusion);
         let terminal = made.map_err(|error| match error {
             condor_tty::TerminalError::Access(error) => ProgramError::no_room("console", error),
@@ -199,7 +199,7 @@ impl<'e, M: Machine> Setup<'e, M> {
         terminal
             .configure(settings)
             .map_err(|error| ProgramError::no_room("console", error))?;
-        self.places = room;
+        self.allocator = room;
         self.enter("console", ObjectKind::Terminal, terminal.offset())?;
         self.console = Some(terminal);
         Ok(self)
@@ -221,7 +221,7 @@ impl<'e, M: Machine> Setup<'e, M> {
         if self.area.is_some() {
             return Err(ProgramError::Twice { what: "file area" });
         }
-        let area = Area::new(&mut self.places, PATH_BYTES, BUFFER_BYTES);
+        let area = Area::new(&mut self.allocator, PATH_BYTES, BUFFER_BYTES);
         self.area = Some(area.map_err(|error| ProgramError::no_room("files", error))?);
         Ok(self)
     }
@@ -237,8 +237,8 @@ impl<'e, M: Machine> Setup<'e, M> {
                 what: "room for requests to the supervisor",
             });
         }
-        let free = self.places.clone();
-        let taken = self.places.bytes(Supervisor::<M>::BYTES);
+        let free = self.allocator.clone();
+        let taken = self.allocator.bytes(Supervisor::<M>::BYTES);
         taken.map_err(|error| ProgramError::no_room("supervisor", error))?;
         self.asks = Some(free);
         Ok(self)
@@ -274,15 +274,17 @@ impl<'e, M: Machine> Setup<'e, M> {
         T: FromBytes + IntoBytes + Immutable + CellStruct,
     {
         let cell = self.cell::<T>(name)?;
-        let first = self.places.used();
-        let described = describe(cell, &self.own, &mut self.places);
+        let first = self.allocator.used();
+        let described = describe(cell, &self.own, &mut self.allocator);
         described.map_err(|error| variables::wrong(name, error))?;
         self.enter(name, ObjectKind::Variables, first)?;
         Ok(cell.publisher(self.own.clone())?)
     }
 
     fn cell<T>(&mut self, name: &str) -> Result<Published<T>, ProgramError> {
-        let cell = self.objects.cell(&mut self.places, name, ObjectKind::Other);
+        let cell = self
+            .objects
+            .cell(&mut self.allocator, name, ObjectKind::Other);
         cell.map_err(|error| ProgramError::not_entered(name, error))
     }
 
@@ -293,7 +295,7 @@ impl<'e, M: Machine> Setup<'e, M> {
     /// ```
     /// # use condor_rt::{ProgramError, Machine, Setup, objects::ObjectKind};
     /// # fn two<M: Machine>(setup: &mut Setup<'_, M>) -> Result<(), ProgramError> {
-    /// let offset = setup.place("points", ObjectKind::Other, |places| places.bytes(64))?;
+    /// let offset = setup.place("points", ObjectKind::Other, |allocator| allocator.bytes(64))?;
     /// # let _ = offset;
     /// # Ok(())
     /// # }
@@ -308,10 +310,10 @@ impl<'e, M: Machine> Setup<'e, M> {
         kind: ObjectKind,
         make: impl FnOnce(&mut Allocator) -> Result<T, AccessError>,
     ) -> Result<T, ProgramError> {
-        let mut room = self.places.clone();
+        let mut room = self.allocator.clone();
         let first = room.used();
         let placed = make(&mut room).map_err(|error| ProgramError::no_room(name, error))?;
-        self.places = room;
+        self.allocator = room;
         self.enter(name, kind, first)?;
         Ok(placed)
     }
@@ -477,8 +479,8 @@ impl<'e, M: Machine> Setup<'e, M> {
         let tuned: Vec<&dyn Tune, VARIABLES> = fitting(self.tuned.iter().copied());
         let (windows, doorbell) = (self.machine.windows(), self.machine.doorbell());
         let lives = |processor| incarnation::<M, PROCESSORS>(&windows, &doorbell, processor);
-        let mut desks = [const { LoopDesk::new() }; LOOPS];
-        let (servers, mut samplers) = self.tables(&mut desks, &watched, &tuned, &lives)?;
+        let mut all_selections = [const { LoopDesk::new() }; LOOPS];
+        let (servers, mut samplers) = self.tables(&mut all_selections, &watched, &tuned, &lives)?;
         let servers: Vec<&dyn Respond, LOOPS> = fitting(servers.iter().map(|one| one as _));
         let time = Nanoseconds::of(self.machine.timer_frequency());
         let (machine, console, area) = (self.machine, self.console.as_ref(), self.area);
@@ -576,14 +578,14 @@ impl<'e, M: Machine> Setup<'e, M> {
     /// Makes the tables of the loops that have variables or parameters.
     fn tables<'d>(
         &mut self,
-        desks: &'d mut [LoopDesk; LOOPS],
+        all_selections: &'d mut [LoopDesk; LOOPS],
         watched: &'d [&'d dyn Watch],
         tuned: &'d [&'d dyn Tune],
         lives: &'d (dyn Fn(mbox::Processor) -> u32 + Sync),
     ) -> Result<Tables<'d, M>, ProgramError> {
         let (mut servers, mut samplers) = (Vec::new(), Vec::new());
         let (mut watched, mut tuned, mut before) = (watched, tuned, (0, 0));
-        for (one, desk) in self.loops.iter().zip(desks) {
+        for (one, selections) in self.loops.iter().zip(all_selections) {
             let (blocks, later) = watched
                 .split_at_checked(one.watched - before.0)
                 .unwrap_or_default();
@@ -600,19 +602,19 @@ impl<'e, M: Machine> Setup<'e, M> {
                 rows: variables::rows(one.rate),
                 watchers: condor_vars::MOST_WATCHERS as u32,
             };
-            let (catalog, first) = (Catalog::new(blocks, parameters), self.places.used());
+            let (catalog, first) = (Catalog::new(blocks, parameters), self.allocator.used());
             let exclusion = self.machine.exclusion();
-            let opened = desk.open(
+            let opened = selections.open(
                 catalog,
                 &self.own,
-                &mut self.places,
+                &mut self.allocator,
                 &settings,
                 exclusion,
                 lives,
             );
             let (server, sampler) = opened.map_err(|error| variables::wrong(one.name, error))?;
-            let (objects, places) = (&mut self.objects, &mut self.places);
-            enter(objects, places, one.name, ObjectKind::Variables, first)?;
+            let (objects, allocator) = (&mut self.objects, &mut self.allocator);
+            enter(objects, allocator, one.name, ObjectKind::Variables, first)?;
             let _ = samplers.push(Some(sampler));
             // As many as there are loops.
             let _ = servers.push(server);
@@ -627,7 +629,8 @@ impl<'e, M: Machine> Setup<'e, M> {
     fn reports(&mut self) -> Result<Vec<LoopReport<M::Window>, LOOPS>, ProgramError> {
         let mut reports = Vec::new();
         for one in self.loops.iter() {
-            let report = LoopReport::new(&self.own, &mut self.places, &mut self.objects, one.name);
+            let report =
+                LoopReport::new(&self.own, &mut self.allocator, &mut self.objects, one.name);
             // As many as there are loops.
             let _ =
                 reports.push(report.map_err(|error| ProgramError::not_entered(one.name, error))?);
@@ -637,7 +640,7 @@ impl<'e, M: Machine> Setup<'e, M> {
 
     /// Enters what has been placed from `first` on.
     fn enter(&mut self, name: &str, kind: ObjectKind, first: u32) -> Result<(), ProgramError> {
-        enter(&mut self.objects, &mut self.places, name, kind, first)
+        enter(&mut self.objects, &mut self.allocator, name, kind, first)
     }
 
     fn full(&mut self, what: &'static str, capacity: usize, name: &str) {
@@ -651,13 +654,13 @@ impl<'e, M: Machine> Setup<'e, M> {
 
 fn enter<W: MemoryWindow>(
     objects: &mut ObjectTable<W>,
-    places: &mut Allocator,
+    allocator: &mut Allocator,
     name: &str,
     kind: ObjectKind,
     first: u32,
 ) -> Result<(), ProgramError> {
-    let len = places.used() - first;
-    let entered = objects.enter(places, name, kind, first, len);
+    let len = allocator.used() - first;
+    let entered = objects.enter(allocator, name, kind, first, len);
     entered.map_err(|error| ProgramError::not_entered(name, error))
 }
 

@@ -181,7 +181,7 @@ pub enum SupervisorError {
     #[error("there is no supervisor: only a system that `condor` has brought up has one")]
     Absent,
     /// The words do not fit into a request, or one of them contains a zero byte.
-    #[error("the words are too long for a request, which has room for {WORDS} bytes")]
+    #[error("the names and arguments are too long for a request, which has room for {WORDS} bytes")]
     TooLong,
     /// The supervisor refused the request, or could not carry it out;
     /// [`reason`](Supervisor::reason) says why.
@@ -207,9 +207,9 @@ impl<'b, M: Machine> Supervisor<'b, M> {
     pub(crate) fn new(
         mailbox: &'b MailboxOf<'b, M>,
         own: Region<M::Window>,
-        mut places: Allocator,
+        mut allocator: Allocator,
     ) -> Result<Self, crate::ProgramError> {
-        let exchange = Exchange::new(mailbox, own, &mut places)?;
+        let exchange = Exchange::new(mailbox, own, &mut allocator)?;
         Ok(Self {
             mailbox,
             exchange,

@@ -130,7 +130,7 @@ pub(crate) fn motions<const FINGERS: usize, const JOINTS: usize>(
 ) -> Result<Vec<Primitive<ALL>>, AnyError> {
     if view.joints.len() > ALL {
         let joints = view.joints.len();
-        let text = format!("the hand has {joints} joints; the set-points of {ALL} can be made");
+        let text = format!("the hand has {joints} joints, but a plan can have at most {ALL}");
         return Err(text.into());
     }
     let names: Vec<_> = view.joints.iter().map(|joint| &joint.name).collect();
@@ -224,13 +224,17 @@ impl Player {
         let names: Vec<_> = view.joints().iter().map(|it| it.name.clone()).collect();
         if from.len() != names.len() {
             let (given, wanted) = (from.len(), names.len());
-            return Err(
-                format!("{given} positions to start from; the hand has {wanted} joints").into(),
-            );
+            return Err(format!(
+                "{given} positions were given to start from, but the hand has {wanted} joints"
+            )
+            .into());
         }
         let mut joints = names.iter().zip(from);
         if let Some((name, position)) = joints.find(|(_, position)| !position.is_finite()) {
-            return Err(format!("{name} is to start from {position}, which is not finite").into());
+            return Err(format!(
+                "{name} cannot start from {position}, which is not a finite number"
+            )
+            .into());
         }
         for motion in &mut motions {
             view.hand.rest_between_stops(motion);

@@ -31,8 +31,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 
     // The processor: a table in its window, a handler, a loop.
     let (watched, params): ([&dyn Watch; 1], [&dyn Tune; 1]) = ([&POSITION], [&STIFFNESS]);
-    let mut desk = Selections::<4>::new();
-    let (server, mut sampler) = desk.open(
+    let mut selections = Selections::<4>::new();
+    let (server, mut sampler) = selections.open(
         Catalog::new(&watched, &params),
         &data[0],
         &mut Allocator::new(data[0].size()),

@@ -37,7 +37,7 @@ pub enum CatalogError {
         most: usize,
     },
     /// The variables that a [`Watch`] describes need more or fewer words than [`Watch::words`] has.
-    #[error("block {block} has {words} words, but its variables do not")]
+    #[error("block {block} has {words} words, but its variables need another number")]
     Block {
         /// The index of the `Watch` in the catalog: variables first, then parameters.
         block: usize,
@@ -53,7 +53,7 @@ pub enum CatalogError {
     },
     /// There are more items of one kind, such as watchers, than the table or
     /// [`Selections`](crate::Selections) can hold.
-    #[error("{count} {what}; {most} is the most")]
+    #[error("there are {count} {what}, but at most {most} are possible")]
     TooMany {
         /// The kind of item.
         what: &'static str,
@@ -225,17 +225,17 @@ pub(crate) fn measure(
     Ok((shape, end))
 }
 
-/// Writes a table into the next of `places`; returns the table's region, its offset and its incarnation.
+/// Writes a table into memory from `allocator`; returns the table's region, its offset and its incarnation.
 pub(crate) fn write<W: MemoryWindow + Clone>(
     own: &Region<W>,
-    places: &mut Allocator,
+    allocator: &mut Allocator,
     shape: Shape,
     rate: (u32, u32),
     cell: (u32, u32),
     items: impl FnOnce(&mut Body<'_>) -> Result<(), CatalogError>,
 ) -> Result<(Region<W>, u32, u32), CatalogError> {
     let bytes = shape.bytes().unwrap_or(u32::MAX);
-    let offset = places.bytes(bytes as usize)?;
+    let offset = allocator.bytes(bytes as usize)?;
     let table = own.part(offset, bytes)?;
     let set = |at, word| table.store(at, word, StoreOrder::Relaxed);
     let incarnation = table.load(header::INCARNATION, LoadOrder::Relaxed)?;

@@ -118,7 +118,7 @@ impl CellField {
 /// their names. Returns the offset of the table in bytes, from the beginning of `own`.
 ///
 /// `own` is the users' region of the program's own `data`, which must contain the cell, too.
-/// `places` hands out the room for the table in it.
+/// `allocator` hands out the room for the table in it.
 ///
 /// # Errors
 /// Returns [`CatalogError::Block`] with the number of a field that is not inside of `T`,
@@ -128,7 +128,7 @@ impl CellField {
 pub fn describe<T: CellStruct, W: MemoryWindow + Clone>(
     cell: Published<T>,
     own: &Region<W>,
-    places: &mut Allocator,
+    allocator: &mut Allocator,
 ) -> Result<u32, CatalogError> {
     let bytes = size_of::<T>();
     for (block, field) in T::FIELDS.iter().enumerate() {
@@ -141,7 +141,7 @@ pub fn describe<T: CellStruct, W: MemoryWindow + Clone>(
     let items = |body: &mut Body<'_>| T::FIELDS.iter().try_for_each(|field| field.each(body));
     let (shape, _) = catalog::measure(items)?;
     let cell = (cell.offset(), bytes as u32);
-    let (_, offset, _) = catalog::write(own, places, shape, (0, 0), cell, items)?;
+    let (_, offset, _) = catalog::write(own, allocator, shape, (0, 0), cell, items)?;
     Ok(offset)
 }
 
@@ -167,7 +167,7 @@ pub enum CellError {
     #[error("the table describes no published cell")]
     NoCell,
     /// The buffer is too short for the value.
-    #[error("the value has {bytes} bytes, and there is room for {room}")]
+    #[error("the value has {bytes} bytes, but there is room for {room}")]
     Room {
         /// The size of the value, in bytes.
         bytes: usize,

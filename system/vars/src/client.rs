@@ -54,7 +54,7 @@ pub enum RequestError {
     Table(#[from] VariableTableError),
     /// The owner was busy until the deadline: the loop had not taken over the last selection, or
     /// another request was being answered.
-    #[error("{to} was busy for {} ms", .timeout.as_millis())]
+    #[error("{to} was busy with another request for {} ms; try again", .timeout.as_millis())]
     Busy {
         /// The processor of the owner.
         to: Processor,
@@ -62,7 +62,7 @@ pub enum RequestError {
         timeout: Duration,
     },
     /// The program of that processor has no table at this offset.
-    #[error("{to} has no table at offset {offset:#x}")]
+    #[error("{to} has no table of variables at offset {offset:#x}")]
     NoTable {
         /// The processor of the owner.
         to: Processor,
@@ -70,20 +70,20 @@ pub enum RequestError {
         offset: u32,
     },
     /// All slots belong to watchers that are alive.
-    #[error("all {slots} slots are claimed")]
+    #[error("all {slots} slots for watchers are in use")]
     NoSlot {
         /// The number of slots.
         slots: u32,
     },
     /// The owner considered this watcher dead, and another watcher has claimed its slot.
-    #[error("slot {slot} was given to another watcher")]
+    #[error("slot {slot} of this watcher was given to another watcher")]
     Displaced {
         /// The number of the slot.
         slot: u32,
     },
     /// The selected variables lie in more pieces than the owner has room for; see
     /// [`Selections`](crate::Selections).
-    #[error("the selection is in {pieces} pieces; {most} is the most")]
+    #[error("the selected variables lie in {pieces} pieces of memory; {most} is the most")]
     Scattered {
         /// The number of pieces of the selection.
         pieces: u32,
@@ -91,13 +91,13 @@ pub enum RequestError {
         most: u32,
     },
     /// The entry is a variable, not a parameter.
-    #[error("entry {number} is no parameter")]
+    #[error("entry {number} is not a parameter and cannot be set")]
     NoParam {
         /// The number of the entry.
         number: u32,
     },
     /// The value is of another type than the parameter, or does not fit in it.
-    #[error("{value} is no {kind}")]
+    #[error("the value {value} is not of type {kind}")]
     WrongKind {
         /// The value that does not fit.
         value: AnyValue,
@@ -105,7 +105,7 @@ pub enum RequestError {
         kind: ValueKind,
     },
     /// The value is not within the bounds.
-    #[error("out of bounds: from {least} to {greatest}")]
+    #[error("the value is out of bounds; it must be from {least} to {greatest}")]
     OutOfBounds {
         /// The least value.
         least: AnyValue,
@@ -113,14 +113,14 @@ pub enum RequestError {
         greatest: AnyValue,
     },
     /// The parameter does not have the expected value: another program has changed it.
-    #[error("the parameter is {present}")]
+    #[error("the parameter was not set: its present value is {present}, not the expected one")]
     Conflict {
         /// The value that was accepted last.
         present: AnyValue,
     },
     /// The response does not fit the request. Code 12 means that the owner could not access the memory of its
     /// table.
-    #[error("{to} answered with code {code}")]
+    #[error("{to} answered with the unknown code {code}")]
     Protocol {
         /// The processor of the owner.
         to: Processor,
@@ -144,7 +144,7 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow> VariableClient<'m, M, W> {
     pub const BYTES: usize = Exchange::<'m, M, Region<W>, Block, Block>::BYTES;
 
     /// Makes a client that sends its requests on `vector`, such as [`VARS`](crate::VARS), to the
-    /// processor `to`. The client takes room for its requests from `places` in `own`, the users'
+    /// processor `to`. The client takes room for its requests from `allocator` in `own`, the users'
     /// region of the processor on which it runs.
     ///
     /// # Errors
@@ -152,12 +152,12 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow> VariableClient<'m, M, W> {
     pub fn new(
         messenger: &'m M,
         own: Region<W>,
-        places: &mut Allocator,
+        allocator: &mut Allocator,
         to: Processor,
         vector: Vector,
     ) -> Result<Self, AccessError> {
         Ok(Self {
-            exchange: Exchange::new(messenger, own, places)?,
+            exchange: Exchange::new(messenger, own, allocator)?,
             messenger,
             to,
             vector,

@@ -27,7 +27,7 @@ pub struct VariableSettings {
 
 impl<const N: usize> Selections<N> {
     /// Makes the table of a loop, through which other programs find the variables and parameters in
-    /// `catalog`. The table takes room from `places` in `own`, the users' region of the program's
+    /// `catalog`. The table takes room from `allocator` in `own`, the users' region of the program's
     /// own `data`. Returns the server, for the handler of requests, and the sampler, which the loop
     /// calls in each tick.
     ///
@@ -44,7 +44,7 @@ impl<const N: usize> Selections<N> {
         &'e mut self,
         catalog: Catalog<'e>,
         own: &Region<W>,
-        places: &mut Allocator,
+        allocator: &mut Allocator,
         settings: &VariableSettings,
         exclusion: X,
         incarnation: &'e (dyn Fn(Processor) -> u32 + Sync),
@@ -54,7 +54,7 @@ impl<const N: usize> Selections<N> {
         X: Exclusion,
     {
         *self = Self::new();
-        let desk = &*self;
+        let selections = &*self;
         let at_most = |most, count, what| match count {
             count if count > most => Err(CatalogError::TooMany { what, count, most }),
             _ => Ok(()),
@@ -64,10 +64,10 @@ impl<const N: usize> Selections<N> {
         let shape = catalog.shape(settings.watchers, settings.rows)?;
         let items = |body: &mut Body<'_>| catalog.each(body);
         let (table, offset, table_incarnation) =
-            catalog::write(own, places, shape, settings.rate, (0, 0), items)?;
-        let sampler = Sampler::new(desk, table.clone(), shape, &catalog);
+            catalog::write(own, allocator, shape, settings.rate, (0, 0), items)?;
+        let sampler = Sampler::new(selections, table.clone(), shape, &catalog);
         let server = VariableServer {
-            desk,
+            selections,
             table,
             offset,
             table_incarnation,

@@ -105,24 +105,24 @@ pub fn run(bytes: &[u8]) {
     let param = Param::<i8>::new("param", "", 0, -5..=5);
     let (watched, params): ([&dyn Watch; 2], [&dyn Tune; 1]) = ([&pair, &long], [&param]);
     let catalog = Catalog::new(&watched, &params);
-    let mut desk = Selections::<2>::new();
+    let mut selections = Selections::<2>::new();
     let own = Region::whole(window.clone());
     let table_bytes = catalog.bytes(2, 2).unwrap();
     for at in (OFFSET..OFFSET + table_bytes).step_by(4) {
         own.store(at, 0, StoreOrder::Relaxed).unwrap();
     }
-    let mut places = Allocator::new(own.size());
-    places.bytes(OFFSET as usize).unwrap();
+    let mut allocator = Allocator::new(own.size());
+    allocator.bytes(OFFSET as usize).unwrap();
     let settings = VariableSettings {
         rate: (400, 1),
         rows: 2,
         watchers: 2,
     };
-    let (server, sampler): (Handler<'_>, Loop<'_>) = desk
+    let (server, sampler): (Handler<'_>, Loop<'_>) = selections
         .open(
             catalog,
             &own,
-            &mut places,
+            &mut allocator,
             &settings,
             CriticalSection,
             &|_| 1,

@@ -19,7 +19,7 @@ use crate::sync::{Ordering, fence};
 /// A sampler neither waits nor locks. A tick costs some instructions for each slot and each parameter, and one
 /// copy of the selected values for each watcher.
 pub struct Sampler<'e, W, const N: usize> {
-    desk: &'e Selections<N>,
+    selections: &'e Selections<N>,
     rows: Rows<'e, W, N>,
     params: &'e [&'e dyn Tune],
     /// The rings of the watchers, one for each slot of the table.
@@ -54,7 +54,7 @@ struct Ring {
 
 impl<'e, W: MemoryWindow, const N: usize> Sampler<'e, W, N> {
     pub(crate) fn new(
-        desk: &'e Selections<N>,
+        selections: &'e Selections<N>,
         table: Region<W>,
         shape: Shape,
         catalog: &Catalog<'e>,
@@ -74,7 +74,7 @@ impl<'e, W: MemoryWindow, const N: usize> Sampler<'e, W, N> {
             blocks,
         };
         Self {
-            desk,
+            selections,
             rows,
             params: catalog.params(),
             rings,
@@ -91,7 +91,7 @@ impl<'e, W: MemoryWindow, const N: usize> Sampler<'e, W, N> {
             param.latch();
         }
         let mut result = Ok(());
-        for (slot, ring) in self.desk.slots.iter().zip(&mut self.rings) {
+        for (slot, ring) in self.selections.slots.iter().zip(&mut self.rings) {
             // Pairs with the handler's store, after the plan.
             let asked = slot.asked.load(Ordering::Acquire);
             if asked != ring.selection {
@@ -113,7 +113,7 @@ impl<'e, W: MemoryWindow, const N: usize> Sampler<'e, W, N> {
     #[inline]
     pub fn end(&mut self, tick: u64, released: Instant) -> Result<(), AccessError> {
         let mut result = Ok(());
-        for (slot, ring) in self.desk.slots.iter().zip(&mut self.rings) {
+        for (slot, ring) in self.selections.slots.iter().zip(&mut self.rings) {
             if ring.words == 0 {
                 continue;
             }

@@ -21,7 +21,7 @@ use crate::watcher::Watcher;
 /// The part of a [`Selections`] that answers requests of other programs to watch the variables of a
 /// loop and to set its parameters. Pass the servers of all loops to [`answer`].
 pub struct VariableServer<'e, W, X, const N: usize> {
-    pub(crate) desk: &'e Selections<N>,
+    pub(crate) selections: &'e Selections<N>,
     pub(crate) table: Region<W>,
     pub(crate) offset: u32,
     pub(crate) table_incarnation: u32,
@@ -178,7 +178,7 @@ impl<'e, W: MemoryWindow, X: Exclusion, const N: usize> VariableServer<'e, W, X,
     /// Runs `body`, unless this handler has interrupted another one that is inside of `alone`.
     fn alone(&self, body: impl FnOnce() -> Outcome) -> Outcome {
         // Accessed inside of critical sections only, which order the accesses.
-        let is_taken = &self.desk.is_taken;
+        let is_taken = &self.selections.is_taken;
         let is_mine = self.exclusion.with(|| {
             let is_free = is_taken.load(Relaxed) == 0;
             is_taken.store(1, Relaxed);
@@ -199,7 +199,7 @@ impl<'e, W: MemoryWindow, X: Exclusion, const N: usize> VariableServer<'e, W, X,
             let incarnation = slot.incarnation.load(Relaxed);
             incarnation == 0 || incarnation != (self.incarnation)(owner)
         };
-        let mut slots = (0..self.shape.slots).zip(&self.desk.slots);
+        let mut slots = (0..self.shape.slots).zip(&self.selections.slots);
         let Some((number, slot)) = slots.find(|(_, slot)| is_free(slot)) else {
             return refused_with(response::NO_SLOT, self.shape.slots, 0);
         };
@@ -273,7 +273,7 @@ impl<'e, W: MemoryWindow, X: Exclusion, const N: usize> VariableServer<'e, W, X,
     }
 
     fn claimed(&self, number: u32, claim: u32) -> Result<&'e Slot<N>, RefusalBlock> {
-        let slots = self.desk.slots.get(..self.shape.slots as usize);
+        let slots = self.selections.slots.get(..self.shape.slots as usize);
         let slot = slots.and_then(|slots| slots.get(number as usize));
         let is_claimed = |slot: &&Slot<N>| {
             slot.incarnation.load(Relaxed) != 0 && slot.claim.load(Relaxed) == claim

@@ -67,8 +67,8 @@ pub struct TableEntry {
 pub enum VariableTableError {
     /// There is no table of this layout version at the offset, or not yet.
     #[error(
-        "there is no table of version {VERSION} and magic {MAGIC:#x}: found version {version} and \
-         magic {magic:#x}"
+        "there is no table of variables of version {VERSION} and magic {MAGIC:#x}: found version {version} and magic \
+         {magic:#x}"
     )]
     NoTable {
         /// The first word found there.
@@ -77,19 +77,19 @@ pub enum VariableTableError {
         version: u32,
     },
     /// The numbers in the header contradict each other.
-    #[error("the header of the table is not possible in {bytes} bytes")]
+    #[error("the header of the table of variables is not possible in {bytes} bytes")]
     Header {
         /// The size of the table in bytes, as the header states it.
         bytes: u32,
     },
     /// An entry of the table is invalid.
-    #[error("entry {number} of the table is not possible")]
+    #[error("entry {number} of the table of variables is invalid")]
     Entry {
         /// The number of the entry.
         number: u32,
     },
     /// There is no entry of this number.
-    #[error("there is no entry {number}: the table has {entries}")]
+    #[error("there is no entry {number}: the table of variables has {entries}, numbered from 0")]
     NoEntry {
         /// The number that was requested.
         number: u32,
@@ -97,7 +97,7 @@ pub enum VariableTableError {
         entries: u32,
     },
     /// The owner has made the table anew: open it again.
-    #[error("the table has been made anew: its incarnation is {found}, not {expected}")]
+    #[error("the table of variables was made again: its incarnation is {found}, not {expected}")]
     Restarted {
         /// The number of the table's present [incarnation](VariableTable::incarnation).
         found: u32,

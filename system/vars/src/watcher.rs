@@ -72,16 +72,16 @@ pub enum WatchError {
     #[error(transparent)]
     Table(#[from] VariableTableError),
     /// The owner considered this watcher dead, and another watcher has claimed its slot.
-    #[error("slot {slot} was given to another watcher")]
+    #[error("slot {slot} of this watcher was given to another watcher")]
     Displaced {
         /// The number of the slot.
         slot: u32,
     },
     /// Nothing is selected, or the last selection was not acknowledged.
-    #[error("nothing is selected")]
+    #[error("no variable is selected")]
     Unselected,
     /// The buffer is too short for the values.
-    #[error("a row has {words} words, and there is room for {room}")]
+    #[error("a row has {words} words, but there is room for {room}")]
     Room {
         /// The number of words of a row's values.
         words: usize,

@@ -61,7 +61,7 @@ impl Child {
         body: impl FnOnce() -> Result<Vec<f64>>,
     ) -> Result<Self> {
         let parent = getpid();
-        let (figures, mut desk) = pipe()?;
+        let (figures, mut writer) = pipe()?;
         // SAFETY: with one thread, the child is a whole copy of its parent.
         let pid = unsafe { libc::fork() };
         if pid == 0 {
@@ -72,7 +72,7 @@ impl Child {
                 }
                 // SAFETY: nobody handles the signal, which ends the process.
                 unsafe { libc::alarm(u32::try_from(limit.as_secs())? + 1) };
-                Ok(desk.write_all(&bytes_of(&body()?))?)
+                Ok(writer.write_all(&bytes_of(&body()?))?)
             }));
             let code = match result {
                 Ok(Ok(())) => 0,

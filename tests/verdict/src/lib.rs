@@ -19,7 +19,7 @@ const EXACT: f64 = 1e-9;
 /// The result of a test in which clients enqueue motions while programs are killed: the outcomes that clients were
 /// told, compared with the set-points that were observed. [`of`] makes it.
 pub struct Verdict {
-    /// How often each outcome was told.
+    /// The number of times that each outcome was told.
     counts: BTreeMap<String, u64>,
     /// The requests that were offered.
     pub offered: u64,
@@ -135,9 +135,9 @@ fn is_loose(sample: &Sample, client: usize) -> bool {
     sample.loose >> (JOINTS[client] / 4) & 1 == 1
 }
 
-/// What was seen of a client's joint.
+/// The observed motion of a client's joint.
 struct Observed {
-    /// Where it came to rest, by its place in units of [`UNIT`]: the samples, and the exact places, rad.
+    /// The positions at which it came to rest, in units of [`UNIT`]: the samples, and the exact positions, rad.
     rests: BTreeMap<i64, Vec<(usize, f64)>>,
     gaps: Vec<Gap>,
 }

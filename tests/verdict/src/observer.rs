@@ -60,7 +60,7 @@ impl Sample {
     }
 }
 
-/// What was observed, in the order of time.
+/// Reads the observed samples, in the order of time.
 pub(super) fn read(place: &Path) -> Vec<Sample> {
     let text = std::fs::read_to_string(place.join(LOG)).unwrap_or_default();
     let mut is_first = false;

@@ -1,5 +1,5 @@
-//! Each feature and each two: a mistake between features shows with two of them, or with all, which `lint` looks at. The
-//! same builds show that the oldest toolchain suffices: the MSRV is written once, as `rust-version` of
+//! Each feature and each two: a mistake between features shows with two of them, or with all, which `lint` looks at.
+//! The same builds show that the oldest toolchain suffices: the MSRV is written once, as `rust-version` of
 //! the root manifest.
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -28,7 +28,7 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
         Ok(()) => (format!("+{msrv}"), None),
         Err(problem) => (
             String::new(),
-            Some(format!("{msrv}, not to be had: {problem}")),
+            Some(format!("{msrv}, which cannot be installed: {problem}")),
         ),
     };
     let check = |what: &str| -> Line {
@@ -70,7 +70,7 @@ fn promised(members: &[Value]) -> Result<String> {
         .collect();
     match versions.iter().collect::<Vec<_>>()[..] {
         [one] if !one.is_empty() => Ok((*one).to_owned()),
-        _ => Err(format!("not one rust-version, but {versions:?}").into()),
+        _ => Err(format!("the packages must have the same rust-version, not {versions:?}").into()),
     }
 }
 

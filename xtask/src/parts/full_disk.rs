@@ -31,7 +31,9 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
     for (_, kind, place, _) in TESTS {
         let nothing = context.command(&format!("{alone} {kind} {place} true"));
         if let Err(problem) = nothing.run() {
-            return Ok(Summary::skipped(format!("no disk: {problem}")));
+            return Ok(Summary::skipped(format!(
+                "no small disk can be mounted: {problem}"
+            )));
         }
     }
     let built = programs::build(&context.command(&test::build_line()))?;

@@ -34,7 +34,7 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
     }
     if !found.is_empty() {
         return Err(format!(
-            "{} circles and sources of others in {files} files",
+            "{} cycles of imports and sources of other packages in {files} files",
             found.len()
         )
         .into());
@@ -43,7 +43,7 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
         print!("{}", picture(&packages));
     }
     Ok(Summary::of(format!(
-        "no circle and no source of others in {files} files of {} packages in {} workspaces",
+        "no cycle of imports and no source of another package in {files} files of {} packages in {} workspaces",
         packages.all.len(),
         packages.workspaces
     )))
@@ -51,7 +51,7 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
 
 /// Returns all circles of the repository, and all sources of others, each in a line.
 fn found(packages: &Packages) -> Vec<String> {
-    let arrows = told("packages", circles(&packages.arrows()));
+    let arrows = circle_lines("packages", circles(&packages.arrows()));
     let inside = packages.all.values().flat_map(|package| {
         let crates = package.crates.iter();
         let circles = crates.flat_map(|modules| of_files(modules).chain(of_rooms(modules)));
@@ -84,7 +84,7 @@ fn of_files(modules: &Modules) -> impl Iterator<Item = String> {
         !import.from.starts_with(&import.to) && !import.to.starts_with(&import.from)
     });
     let edges: BTreeSet<_> = others.map(|Import { from, to }| (from, to)).collect();
-    told("files", circles(&edges))
+    circle_lines("files", circles(&edges))
 }
 
 /// Returns the circles of rooms in each folder.
@@ -101,13 +101,16 @@ fn of_rooms(modules: &Modules) -> impl Iterator<Item = String> {
     let circles = circles(&edges).into_iter();
     // Others are circles of files.
     let folders = circles.filter(|circle| circle.iter().any(|room| modules.has_children(room)));
-    told("folders", folders.collect())
+    circle_lines("folders", folders.collect())
 }
 
-fn told(what: &'static str, circles: Vec<Vec<Vec<String>>>) -> impl Iterator<Item = String> {
+fn circle_lines(
+    what: &'static str,
+    circles: Vec<Vec<Vec<String>>>,
+) -> impl Iterator<Item = String> {
     circles.into_iter().map(move |circle| {
         let names: Vec<_> = circle.iter().map(|path| path.join("::")).collect();
-        format!("a circle of {what}: {}", names.join(", "))
+        format!("a cycle of {what}: {}", names.join(", "))
     })
 }
 
@@ -158,7 +161,7 @@ mod tests {
 
         let packages = Packages::read(root.path()).unwrap();
         assert_eq!((packages.workspaces, packages.files()), (2, 6));
-        assert_eq!(found(&packages), ["top: a circle of files: a, b"]);
+        assert_eq!(found(&packages), ["top: a cycle of files: a, b"]);
         assert_eq!(picture(&packages), " 0  bottom 4\n 1  top 6\n");
     }
 

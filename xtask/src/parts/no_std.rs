@@ -15,8 +15,8 @@ const TARGETS: [&str; 4] = [
 /// features of the others is in the second: in the first, each is as small as it gets.
 const SETS: [(&str, &str); 3] = [
     (
-        "-p condor-clock -p condor-debug -p condor-dev -p condor-fs -p condor-hand -p condor-mbox -p condor-mcap -p condor-mos \
-         -p condor-platform -p condor-robot -p condor-rt -p condor-tty -p condor-vars -p qemu-virt-host",
+        "-p condor-clock -p condor-debug -p condor-dev -p condor-fs -p condor-hand -p condor-mbox -p condor-mcap -p \
+         condor-mos -p condor-platform -p condor-robot -p condor-rt -p condor-tty -p condor-vars -p qemu-virt-host",
         "",
     ),
     (

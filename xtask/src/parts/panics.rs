@@ -67,7 +67,7 @@ fn search(context: &Context, packages: &[&str], target: &str, profile: &str) -> 
 
 pub(super) fn list(origins: &[Origin]) -> String {
     if origins.is_empty() {
-        return "no call that leads there".into();
+        return "no call that leads to it".into();
     }
     let origins: Vec<String> = origins.iter().map(Origin::to_string).collect();
     origins.join("\n")

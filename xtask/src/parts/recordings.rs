@@ -22,7 +22,7 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
             read = Some(line.to_owned());
         }
     })?;
-    let read = read.ok_or_else(|| format!("`{line}` has read nothing"))?;
+    let read = read.ok_or_else(|| format!("`{line}` read no samples"))?;
     Ok(Summary::of(format!(
         "rosbags and mcap-ros2-support read {read}"
     )))

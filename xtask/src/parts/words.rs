@@ -82,7 +82,7 @@ fn judge(listed: &Table, counts: &Table, found: &Findings) -> Result<()> {
                 (listed.private, counts[path].private)
             };
             if there > allowed {
-                eprintln!("{}", told(path, finding));
+                eprintln!("{}", finding_line(path, finding));
             }
         }
     }
@@ -94,12 +94,12 @@ fn judge(listed: &Table, counts: &Table, found: &Findings) -> Result<()> {
     }
     let (fewer, more) = (remedies.len() - more.len(), more.len());
     Err(format!(
-        "{more} files have too many findings, {fewer} have fewer than xtask/words.toml says"
+        "{more} files have too many findings, and {fewer} have fewer than xtask/words.toml says"
     )
     .into())
 }
 
-fn told(path: &str, finding: &Finding) -> String {
+fn finding_line(path: &str, finding: &Finding) -> String {
     let Finding {
         line,
         rule,

@@ -308,8 +308,8 @@ pub(crate) fn with_client<R>(
     number: Processor,
     program: impl FnOnce(&Fs<'_, '_>, &Own, &mut Allocator, &Mail<'_>) -> R,
 ) -> R {
-    with_own_client(system, number, |files, own, places, mail| {
-        program(&files, own, places, mail)
+    with_own_client(system, number, |files, own, allocator, mail| {
+        program(&files, own, allocator, mail)
     })
 }
 
@@ -319,9 +319,12 @@ pub(crate) fn with_own_client<R>(
     number: Processor,
     program: impl FnOnce(Fs<'_, '_>, &Own, &mut Allocator, &Mail<'_>) -> R,
 ) -> R {
-    try_client(system, number, (300, 4096), |files, own, places, mail| {
-        program(files.unwrap(), own, places, mail)
-    })
+    try_client(
+        system,
+        number,
+        (300, 4096),
+        |files, own, allocator, mail| program(files.unwrap(), own, allocator, mail),
+    )
 }
 
 /// The same in a system of any size, with what the server says; `room` is bytes of a path, and of a
@@ -334,8 +337,8 @@ pub(crate) fn try_client<R, const N: usize, const FILES: usize>(
 ) -> R {
     let mut claim = system.claim_within(number, TIMEOUT).unwrap();
     let own = Region::users(claim.windows()[number.index()].data.clone()).unwrap();
-    let mut places = claim.places().unwrap();
-    let area = Area::<FILES>::new(&mut places, room.0, room.1).unwrap();
+    let mut allocator = claim.places().unwrap();
+    let area = Area::<FILES>::new(&mut allocator, room.0, room.1).unwrap();
     let handler = area.handler();
     let mut mailbox = claim.mailbox().unwrap();
     mailbox
@@ -343,7 +346,7 @@ pub(crate) fn try_client<R, const N: usize, const FILES: usize>(
         .unwrap();
     mailbox.join().unwrap();
     let files = FileSystem::connect(&mailbox, SERVER, own.clone(), area, TIMEOUT);
-    program(files, &own, &mut places, &mailbox)
+    program(files, &own, &mut allocator, &mailbox)
 }
 
 /// Runs `program` on a processor that does not say where its table of open files is.

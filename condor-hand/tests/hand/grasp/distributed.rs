@@ -97,9 +97,9 @@ fn an_order_comes_back_from_its_words() {
 fn five_fingers_on_one_processor_hold_what_two_are_too_few_for() {
     static MEMORY: StaticMemory<4096> = StaticMemory::new();
     let region = Region::whole(MEMORY.window());
-    let places = GraspLayout::<5>::new(&mut Allocator::new(region.size())).unwrap();
-    let mut end = places.servo_end(region).unwrap();
-    assert!(places.report(&region).is_err());
+    let layout = GraspLayout::<5>::new(&mut Allocator::new(region.size())).unwrap();
+    let mut end = layout.servo_end(region).unwrap();
+    assert!(layout.report(&region).is_err());
 
     let hand = Hand::<4, 4>::from_toml(HAND, "utah-mit.toml").unwrap();
     let gravity = Vector3::from(hand.gravity);
@@ -125,18 +125,18 @@ fn five_fingers_on_one_processor_hold_what_two_are_too_few_for() {
         };
         law.step(&joints, &inputs, &gravity, PERIOD_S, &mut controllers);
         end.tell(law.report());
-        let report = places.report(&region).unwrap();
+        let report = layout.report(&region).unwrap();
         assert_eq!(report.event(), law.report().event());
         report
     };
     assert_eq!(tick().state, GraspState::Idle);
     let gains = [100.0, 100.0, 100.0, 0.1, 0.1, 0.1];
     let two = GraspOrder::hold(0b1_0001, tips, gains, [0.0; 6]);
-    let number = places.give(&two, &region).unwrap();
+    let number = layout.give(&two, &region).unwrap();
     let refused = (number, GraspState::Refused, GraspReason::Fingers);
     assert_eq!(tick().event(), refused);
     let five = GraspOrder::hold(0b1_1111, tips, gains, [0.0; 6]);
-    let number = places.give(&five, &region).unwrap();
+    let number = layout.give(&five, &region).unwrap();
     let mut report = tick();
     let holding = (number, GraspState::Holding, GraspReason::None);
     assert_eq!(report.event(), holding);

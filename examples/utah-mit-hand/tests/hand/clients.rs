@@ -126,12 +126,14 @@ fn a_client_in_control_moves_the_hand_and_others_look() {
         // Another one takes control, which is announced.
         typist.shown.clear();
         assert_eq!(control(typist, second, true), second);
-        typist.expect(&format!("session {second} is in control"), 1.0);
+        typist.expect(&format!("is in control, by session {second}"), 1.0);
         let late = offer(typist, of(first, 7), b"open");
         assert_eq!(late, refused(RefusalReason::NotInControl));
         assert_eq!(
             typist.says("run open"),
-            format!("session {second} is in control: `control` takes it\n")
+            format!(
+                "another program is in control, by session {second}: `control` takes control from it\n"
+            )
         );
         offer(typist, of(second, 1), b"wave");
         typist.wait(0.5);
@@ -204,8 +206,8 @@ fn what_was_accepted_runs_once_or_is_lost_whatever_ends() {
             if round % 6 == 5 {
                 typist.wait(0.01 * f64::from(random(40)));
                 typist.restart(MASTER);
-                typist.expect("processor 1 serves", 5.0);
-                typist.expect("processor 2 serves", 5.0);
+                typist.expect("processor 1 controls", 5.0);
+                typist.expect("processor 2 controls", 5.0);
                 typist.wait(0.3);
                 said += &std::mem::take(&mut typist.shown);
                 enable(typist);
@@ -296,10 +298,10 @@ fn what_is_typed_waits_like_all_requests_and_ends_no_other() {
         typist.wait(0.3);
         assert_eq!(
             typist.says("to thumb.middle 0.9 0.4"),
-            "waits: 1 in the queue\n"
+            "the motion waits: 1 in the queue\n"
         );
         // Nothing else moves the hand meanwhile.
-        let busy = "a motion runs or waits: `abort` it first\n";
+        let busy = "a motion runs or waits: type `abort` first\n";
         for line in ["grasp", "release"] {
             assert_eq!(typist.says(line), busy, "{line}");
         }
@@ -319,7 +321,9 @@ fn what_is_typed_waits_like_all_requests_and_ends_no_other() {
         let other = open(typist);
         control(typist, other, true);
         typist.wait(0.1);
-        let taken = format!("session {other} is in control: `control` takes it\n");
+        let taken = format!(
+            "another program is in control, by session {other}: `control` takes control from it\n"
+        );
         for line in ["grasp", "release", "to thumb.middle 0.9"] {
             assert_eq!(typist.says(line), taken, "{line}");
         }
@@ -408,14 +412,14 @@ fn the_terminal_keeps_control_only_if_somebody_has_typed_so() {
         // With its last motion its control ends.
         typist.runs("open");
         assert_eq!(control(typist, session, false), session);
-        typist.expect(&format!("session {session} is in control"), 1.0);
+        typist.expect(&format!("is in control, by session {session}"), 1.0);
         assert_eq!(typist.says("control"), "");
         typist.runs("open");
         let terminal = control(typist, session, false);
         assert!(![0, session].contains(&terminal), "{terminal}");
         // Until a client takes it.
         assert_eq!(control(typist, session, true), session);
-        typist.expect(&format!("session {session} is in control"), 1.0);
+        typist.expect(&format!("is in control, by session {session}"), 1.0);
         ask!(typist, client, client.give_up_control(session, SOON)).unwrap();
         typist.runs("open");
         assert_eq!(control(typist, session, false), session);
@@ -515,7 +519,7 @@ fn a_ledger_with_the_last_session_says_that_it_must_be_removed() {
         assert!(matches!(opened, Err(MotionsError::Exhausted)), "{opened:?}");
         let said = typist.says("control");
         assert!(
-            said.contains("motions.ledger has the last number") && said.contains("remove the file"),
+            said.contains("motions.ledger has no number left") && said.contains("remove the file"),
             "{said}"
         );
         pass(session);

@@ -138,7 +138,7 @@ impl Page {
     }
 }
 
-/// Reads a message. A read with a time-out is not restarted after a signal, such as that of a child's end.
+/// Reads a message. A read with a timeout is not restarted after a signal, such as that of a child's end.
 fn read(socket: &mut WebSocket<TcpStream>) -> Message {
     loop {
         match socket.read() {
@@ -204,7 +204,7 @@ fn a_composed_motion_moves_the_hand() {
     page.fails(
         "/sim/outcome",
         &json!({ "id": 99 }),
-        "motion 99 is not known",
+        "does not know motion 99",
     );
 
     // Somebody at the terminal is in control until it is taken.
@@ -244,7 +244,7 @@ fn motions_are_opened_and_saved() {
     page.fails(
         "/sim/save",
         &save(&other, false),
-        "there is a file mine.toml already",
+        "the file mine.toml exists already",
     );
     assert_eq!(files(&mut stranger), json!(["mine.toml"]));
     let open = json!({ "file": "mine.toml" });
@@ -263,9 +263,9 @@ fn motions_are_opened_and_saved() {
         "mine.toml\0",
     ] {
         let file = json!({ "file": name });
-        stranger.fails("/sim/open", &file, "no name of a motion file");
+        stranger.fails("/sim/open", &file, "cannot be the name of a motion file");
         let file = json!({ "file": name, "text": one });
-        page.fails("/sim/save", &file, "no name of a motion file");
+        page.fails("/sim/save", &file, "cannot be the name of a motion file");
     }
     stranger.fails("/sim/open", &json!({ "file": "none.toml" }), "none.toml");
 }

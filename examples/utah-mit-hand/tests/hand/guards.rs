@@ -65,9 +65,9 @@ impl Targets {
                 .collect();
             assert!(entries.is_sorted());
             let own = typist.region(numbers::TERMINALS);
-            let mut places = Allocator::new(own.size());
+            let mut allocator = Allocator::new(own.size());
             let mut client =
-                VariableClient::new(typist.mailbox(), own, &mut places, number, VARS).unwrap();
+                VariableClient::new(typist.mailbox(), own, &mut allocator, number, VARS).unwrap();
             let mut watcher = client.claim(&table, SOON).unwrap();
             client.select(&mut watcher, &entries, 1, SOON).unwrap();
             watcher
@@ -341,7 +341,7 @@ fn a_guard_of_contact_needs_a_sensor() {
         );
         assert_eq!(
             typist.says("run close"),
-            "motion 1 has a guard of contact, and ring has no tactile sensor\n"
+            "motion 1 is to stop at contact, but ring has no tactile sensor\n"
         );
         typist.writes(
             "close",

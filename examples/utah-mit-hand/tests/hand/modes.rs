@@ -160,23 +160,20 @@ fn modes_keep_what_a_joint_has_and_are_refused_where_they_would_do_harm() {
         for (line, said) in [
             (
                 "run wave",
-                "index.abduction is in the mode impedance: `enable index` takes it up where it is\n",
+                "index.abduction is in the mode impedance: `enable index` makes it hold its position\n",
             ),
             (
                 "to index.middle 0.5",
-                "index.abduction is in the mode impedance: `enable index` takes it up where it is\n",
+                "index.abduction is in the mode impedance: `enable index` makes it hold its position\n",
             ),
             (
                 "mode index grasp",
                 "\"grasp\" is not off, tension, torque, position or impedance; `grasp` takes the ball\n",
             ),
             ("mode index.elbow off", "no joint is called \"elbow\""),
-            ("mode", "FINGER is missing\n"),
-            ("torque index.proximal", "a torque, N m is missing\n"),
-            (
-                "impedance index.proximal",
-                "a stiffness, N m/rad is missing\n",
-            ),
+            ("mode", "give FINGER\n"),
+            ("torque index.proximal", "give a torque, N m\n"),
+            ("impedance index.proximal", "give a stiffness, N m/rad\n"),
             (
                 "impedance index 0.05 0.001 0.5",
                 "\"0.5\" is one word too many\n",
@@ -223,7 +220,7 @@ fn modes_keep_what_a_joint_has_and_are_refused_where_they_would_do_harm() {
         assert_eq!(typist.says("to ring.middle 0.9 1"), "");
         assert_eq!(
             typist.says("mode thumb torque"),
-            "a motion runs or waits: `abort` it first\n"
+            "a motion runs or waits: type `abort` first\n"
         );
         typist.wait(1.0);
         assert_eq!(typist.says("enable index"), "");

@@ -60,7 +60,7 @@ fn the_first_lines_wait_until_the_fingers_are_there() {
         typist.types("run open");
         typist.expect("open is done\n", 20.0);
         assert!(
-            !typist.shown.contains("nobody measures"),
+            !typist.shown.contains("its processor does not run"),
             "{}",
             typist.shown
         );
@@ -206,7 +206,7 @@ fn a_motion_is_saved_and_replayed_by_the_next_incarnation_of_the_master() {
         );
         assert_eq!(
             typist.says("run"),
-            "index is not enabled: `enable` takes it up where it is\n"
+            "index is not enabled: `enable` makes it hold its position\n"
         );
         typist.types("enable");
         typist.wait(4.0);
@@ -279,7 +279,7 @@ fn a_processor_that_restarts_and_a_finger_that_fails_are_said_and_taken_up_again
         for said in [
             "processor 1 is gone: nothing controls index and middle",
             "all motion stops",
-            "processor 1 was restarted: `enable` takes up index and middle again",
+            "processor 1 was restarted: `enable` makes index and middle hold again",
         ] {
             assert!(typist.shown.contains(said), "{said}: {}", typist.shown);
         }
@@ -289,7 +289,7 @@ fn a_processor_that_restarts_and_a_finger_that_fails_are_said_and_taken_up_again
         assert!(status.contains("no motion"), "{status}");
         assert_eq!(
             typist.says("run fist"),
-            "index is not enabled: `enable` takes it up where it is\n"
+            "index is not enabled: `enable` makes it hold its position\n"
         );
         assert_eq!(typist.says("enable"), "");
         let peak = typist.runs("open");
@@ -374,7 +374,7 @@ fn names_are_completed_and_former_lines_come_back() {
         typist.presses("\x03");
         typist.wait(0.2);
         assert!(
-            typist.shown.ends_with("^C\nnothing moves\n"),
+            typist.shown.ends_with("^C\nno motion runs\n"),
             "{}",
             typist.shown
         );
@@ -447,7 +447,7 @@ fn commands_do_what_they_say_and_errors_tell_where_and_what_was_expected() {
             ),
             (
                 "to index.middle",
-                &("word 3: a position, rad is missing\n".to_owned() + TO),
+                &("word 3: give a position, rad\n".to_owned() + TO),
             ),
             (
                 "to index.middle far",
@@ -461,19 +461,22 @@ fn commands_do_what_they_say_and_errors_tell_where_and_what_was_expected() {
                 "pause now",
                 "word 2: \"now\" is one word too many\nexpected: pause, such as: pause\n",
             ),
-            ("run", "nothing is recorded or loaded\n"),
+            (
+                "run",
+                "no motion is recorded or loaded: give the name of a motion\n",
+            ),
             (
                 "run ../x",
-                "word 2: \"../x\" is no name of a motion: letters, digits, - and _, at most 24\n\
+                "word 2: \"../x\" cannot be the name of a motion: a name has letters, digits, - and _, at most 24\n\
                  expected: run [MOTION], such as: run wave\n",
             ),
             (
                 "grasp",
-                "index is not enabled: `enable` takes it up where it is\n",
+                "index is not enabled: `enable` makes it hold its position\n",
             ),
             (
                 "push 2 2",
-                "word 4: a force, N is missing\nexpected: push X Y Z [X Y Z], such as: push 0.2 0 0\n",
+                "word 4: give a force, N\nexpected: push X Y Z [X Y Z], such as: push 0.2 0 0\n",
             ),
             (
                 "push 2 2 x2",
@@ -481,7 +484,7 @@ fn commands_do_what_they_say_and_errors_tell_where_and_what_was_expected() {
             ),
             (
                 "restart",
-                "word 2: a processor, by its number or name is missing\n\
+                "word 2: give a processor, by its number or name\n\
                  expected: restart PROCESSOR, such as: restart 1\n",
             ),
             (
@@ -493,11 +496,8 @@ fn commands_do_what_they_say_and_errors_tell_where_and_what_was_expected() {
         ] {
             assert_eq!(typist.says(line), said, "{line}");
         }
-        assert!(
-            typist
-                .says("run dance")
-                .starts_with("motions/dance.motion: ")
-        );
+        let missing = typist.says("run dance");
+        assert!(missing.starts_with("motions/dance.motion: "), "{missing}");
         let names = typist.says("motions");
         for name in SHIPPED {
             assert!(names.lines().any(|line| line == name), "{names}");
@@ -513,7 +513,7 @@ fn one_joint_moves_stops_and_is_tuned_and_the_table_goes_home() {
         assert!(
             typist
                 .says("to thumb.middle 7 1")
-                .contains("thumb.middle cannot go to 7 rad (")
+                .contains("thumb.middle cannot go to 7 rad; it may be")
         );
         assert_eq!(typist.says("to thumb.middle 1 0.4"), "");
         typist.wait(0.5);

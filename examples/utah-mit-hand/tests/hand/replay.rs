@@ -301,13 +301,13 @@ fn the_smallest_change_is_found() {
     let [palm, order, others, done] = [2, 3, 4, 6].map(|kind| first(SHIPPED, kind));
     // Each is looked at, not only kept.
     for (at, found) in [
-        (tick + 4 + 8, "tick 300 put out"),
+        (tick + 4 + 8, "tick 300 differs"),
         (palm + 4 + 6, "tick "),
         (order + 4 + 8 + 8 + 288 + 288 + 72 + 6, "tick "),
         (others + 4 + 64 + 6, "tick "),
         (points.unwrap() + 4 + 12 + 5, "tick "),
-        (done + 4, "tick 0 put out"),
-        (done + 4 + 64, "tick 0 put out"),
+        (done + 4, "tick 0 differs"),
+        (done + 4 + 64, "tick 0 differs"),
     ] {
         let mut other = SHIPPED.to_vec();
         other[at] ^= 1;
@@ -341,29 +341,32 @@ fn what_is_no_recording_is_refused() {
         .unwrap()
         + 11;
     for (recording, said) in [
-        (Vec::new(), "servo.mcap: it was broken off after 0 ticks"),
+        (
+            Vec::new(),
+            "servo.mcap: the recording is incomplete: it ends after 0 ticks",
+        ),
         (
             changed(0, b'K'),
-            "servo.mcap: after 0 ticks: it is no MCAP file",
+            "servo.mcap: cannot read the recording after 0 ticks: it is not an MCAP file",
         ),
         (
             changed(version, b'9'),
-            "it is no recording of this version: its version is 9, not 4",
+            "it is not a recording of this version: its version is 9, not 4",
         ),
         (
             changed(version - 8, b'V'),
-            "it is no recording of this version: its version is missing, not 4",
+            "it is not a recording of this version: its version is missing, not 4",
         ),
         (changed(rate, b'9'), "servo.mcap: it was recorded at"),
-        (SHIPPED[..end - HEAD].to_vec(), "broken off after 900 ticks"),
-        (SHIPPED[..done + 5].to_vec(), "broken off after 0 ticks"),
+        (SHIPPED[..end - HEAD].to_vec(), "it ends after 900 ticks"),
+        (SHIPPED[..done + 5].to_vec(), "it ends after 0 ticks"),
         (
             changed(tick - HEAD + 9, 9),
-            "after 0 ticks there is a message of channel 9 with 120 bytes",
+            "after 0 ticks there is an unexpected message, of channel 9 with 120 bytes",
         ),
         (
             changed(tick + 1, 7),
-            "after 0 ticks there is a message of channel 1 with 124 bytes",
+            "after 0 ticks there is an unexpected message, of channel 1 with 124 bytes",
         ),
         (
             changed(tick - HEAD + 4, 255),
@@ -371,7 +374,7 @@ fn what_is_no_recording_is_refused() {
         ),
         (
             changed(end + 4, 0),
-            "after 900 ticks there is a message of channel 7",
+            "after 900 ticks there is an unexpected message, of channel 7",
         ),
     ] {
         fs::write(&path, &recording).unwrap();
@@ -395,13 +398,13 @@ fn a_recording_that_falls_behind_is_broken_off_and_the_servos_go_on() {
     });
     let said = &run.said[0];
     assert!(
-        said.contains("servo.mcap: it was broken off after"),
+        said.contains("servo.mcap: the recording ended early, after"),
         "{said}"
     );
-    assert!(said.contains("the file service did not keep up"), "{said}");
+    assert!(said.contains("the file service wrote too slowly"), "{said}");
     assert!(!said.contains("fault"), "{said}");
     let error = replay(files.path(), 1).unwrap_err();
-    assert!(error.contains("broken off after"), "{error}");
+    assert!(error.contains("it ends after"), "{error}");
 }
 
 #[test]
@@ -428,7 +431,7 @@ fn a_ring_in_which_somebody_else_writes_ends_the_recording_alone() {
         },
     );
     let said = &run.said[0];
-    let told = "there is a message of channel 65535 with 262144 bytes";
+    let told = "there is an unexpected message, of channel 65535 with 262144 bytes";
     assert!(said.contains(told), "{said}");
     assert!(!said.contains("fault"), "{said}");
 }

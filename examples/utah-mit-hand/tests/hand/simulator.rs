@@ -230,7 +230,7 @@ fn the_command_says_whether_a_motion_can_be_and_writes_its_ticks() {
     assert!(said.contains("did you mean `index.abduction`?"), "{said}");
     let (code, _, said) = sim(spread, &["--from", "index.abduction=x"]);
     assert_eq!(code, Some(2));
-    assert!(said.contains("\"x\" is no number"), "{said}");
+    assert!(said.contains("\"x\" is not a number"), "{said}");
     let (code, said, _) = sim(spread, &["--json"]);
     assert_eq!(code, Some(0));
     assert!(

@@ -140,11 +140,11 @@ fn a_hand_whose_points_stay_away_brakes_and_says_why() {
     until(|| (seen(&view).0 > from + 0.25).then_some(()));
     child.kill().unwrap();
     child.wait().unwrap();
-    let gone = up.expect(" is gone: nobody is in control\n");
-    let (_, gone) = gone.rsplit_once("the client of session ").unwrap();
+    let gone = up.expect(" has ended: no program is in control\n");
+    let (_, gone) = gone.rsplit_once("the program of session ").unwrap();
     let session: u32 = gone.split_once(' ').unwrap().0.parse().unwrap();
     up.expect(&format!(
-        "stream {session}.1 is not done: its points did not come in time\n"
+        "stream {session}.1 was not completed: its points did not come in time\n"
     ));
     let (wanted, velocity, _) = seen(&view);
     assert_eq!(velocity.to_bits(), 0.0_f64.to_bits());

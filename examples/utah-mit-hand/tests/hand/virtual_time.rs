@@ -56,8 +56,8 @@ fn set_points_are_tracked_and_no_release_is_skipped() {
         assert!(*runs > 1000, "{number} ran {runs} times");
         assert_eq!(*skips, 0, "{number}");
     }
-    assert_eq!(seen.said[0], "serves index and middle at 400 Hz\r\n");
-    assert_eq!(seen.said[1], "serves ring and thumb at 400 Hz\r\n");
+    assert_eq!(seen.said[0], "controls index and middle at 400 Hz\r\n");
+    assert_eq!(seen.said[1], "controls ring and thumb at 400 Hz\r\n");
 }
 
 #[test]
@@ -297,7 +297,11 @@ fn a_grasp_ends_when_the_other_processor_does() {
         assert_eq!(report.state, GraspState::Left);
         assert_eq!(report.reason, GraspReason::Partner);
     });
-    assert!(seen.said[0].contains("grasp 2: holding"), "{:?}", seen.said);
+    assert!(
+        seen.said[0].contains("grasp 2: holds the ball"),
+        "{:?}",
+        seen.said
+    );
     assert!(
         seen.said[0].contains("ended: another finger"),
         "{:?}",

@@ -12,10 +12,10 @@ use crate::teller::Tally;
 const MOTIONS: [&str; 4] = ["wave", "counting", "fist", "open"];
 /// The time between two lines that are typed at a teller.
 const TYPED: Duration = Duration::from_millis(50);
-/// How long a command of the master may take, restarts of the file service included.
+/// The longest time that a command of the master may take, restarts of the file service included.
 const PATIENCE: Duration = Duration::from_secs(40);
 
-/// What a run shows.
+/// The results of a run.
 #[derive(Default)]
 pub(crate) struct Seen {
     pub(crate) kills: Kills,
@@ -29,7 +29,7 @@ pub(crate) struct Seen {
     pub(crate) replaced: u32,
     pub(crate) saved: u32,
     pub(crate) motions: u32,
-    /// How often a finger gave up, as the master said.
+    /// The number of times that a finger gave up, as the master said.
     pub(crate) faults: u32,
     /// All that is not as it should be.
     pub(crate) wrong: Vec<String>,
@@ -91,7 +91,7 @@ pub(crate) fn run(length: Duration, random: Option<u64>) -> Outcome<Seen> {
     Ok(seen)
 }
 
-/// What the master is waited for.
+/// The step of the master that is awaited.
 enum Stage {
     /// The sequence of this number is recorded until then.
     Recording {
@@ -106,20 +106,20 @@ enum Stage {
         name: &'static str,
         since: Instant,
     },
-    /// Fingers that had a fault are taken up again.
+    /// Fingers that had a fault are enabled again.
     Enabling {
         until: Instant,
     },
     Resting,
 }
 
-/// Who commands the master.
+/// The part of the driver that types commands at the master.
 struct Master {
     stage: Stage,
     /// Bytes of its log that have been looked at.
     looked: usize,
     turn: usize,
-    /// How often each motion was done, as it should be.
+    /// The number of times that each motion should have been done.
     done: BTreeMap<&'static str, usize>,
 }
 

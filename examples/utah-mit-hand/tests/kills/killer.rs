@@ -48,7 +48,7 @@ impl Screen {
 
 impl Drop for Screen {
     fn drop(&mut self) {
-        // It may have ended already.
+        // Both fail if the screen has ended already.
         let _ = self.child.kill();
         let _ = self.child.wait();
     }
@@ -85,7 +85,7 @@ fn look(pty: OwnedFd, drawn: &AtomicU64) {
     }
 }
 
-/// How often what was killed.
+/// The number of kills of each program.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Kills {
     pub(crate) screen: u32,

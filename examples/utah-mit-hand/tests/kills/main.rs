@@ -30,7 +30,7 @@ const HAND: RobotApplication = RobotApplication::new("system.toml", &PROCESSES)
     .with_programs(&[("teller", |arguments| linux::run(&Teller, arguments))]);
 
 fn main() -> ExitCode {
-    // What the supervisor starts is this program, too.
+    // The supervisor starts this program again, for its processors.
     let word = std::env::args().nth(1);
     if word.is_some_and(|word| !word.starts_with('-')) {
         return HAND.run();
@@ -87,7 +87,7 @@ fn options(mut arguments: impl Iterator<Item = String>) -> Option<(Duration, u64
     Some((length, seed))
 }
 
-/// What a run has done, in a line.
+/// Returns the results of a run as text.
 fn sum(seen: &Seen) -> String {
     let Seen {
         kills,

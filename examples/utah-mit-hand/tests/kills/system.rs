@@ -15,7 +15,7 @@ use rustix::process::{Pid, Signal, kill_process};
 
 pub(crate) type Outcome<T> = Result<T, Box<dyn Error>>;
 
-/// How long anything may take on a machine that has much else to do.
+/// The longest time that anything may take on a busy machine.
 pub(crate) const DEADLINE: Duration = Duration::from_secs(60);
 pub(crate) const LOOK: Duration = Duration::from_millis(10);
 
@@ -106,7 +106,7 @@ impl Up {
         Ok(client.status()?)
     }
 
-    /// What the supervisor has written.
+    /// Returns the lines that the supervisor has written.
     pub(crate) fn told(&self) -> String {
         fs::read_to_string(self.place.path().join("told")).unwrap_or_default()
     }
@@ -120,7 +120,7 @@ impl Up {
         )?)
     }
 
-    /// What a terminal has shown, from a byte of its log on.
+    /// Returns the text that a terminal has shown, from a byte of its log on.
     pub(crate) fn shown(&self, name: &str, from: usize) -> Outcome<String> {
         let log = self.directory().terminals().join(format!("{name}.log"));
         let bytes = fs::read(log)?;
@@ -199,7 +199,7 @@ impl Up {
 
 impl Drop for Up {
     fn drop(&mut self) {
-        // It may have ended already; its children end with it.
+        // Both fail if the supervisor has ended already; its children end with it.
         let _ = self.supervisor.kill();
         let _ = self.supervisor.wait();
     }

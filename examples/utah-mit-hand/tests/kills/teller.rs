@@ -23,7 +23,7 @@ const PAUSE: Duration = Duration::from_millis(4);
 /// Every which line is appended to the file, and every which of these replaces the other file.
 const APPENDED: u32 = 4;
 const REPLACED: u32 = 16;
-/// How often the number stands in the file that is replaced.
+/// The number of copies of the number in the file that is replaced.
 const COPIES: usize = 100;
 
 type Failed = Box<dyn std::error::Error>;
@@ -37,7 +37,7 @@ impl Program for Teller {
     }
 }
 
-/// What has come from the partner, of one kind.
+/// The messages of one kind that have come from the partner.
 #[derive(Default)]
 struct Heard {
     count: AtomicU32,
@@ -86,7 +86,7 @@ fn tell_on<M: Machine>(
     let partner = machine.argument(0).ok_or("no partner")?;
     let partner = Processor(partner.parse()?);
     let terminal = background.console()?;
-    // What is typed would come between the words of a line.
+    // Echoed characters would come between the words of a line.
     terminal.configure(&TerminalSettings {
         echo: false,
         ..TerminalSettings::COOKED
@@ -155,7 +155,7 @@ fn tell_on<M: Machine>(
     Ok(())
 }
 
-/// What a teller has said at the end.
+/// The counts that a teller prints at its end.
 pub(crate) struct Tally {
     pub(crate) said: u32,
     pub(crate) asked: u32,

@@ -3,8 +3,8 @@
 //! Up to three strikes fall in a round: a process, the supervisor and its keeper among them, is killed, or
 //! stopped for 50 ms to 2 s. Then somebody takes the system down, by `down` or by an interrupt, though
 //! processes may be stopped, or the supervisor dead. Each time everything must have ended within
-//! [`DOWN`], whoever had started it, and the next round goes on with the files of the former one. Clients enqueue motions
-//! all the while. After the last round they may ask for what they do not know yet, and what they were told is
+//! [`DOWN`], whoever had started it, and the next round goes on with the files of the former one. Clients enqueue
+//! motions all the while. After the last round they may ask for what they do not know yet, and what they were told is
 //! compared with what was observed.
 
 use std::fs;

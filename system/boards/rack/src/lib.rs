@@ -13,7 +13,7 @@ pub mod robot;
 #[cfg(feature = "sim")]
 pub mod sim;
 
-// What tests and fuzz targets make of bytes.
+// Functions that tests and fuzz targets call with arbitrary bytes.
 #[cfg(feature = "hostile")]
 #[doc(hidden)]
 pub mod hostile;

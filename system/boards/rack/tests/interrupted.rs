@@ -1,5 +1,5 @@
-//! The driver is interrupted before and behind each access that it makes to the bus in turn: by its board, or by a faster
-//! loop that uses the same board.
+//! The driver is interrupted before and behind each access that it makes to the bus in turn: by its board, or by a
+//! faster loop that uses the same board.
 
 use std::rc::Rc;
 use std::sync::{Arc, Mutex};

@@ -42,10 +42,10 @@ const ELSEWHERE: &str = "gdb-multiarch";
 
 #[derive(Debug, Args)]
 pub(crate) struct Debug {
-    /// The names or the numbers of the processors: harts, each of which is a thread
+    /// The names or the numbers of the processors, which must be harts; each is a thread of the debugger
     #[arg(required = true)]
     processors: Vec<String>,
-    /// Listens at this port of the loopback address instead of the Unix socket; 0 takes any port
+    /// Listens at this port of the loopback address instead of the Unix socket; 0 picks a free one
     #[arg(long, value_name = "PORT")]
     tcp: Option<u16>,
     #[command(flatten)]
@@ -54,15 +54,16 @@ pub(crate) struct Debug {
 
 #[derive(Debug, Args)]
 pub(crate) struct Gdb {
-    /// The name or the number of the processor; of several harts, each is a thread
+    /// The name or the number of the processor; several must be harts, each of which is a thread of GDB
     #[arg(required = true)]
     processors: Vec<String>,
     #[command(flatten)]
     which: SystemChoice,
-    /// Stops the program, and starts it again with the debugger, before its first statement
+    /// Restarts the program and stops it before its first statement
     #[arg(long)]
     start: bool,
-    /// Stops each thread alone, and none at the beginning; memory can be read while they run
+    /// Uses GDB's non-stop mode: no thread stops at the beginning, each stops alone, and memory can be read
+    /// while threads run
     #[arg(long, conflicts_with = "start")]
     non_stop: bool,
     /// The debugger [default: gdb-multiarch, or gdb for a process]
@@ -124,7 +125,7 @@ impl Gdb {
         } else if let (Some(debuggee), [_]) = (debuggees.pop(), &*members) {
             Session::start(debuggee)?
         } else {
-            return Err("only one program at a time starts with a debugger".into());
+            return Err("--start is for one processor at a time; name only one".into());
         };
         let listener = Listener::unix(&running, members[0])?;
         let mut command = self.command(ELSEWHERE);
@@ -140,10 +141,12 @@ impl Gdb {
     /// Starts the debugger of this machine on a process.
     fn process(&self, member: &Member) -> Result<(), AnyError> {
         if self.start {
-            let text = "a process starts with a debugger if its program does, such as `gdbserver`";
+            let text = "--start is for harts only; to debug a process from its start, let its program be `gdbserver`";
             return Err(format!("{} is a process: {text}", member.name).into());
         }
-        let pid = member.pid.ok_or("its program does not run")?;
+        let pid = member
+            .pid
+            .ok_or("the program of the processor does not run")?;
         let mut command = self.command(HERE);
         if self.non_stop {
             command.args(["-iex", "set non-stop on"]);
@@ -193,7 +196,8 @@ fn all<'r>(
             }));
             debuggees.push(debuggee);
         } else if names.len() > 1 {
-            let text = "is a process of this machine, which has a debugger of its own";
+            let text =
+                "is a process of this machine, which needs a debugger of its own; name it alone";
             return Err(format!("{} {text}", member.name).into());
         }
     }

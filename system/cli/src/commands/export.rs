@@ -23,20 +23,20 @@ use curve::Curve;
 /// The arguments of `condor export`.
 #[derive(Debug, Args)]
 pub(crate) struct Export {
-    /// The recording
+    /// The file of the recording
     file: PathBuf,
-    /// The variables, as for `vars watch`; all of them by default
+    /// The names of variables, or patterns with `*` and `?`, as for `vars watch`; by default all
     names: Vec<String>,
-    /// Writes a table of all rows into this file
+    /// Writes a table (CSV) of all rows into this file
     #[arg(long, value_name = "FILE", required_unless_present = "svg")]
     csv: Option<PathBuf>,
-    /// Draws the variables over time into this file
+    /// Draws the variables over time into this file (SVG)
     #[arg(long, value_name = "FILE")]
     svg: Option<PathBuf>,
-    /// Begins so long after the first message, such as 2.5s
+    /// Skips this much time at the beginning of the recording, such as 2.5s
     #[arg(long, value_name = "TIME", value_parser = duration)]
     from: Option<Duration>,
-    /// Ends so long after the first message
+    /// Ends this much time after the first message, such as 10s
     #[arg(long, value_name = "TIME", value_parser = duration)]
     to: Option<Duration>,
 }
@@ -112,7 +112,11 @@ fn check_target(recording: &Path, target: &Path) -> Result<(), AnyError> {
     };
     let own = inode(recording);
     if own.is_some() && own == inode(target) {
-        return Err(format!("{} is the recording itself", target.display()).into());
+        return Err(format!(
+            "{} is the recording itself; name another file",
+            target.display()
+        )
+        .into());
     }
     Ok(())
 }

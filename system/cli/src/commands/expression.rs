@@ -17,11 +17,11 @@ use condor_host::error::{AnyError, me};
 pub(crate) struct Print {
     /// The name or the number of the processor
     processor: String,
-    /// Static variables or parts of them, such as 'SERVO.joints[2].gain'. A number is written first with
-    /// 'SERVO.joints[2].gain=1.5'
+    /// Static variables or parts of them, such as 'SERVO.joints[2].gain'; 'SERVO.joints[2].gain=1.5' sets a
+    /// number first
     #[arg(required = true)]
     expressions: Vec<String>,
-    /// Prints them again and again, after this time, such as 10ms, until Ctrl-C
+    /// Prints the values again each time that this time has passed, such as 10ms, until Ctrl-C
     #[arg(long, value_name = "TIME", value_parser = duration)]
     every: Option<Duration>,
     #[command(flatten)]
@@ -49,7 +49,7 @@ impl<'a, 'n, 'f> ParsedArgument<'a, 'n, 'f> {
         let value = names.find(expression)?;
         let new = parts.map(|(_, text)| {
             let number = value.number().ok_or_else(|| {
-                format!("`{expression}` is not a number with bytes of its own, and only these are written; GDB writes others")
+                format!("cannot set `{expression}`: it is not a number that occupies whole bytes; use GDB for it")
             })?;
             let bytes = number.bytes(text.trim());
             bytes.ok_or_else(|| format!("`{expression}` cannot be `{}`", text.trim()))
@@ -82,30 +82,32 @@ impl Print {
             return Err(format!("{} {text}", member.name).into());
         };
         let names = peek.names()?;
-        let asked = self
+        let requests = self
             .expressions
             .iter()
             .map(|text| ParsedArgument::parse(&names, text));
-        let asked: Vec<ParsedArgument<'_, '_, '_>> = asked.collect::<Result<_, _>>()?;
+        let requests: Vec<ParsedArgument<'_, '_, '_>> = requests.collect::<Result<_, _>>()?;
         for ParsedArgument {
             expression,
             value,
             new,
-        } in &asked
+        } in &requests
         {
             if let Some(bytes) = new {
                 let written = peek.write(value.address, bytes);
-                written.ok_or_else(|| format!("{expression} is in no memory of it"))?;
+                written
+                    .ok_or_else(|| format!("{expression} is not in the memory of the processor"))?;
             }
         }
         let mut next = Instant::now();
         loop {
             for ParsedArgument {
                 expression, value, ..
-            } in &asked
+            } in &requests
             {
                 let bytes = peek.read(value.address, value.bytes);
-                let bytes = bytes.ok_or_else(|| format!("{expression} is in no memory of it"))?;
+                let bytes = bytes
+                    .ok_or_else(|| format!("{expression} is not in the memory of the processor"))?;
                 let value = value.text(&bytes);
                 if self.how.json {
                     print_json(&PrintedValue { expression, value })?;

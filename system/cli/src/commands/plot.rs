@@ -38,21 +38,22 @@ const LOOK: Duration = Duration::from_millis(250);
 #[derive(Debug, Args)]
 pub(crate) struct Plot {
     /// The variables of the first pane, of any loops; if several have the same name, put PROCESSOR: or
-    /// PROCESSOR:LOOP: before it. PROCESSOR:EXPRESSION is a number of a hart's program, as `print` has it. In a name, * stands for any characters, and ? for one. A first name
-    /// that ends with .mcap is the recording whose variables are drawn, instead of those of a system
+    /// PROCESSOR:LOOP: before it. PROCESSOR:EXPRESSION is a number of a hart's program, as for `print`. In a
+    /// name, * stands for any characters, and ? for one. If the first name ends with .mcap, it is a recording,
+    /// and variables of the recording are drawn instead of those of a system
     #[arg(required_unless_present_any = ["panes", "robot"])]
     names: Vec<String>,
-    /// Adds a pane with these variables, separated by blanks; may be given several times
+    /// Adds a pane with these variables, separated by spaces; may be given several times
     #[arg(long = "pane", value_name = "NAMES")]
     panes: Vec<String>,
-    /// The time that is seen at once, such as 10s, which is the default; of a recording, all by default
+    /// The length of time that is shown, such as 10s; by default 10s, or all of a recording
     #[arg(long, value_name = "TIME", value_parser = duration)]
     span: Option<Duration>,
     /// Shows the time around each instant at which a variable passes a level: NAME>LEVEL or NAME<LEVEL,
-    /// and ~WIDTH behind it for a hysteresis
+    /// followed by ~WIDTH for a hysteresis
     #[arg(long, value_name = "CONDITION")]
     trigger: Option<Condition>,
-    /// Draws the robot, too
+    /// Also draws the robot
     #[arg(long)]
     robot: bool,
     #[command(flatten)]
@@ -74,7 +75,7 @@ impl Plot {
         }
         let (recording, names) = self.split();
         let end = signals::flag()?;
-        let (sender, heard) = channel();
+        let (sender, events) = channel();
         let news = sender.clone();
         let tell = move |it| news.send(PlotEvent::Plot(it)).is_ok();
         let (mut plot, feed);
@@ -95,7 +96,7 @@ impl Plot {
         }
         feed.wish(plot.wish());
         // If nothing can be plotted, the reason is told without a picture.
-        match heard.recv() {
+        match events.recv() {
             Ok(PlotEvent::Plot(FeedEvent::Trouble(text))) => return Err(text.into()),
             Ok(PlotEvent::Plot(news)) => plot.hear(news),
             _ => {}
@@ -108,7 +109,7 @@ impl Plot {
                     .is_ok()
             });
         });
-        Ok(show(screen, &mut plot, &heard, &feed, &end)?)
+        Ok(show(screen, &mut plot, &events, &feed, &end)?)
     }
 
     /// Splits the recording from the names.
@@ -135,7 +136,7 @@ impl Plot {
         let robot = file.map(|file| robot_of(&file, application));
         let robot = robot.transpose()?.flatten();
         if self.robot && robot.is_none() {
-            return Err("this program has no lines for the robot".into());
+            return Err("this program cannot draw the robot".into());
         }
         let span = self.span.unwrap_or(span);
         let mut plot = plot::Plot::new(span, robot.map(Figure::new), has_colors());
@@ -157,7 +158,7 @@ impl Plot {
 fn show(
     mut screen: Screen,
     plot: &mut plot::Plot,
-    heard: &Receiver<PlotEvent>,
+    events: &Receiver<PlotEvent>,
     feed: &PlotFeed,
     end: &AtomicBool,
 ) -> io::Result<()> {
@@ -189,7 +190,7 @@ fn show(
         } else {
             LOOK
         };
-        let mut next = heard.recv_timeout(patience).ok();
+        let mut next = events.recv_timeout(patience).ok();
         while let Some(one) = next {
             changed = true;
             match one {
@@ -204,7 +205,7 @@ fn show(
                 }
                 PlotEvent::Input(_) => {}
             }
-            next = heard.try_recv().ok();
+            next = events.try_recv().ok();
         }
     }
     Ok(())

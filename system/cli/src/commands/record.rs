@@ -31,18 +31,18 @@ use condor_host::watching::{CatalogEntry, NewPrograms, RowSource, Rows, Variable
 /// The arguments of `condor record`.
 #[derive(Debug, Args)]
 pub(crate) struct Record {
-    /// The file; one that exists is completed and kept, as NAME.1.mcap or with the next number
+    /// The file to write; an existing recording is completed and renamed to NAME.1.mcap, or the next free number
     file: PathBuf,
     /// The variables, parameters and fields of published cells, as for `vars watch`; all of them by
     /// default
     names: Vec<String>,
-    /// Ends after this time, such as 10s; in simulated time that of the system
+    /// Ends after this time, such as 10s; a system with a simulated clock counts simulated time
     #[arg(long = "for", value_name = "TIME", value_parser = duration)]
     limit: Option<Duration>,
-    /// The number of ticks of each loop from one row to the next
+    /// Records a row of each loop only once in this number of ticks
     #[arg(long, value_name = "TICKS", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
     every: u32,
-    /// Completes a recording whose recorder was killed, and records nothing
+    /// Completes a recording whose recorder was killed; records nothing new
     #[arg(long, conflicts_with_all = ["names", "limit", "every", "system"])]
     finish: bool,
     #[command(flatten)]
@@ -96,11 +96,13 @@ impl Record {
         let rows = Rows::of(view, &columns, self.every)?;
         if let Some(mut former) = former {
             if let Some(trouble) = former.trouble.take() {
-                eprintln!("condor: the former recording is kept as it is: {trouble}");
+                eprintln!(
+                    "condor: the earlier recording cannot be completed, and is kept as it is: {trouble}"
+                );
             }
             let kept = former.keep()?;
             let (file, kept) = (self.file.display(), kept.display());
-            eprintln!("condor: the former {file} is {kept} now");
+            eprintln!("condor: the earlier {file} was renamed to {kept}");
         }
         let ahead_ns = wall_ns().wrapping_sub(view.now().as_ns());
         let origin = Origin {
@@ -174,7 +176,7 @@ impl Record {
             return print(format_args!("{file} is complete already\n"));
         }
         for topic in &completed.topics {
-            print(format_args!("{}\n", plain(&told(topic))))?;
+            print(format_args!("{}\n", plain(&topic_line(topic))))?;
         }
         if let Damage { places: 1.., bytes } = completed.damage {
             let places = completed.damage.places;
@@ -185,7 +187,7 @@ impl Record {
         }
         if let Some(kept) = &completed.kept {
             let kept = kept.display();
-            print(format_args!("{kept} is the damaged file, as it was\n"))?;
+            print(format_args!("the damaged file is kept as {kept}\n"))?;
         }
         print(format_args!("{file} is complete now\n"))
     }
@@ -234,7 +236,7 @@ impl Record {
     }
 }
 
-fn told(topic: &RecordedTopic) -> String {
+fn topic_line(topic: &RecordedTopic) -> String {
     let RecordedTopic {
         name,
         messages,
@@ -262,14 +264,17 @@ fn configuration(
                 .into_owned(),
             content,
         }),
-        Err(error) => eprintln!("condor: {} is not attached: {error}", path.display()),
+        Err(error) => eprintln!(
+            "condor: cannot attach {} to the recording: {error}",
+            path.display()
+        ),
     };
     attach(file);
     let robot = match SystemDescription::read(file, application) {
         Ok(description) => description.robot,
         Err(error) => {
             eprintln!(
-                "condor: the recording has no joints and no frames, and not the robot's configuration: {error}"
+                "condor: the recording will lack joints, frames and the robot's configuration: {error}"
             );
             None
         }
@@ -279,7 +284,7 @@ fn configuration(
     };
     attach(&path);
     let robot = application.robot(&path).unwrap_or_else(|error| {
-        eprintln!("condor: the recording has no joints and no frames: {error}");
+        eprintln!("condor: the recording will lack joints and frames: {error}");
         None
     });
     (robot, attached)

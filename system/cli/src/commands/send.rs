@@ -26,7 +26,7 @@ pub(crate) struct Send {
     /// Waits for the reply, and prints it
     #[arg(long)]
     reply: bool,
-    /// How long to wait until the message is taken, or with --reply until it is answered
+    /// The longest time to wait until the message is taken, or with --reply until it is answered
     #[arg(long, value_name = "TIME", default_value = "2s", value_parser = duration)]
     timeout: Duration,
     #[command(flatten)]
@@ -86,7 +86,9 @@ fn wait_until_taken(post: &Post, to: Processor, deadline: Instant) -> Result<(),
     let taken = layout::taken(PROCESSORS as u32, post.number().0.into());
     while mail.load(taken, LoadOrder::Acquire)? == 0 {
         if Instant::now() >= deadline {
-            return Err(format!("{to} did not take the message in time, and will not").into());
+            return Err(
+                format!("{to} did not take the message in time, so it was withdrawn").into(),
+            );
         }
         post.serve(Duration::from_millis(1))?;
     }

@@ -22,9 +22,9 @@ use condor_host::signals;
 /// The arguments of `condor sim`.
 #[derive(Debug, Args)]
 pub(crate) struct Sim {
-    /// The configuration of the robot
+    /// The file with the configuration of the robot
     robot: PathBuf,
-    /// Plans the motion in this file, and says what it takes
+    /// Checks the motion in this file, and prints its times, limits, torques and collisions
     #[arg(
         long,
         value_name = "FILE",
@@ -54,9 +54,9 @@ pub(crate) struct Sim {
 fn position(text: &str) -> Result<(String, f64), String> {
     let (name, number) = text
         .split_once('=')
-        .ok_or("a joint and its position are NAME=NUMBER")?;
+        .ok_or("write a joint and its position as NAME=NUMBER")?;
     let position = number.parse().ok().filter(|it: &f64| it.is_finite());
-    let position = position.ok_or_else(|| format!("{number:?} is no number"))?;
+    let position = position.ok_or_else(|| format!("{number:?} is not a number"))?;
     Ok((name.to_owned(), position))
 }
 
@@ -67,7 +67,8 @@ impl Sim {
         let simulator = robot.as_ref().and_then(|robot| robot.simulator());
         let (Some(robot), Some(simulator)) = (robot.as_deref(), simulator) else {
             let file = self.robot.display();
-            return Err(format!("{} knows no robots, such as that of {file}", me()).into());
+            return Err(format!(
+                "{} cannot simulate the robot of {file}; use the program that was built for this robot", me()).into());
         };
         if let Some(motion) = &self.check {
             return self.check(robot, simulator, motion);

@@ -36,7 +36,7 @@ pub(crate) struct List {
 
 #[derive(Debug, Args)]
 pub(crate) struct Get {
-    /// The names; if several are equal, put PROCESSOR: or PROCESSOR:LOOP: before the name
+    /// The names of variables; if several are equal, put PROCESSOR: or PROCESSOR:LOOP: before the name
     #[arg(required = true)]
     names: Vec<String>,
     #[command(flatten)]
@@ -45,7 +45,7 @@ pub(crate) struct Get {
 
 #[derive(Debug, Args)]
 pub(crate) struct Set {
-    /// The name; if several are equal, put PROCESSOR: or PROCESSOR:LOOP: before it
+    /// The name of the parameter; if several are equal, put PROCESSOR: or PROCESSOR:LOOP: before it
     name: String,
     /// The new value: a number, true, false, or a label; a whole number may be hexadecimal, such as -0x10
     #[arg(allow_hyphen_values = true)]

@@ -25,10 +25,10 @@ pub(crate) struct View {
     which: SystemChoice,
 }
 
-/// Where clients connect, and which ones may.
+/// The address at which clients connect, and the origins that may.
 #[derive(Debug, Args)]
 pub(super) struct At {
-    /// The port at which clients connect; 0 takes a free one
+    /// The port at which clients connect; 0 picks a free one
     #[arg(long, default_value_t = 8765)]
     port: u16,
     /// The address of this machine at which clients connect; everybody who can reach it may look

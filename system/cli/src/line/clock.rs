@@ -22,17 +22,17 @@ pub(super) struct ClockOptions {
     /// Runs a simulated clock at this speed: a multiple of the real time, or `max`
     #[arg(long, value_name = "SPEED")]
     speed: Option<ClockSpeed>,
-    /// Types what was typed in a former run in simulated time, at the same instants: its record is
-    /// the file `typing` in the directory of that system
+    /// Repeats what people typed in an earlier run in simulated time, at the same instants; the file is
+    /// `typing` in the directory of that system
     #[arg(long, value_name = "FILE")]
     typing: Option<PathBuf>,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum Kind {
-    /// The real time
+    /// The clock of this machine
     Real,
-    /// A time of the system's own, which no other program hurries or delays
+    /// A simulated clock of the system's own, which no other program can delay
     Simulated,
 }
 
@@ -100,14 +100,14 @@ pub(super) struct Clock {
 
 #[derive(Debug, Subcommand)]
 enum Change {
-    /// Stops the time at the present instant
+    /// Pauses the simulated time
     Pause,
-    /// Stops the time after this much more of it, such as 2500us or 10s
+    /// Lets this much simulated time pass, such as 2500us or 10s, then pauses it
     Step {
         #[arg(value_parser = duration)]
         time: Duration,
     },
-    /// Lets the time go on
+    /// Resumes the simulated time
     Resume,
     /// Sets the speed: a multiple of the real time, or `max`
     Speed { speed: ClockSpeed },

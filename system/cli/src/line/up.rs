@@ -37,7 +37,7 @@ pub(super) struct How {
     /// Runs without the user interface, for scripts, and prints a summary at the end
     #[arg(long)]
     headless: bool,
-    /// A person can type nevertheless: at the user interface that started this supervisor
+    /// A person can type, although the supervisor is headless: at the user interface that started it
     #[arg(long, hide = true, requires = "headless")]
     attended: bool,
     /// The parent of this process is its keeper

@@ -58,17 +58,19 @@ impl Calls {
         let name = service.name;
         if service.needs_token && trust == Trust::MayLook {
             return Err(format!(
-                "{name} is not called without the token: connect to the address with \
-                 `?token=` that the server has printed"
+                "{name} cannot be called without the token: connect to the address with `?token=` that the server \
+                 has printed"
             ));
         }
         if called.encoding != JSON.as_bytes() {
             let encoding = String::from_utf8_lossy(called.encoding);
-            return Err(format!("{name} understands `{JSON}`, and not {encoding:?}"));
+            return Err(format!(
+                "{name} understands only `{JSON}`, not {encoding:?}"
+            ));
         }
         if self.count() >= CALLS {
             return Err(format!(
-                "{CALLS} calls wait for their answers, and there may be no more"
+                "{CALLS} calls are waiting for their answers, which is the most"
             ));
         }
         self.waiting.push_back(Call {
@@ -109,7 +111,7 @@ impl Calls {
         let bytes = payload.len();
         if bytes > RESPONSE {
             return Err(format!(
-                "an answer of {bytes} bytes is too long: {RESPONSE} at most"
+                "the answer has {bytes} bytes; at most {RESPONSE} can be sent"
             ));
         }
         self.response = Some(service_response(call.service, call.number, &payload));
@@ -155,13 +157,13 @@ mod tests {
         let mut calls = Calls::default();
         let told = |called: &ServiceCall<'_>| hear(&mut Calls::default(), called).unwrap_err();
         assert_eq!(told(&called(2, 0)), "there is no service 2");
-        assert!(told(&called(1, 0)).contains("/move is not called without the token"));
+        assert!(told(&called(1, 0)).contains("/move cannot be called without the token"));
         let encoding = b"cdr";
         let other = ServiceCall {
             encoding,
             ..called(0, 0)
         };
-        assert_eq!(told(&other), "/look understands `json`, and not \"cdr\"");
+        assert_eq!(told(&other), "/look understands only `json`, not \"cdr\"");
         assert_eq!(calls.hear(&called(1, 0), Trust::MaySet, &SERVICES), Ok(()));
     }
 
@@ -175,7 +177,7 @@ mod tests {
         let call = calls.take().unwrap();
         assert_eq!((call.number, calls.take()), (0, None));
         let told = hear(&mut calls, &called(0, all)).unwrap_err();
-        assert!(told.contains("8 calls wait"), "{told}");
+        assert!(told.contains("8 calls are waiting"), "{told}");
         assert_eq!(calls.answer(&call, Ok(b"[1]".into())), Ok(()));
         // The client has not read the answer yet.
         assert_eq!((calls.take(), calls.count()), (None, CALLS));
@@ -186,7 +188,7 @@ mod tests {
         assert_eq!((failed, calls.next()), (Err("why".into()), None));
         let call = calls.take().unwrap();
         let told = calls.answer(&call, Ok(vec![0; RESPONSE + 1])).unwrap_err();
-        assert!(told.contains("8388609 bytes is too long"), "{told}");
+        assert!(told.contains("8388609 bytes; at most"), "{told}");
         assert_eq!(calls.count(), CALLS - 2);
     }
 }

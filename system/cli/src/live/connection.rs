@@ -158,7 +158,9 @@ impl<S: Read + Write> Connection<S> {
             _ if now.saturating_duration_since(self.began) < HANDSHAKE => Ok(()),
             _ => {
                 let limit = HANDSHAKE.as_secs();
-                Err(End::Refused(format!("no handshake in {limit} s")))
+                Err(End::Refused(format!(
+                    "the client sent no handshake within {limit} s"
+                )))
             }
         }
     }
@@ -388,7 +390,7 @@ impl Callback for Gate {
         };
         if self.house.present.get() >= self.house.most {
             let most = self.house.most;
-            let text = format!("{most} clients are connected, and there may be no more");
+            let text = format!("{most} clients are connected, which is the most");
             return Err(no(StatusCode::SERVICE_UNAVAILABLE, text));
         }
         let chosen = HeaderValue::from_static(chosen);
@@ -409,7 +411,7 @@ fn pace(query: Option<&str>) -> Result<Option<Duration>, String> {
     };
     match text.parse() {
         Ok(hz @ 1..=1000_u32) => Ok(Some(Duration::from_secs(1) / hz)),
-        _ => Err("`hz` is a number from 1 to 1000".into()),
+        _ => Err("`hz` must be a number from 1 to 1000".into()),
     }
 }
 

@@ -81,7 +81,7 @@ pub(crate) fn read(head: &[u8], rules: &Rules, local: IpAddr) -> Result<PageRequ
                 "the head of the request is longer than {HEAD} bytes"
             ));
         }
-        Err(error) => return Err(format!("this is no request of HTTP: {error}")),
+        Err(error) => return Err(format!("this is not an HTTP request: {error}")),
     }
     let all = |name: &'static str| {
         let headers = request.headers.iter();

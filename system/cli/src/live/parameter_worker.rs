@@ -49,7 +49,7 @@ pub(super) enum WorkerMessage {
 /// The way to the thread, which ends when this is dropped.
 pub(super) struct ParameterWorker {
     orders: Option<Sender<Order>>,
-    told: Receiver<WorkerMessage>,
+    messages: Receiver<WorkerMessage>,
     /// Whether it has a question that is not answered yet.
     is_asked: bool,
     /// Ends the thread before its next parameter.
@@ -67,7 +67,7 @@ impl ParameterWorker {
         names: Vec<String>,
     ) -> Result<Self, AnyError> {
         let (orders, received) = channel();
-        let (teller, told) = channel();
+        let (teller, messages) = channel();
         let (opener, ready) = channel();
         let is_over = Arc::new(AtomicBool::new(false));
         let ends = is_over.clone();
@@ -99,7 +99,7 @@ impl ParameterWorker {
         ready.recv()??;
         Ok(Self {
             orders: Some(orders),
-            told,
+            messages,
             is_asked: false,
             is_over,
             thread: Some(thread),
@@ -130,10 +130,10 @@ impl ParameterWorker {
     }
 
     /// Returns what the thread has told since the last call.
-    pub(super) fn told(&mut self) -> impl Iterator<Item = WorkerMessage> {
+    pub(super) fn messages(&mut self) -> impl Iterator<Item = WorkerMessage> {
         let is_asked = &mut self.is_asked;
-        let told = self.told.try_iter();
-        told.inspect(|told| *is_asked &= !matches!(told, WorkerMessage::Answer { .. }))
+        let messages = self.messages.try_iter();
+        messages.inspect(|message| *is_asked &= !matches!(message, WorkerMessage::Answer { .. }))
     }
 }
 
@@ -210,9 +210,9 @@ impl Clerk<'_> {
         });
     }
 
-    fn tell(&self, told: WorkerMessage) {
+    fn tell(&self, message: WorkerMessage) {
         // Nobody listens any more at the end.
-        let _ = self.teller.send(told);
+        let _ = self.teller.send(message);
     }
 
     /// Gets values; says which it cannot get.
@@ -245,7 +245,7 @@ impl Clerk<'_> {
         let value = self.clients.value(one);
         let value = value.map_err(|error| self.failed(number, &error))?;
         self.silent.remove(&number);
-        let value = value.ok_or_else(|| "it is no parameter any more".to_owned())?;
+        let value = value.ok_or_else(|| "it is not a parameter any more".to_owned())?;
         let is_float = matches!(one.of.kind, ValueKind::F32 | ValueKind::F64);
         let parameter = Parameter {
             name: String::new(),

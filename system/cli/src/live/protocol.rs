@@ -215,11 +215,15 @@ impl<'f> ServiceCall<'f> {
     /// the number of the call if the frame has them.
     pub(crate) fn read(frame: &'f [u8]) -> Result<Self, (String, Option<[u32; 2]>)> {
         let Some((&CALL, rest)) = frame.split_first() else {
-            let text = "binary messages are not understood, but for calls of services: \
-                        clients publish nothing here";
+            let text = "only calls of services may be binary messages: clients cannot publish here";
             return Err((text.into(), None));
         };
-        let cut = || format!("a call of a service is cut: {} bytes", frame.len());
+        let cut = || {
+            format!(
+                "the call of a service ends too early, after {} bytes",
+                frame.len()
+            )
+        };
         let numbers = || {
             let (service, rest) = word(rest)?;
             let (number, rest) = word(rest)?;
@@ -397,12 +401,12 @@ mod tests {
         assert_eq!(ServiceCall::read(&frame), Ok(called));
         for length in 1..17 {
             let (told, numbers) = ServiceCall::read(&frame[..length]).unwrap_err();
-            assert!(told.contains(&format!("cut: {length} bytes")), "{told}");
+            assert!(told.contains(&format!("after {length} bytes")), "{told}");
             assert_eq!(numbers, (length >= 9).then_some([7, 9]));
         }
         for other in [&[][..], &[1, 0], &[3; 20]] {
             let (told, _) = ServiceCall::read(other).unwrap_err();
-            assert!(told.contains("not understood"), "{told}");
+            assert!(told.contains("cannot publish"), "{told}");
         }
     }
 }

@@ -179,7 +179,7 @@ impl Server {
                 && pending.count() + 1 >= HANDSHAKES
             {
                 let client = self.clients.remove(oldest);
-                let reason = format!("more than {HANDSHAKES} handshakes go on");
+                let reason = format!("more than {HANDSHAKES} handshakes are in progress");
                 self.end(client, &End::Refused(reason));
             }
             let Ok(local) = prepare(&stream) else {
@@ -266,8 +266,8 @@ impl Server {
     }
 
     /// Passes an answer on to the client that asked, and a change to all clients that watch the parameter.
-    pub(super) fn take(&mut self, told: WorkerMessage) {
-        match told {
+    pub(super) fn take(&mut self, message: WorkerMessage) {
+        match message {
             WorkerMessage::Answer {
                 client,
                 parameters,

@@ -206,7 +206,10 @@ impl Session {
         let request = match Request::read(text) {
             Ok(request) => request,
             Err(error) => {
-                self.tell(Level::Error, &format!("not understood: {error}"));
+                self.tell(
+                    Level::Error,
+                    &format!("cannot understand the message: {error}"),
+                );
                 // A client that sends an id waits for the answer with that id.
                 let id = protocol::id_of_parameters(text).filter(|id| id.len() <= ID)?;
                 let wanted = Vec::new();
@@ -221,7 +224,7 @@ impl Session {
             && let Some(bytes) = id.as_ref().map(String::len)
             && bytes > ID
         {
-            let text = format!("an id of {bytes} bytes is too long: {ID} at most");
+            let text = format!("the id has {bytes} bytes; it may have {ID} at most");
             self.tell(Level::Error, &text);
             return None;
         }
@@ -295,8 +298,8 @@ impl Session {
                 let may_set = self.trust == Trust::MaySet;
                 if !may_set {
                     troubles.push(
-                        "parameters are not set without the token: connect to the address with \
-                         `?token=` that the server has printed"
+                        "parameters cannot be set without the token: connect to the address with `?token=` that the \
+                         server has printed"
                             .into(),
                     );
                 }
@@ -707,7 +710,7 @@ mod tests {
         assert!(status.contains("there is no parameter `none`"), "{status}");
         let (ask, status) = set(Trust::MaySet, r#"{"value":2}"#, id);
         assert_eq!(ask, nothing);
-        assert!(status.contains("not understood"), "{status}");
+        assert!(status.contains("cannot understand"), "{status}");
     }
 
     #[test]

@@ -103,7 +103,7 @@ impl<'s> Simulation<'s> {
             (POSE, ..) => self.pose(&read(name, payload)?)?,
             (PLAN, ..) => {
                 let Plan { from, text } = read(name, payload)?;
-                plan::told(&self.simulator.plan(&from, &text, MOTION)?)
+                plan::plan_json(&self.simulator.plan(&from, &text, MOTION)?)
             }
             (STEPS, ..) => {
                 let Text { text } = read(name, payload)?;
@@ -280,7 +280,7 @@ struct Id {
 /// Reads what a service takes.
 fn read<T: DeserializeOwned>(service: &str, payload: &[u8]) -> Result<T, String> {
     let read = serde_json::from_slice(payload);
-    read.map_err(|error| format!("{service} does not understand this: {error}"))
+    read.map_err(|error| format!("{service} cannot understand the request: {error}"))
 }
 
 /// Returns the frames that carry no other frame.

@@ -38,9 +38,9 @@ impl PlotFeed {
         extensions: &[&'static dyn Extension],
         tell: impl FnMut(FeedEvent) -> bool + Send + 'static,
     ) -> Self {
-        let (wishes, asked) = channel();
+        let (wishes, wish_receiver) = channel();
         let (directory, extensions) = (directory.clone(), extensions.to_vec());
-        thread::spawn(move || feed(&directory, &extensions, &asked, tell));
+        thread::spawn(move || feed(&directory, &extensions, &wish_receiver, tell));
         Self { wishes }
     }
 
@@ -49,8 +49,8 @@ impl PlotFeed {
         reader: RecordingReader,
         tell: impl FnMut(FeedEvent) -> bool + Send + 'static,
     ) -> Self {
-        let (wishes, asked) = channel();
-        thread::spawn(move || file::feed(&reader, &asked, tell));
+        let (wishes, wish_receiver) = channel();
+        thread::spawn(move || file::feed(&reader, &wish_receiver, tell));
         Self { wishes }
     }
 
@@ -72,13 +72,15 @@ enum End {
 fn feed(
     directory: &SystemDirectory,
     extensions: &[&'static dyn Extension],
-    asked: &Receiver<Wish>,
+    wish_receiver: &Receiver<Wish>,
     mut tell: impl FnMut(FeedEvent) -> bool,
 ) {
-    let Ok(mut wish) = asked.recv() else { return };
+    let Ok(mut wish) = wish_receiver.recv() else {
+        return;
+    };
     let mut told = String::new();
     loop {
-        let next = match fetch(directory, extensions, &wish, asked, &mut tell) {
+        let next = match fetch(directory, extensions, &wish, wish_receiver, &mut tell) {
             Ok(End::Over) => return,
             Ok(End::Wished(next)) => Ok(next),
             Err(error) => {
@@ -87,7 +89,7 @@ fn feed(
                     return;
                 }
                 told = text;
-                asked.recv_timeout(AGAIN)
+                wish_receiver.recv_timeout(AGAIN)
             }
         };
         match next {
@@ -106,7 +108,7 @@ fn fetch(
     directory: &SystemDirectory,
     extensions: &[&'static dyn Extension],
     wish: &Wish,
-    asked: &Receiver<Wish>,
+    wish_receiver: &Receiver<Wish>,
     tell: &mut impl FnMut(FeedEvent) -> bool,
 ) -> Result<End, AnyError> {
     let status = ControlClient::connect(directory)?.status()?;
@@ -178,7 +180,7 @@ fn fetch(
         if !trouble.is_none_or(|text| tell(FeedEvent::Trouble(text))) {
             return Ok(End::Over);
         }
-        match asked.try_recv() {
+        match wish_receiver.try_recv() {
             Ok(wish) => return Ok(End::Wished(wish)),
             Err(TryRecvError::Disconnected) => return Ok(End::Over),
             Err(TryRecvError::Empty) => rows.pause()?,

@@ -29,13 +29,13 @@ impl From<RecordingError> for Stop {
 /// Reads what is wished until nobody wishes or hears anything.
 pub(super) fn feed(
     reader: &RecordingReader,
-    asked: &Receiver<Wish>,
+    wish_receiver: &Receiver<Wish>,
     mut tell: impl FnMut(FeedEvent) -> bool,
 ) {
     let mut former = Vec::new();
-    while let Ok(mut wish) = asked.recv() {
+    while let Ok(mut wish) = wish_receiver.recv() {
         // Only the latest counts.
-        while let Ok(later) = asked.try_recv() {
+        while let Ok(later) = wish_receiver.try_recv() {
             wish = later;
         }
         match read(reader, &wish, &mut former, &mut tell) {

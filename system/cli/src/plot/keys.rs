@@ -103,7 +103,7 @@ fn turn(plot: &mut Plot, left: i32, up: i32) {
 
 fn next_place(plot: &mut Plot) -> Option<PlotRequest> {
     if plot.figure.is_none() {
-        plot.notice = Some("this program has no lines for the robot".into());
+        plot.notice = Some("this program cannot draw the robot".into());
         return None;
     }
     plot.place = match plot.place {

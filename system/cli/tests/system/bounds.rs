@@ -114,7 +114,7 @@ fn a_program_whose_window_is_too_small_says_so_once() {
         let text = text.replace("window_bytes = 65536", "window_bytes = 4096");
         std::fs::write(description, text).unwrap();
     });
-    let failed = up.wait_until_told("which a restart would not mend");
+    let failed = up.wait_until_told("a restart would not help");
     assert!(failed.contains(" a: failed: exit status 2"), "{failed}");
     up.wait_until_told("all programs but `a`, `b` have been started");
     let log = std::fs::read_to_string(up.directory().log()).unwrap();

@@ -149,9 +149,9 @@ fn a_real_clock_cannot_be_changed() {
     for (change, expected) in [
         (
             &["speed", "0"][..],
-            "\"0\" is no speed: a speed is a number from 0.001 to 1000, or `max`",
+            "\"0\" is not a speed: a speed is a number from 0.001 to 1000, or `max`",
         ),
-        (&["speed", "fast"], "\"fast\" is no speed"),
+        (&["speed", "fast"], "\"fast\" is not a speed"),
         (&["step", "soon"], "write a time such as 10s or 500ms"),
     ] {
         let wrong = complaint(&up, &[&["clock"], change].concat());
@@ -172,7 +172,7 @@ fn options_that_no_clock_has_are_refused() {
         ),
         (
             &["--clock", "simulated", "--speed=-1"],
-            "\"-1\" is no speed",
+            "\"-1\" is not a speed",
         ),
         (&["--clock", "fast"], "possible values: real, simulated"),
     ] {
@@ -220,7 +220,7 @@ fn time_stands_until_a_killed_program_has_entered_again() {
                 break;
             }
             let clock = status.clock.unwrap();
-            if clock.waits_for != "the program of processor 0, which has not entered" {
+            if clock.waits_for != "the program of processor 0, which does not run yet" {
                 // The other one still has the turn, or the program has just entered again.
                 if stood.is_some() {
                     break;

@@ -401,7 +401,10 @@ fn watchers_have_a_selection_each_and_end_by_themselves() {
             watch("a:soft", "1"),
         ];
         let wrong = complaint(&up, &["vars", "get", "a:ticks"]);
-        assert!(wrong.contains("all 4 slots are claimed"), "{wrong}");
+        assert!(
+            wrong.contains("all 4 slots for watchers are in use"),
+            "{wrong}"
+        );
         for ((mut child, mut lines, mut text), (name, every)) in watchers.into_iter().zip([
             ("a:ticks", 3),
             ("a:joint.position", 1),
@@ -442,7 +445,10 @@ fn the_slot_of_a_killed_watcher_is_taken_back() {
         })
         .collect();
     let wrong = complaint(&up, &["vars", "get", "a:ticks"]);
-    assert!(wrong.contains("all 4 slots are claimed"), "{wrong}");
+    assert!(
+        wrong.contains("all 4 slots for watchers are in use"),
+        "{wrong}"
+    );
     let (killed, _) = &mut watchers[1];
     killed.kill().unwrap();
     killed.wait().unwrap();
@@ -466,7 +472,7 @@ fn a_watch_tells_of_programs_that_come_later() {
     let others = thread::spawn(|| rows.for_each(|row| drop(row.unwrap())));
     load_joint(&up);
     let told = BufReader::new(child.stderr.take().unwrap()).lines();
-    let text = "condor: b:servo has come and is not shown; begin again to watch it";
+    let text = "condor: b:servo started later and is not shown; run the command again to watch it";
     let is_told = told.map(Result::unwrap).any(|line| line == text);
     running::signal(child.id(), Signal::INT);
     assert!(child.wait().unwrap().success() && is_told);

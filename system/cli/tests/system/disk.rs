@@ -1,12 +1,12 @@
-//! Systems and commands on a small file system of their own, which is full.
+//! Systems and commands on a small filesystem of their own, which is full.
 
 use std::process::{Command, Output};
 
 use crate::running::Up;
 use crate::supervisor::TWO;
 
-/// Runs a script of the shell in which `DISK` is the directory of a file system of this size, which nobody
-/// else sees, and `$0` is `condor`; `None` if no file system may be mounted here.
+/// Runs a script of the shell in which `DISK` is the directory of a filesystem of this size, which nobody
+/// else sees, and `$0` is `condor`; `None` if no filesystem may be mounted here.
 pub(crate) fn with(up: &Up, size: &str, script: &str) -> Option<Output> {
     let disk = up.path("disk");
     let disk = disk.to_str().unwrap();
@@ -25,7 +25,7 @@ pub(crate) fn with(up: &Up, size: &str, script: &str) -> Option<Output> {
     std::fs::remove_dir(disk).unwrap();
     if !probe.status.success() {
         let why = String::from_utf8_lossy(&probe.stderr);
-        println!("SKIPPED: no file system may be mounted here: {why}");
+        println!("SKIPPED: no filesystem may be mounted here: {why}");
         return None;
     }
     let script = script.replace("DISK", disk);

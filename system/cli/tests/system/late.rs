@@ -32,7 +32,7 @@ impl Program for Late {
             })?;
         let mut setup = Setup::new(machine)?;
         // So the terminal is at another place than before.
-        setup.place("room", ObjectKind::Other, |places| places.bytes(256))?;
+        setup.place("room", ObjectKind::Other, |allocator| allocator.bytes(256))?;
         setup.console()?.background(|background| {
             background.print(format_args!("second\n"));
             let mut console = background.console()?.console(background.mailbox());

@@ -493,8 +493,8 @@ fn garbage_ends_nobody_else() {
     let mut ticks = Ticks::default();
     let mut other = live.viewer();
     for (text, reason) in [
-        ("", "not understood"),
-        ("[[[[", "not understood"),
+        ("", "cannot understand the message"),
+        ("[[[[", "cannot understand the message"),
         (
             r#"{"op":"advertise","channels":[]}"#,
             "unknown variant `advertise`",
@@ -511,7 +511,7 @@ fn garbage_ends_nobody_else() {
         .socket
         .send(Message::binary(vec![1, 0, 0, 0, 0, 5]))
         .unwrap();
-    other.status("binary messages are not understood");
+    other.status("only calls of services may be binary");
     assert_eq!(other.get("a:soft"), false);
     // Many at once.
     for _ in 0..1000 {

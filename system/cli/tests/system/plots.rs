@@ -152,7 +152,7 @@ fn a_page_of_the_user_interface_has_plots() {
     shown.press("\r");
     shown.expect("beats ");
     shown.press("r");
-    shown.expect("this program has no lines for the robot");
+    shown.expect("this program cannot draw the robot");
     shown.press("q");
     shown.expect("keeps running");
     shown.press("l");

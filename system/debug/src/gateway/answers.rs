@@ -17,10 +17,10 @@ const FAULT: &str = "E0e";
 /// The commands of `monitor`.
 const HELP: &str = "\
 monitor trap: cause and value of the last trap
-monitor statistics: how often programs were held
-monitor vectors: which messages the program serves, and how often it has
-monitor reset: starts the program again, and holds it at its first statement
-monitor load FILE ARGUMENTS: the same with another program
+monitor statistics: how often the debugger stopped programs
+monitor vectors: which messages the program handles, and how many it has handled
+monitor reset: starts the program again, and stops it at its first statement
+monitor load FILE ARGUMENTS: starts another program, and stops it at its first statement
 ";
 /// The greatest number of bytes of memory or of a document in an answer.
 const MOST_BYTES: usize = PACKET_BYTES / 2 - 4;
@@ -327,14 +327,16 @@ impl<W: MemoryWindow> Conversation<'_, W> {
     fn start(&mut self, file: Option<(&str, Vec<&str>)>) -> Result<String, SessionError> {
         // GDB does not say which thread it means by a command.
         let [attached] = &mut *self.session.processors else {
-            return Ok("one of several processors does not start alone: debug it alone\n".into());
+            let text = "a program cannot be started while several processors are debugged: debug its processor alone\n";
+            return Ok(text.into());
         };
         let text = match attached.start(file) {
             Ok(()) => {
                 let pc = attached.named(attached.tracer().register(frame::PC))?;
                 let name = &attached.debuggee.name;
                 format!(
-                    "{name}: held at {pc:#x}; GDB learns it by `maintenance flush register-cache`\n"
+                    "{name}: stopped at {pc:#x}; `maintenance flush register-cache` makes GDB read the registers \
+                     again\n"
                 )
             }
             Err(SessionError::Start { name, reason }) => {
@@ -365,7 +367,7 @@ impl<W: MemoryWindow> AttachedProcessor<W> {
         match self.debuggee.host.as_ref().map(|it| it.vectors()) {
             Some(Ok(text)) => text,
             Some(Err(reason)) => format!("{name}: {reason}\n"),
-            None => format!("{name}: its messages are not known here\n"),
+            None => format!("{name}: this gateway cannot count its messages\n"),
         }
     }
 
@@ -374,7 +376,7 @@ impl<W: MemoryWindow> AttachedProcessor<W> {
         let planted = self.named(self.tracer().planted())?.len();
         let name = &self.debuggee.name;
         Ok(format!(
-            "{name}: held {holds} times; {planted} breakpoints are planted\n"
+            "{name}: stopped {holds} times; {planted} breakpoints are set\n"
         ))
     }
 

@@ -104,7 +104,7 @@ impl<W: MemoryWindow> Session<W> {
             Ok(true) => {}
             Ok(false) => {
                 return Err(SessionError::Connection(
-                    "it does not begin like GDB's".into(),
+                    "the client did not begin as GDB does".into(),
                 ));
             }
             Err(error) => return Err(SessionError::Connection(error.to_string())),
@@ -245,8 +245,8 @@ impl<'s, W: MemoryWindow> Conversation<'s, W> {
         }
         if self.reports.is_empty() {
             let notification = format!("Stop:{report}");
-            let told = self.stream.notify(notification.as_bytes());
-            told.map_err(|it| lost(&it))?;
+            let sent = self.stream.notify(notification.as_bytes());
+            sent.map_err(|it| lost(&it))?;
         }
         self.reports.push_back(report);
         Ok(())
@@ -420,7 +420,9 @@ impl<'s, W: MemoryWindow> Conversation<'s, W> {
         };
         if !self.is_non_stop {
             let name = &attached.debuggee.name;
-            let text = format!("{name}: no step leads there; break where the program goes on\n");
+            let text = format!(
+                "{name}: cannot step from here; set a breakpoint where the program continues\n"
+            );
             let packet = [b"O", &*hexed(text.as_bytes())].concat();
             self.stream.send(&packet).map_err(|it| lost(&it))?;
         }

@@ -144,7 +144,7 @@ pub enum SessionError {
         name: String,
     },
     /// Another debugger has the processor.
-    #[error("another debugger has {name}: it holds the lock on {}", .lock.display())]
+    #[error("another debugger is attached to {name}: it holds the lock on {}", .lock.display())]
     Locked {
         /// The name of the processor.
         name: String,
@@ -176,7 +176,7 @@ pub enum SessionError {
         reason: String,
     },
     /// The connection failed, or is not GDB's.
-    #[error("the connection of GDB: {0}")]
+    #[error("the connection of GDB failed: {0}")]
     Connection(String),
 }
 
@@ -294,7 +294,7 @@ impl<W: MemoryWindow> AttachedProcessor<W> {
         self.named(tracer.set_mode(with(true)))?;
         let started = match &self.debuggee.host {
             Some(host) => host.start(file),
-            None => Err("its programs are not started from here".into()),
+            None => Err("this gateway cannot start its programs".into()),
         };
         // The former one may come to a breakpoint meanwhile.
         let is_held = || {
@@ -310,7 +310,7 @@ impl<W: MemoryWindow> AttachedProcessor<W> {
                     return Err(reason);
                 }
                 if begun.elapsed() >= START {
-                    return Err("the program does not come to its first statement".into());
+                    return Err("the program did not reach its first statement".into());
                 }
                 std::thread::sleep(NAP);
             }

@@ -274,7 +274,7 @@ impl<'f> Debug<'f> {
             Some(_) => return nowhere("moves it while the program runs"),
             None if entry.attr_value(DW_AT_declaration).is_some() => return None,
             None if entry.attr_value(DW_AT_const_value).is_some() => {
-                return nowhere("has put its only value in its place");
+                return nowhere("uses its only value directly");
             }
             None => return nowhere("has removed it"),
         };
@@ -301,11 +301,13 @@ impl<'f> Debug<'f> {
                     size_in_bits,
                     bit_offset: None,
                 })) if size > 0 && size_in_bits == size.saturating_mul(8) => continue,
-                Ok(Some(Operation::Piece { .. })) => "keeps only parts of it, or keeps them apart",
+                Ok(Some(Operation::Piece { .. })) => {
+                    "keeps only parts of it, or stores its parts separately"
+                }
                 Ok(Some(_)) => "keeps it in another form, from which its value is computed",
                 Err(_) => {
                     return Some(VariableLocation::None(
-                        "describes its place in a way that cannot be read",
+                        "describes its address in a way that this program cannot read",
                     ));
                 }
             };

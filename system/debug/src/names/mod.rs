@@ -22,10 +22,10 @@ const MOST_BYTES: u64 = 1 << 16;
 #[non_exhaustive]
 pub enum NamesError {
     /// The file has no debug information, or a damaged one.
-    #[error("no debug information: {0}")]
+    #[error("the program has no usable debug information: {0}")]
     NoInformation(String),
     /// The expression cannot be read.
-    #[error("`{expression}` is no expression such as `SERVO.joints[2].gain`")]
+    #[error("`{expression}` is not an expression such as `SERVO.joints[2].gain`")]
     Expression {
         /// The text that was given as the expression.
         expression: String,
@@ -47,7 +47,7 @@ pub enum NamesError {
         reason: &'static str,
     },
     /// Several static variables have this name.
-    #[error("`{name}` is one of several: {}", .there.join(", "))]
+    #[error("several variables have the name `{name}`; write one of {}", .there.join(", "))]
     Several {
         /// The name in the expression.
         name: String,
@@ -81,7 +81,7 @@ impl core::fmt::Display for NameParts<'_> {
         if self.0.is_empty() {
             return Ok(());
         }
-        write!(f, "; there are {}", self.0.join(", "))
+        write!(f, "; it has {}", self.0.join(", "))
     }
 }
 

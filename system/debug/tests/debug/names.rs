@@ -193,7 +193,7 @@ fn only_a_variable_with_an_address_of_its_own_is_found() {
     let twin = names.find("twin").map(|value| value.address).unwrap_err();
     assert_eq!(
         twin.to_string(),
-        "`twin` is one of several: twin, twin (second.c)"
+        "several variables have the name `twin`; write one of twin, twin (second.c)"
     );
 }
 
@@ -342,7 +342,7 @@ fn variables_that_a_namespace_declares_are_found_by_their_paths_there() {
         let error = names.find("gain").map(|it| it.address).unwrap_err();
         assert_eq!(
             error.to_string(),
-            "`gain` is one of several: left::gain, right::gain, gain"
+            "several variables have the name `gain`; write one of left::gain, right::gain, gain"
         );
     }
 }

@@ -112,7 +112,7 @@ pub(super) fn serve(settings: &Settings) -> Result<(), ServiceError> {
     let (claim, page) = claim(TERMINALS)?;
     let system = SystemDirectory::at(directory.parent().unwrap_or(directory).into());
     let writer = page.as_ref().map(|_| ScriptWriter::open(&system));
-    let pen = writer.transpose()?.map(Rc::new);
+    let writer = writer.transpose()?.map(Rc::new);
     // Pseudo-terminals that nobody has open would end every wait for their level.
     let ptys = epoll::create(epoll::CreateFlags::CLOEXEC).map_err(events)?;
     // And for those of files to which somebody types.
@@ -131,7 +131,8 @@ pub(super) fn serve(settings: &Settings) -> Result<(), ServiceError> {
                 kind: error.kind,
             }
         })?;
-        let station = Station::open(directory, name, number, region, settings.sizes, pen.clone())?;
+        let sizes = settings.sizes;
+        let station = Station::open(directory, name, number, region, sizes, writer.clone())?;
         let flags = epoll::EventFlags::IN | epoll::EventFlags::OUT | epoll::EventFlags::ET;
         let data = epoll::EventData::new_u64(0);
         epoll::add(&ptys, station.pty(), data, flags).map_err(events)?;
@@ -155,7 +156,7 @@ pub(super) fn serve(settings: &Settings) -> Result<(), ServiceError> {
         let seen = doorbell.prepare();
         bell.drain();
         mailbox.serve(Duration::ZERO)?;
-        let clock = doorbell.clock().zip(pen.as_deref());
+        let clock = doorbell.clock().zip(writer.as_deref());
         let mut turn = match clock {
             Some((clock, _)) if !clock.has_turn() => Turn::None,
             Some(_) if first_turns > 0 => Turn::Recorded,
@@ -164,8 +165,8 @@ pub(super) fn serve(settings: &Settings) -> Result<(), ServiceError> {
         let has_turn = turn != Turn::None;
         let (mut more, mut held) = (false, false);
         for station in &mut stations {
-            if let Some((clock, pen)) = clock {
-                pen.begin(turn, clock.page().now());
+            if let Some((clock, writer)) = clock {
+                writer.begin(turn, clock.page().now());
             }
             let served = station.serve(&mailbox);
             more |= served.more;
@@ -174,11 +175,11 @@ pub(super) fn serve(settings: &Settings) -> Result<(), ServiceError> {
                 turn = Turn::None;
             }
         }
-        if let Some((clock, pen)) = clock {
+        if let Some((clock, writer)) = clock {
             let next = if held || first_turns > 0 {
                 Some(0)
             } else {
-                pen.next_instant()
+                writer.next_instant()
             };
             first_turns = first_turns.saturating_sub(has_turn.into());
             ask(clock, has_turn, next);

@@ -233,7 +233,7 @@ impl Member {
     }
 
     /// Looks how the program is; true if something happened that may concern the others.
-    pub(super) fn look(&mut self, eye: &SupervisorMailbox<'_>, journal: &mut Journal) -> bool {
+    pub(super) fn look(&mut self, mailbox: &SupervisorMailbox<'_>, journal: &mut Journal) -> bool {
         let now = Instant::now();
         if let Some(count) = self.hearing.turn(now) {
             let text = format!(
@@ -252,31 +252,31 @@ impl Member {
             self.ended(&exit, journal);
             self.last_exit = Some(exit);
             if self.plan.is_service() {
-                eye.await_service(self.plan.number);
+                mailbox.await_service(self.plan.number);
             } else {
                 let comes = matches!(self.phase, Phase::Pausing { .. } | Phase::Waiting { .. });
-                eye.bury(self.plan.number, comes);
+                mailbox.bury(self.plan.number, comes);
             }
         }
         if let Phase::Ending { since, .. } = &mut self.phase
-            && !eye.counts(self.plan.number)
+            && !mailbox.counts(self.plan.number)
         {
             *since = now;
         }
         self.look_for_debugger(now, journal);
         match self.phase {
-            Phase::Starting => self.look_for_join(eye, now, journal),
-            Phase::Up { stalled } => self.feel(stalled, eye, now, journal),
+            Phase::Starting => self.look_for_join(mailbox, now, journal),
+            Phase::Up { stalled } => self.feel(stalled, mailbox, now, journal),
             Phase::Ending {
                 since,
                 forced: false,
                 ..
             } if now >= since + END => self.force(journal),
             Phase::Pausing { until } if now >= until && self.launch.is_ready() => {
-                self.start(eye, journal);
+                self.start(mailbox, journal);
             }
             Phase::Stopped | Phase::Failed => {
-                eye.dismiss(self.plan.number, self.plan.is_service());
+                mailbox.dismiss(self.plan.number, self.plan.is_service());
             }
             _ => {}
         }
@@ -297,14 +297,14 @@ impl Member {
     }
 
     /// Starts its program.
-    pub(super) fn start(&mut self, eye: &SupervisorMailbox<'_>, journal: &mut Journal) {
+    pub(super) fn start(&mut self, mailbox: &SupervisorMailbox<'_>, journal: &mut Journal) {
         if let Some(image) = self.next.take()
             && let Err(error) = self.launch.load(&image)
         {
             self.phase = Phase::Failed;
             return self.tell(journal, format!("cannot be loaded: {error}"));
         }
-        self.incarnation_before = eye.incarnation(self.plan.number);
+        self.incarnation_before = mailbox.incarnation(self.plan.number);
         self.started = Some(Instant::now());
         self.incarnation_joined = false;
         self.heart = None;
@@ -312,7 +312,7 @@ impl Member {
         self.has_entered = false;
         self.phase = Phase::Starting;
         if !self.plan.is_service() {
-            eye.hold(self.plan.number);
+            mailbox.hold(self.plan.number);
         }
         match self.launch.start() {
             Ok(()) => {
@@ -325,10 +325,15 @@ impl Member {
         }
     }
 
-    fn look_for_join(&mut self, eye: &SupervisorMailbox<'_>, now: Instant, journal: &mut Journal) {
+    fn look_for_join(
+        &mut self,
+        mailbox: &SupervisorMailbox<'_>,
+        now: Instant,
+        journal: &mut Journal,
+    ) {
         let started = self.started.unwrap_or(now);
-        self.has_entered |= eye.has_entered(self.plan.number);
-        let since = if !eye.counts(self.plan.number) {
+        self.has_entered |= mailbox.has_entered(self.plan.number);
+        let since = if !mailbox.counts(self.plan.number) {
             self.has_turn_since = None;
             now
         } else if self.has_entered {
@@ -336,7 +341,7 @@ impl Member {
         } else {
             started
         };
-        if eye.is_up_after(self.plan.number, self.incarnation_before) {
+        if mailbox.is_up_after(self.plan.number, self.incarnation_before) {
             self.phase = Phase::Up { stalled: false };
             (self.has_joined, self.incarnation_joined) = (true, true);
             let took = now.duration_since(started).as_secs_f64();
@@ -351,12 +356,12 @@ impl Member {
     fn feel(
         &mut self,
         was_stalled: bool,
-        eye: &SupervisorMailbox<'_>,
+        mailbox: &SupervisorMailbox<'_>,
         now: Instant,
         journal: &mut Journal,
     ) {
-        let beat = eye.heartbeat(self.plan.number);
-        if !eye.counts(self.plan.number) || self.held_since.is_some() {
+        let beat = mailbox.heartbeat(self.plan.number);
+        if !mailbox.counts(self.plan.number) || self.held_since.is_some() {
             self.heart = None;
         }
         let since = match self.heart {
@@ -451,7 +456,7 @@ impl Member {
     pub(super) fn end(
         &mut self,
         then: NextStep,
-        eye: &SupervisorMailbox<'_>,
+        mailbox: &SupervisorMailbox<'_>,
         journal: &mut Journal,
     ) {
         match &mut self.phase {
@@ -464,7 +469,7 @@ impl Member {
                 };
                 self.order(StopMethod::Ask, journal);
                 if !self.plan.is_service() {
-                    eye.wake(self.plan.number);
+                    mailbox.wake(self.plan.number);
                 }
             }
             Phase::Ending { then: other, .. } => *other = then,
@@ -529,7 +534,7 @@ impl Member {
                 self.phase = Phase::Failed;
                 self.tell(
                     journal,
-                    format!("failed: {exit}, which a restart would not mend"),
+                    format!("failed: {exit}; a restart would not help, so there is none"),
                 );
             }
             Phase::Starting => self.failed(&format!("ended before it joined: {exit}"), journal),

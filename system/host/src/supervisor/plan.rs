@@ -25,7 +25,7 @@ pub(super) fn members(
     description: &SystemDescription,
     directory: &SystemDirectory,
     furniture: &SystemFiles,
-    eye: &SupervisorMailbox<'_>,
+    mailbox: &SupervisorMailbox<'_>,
 ) -> Result<Vec<Member>, UpError> {
     let system = System {
         own: std::env::current_exe().map_err(NamedFileError::at("find", "this program"))?,
@@ -83,7 +83,7 @@ pub(super) fn members(
             .find(|(entry, _)| entry.kind == Some(processor.kind))
             .ok_or_else(|| format!("no extension has the kind `{}`", processor.kind))
             .map_err(|text| UpError::Prepare(text.into()))?;
-        let launch = group.launch(number, &mut environment, eye.doorbell());
+        let launch = group.launch(number, &mut environment, mailbox.doorbell());
         let launch = launch.map_err(UpError::Prepare)?;
         let (file, arguments) = runs(&system.own, &processor.program, &processor.arguments);
         let image = ProgramImage::new(file, arguments, environment);

@@ -112,7 +112,7 @@ impl Supervisor<'_> {
         if !self.is_up {
             return Err("time has not begun: not all programs run yet".into());
         }
-        let changed = self.eye.change_clock(change, self.options.duration);
+        let changed = self.mailbox.change_clock(change, self.options.duration);
         changed.map(|()| Some(done()))
     }
 
@@ -147,7 +147,7 @@ impl Supervisor<'_> {
     fn check_can_end(&self, place: usize) -> Result<(), String> {
         let member = self.members.get(place);
         let waits = member.is_some_and(|it| it.is_alive() && !it.plan.is_service());
-        if waits && self.eye.is_paused() {
+        if waits && self.mailbox.is_paused() {
             let (system, me) = (&self.description.name, me());
             return Err(format!(
                 "the simulated time is paused, and no program ends until it goes on: \
@@ -161,7 +161,7 @@ impl Supervisor<'_> {
         let place = self.find(processor)?;
         self.check_can_end(place)?;
         if let Some(member) = self.members.get_mut(place) {
-            member.end(NextStep::Stop, &self.eye, &mut self.journal);
+            member.end(NextStep::Stop, &self.mailbox, &mut self.journal);
         }
         self.promise(from, place, Wish::Ended);
         Ok(None)
@@ -172,7 +172,9 @@ impl Supervisor<'_> {
         if let Some(member) = self.members.get_mut(place) {
             match member.phase {
                 Phase::Stopped | Phase::Failed => member.wish(),
-                Phase::Ending { .. } => member.end(NextStep::Start, &self.eye, &mut self.journal),
+                Phase::Ending { .. } => {
+                    member.end(NextStep::Start, &self.mailbox, &mut self.journal);
+                }
                 Phase::Waiting { .. } | Phase::Starting | Phase::Pausing { .. } => {}
                 Phase::Up { .. } => {
                     let name = &member.plan.name;
@@ -244,7 +246,7 @@ impl Supervisor<'_> {
             if matches!(member.phase, Phase::Stopped | Phase::Failed) {
                 member.wish();
             } else {
-                member.end(NextStep::Start, &self.eye, &mut self.journal);
+                member.end(NextStep::Start, &self.mailbox, &mut self.journal);
             }
         }
         self.promise(from, place, Wish::Runs);
@@ -259,7 +261,7 @@ impl Supervisor<'_> {
             let outcome = match (promise.what, self.down) {
                 (Wish::Ended, _) => (!member.is_alive()).then_some(Ok(())),
                 (Wish::Runs, Some(_)) => Some(Err("the system is going down".into())),
-                (Wish::Runs, None) => member.outcome(self.eye.is_paused()),
+                (Wish::Runs, None) => member.outcome(self.mailbox.is_paused()),
             };
             match outcome {
                 Some(Ok(())) => self.answer(promise.to, done()),

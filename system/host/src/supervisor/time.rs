@@ -266,8 +266,8 @@ impl Pace {
     }
 
     /// Looks at the clock.
-    pub(super) fn sample(&mut self, eye: &SupervisorMailbox<'_>) {
-        let Some(clock) = eye.clock() else {
+    pub(super) fn sample(&mut self, mailbox: &SupervisorMailbox<'_>) {
+        let Some(clock) = mailbox.clock() else {
             return;
         };
         let now = Instant::now();
@@ -285,8 +285,8 @@ impl Pace {
     }
 
     /// The state of the clock, for people.
-    pub(super) fn status(&self, eye: &SupervisorMailbox<'_>) -> Option<ClockStatus> {
-        let clock = eye.clock()?;
+    pub(super) fn status(&self, mailbox: &SupervisorMailbox<'_>) -> Option<ClockStatus> {
+        let clock = mailbox.clock()?;
         let page = clock.page();
         let now = page.now();
         let factor = |from: Option<&(Instant, u64)>| {

@@ -48,8 +48,8 @@ impl View {
     ) -> Result<VariableClient<'_, Post, LinuxWindow>, ViewError> {
         let me = self.post.number();
         let own = self.region(me)?;
-        let places = &mut self.places.borrow_mut();
-        let client = VariableClient::new(&self.post, own, places, processor, VARS);
+        let allocator = &mut self.allocator.borrow_mut();
+        let client = VariableClient::new(&self.post, own, allocator, processor, VARS);
         client.map_err(|source| ViewError::Memory {
             processor: me,
             source,

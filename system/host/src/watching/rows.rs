@@ -730,7 +730,9 @@ struct SourceError {
 enum SupplyError {
     #[error("the program does not run")]
     Absent,
-    #[error("the program that runs now has no `{0}` of the same type at the same place")]
+    #[error(
+        "the program was restarted, and its new version has no `{0}` of the same type at the same place"
+    )]
     Changed(String),
     #[error(transparent)]
     View(#[from] ViewError),

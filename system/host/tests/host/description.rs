@@ -157,7 +157,8 @@ fn names_and_numbers_are_there_once() {
     };
     assert_eq!(
         one(&more(4, "other")),
-        "12:10: the processor in line 7 has the number 4, too; these numbers are free: 0, 1, 2, 3, 5, 6, 7, 8, 9, 10, 11"
+        "12:10: the processor in line 7 has the number 4, too; these numbers are free: 0, 1, 2, 3, 5, 6, 7, 8, 9, 10, \
+         11"
     );
     assert_eq!(
         one(&more(3, "plant")),
@@ -314,13 +315,13 @@ fn a_clock_is_real_unless_it_is_simulated_at_a_speed() {
         let range = "a speed is a number from 0.001 to 1000, or `max`";
         assert!(told.starts_with("6:"), "{told}");
         assert!(
-            told.contains(&format!("\"{shown}\" is no speed: {range}")),
+            told.contains(&format!("\"{shown}\" is not a speed: {range}")),
             "{told}"
         );
     }
     assert_eq!(
         one(&text("speed = 2")),
-        "5:9: a real clock has no speed; `kind = \"simulated\"` gives the system a clock of its own"
+        "5:9: a real clock has no speed; with `kind = \"simulated\"` the system has a clock of its own"
     );
     assert_eq!(
         one(&text("kind = \"clockwork\"")),

@@ -45,7 +45,7 @@ fn what_is_wrong_is_named() {
     let magic = read(&changed(0, b'M'), 128).unwrap_err();
     assert_eq!(
         magic.to_string(),
-        "it is no MCAP file: it begins with [4d, 4d, 43, 41, 50, 30, 0d, 0a]"
+        "it is not an MCAP file: it begins with [4d, 4d, 43, 41, 50, 30, 0d, 0a]"
     );
     let (opcode, bytes) = (0x04, 21);
     assert_eq!(

@@ -81,7 +81,7 @@ def main():
     rack = condor.Rack(simulator, hand)
     rack.show(**robot.sensors())
     rack.plug()
-    simulator.print(f"is the hand {hand.name} in MuJoCo {mujoco.__version__}, at {RATE_HZ} Hz")
+    simulator.print(f"simulates the hand {hand.name} in MuJoCo {mujoco.__version__} at {RATE_HZ} Hz")
 
     def step(_now):
         robot.advance(rack.commands(), int(simulator.get("cut")))

@@ -2,7 +2,7 @@
 
 `join` visits a running system: its processors, messages, variables and parameters, published cells, terminals and
 motions; `up` brings one up. `Simulator` is a robot at the other side of the boards, `Rack` those of a hand. `Hand` is a
-hand as its configuration describes it, without any processor. Every wait has a time-out in
+hand as its configuration describes it, without any processor. Every wait has a timeout in
 seconds, and lets other threads of Python run. Errors are subclasses of `Error`.
 """
 

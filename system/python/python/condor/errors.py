@@ -8,7 +8,7 @@ class Error(Exception):
 
 
 class TimedOut(Error, TimeoutError):
-    """Something has not come, or has not been answered, within a time-out."""
+    """Something has not come, or has not been answered, within a timeout."""
 
 
 class NotFound(Error, LookupError):

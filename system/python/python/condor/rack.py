@@ -212,5 +212,5 @@ def _places(wires: Wires, boards: int, chosen: npt.NDArray[np.intp]) -> npt.NDAr
     wrong = (channel >= 2 * LINES) | (board >= boards // 2)
     if wrong.any():
         first = int(np.flatnonzero(wrong)[0])
-        raise Refused(f"the rack has no board {board[first]} with a channel {channel[first]}")
+        raise Refused(f"the rack has no board {board[first]} that has a channel {channel[first]}")
     return board * (2 * LINES) + channel

@@ -72,7 +72,7 @@ impl Book {
         });
         let incarnation = former.checked_add(1).ok_or_else(|| {
             let error =
-                format!("{client} has used the last incarnation, {former}: give it another name");
+                format!("the client {client} has used the last incarnation, {former}: give the client another name");
             RemoteRefusal::new(error, false)
         })?;
         self.note(&JournalRecord::Joined {
@@ -109,7 +109,7 @@ impl Book {
         };
         // A motion that was withdrawn before its bytes came may have any.
         if motion.request.is_some() && digest.is_some_and(|it| it != motion.digest) {
-            let error = format!("the number {id} was used for another motion before");
+            let error = format!("the identity {id} already belongs to another motion");
             return Err(RemoteRefusal::new(error, false));
         }
         let end = motion.end.clone();
@@ -154,7 +154,10 @@ impl Book {
     ) -> Result<(), RemoteRefusal> {
         let open = self.open_motions().filter(|(of, ..)| *of == client).count();
         if open >= OPEN {
-            let error = format!("{OPEN} motions of {client} have not ended");
+            let error = format!(
+                "{OPEN} motions of the client {client} have not ended, and no more are accepted; try \
+                                 again later"
+            );
             return Err(RemoteRefusal::new(error, true));
         }
         let RequestIdentity { session, number } = request;

@@ -175,20 +175,24 @@ impl Config {
             return Err("neither `listen` nor `routers` says how clients reach the gateway".into());
         }
         if self.every == 0 {
-            return Err("`every` is 0; 1 is each tick".into());
+            return Err("`every` is 0; it must be 1 (every tick) or more".into());
         }
         for place in &self.listen {
             if !place.starts_with("tcp/") && !place.starts_with("tls/") {
-                return Err(format!("`{place}` begins with neither tcp/ nor tls/"));
+                return Err(format!(
+                    "the address `{place}` must begin with tcp/ or tls/"
+                ));
             }
             if !is_loopback(place) && !self.knows_clients() {
                 return Err(format!(
-                    "`{place}` can be reached from other machines, and nothing proves who a client is: \
-                     add `passwords`, or `tls` with an `authority`"
+                    "other machines can reach `{place}`, and nothing proves who a client is: add `passwords`, or \
+                     `tls` with an `authority`"
                 ));
             }
             if place.starts_with("tls/") && self.tls.is_none() {
-                return Err(format!("`{place}` needs the certificates of `tls`"));
+                return Err(format!(
+                    "the address `{place}` needs certificates: add the table `tls`"
+                ));
             }
         }
         if self.routers.is_some() && !self.listen.is_empty() && self.knows_clients() {

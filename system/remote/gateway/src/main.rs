@@ -13,17 +13,17 @@ use condor_host::system::SystemWindows;
 use condor_mbox::Messenger;
 use condor_rt::linux::Environment;
 
-/// Serves a running system of Condor to clients on other machines, over zenoh.
+/// Serves a running system to clients on other machines, over the network library zenoh
 #[derive(Debug, Parser)]
 #[command(name = "condor-gateway", version)]
 struct Line {
-    /// The configuration of the gateway; with `--access-control`, those of all robots behind the router
+    /// The file of the gateway's configuration; with `--access-control`, those of all robots behind the router
     #[arg(required = true)]
     configs: Vec<PathBuf>,
     /// The name of the system; needed only if several are running
     #[arg(long)]
     system: Option<String>,
-    /// Prints the access control for a router of zenoh between clients and these gateways, and ends
+    /// Prints the access rules for a zenoh router between clients and these gateways, and ends
     #[arg(long)]
     access_control: bool,
 }
@@ -49,7 +49,9 @@ fn run(line: &Line) -> Result<(), AnyError> {
         return Ok(());
     }
     let [config] = &configs[..] else {
-        return Err("a gateway has one configuration".into());
+        return Err(
+            "a gateway serves one configuration; several are only for --access-control".into(),
+        );
     };
     let mut signals = EndSignals::new()?;
     let environment = Environment::read().ok();

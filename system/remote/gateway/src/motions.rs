@@ -54,7 +54,11 @@ impl MotionsLink {
                 return Ok(Self { view, master });
             }
         }
-        Err(format!("no processor of `{}` serves motions", status.system).into())
+        Err(format!(
+            "no running processor of `{}` accepts motions: start the processor of the master",
+            status.system
+        )
+        .into())
     }
 
     fn asks(&self) -> Result<Asks<'_>, AnyError> {
@@ -148,7 +152,7 @@ impl Motions {
                 Ok(None)
             }
             _ => Err(RemoteRefusal::new(
-                "this is no request about motions",
+                "the request is not about motions",
                 false,
             )),
         }
@@ -164,8 +168,9 @@ impl Motions {
             return Ok(outcome);
         }
         let request = self.book.request(client, id);
-        let request =
-            request.ok_or_else(|| RemoteRefusal::new("the journal is incomplete", false))?;
+        let request = request.ok_or_else(|| {
+            RemoteRefusal::new("the journal has lost the record of this motion", false)
+        })?;
         // The motion has come, whatever the queue says; if it says nothing, nobody knows more.
         let settled = self.settle(client, id, request);
         settled.map_err(|error| RemoteRefusal::new(error.to_string(), true))
@@ -184,8 +189,7 @@ impl Motions {
             return Ok(outcome);
         }
         if !self.presence(|it| it.may_begin(client)) {
-            let error =
-                "the client's motions stop when it is gone, and it does not say that it is here";
+            let error = "motions of this client stop when it disconnects, and the gateway does not see it connected";
             return Err(RemoteRefusal::new(error, true));
         }
         // The queue takes requests in the order of their numbers.
@@ -195,7 +199,7 @@ impl Motions {
             settled.map_err(|error| RemoteRefusal::new(error.to_string(), true))?;
             if !self.undecided.is_empty() {
                 return Err(RemoteRefusal::new(
-                    "another motion is not decided yet",
+                    "the queue has not answered for an earlier motion yet; try again",
                     true,
                 ));
             }
@@ -215,7 +219,7 @@ impl Motions {
 
     /// Takes control, and returns the next identity of the session.
     fn next_request(&mut self, takes_control: bool) -> Result<RequestIdentity, AnyError> {
-        let way = self.way.as_ref().ok_or("the system does not run")?;
+        let way = self.way.as_ref().ok_or("the system is not running")?;
         let mut asks = way.asks()?;
         let (session, last) = match self.session {
             Some(session) => session,
@@ -226,9 +230,11 @@ impl Motions {
             // The session is gone.
             Err(MotionsError::NotYours) | Ok(0) => {
                 self.session = None;
-                return Err("the queue has closed the session; ask again".into());
+                return Err("the queue has closed the session of the gateway; try again".into());
             }
-            Ok(other) => return Err(format!("session {other} is in control").into()),
+            Ok(other) => return Err(format!(
+                "another program is in control, by session {other}; `--control` takes control from it"
+            ).into()),
             Err(error) => return Err(error.into()),
         }
         self.session = Some((session, last + 1));
@@ -246,7 +252,7 @@ impl Motions {
         id: Id,
         request: RequestIdentity,
     ) -> Result<RemoteOutcome, AnyError> {
-        let way = self.way.as_ref().ok_or("the system does not run")?;
+        let way = self.way.as_ref().ok_or("the system is not running")?;
         let mut asks = way.asks()?;
         let seen = asks.look(request, ANSWER)?;
         let (mut answer, progress) = (seen.answer, seen.progress);
@@ -321,11 +327,11 @@ impl Motions {
             self.stopped = Some(now);
             let how = match self.stop() {
                 Ok(()) => "all motion stops".into(),
-                Err(error) => format!("cannot stop: {error}"),
+                Err(error) => format!("the motion cannot be stopped: {error}"),
             };
             log::tell(
                 &client,
-                &format!("is gone, and motion {id} must not run on: {how}"),
+                &format!("has disconnected, and motion {id} must stop then: {how}"),
             );
         }
     }
@@ -336,7 +342,7 @@ impl Motions {
 
     /// Ends all motion.
     fn stop(&mut self) -> Result<(), AnyError> {
-        let way = self.way.as_ref().ok_or("the system does not run")?;
+        let way = self.way.as_ref().ok_or("the system is not running")?;
         let mut asks = way.asks()?;
         let session = match self.session {
             Some((session, _)) => session,
@@ -344,7 +350,7 @@ impl Motions {
         };
         if asks.control(session, true, ANSWER)? != session {
             self.session = None;
-            return Err("the queue has closed the session; ask again".into());
+            return Err("the queue has closed the session of the gateway; try again".into());
         }
         asks.abort(session, ANSWER)?;
         Ok(asks.give_up_control(session, ANSWER)?)

@@ -101,7 +101,7 @@ impl ParameterWorker {
             RemoteRequest::Set { name, from, value } => {
                 let set = set(found, view, clients, name, from.as_ref(), value);
                 let how = match &set {
-                    Ok(before) => format!("it was {before}"),
+                    Ok(before) => format!("it was {before} before"),
                     Err(error) => error.to_string(),
                 };
                 log::tell(&asked.client, &format!("sets {name} to {value}: {how}"));
@@ -121,7 +121,10 @@ impl ParameterWorker {
                 log::tell(&asked.client, &text);
                 reply.map(|reply| json!(reply))
             }
-            _ => Err("this is a request about motions".into()),
+            _ => Err(
+                "the request is about motions, which this part of the gateway does not serve"
+                    .into(),
+            ),
         }
     }
 }

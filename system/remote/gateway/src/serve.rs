@@ -81,7 +81,7 @@ impl Gateway {
         });
         here.background().wait()?;
         let topics = Arc::new(Mutex::new(Vec::new()));
-        let (desk, jobs) = sync_channel(WAITING);
+        let (parameters, jobs) = sync_channel(WAITING);
         let (motions, of_motions) = sync_channel(WAITING);
         let own = ParameterWorker {
             which: which.clone(),
@@ -100,9 +100,9 @@ impl Gateway {
         thread::spawn(move || feed.work());
         let door = Door {
             config: config.clone(),
-            desk,
+            parameters,
             motions,
-            told: Mutex::new(BTreeMap::new()),
+            reported: Mutex::new(BTreeMap::new()),
         };
         let queryable = session.declare_queryable(by(&robot, "*", "*"));
         let queryable = queryable
@@ -128,10 +128,10 @@ impl Drop for Gateway {
 /// The entry of requests, which checks them.
 struct Door {
     config: Config,
-    desk: SyncSender<Job>,
+    parameters: SyncSender<Job>,
     motions: SyncSender<Job>,
     /// When refusals to each client were told last, and how many were not.
-    told: Mutex<BTreeMap<String, (Instant, u64)>>,
+    reported: Mutex<BTreeMap<String, (Instant, u64)>>,
 }
 
 impl Door {
@@ -152,7 +152,10 @@ impl Door {
             }
             let (client, right) = (&asked.client, right.word());
             self.tell(client, right);
-            let error = format!("the client `{client}` has no right to {right}");
+            let error = format!(
+                "the client `{client}` does not have the right `{right}`; the gateway's \
+                                 configuration grants rights"
+            );
             Err(RemoteRefusal::new(error, false))
         });
         let job = match asked {
@@ -165,11 +168,11 @@ impl Door {
             | RemoteRequest::Outcome { .. }
             | RemoteRequest::Withdraw { .. }
             | RemoteRequest::Stop {} => &self.motions,
-            _ => &self.desk,
+            _ => &self.parameters,
         };
         if let Err(TrySendError::Full(job) | TrySendError::Disconnected(job)) = to.try_send(job) {
             job.refuse(&RemoteRefusal::new(
-                format!("{WAITING} requests wait already"),
+                format!("{WAITING} requests are waiting already; try again"),
                 true,
             ));
         }
@@ -178,12 +181,15 @@ impl Door {
     /// Tells that a client was refused, once a second at most.
     fn tell(&self, client: &str, right: &str) {
         let now = Instant::now();
-        let mut told = self.told.lock().unwrap_or_else(PoisonError::into_inner);
-        told.retain(|_, (at, _)| now.duration_since(*at) < REPORT);
+        let mut reported = self.reported.lock().unwrap_or_else(PoisonError::into_inner);
+        reported.retain(|_, (at, _)| now.duration_since(*at) < REPORT);
         // Names are made up easily.
-        if told.len() < WAITING && !told.contains_key(client) {
-            told.insert(client.into(), (now, 0));
-            log::tell(client, &format!("was refused: it has no right to {right}"));
+        if reported.len() < WAITING && !reported.contains_key(client) {
+            reported.insert(client.into(), (now, 0));
+            log::tell(
+                client,
+                &format!("was refused: it does not have the right `{right}`"),
+            );
         }
     }
 }

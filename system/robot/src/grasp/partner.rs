@@ -62,10 +62,10 @@ impl<W: MemoryWindow + Clone> Partner<W> {
     /// The latest value, for the loop that calls this in every tick, so long after the last one.
     pub(crate) fn read<T: FromBytes + IntoBytes + Copy>(
         &self,
-        heard: &mut PartnerState<T>,
+        state: &mut PartnerState<T>,
         elapsed_s: f64,
     ) {
-        heard.age_s += elapsed_s;
+        state.age_s += elapsed_s;
         // Relaxed: pairs with the store of `look`.
         let offset = self.offset.load(Ordering::Relaxed);
         if offset == NOWHERE {
@@ -75,11 +75,11 @@ impl<W: MemoryWindow + Clone> Partner<W> {
             return;
         };
         if let Ok(latest) = cell.read()
-            && (heard.value.is_none() || latest.sequence != heard.sequence)
+            && (state.value.is_none() || latest.sequence != state.sequence)
         {
-            *heard = PartnerState {
+            *state = PartnerState {
                 value: Some(latest.value),
-                former: heard.value,
+                former: state.value,
                 sequence: latest.sequence,
                 age_s: 0.0,
             };

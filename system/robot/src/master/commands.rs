@@ -41,36 +41,38 @@ use shown::{Boards, MeasuredObject, MixedModes, Row, Titles};
 pub(super) use watch::Watching;
 
 commands! {
-    "help" "[COMMAND]" "this, or more of a command" "help to" help;
-    "status" "" "the fingers, the motion, the table" "status" status;
-    "watch" "[FINGER|FINGER.JOINT]..." "them live, until something is typed" "watch index thumb.distal" watch_joints;
-    "enable" "[FINGER]" "restart, if need be; hold where it is" "enable index" enable;
-    "disable" "[FINGER]" "both tendons at their least tension" "disable index" disable;
-    "run" "[MOTION]" "it, else what is recorded or loaded" "run wave" run;
-    "control" "" "take it from another program" "control" control;
-    "motions" "" "their names" "motions" motions;
-    "pause" "" "the motion" "pause" pause;
-    "resume" "" "the motion" "resume" resume;
-    "abort" "" "the motion; ^C does so, too" "abort" abort;
-    "to" "FINGER.JOINT RAD [SECONDS]" "move one joint" "to index.middle 0.9 0.5" to;
-    "torque" "FINGER.JOINT NM" "of its tendons; bears the links, too" "torque index.middle 0.05" torque;
-    "tension" "FINGER.JOINT N N" "of its flexor and its extensor" "tension index.middle 8 8" tension;
-    "impedance" "FINGER[.JOINT] NM_PER_RAD [NM_S_PER_RAD [RAD]]" "a spring" "impedance index 0.5" impedance;
-    "mode" "FINGER[.JOINT] MODE" "off, tension, torque, position, impedance" "mode index impedance" mode;
-    "gains" "FINGER.JOINT [GAIN VALUE]..." "show or set" "gains index.middle damping_ratio 1" gains;
-    "record" "MOTION" "from now on what runs; `save` ends it" "record mine" record;
-    "save" "[MOTION]" "what is recorded, in a file" "save mine" save;
-    "load" "MOTION|PROCESSOR [PROGRAM [WORD]...]" "from a file; a program" "load wave" load;
-    "restart" "PROCESSOR" "its program; `status` has the number" "restart 1" restart;
-    "table" "[home|stop|off|clear|X Y Z [SPEED]]" "move the palm, m" "table 0.05 0 -0.02 0.5" table;
-    "grasp" "[N/M|STIFFNESS]" "the ball where it is seen" "grasp 150" grasp;
-    "release" "" "the ball" "release" release;
-    "ball" "[none|RADIUS [MASS [X Y Z]]]" "simulated, m and kg, until `letgo`" "ball 0.02 0.05" ball;
-    "letgo" "[SECONDS]" "leave the ball to the fingers" "letgo 1" letgo;
-    "push" "X Y Z [X Y Z]" "the ball, N; about its centre, N m" "push 0.2 0 0" push;
-    "weight" "FINGER KG" "hangs on its tip, simulated" "weight index 0.1" weight;
-    "fault" "FINGER.JOINT position|flexor|extensor" "sticks or breaks" "fault thumb.distal position" fault;
-    "clear" "" "mend all; begin anew if it has failed" "clear" clear;
+    "help" "[COMMAND]" "lists the commands, or explains one" "help to" help;
+    "status" "" "shows fingers, motion, object and table" "status" status;
+    "watch" "[FINGER|FINGER.JOINT]..." "shows joints live, until a key is typed"
+        "watch index thumb.distal" watch_joints;
+    "enable" "[FINGER]" "restarts if failed; holds the position" "enable index" enable;
+    "disable" "[FINGER]" "lets go: least tension on both tendons" "disable index" disable;
+    "run" "[MOTION]" "runs a motion, or the one in memory" "run wave" run;
+    "control" "" "takes control from another program" "control" control;
+    "motions" "" "lists the names of all motions" "motions" motions;
+    "pause" "" "pauses the motion" "pause" pause;
+    "resume" "" "continues the paused motion" "resume" resume;
+    "abort" "" "ends the motion; so does Ctrl-C" "abort" abort;
+    "to" "FINGER.JOINT RAD [SECONDS]" "moves one joint" "to index.middle 0.9 0.5" to;
+    "torque" "FINGER.JOINT NM" "sets the torque of the joint's tendons" "torque index.middle 0.05" torque;
+    "tension" "FINGER.JOINT N N" "sets tensions of flexor and extensor" "tension index.middle 8 8" tension;
+    "impedance" "FINGER[.JOINT] NM_PER_RAD [NM_S_PER_RAD [RAD]]" "acts as a spring" "impedance index 0.5" impedance;
+    "mode" "FINGER[.JOINT] MODE" "sets the way to control joints" "mode index impedance" mode;
+    "gains" "FINGER.JOINT [GAIN VALUE]..." "shows or sets gains of the controller"
+        "gains index.middle damping_ratio 1" gains;
+    "record" "MOTION" "records motions until `save`" "record mine" record;
+    "save" "[MOTION]" "saves the recorded motions in a file" "save mine" save;
+    "load" "MOTION|PROCESSOR [PROGRAM [WORD]...]" "loads a motion, or starts a program" "load wave" load;
+    "restart" "PROCESSOR" "restarts the program of a processor" "restart 1" restart;
+    "table" "[home|stop|off|clear|X Y Z [SPEED]]" "moves the palm to X Y Z, m" "table 0.05 0 -0.02 0.5" table;
+    "grasp" "[N/M|STIFFNESS]" "grasps the ball where the camera sees it" "grasp 150" grasp;
+    "release" "" "lets go of the ball" "release" release;
+    "ball" "[none|RADIUS [MASS [X Y Z]]]" "adds a simulated ball, held until `letgo`" "ball 0.02 0.05" ball;
+    "letgo" "[SECONDS]" "leaves the ball to the fingers alone" "letgo 1" letgo;
+    "push" "X Y Z [X Y Z]" "pushes the ball: force, N; moment, N m" "push 0.2 0 0" push;
+    "weight" "FINGER KG" "hangs a simulated weight on a fingertip" "weight index 0.1" weight;
+    "fault" "FINGER.JOINT position|flexor|extensor" "simulates a broken part" "fault thumb.distal position" fault;
+    "clear" "" "mends faults; restarts a failed robot" "clear" clear;
 }
 
 const SECONDS: &str = "a time above 0, s";
@@ -166,10 +168,12 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
                 say(format_args!("all motion stops"));
             }
             Ok(Some(MotionsEvent::Taken(session))) => {
-                say(format_args!("session {session} is in control"));
+                say(format_args!(
+                    "another program is in control, by session {session}"
+                ));
             }
             Ok(Some(MotionsEvent::Gone(session))) => say(format_args!(
-                "the client of session {session} is gone: nobody is in control"
+                "the program of session {session} has ended: no program is in control"
             )),
             Ok(_) => {}
             Err(problem) => say(format_args!("{problem}")),
@@ -185,7 +189,7 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
             }
             if state == RequestState::Aborted {
                 self.follow.cancel(self.shared);
-                say(format_args!("{title} is not done: {reason}"));
+                say(format_args!("{title} was not completed: {reason}"));
             } else {
                 self.follow.end(self.shared);
                 say(format_args!("{title} is done"));
@@ -357,7 +361,7 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
     fn abort<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
         words.end()?;
         if !self.stop(RefusalReason::Command) {
-            self.say(format_args!("nothing moves"));
+            self.say(format_args!("no motion runs"));
         }
         Ok(())
     }
@@ -460,7 +464,7 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
         if let Some(resting @ 1..) = self.others.resting() {
             let boards = Boards(resting);
             self.say(format_args!(
-                "at rest, with the least tensions: D/A boards {boards}"
+                "D/A boards at rest with the least tensions, since no values come: {boards}"
             ));
         }
         let failed = self.others.failed();
@@ -471,8 +475,8 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
         }
         if let Some(failed @ 1..) = failed {
             self.say(format_args!(
-                "the simulated robot has failed in {failed} ticks, and its terminal says why; `clear` puts \
-                 it back to its start"
+                "the simulated robot has failed in {failed} ticks, as its terminal explains; `clear` puts it back to \
+                 its start"
             ));
         }
         let is_paused = with(self.shared, |drive| drive.generator.is_paused());
@@ -495,7 +499,9 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
             self.say(format_args!("{waiting} motions wait"));
         }
         if let Some(session) = in_control.filter(|&it| !self.requests.is_own(it)) {
-            self.say(format_args!("session {session} is in control"));
+            self.say(format_args!(
+                "another program is in control, by session {session}"
+            ));
         }
         if !self.player.kept.is_empty() || self.player.is_recording {
             let count = self.player.kept.motions().map_or(0, |it| it.len());
@@ -621,7 +627,7 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
             return self.begin_next();
         }
         let (waiting, _) = self.requests.waiting();
-        self.say(format_args!("waits: {waiting} in the queue"));
+        self.say(format_args!("the motion waits: {waiting} in the queue"));
         Ok(())
     }
 

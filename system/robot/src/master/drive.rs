@@ -71,13 +71,13 @@ pub(super) struct Link<W> {
 impl<W: MemoryWindow + Clone> Link<W> {
     pub(super) fn new(
         incarnation: ServoIncarnation<W>,
-        places: &ServoLayout<FINGERS, JOINTS>,
+        layout: &ServoLayout<FINGERS, JOINTS>,
     ) -> Result<Self, AccessError> {
         let region = &incarnation.data;
         let mut points = heapless::Vec::new();
         for finger in 0..FINGERS {
             // There is a place for each.
-            let _ = points.push(places.set_points(finger, region)?);
+            let _ = points.push(layout.set_points(finger, region)?);
         }
         Ok(Self {
             incarnation,
@@ -159,9 +159,9 @@ pub(super) struct Drive<'p, W> {
     pub(super) stream: Option<Streaming>,
     /// The end of the last stream, until it is taken.
     pub(super) stream_end: Option<StreamEnd>,
-    seats: FingerServos,
+    servo_indices: FingerServos,
     ears: &'p [ServoListener<W>],
-    heard: [ServoReport; FINGERS],
+    reports: [ServoReport; FINGERS],
     /// Stops that the background has not told yet.
     pub(super) stops: heapless::Deque<FingerStop, { 2 * FINGERS }>,
     publisher: Publisher<DesiredPositions, Region<W>>,
@@ -177,7 +177,7 @@ impl<'p, W: MemoryWindow + Clone> Drive<'p, W> {
     pub(super) fn new(
         generator: Generator<ALL, QUEUE>,
         numbers: JointNumbers,
-        seats: FingerServos,
+        servo_indices: FingerServos,
         ears: &'p [ServoListener<W>],
         publisher: Publisher<DesiredPositions, Region<W>>,
         period_s: f64,
@@ -193,9 +193,9 @@ impl<'p, W: MemoryWindow + Clone> Drive<'p, W> {
             measured: [None; FINGERS],
             stream: None,
             stream_end: None,
-            seats,
+            servo_indices,
             ears,
-            heard: [ServoReport::NOTHING; FINGERS],
+            reports: [ServoReport::NOTHING; FINGERS],
             stops: heapless::Deque::new(),
             publisher,
             period_s,
@@ -220,7 +220,7 @@ impl<'p, W: MemoryWindow + Clone> Drive<'p, W> {
         let fingers = self.numbers.by_finger(&points, SetPoint::rest(0.0));
         let guards = self.generator.guards();
         let guards = self.numbers.by_finger(&guards, StopGuard::NONE);
-        let wanted = self.seats.iter().zip(fingers.iter().zip(&guards));
+        let wanted = self.servo_indices.iter().zip(fingers.iter().zip(&guards));
         for (finger, (&servo, (points, guards))) in wanted.enumerate() {
             let Some(Some(link)) = self.links.get_mut(servo) else {
                 continue;
@@ -245,17 +245,17 @@ impl<'p, W: MemoryWindow + Clone> Drive<'p, W> {
     }
 
     fn measure(&mut self) {
-        for (ears, heard) in self.ears.iter().zip(&mut self.heard) {
-            ears.joints.read(&mut heard.joints, self.period_s);
-            ears.felt.read(&mut heard.felt, self.period_s);
-            ears.stops.read(&mut heard.stops, self.period_s);
+        for (ears, reports) in self.ears.iter().zip(&mut self.reports) {
+            ears.joints.read(&mut reports.joints, self.period_s);
+            ears.felt.read(&mut reports.felt, self.period_s);
+            ears.stops.read(&mut reports.stops, self.period_s);
         }
-        let fingers = self.seats.iter().zip(&mut self.measured);
+        let fingers = self.servo_indices.iter().zip(&mut self.measured);
         for (finger, (&servo, measured)) in fingers.enumerate() {
-            let heard = self.heard.get(servo).map(|heard| &heard.joints);
-            let joints = heard.filter(|heard| heard.age_s <= SILENT_S);
+            let reports = self.reports.get(servo).map(|reports| &reports.joints);
+            let joints = reports.filter(|reports| reports.age_s <= SILENT_S);
             let position = joints
-                .and_then(|heard| heard.value)
+                .and_then(|reports| reports.value)
                 .and_then(|joints| joints.position.get(finger).copied());
             *measured = position.filter(|joints| joints.iter().all(|joint| joint.is_finite()));
         }
@@ -263,9 +263,9 @@ impl<'p, W: MemoryWindow + Clone> Drive<'p, W> {
 
     /// Joints that a guard has stopped in a servo rest there.
     fn take_stops(&mut self) {
-        for (finger, &servo) in self.seats.iter().enumerate() {
-            let heard = self.heard.get(servo);
-            let Some(stops) = heard.and_then(|heard| heard.stops.value) else {
+        for (finger, &servo) in self.servo_indices.iter().enumerate() {
+            let reports = self.reports.get(servo);
+            let Some(stops) = reports.and_then(|reports| reports.stops.value) else {
                 continue;
             };
             for joint in 0..JOINTS {
@@ -298,10 +298,10 @@ impl<'p, W: MemoryWindow + Clone> Drive<'p, W> {
             tensions: [f64::NAN; ALL],
             contacts: 0,
         };
-        for (finger, &servo) in self.seats.iter().enumerate() {
-            let heard = self.heard.get(servo).map(|heard| &heard.felt);
-            let heard = heard.filter(|heard| heard.age_s <= SILENT_S);
-            let Some(felt) = heard.and_then(|heard| heard.value) else {
+        for (finger, &servo) in self.servo_indices.iter().enumerate() {
+            let reports = self.reports.get(servo).map(|reports| &reports.felt);
+            let reports = reports.filter(|reports| reports.age_s <= SILENT_S);
+            let Some(felt) = reports.and_then(|reports| reports.value) else {
                 continue;
             };
             let range = self.numbers.range(finger);

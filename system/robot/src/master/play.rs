@@ -242,7 +242,9 @@ impl Player {
                 self.next += fed;
                 if let Err(error) = result {
                     let number = self.next + 1;
-                    say(format_args!("motion {number} cannot be: {error}; stopped"));
+                    say(format_args!(
+                        "motion {number} is not possible, so the sequence stops: {error}"
+                    ));
                     return Some(self.break_off(shared, RefusalReason::FromHere));
                 }
             }
@@ -265,12 +267,16 @@ impl Player {
             self.tickets.retain(|it| *it != event.ticket);
             let reason = match event.happening {
                 Happening::Refused(error) => {
-                    say(format_args!("a motion cannot be from here: {error}"));
+                    say(format_args!(
+                        "a motion is not possible from this position: {error}"
+                    ));
                     RefusalReason::FromHere
                 }
                 Happening::Ended(MotionEnd::Stopped(guard)) => {
                     if guard == MotionGuard::Time {
-                        say(format_args!("its time has stopped a motion"));
+                        say(format_args!(
+                            "a motion was stopped because its time is over"
+                        ));
                     }
                     self.end.0 = RequestState::Stopped;
                     continue;
@@ -287,7 +293,7 @@ impl Player {
             return Some(self.break_off(shared, reason));
         }
         if is_held && !self.is_held {
-            say(format_args!("waits: `resume` goes on"));
+            say(format_args!("the motion waits: `resume` continues it"));
         }
         self.is_held = is_held;
         if is_idle && self.next >= self.count && !self.tickets.is_empty() {

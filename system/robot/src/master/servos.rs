@@ -47,34 +47,34 @@ pub(super) struct Servos<'r, 'p, M: Machine> {
     hand: &'r RobotDescription,
     background: &'r Background<'r, M>,
     shared: &'r SharedDrive<'p, M::Window>,
-    seats: FingerServos,
+    servo_indices: FingerServos,
     processors: OfServos<Servo<'r, M>>,
     /// The last status of each finger.
     status: [Option<ServoStatus<JOINTS>>; FINGERS],
     /// Whether a finger that followed does not any more, since somebody asked.
     has_lost: bool,
-    /// A bit for each finger that may still follow a former incarnation of the master. Nobody knows its set-points: it gets
-    /// none, and so gives up.
+    /// A bit for each finger that may still follow a former incarnation of the master. Nobody knows its set-points: it
+    /// gets none, and so gives up.
     inherited: u32,
     numbers: JointNumbers,
 }
 
 /// The numbers of the servo processors, and which of them serves each finger.
-pub(super) fn seats(hand: &RobotDescription) -> (OfServos<u8>, FingerServos) {
+pub(super) fn servo_indices(hand: &RobotDescription) -> (OfServos<u8>, FingerServos) {
     let mut numbers = OfServos::<u8>::new();
     // Nobody serves a finger that the robot does not have.
-    let mut seats = [usize::MAX; FINGERS];
-    for (seat, entry) in seats.iter_mut().zip(&hand.fingers) {
+    let mut servo_indices = [usize::MAX; FINGERS];
+    for (servo, entry) in servo_indices.iter_mut().zip(&hand.fingers) {
         // A configuration has all joints of a finger on one processor.
         let processor = entry.processor().unwrap_or(0);
         let known = numbers.iter().position(|&it| it == processor);
-        *seat = known.unwrap_or(numbers.len());
+        *servo = known.unwrap_or(numbers.len());
         if known.is_none() {
             // At most one for each finger.
             let _ = numbers.push(processor);
         }
     }
-    (numbers, seats)
+    (numbers, servo_indices)
 }
 
 impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
@@ -83,7 +83,7 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
         hand: &'r RobotDescription,
         shared: &'r SharedDrive<'p, M::Window>,
         numbers: &[u8],
-        seats: FingerServos,
+        servo_indices: FingerServos,
     ) -> Result<Self, ProgramError> {
         let mut processors = OfServos::new();
         for &number in numbers {
@@ -105,7 +105,7 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
             hand,
             background,
             shared,
-            seats,
+            servo_indices,
             processors,
             status: [None; FINGERS],
             has_lost: false,
@@ -128,7 +128,7 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
 
     /// The processor of a finger.
     pub(super) fn processor(&self, finger: usize) -> u8 {
-        let servo = self.seats.get(finger).copied();
+        let servo = self.servo_indices.get(finger).copied();
         let servo = servo.and_then(|servo| self.processors.get(servo));
         servo.map_or(0, |servo| servo.number)
     }
@@ -192,7 +192,7 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
             } => Some(incarnation),
             _ => None,
         };
-        let served = self.seats.map(|seat| seat == index);
+        let served = self.servo_indices.map(|servo| servo == index);
         let names = Names(self.hand, served);
         if servo.incarnation.is_some() && servo.incarnation != incarnation {
             (servo.incarnation, servo.client) = (None, None);
@@ -213,13 +213,13 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
             ));
         }
         if let (None, Some(incarnation)) = (servo.incarnation, incarnation)
-            && let Some(places) = objects::servos(&servo.region)?
+            && let Some(layout) = objects::servos(&servo.region)?
             && objects::joints(&servo.region)?.is_some()
             && objects::grasp(&servo.region)?.is_some()
         {
             let seen =
                 ServoIncarnation::new(servo.mail.clone(), servo.region.clone(), incarnation)?;
-            let link = Link::new(seen, &places)?;
+            let link = Link::new(seen, &layout)?;
             with(self.shared, |drive| {
                 if let Some(place) = drive.links.get_mut(index) {
                     *place = Some(link);
@@ -229,16 +229,16 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
                 self.background.mailbox(),
                 Processor(servo.number),
                 &servo.region,
-                places,
+                layout,
             )?);
             servo.incarnation = Some(incarnation);
             let number = servo.number;
             if servo.is_known {
                 say(format_args!(
-                    "processor {number} was restarted: `enable` takes up {names} again"
+                    "processor {number} was restarted: `enable` makes {names} hold again"
                 ));
             } else {
-                say(format_args!("processor {number} serves {names}"));
+                say(format_args!("processor {number} controls {names}"));
             }
             servo.is_known = true;
         }
@@ -315,7 +315,7 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
         let number = self.processor(finger);
         let absent = Problem::Absent(number);
         let state = self.background.mailbox().peer_state(Processor(number))?;
-        let servo = self.seats.get(finger).copied();
+        let servo = self.servo_indices.get(finger).copied();
         let Some(servo) = servo.and_then(|servo| self.processors.get_mut(servo)) else {
             return Err(absent);
         };
@@ -338,7 +338,7 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
         self.ask(finger, |_, _, _| ())?;
         let number = self.processor(finger);
         let absent = || Problem::Absent(number);
-        let servo = self.seats.get(finger).copied();
+        let servo = self.servo_indices.get(finger).copied();
         let known = servo.and_then(|servo| self.processors.get(servo));
         let known = known.ok_or_else(absent)?;
         let object =

@@ -27,7 +27,7 @@ use crate::{JOINTS, plant, table};
 pub(super) enum Problem<'l> {
     #[error("there is no command \"{0}\"; `help` lists them")]
     Command(&'l str),
-    #[error("{0} is missing")]
+    #[error("give {0}")]
     Missing(&'static str),
     #[error("\"{word}\" is not {what}")]
     Not { word: &'l str, what: &'static str },
@@ -37,7 +37,8 @@ pub(super) enum Problem<'l> {
     Finger { word: &'l str, known: NameList },
     #[error("no joint is called \"{word}\"; there are {known}")]
     Joint { word: &'l str, known: NameList },
-    #[error("\"{0}\" is no name of a motion: letters, digits, - and _, at most {max}", max = NAME_BYTES)]
+    #[error(
+        "\"{0}\" cannot be the name of a motion: a name has letters, digits, - and _, at most {max}", max = NAME_BYTES)]
     Name(&'l str),
     #[error("there is no gain \"{0}\"; `gains FINGER.JOINT` shows all")]
     Gain(&'l str),
@@ -67,9 +68,9 @@ pub(super) enum Problem<'l> {
         value: f64,
         range: plant::NumberRange,
     },
-    #[error("{0} is not enabled: `enable` takes it up where it is")]
+    #[error("{0} is not enabled: `enable` makes it hold its position")]
     NotEnabled(ShortName),
-    #[error("{finger}.{joint} is in the mode {mode}: `enable {finger}` takes it up where it is")]
+    #[error("{finger}.{joint} is in the mode {mode}: `enable {finger}` makes it hold its position")]
     OtherMode {
         finger: ShortName,
         joint: ShortName,
@@ -88,42 +89,42 @@ pub(super) enum Problem<'l> {
         joint: ShortName,
         error: TargetError,
     },
-    #[error("{0} is held by a grasp: `release` first")]
+    #[error("{0} is held by a grasp: type `release` first")]
     InGrasp(ShortName),
-    #[error("nobody measures {0}")]
+    #[error("the position of {0} is not known: its processor does not run")]
     NotMeasured(ShortName),
     #[error("{finger} has a fault: {fault}")]
     Fault {
         finger: ShortName,
         fault: FingerFault,
     },
-    #[error("{0} still rests after its fault; try again")]
+    #[error("{0} is still at rest after its fault; try again")]
     Resting(ShortName),
-    #[error("a motion runs or waits: `abort` it first")]
+    #[error("a motion runs or waits: type `abort` first")]
     Running,
-    #[error("session {0} is in control: `control` takes it")]
+    #[error("another program is in control, by session {0}: `control` takes control from it")]
     InControl(u32),
-    #[error("refused: {0}")]
+    #[error("the motion is refused: {0}")]
     Refused(RefusalReason),
-    #[error("the queue of motions has no session for the terminal, or no ledger; try again")]
+    #[error("the queue of motions is not ready for this terminal; try again")]
     NoSession,
     #[error(
-        "{LEDGER} has the last number that a session can have: stop the master, remove the file, and start the \
-         master again"
+        "{LEDGER} has no number left for another session: stop the master, remove the file, and start the master \
+         again"
     )]
     Exhausted,
     #[error("{LEDGER}: {0}")]
     LedgerFile(#[from] RowError),
     #[error("{LEDGER}: {0}")]
     Ledger(LedgerError),
-    #[error("nothing is recorded or loaded")]
+    #[error("no motion is recorded or loaded: give the name of a motion")]
     Nothing,
     #[error("the robot has no joint of number {joint}, which the motion moves")]
     NoSuchJoint { joint: u32 },
-    #[error("motion {number} has a guard of contact, and {finger} has no tactile sensor")]
+    #[error("motion {number} is to stop at contact, but {finger} has no tactile sensor")]
     Guard { number: u32, finger: ShortName },
     #[error(
-        "motion {number}: {joint} cannot go to {value} rad ({low} to {high})",
+        "motion {number}: {joint} cannot go to {value} rad; it may be {low} to {high} rad",
         value = Decimal(*.value),
         low = Decimal(*.low),
         high = Decimal(*.high),
@@ -139,11 +140,11 @@ pub(super) enum Problem<'l> {
     Ordered(heapless::String<48>),
     #[error(transparent)]
     Supervisor(#[from] SupervisorError),
-    #[error("processor {0} does not run the program that is asked")]
+    #[error("processor {0} does not run the program that this command needs")]
     Absent(u8),
-    #[error("no processor simulates the robot")]
+    #[error("no processor simulates the robot, which this command needs")]
     NoPlant,
-    #[error("no processor measures where the object is")]
+    #[error("no processor measures the position of the object")]
     NoCamera,
     #[error("processor {0} has not seen the object for 0.2 s")]
     NotSeen(u8),
@@ -153,17 +154,17 @@ pub(super) enum Problem<'l> {
     Plant(plant::PlantRefusal),
     #[error("the table refused: {0}")]
     Table(table::TableRefusal),
-    #[error("an answer with the number {0}, which is none")]
+    #[error("a processor answered with the unknown code {0}")]
     Answer(u32),
-    #[error("processor {processor} does not hold: {reason}", reason = .reason.as_str())]
+    #[error("processor {processor} does not hold the ball: {reason}", reason = .reason.as_str())]
     Grasp { processor: u8, reason: GraspReason },
     #[error("{name}: {error}")]
     File { name: Path, error: FileError },
     #[error("{name}: {error}")]
     Image { name: Path, error: MotionImageError },
-    #[error("the file of that grasp: {0}")]
+    #[error("cannot read the grasp from its file: {0}")]
     GraspImage(#[from] GraspImageError),
-    #[error("the recording: {0}")]
+    #[error("cannot read the recorded motion: {0}")]
     Recording(MotionImageError),
     #[error(transparent)]
     Primitive(#[from] PrimitiveError),
@@ -248,7 +249,7 @@ impl fmt::Display for GuardText<'_> {
         if stop.value.is_finite() {
             write!(f, "{:.3} {unit}", Decimal(stop.value))?;
         } else {
-            f.write_str("no number")?;
+            f.write_str("an unknown value")?;
         }
         write!(f, " at {finger}")?;
         if let Some(joint) = joint.and_then(|joint| entry.joints.get(joint)) {
@@ -263,7 +264,7 @@ impl fmt::Display for GuardText<'_> {
 pub(super) enum RowError {
     #[error(transparent)]
     File(#[from] FileError),
-    #[error("it has {found} bytes, and not {size}; the master writes it anew")]
+    #[error("it has {found} bytes instead of {size}; the master writes a new one")]
     Length { found: u64, size: usize },
 }
 

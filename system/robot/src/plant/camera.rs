@@ -32,7 +32,7 @@ impl CellStruct for CameraObject {
             ValueKind::F64,
             offset_of!(CameraObject, time_s),
         )
-        .about("When the picture was taken."),
+        .about("Time of the picture."),
         CellField::new(
             "position",
             "m",
@@ -40,7 +40,7 @@ impl CellStruct for CameraObject {
             offset_of!(CameraObject, position),
         )
         .repeated(3)
-        .about("Its middle."),
+        .about("Centre of the ball."),
         CellField::new(
             "orientation",
             "",

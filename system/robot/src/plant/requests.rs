@@ -135,7 +135,7 @@ pub enum PlantRefusal {
 impl fmt::Display for PlantRefusal {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
-            Self::Operation => "it has no such operation",
+            Self::Operation => "it does not know this operation",
             Self::Busy => "it is busy with another request: ask again",
             Self::NoSuchPart => "there is no such finger, joint, sensor or tendon",
             Self::Number => "a number is out of its range",

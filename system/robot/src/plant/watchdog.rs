@@ -8,7 +8,7 @@ pub(super) struct Watchdog<const L: usize> {
     /// The outputs at rest.
     least: [f64; L],
     /// The outputs that were requested last.
-    asked: [f64; L],
+    values: [f64; L],
     /// The outputs when the board began to rest.
     from: [f64; L],
     patience: u32,
@@ -42,7 +42,7 @@ impl<const L: usize> Watchdog<L> {
     pub(super) const fn new(least: [f64; L], patience: u32, ramp: u32) -> Self {
         Self {
             least,
-            asked: least,
+            values: least,
             from: least,
             patience,
             ramp,
@@ -52,11 +52,11 @@ impl<const L: usize> Watchdog<L> {
     }
 
     /// Returns the outputs in this tick.
-    pub(super) fn update(&mut self, told: BoardInput<L>) -> [f64; L] {
+    pub(super) fn update(&mut self, input: BoardInput<L>) -> [f64; L] {
         self.ticks = self.ticks.saturating_add(1);
-        match told {
+        match input {
             BoardInput::Values(values) => {
-                self.asked = values;
+                self.values = values;
                 self.ticks = 0;
                 self.state = WatchState::Refreshed;
             }
@@ -70,7 +70,7 @@ impl<const L: usize> Watchdog<L> {
         }
         match self.state {
             WatchState::New => self.least,
-            WatchState::Refreshed => self.asked,
+            WatchState::Refreshed => self.values,
             WatchState::Rests => self.on_the_way(),
         }
     }
@@ -86,7 +86,7 @@ impl<const L: usize> Watchdog<L> {
     }
 
     fn rest(&mut self) {
-        self.from = self.asked;
+        self.from = self.values;
         self.ticks = 0;
         self.state = WatchState::Rests;
     }

@@ -98,7 +98,7 @@ fn enqueue(asked: &MotionArguments) -> Result<bool, AnyError> {
     let mut client = queue.client()?;
     let session = client.open(ANSWER)?;
     take_control(&mut client, session, asked.from_other, ANSWER)
-        .map_err(|error| format!("{error}; `--control` takes it"))?;
+        .map_err(|error| format!("{error}; `--control` takes control from it"))?;
     let outcome = match &points {
         Some(points) => run_stream(&mut client, queue.post(), session, points),
         None => run_all(&mut client, queue.post(), session, &asked.motions),
@@ -112,7 +112,8 @@ fn tell_if_paused(directory: &SystemDirectory) -> Result<(), AnyError> {
     let status = ControlClient::connect(directory)?.status()?;
     if status.clock.is_some_and(|clock| clock.paused) {
         eprintln!(
-            "{me} motion: waits, since the simulated time is paused; `{me} clock resume` or `step` lets it go on",
+            "{me} motion: the motion waits, since the simulated time is paused; `{me} clock resume` or `step` \
+             continues it",
             me = me()
         );
     }

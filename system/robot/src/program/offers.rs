@@ -44,7 +44,11 @@ impl Queue {
                 return Ok(Self { view, master });
             }
         }
-        Err(format!("no processor of `{}` is a master", status.system).into())
+        Err(format!(
+            "no running processor of `{}` is a master: start the processor of the master",
+            status.system
+        )
+        .into())
     }
 
     pub(crate) const fn post(&self) -> &Post {
@@ -54,7 +58,7 @@ impl Queue {
     /// Makes the client, of which there may be one at a time.
     pub(crate) fn client(&self) -> Result<MotionsClient<'_, Post, LinuxWindow>, AnyError> {
         let region = self.view.region(self.master)?;
-        let blocks = objects::motions(&region)?.ok_or("the master has ended")?;
+        let blocks = objects::motions(&region)?.ok_or("the program of the master has ended")?;
         Ok(MotionsClient::new(
             self.post(),
             self.master,
@@ -73,7 +77,7 @@ pub(crate) fn take_control(
 ) -> Result<(), AnyError> {
     match client.control(session, from_other, timeout)? {
         own if own == session => Ok(()),
-        other => Err(format!("session {other} is in control").into()),
+        other => Err(format!("another program is in control, by session {other}").into()),
     }
 }
 
@@ -112,7 +116,7 @@ impl Offers {
     /// Looks what has become of a motion.
     fn look(&mut self, id: u64) -> Result<MotionOutcome, AnyError> {
         let (Some(request), Some(queue)) = (self.requests.get_mut(&id), &self.queue) else {
-            return Err(format!("motion {id} is not known, or no longer").into());
+            return Err(format!("the master does not know motion {id}, or no longer").into());
         };
         let seen = queue.client()?.look(request.identity, ANSWER)?;
         let (state, reason, is_final) = match seen.answer {
@@ -204,7 +208,7 @@ impl MotionSender for Offers {
         let offered = client.offer(identity, name.as_bytes(), ANSWER);
         // An accepted motion runs all the same, and others need not take control away.
         let given_up = client.give_up_control(session, ANSWER);
-        let uncertain = |error: MotionsError| format!("{error}; the motion may run all the same");
+        let uncertain = |error: MotionsError| format!("{error}; the motion may run nevertheless");
         offered.map_err(uncertain)?;
         given_up?;
         Ok(self.last)

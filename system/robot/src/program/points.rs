@@ -21,10 +21,10 @@ impl Points {
         let mut lines = (1..)
             .zip(text.lines())
             .filter(|(_, line)| !line.trim().is_empty());
-        let (_, head) = lines.next().ok_or("there are no points")?;
+        let (_, head) = lines.next().ok_or("the table has no points")?;
         let mut words = head.split(',').map(str::trim);
         if words.next() != Some("time") {
-            return Err("line 1 must begin with `time`".into());
+            return Err("line 1 of the table must begin with `time`".into());
         }
         let (mut mask, mut joints) = (0_u32, Vec::<usize>::new());
         for word in words {
@@ -49,7 +49,7 @@ impl Points {
             };
             if positions.len() != joints.len() {
                 let (found, expected) = (positions.len(), joints.len());
-                return Err(format!("line {number}: {found} positions, not {expected}").into());
+                return Err(format!("line {number} has {found} positions, not {expected}").into());
             }
             let mut point = StreamPoint {
                 time: *time,
@@ -62,7 +62,7 @@ impl Points {
             points.push(point);
         }
         if points.is_empty() {
-            return Err("there are no points".into());
+            return Err("the table has no points".into());
         }
         for index in 1..points.len().saturating_sub(1) {
             let (before, after) = (points[index - 1], points[index + 1]);
@@ -117,9 +117,9 @@ mod tests {
                 .all(|it| *it == 0.0)
         );
         for (text, why) in [
-            ("", "there are no points"),
-            ("time,1\n", "there are no points"),
-            ("t,1", "line 1 must begin with `time`"),
+            ("", "the table has no points"),
+            ("time,1\n", "the table has no points"),
+            ("t,1", "line 1 of the table must begin with `time`"),
             (
                 "time,16",
                 "line 1: `16` must be the number of a joint, 0 to 15",

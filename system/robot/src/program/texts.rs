@@ -23,7 +23,7 @@ impl Texts {
     fn path(&self, file: &str) -> Result<PathBuf, AnyError> {
         if !file.strip_suffix(SUFFIX).is_some_and(is_name) {
             return Err(format!(
-                "{file:?} is no name of a motion file: it has up to 24 letters, digits, `-` and `_`, and \
+                "{file:?} cannot be the name of a motion file: a name has up to 24 letters, digits, `-` and `_`, and \
                  ends with {SUFFIX}"
             )
             .into());
@@ -32,7 +32,7 @@ impl Texts {
     }
 }
 
-fn told(path: &Path, error: &std::io::Error) -> String {
+fn file_error(path: &Path, error: &std::io::Error) -> String {
     format!("{}: {error}", path.display())
 }
 
@@ -40,7 +40,7 @@ impl MotionFiles for Texts {
     fn list(&self) -> Result<Vec<String>, AnyError> {
         let entries = match fs::read_dir(&self.directory) {
             Err(error) if error.kind() == ErrorKind::NotFound => return Ok(Vec::new()),
-            entries => entries.map_err(|error| told(&self.directory, &error))?,
+            entries => entries.map_err(|error| file_error(&self.directory, &error))?,
         };
         let mut files = Vec::new();
         for entry in entries {
@@ -55,14 +55,14 @@ impl MotionFiles for Texts {
 
     fn read(&self, file: &str) -> Result<String, AnyError> {
         let path = self.path(file)?;
-        Ok(read_text(&path).map_err(|error| told(&path, &error))?)
+        Ok(read_text(&path).map_err(|error| file_error(&path, &error))?)
     }
 
     fn write(&mut self, file: &str, text: &str, replaces: bool) -> Result<(), AnyError> {
         let path = self.path(file)?;
         // The system does not come up with a text that cannot be compiled.
         compile_motion(text, Path::new(file), &self.joints)?;
-        fs::create_dir_all(&self.directory).map_err(|error| told(&self.directory, &error))?;
+        fs::create_dir_all(&self.directory).map_err(|error| file_error(&self.directory, &error))?;
         let write = || {
             let mut new = WholeFile::create(&path)?;
             new.write_all(text.as_bytes())?;
@@ -74,9 +74,9 @@ impl MotionFiles for Texts {
         };
         match write() {
             Err(error) if error.kind() == ErrorKind::AlreadyExists => {
-                Err(format!("there is a file {file} already").into())
+                Err(format!("the file {file} exists already").into())
             }
-            written => Ok(written.map_err(|error| told(&path, &error))?),
+            written => Ok(written.map_err(|error| file_error(&path, &error))?),
         }
     }
 }
@@ -135,7 +135,7 @@ mod tests {
         texts.write("former.toml", &long(), true).unwrap();
         texts.write("new.toml", &long(), false).unwrap();
         let again = texts.write("new.toml", &long(), false).unwrap_err();
-        assert_eq!(again.to_string(), "there is a file new.toml already");
+        assert_eq!(again.to_string(), "the file new.toml exists already");
         assert_eq!(texts.read("former.toml").unwrap(), long());
         assert_eq!(texts.list().unwrap(), ["former.toml", "new.toml"]);
     }

@@ -134,12 +134,12 @@ impl<'r, W: MemoryWindow> Recorder<'r, W> {
     }
 
     /// Records a request to a finger of the hand.
-    pub(crate) fn asked(&mut self, finger: usize, asked: &FingerRequest<JOINTS>) {
+    pub(crate) fn request(&mut self, finger: usize, request: &FingerRequest<JOINTS>) {
         if !self.is_running() {
             return;
         }
         let mut words = [0; ASKED_WORDS];
-        let len = asked.put(&mut words);
+        let len = request.put(&mut words);
         let words = words.get(..len).unwrap_or(&[]);
         let head = [finger as u32, words.len() as u32];
         self.record(channel::ASKED, head.as_bytes(), words.as_bytes());

@@ -26,7 +26,7 @@ pub(crate) struct Row {
     pub(crate) inputs: Inputs,
     pub(crate) given: TickInputs,
     /// The requests, each with the number of its finger.
-    pub(crate) asked: heapless::Vec<(usize, FingerRequest<JOINTS>), ASKED>,
+    pub(crate) requests: heapless::Vec<(usize, FingerRequest<JOINTS>), ASKED>,
     pub(crate) done: TickEnd,
 }
 
@@ -101,7 +101,7 @@ impl<R: Read<Error = FileError>> Rows<R> {
         }
         let Tick { period_s, inputs } = self.whole(&first)?;
         let mut grasp = GraspInputs::default();
-        let mut asked = heapless::Vec::new();
+        let mut requests = heapless::Vec::new();
         loop {
             let message = self.message()?;
             match message.channel {
@@ -114,8 +114,8 @@ impl<R: Read<Error = FileError>> Rows<R> {
                     grasp.others = Some(self.whole::<Joints>(&message)?.of_hand());
                 }
                 channel::ASKED => {
-                    let one = message.asked().ok_or_else(|| self.wrong(&message))?;
-                    asked.push(one).map_err(|_| self.wrong(&message))?;
+                    let one = message.request().ok_or_else(|| self.wrong(&message))?;
+                    requests.push(one).map_err(|_| self.wrong(&message))?;
                 }
                 channel::DONE => {
                     let done = self.whole(&message)?;
@@ -128,7 +128,7 @@ impl<R: Read<Error = FileError>> Rows<R> {
                     return Ok(Some(Row {
                         inputs,
                         given,
-                        asked,
+                        requests,
                         done,
                     }));
                 }
@@ -195,7 +195,7 @@ impl Message {
         (self.len == 4 * WORDS).then(|| (number, GraspOrder::take(order)))
     }
 
-    fn asked(&self) -> Option<(usize, FingerRequest<JOINTS>)> {
+    fn request(&self) -> Option<(usize, FingerRequest<JOINTS>)> {
         let [finger, count, words @ ..] = &self.words;
         let words = words.get(..usize::try_from(*count).ok()?)?;
         let finger = usize::try_from(*finger).ok().filter(|&it| it < FINGERS)?;

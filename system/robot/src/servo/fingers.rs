@@ -45,7 +45,7 @@ pub(super) struct Fingers<'r, M: Machine> {
     pub(super) wires: &'r mut dyn Wires,
     pub(super) grasp: GraspEnd<M::Window, FINGERS>,
     pub(super) partners: &'r [Partner<M::Window>],
-    pub(super) heard: [PartnerState<Joints>; FINGERS],
+    pub(super) states: [PartnerState<Joints>; FINGERS],
     pub(super) palm: &'r Partner<M::Window>,
     pub(super) accelerated: PartnerState<Palm>,
     pub(super) wanted: &'r Partner<M::Window>,
@@ -175,10 +175,10 @@ impl<M: Machine> Fingers<'_, M> {
     /// The joints of the tick before on other processors, without those that are silent.
     fn others(&mut self, due_ns: u64, elapsed_s: f64) -> Option<HandJoints<FINGERS, JOINTS>> {
         let mut others = None;
-        for (partner, heard) in self.partners.iter().zip(&mut self.heard) {
-            partner.read(heard, elapsed_s);
-            if heard.age_s <= PARTNER_SILENT_S
-                && let Some(joints) = heard.before(due_ns, self.period_s)
+        for (partner, state) in self.partners.iter().zip(&mut self.states) {
+            partner.read(state, elapsed_s);
+            if state.age_s <= PARTNER_SILENT_S
+                && let Some(joints) = state.before(due_ns, self.period_s)
             {
                 let others = others.get_or_insert(HandJoints::NONE);
                 others.add(&joints.of_hand());
@@ -220,7 +220,7 @@ impl<W: MemoryWindow> FingerCommands<'_, '_, W> {
                     && controller.set_gains(joint, &gains).is_ok()
                     && let Some(recorder) = &mut self.recorder
                 {
-                    recorder.asked(finger, &FingerRequest::Gains { joint, gains });
+                    recorder.request(finger, &FingerRequest::Gains { joint, gains });
                 }
             }
             place += 1;
@@ -246,8 +246,8 @@ impl<W: MemoryWindow> Servos for FingerCommands<'_, '_, W> {
             return self.servos.tick(finger, sensed, gravity, period_s);
         };
         self.servos
-            .tick_telling(finger, sensed, gravity, period_s, |asked| {
-                recorder.asked(finger, asked);
+            .tick_telling(finger, sensed, gravity, period_s, |request| {
+                recorder.request(finger, request);
             })
     }
 }

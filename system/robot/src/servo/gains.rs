@@ -14,39 +14,23 @@ use crate::{FINGERS, JOINTS};
 
 /// The gains of each joint: name, unit and description. All are numbers.
 const GAIN: [Names; 15] = [
-    ("kp", "N m/rad", "Of the law pd."),
-    ("kv", "N m s/rad", "Of the law pd."),
-    ("ki", "N m/(rad s)", "Of the law pd."),
-    (
-        "integral_nm",
-        "N m",
-        "The limit of the integral of the law pd.",
-    ),
+    ("kp", "N m/rad", "Stiffness, law pd."),
+    ("kv", "N m s/rad", "Damping, law pd."),
+    ("ki", "N m/(rad s)", "Integral gain, law pd."),
+    ("integral_nm", "N m", "Limit of the integral, law pd."),
     ("bandwidth_hz", "Hz", "Of the law computed-torque."),
     ("damping_ratio", "", "Of the law computed-torque."),
-    (
-        "k_torque",
-        "",
-        "How much of the torque's error is added to a torque.",
-    ),
-    ("flexor.kt", "", "Proportional, of the tension's servo."),
-    ("flexor.ki", "1/s", "Integral, of the tension's servo."),
-    ("flexor.kd", "s", "Derivative, of the tension's servo."),
-    (
-        "flexor.kv",
-        "N s/rad",
-        "Of the joint's velocity, in the tension's servo.",
-    ),
-    ("extensor.kt", "", "Proportional, of the tension's servo."),
-    ("extensor.ki", "1/s", "Integral, of the tension's servo."),
-    ("extensor.kd", "s", "Derivative, of the tension's servo."),
-    (
-        "extensor.kv",
-        "N s/rad",
-        "Of the joint's velocity, in the tension's servo.",
-    ),
+    ("k_torque", "", "Gain of the torque's error."),
+    ("flexor.kt", "", "Proportional gain of tension."),
+    ("flexor.ki", "1/s", "Integral gain of tension."),
+    ("flexor.kd", "s", "Derivative gain of tension."),
+    ("flexor.kv", "N s/rad", "Gain of the joint's velocity."),
+    ("extensor.kt", "", "Proportional gain of tension."),
+    ("extensor.ki", "1/s", "Integral gain of tension."),
+    ("extensor.kd", "s", "Derivative gain of tension."),
+    ("extensor.kv", "N s/rad", "Gain of the joint's velocity."),
 ];
-const LAW: [Names; 1] = [("law", "", "How the joint follows positions.")];
+const LAW: [Names; 1] = [("law", "", "The law that follows positions.")];
 /// The greatest value of each gain, in the order of [`GAIN`]: above what a finger of this size bears, and
 /// below what can only be a mistake. If a joint is configured with more, that is the greatest value. The least
 /// value is 0.

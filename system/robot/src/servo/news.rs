@@ -39,7 +39,7 @@ impl LoopNews {
             let name = &finger.name;
             match now {
                 Some(fault) if now != before => say(format_args!("fault of {name}: {fault}")),
-                None if before.is_some() => say(format_args!("{name} is without fault")),
+                None if before.is_some() => say(format_args!("{name} has no fault any more")),
                 _ => {}
             }
         }
@@ -47,18 +47,20 @@ impl LoopNews {
             let (order, state, reason) = self.grasp;
             let why = reason.as_str();
             match state {
-                GraspState::Idle => say(format_args!("grasp {order}: let go")),
+                GraspState::Idle => say(format_args!("grasp {order}: has let go of the ball")),
                 GraspState::Waiting => {
-                    say(format_args!("grasp {order}: waiting for the other fingers"));
+                    say(format_args!("grasp {order}: waits for the other fingers"));
                 }
-                GraspState::Holding => say(format_args!("grasp {order}: holding")),
+                GraspState::Holding => say(format_args!("grasp {order}: holds the ball")),
                 GraspState::Refused => say(format_args!("grasp {order} refused: {why}")),
                 GraspState::Left => say(format_args!("grasp {order} ended: {why}")),
             }
         }
         if self.failures != before.failures {
             let failures = self.failures.wrapping_sub(before.failures);
-            say(format_args!("{failures} transfers of boards failed"));
+            say(format_args!(
+                "{failures} transfers from or to converter boards failed"
+            ));
         }
     }
 }

@@ -51,10 +51,10 @@ impl CellStruct for Tracking {
         squares("squares", offset_of!(Tracking, whole))
             .about("Sums of the squares of the distances, since the loop began."),
         peak("peak", offset_of!(Tracking, whole)).about("The largest distance."),
-        ticks("ticks", offset_of!(Tracking, whole)).about("How many ticks count."),
+        ticks("ticks", offset_of!(Tracking, whole)).about("Number of counted ticks."),
         CellField::new("motion", "", ValueKind::U64, offset_of!(Tracking, motion))
             .about("The number of the motion that runs; 0 for none."),
-        squares("motion.squares", offset_of!(Tracking, present)).about("The same since then."),
+        squares("motion.squares", offset_of!(Tracking, present)).about("Since this motion began."),
         peak("motion.peak", offset_of!(Tracking, present)),
         ticks("motion.ticks", offset_of!(Tracking, present)),
         CellField::new(
@@ -63,8 +63,8 @@ impl CellStruct for Tracking {
             ValueKind::U64,
             offset_of!(Tracking, last_motion),
         )
-        .about("The number of the motion before; 0 for none."),
-        squares("last.squares", offset_of!(Tracking, last)).about("The same of that."),
+        .about("Number of the last motion; 0 for none."),
+        squares("last.squares", offset_of!(Tracking, last)).about("Of the last motion."),
         peak("last.peak", offset_of!(Tracking, last)),
         ticks("last.ticks", offset_of!(Tracking, last)),
     ];

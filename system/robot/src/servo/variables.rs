@@ -14,17 +14,17 @@ use crate::{FINGERS, JOINTS};
 
 /// The variables of each joint: name, unit and description.
 const JOINT: [(&str, &str, &str); 11] = [
-    ("position", "rad", "Filtered."),
+    ("position", "rad", "Filtered position."),
     ("velocity", "rad/s", "The rate of the filtered position."),
     ("target", "rad", "NaN where positions are not controlled."),
-    ("torque", "N m", "That of the desired tensions."),
+    ("torque", "N m", "Torque of the desired tensions."),
     ("error", "rad", "Target less position."),
-    ("flexor.tension", "N", "As its sensor measures it."),
-    ("flexor.desired", "N", "What it is to have."),
-    ("flexor.command", "N", "What its actuator gets."),
-    ("extensor.tension", "N", "As its sensor measures it."),
-    ("extensor.desired", "N", "What it is to have."),
-    ("extensor.command", "N", "What its actuator gets."),
+    ("flexor.tension", "N", "Measured tension."),
+    ("flexor.desired", "N", "Desired tension."),
+    ("flexor.command", "N", "Command to the actuator."),
+    ("extensor.tension", "N", "Measured tension."),
+    ("extensor.desired", "N", "Desired tension."),
+    ("extensor.command", "N", "Command to the actuator."),
 ];
 /// The variables of each finger, after those of its joints.
 const FINGER: [(&str, &str, &str); 3] = [
@@ -38,11 +38,7 @@ const FINGER: [(&str, &str, &str); 3] = [
         "",
         "A bit for each joint whose tendons cannot give the torque that it needs.",
     ),
-    (
-        "fault",
-        "",
-        "The number of the fault's code plus 1; 0 without.",
-    ),
+    ("fault", "", "Code of the fault plus 1; 0 without a fault."),
 ];
 const OF_FINGER: usize = JOINTS * JOINT.len() + FINGER.len();
 

@@ -219,7 +219,7 @@ impl Environment {
             bytes.is_multiple_of(4)
         })?;
         let below = "a number of a processor, 0 to 31";
-        const { assert!(PROCESSORS == 32, "what is expected says so") };
+        const { assert!(PROCESSORS == 32, "the text says 0 to 31") };
         let processor = number(
             PROCESSOR,
             needed(PROCESSOR, below)?,

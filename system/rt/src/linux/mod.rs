@@ -36,9 +36,9 @@
 //!
 //! With `threads`, a loop, a message handler and the background can run at the same time. Data that
 //! they share must lie in the windows, in an atomic or in a [`Latest`](crate::Latest), or be used only
-//! inside critical sections: those of the machine's [`exclusion`](crate::Machine::exclusion) or of the `critical-section` crate. Only one
-//! critical section runs at a time. A thread that holds such a section or lock inherits the
-//! priority of the most urgent thread that waits for it. Handlers run one at a time; the messages
+//! inside critical sections: those of the machine's [`exclusion`](crate::Machine::exclusion) or of the
+//! `critical-section` crate. Only one critical section runs at a time. A thread that holds such a section or lock
+//! inherits the priority of the most urgent thread that waits for it. Handlers run one at a time; the messages
 //! of each sender are handled in the order in which it sent them, whichever thread serves. The
 //! thread that serves messages has a priority below that of all loops; the background has the
 //! ordinary policy.

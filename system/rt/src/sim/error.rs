@@ -111,10 +111,12 @@ impl fmt::Display for SimFailure {
         match &self.cause {
             Cause::Error(text) => f.write_str(text),
             Cause::Panic(text) => write!(f, "it panicked: {text}"),
-            Cause::NotStopping => f.write_str("it did not stop when it was told to"),
-            Cause::Polls => f.write_str("a loop polls a clock, which stands still meanwhile"),
+            Cause::NotStopping => f.write_str("it did not stop when it was asked to"),
+            Cause::Polls => f.write_str(
+                "one of its loops polls a clock, which stands still until the loop waits",
+            ),
             Cause::WaitsForever => {
-                f.write_str("it waits without a deadline, and nobody is left to ring it")
+                f.write_str("it waits without a deadline, and no other program can wake it")
             }
         }
     }

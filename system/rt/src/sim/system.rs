@@ -43,7 +43,7 @@ pub struct VirtualSystem<'env, B = Silent> {
     memory: linux::LinuxSystem<PROCESSORS>,
     shared_memory: Option<Region<LinuxWindow>>,
     bus: B,
-    seats: [ProcessorSettings<'env, B>; PROCESSORS],
+    all_settings: [ProcessorSettings<'env, B>; PROCESSORS],
 }
 
 type Task<'env, B> = Box<dyn FnOnce(&SimMachine<B>) -> Result<(), String> + Send + 'env>;
@@ -73,7 +73,7 @@ impl<'env, B: Bus + Clone + Send + Sync> VirtualSystem<'env, B> {
     /// # Errors
     /// [`SimError::System`] if the memory cannot be made.
     pub fn with_bus(window_bytes: u32, bus: B) -> Result<Self, SimError> {
-        let seat = |_| ProcessorSettings {
+        let settings = |_| ProcessorSettings {
             arguments: Vec::new(),
             work: [0; condor_clock::LOOPS],
             begins_at: 0,
@@ -83,7 +83,7 @@ impl<'env, B: Bus + Clone + Send + Sync> VirtualSystem<'env, B> {
             memory: linux::LinuxSystem::family(window_bytes)?,
             shared_memory: None,
             bus,
-            seats: core::array::from_fn(seat),
+            all_settings: core::array::from_fn(settings),
         })
     }
 
@@ -109,7 +109,7 @@ impl<'env, B: Bus + Clone + Send + Sync> VirtualSystem<'env, B> {
         number: mbox::Processor,
         arguments: impl IntoIterator<Item = A>,
     ) -> Result<(), SimError> {
-        self.seat(number)?.arguments = arguments.into_iter().map(Into::into).collect();
+        self.settings(number)?.arguments = arguments.into_iter().map(Into::into).collect();
         Ok(())
     }
 
@@ -125,7 +125,7 @@ impl<'env, B: Bus + Clone + Send + Sync> VirtualSystem<'env, B> {
         rank: u32,
         ns: u64,
     ) -> Result<(), SimError> {
-        if let Some(work) = self.seat(number)?.work.get_mut(rank as usize) {
+        if let Some(work) = self.settings(number)?.work.get_mut(rank as usize) {
             *work = ns;
         }
         Ok(())
@@ -137,7 +137,7 @@ impl<'env, B: Bus + Clone + Send + Sync> VirtualSystem<'env, B> {
     /// # Errors
     /// [`SimError::NoSuchProcessor`] if no processor has the number.
     pub fn begin_at(&mut self, number: mbox::Processor, ns: u64) -> Result<(), SimError> {
-        self.seat(number)?.begins_at = ns;
+        self.settings(number)?.begins_at = ns;
         Ok(())
     }
 
@@ -163,7 +163,7 @@ impl<'env, B: Bus + Clone + Send + Sync> VirtualSystem<'env, B> {
         number: mbox::Processor,
         body: impl FnOnce(&SimMachine<B>) -> Result<(), E> + Send + 'env,
     ) -> Result<(), SimError> {
-        let task = &mut self.seat(number)?.task;
+        let task = &mut self.settings(number)?.task;
         if task.is_some() {
             return Err(SimError::Taken { number });
         }
@@ -209,15 +209,15 @@ impl<'env, B: Bus + Clone + Send + Sync> VirtualSystem<'env, B> {
         // Nobody runs before all have entered.
         page.await_request(OUTSIDE, 0, &TurnHandover::new());
         let mut programs = Vec::new();
-        for (number, seat) in (0..).map(mbox::Processor).zip(self.seats) {
-            let Some(task) = seat.task else {
+        for (number, settings) in (0..).map(mbox::Processor).zip(self.all_settings) {
+            let Some(task) = settings.task else {
                 continue;
             };
             // The doorbell of Linux goes; the windows go on to hold the number.
             let (windows, _) = self.memory.claim(number)?.into_parts();
-            page.announce(number.0, seat.begins_at);
+            page.announce(number.0, settings.begins_at);
             let shared = (windows, self.shared_memory.clone(), self.bus.clone());
-            programs.push((number, seat.work, shared, seat.arguments, task));
+            programs.push((number, settings.work, shared, settings.arguments, task));
         }
         let outcome = Mutex::new(Outcome::default());
         let started = thread::scope(|threads| {
@@ -253,12 +253,12 @@ impl<'env, B: Bus + Clone + Send + Sync> VirtualSystem<'env, B> {
         }
     }
 
-    fn seat(
+    fn settings(
         &mut self,
         number: mbox::Processor,
     ) -> Result<&mut ProcessorSettings<'env, B>, SimError> {
-        let seat = self.seats.get_mut(number.index());
-        seat.ok_or(SimError::NoSuchProcessor { number })
+        let settings = self.all_settings.get_mut(number.index());
+        settings.ok_or(SimError::NoSuchProcessor { number })
     }
 }
 

@@ -33,14 +33,14 @@ fn what_is_entered_is_found() {
     let memory = StaticMemory::<WORDS>::new();
     let own = Region::users(memory.window()).unwrap();
     assert_eq!(objects::all(&own).unwrap().count(), 0);
-    let mut places = Allocator::new(own.size());
-    let mut table = ObjectTable::new(own, &mut places).unwrap();
+    let mut allocator = Allocator::new(own.size());
+    let mut table = ObjectTable::new(own, &mut allocator).unwrap();
     let longest = "é".repeat(NAME_BYTES / 2);
     assert_eq!(
         objects::find(&own, &longest, ObjectKind::Loop).unwrap(),
         None
     );
-    let mut servo = LoopReport::new(&own, &mut places, &mut table, &longest).unwrap();
+    let mut servo = LoopReport::new(&own, &mut allocator, &mut table, &longest).unwrap();
     let found = objects::find(&own, &longest, ObjectKind::Loop)
         .unwrap()
         .unwrap();
@@ -50,7 +50,7 @@ fn what_is_entered_is_found() {
         assert_eq!(loops::read(&own, &found).unwrap(), Some(counts(released)));
     }
     let mut enter = |name: &str, number: u32| {
-        table.enter(&mut places, name, ObjectKind::Other, number, 2 * number)
+        table.enter(&mut allocator, name, ObjectKind::Other, number, 2 * number)
     };
     for number in 1..4 {
         let name = format!("é {number}");
@@ -78,8 +78,8 @@ fn what_is_entered_is_found() {
     assert!(matches!(full, ObjectError::Access(_)), "{full}");
     assert_eq!(objects::all(&own).unwrap().count(), number as usize);
     // A new incarnation of the program begins with an empty table.
-    let mut places = Allocator::new(own.size());
-    ObjectTable::new(own, &mut places).unwrap();
+    let mut allocator = Allocator::new(own.size());
+    ObjectTable::new(own, &mut allocator).unwrap();
     assert_eq!(objects::all(&own).unwrap().count(), 0);
 }
 
@@ -87,12 +87,12 @@ fn what_is_entered_is_found() {
 fn there_may_be_thousands_of_names() {
     let memory = StaticMemory::<65536>::new();
     let own = Region::users(memory.window()).unwrap();
-    let mut places = Allocator::new(own.size());
-    let mut table = ObjectTable::new(own, &mut places).unwrap();
+    let mut allocator = Allocator::new(own.size());
+    let mut table = ObjectTable::new(own, &mut allocator).unwrap();
     for number in 0..2000 {
         let name = format!("finger.{number}.tension");
         table
-            .enter(&mut places, &name, ObjectKind::Other, number, 4)
+            .enter(&mut allocator, &name, ObjectKind::Other, number, 4)
             .unwrap();
     }
     let found = objects::find(&own, "finger.1999.tension", ObjectKind::Other);
@@ -103,9 +103,9 @@ fn there_may_be_thousands_of_names() {
 fn a_table_must_be_the_first_and_have_room() {
     let memory = StaticMemory::<WORDS>::new();
     let own = Region::users(memory.window()).unwrap();
-    let mut places = Allocator::new(own.size());
-    places.bytes(64).unwrap();
-    let error = ObjectTable::new(own, &mut places).unwrap_err();
+    let mut allocator = Allocator::new(own.size());
+    allocator.bytes(64).unwrap();
+    let error = ObjectTable::new(own, &mut allocator).unwrap_err();
     assert_eq!(error, ObjectError::NotFirst { offset: 64 });
     let error = ObjectTable::new(own, &mut Allocator::new(8)).unwrap_err();
     assert!(matches!(error, ObjectError::Access(_)), "{error}");

@@ -285,8 +285,8 @@ fn what_loops_show_is_watched_and_set() {
             let names = [contact, servo, rest, slow].map(|table| table.0.as_str());
             assert_eq!(names, ["contact", "servo", "rest", "slow"]);
             let table = VariableTable::open(&joint, servo.1).unwrap();
-            let mut places = Allocator::new(own.size());
-            let mut client = VariableClient::new(&mailbox, own, &mut places, SERVO, VARS)?;
+            let mut allocator = Allocator::new(own.size());
+            let mut client = VariableClient::new(&mailbox, own, &mut allocator, SERVO, VARS)?;
             let stiffness = table.find("joint.stiffness").unwrap().unwrap();
             let (two, three) = (AnyValue::F64(2.0), AnyValue::F64(3.0));
             client.set(&table, &stiffness, two, three, SECOND).unwrap();
@@ -364,7 +364,7 @@ type Sim = sim::SimMachine<condor_rt::Silent>;
 fn what_is_wrong_with_a_setup_is_said_with_its_name() {
     assert_eq!(
         error(4096, |machine| Setup::new(machine)?.console().map(|_| ())),
-        "`console` needs 8320 bytes of the window, and 4032 are left: raise `window_bytes` by 4288"
+        "`console` needs 8320 bytes of the processor's window, but 4032 are left: raise `window_bytes` by 4288"
     );
     assert_eq!(
         error(WINDOW_BYTES, |machine| Setup::new(machine)?
@@ -380,13 +380,17 @@ fn what_is_wrong_with_a_setup_is_said_with_its_name() {
                 .on(ADD, "more", &|_| 0)
                 .run()
         }),
-        format!("`more` cannot have {ADD}, which belongs to another handler of the program")
+        format!(
+            "`more` cannot have {ADD}, which belongs to another handler of the program; choose another vector"
+        )
     );
     assert_eq!(
         error(WINDOW_BYTES, |machine| Setup::new(machine)?
             .on(VARS, "mine", &|_| 0)
             .run()),
-        format!("`mine` cannot have {VARS}, which belongs to variables and parameters")
+        format!(
+            "`mine` cannot have {VARS}, which belongs to variables and parameters; choose another vector"
+        )
     );
     assert_eq!(
         error(WINDOW_BYTES, |machine| {
@@ -439,6 +443,7 @@ fn what_is_wrong_with_a_setup_is_said_with_its_name() {
             setup.servo("quick", Rate::fraction(u32::MAX, 2), &mut body);
             setup.run()
         }),
-        "a rate of 4294967295/2 Hz has no grid in ticks of 1000000000 Hz"
+        "the rate 4294967295/2 Hz does not fit ticks of 1000000000 Hz: a period is shorter than a tick, or no number \
+         of periods is a whole number of ticks"
     );
 }

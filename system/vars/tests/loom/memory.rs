@@ -91,8 +91,8 @@ pub(crate) fn open(
     incarnation: &'static (dyn Fn(Processor) -> u32 + Sync),
 ) -> (Handler, Loop, Watcher<Memory>) {
     let region = Region::whole(memory.clone());
-    let mut places = Allocator::new(BYTES);
-    let desk = Box::leak(Box::new(Selections::new()));
+    let mut allocator = Allocator::new(BYTES);
+    let selections = Box::leak(Box::new(Selections::new()));
     let rate = (400, 1);
     let settings = VariableSettings {
         rate,
@@ -100,11 +100,11 @@ pub(crate) fn open(
         watchers: 1,
     };
     let section = Section(Mutex::new(()));
-    let (server, sampler) = desk
+    let (server, sampler) = selections
         .open(
             catalog,
             &region,
-            &mut places,
+            &mut allocator,
             &settings,
             section,
             incarnation,

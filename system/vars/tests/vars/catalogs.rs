@@ -150,13 +150,13 @@ fn what_is_over_the_capacity_is_refused_with_its_number() {
             rows: 2,
             watchers,
         };
-        let mut places = Allocator::new(region.size());
+        let mut allocator = Allocator::new(region.size());
         let catalog = Catalog::new(shown, &[]);
         let mut memory = Selections::<1>::new();
         let opened = memory.open(
             catalog,
             &region,
-            &mut places,
+            &mut allocator,
             &settings,
             CriticalSection,
             &|_| 1,
@@ -164,9 +164,9 @@ fn what_is_over_the_capacity_is_refused_with_its_number() {
         opened.map(drop).map_err(|error| error.to_string())
     };
     assert_eq!(open(&[&one, &one, &one], 4), Ok(()));
-    let many = "4 blocks of variables; 3 is the most".to_owned();
+    let many = "there are 4 blocks of variables, but at most 3 are possible".to_owned();
     assert_eq!(open(&[&one, &one, &one, &one], 4), Err(many));
-    let watchers = "5 watchers; 4 is the most".to_owned();
+    let watchers = "there are 5 watchers, but at most 4 are possible".to_owned();
     assert_eq!(open(&[&one], 5), Err(watchers));
 }
 
@@ -174,18 +174,18 @@ fn what_is_over_the_capacity_is_refused_with_its_number() {
 fn sample(shown: &[&dyn Watch], entries: &[u32]) -> Vec<u32> {
     let memory: Box<StaticMemory<8192>> = Box::default();
     let region: Region<StaticWindow<'_>> = Region::whole(memory.window());
-    let mut desk = Selections::<40>::new();
+    let mut selections = Selections::<40>::new();
     let settings = VariableSettings {
         rate: (400, 1),
         rows: 2,
         watchers: 1,
     };
-    let mut places = Allocator::new(region.size());
-    let (server, mut sampler) = desk
+    let mut allocator = Allocator::new(region.size());
+    let (server, mut sampler) = selections
         .open(
             Catalog::new(shown, &[]),
             &region,
-            &mut places,
+            &mut allocator,
             &settings,
             CriticalSection,
             &|_| 1,

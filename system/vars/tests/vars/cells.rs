@@ -31,9 +31,9 @@ impl CellStruct for Grasp {
 #[test]
 fn the_fields_of_a_cell_show() {
     let own = Region::whole(SimWindow::new(4096));
-    let mut places = Allocator::new(own.size());
-    let cell = places.published::<Grasp>().unwrap();
-    let table = describe(cell, &own, &mut places).unwrap();
+    let mut allocator = Allocator::new(own.size());
+    let cell = allocator.published::<Grasp>().unwrap();
+    let table = describe(cell, &own, &mut allocator).unwrap();
     let reader = Cell::open(&own, table).unwrap();
     let mut bytes = [0; 32];
     assert_eq!(
@@ -90,8 +90,8 @@ impl CellStruct for Short {
 #[test]
 fn a_field_outside_of_the_value_is_refused() {
     let own = Region::whole(SimWindow::new(4096));
-    let mut places = Allocator::new(own.size());
-    let cell = places.published::<Short>().unwrap();
-    let refused = describe(cell, &own, &mut places);
+    let mut allocator = Allocator::new(own.size());
+    let cell = allocator.published::<Short>().unwrap();
+    let refused = describe(cell, &own, &mut allocator);
     assert_eq!(refused, Err(CatalogError::Block { block: 0, words: 1 }));
 }

@@ -45,7 +45,7 @@ impl Place {
             0xef53 => "ext4".to_owned(),
             0x5846_5342 => "xfs".to_owned(),
             0x9123_683e => "btrfs".to_owned(),
-            other => format!("file system {other:#x}"),
+            other => format!("filesystem {other:#x}"),
         }
     }
 }

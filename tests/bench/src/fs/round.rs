@@ -90,10 +90,10 @@ fn pattern() -> Vec<u8> {
 
 /// Allocates the places of a client, and those of its chunks and of its buffer.
 fn laid_out() -> Result<(Area<1>, u32, Allocator)> {
-    let mut places = Allocator::new(WINDOW);
-    let area = Area::<1>::new(&mut places, 64, MOST as u32)?;
-    let block = places.bytes(CHUNK)?;
-    Ok((area, block, places))
+    let mut allocator = Allocator::new(WINDOW);
+    let area = Area::<1>::new(&mut allocator, 64, MOST as u32)?;
+    let block = allocator.bytes(CHUNK)?;
+    Ok((area, block, allocator))
 }
 
 /// Joins a client's mailbox, which spins; returns it with the client's own region.
@@ -118,11 +118,11 @@ fn compete(
     requests: &UnixStream,
     seed: u64,
 ) -> Result<Vec<f64>> {
-    let (area, block, mut places) = laid_out()?;
+    let (area, block, mut allocator) = laid_out()?;
     let handler = area.handler();
     let (mailbox, own) = join(&shared.system, &handler)?;
     let options = OpenOptions::new().read().write();
-    let buffer = Buffer::new(&own, &mut places, MOST as u32)?;
+    let buffer = Buffer::new(&own, &mut allocator, MOST as u32)?;
 
     Turn::Mailbox.begin(orders)?;
     let files = FileSystem::connect(&mailbox, SERVER, own.clone(), area, TIMEOUT)?;

@@ -145,11 +145,12 @@ impl Turn<'_> {
     fn run_on<M: Machine>(&self, machine: &M) -> Result<Counts> {
         let [_, Windows { data, .. }, ..] = machine.windows();
         let own = Region::users(data).map_err(display)?;
-        let mut places = Allocator::new(own.size());
-        let mut objects = ObjectTable::new(own.clone(), &mut places).map_err(display)?;
-        let report = LoopReport::new(&own, &mut places, &mut objects, "servo").map_err(display)?;
-        let servos = ServoLayout::<4, 4>::new(&mut places, PROCESSORS as u8).map_err(display)?;
-        let joints = places.published().map_err(display)?;
+        let mut allocator = Allocator::new(own.size());
+        let mut objects = ObjectTable::new(own.clone(), &mut allocator).map_err(display)?;
+        let report =
+            LoopReport::new(&own, &mut allocator, &mut objects, "servo").map_err(display)?;
+        let servos = ServoLayout::<4, 4>::new(&mut allocator, PROCESSORS as u8).map_err(display)?;
+        let joints = allocator.published().map_err(display)?;
         let mut mailbox = machine.mailbox().map_err(display)?;
         mailbox.join().map_err(display)?;
         let background = Background {
@@ -181,14 +182,14 @@ impl<M: Machine> Background<'_, '_, M> {
     fn tick<W: MemoryWindow + Clone + Send>(
         &self,
         report: LoopReport<W>,
-        places: ServoLayout<4, 4>,
+        layout: ServoLayout<4, 4>,
         own: &Region<W>,
         joints: Published<Joints>,
     ) -> Result<Counts> {
         let bench = Bench::new()?;
         let mut object = ServoObject::new();
         let exclusion = self.machine.exclusion();
-        let mut fingers = Fingers::new(&bench, &mut object, own, places, joints, exclusion)?;
+        let mut fingers = Fingers::new(&bench, &mut object, own, layout, joints, exclusion)?;
         let counts = self.measure(report, || fingers.tick())?;
         fingers.check().map(|()| counts)
     }

@@ -92,18 +92,18 @@ fn begin() -> Result<Loop> {
     };
     let catalog = Catalog::new(Vec::leak(watched), &[]);
     let region = Region::whole(MEMORY.window());
-    let desk = Box::leak(Box::new(Selections::new()));
+    let selections = Box::leak(Box::new(Selections::new()));
     let settings = VariableSettings {
         rate: (1000, 1),
         rows: 8,
         watchers: 4,
     };
-    let mut places = Allocator::new(region.size());
+    let mut allocator = Allocator::new(region.size());
     let lives = &|_| 1;
-    let (_, sampler) = desk.open(
+    let (_, sampler) = selections.open(
         catalog,
         &region,
-        &mut places,
+        &mut allocator,
         &settings,
         CriticalSection,
         lives,

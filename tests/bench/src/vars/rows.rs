@@ -122,13 +122,13 @@ fn begin<V: Watch, const SOURCES: usize>(variables: &'static [V]) -> Result<Loop
     let region = LinuxSystem::<1>::family(BYTES)?
         .claim(Processor(0))?
         .region(Processor(0))?;
-    let desk = Box::leak(Box::new(Selections::new()));
+    let selections = Box::leak(Box::new(Selections::new()));
     let settings = VariableSettings {
         rate: (1000, 1),
         rows: ROWS as u32,
         watchers: 1,
     };
-    let (server, mut sampler) = desk.open(
+    let (server, mut sampler) = selections.open(
         catalog,
         &region,
         &mut Allocator::new(region.size()),

@@ -62,7 +62,7 @@ fn put(board: Option<&'static dyn AnyTerminal>) {
 pub(crate) fn boards(
     checks: &mut Checks<'_>,
     pair: &Pair<'_>,
-    places: &mut Allocator,
+    allocator: &mut Allocator,
 ) -> Result<Devices, Trouble> {
     checks.group("a terminal by its name");
     let devices = Devices::new(Nothing, NoInterrupts, Boards::new());
@@ -73,7 +73,7 @@ pub(crate) fn boards(
         presence: Presence::Absent,
     };
     checks.same(devices.open(":tty", 0, BOTH), Err(absent(0)));
-    let terminal = Tty::new(pair.own, places, RING, CriticalSection)?;
+    let terminal = Tty::new(pair.own, allocator, RING, CriticalSection)?;
     let terminal: &Tty = TERMINAL.try_init(terminal).ok_or_else(twice)?;
     let board = BOARD.try_init(TerminalBoard::new(terminal, &POST));
     let board: &Board = board.ok_or_else(twice)?;

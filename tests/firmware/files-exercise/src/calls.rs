@@ -160,11 +160,11 @@ pub(crate) fn buffers(
     checks: &mut Checks<'_>,
     pair: &Pair<'_>,
     system: &System<'_>,
-    places: &mut Allocator,
+    allocator: &mut Allocator,
 ) -> Result<(), FileError> {
     checks.group("buffers");
-    let buffer = Buffer::new(&pair.own, places, 32)?;
-    let endless = Buffer::new(&pair.own, places, 4096);
+    let buffer = Buffer::new(&pair.own, allocator, 32)?;
+    let endless = Buffer::new(&pair.own, allocator, 4096);
     checks.that(endless.is_err());
     let mut file = system.open("data", BOTH)?;
     let (count, buffer) = file.read_buffer(buffer, 32).map_err(|kept| kept.error)?;
@@ -204,7 +204,7 @@ pub(crate) fn buffers(
     pair.attentive.set(true);
     checks.same(system.settle(PATIENCE), Ok(Some(Ok(4))));
     system.set_timeout(PATIENCE);
-    let buffer = Buffer::new(&pair.own, places, 32)?;
+    let buffer = Buffer::new(&pair.own, allocator, 32)?;
     let (busy, _) = refused(file.read_buffer(buffer, 4));
     checks.same(busy, Some(Errno::BUSY));
     checks.that(system.take_buffer().is_some());

@@ -44,13 +44,13 @@ pub(crate) fn descriptors<'p>(
             "toaster",
             0,
             OpenMode::READ,
-            "there is no device toaster; there are: tty",
+            "there is no device toaster; the devices are: tty",
         ),
         (
             "fs/run",
             1,
             OpenMode::READ,
-            "there is no fs/run board 1: there may be 1",
+            "there is no fs/run board 1: the program has 1, numbered from 0",
         ),
         (
             "fs/run",
@@ -109,7 +109,7 @@ fn refusals(checks: &mut Checks<'_>, pair: &Pair<'_>, switch: &Files<'_, '_>, lo
     let told = Text::<40>::of(&error);
     checks.same(told.bytes(), b"Read-only (EROFS)");
     let device = TransferError::Device(BusErrorKind::NoAnswer);
-    checks.same(Text::<40>::of(&device).bytes(), b"nothing answers");
+    checks.same(Text::<40>::of(&device).bytes(), b"no device answers");
     checks.same(switch.close(log), Ok(()));
     let closed = FdError::Closed { fd: log };
     checks.same(switch.write(log, b"x"), Err(closed.into()));

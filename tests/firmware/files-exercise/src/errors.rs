@@ -50,7 +50,7 @@ pub(crate) fn errors(checks: &mut Checks<'_>) {
                 server,
                 cause: None,
             },
-            "what was asked before in time",
+            "has not answered the previous request in time",
         ),
         (&kept, "for vector 40"),
         (&FileError::from(ACCESS), "not wholly inside the window"),
@@ -72,11 +72,11 @@ pub(crate) fn errors(checks: &mut Checks<'_>) {
                 offset,
                 incarnation,
             },
-            "has a new incarnation, 2",
+            "as incarnation 2",
         ),
         (
             &TerminalReaderError::Displaced { offset, attached },
-            "at offset 0x40: 0x102",
+            "at offset 0x40: its mark is 0x102",
         ),
         (
             &TerminalReaderError::Broken {
@@ -86,7 +86,7 @@ pub(crate) fn errors(checks: &mut Checks<'_>) {
             },
             "word 20 is 0xff",
         ),
-        (&ConsoleError::TimedOut { lost: 7 }, "7 bytes were given up"),
+        (&ConsoleError::TimedOut { lost: 7 }, "7 bytes were lost"),
     ];
     for (error, end) in ends {
         let text = Text::<128>::of(error);

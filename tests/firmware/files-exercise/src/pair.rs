@@ -65,11 +65,11 @@ pub(crate) fn with_pair(
 ) -> Result<(), Trouble> {
     let [_, windows] = memory.windows();
     let own = Region::users(windows.data)?;
-    let mut places = Allocator::new(own.size());
-    let area = Layout::new(&mut places, PATH_BYTES, BUFFER_BYTES)?;
+    let mut allocator = Allocator::new(own.size());
+    let area = Layout::new(&mut allocator, PATH_BYTES, BUFFER_BYTES)?;
     let table = area.handler();
-    let terminal = Tty::new(own, &mut places, RING, CriticalSection)?;
-    let second = Tty::new(own, &mut places, RING, CriticalSection)?.with_vectors(OTHERS);
+    let terminal = Tty::new(own, &mut allocator, RING, CriticalSection)?;
+    let second = Tty::new(own, &mut allocator, RING, CriticalSection)?.with_vectors(OTHERS);
     let (interrupts, told) = (AtomicU32::new(0), AtomicU32::new(0));
     let receive = |call: &Call<'_>| terminal.receive_and(call, || count(&interrupts));
     let receive_second = |call: &Call<'_>| second.receive(call);
@@ -130,7 +130,7 @@ pub(crate) fn with_pair(
         interrupts: &interrupts,
         told: &told,
     };
-    work(&pair, &mut places)
+    work(&pair, &mut allocator)
 }
 
 /// Counts up. The handlers of one vector do not interrupt each other here, so no atomic addition is needed.

@@ -20,11 +20,11 @@ use crate::trouble::Trouble;
 pub(crate) fn terminals(
     checks: &mut Checks<'_>,
     pair: &Pair<'_>,
-    places: &mut Allocator,
+    allocator: &mut Allocator,
 ) -> Result<(), Trouble> {
     checks.group("terminals");
     let (own, terminal) = (pair.own, pair.terminal);
-    let mut made = |capacity| Tty::new(own, places, capacity, CriticalSection).err();
+    let mut made = |capacity| Tty::new(own, allocator, capacity, CriticalSection).err();
     checks.same(made(100), Some(TerminalError::Capacity { capacity: 100 }));
     checks.that(matches!(made(4096), Some(TerminalError::Access(_))));
     checks.same(terminal.attached(), Ok(None));

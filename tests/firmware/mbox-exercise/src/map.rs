@@ -54,7 +54,7 @@ pub(crate) const MAP: Map = match map() {
 };
 
 const fn map() -> Result<Map, AccessError> {
-    let mut places = Allocator::new(USERS_BYTES);
+    let mut allocator = Allocator::new(USERS_BYTES);
     macro_rules! take {
         ($place:expr) => {
             match $place {
@@ -64,12 +64,12 @@ const fn map() -> Result<Map, AccessError> {
         };
     }
     Ok(Map {
-        words: take!(places.bytes(WORDS_BYTES)),
-        order: take!(places.bytes(4)),
-        obeyed: take!(places.bytes(4)),
-        to_count: take!(places.bytes(4)),
-        counted: take!(places.bytes(8)),
-        sample: take!(places.published()),
-        lock: take!(places.bytes(Bakery::bytes(PROCESSORS as u8))),
+        words: take!(allocator.bytes(WORDS_BYTES)),
+        order: take!(allocator.bytes(4)),
+        obeyed: take!(allocator.bytes(4)),
+        to_count: take!(allocator.bytes(4)),
+        counted: take!(allocator.bytes(8)),
+        sample: take!(allocator.published()),
+        lock: take!(allocator.bytes(Bakery::bytes(PROCESSORS as u8))),
     })
 }

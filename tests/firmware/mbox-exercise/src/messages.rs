@@ -132,11 +132,11 @@ fn typed<D: Doorbell>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, D>) {
     let Ok(own) = mailbox.region(LEADER) else {
         return checks.that(false);
     };
-    let mut places = Allocator::new(own.size());
+    let mut allocator = Allocator::new(own.size());
     // The first bytes of this memory have other uses.
-    let exchange = places
+    let exchange = allocator
         .bytes(WORDS_BYTES)
-        .and_then(|_| Exchange::<_, _, Terms, u32>::new(mailbox, own, &mut places));
+        .and_then(|_| Exchange::<_, _, Terms, u32>::new(mailbox, own, &mut allocator));
     match exchange {
         Ok(mut exchange) => checks.same(
             exchange.call(FOLLOWER, SUM, &[1, 20, 300, u32::MAX], PATIENCE),

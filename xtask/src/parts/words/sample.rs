@@ -1,13 +1,13 @@
 //! `cargo xtask words --path FOLDER`: the findings of a folder, here or of another project, and their share.
 //!
 //! With `--sample N` only the first paragraphs of N public items of each folder are checked, drawn by `--seed`. This
-//! measures how often the rules refuse a good text: give it folders of well-written crates. Functions whose docs do not begin in
-//! the third person are left out; without `--sample` they are checked too.
+//! measures how often the rules refuse a good text: give it folders of well-written crates. Functions whose docs do not
+//! begin in the third person are left out; without `--sample` they are checked too.
 
 use std::path::Path;
 
 use super::text::{Kind, Text};
-use super::{Rules, check, read, told};
+use super::{Rules, check, finding_line, read};
 use crate::Result;
 use crate::context::Context;
 use crate::parts::Summary;
@@ -40,7 +40,7 @@ pub(super) fn run(context: &Context, rules: &Rules) -> Result<Summary> {
         for (path, text) in &texts {
             let found = check(rules, path, std::slice::from_ref(text));
             for finding in &found {
-                println!("{}", told(path, finding));
+                println!("{}", finding_line(path, finding));
             }
             checked += 1;
             refused += usize::from(!found.is_empty());
@@ -63,8 +63,8 @@ fn shown(folder: &Path) -> String {
     name.display().to_string()
 }
 
-/// Returns true if a word of an indicative stands first, or follows an adverb. Any word that ends in "s" counts, so that the list of
-/// verbs is measured, too.
+/// Returns true if a word of an indicative stands first, or follows an adverb. Any word that ends in "s" counts, so
+/// that the list of verbs is measured, too.
 fn is_indicative(summary: &str) -> bool {
     let mut words = summary.split([' ', ',', '.']);
     let first = words.next().unwrap_or_default();
@@ -72,8 +72,8 @@ fn is_indicative(summary: &str) -> bool {
     first.ends_with('s') || first.ends_with("ly") && second.ends_with('s')
 }
 
-/// Draws the first paragraphs of public items. An imperative, or a function without a verb, is refused by the style of this
-/// project on purpose, however usual it is elsewhere, so it is not drawn.
+/// Draws the first paragraphs of public items. An imperative, or a function without a verb, is refused by the style of
+/// this project on purpose, however usual it is elsewhere, so it is not drawn.
 fn drawn(texts: Vec<(String, Text)>, size: usize, seed: u64) -> Vec<(String, Text)> {
     let items = texts.into_iter().filter(|(_, text)| {
         let item = matches!(text.kind, Kind::Function | Kind::Type | Kind::Value);

@@ -294,9 +294,9 @@ impl Master<'_> {
         }
         for (finger, entry) in self.hand.fingers.iter().enumerate() {
             let region = self.region(Processor(entry.processor().unwrap()));
-            let places = objects::servos(&region).unwrap().unwrap();
+            let layout = objects::servos(&region).unwrap().unwrap();
             self.points
-                .push(places.set_points(finger, &region).unwrap());
+                .push(layout.set_points(finger, &region).unwrap());
         }
         self.wait(0.28);
     }
@@ -307,8 +307,8 @@ impl Master<'_> {
         ask: impl FnOnce(&mut ServoClient<'_, Post<'_>, LinuxWindow, FINGERS, JOINTS>) -> R,
     ) -> R {
         let region = self.region(number);
-        let places = objects::servos(&region).unwrap().unwrap();
-        let mut client = ServoClient::new(self.mailbox, number, &region, places).unwrap();
+        let layout = objects::servos(&region).unwrap().unwrap();
+        let mut client = ServoClient::new(self.mailbox, number, &region, layout).unwrap();
         ask(&mut client)
     }
 
@@ -319,8 +319,9 @@ impl Master<'_> {
         let table =
             condor_vars::VariableTable::open(&region, object.unwrap().unwrap().offset).unwrap();
         let own = self.region(MASTER);
-        let mut places = Allocator::new(own.size());
-        let mut client = VariableClient::new(self.mailbox, own, &mut places, number, VARS).unwrap();
+        let mut allocator = Allocator::new(own.size());
+        let mut client =
+            VariableClient::new(self.mailbox, own, &mut allocator, number, VARS).unwrap();
         let entry = table.find(name).unwrap().unwrap();
         let former = client.get(&table, &entry, SOON).unwrap();
         client.set(&table, &entry, former, value, SOON).unwrap();
@@ -423,15 +424,15 @@ impl Master<'_> {
     pub(crate) fn grasp(&self, order: &GraspOrder<FINGERS>) {
         for &number in &self.servos {
             let region = self.region(number);
-            let places = objects::grasp(&region).unwrap().unwrap();
-            places.give(order, &region).unwrap();
+            let layout = objects::grasp(&region).unwrap().unwrap();
+            layout.give(order, &region).unwrap();
         }
     }
 
     pub(crate) fn report(&self, number: Processor) -> GraspReport<FINGERS> {
         let region = self.region(number);
-        let places = objects::grasp(&region).unwrap().unwrap();
-        places.report(&region).unwrap()
+        let layout = objects::grasp(&region).unwrap().unwrap();
+        layout.report(&region).unwrap()
     }
 
     /// How well the joints follow, as their servos find.

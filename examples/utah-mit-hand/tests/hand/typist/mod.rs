@@ -399,8 +399,8 @@ impl Typist<'_> {
 
     /// Waits until all processors are there.
     pub(crate) fn begin(&mut self) {
-        self.expect("processor 1 serves index and middle", 5.0);
-        self.expect("processor 2 serves ring and thumb", 5.0);
+        self.expect("processor 1 controls index and middle", 5.0);
+        self.expect("processor 2 controls ring and thumb", 5.0);
         self.wait(0.3);
         self.shown.clear();
     }

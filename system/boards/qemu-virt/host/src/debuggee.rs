@@ -36,7 +36,7 @@ pub(crate) fn of(
 ) -> Result<Debuggee<LinuxWindow>, AnyError> {
     let map = memory.map();
     let hart = map.hart_of(number.0);
-    let hart = hart.ok_or_else(|| format!("{number} is no hart of this machine"))?;
+    let hart = hart.ok_or_else(|| format!("{number} is not a hart of this machine"))?;
     let control = memory.control(hart)?;
     let begin = RAM + u64::from(map.programs.at(hart));
     Ok(Debuggee {

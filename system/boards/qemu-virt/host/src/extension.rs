@@ -47,7 +47,8 @@ impl Extension for Harts {
         });
         let holding: Vec<u8> = holding.collect();
         let Some(keys) = &mut found.keys else {
-            let text = "a hart belongs to a machine; add `[machine]`, or make it a process";
+            let text = "a processor of `kind = \"hart\"` needs a machine; add the table `[machine]`, or use another \
+                        kind";
             if let Some((first, hart)) = found.processors.first().zip(harts.first()) {
                 first.keys.wrong(&hart.span(), text);
             }
@@ -61,7 +62,7 @@ impl Extension for Harts {
         keys.word("kind", &[("qemu-riscv-virt", ())]);
         let memory_bytes: Option<Spanned<WholeNumber<u32, MIB, MOST_BYTES, MIB>>> =
             keys.need("memory_bytes", "a multiple of 1048576");
-        let expected = "the path of the program in which the harts come up";
+        let expected = "the path of the monitor, the program with which harts start";
         let monitor: Option<Spanned<String>> = keys.need("monitor", expected);
         let command: Option<Spanned<String>> = keys.get("qemu");
         let options = keys.get("options");
@@ -145,7 +146,7 @@ fn harts(found: &mut ExtensionPart<'_, '_>) -> (Vec<Spanned<HartNumber>>, bool) 
             let line = keys.line(other.span().start);
             is_right = false;
             let text = format!(
-                "the processor in line {line} is hart {}, too",
+                "the processor in line {line} has hart {}, too; choose another hart",
                 hart.get_ref().0
             );
             keys.wrong(&hart.span(), text);
@@ -158,7 +159,7 @@ fn harts(found: &mut ExtensionPart<'_, '_>) -> (Vec<Spanned<HartNumber>>, bool) 
         let is_missing = |wanted: &u32| harts.iter().all(|hart| hart.get_ref().0 != *wanted);
         if let Some(missing) = (0..last.get_ref().0).find(is_missing) {
             let text = format!(
-                "this is hart {}, and no processor is hart {missing}; number them from 0 on without a gap",
+                "this is hart {}, but no processor is hart {missing}; number harts from 0 on without a gap",
                 last.get_ref().0
             );
             first.keys.wrong(&last.span(), text);
@@ -177,7 +178,7 @@ fn programs(found: &ExtensionPart<'_, '_>, harts: &[Spanned<HartNumber>], map: &
         let path = program.get_ref();
         let bytes = read_regular(path).ok()?;
         if let Err(error) = HartImage::new(&bytes, map, hart) {
-            let text = format!("{} is no program for hart {hart}: {error}", path.display());
+            let text = format!("hart {hart} cannot run {}: {error}", path.display());
             processor.keys.wrong(&program.span(), text);
             is_right = false;
         }

@@ -26,10 +26,9 @@ use condor_rt::numbers::PROCESSORS;
 const BACK: Duration = Duration::from_secs(3);
 
 /// The end of a program that was taken off its hart.
-const ABANDONED: &str = "killed: its hart is in the monitor again";
+const ABANDONED: &str = "killed; its hart can run another program";
 /// The end of a program whose hart does not answer.
-const UNREACHABLE: &str =
-    "its hart does not come back to the monitor until `machine` is started again";
+const UNREACHABLE: &str = "its hart no longer answers; restart the service `machine`";
 
 /// A record of whether a machine is on. The code that switches the machine on and off calls
 /// [`switch`](Self::switch), and the machine's [`HartLauncher`]s read the record. Clones share one
@@ -67,13 +66,13 @@ impl Power {
 #[non_exhaustive]
 pub enum HartError {
     /// The hart belongs to a machine that is not on, or has not come up.
-    #[error("its machine is not on, or its hart {hart} has not come up")]
+    #[error("its machine is not running, or its hart {hart} has not started yet")]
     Off {
         /// The index of the hart.
         hart: u32,
     },
     /// The file is not a program that the hart can run.
-    #[error("{file:?} is no program for hart {hart}: {source}")]
+    #[error("hart {hart} cannot run {file:?}: {source}")]
     Image {
         /// The index of the hart.
         hart: u32,
@@ -92,7 +91,7 @@ pub enum HartError {
     },
     /// The arguments are longer than a hart takes.
     #[error(
-        "these arguments have {found} bytes, each with a zero after it, and a hart takes {ARGUMENT_BYTES}"
+        "the arguments need {found} bytes, with a zero after each; a hart has room for {ARGUMENT_BYTES}"
     )]
     Arguments {
         /// The size of the arguments in bytes, with a zero after each.
@@ -228,7 +227,7 @@ impl HartLauncher {
             }
             HartState::Faulted { start } if start == running.start => {
                 let fault = self.control.fault().unwrap_or_default();
-                self.report = Some(self.told(&fault));
+                self.report = Some(self.fault_text(&fault));
                 let HartFault { pc, value, .. } = fault;
                 let name = cause_name(fault.cause);
                 Some(Exit::Other(format!("{name} at {pc:#x}, value {value:#x}")))
@@ -245,7 +244,7 @@ impl HartLauncher {
         let lock = debuggee::lock(&self.memory, self.number);
         // Without the memory there is nothing to be released.
         if self.cleaner.look(&self.tracer, &lock) == Ok(true) {
-            self.report = Some("its debugger has died: breakpoints are removed".into());
+            self.report = Some("its debugger has died, so its breakpoints were removed".into());
         }
     }
 
@@ -257,7 +256,7 @@ impl HartLauncher {
         Some(String::from_utf8_lossy(error).into_owned())
     }
 
-    fn told(&self, fault: &HartFault) -> String {
+    fn fault_text(&self, fault: &HartFault) -> String {
         let [ra, sp, ..] = fault.registers;
         let linked = |address| {
             let program = self.program.as_ref()?;

@@ -92,7 +92,7 @@ impl HartImage {
         for (one, next) in loaded.iter().zip(loaded.iter().skip(1)) {
             if next.address < one.end {
                 return Err(HartImageError(format!(
-                    "its segment at {:#x} begins before the one before ends, at {:#x}",
+                    "its segment at {:#x} overlaps the one before, which ends at {:#x}",
                     next.address, one.end
                 )));
             }
@@ -110,7 +110,8 @@ impl HartImage {
         // From here on all that is loaded is inside of the range.
         if needed > most {
             return Err(HartImageError(format!(
-                "it needs {needed:#x} bytes, and a hart has {most:#x} for its program"
+                "it needs {needed:#x} bytes, but a hart has {most:#x} bytes for its program; raise `memory_bytes` of \
+                 `[machine]`"
             )));
         }
         let mut image = Self {
@@ -257,14 +258,14 @@ impl HartImage {
             elf::R_RISCV_RELATIVE => {}
             other => {
                 return Err(HartImageError(format!(
-                    "a relocation of type {} at {at:#x}: only those of type 3 (R_RISCV_RELATIVE) are done",
+                    "its relocation at {at:#x} has type {}, but only type 3 (R_RISCV_RELATIVE) is supported",
                     other.0
                 )));
             }
         }
         let place = self.range(low, at, 8);
         let Some(place) = place.and_then(|place| self.bytes.get_mut(place)) else {
-            let text = format!("a relocation of {at:#x}, which is no word of the program");
+            let text = format!("its relocation at {at:#x} is outside of the program");
             return Err(HartImageError(text));
         };
         place.copy_from_slice(&self.bias.wrapping_add(addend).to_le_bytes());
@@ -276,7 +277,7 @@ impl HartImage {
 fn header(file: &[u8]) -> Result<&FileHeader64<LittleEndian>, HartImageError> {
     let Some(rest) = file.strip_prefix(&elf::ELFMAG) else {
         let found = file.get(..4).unwrap_or(file);
-        let text = format!("it is no ELF file: it begins with {found:02x?}");
+        let text = format!("it is not an ELF file: it begins with {found:02x?}");
         return Err(HartImageError(text));
     };
     let expect = |what: &str, found: u16, expected: u16| {
@@ -324,7 +325,7 @@ fn load<'f>(
     }
     let content = segment.data(LittleEndian, file).map_err(|()| {
         HartImageError(format!(
-            "its segment at {address:#x} has {bytes:#x} bytes from {:#x} on, but the file {:#x}",
+            "its segment at {address:#x} takes {bytes:#x} bytes from {:#x} on, but the file has only {:#x}",
             segment.p_offset(LittleEndian),
             file.len()
         ))

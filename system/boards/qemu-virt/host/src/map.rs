@@ -104,13 +104,18 @@ pub struct Map {
 #[non_exhaustive]
 pub enum MemoryMapError {
     /// The memory has no map.
-    #[error("the memory has no map: at {AT:#x} is {found:#010x} instead of {MAGIC:#010x}")]
+    #[error(
+        "the memory of the machine has no map: the word at {AT:#x} is {found:#010x}, not {MAGIC:#010x}"
+    )]
     NoMap {
         /// The word in the place of the map's magic number.
         found: u32,
     },
     /// The map has another version.
-    #[error("the map has version {found}, not {VERSION}")]
+    #[error(
+        "the map of the machine has version {found}, not {VERSION}; build its programs and this one from the \
+             same source"
+    )]
     Version {
         /// The version of the map.
         found: u32,
@@ -123,7 +128,7 @@ pub enum MemoryMapError {
     },
     /// The processor does not exist, or another hart is that processor.
     #[error(
-        "hart {hart} cannot be processor {number}: numbers are below {PROCESSORS}, each of one hart"
+        "hart {hart} cannot be processor {number}: numbers are below {PROCESSORS}, and each belongs to one hart"
     )]
     Number {
         /// The number of the hart.
@@ -132,7 +137,7 @@ pub enum MemoryMapError {
         number: u32,
     },
     /// The memory is too small for the machine.
-    #[error("the memory has {found:#x} bytes, and the machine needs {needed:#x}")]
+    #[error("the memory has {found:#x} bytes, but the machine needs {needed:#x}")]
     TooSmall {
         /// The size of the memory, in bytes.
         found: u32,

@@ -83,8 +83,9 @@ impl MachineMemory {
         // A larger one is told below, by its map.
         let bytes = u32::try_from(found).unwrap_or(u32::MAX) / PAGE * PAGE;
         let region = mapped(&file, &path, bytes)?;
-        let map = Map::read(&region)
-            .map_err(|error| MemoryError(format!("the memory {}: {error}", path.display())))?;
+        let map = Map::read(&region).map_err(|error| {
+            MemoryError(format!("cannot use the memory {}: {error}", path.display()))
+        })?;
         let expected = map.memory_bytes;
         if u64::from(expected) != found {
             return Err(MemoryError(format!(
@@ -204,7 +205,7 @@ impl MachineMemory {
     /// Returns a function that makes the error of a failed access to this memory.
     pub(crate) fn at(&self) -> impl FnOnce(AccessError) -> MemoryError + use<> {
         let path = self.path.display().to_string();
-        move |error| MemoryError(format!("the memory {path}: {error}"))
+        move |error| MemoryError(format!("cannot use the memory {path}: {error}"))
     }
 }
 

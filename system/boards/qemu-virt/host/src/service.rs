@@ -112,7 +112,7 @@ pub fn serve(memory: &Path, link: &Path, qemu: &Qemu) -> Result<(), AnyError> {
             } else if !is_late && begun.elapsed() >= COMING_UP {
                 is_late = true;
                 eprintln!(
-                    "harts have not come up: {missing:?}; is {} a monitor?",
+                    "these harts have not started: {missing:?}; is {} the program of a monitor?",
                     qemu.monitor.display()
                 );
             }

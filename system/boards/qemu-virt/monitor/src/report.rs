@@ -20,11 +20,11 @@ const NAP: Duration = Duration::from_millis(5);
 pub(crate) fn tell(hart: &Hart, fault: &HartFault) -> Result<(), ProgramError> {
     let number = hart.number();
     let own = users(hart, number)?;
-    let mut places = Allocator::new(own.size());
-    let mut objects = ObjectTable::new(own, &mut places)?;
-    let terminal = Terminal::<_, _, 16>::new(own, &mut places, SHOWN_BYTES, hart.exclusion())?;
+    let mut allocator = Allocator::new(own.size());
+    let mut objects = ObjectTable::new(own, &mut allocator)?;
+    let terminal = Terminal::<_, _, 16>::new(own, &mut allocator, SHOWN_BYTES, hart.exclusion())?;
     let (name, kind) = ("console", ObjectKind::Terminal);
-    objects.enter(&mut places, name, kind, terminal.offset(), SHOWN_BYTES)?;
+    objects.enter(&mut allocator, name, kind, terminal.offset(), SHOWN_BYTES)?;
     let typed = |call: &Call<'_>| terminal.receive(call);
     let mut mailbox = hart.mailbox()?;
     mailbox.set_vector(TerminalVectors::DEFAULT.input, &typed, "terminal input")?;

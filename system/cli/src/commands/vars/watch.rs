@@ -23,11 +23,11 @@ const HORIZON: Duration = Duration::from_millis(200);
 
 #[derive(Debug, Args)]
 pub(crate) struct Watch {
-    /// The names, of any loops; if several are equal, put PROCESSOR: or PROCESSOR:LOOP: before the
+    /// The names of variables, of any loops; if several are equal, put PROCESSOR: or PROCESSOR:LOOP: before the
     /// name. In a name, * stands for any characters, and ? for one
     #[arg(required = true)]
     names: Vec<String>,
-    /// The number of ticks of each loop from one row to the next
+    /// Shows a row of each loop only once in this number of ticks
     #[arg(long, value_name = "TICKS", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
     every: u32,
     /// Ends after this time, such as 10s
@@ -82,7 +82,9 @@ impl Watch {
             // Its columns are fixed.
             for place in watching::places(&newcomers.look(view)) {
                 let place = plain(&place);
-                eprintln!("condor: {place} has come and is not shown; begin again to watch it");
+                eprintln!(
+                    "condor: {place} started later and is not shown; run the command again to watch it"
+                );
             }
             let mut ready: Vec<_> = core::iter::from_fn(|| merge.pop()).collect();
             if is_end || read.is_err() {

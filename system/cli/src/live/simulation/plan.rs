@@ -12,7 +12,7 @@ const SAMPLES: usize = 1000;
     clippy::cast_precision_loss,
     reason = "a plan has fewer ticks than 2^52"
 )]
-pub(super) fn told(plan: &Plan) -> Json {
+pub(super) fn plan_json(plan: &Plan) -> Json {
     let ticks = plan.joints.first().map_or(0, |joint| joint.position.len());
     let steps = ticks.saturating_sub(1);
     let every = steps.div_ceil(SAMPLES - 1).max(1);

@@ -159,12 +159,12 @@ fn calls_that_cannot_be_answered_fail_with_a_reason() {
         assert!(told.contains(reason), "{service} {payload}: {told}");
     };
     failed(99, "{}", "there is no service 99");
-    failed(POSE, "{", "/sim/pose does not understand this: EOF");
+    failed(POSE, "{", "/sim/pose cannot understand the request: EOF");
     failed(POSE, "{}", "missing field `positions`");
     failed(POSE, r#"{"positions":["a"]}"#, "expected f64");
     failed(ROBOT, r#"{"all":true}"#, "unknown field `all`");
     let drag = r#"{"positions":[],"drag":{"frame":"toe","to":[0,0,0]}}"#;
-    failed(POSE, drag, "there is no frame \"toe\"");
+    failed(POSE, drag, "the frame \"toe\" cannot be dragged");
     let text = r#"{"from":[],"text":"{}"}"#;
     failed(PLAN, text, "motion: missing field `motion`");
     failed(
@@ -186,7 +186,7 @@ fn calls_that_cannot_be_answered_fail_with_a_reason() {
         match result {
             Ok(plan) => assert_eq!(plan["duration"], 1200.0),
             Err(reason) => {
-                assert!(reason.contains("8 calls wait"), "{reason}");
+                assert!(reason.contains("8 calls are waiting"), "{reason}");
                 refused += 1;
             }
         }
@@ -196,8 +196,14 @@ fn calls_that_cannot_be_answered_fail_with_a_reason() {
     assert!((1..=192).contains(&refused), "{refused}");
     call(&mut viewer, ROBOT, &json!({}));
     for (frame, reason) in [
-        (&[2, 0, 0][..], "a call of a service is cut: 3 bytes"),
-        (&[1, 0, 0, 0, 0, 5], "binary messages are not understood"),
+        (
+            &[2, 0, 0][..],
+            "the call of a service ends too early, after 3 bytes",
+        ),
+        (
+            &[1, 0, 0, 0, 0, 5],
+            "only calls of services may be binary messages",
+        ),
     ] {
         viewer.socket.send(Message::binary(frame.to_vec())).unwrap();
         assert_eq!(viewer.status(reason)["level"], 2);
@@ -233,5 +239,9 @@ fn what_is_checked_is_not_served() {
         .output()
         .unwrap();
     assert_eq!(none.status.code(), Some(1));
-    assert!(text(&none).contains("knows no robots"), "{}", text(&none));
+    assert!(
+        text(&none).contains("cannot simulate the robot"),
+        "{}",
+        text(&none)
+    );
 }

@@ -220,7 +220,7 @@ impl Viewer {
         }
     }
 
-    /// Reads a message. A read with a time-out is not restarted after a signal, such as that of a child's end.
+    /// Reads a message. A read with a timeout is not restarted after a signal, such as that of a child's end.
     pub(super) fn read(&mut self) -> Message {
         loop {
             match self.socket.read() {

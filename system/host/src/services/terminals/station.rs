@@ -32,7 +32,7 @@ pub(super) struct Station {
     log: PathBuf,
     sizes: TerminalSizes,
     /// The name of the terminal and its record, in simulated time.
-    pen: Option<(String, Rc<ScriptWriter>)>,
+    writer: Option<(String, Rc<ScriptWriter>)>,
     host: Option<TerminalHost<LinuxWindow>>,
     /// None if they could not be opened again after an error.
     files: Option<Files>,
@@ -64,11 +64,11 @@ impl Files {
     fn open(
         log: &Path,
         sizes: TerminalSizes,
-        pen: Option<(String, Rc<ScriptWriter>)>,
+        writer: Option<(String, Rc<ScriptWriter>)>,
     ) -> io::Result<Self> {
         Ok(Self {
             record: Record::open(log, sizes.log_bytes.into())?,
-            typing: Typing::open(log, pen)?,
+            typing: Typing::open(log, writer)?,
         })
     }
 }
@@ -98,12 +98,12 @@ impl Station {
         processor: Processor,
         region: Region<LinuxWindow>,
         sizes: TerminalSizes,
-        pen: Option<Rc<ScriptWriter>>,
+        writer: Option<Rc<ScriptWriter>>,
     ) -> Result<Self, ServiceError> {
         let log = super::log(directory, name);
-        let pen = pen.map(|pen| (name.to_owned(), pen));
+        let writer = writer.map(|writer| (name.to_owned(), writer));
         let files =
-            Files::open(&log, sizes, pen.clone()).map_err(NamedFileError::at("open", &log))?;
+            Files::open(&log, sizes, writer.clone()).map_err(NamedFileError::at("open", &log))?;
         let socket = directory.join(format!("{name}.sock"));
         let listener = listen(&socket).map_err(NamedFileError::at("listen at", &socket))?;
         let link = directory.join(name);
@@ -114,7 +114,7 @@ impl Station {
             region,
             log,
             sizes,
-            pen,
+            writer,
             host: None,
             trouble: None,
             rests_until: None,
@@ -155,7 +155,7 @@ impl Station {
             // Nobody is asked to type meanwhile.
             self.has_room = false;
             self.host = None;
-            self.files = Files::open(&self.log, self.sizes, self.pen.clone()).ok();
+            self.files = Files::open(&self.log, self.sizes, self.writer.clone()).ok();
         }
         self.trouble = trouble;
         self.show();
@@ -166,7 +166,7 @@ impl Station {
         self.attach()?;
         let files = match &mut self.files {
             Some(files) => files,
-            none => none.insert(Files::open(&self.log, self.sizes, self.pen.clone())?),
+            none => none.insert(Files::open(&self.log, self.sizes, self.writer.clone())?),
         };
         // All that is typed goes to the file first. While that is full, it stays where it is, and who
         // writes there waits.

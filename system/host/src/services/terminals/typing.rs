@@ -29,7 +29,7 @@ pub(super) struct Typing {
     /// still be under way.
     next: Option<u64>,
     /// The name of the terminal and its record, in simulated time.
-    pen: Option<(String, Rc<ScriptWriter>)>,
+    writer: Option<(String, Rc<ScriptWriter>)>,
 }
 
 /// The file of the terminal with this log.
@@ -95,7 +95,7 @@ pub(super) fn open(path: &Path) -> io::Result<File> {
 }
 
 impl Typing {
-    pub(super) fn open(log: &Path, pen: Option<(String, Rc<ScriptWriter>)>) -> io::Result<Self> {
+    pub(super) fn open(log: &Path, writer: Option<(String, Rc<ScriptWriter>)>) -> io::Result<Self> {
         let path = file_of(log);
         let mark_path = mark_of(&path);
         Ok(Self {
@@ -103,7 +103,7 @@ impl Typing {
             mark: Mark::read(&mark_path),
             mark_path,
             next: None,
-            pen,
+            writer,
         })
     }
 
@@ -163,8 +163,8 @@ impl Typing {
         let Some(next) = &mut self.next else {
             return Ok(0);
         };
-        let most = match &self.pen {
-            Some((name, pen)) => pen.readable(name, *next, into.len()),
+        let most = match &self.writer {
+            Some((name, writer)) => writer.readable(name, *next, into.len()),
             None => into.len(),
         };
         let into = into.get_mut(..most).unwrap_or_default();
@@ -184,10 +184,10 @@ impl Typing {
     /// that were read.
     pub(super) fn sends(&mut self, character: u8, waiting: usize) -> io::Result<bool> {
         self.move_mark(waiting);
-        let (Some((name, pen)), Some(next)) = (&self.pen, self.next) else {
+        let (Some((name, writer)), Some(next)) = (&self.writer, self.next) else {
             return Ok(true);
         };
-        pen.sends(name, next.saturating_sub(waiting as u64), character)
+        writer.sends(name, next.saturating_sub(waiting as u64), character)
     }
 
     /// Begins to send, when no character is under way: the terminal has taken `taken` characters in

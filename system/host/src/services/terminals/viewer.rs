@@ -84,8 +84,8 @@ impl Viewer {
         self.deaf |= advanced.is_err();
     }
 
-    /// Notes whether the viewer has gone, without taking what it has typed: for the time in which the terminal has no room
-    /// for that.
+    /// Notes whether the viewer has gone, without taking what it has typed: for the time in which the terminal has no
+    /// room for that.
     pub(super) fn look(&mut self) {
         let flags = RecvFlags::PEEK | RecvFlags::DONTWAIT;
         let read = recv(&self.stream, &mut [0], flags).map(|(_, count)| count);

@@ -1,7 +1,7 @@
 //! A client that has motions run, and writes down what it is told.
 //!
-//! It writes each motion into its log before it offers it, and its outcome once it knows it. So its next incarnation knows which
-//! outcomes are still to be asked for.
+//! It writes each motion into its log before it offers it, and its outcome once it knows it. So its next incarnation
+//! knows which outcomes are still to be asked for.
 
 use std::fs::File;
 use std::io::Write;

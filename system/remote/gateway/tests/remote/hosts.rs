@@ -1,5 +1,5 @@
-//! [`Hosts`]: a host for the robot, one for the router of zenoh and one for the clients, as network namespaces with a router of
-//! packets between them, whose links are slow, lose packets, and part.
+//! [`Hosts`]: a host for the robot, one for the router of zenoh and one for the clients, as network namespaces with a
+//! router of packets between them, whose links are slow, lose packets, and part.
 
 use std::process::{Command, id};
 use std::time::{Duration, Instant};
@@ -180,8 +180,8 @@ impl Hosts {
             ..
         } = self;
         Ok(format!(
-            "three links with `{slow}`, parted {one_way} times in one direction and {both_ways} times in both, and {lost} \
-             packets lost at random"
+            "three links with `{slow}`, parted {one_way} times in one direction and {both_ways} times in both, and \
+             {lost} packets lost at random"
         ))
     }
 }

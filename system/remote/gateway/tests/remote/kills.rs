@@ -130,8 +130,8 @@ fn config(between: &Between) -> String {
         .concat();
     let (place, password) = (between.place(Host::Robot), password(ROBOT));
     format!(
-        "robot = {ROBOT:?}\njournal = \"motions.journal\"\nrouters = {{ connect = [{place:?}], password = {password:?} }}\n\
-         {clients}"
+        "robot = {ROBOT:?}\njournal = \"motions.journal\"\nrouters = {{ connect = [{place:?}], password = {password:?} \
+         }}\n{clients}"
     )
 }
 

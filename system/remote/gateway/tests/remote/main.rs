@@ -1,10 +1,10 @@
 //! The hand in simulated time, with a gateway and clients as processes.
 //!
-//! `basics` looks, tunes and moves, is refused, and leaves. `kills` has three clients enqueue motions while `kill -9` ends
-//! clients, the router, the gateway, the master and the supervisor, and a proxy cuts connections: what the clients were
-//! told of each motion must agree with the set-points of every tick. `partitions` is the same on three hosts, which are
-//! network namespaces with slow and lossy links that part; it needs root and iproute2. `CONDOR_REMOTE_MOTIONS` is the
-//! number of motions, by default 40, and `CONDOR_SEED` begins the random sequence:
+//! `basics` looks, tunes and moves, is refused, and leaves. `kills` has three clients enqueue motions while `kill -9`
+//! ends clients, the router, the gateway, the master and the supervisor, and a proxy cuts connections: what the clients
+//! were told of each motion must agree with the set-points of every tick. `partitions` is the same on three hosts,
+//! which are network namespaces with slow and lossy links that part; it needs root and iproute2.
+//! `CONDOR_REMOTE_MOTIONS` is the number of motions, by default 40, and `CONDOR_SEED` begins the random sequence:
 //!
 //! `CONDOR_REMOTE_MOTIONS=2000 cargo test -p condor-gateway --test remote`
 

@@ -48,8 +48,9 @@ impl RemoteConfig {
         client: Option<&str>,
     ) -> Result<Choice, AnyError> {
         let client = client.or(self.client.as_deref());
-        let client =
-            client.ok_or("name this client with --client, or as `client` in the file of robots")?;
+        let client = client.ok_or(
+            "this client has no name: give one with --client, or as `client` in the file of robots",
+        )?;
         let client = client.to_owned();
         let known = match robot {
             Some(name) => self.robots.get_key_value(name),
@@ -64,14 +65,14 @@ impl RemoteConfig {
             let names: Vec<_> = self.robots.keys().map(String::as_str).collect();
             return Err(match (robot, names.is_empty()) {
                 (_, true) => {
-                    "say with --connect where the robot is, or write it into the file of robots"
+                    "the address of the robot is not known: give it with --connect, or in the file of robots"
                         .into()
                 }
                 (Some(robot), false) => format!(
-                    "the file of robots has no `{robot}`; it has {}",
+                    "the file of robots has no robot `{robot}`; it has {}",
                     names.join(", ")
                 ),
-                (None, false) => format!("name a robot with --robot: {}", names.join(", ")),
+                (None, false) => format!("there are several robots; name one with --robot: {}", names.join(", ")),
             }
             .into());
         }
@@ -134,11 +135,11 @@ mod tests {
         );
         assert_eq!(
             complaint(&two, None).as_deref(),
-            Some("name a robot with --robot: arm, hand")
+            Some("there are several robots; name one with --robot: arm, hand")
         );
         assert!(
             complaint(&two, Some("leg"))
-                .is_some_and(|it| it.contains("no `leg`; it has arm, hand"))
+                .is_some_and(|it| it.contains("no robot `leg`; it has arm, hand"))
         );
         assert!(
             complaint(&RemoteConfig::default(), None).is_some_and(|it| it.contains("--connect"))

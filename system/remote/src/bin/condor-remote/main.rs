@@ -18,23 +18,23 @@ use watch::{WatchedStream, duration, seconds};
 
 type AnyError = Box<dyn std::error::Error>;
 
-/// Looks at, tunes and moves robots of Condor that are elsewhere, over zenoh.
+/// Looks at, tunes and moves robots that run Condor on other machines, over the network library zenoh
 #[derive(Debug, Parser)]
 #[command(name = "condor-remote", version)]
 struct Line {
     /// The name of the robot; needed only if the file of robots has several
     #[arg(long, global = true)]
     robot: Option<String>,
-    /// Where its gateway or a router listens, such as tcp/192.168.0.2:7447; by default as the file of robots says
+    /// The address of its gateway or of a router, such as tcp/192.168.0.2:7447; by default from the file of robots
     #[arg(long, global = true, value_name = "PLACE")]
     connect: Vec<String>,
-    /// The name of this client; by default as the file of robots says
+    /// The name of this client; by default from the file of robots
     #[arg(long, global = true, value_name = "NAME")]
     client: Option<String>,
-    /// The file of robots; by default condor/remote.toml among the configurations of this user
+    /// The file of robots; by default condor/remote.toml in the directory of this user's configurations
     #[arg(long, global = true, value_name = "FILE")]
     robots: Option<PathBuf>,
-    /// How long to wait for an answer, in seconds
+    /// The longest time to wait for an answer, in seconds
     #[arg(long, global = true, default_value = "10", value_name = "SECONDS", value_parser = seconds)]
     timeout: Duration,
     /// Prints JSON, for scripts
@@ -50,51 +50,51 @@ enum Command {
     Robots,
     /// Shows the state of processors and services
     Ps,
-    /// Lists the topics of streams, with the types of their messages
+    /// Lists the topics (streams of values) that the gateway publishes, with the types of their messages
     Topics,
     /// Shows variables and parameters; sets parameters
     #[command(subcommand)]
     Vars(Vars),
-    /// Draws variables of the streams, as text
+    /// Draws variables of the streams over time, as text
     Plot {
-        /// The names; in a name, * stands for any characters, and ? for one
+        /// The names of variables; in a name, * stands for any characters, and ? for one
         #[arg(required = true)]
         names: Vec<String>,
-        /// The time that is drawn, such as 10s
+        /// The length of time to draw, such as 10s
         #[arg(long, default_value = "10s", value_name = "TIME", value_parser = duration)]
         span: Duration,
     },
-    /// Sends a message to a vector of a processor, and prints the reply
+    /// Sends a message to a vector (a numbered handler) of a processor, and prints the reply
     Send {
         /// The name of the processor
         processor: String,
         /// The name or the number of the vector
         vector: String,
-        /// The data
+        /// The data: a whole number of 32 bits
         data: u32,
     },
-    /// Has motions run, one after another, and waits for their ends
+    /// Runs motions one after another, and waits until each has ended
     Run {
         /// The names of the motions
         #[arg(required = true)]
         motions: Vec<String>,
-        /// Takes control from another program
+        /// Takes control of the robot if another program has it
         #[arg(long)]
         control: bool,
     },
-    /// Shows what has become of a motion
+    /// Shows the state of a motion
     Outcome {
-        /// Its identity, as `run` prints it
+        /// The identity of the motion, such as 1.3; `run` prints it
         #[arg(value_parser = identity)]
         id: Id,
     },
-    /// Has a motion never run if the gateway has not received it yet
+    /// Prevents a motion from running if the gateway has not received it yet
     Withdraw {
-        /// Its identity, as `run` prints it
+        /// The identity of the motion, such as 1.3; `run` prints it
         #[arg(value_parser = identity)]
         id: Id,
     },
-    /// Ends all motion
+    /// Stops all motion of the robot
     Stop,
 }
 
@@ -107,27 +107,27 @@ enum Vars {
     },
     /// Shows the present values of variables, parameters and fields
     Get {
-        /// The names
+        /// The names of variables, parameters or fields
         #[arg(required = true)]
         names: Vec<String>,
     },
     /// Sets a parameter
     Set {
-        /// The name
+        /// The name of the parameter
         name: String,
         /// The new value: a number, true, false, or a label
         #[arg(allow_negative_numbers = true)]
         value: String,
-        /// Sets it only if this is its present value
+        /// Sets the parameter only if this is its present value
         #[arg(long, value_name = "VALUE", allow_negative_numbers = true)]
         from: Option<String>,
     },
     /// Prints rows of the streams, until Ctrl-C
     Watch {
-        /// The names of variables, in which * stands for any characters, and ? for one, or of topics
+        /// The names of variables or topics; in a name, * stands for any characters, and ? for one
         #[arg(required = true)]
         names: Vec<String>,
-        /// Ends after so many rows
+        /// Ends after this number of rows
         #[arg(long)]
         rows: Option<u64>,
         /// Ends after this time, such as 10s
@@ -144,7 +144,9 @@ fn identity(text: &str) -> Result<Id, String> {
             number: number.parse().ok()?,
         })
     });
-    id.ok_or_else(|| "expected two numbers with a dot between them".into())
+    id.ok_or_else(|| {
+        "a motion's identity is two numbers with a dot between them, such as 1.3".into()
+    })
 }
 
 fn main() -> ExitCode {
@@ -210,7 +212,8 @@ fn run(line: &Line) -> Result<ExitCode, AnyError> {
 fn only(mut robots: Vec<String>) -> Result<String, AnyError> {
     match (robots.pop(), robots.is_empty()) {
         (Some(only), true) => Ok(only),
-        (None, _) => Err("there is no robot".into()),
+        (None, _) => Err(
+            "no robot was found: is its gateway running, and does --connect have the right address?".into()),
         (Some(last), false) => {
             robots.push(last);
             let there = robots.join(", ");
@@ -264,7 +267,10 @@ fn run_one(
     let id = remote.next_id(timeout)?;
     eprintln!("{motion}: its identity is {id}");
     let uncertain = |error: RemoteError| {
-        format!("{error}; whether it runs is not known: ask for `outcome {id}`, or `withdraw {id}`")
+        format!(
+            "{error}; the motion may run: `outcome {id}` shows its state, `withdraw {id}` prevents it if it has \
+                 not arrived"
+        )
     };
     let mut outcome = remote
         .offer(id, motion.as_bytes(), control, timeout)

@@ -57,7 +57,8 @@ impl WatchedStream {
         match names.iter().zip(is_known).find(|(_, is_known)| !is_known) {
             None => Ok(found),
             Some((name, _)) => Err(format!(
-                "no stream has the variable `{name}`; the gateway's `variables` says which are streamed"
+                "no stream has the variable `{name}`; the key `variables` of the gateway's configuration says which \
+                 are streamed"
             )
             .into()),
         }
@@ -112,7 +113,10 @@ pub(crate) fn print(
             writeln!(out, "{}", line(json, watched, &row))?;
         }
         if heard.elapsed() >= timeout {
-            return Err(format!("no row within {timeout:?}").into());
+            return Err(format!(
+                "no row has come within {timeout:?}; is the loop of the variables running?"
+            )
+            .into());
         }
     }
     for watched in &all {

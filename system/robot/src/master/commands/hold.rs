@@ -139,15 +139,15 @@ impl<M: Machine> Commands<'_, '_, M> {
     pub(super) fn order(&mut self, order: &GraspOrder<FINGERS>) -> Result<(), Problem<'static>> {
         let mut given = OfServos::new();
         for (number, region) in self.servos.regions() {
-            let places = objects::grasp(region)?.ok_or(Problem::Absent(number))?;
+            let layout = objects::grasp(region)?.ok_or(Problem::Absent(number))?;
             // As many as there are.
-            let _ = given.push((number, region, places));
+            let _ = given.push((number, region, layout));
         }
         let mut numbers = OfServos::new();
-        for (_, region, places) in &given {
-            let _ = numbers.push(places.give(order, region)?);
+        for (_, region, layout) in &given {
+            let _ = numbers.push(layout.give(order, region)?);
         }
-        for ((processor, region, places), number) in given.iter().zip(&numbers) {
+        for ((processor, region, layout), number) in given.iter().zip(&numbers) {
             let processor = *processor;
             let wanted = if order.fingers & self.servos.fingers(processor) == 0 {
                 GraspState::Idle
@@ -157,7 +157,7 @@ impl<M: Machine> Commands<'_, '_, M> {
             let mut last = None;
             for _ in 0..AGREEMENT {
                 self.background.serve(NAP)?;
-                let report = places.report(region).ok();
+                let report = layout.report(region).ok();
                 last = report.filter(|report| report.order == *number);
                 match last.map(|report| report.state) {
                     Some(state) if state == wanted => break,

@@ -75,8 +75,8 @@ impl Rig {
     /// Starts the owner's program, or starts it anew.
     pub(crate) fn start(&self, catalog: Catalog<'static>, rows: u32) -> Loop {
         let own = self.users();
-        let mut places = Allocator::new(own.size());
-        let desk = Box::leak(Box::new(Selections::new()));
+        let mut allocator = Allocator::new(own.size());
+        let selections = Box::leak(Box::new(Selections::new()));
         let rate = (400, 1);
         let watchers = SLOTS as u32;
         let settings = VariableSettings {
@@ -84,11 +84,11 @@ impl Rig {
             rows,
             watchers,
         };
-        let (server, sampler) = desk
+        let (server, sampler) = selections
             .open(
                 catalog,
                 &own,
-                &mut places,
+                &mut allocator,
                 &settings,
                 CriticalSection,
                 self.lives,
@@ -114,16 +114,16 @@ impl Rig {
     pub(crate) fn client<'m>(&self, mailbox: &'m Post) -> Asker<'m> {
         let windows = self.system.windows(mailbox.number());
         let own = Region::users(windows[mailbox.number().index()].data.clone()).unwrap();
-        let mut places = Allocator::new(own.size());
-        VariableClient::new(mailbox, own, &mut places, OWNER, VARS).unwrap()
+        let mut allocator = Allocator::new(own.size());
+        VariableClient::new(mailbox, own, &mut allocator, OWNER, VARS).unwrap()
     }
 }
 
 /// Asks with words of one's own choice.
 pub(crate) fn ask(mailbox: &Post, request: [u32; 8]) -> [u32; 8] {
     let own = mailbox.region(mailbox.number()).unwrap();
-    let mut places = Allocator::new(own.size());
-    let mut exchange = Exchange::new(mailbox, own, &mut places).unwrap();
+    let mut allocator = Allocator::new(own.size());
+    let mut exchange = Exchange::new(mailbox, own, &mut allocator).unwrap();
     exchange.call(OWNER, VARS, &request, TIMEOUT).unwrap()
 }
 

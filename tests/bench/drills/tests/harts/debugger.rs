@@ -135,7 +135,7 @@ fn a_debugger_attaches_breaks_steps_changes_and_leaves() {
             "detached",
         ],
     );
-    contains(&seen, &["hart 0, processor 1: held"]);
+    contains(&seen, &["hart 0, processor 1: stopped"]);
     both_run(&up);
     // Again, by Ctrl-C, while the other hart runs.
     let seen = gdb(
@@ -195,7 +195,7 @@ fn triggers_stop_at_a_store_and_at_an_instruction() {
             "Breakpoint 4, drills_hart::debugged::torque",
         ],
     );
-    contains(&seen, &["; 1 breakpoints are planted"]);
+    contains(&seen, &["; 1 breakpoints are set"]);
     // The machine has two triggers.
     contains(&seen, &["Cannot insert hardware breakpoint"]);
     both_run(&up);
@@ -225,9 +225,9 @@ fn two_processors_are_threads_of_one_session() {
     contains(
         &seen,
         &[
-            "one of several processors does not start alone",
-            "one, hart 0, processor 1: held",
-            "two, hart 1, processor 2: held",
+            "a program cannot be started while several processors are debugged",
+            "one, hart 0, processor 1: stopped",
+            "two, hart 1, processor 2: stopped",
         ],
     );
     contains(
@@ -406,9 +406,9 @@ fn programs_are_started_from_the_debugger() {
         &seen,
         &[
             "processor  vector",
-            "one, hart 0, processor 1: held at",
+            "one, hart 0, processor 1: stopped at",
             "one, hart 0, processor 1: cannot read",
-            "one, hart 0, processor 1: held at",
+            "one, hart 0, processor 1: stopped at",
             "there is no command `reset now`",
             "monitor load FILE",
         ],
@@ -508,7 +508,7 @@ fn variables_are_read_by_name_while_loops_run() {
         ("WATCHER", "there is no static variable `WATCHER`"),
         (
             "WATCHED.slower",
-            "has no part `.slower`; there are gain, fast, slow, faults",
+            "has no part `.slower`; it has gain, fast, slow, faults",
         ),
         ("WATCHED[1]", "has no part `[1]`"),
         ("WATCHED..", "is no expression"),

@@ -98,7 +98,7 @@ fn mistakes_with_machines_are_told() {
         (
             "hart = 0",
             "hart = 2",
-            "27:8: this is hart 2, and no processor is hart 0; number them from 0 on without a gap",
+            "27:8: this is hart 2, but no processor is hart 0; number harts from 0 on without a gap",
             1,
         ),
         (
@@ -141,7 +141,7 @@ fn mistakes_with_machines_are_told() {
         (
             "memory_bytes = 33554432",
             "memory_bytes = 7340032",
-            "7:16: the memory has 0x700000 bytes, and the machine needs 0x",
+            "7:16: the memory has 0x700000 bytes, but the machine needs 0x",
             1,
         ),
         (
@@ -159,7 +159,7 @@ fn mistakes_with_machines_are_told() {
         (
             "program = \"servo.elf\"\narguments",
             "program = \"hand.toml\"\narguments",
-            "21:11: PLACE/hand.toml is no program for hart 1: it is no ELF file",
+            "21:11: hart 1 cannot run PLACE/hand.toml: it is not an ELF file",
             1,
         ),
         (
@@ -186,7 +186,7 @@ fn mistakes_with_machines_are_told() {
     let (_place, file) = place_of_harts();
     let told = told(&HARTS.replace("arguments = [\"a\"]", &long), &file);
     let expected =
-        "22:13: these arguments have 513 bytes, each with a zero after it, and a hart takes 512";
+        "22:13: the arguments need 513 bytes, with a zero after each; a hart has room for 512";
     assert_eq!(told, [expected]);
 }
 
@@ -198,7 +198,9 @@ fn harts_and_machines_go_together() {
     let told_ = told(&format!("{before}[[processors]]{processors}"), &file);
     assert_eq!(
         told_,
-        ["15:8: a hart belongs to a machine; add `[machine]`, or make it a process"]
+        [
+            "15:8: a processor of `kind = \"hart\"` needs a machine; add the table `[machine]`, or use another kind"
+        ]
     );
     let (_, process) = HARTS.split_once("name = \"plant\"").unwrap();
     let (process, _) = process.split_once("[[processors]]").unwrap();

@@ -194,7 +194,7 @@ fn a_program_is_started_stopped_and_replaced() {
     rig.hart.load(&image).unwrap();
     assert!(!rig.hart.is_ready());
     let refused = rig.hart.start().unwrap_err().to_string();
-    let expected = format!("its machine is not on, or its hart {HART} has not come up");
+    let expected = format!("its machine is not running, or its hart {HART} has not started yet");
     assert_eq!(refused, expected);
     rig.switch_on();
     assert!(rig.hart.is_ready());
@@ -213,7 +213,7 @@ fn a_program_is_started_stopped_and_replaced() {
     rig.run(&["wait"]);
     rig.until_it_runs();
     rig.hart.stop(StopMethod::Force).unwrap();
-    let how = "killed: its hart is in the monitor again";
+    let how = "killed; its hart can run another program";
     assert_eq!(rig.exit(), Exit::Other(how.into()));
     // As it was before: what it changed in its data is not there any more.
     let data = rig.memory.map().programs.at(HART) + elf::OBJECT as u32;
@@ -292,14 +292,14 @@ fn what_a_hart_cannot_run_is_refused() {
     let mut image = rig.image(&["wait"]);
     image.arguments = vec!["a".repeat(ARGUMENT_BYTES)];
     let error = rig.hart.load(&image).unwrap_err();
-    let expected = format!("these arguments have {} bytes", ARGUMENT_BYTES + 1);
+    let expected = format!("the arguments need {} bytes", ARGUMENT_BYTES + 1);
     assert!(error.to_string().starts_with(&expected), "{error}");
     image.arguments = vec!["a".repeat(ARGUMENT_BYTES - 1)];
     rig.hart.load(&image).unwrap();
     std::fs::write(&image.file, "#!/bin/sh").unwrap();
     let error = rig.hart.load(&image).unwrap_err().to_string();
     assert!(
-        error.contains("program.elf\" is no program for hart 1: it is no ELF file"),
+        error.contains("program.elf\": it is not an ELF file"),
         "{error}"
     );
     image.file = "/nowhere".into();

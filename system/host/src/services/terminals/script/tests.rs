@@ -12,10 +12,10 @@ fn written(directory: &SystemDirectory) -> String {
     std::fs::read_to_string(directory.typing()).expect("a record")
 }
 
-fn type_all(pen: &ScriptWriter, now: u64, name: &str, from: u64, characters: &[u8]) {
+fn type_all(writer: &ScriptWriter, now: u64, name: &str, from: u64, characters: &[u8]) {
     for (place, character) in (from..).zip(characters) {
-        pen.begin(Turn::Any, now);
-        assert!(pen.sends(name, place, *character).expect("room"));
+        writer.begin(Turn::Any, now);
+        assert!(writer.sends(name, place, *character).expect("room"));
     }
 }
 
@@ -25,10 +25,10 @@ const RECORD: &str = "condor typing 1\n0 a 0 run\\r\n0 a 4 \\xc3\\xa9\\\\\n7 b 0
 fn a_record_has_a_line_for_what_was_typed_together() {
     let (_place, directory) = directory();
     begin(&directory, None).expect("room");
-    let pen = ScriptWriter::open(&directory).expect("a record");
-    type_all(&pen, 0, "a", 0, b"run\r");
-    type_all(&pen, 0, "a", 4, "é\\".as_bytes());
-    type_all(&pen, 7, "b", 0, b" x\x03");
+    let writer = ScriptWriter::open(&directory).expect("a record");
+    type_all(&writer, 0, "a", 0, b"run\r");
+    type_all(&writer, 0, "a", 4, "é\\".as_bytes());
+    type_all(&writer, 7, "b", 0, b" x\x03");
     assert_eq!(written(&directory), RECORD);
     let script = Script::read(&directory.typing(), &["a", "b"]).expect("a script");
     assert_eq!(script.text, RECORD);
@@ -38,17 +38,17 @@ fn a_record_has_a_line_for_what_was_typed_together() {
 fn without_the_turn_nothing_is_typed_and_again_what_was_recorded() {
     let (_place, directory) = directory();
     begin(&directory, None).expect("room");
-    let pen = ScriptWriter::open(&directory).expect("a record");
-    type_all(&pen, 5, "a", 0, b"x");
-    pen.begin(Turn::None, 6);
-    assert!(!pen.sends("a", 1, b'y').expect("room"));
+    let writer = ScriptWriter::open(&directory).expect("a record");
+    type_all(&writer, 5, "a", 0, b"x");
+    writer.begin(Turn::None, 6);
+    assert!(!writer.sends("a", 1, b'y').expect("room"));
     // A service that comes after it sends what may not have been sent, and records it no more.
-    let pen = ScriptWriter::open(&directory).expect("a record");
-    pen.begin(Turn::Recorded, 5);
-    assert!(!pen.sends("a", 1, b'y').expect("room"));
-    assert!(pen.sends("a", 0, b'x').expect("room"));
-    assert!(!pen.sends("b", 0, b'x').expect("room"));
-    type_all(&pen, 5, "a", 0, b"xy");
+    let writer = ScriptWriter::open(&directory).expect("a record");
+    writer.begin(Turn::Recorded, 5);
+    assert!(!writer.sends("a", 1, b'y').expect("room"));
+    assert!(writer.sends("a", 0, b'x').expect("room"));
+    assert!(!writer.sends("b", 0, b'x').expect("room"));
+    type_all(&writer, 5, "a", 0, b"xy");
     assert_eq!(written(&directory), "condor typing 1\n5 a 0 x\n5 a 1 y");
 }
 
@@ -58,10 +58,10 @@ fn what_was_cut_anywhere_is_not_recorded() {
     let whole = "condor typing 1\n12 a 0 ru\\r\n12 b 34 \\x03";
     for length in "condor typing 1".len()..=whole.len() {
         std::fs::write(directory.typing(), &whole[..length]).expect("room");
-        let pen = ScriptWriter::open(&directory).expect("a record");
+        let writer = ScriptWriter::open(&directory).expect("a record");
         let left = written(&directory);
         assert!(whole.starts_with(&left), "{left}");
-        let count = |name: &str| pen.recorded_of(name);
+        let count = |name: &str| writer.recorded_of(name);
         // Each is there as a whole or not at all.
         let expected = match length {
             ..24 => (0, 0),
@@ -92,9 +92,9 @@ fn a_script_is_typed_at_its_instants_and_in_its_order() {
         (typed("a"), typed("b")),
         ("run\ré\\".into(), b" x\x03".into())
     );
-    let mut pen = ScriptWriter::open(&directory).expect("a record");
+    let mut writer = ScriptWriter::open(&directory).expect("a record");
     let mut count = 0;
-    while let Some(at) = pen.next_instant() {
+    while let Some(at) = writer.next_instant() {
         let name = if count < 7 { "a" } else { "b" };
         let (place, other) = if count < 7 {
             (count, "b")
@@ -102,28 +102,28 @@ fn a_script_is_typed_at_its_instants_and_in_its_order() {
             (count - 7, "a")
         };
         assert_eq!(at, if count < 7 { 0 } else { 7 });
-        pen.begin(Turn::None, at);
-        assert_eq!(pen.readable(name, place, 9), 0, "without the turn");
-        pen.begin(Turn::Any, at);
+        writer.begin(Turn::None, at);
+        assert_eq!(writer.readable(name, place, 9), 0, "without the turn");
+        writer.begin(Turn::Any, at);
         if at > 0 {
-            pen.begin(Turn::Any, at - 1);
-            assert_eq!(pen.readable(name, place, 9), 0, "too early");
-            pen.begin(Turn::Any, at);
+            writer.begin(Turn::Any, at - 1);
+            assert_eq!(writer.readable(name, place, 9), 0, "too early");
+            writer.begin(Turn::Any, at);
         }
-        let place_of_other = pen.recorded_of(other);
-        assert_eq!(pen.readable(other, place_of_other, 9), 0);
-        assert_eq!(pen.readable(name, place, 9), 1);
+        let place_of_other = writer.recorded_of(other);
+        assert_eq!(writer.readable(other, place_of_other, 9), 0);
+        assert_eq!(writer.readable(name, place, 9), 1);
         let character = typed(name)[usize::try_from(place).expect("a place")];
-        assert!(pen.sends(name, place, character).expect("room"));
+        assert!(writer.sends(name, place, character).expect("room"));
         count += 1;
         // Whichever service goes on.
-        pen = ScriptWriter::open(&directory).expect("a record");
+        writer = ScriptWriter::open(&directory).expect("a record");
     }
     assert_eq!(count, 10);
     let text = written(&directory).replace('\n', " ");
     assert!(text.ends_with("7 b 0   7 b 1 x 7 b 2 \\x03"), "{text}");
-    pen.begin(Turn::None, 7);
-    assert_eq!(pen.readable("a", 7, 9), 9, "then people type");
+    writer.begin(Turn::None, 7);
+    assert_eq!(writer.readable("a", 7, 9), 9, "then people type");
 }
 
 #[test]
