@@ -71,21 +71,21 @@ impl fmt::Display for WindowErrorKind {
     }
 }
 
-/// An error of a window; every backend has its own type.
+/// An error of a window: [`AccessError`], or a backend's own type.
 pub trait WindowError: Debug {
     /// Returns the kind, which generic code can handle.
     fn kind(&self) -> WindowErrorKind;
 }
 
-/// The error of an access to a window, with the offending values.
+/// The error of an access to a region or to a window, with the offending values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{len} bytes at offset {offset:#x} of {size:#x}: {kind}")]
+#[error("{len} bytes at offset {offset:#x} of {size:#x} bytes: {kind}")]
 pub struct AccessError {
-    /// The offset of the access in bytes, from the beginning of the region.
+    /// The offset of the access in bytes, from the beginning of the region or window.
     pub offset: u32,
     /// The length of the access, in bytes.
     pub len: usize,
-    /// The size of the region in bytes.
+    /// The size of the region or window in bytes.
     pub size: u32,
     /// The kind of error.
     pub kind: WindowErrorKind,

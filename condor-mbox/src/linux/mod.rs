@@ -101,7 +101,7 @@ pub use doorbell::{LinuxDoorbell, PollableBell};
 pub use error::{FileKind, SystemError};
 pub use memory::{Memory, ObjectPositions};
 pub use system::LinuxSystem;
-pub use window::{LinuxWindow, LinuxWindowError, WindowAccess, WindowMapError};
+pub use window::{LinuxWindow, WindowAccess, WindowMapError};
 
 /// A mailbox of Linux, which all threads of a process may use.
 pub type LinuxMailbox<'v, const N: usize, X = crate::CriticalSection> =

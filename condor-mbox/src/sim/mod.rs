@@ -10,7 +10,7 @@ mod system;
 mod window;
 
 pub use system::{SimDoorbell, SimSystem};
-pub use window::{SimWindow, SimWindowError};
+pub use window::SimWindow;
 
 /// A mailbox of a simulated system.
 pub type SimMailbox<'v, const N: usize> =
