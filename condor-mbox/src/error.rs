@@ -45,6 +45,21 @@ pub enum LayoutField {
     DataSize,
 }
 
+impl fmt::Display for LayoutField {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Magic => "magic number",
+            Self::Version => "version of the layout",
+            Self::Processors => "number of processors",
+            Self::Number => "processor number",
+            Self::Slots => "number of slots",
+            Self::Vectors => "number of vectors",
+            Self::MailSize => "size of `mail`",
+            Self::DataSize => "size of `data`",
+        })
+    }
+}
+
 /// A word with which a peer can violate the protocol.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
@@ -167,7 +182,7 @@ pub enum MailboxError {
     /// The receiver, or an earlier program with the sender's number, was built for another system:
     /// a word of its memory's layout differs.
     #[error(
-        "{object:?} of {processor} disagrees in {field:?}: found {found:#x}, expected {expected:#x}"
+        "the `{object}` of {processor} has another {field}: {found:#x} instead of {expected:#x}"
     )]
     Layout {
         /// The processor whose window it is.

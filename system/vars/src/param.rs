@@ -72,7 +72,7 @@ pub enum ParamRefusal {
     #[error("the value is out of bounds")]
     OutOfBounds,
     /// The parameter does not have the expected value: another context or program has changed it.
-    #[error("the parameter is not what was expected, but has the words {present:x?}")]
+    #[error("the parameter is not what was expected, but has the words {:#x} and {:#x}", .present[0], .present[1])]
     Conflict {
         /// The words of the value that was accepted last.
         present: [u32; 2],
