@@ -28,7 +28,7 @@ mod settings;
 pub use law::{DistributedGrasp, FingerControllers, GraspInputs};
 pub use order::GraspOrder;
 pub use report::{GraspReason, GraspReport, GraspState};
-pub use settings::{GraspAxes, GraspImageError, GraspSettings, MeasuredBall};
+pub use settings::{GraspAxes, GraspSettings, MeasuredBall};
 
 /// The least number of fingers that give an object a stiffness.
 pub const LEAST_FINGERS: u32 = 3;

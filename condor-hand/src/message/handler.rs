@@ -4,9 +4,9 @@ use super::layout::ServoLayout;
 use super::memory::{FingerMemory, JointMemory, Order, Outcome, kind, word};
 use super::values::{put_target, take_target};
 use super::words::{WordReader, WordWriter};
-use super::{ALL_JOINTS, Part, Request, Response, ServoOperation, ServoRefusal, VERSION, state};
+use super::{ALL_JOINTS, Part, Request, Response, ServoOperation, VERSION, state};
 use crate::config::ShortName;
-use crate::servo::ServoMode;
+use crate::servo::{ServoMode, ServoRefusal, no_joint};
 
 /// The part of a [`ServoObject`](super::ServoObject) that answers messages, in the background of its processor.
 #[derive(Debug)]
@@ -196,10 +196,7 @@ impl<const N: usize> FingerMemory<N> {
     fn joint(&self, joint: u32) -> Result<&JointMemory, ServoRefusal> {
         self.joints
             .get(joint as usize)
-            .ok_or(ServoRefusal::NoJoint {
-                joint,
-                joints: N as u32,
-            })
+            .ok_or(no_joint(joint as usize, N))
     }
 
     /// One joint, or all of them.

@@ -1,4 +1,4 @@
-use super::{MotionGuard, PrimitiveError};
+use super::{MotionError, MotionGuard};
 
 /// The number of an accepted primitive, by which calls and events name it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -25,7 +25,7 @@ pub enum Happening {
     /// The primitive has ended, for this reason.
     Ended(MotionEnd),
     /// The primitive's turn has come, but it cannot run from the present state of its joints.
-    Refused(PrimitiveError),
+    Refused(MotionError),
 }
 
 /// The reason why a primitive has ended.

@@ -6,7 +6,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use condor_hand::message::motions::{MotionsClient, MotionsError};
+use condor_hand::message::ClientError;
+use condor_hand::message::motions::MotionsClient;
 use condor_hand::queue::{QueueAnswer, RefusalReason, RequestIdentity};
 use condor_host::control::ControlClient;
 use condor_host::error::AnyError;
@@ -204,7 +205,7 @@ impl MotionSender for Offers {
         let offered = client.offer(identity, name.as_bytes(), ANSWER);
         // An accepted motion runs all the same, and others need not take control away.
         let given_up = client.give_up_control(session, ANSWER);
-        let uncertain = |error: MotionsError| format!("{error}; the motion may run all the same");
+        let uncertain = |error: ClientError| format!("{error}; the motion may run all the same");
         offered.map_err(uncertain)?;
         given_up?;
         Ok(self.last)
