@@ -23,7 +23,7 @@ use condor_mbox::Processor;
 use serde::{Deserialize, Serialize};
 
 use crate::names::word;
-use crate::system::MemoryFile;
+use crate::system::{FindError, MemoryFile};
 
 /// The longest time from the moment at which a system is told to go down until it has ended, whatever
 /// its programs do, by either clock.
@@ -145,36 +145,28 @@ impl SystemStatus {
     /// Returns the processor or service with this name or number.
     ///
     /// # Errors
-    /// Returns [`UnknownMember`] if no processor or service has this name or number.
-    pub fn member(&self, text: &str) -> Result<&Member, UnknownMember> {
+    /// Returns [`FindError::NoMember`] if no processor or service has this name or number.
+    pub fn member(&self, text: &str) -> Result<&Member, FindError> {
         find(self.members(), text)
     }
 
     /// Returns the processor with this name or number. Services are not found.
     ///
     /// # Errors
-    /// Returns [`UnknownMember`] if no processor has this name or number.
-    pub fn processor(&self, text: &str) -> Result<&Member, UnknownMember> {
+    /// Returns [`FindError::NoMember`] if no processor has this name or number.
+    pub fn processor(&self, text: &str) -> Result<&Member, FindError> {
         find(self.processors.iter(), text)
     }
-}
-
-/// The error that there is no such processor.
-#[derive(Debug, thiserror::Error)]
-#[error("there is no processor `{name}`; there are {}", .there.join(", "))]
-pub struct UnknownMember {
-    name: String,
-    there: Vec<String>,
 }
 
 fn find<'m>(
     mut members: impl Iterator<Item = &'m Member> + Clone,
     text: &str,
-) -> Result<&'m Member, UnknownMember> {
+) -> Result<&'m Member, FindError> {
     let there = members.clone();
     let number = word(text).ok();
     let is_it = |member: &&Member| member.name == text || number == Some(member.number.into());
-    members.find(is_it).ok_or_else(|| UnknownMember {
+    members.find(is_it).ok_or_else(|| FindError::NoMember {
         name: text.into(),
         there: there
             .map(|member| format!("{} ({})", member.name, member.number))

@@ -38,7 +38,7 @@ use serde::{Deserialize, Serialize};
 /// The time that a supervisor may take to answer a request that it answers at once.
 pub(crate) const ANSWER: Duration = Duration::from_secs(15);
 
-/// The reason why a running system is not found.
+/// The reason why a running system, or a processor of it, is not found.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum FindError {
@@ -58,6 +58,14 @@ pub enum FindError {
     SeveralRunning {
         /// The names of the running systems.
         running: Vec<String>,
+    },
+    /// The system has no processor, or service, of this name or number.
+    #[error("there is no processor `{name}`; there are {}", there.join(", "))]
+    NoMember {
+        /// The name or number that was asked for.
+        name: String,
+        /// The names and numbers that there are.
+        there: Vec<String>,
     },
     /// The directory of all systems cannot be used.
     #[error(transparent)]
