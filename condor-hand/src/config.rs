@@ -94,7 +94,6 @@ pub use hand::{
     Axis, AxisServoSettings, ContactSurface, ControlProcessor, FaultPolicy, Hand, PROCESSORS,
     ProcessorKind, TableSettings,
 };
-pub use image::HandImageError;
 pub use limits::{Limits, MotionLimits};
 pub use mistake::{Mistake, MistakeField, MistakeOwner, MistakePlace, Problem};
 pub use rotation::Rotation;

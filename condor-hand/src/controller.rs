@@ -15,7 +15,7 @@ mod watch;
 mod wiring;
 
 pub use axis::AxisServo;
-pub use finger::{ControllerError, FingerController, FingerTick};
-pub use table::{AXES, TableController, TableError, TableState, TableTick};
+pub use finger::{FingerController, FingerTick};
+pub use table::{AXES, TableController, TableState, TableTick};
 pub use watch::GuardStop;
 pub use wiring::{read_finger, read_table, write_finger, write_table};

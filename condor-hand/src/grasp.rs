@@ -37,7 +37,8 @@ mod limits;
 mod tuning;
 
 pub use contacts::{Contacts, FingerForces};
-pub use error::{GraspError, GraspQuantity};
+pub use error::GraspError;
+use error::{quantity, too_large};
 pub use friction::{ContactFriction, SqueezeRange};
 pub use gain::SpatialGain;
 pub use law::{FingerState, GraspOutput, GraspStiffness};

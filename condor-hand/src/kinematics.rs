@@ -12,11 +12,10 @@ mod null;
 mod product;
 
 pub use chain::{Chain, ChainBody, ChainJoint, ChainMotion};
-pub(crate) use check::is_inertia;
-pub use check::{MechanismError, Part};
+pub(crate) use check::body_inertia;
 pub use finger::{PlanarFinger, Rod};
 pub use inverse::{Branches, InverseError, Reach, Redundancy};
-pub use limits::{JointLimits, JointLimitsError};
+pub use limits::JointLimits;
 pub use nearest::{Nearest, Side};
 
 use nalgebra::{SMatrix, SVector};

@@ -58,7 +58,7 @@ pub mod plant;
 #[doc(hidden)]
 pub mod hostile;
 
-pub use image::HeaderError;
+pub use image::ImageError;
 pub use math::Real;
-pub use number::{NumberError, Requirement};
+pub use number::{NumberError, Requirement, Subject};
 pub use pose::{Pose, rotation_about};

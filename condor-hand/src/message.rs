@@ -42,14 +42,15 @@
 //!
 //! Word 0 of the response is 0 for success. It is 1 if another request was being answered and this
 //! one was ignored. For `Outcome` it is 2 until the loop has processed the order, and 3 if a later
-//! order replaced it. Any other number is the code of a [`ServoRefusal`], whose values follow.
+//! order replaced it. Any other number is the code of a [`ServoRefusal`](crate::servo::ServoRefusal), whose
+//! values follow.
 //!
-//! An order is checked once, in the copy that the handler makes. Only the servo knows, for example,
-//! whether a position is within its limits, or whether the finger rests after a fault. The loop
-//! checks this when it processes the order, and `Outcome` returns the result. An order that was
-//! refused is not tried again.
+//! The numbers of an order are checked once, in the copy that the handler makes, by the loop when it processes
+//! the order: only the servo knows, for example, whether a position is within its limits, or whether the finger
+//! rests after a fault. `Outcome` returns the result. An order that was refused is not tried again.
 
 mod client;
+mod error;
 mod finger_request;
 mod grasp;
 mod handler;
@@ -63,13 +64,13 @@ mod status;
 mod values;
 mod words;
 
-pub use client::{Hello, ServoClient, ServoClientError};
+pub use client::{Hello, ServoClient};
+pub use error::ClientError;
 pub use finger_request::FingerRequest;
 pub use grasp::{GraspEnd, GraspLayout};
 pub use handler::{HandIdentity, ServoHandler};
 pub use layout::{ServoLayout, SetPoints};
 pub use object::{ServoEnds, ServoObject};
-pub use refusal::ServoRefusal;
 pub use servo_loop::HandLoop;
 pub use status::ServoStatus;
 
@@ -79,7 +80,7 @@ use condor_mbox::Vector;
 /// [`ServoHandler`] of the servo processor at this vector.
 pub const SERVO: Vector = Vector(32);
 /// The version of this protocol of servos. A client refuses a servo processor with another version.
-pub const VERSION: u32 = 5;
+pub const VERSION: u32 = 6;
 /// The joint number that stands for all joints of a finger at once, in requests that permit it.
 pub const ALL_JOINTS: u32 = u32::MAX;
 /// The number of 32-bit words of a request to a servo; a response has as many.

@@ -3,18 +3,79 @@ use core::fmt;
 use thiserror::Error;
 
 use crate::decimal::Decimal;
-use crate::math::{Real, abs, is_finite, sqrt};
+use crate::math::{Real, abs, is_finite, round, sqrt};
+use crate::tendon::fault::{FaultCode, FaultSite};
 
 /// The error that a number has a value which its use does not permit.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
-#[error("{what} is {}; it must be {must}", Decimal(*.value))]
+#[error("{}{what} is {}; it must be {must}", .at.prefix(), Decimal(*.value))]
 pub struct NumberError {
+    /// The part to which the number belongs. Set it to [`Subject::Whole`] to print the number without the part,
+    /// for example behind the name that a user gave the part.
+    pub at: Subject,
     /// The quantity, with its unit.
     pub what: &'static str,
     /// The number.
     pub value: f64,
     /// The requirement that the number does not meet.
     pub must: Requirement,
+}
+
+/// The part of a robot, or of a description, to which an error belongs. All numbers are counted from 0.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Subject {
+    /// The whole of the thing that is made or asked; it is not printed.
+    #[default]
+    Whole,
+    /// The joint of this number, counted from the palm.
+    Joint(u16),
+    /// The tendon that pulls this joint to positive angles.
+    Flexor(u16),
+    /// The antagonist of this joint.
+    Extensor(u16),
+    /// A tendon where it crosses a joint.
+    Crossing {
+        /// The joint to which the tendon belongs.
+        tendon: u16,
+        /// The joint that it crosses.
+        joint: u16,
+    },
+    /// A check for faults of the tendon that pulls this joint to positive angles.
+    FlexorCheck(u16, FaultCode),
+    /// A check for faults of the antagonist of this joint.
+    ExtensorCheck(u16, FaultCode),
+    /// A check for faults of a joint.
+    JointCheck(u16, FaultCode),
+    /// A check for faults of a finger as a whole.
+    FingerCheck(FaultCode),
+    /// The base of a finger in the palm.
+    Base,
+    /// The placement of a joint.
+    Placement(u16),
+    /// A link and its body.
+    Link(u16),
+    /// The tip of a finger on its last link.
+    Tip,
+    /// The finger of this number in its hand.
+    Finger(u16),
+    /// A joint, where several fingers have one of its number.
+    FingerJoint {
+        /// The number of the finger in its hand.
+        finger: u16,
+        /// The number of the joint, counted from the palm.
+        joint: u16,
+    },
+    /// A contact of a grasp.
+    Contact(u16),
+    /// An axis of the table.
+    Axis(u16),
+    /// A via point of a motion.
+    Via(u16),
+    /// A knot of a spline.
+    Knot(u16),
+    /// A motion of a sequence.
+    Motion(u32),
 }
 
 /// A requirement on a number, which must also be finite.
@@ -30,6 +91,80 @@ pub enum Requirement {
     AtLeast(f64),
     /// The number must be this or less.
     AtMost(f64),
+    /// The number must be from the first to the second, or one of them.
+    Within(f64, f64),
+    /// The number must be this.
+    Equal(f64),
+    /// The number must be a multiple of this.
+    MultipleOf(f64),
+}
+
+impl NumberError {
+    /// The same error of a number of this part.
+    pub(crate) fn at(self, at: Subject) -> Self {
+        Self { at, ..self }
+    }
+}
+
+impl Subject {
+    /// The check for this kind of fault at this site.
+    pub(crate) const fn check(site: FaultSite, code: FaultCode) -> Self {
+        match site {
+            FaultSite::Flexor(joint) => Self::FlexorCheck(joint as u16, code),
+            FaultSite::Extensor(joint) => Self::ExtensorCheck(joint as u16, code),
+            FaultSite::Joint(joint) => Self::JointCheck(joint as u16, code),
+            FaultSite::Finger => Self::FingerCheck(code),
+        }
+    }
+
+    /// The place in front of an error.
+    pub(crate) const fn prefix(self) -> SubjectPrefix {
+        SubjectPrefix(self)
+    }
+}
+
+/// A part in front of an error about it.
+pub(crate) struct SubjectPrefix(Subject);
+
+impl fmt::Display for SubjectPrefix {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.0 {
+            Subject::Whole => Ok(()),
+            part => write!(f, "{part}: "),
+        }
+    }
+}
+
+impl fmt::Display for Subject {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Whole => f.write_str("the whole"),
+            Self::Joint(joint) => write!(f, "joint {joint}"),
+            Self::Flexor(joint) => write!(f, "the flexor of joint {joint}"),
+            Self::Extensor(joint) => write!(f, "the extensor of joint {joint}"),
+            Self::Crossing { tendon, joint } => {
+                write!(
+                    f,
+                    "a tendon of joint {tendon} where it crosses joint {joint}"
+                )
+            }
+            Self::FlexorCheck(joint, code) => write!(f, "{}, '{code}'", Self::Flexor(*joint)),
+            Self::ExtensorCheck(joint, code) => write!(f, "{}, '{code}'", Self::Extensor(*joint)),
+            Self::JointCheck(joint, code) => write!(f, "{}, '{code}'", Self::Joint(*joint)),
+            Self::FingerCheck(code) => write!(f, "the finger, '{code}'"),
+            Self::Base => f.write_str("the base"),
+            Self::Placement(joint) => write!(f, "the placement of joint {joint}"),
+            Self::Link(link) => write!(f, "link {link}"),
+            Self::Tip => f.write_str("the tip"),
+            Self::Finger(finger) => write!(f, "finger {finger}"),
+            Self::FingerJoint { finger, joint } => write!(f, "joint {joint} of finger {finger}"),
+            Self::Contact(contact) => write!(f, "contact {contact}"),
+            Self::Axis(axis) => write!(f, "axis {axis}"),
+            Self::Via(index) => write!(f, "via point {index}"),
+            Self::Knot(index) => write!(f, "knot {index}"),
+            Self::Motion(index) => write!(f, "motion {index}"),
+        }
+    }
 }
 
 impl Requirement {
@@ -43,17 +178,21 @@ impl Requirement {
                 Self::Below(bound) => value < bound,
                 Self::AtLeast(bound) => value >= bound,
                 Self::AtMost(bound) => value <= bound,
+                Self::Within(low, high) => low <= value && value <= high,
+                Self::Equal(other) => value == other,
+                Self::MultipleOf(part) => round(value / part) == value / part,
             }
     }
 
     /// The requirement with a bound that is farther off.
     fn loosened(self, by: f64) -> Self {
         match self {
-            Self::Finite => self,
+            Self::Finite | Self::Equal(_) | Self::MultipleOf(_) => self,
             Self::Above(bound) => Self::Above(bound - by),
             Self::Below(bound) => Self::Below(bound + by),
             Self::AtLeast(bound) => Self::AtLeast(bound - by),
             Self::AtMost(bound) => Self::AtMost(bound + by),
+            Self::Within(low, high) => Self::Within(low - by, high + by),
         }
     }
 }
@@ -66,6 +205,9 @@ impl fmt::Display for Requirement {
             Self::Below(bound) => write!(f, "below {}", Decimal(bound)),
             Self::AtLeast(bound) => write!(f, "at least {}", Decimal(bound)),
             Self::AtMost(bound) => write!(f, "at most {}", Decimal(bound)),
+            Self::Within(low, high) => write!(f, "from {} to {}", Decimal(low), Decimal(high)),
+            Self::Equal(other) => write!(f, "{}", Decimal(other)),
+            Self::MultipleOf(part) => write!(f, "a multiple of {}", Decimal(part)),
         }
     }
 }
@@ -79,7 +221,13 @@ pub(crate) fn check<T: Real>(
     if must.holds(value) {
         Ok(())
     } else {
-        Err(NumberError { what, value, must })
+        let at = Subject::Whole;
+        Err(NumberError {
+            at,
+            what,
+            value,
+            must,
+        })
     }
 }
 
@@ -112,7 +260,11 @@ pub(crate) fn is_within<T: Real>(position: T, low: T, high: T) -> bool {
 }
 
 pub(crate) fn finite<T: Real>(what: &'static str, value: T) -> Result<(), NumberError> {
-    check(what, value, Requirement::Finite)
+    if is_finite(value) {
+        Ok(())
+    } else {
+        check(what, value, Requirement::Finite)
+    }
 }
 
 pub(crate) fn positive<T: Real>(what: &'static str, value: T) -> Result<(), NumberError> {
@@ -121,6 +273,11 @@ pub(crate) fn positive<T: Real>(what: &'static str, value: T) -> Result<(), Numb
 
 pub(crate) fn not_negative<T: Real>(what: &'static str, value: T) -> Result<(), NumberError> {
     check(what, value, Requirement::AtLeast(0.0))
+}
+
+/// A number of things, for an error about it.
+pub(crate) fn count(things: usize) -> f64 {
+    f64::from(things as u32)
 }
 
 /// The time between samples, s.

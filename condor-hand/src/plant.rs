@@ -22,10 +22,10 @@
 //! The model does not include the reaction of the fingers on the table, rolling friction, and contact
 //! between fingers: they pass through each other.
 
+mod check;
 mod configured;
 mod contact;
 mod drive;
-mod error;
 mod finger;
 mod hand;
 mod joint;
@@ -53,5 +53,3 @@ pub use table::{AxisParameters, SimTable};
 // Their sensors.
 pub use noise::Noise;
 pub use sensor::{Sensor, SensorBank, SensorFault, SensorFaultKind};
-
-pub use error::PlantError;

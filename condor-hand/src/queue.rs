@@ -63,7 +63,6 @@ mod ledger;
 mod requests;
 
 pub use ledger::{
-    Ledger, LedgerError, LedgerRow, ROW_BYTES, RefusalReason, RequestIdentity, RequestState,
-    SessionOwner,
+    Ledger, LedgerRow, ROW_BYTES, RefusalReason, RequestIdentity, RequestState, SessionOwner,
 };
 pub use requests::{MotionQueue, QueueAnswer, RestoreError};

@@ -44,12 +44,15 @@ mod joint;
 mod law;
 mod mode;
 mod readings;
+mod refusal;
 mod settings;
 mod transition;
 
 pub use finger::{FingerReadings, FingerServo, ServoOutput};
 pub use law::{PositionLaw, SoftStop};
 pub use mode::{JointTarget, ServoMode};
-pub use settings::{
-    FingerSettings, JointGains, JointSettings, SettingError, TargetError, TargetQuantity,
-};
+#[cfg(feature = "mbox")]
+pub(crate) use refusal::RATES;
+pub(crate) use refusal::no_joint;
+pub use refusal::{ServoRefusal, TargetQuantity};
+pub use settings::{FingerSettings, JointGains, JointSettings};

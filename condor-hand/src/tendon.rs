@@ -7,6 +7,6 @@ mod pair;
 mod servo;
 
 pub use allocation::{AllocatedTensions, Rectification, TensionAllocation};
-pub use arms::{ArmError, MomentArms};
+pub use arms::MomentArms;
 pub use pair::{Pair, TendonPairs};
 pub use servo::{TensionGains, TensionServos};

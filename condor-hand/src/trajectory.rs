@@ -42,7 +42,7 @@ pub use event::{Happening, MotionEnd, MotionEvent, MotionProgress, MotionTicket}
 pub use generator::Generator;
 pub use guard::StopGuard;
 pub use primitive::{
-    Begin, Guards, MAX_VIAS, MotionGuard, Observations, OnEnd, Pace, Primitive, PrimitiveError,
+    Begin, Guards, MAX_VIAS, MotionError, MotionGuard, Observations, OnEnd, Pace, Primitive,
     Profile, Target, Via,
 };
 
@@ -52,12 +52,10 @@ pub(crate) use stream::QUANTITIES;
 pub use stream::{JointStream, JointStreamError, StreamEnd, StreamPoint};
 
 // The servo's side.
-pub use interpolator::{Interpolator, SetPointError};
+pub use interpolator::Interpolator;
 
-use thiserror::Error;
-
-use crate::decimal::Decimal;
-use crate::math::{Real, abs, is_finite, max, min};
+use crate::Subject;
+use crate::math::{Real, abs, max, min};
 use crate::number::{NumberError, Requirement, check, finite, is_within, positive};
 
 /// The desired state of a joint at an instant: its position, velocity and acceleration.
@@ -82,10 +80,6 @@ impl<T: Real> SetPoint<T> {
             acceleration: T::zero(),
         }
     }
-
-    fn is_finite(&self) -> bool {
-        is_finite(self.position) && is_finite(self.velocity) && is_finite(self.acceleration)
-    }
 }
 
 /// The limits of position, velocity, acceleration and jerk that the trajectory of a joint must
@@ -104,36 +98,19 @@ pub struct ProfileLimits<T> {
     pub jerk: T,
 }
 
-/// The reason why a generator or an interpolator cannot be made.
-#[derive(Clone, Copy, Debug, PartialEq, Error)]
-#[non_exhaustive]
-pub enum TrajectoryError {
-    /// A limit or the starting position of a joint is not possible.
-    #[error("joint {joint}: {error}")]
-    Joint {
-        /// The joint, from 0.
-        joint: usize,
-        /// The number.
-        error: NumberError,
-    },
-    /// The duration or the number of ticks is not possible.
-    #[error(transparent)]
-    Number(#[from] NumberError),
-}
-
 impl<T: Real> ProfileLimits<T> {
     /// Checks that these limits are possible. `joint` is the number of the joint (from 0) to name
     /// in the error.
     ///
     /// # Errors
-    /// [`TrajectoryError`] if a limit is not finite, the range is empty, or the limit of a
-    /// derivative is not above zero.
-    pub fn validate(&self, joint: usize) -> Result<(), TrajectoryError> {
+    /// [`NumberError`] if a limit is not finite, the range is empty, or the limit of a derivative is not above
+    /// zero.
+    pub fn validate(&self, joint: usize) -> Result<(), NumberError> {
         let above = Requirement::Above(self.low.to_f64());
         finite("the least position, rad,", self.low)
             .and_then(|()| check("the greatest position, rad,", self.high, above))
             .and_then(|()| check_rates(self.velocity, self.acceleration, self.jerk))
-            .map_err(|error| TrajectoryError::Joint { joint, error })
+            .map_err(|error| error.at(Subject::Joint(joint as u16)))
     }
 
     /// Returns true if a joint may be at `position` (rad): in the range of the limits, or beyond it by no more than
@@ -152,9 +129,9 @@ fn check_rates<T: Real>(velocity: T, acceleration: T, jerk: T) -> Result<(), Num
 }
 
 /// A position from which a joint starts.
-fn check_start<T: Real>(joint: usize, position: T) -> Result<(), TrajectoryError> {
+fn check_start<T: Real>(joint: usize, position: T) -> Result<(), NumberError> {
     finite("the starting position, rad,", position)
-        .map_err(|error| TrajectoryError::Joint { joint, error })
+        .map_err(|error| error.at(Subject::Joint(joint as u16)))
 }
 
 /// The extremes of position, velocity and acceleration of a profile, which is the motion of one
@@ -187,56 +164,4 @@ impl<T: Real> ProfilePeaks<T> {
         self.velocity = max(self.velocity, other.velocity);
         self.acceleration = max(self.acceleration, other.acceleration);
     }
-}
-
-/// The reason why a profile, the motion of one joint in time, cannot be made.
-#[derive(Clone, Copy, Debug, PartialEq, Error)]
-#[non_exhaustive]
-pub enum ProfileError {
-    /// A boundary value is not finite, or the result is too large for the type.
-    #[error("a boundary condition or a result of it is not finite")]
-    NotFinite,
-    /// The duration or a bound is not above zero.
-    #[error(transparent)]
-    Number(#[from] NumberError),
-    /// With these bounds every profile takes longer.
-    #[error(
-        "{duration} s is too short: the bounds need {least} s",
-        duration = Decimal(*.duration),
-        least = Decimal(*.least),
-    )]
-    TooShort {
-        /// The duration that was given, s.
-        duration: f64,
-        /// The least duration, s.
-        least: f64,
-    },
-    /// From this moving state, no profile of this kind lasts exactly this long.
-    #[error(
-        "from this moving state nothing lasts exactly {duration} s",
-        duration = Decimal(*.duration),
-    )]
-    Blocked {
-        /// The duration that was given, s.
-        duration: f64,
-    },
-    /// There are fewer than two knots, more than there is room for, or not as many times as
-    /// positions.
-    #[error("{times} times and {positions} positions of knots; equal numbers in 2..={most} fit")]
-    Knots {
-        /// The number of times.
-        times: usize,
-        /// The number of positions.
-        positions: usize,
-        /// The greatest number of knots.
-        most: usize,
-    },
-    /// A knot is not after the one before it.
-    #[error("knot {index} is at {time} s, not after the one before it", time = Decimal(*.time))]
-    Order {
-        /// The knot, from 0.
-        index: usize,
-        /// Its time, s.
-        time: f64,
-    },
 }

@@ -80,13 +80,13 @@ pub trait WindowError: Debug {
 /// The error of an access to a [`Region`](crate::Region) or another window, with the offending
 /// values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{len} bytes at offset {offset:#x} of {size:#x}: {kind}")]
+#[error("{len} bytes at offset {offset:#x} of {size:#x} bytes: {kind}")]
 pub struct AccessError {
-    /// The offset of the access in bytes, from the beginning of the region.
+    /// The offset of the access in bytes, from the beginning of the region or window.
     pub offset: u32,
     /// The length of the access, in bytes.
     pub len: usize,
-    /// The size of the region in bytes.
+    /// The size of the region or window in bytes.
     pub size: u32,
     /// The reason why the access was refused.
     pub kind: WindowErrorKind,

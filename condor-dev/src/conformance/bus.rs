@@ -1,5 +1,7 @@
 //! The checks of [`Bus`].
 
+use core::fmt;
+
 use crate::bus::{Bus, BusError, BusErrorKind, Width};
 
 /// The addresses that [`bus()`] accesses while it checks a bus.
@@ -32,7 +34,10 @@ pub enum BusAccess {
 /// The first check of [`bus()`] that failed, with the access that showed it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "{check}: {access:x?} of {width:?} at {address:#x} returned {found:x?}, expected {expected:x?}"
+    "{check}: {access} of {} bits at {address:#x} returned {}, expected {}",
+    8 * *.width as u32,
+    OutcomeText(.found),
+    OutcomeText(.expected),
 )]
 pub struct BusFailure {
     /// The rule that is broken.
@@ -47,6 +52,29 @@ pub struct BusFailure {
     pub found: Result<u32, BusErrorKind>,
     /// The required result; if several errors are allowed, one of them.
     pub expected: Result<u32, BusErrorKind>,
+}
+
+impl fmt::Display for BusAccess {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Read => f.write_str("a read"),
+            Self::Write(value) => write!(f, "a write of {value:#x}"),
+            Self::Answers => f.write_str("a question for an answer"),
+            Self::Block(bytes) => write!(f, "a block of {bytes} bytes"),
+        }
+    }
+}
+
+/// The result of an access in words.
+struct OutcomeText<'o>(&'o Result<u32, BusErrorKind>);
+
+impl fmt::Display for OutcomeText<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.0 {
+            Ok(value) => write!(f, "{value:#x}"),
+            Err(kind) => write!(f, "\"{kind}\""),
+        }
+    }
 }
 
 const WIDTHS: [Width; 3] = [Width::Bits8, Width::Bits16, Width::Bits32];

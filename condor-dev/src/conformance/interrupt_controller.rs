@@ -1,10 +1,12 @@
 //! The checks of [`InterruptController`].
 
+use core::fmt;
+
 use crate::interrupt::{InterruptController, InterruptLevel, InterruptVector};
 
 /// The first check of [`interrupt_controller()`] that failed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{check}: `claim` returned {found:?}, expected {expected:?}")]
+#[error("{check}: `claim` returned {}, expected {}", VectorText(*.found), VectorText(*.expected))]
 pub struct ControllerFailure {
     /// The rule that is broken.
     pub check: &'static str,
@@ -12,6 +14,18 @@ pub struct ControllerFailure {
     pub found: Option<InterruptVector>,
     /// The vector that should have been claimed.
     pub expected: Option<InterruptVector>,
+}
+
+/// A claimed vector in words.
+struct VectorText(Option<InterruptVector>);
+
+impl fmt::Display for VectorText {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.0 {
+            Some(vector) => write!(f, "vector {}", vector.0),
+            None => f.write_str("no vector"),
+        }
+    }
 }
 
 const LOW: InterruptLevel = InterruptLevel(1);

@@ -7,8 +7,8 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use condor_mbox::linux::{LinuxWindow, LinuxWindowError, WindowAccess};
-use condor_mbox::{LoadOrder, MemoryWindow, Processor, StoreOrder};
+use condor_mbox::linux::{LinuxWindow, WindowAccess};
+use condor_mbox::{AccessError, LoadOrder, MemoryWindow, Processor, StoreOrder};
 use rustix::fs::{FallocateFlags, Mode, OFlags};
 use rustix::io::Errno as Linux;
 
@@ -164,7 +164,7 @@ fn check(window: &LinuxWindow) -> io::Result<()> {
 }
 
 /// The first word is 0 while the others change: half a record is none.
-fn write(window: &LinuxWindow, record: &Record) -> Result<(), LinuxWindowError> {
+fn write(window: &LinuxWindow, record: &Record) -> Result<(), AccessError> {
     window.store(RECORD, 0, StoreOrder::Release)?;
     let words: [_; WORDS] = record.to_array();
     for (word, at) in words.into_iter().zip((RECORD + 4..).step_by(4)) {
@@ -173,7 +173,7 @@ fn write(window: &LinuxWindow, record: &Record) -> Result<(), LinuxWindowError> 
     window.store(RECORD, 1, StoreOrder::Release)
 }
 
-fn read(window: &LinuxWindow) -> Result<Option<Record>, LinuxWindowError> {
+fn read(window: &LinuxWindow) -> Result<Option<Record>, AccessError> {
     let begun = window.load(RECORD, LoadOrder::Acquire)?;
     let mut words = [0; WORDS];
     for (word, at) in words.iter_mut().zip((RECORD + 4..).step_by(4)) {

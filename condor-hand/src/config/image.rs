@@ -1,39 +1,13 @@
 //! The image of a hand: bytes that a processor loads, or has linked in.
 
-use thiserror::Error;
-
 use super::{Hand, Mistake, PROCESSORS};
-use crate::image::{Format, HEADER_BYTES, HeaderError};
+use crate::Subject;
+use crate::image::{Format, HEADER_BYTES, ImageError};
 
 const FORMAT: Format = Format {
     magic: *b"CNDH",
     version: 4,
 };
-
-/// The reason why bytes are not the image of a hand, or a hand cannot become an image.
-#[derive(Clone, Debug, PartialEq, Error)]
-#[non_exhaustive]
-pub enum HandImageError {
-    /// The bytes are no image, or there is no room for one.
-    #[error(transparent)]
-    Header(#[from] HeaderError),
-    /// The hand has more parts than its type has room for.
-    #[error("the hand has {needed} {of}, this program has room for {capacity}")]
-    Capacity {
-        /// The kind of part.
-        of: &'static str,
-        /// The number in the hand; for joints, the greatest number in one finger.
-        needed: u16,
-        /// The number for which the type has room.
-        capacity: usize,
-    },
-    /// The checksum is right, but the bytes are not a hand.
-    #[error("the bytes of the image are not those of a hand")]
-    Malformed,
-    /// The hand breaks a rule.
-    #[error(transparent)]
-    Mistake(#[from] Mistake),
-}
 
 impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
     /// Writes the image of the hand, which [`from_image`](Self::from_image) reads, to the front of `buffer`. Returns
@@ -43,13 +17,17 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
     /// large enough.
     ///
     /// # Errors
-    /// * [`Mistake`](HandImageError::Mistake) if the hand breaks a rule.
-    /// * [`Header`](HandImageError::Header) if the buffer is too short; its content is then useless.
-    pub fn to_image(&self, buffer: &mut [u8]) -> Result<usize, HandImageError> {
+    /// [`ImageError::Content`] if the hand breaks a rule, [`ImageError::BufferTooShort`] if the buffer is too
+    /// short; its content is then useless.
+    #[expect(
+        clippy::result_large_err,
+        reason = "a mistake has the names of its place, and an image is read once"
+    )]
+    pub fn to_image(&self, buffer: &mut [u8]) -> Result<usize, ImageError<Mistake>> {
         self.check()?;
-        let too_short = HeaderError::BufferTooShort { len: buffer.len() };
+        let too_short = ImageError::BufferTooShort { len: buffer.len() };
         let Some((header, body)) = buffer.split_first_chunk_mut::<HEADER_BYTES>() else {
-            return Err(too_short.into());
+            return Err(too_short);
         };
         let body = postcard::to_slice(self, body).map_err(|_| too_short)?;
         let [[f0, f1], [j0, j1], [p0, p1]] = self.counts().map(u16::to_le_bytes);
@@ -61,11 +39,16 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
     /// exactly the bytes of the image, without any after them.
     ///
     /// # Errors
-    /// [`HandImageError::Header`] if the bytes are no image of a hand, [`HandImageError::Capacity`] if the
-    /// hand has more parts than its type has room for, [`HandImageError::Malformed`] or
-    /// [`HandImageError::Mistake`] if it is not a valid hand. No bytes make this panic.
-    pub fn from_image(image: &[u8]) -> Result<Self, HandImageError> {
-        let ([f0, f1, j0, j1, p0, p1], body) = FORMAT.open(image)?;
+    /// [`ImageError::Length`], [`ImageError::Magic`], [`ImageError::Version`] or [`ImageError::Checksum`] if the
+    /// bytes are no image of a hand, [`ImageError::Count`] if the hand has more parts than its type has room
+    /// for, [`ImageError::Malformed`] or [`ImageError::Content`] if it is not a valid hand. No bytes make this
+    /// panic.
+    #[expect(
+        clippy::result_large_err,
+        reason = "a mistake has the names of its place, and an image is read once"
+    )]
+    pub fn from_image(image: &[u8]) -> Result<Self, ImageError<Mistake>> {
+        let ([f0, f1, j0, j1, p0, p1], body) = FORMAT.open::<Mistake>(image)?;
         let counts = [[f0, f1], [j0, j1], [p0, p1]].map(u16::from_le_bytes);
         let capacities = [
             ("fingers", FINGERS),
@@ -74,18 +57,19 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
         ];
         for (needed, (of, capacity)) in counts.into_iter().zip(capacities) {
             if usize::from(needed) > capacity {
-                return Err(HandImageError::Capacity {
+                return Err(ImageError::Count {
                     of,
-                    needed,
-                    capacity,
+                    found: needed.into(),
+                    wanted: capacity,
                 });
             }
         }
+        let malformed = ImageError::Malformed { at: Subject::Whole };
         let Ok((hand, [])) = postcard::take_from_bytes::<Self>(body) else {
-            return Err(HandImageError::Malformed);
+            return Err(malformed);
         };
         if hand.counts() != counts {
-            return Err(HandImageError::Malformed);
+            return Err(malformed);
         }
         hand.check()?;
         Ok(hand)

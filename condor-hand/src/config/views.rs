@@ -6,11 +6,12 @@ use super::{
     Channel, ControlProcessor, Finger, Form, Hand, InputChannel, Joint, JointMotion, LinkBody,
     MotionLimits, OutputChannel, ProcessorKind, Shape, Tendon, Wire,
 };
+use crate::NumberError;
 use crate::Pose;
 use crate::kinematics::{self, Chain, PlanarFinger, Rod};
 use crate::math::clamp;
 use crate::number::is_within;
-use crate::tendon::{ArmError, MomentArms, Pair, TendonPairs};
+use crate::tendon::{MomentArms, Pair, TendonPairs};
 use crate::trajectory::{self, Primitive, Target};
 
 impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
@@ -203,8 +204,8 @@ impl<const JOINTS: usize> Finger<JOINTS> {
     /// of 1 m that cross no other joint. So zero torque at such a joint needs zero tension.
     ///
     /// # Errors
-    /// [`ArmError`] for arms that [`Hand::check`] would have refused.
-    pub fn moment_arms(&self) -> Result<MomentArms<f64, JOINTS>, ArmError> {
+    /// [`NumberError`] for arms that [`Hand::check`] would have refused.
+    pub fn moment_arms(&self) -> Result<MomentArms<f64, JOINTS>, NumberError> {
         let mut rows: [TendonPairs<f64, JOINTS>; JOINTS] = [[Pair::both(0.0); JOINTS]; JOINTS];
         for (index, row) in rows.iter_mut().enumerate() {
             let crossed = self.joints.get(index);

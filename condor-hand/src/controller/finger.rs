@@ -1,18 +1,18 @@
 use nalgebra::{SVector, Vector3};
-use thiserror::Error;
 
 use super::watch::{GuardStop, Watch};
-use crate::NumberError;
 use crate::config::{Finger, Hand};
 use crate::control::elapsed::Elapsed;
 use crate::dynamics::Dynamics;
 use crate::math::{clamp, max, round};
+use crate::number::{NumberError, Requirement, check};
 use crate::servo::{
-    FingerReadings, FingerServo, JointGains, JointTarget, ServoMode, ServoOutput, SettingError,
+    FingerReadings, FingerServo, JointGains, JointTarget, ServoMode, ServoOutput, ServoRefusal,
+    no_joint,
 };
-use crate::tendon::fault::{FaultLimitsError, FingerFault, FingerMonitor, Observation, SafeRamp};
-use crate::tendon::{ArmError, MomentArms, Pair, TendonPairs};
-use crate::trajectory::{Interpolator, SetPoint, SetPointError, StopGuard, TrajectoryError};
+use crate::tendon::fault::{FingerFault, FingerMonitor, Observation, SafeRamp};
+use crate::tendon::{MomentArms, Pair, TendonPairs};
+use crate::trajectory::{Interpolator, SetPoint, StopGuard};
 
 /// Within so many ticks after a fault joints have the tensions with which they stand still.
 const SETTLING_TICKS: u32 = 4;
@@ -86,67 +86,30 @@ pub struct FingerTick<const N: usize> {
     pub fault: Option<FingerFault>,
 }
 
-/// The reason why a finger cannot be controlled.
-#[derive(Clone, Copy, Debug, PartialEq, Error)]
-#[non_exhaustive]
-pub enum ControllerError {
-    /// A setting of its servos is wrong.
-    #[error(transparent)]
-    Setting(#[from] SettingError),
-    /// Its moment arms are wrong.
-    #[error(transparent)]
-    Arms(#[from] ArmError),
-    /// A limit of a fault is wrong.
-    #[error(transparent)]
-    Fault(#[from] FaultLimitsError),
-    /// A limit of its set-points is wrong.
-    #[error(transparent)]
-    SetPoints(#[from] TrajectoryError),
-    /// The ramp to the least tensions is wrong.
-    #[error(transparent)]
-    Ramp(#[from] NumberError),
-    /// A tick of the master is not a whole number of servo ticks.
-    #[error(
-        "{servo_hz} ticks of the servos in a second are no multiple of {trajectory_hz} of the trajectory"
-    )]
-    Rates {
-        /// Servo ticks in a second, Hz.
-        servo_hz: u32,
-        /// Trajectory ticks in a second, Hz.
-        trajectory_hz: u32,
-    },
-}
-
 impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
     /// Makes the controller of `finger`, one of the fingers of `hand`, with all joints off.
     /// `mechanism` is the model of the finger that the servos use: [`Finger::chain`], or
     /// [`Finger::planar`] if the finger has that form.
     ///
     /// # Errors
-    /// [`ControllerError`] for settings that [`Hand::check`] would have refused.
+    /// [`NumberError`] for settings that [`Hand::check`] would have refused.
     pub fn new<const F: usize>(
         hand: &Hand<F, N>,
         finger: &Finger<N>,
         mechanism: M,
-    ) -> Result<Self, ControllerError> {
+    ) -> Result<Self, NumberError> {
         let (servo_hz, trajectory_hz) = (hand.servo_rate_hz(finger), hand.trajectory_hz);
-        let rates = ControllerError::Rates {
-            servo_hz,
-            trajectory_hz,
-        };
-        let substeps = match servo_hz.checked_rem(trajectory_hz) {
-            Some(0) => u16::try_from(servo_hz / trajectory_hz).map_err(|_| rates)?,
-            _ => return Err(rates),
-        };
-        let sample_hz = f64::from(servo_hz);
+        let (sample_hz, master_hz) = (f64::from(servo_hz), f64::from(trajectory_hz));
+        let multiple = Requirement::MultipleOf(master_hz);
+        check("the rate of the servos, Hz,", sample_hz, multiple)?;
+        let substeps = servo_hz.checked_div(trajectory_hz).unwrap_or(0);
+        let what = "the number of servo ticks in a tick of the trajectories";
+        let fits = Requirement::Within(1.0, f64::from(u16::MAX));
+        check(what, f64::from(substeps), fits)?;
         let settings = finger.settings(sample_hz, hand.transition_s);
         let limits = finger.limits();
-        let mut interpolator = Interpolator::new(
-            substeps,
-            1.0 / f64::from(trajectory_hz),
-            [0.0; N],
-            finger.bounds(),
-        )?;
+        let mut interpolator =
+            Interpolator::new(substeps as u16, 1.0 / master_hz, [0.0; N], finger.bounds())?;
         // The first tick of the master comes after a time without any.
         interpolator.step();
         let least = finger.least_tensions();
@@ -225,9 +188,9 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
     /// is in that mode already, nothing changes, even if it follows the master.
     ///
     /// # Errors
-    /// Returns [`SettingError::NoJoint`] if the finger does not have the joint; [`SettingError::AfterFault`] if
+    /// Returns [`ServoRefusal::NoJoint`] if the finger does not have the joint; [`ServoRefusal::AfterFault`] if
     /// the finger has a fault or rests after one.
-    pub fn set_mode(&mut self, joint: usize, mode: ServoMode) -> Result<(), SettingError> {
+    pub fn set_mode(&mut self, joint: usize, mode: ServoMode) -> Result<(), ServoRefusal> {
         self.refuse_after_fault()?;
         self.check_joint(joint)?;
         if self.servo.mode(joint) != Some(mode) {
@@ -243,15 +206,15 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
     /// the zone.
     ///
     /// # Errors
-    /// After an error the joint keeps its target. Returns [`SettingError::AfterFault`] if the finger has a
-    /// fault or rests after one; [`SettingError::NoJoint`] if it does not have the joint;
-    /// [`SettingError::Target`] if the target exceeds the limits of the joint or its tendons;
-    /// [`SettingError::Joint`] if a rate or acceleration is not finite.
+    /// After an error the joint keeps its target. Returns [`ServoRefusal::AfterFault`] if the finger has a
+    /// fault or rests after one; [`ServoRefusal::NoJoint`] if it does not have the joint;
+    /// [`ServoRefusal::Target`] if the target exceeds the limits of the joint or its tendons;
+    /// [`ServoRefusal::Number`] if a rate or acceleration is not finite.
     pub fn set_target(
         &mut self,
         joint: usize,
         target: JointTarget<f64>,
-    ) -> Result<(), SettingError> {
+    ) -> Result<(), ServoRefusal> {
         self.refuse_after_fault()?;
         self.check_joint(joint)?;
         self.servo.set_target(joint, target)?;
@@ -269,8 +232,9 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
     /// Changes all gains of a joint at once, from the next tick on.
     ///
     /// # Errors
-    /// [`SettingError`] if no joint can have these gains; the joint keeps its gains then.
-    pub fn set_gains(&mut self, joint: usize, gains: &JointGains<f64>) -> Result<(), SettingError> {
+    /// [`ServoRefusal::NoJoint`] if the finger does not have the joint; [`ServoRefusal::Number`] if no joint can
+    /// have these gains. The joint keeps its gains then.
+    pub fn set_gains(&mut self, joint: usize, gains: &JointGains<f64>) -> Result<(), ServoRefusal> {
         self.check_joint(joint)?;
         self.servo.set_gains(joint, gains)
     }
@@ -287,13 +251,13 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
     /// begins to follow again when its guard names another motion.
     ///
     /// # Errors
-    /// [`SetPointError`] for the first set-point that is not finite or too far away; all set-points
+    /// [`NumberError`] for the first set-point that is not finite or too far away; all set-points
     /// and guards are ignored then.
     pub fn follow(
         &mut self,
         points: &[SetPoint<f64>; N],
         guards: &[StopGuard; N],
-    ) -> Result<(), SetPointError> {
+    ) -> Result<(), NumberError> {
         let released = self.watch.released(guards);
         let following = self.following & !released;
         let joins = |joint: usize| {
@@ -316,7 +280,7 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
         &mut self,
         points: &[SetPoint<f64>; N],
         mut following: u32,
-    ) -> Result<(), SetPointError> {
+    ) -> Result<(), NumberError> {
         let mut interpolator = self.interpolator.clone();
         interpolator.tick(points)?;
         for joint in 0..N {
@@ -509,19 +473,19 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
         self.ramp = ramp;
     }
 
-    fn refuse_after_fault(&self) -> Result<(), SettingError> {
+    fn refuse_after_fault(&self) -> Result<(), ServoRefusal> {
         match (self.monitor.first(), self.ramp) {
             (None, None) => Ok(()),
-            _ => Err(SettingError::AfterFault),
+            _ => Err(ServoRefusal::AfterFault),
         }
     }
 
-    fn check_joint(&self, joint: usize) -> Result<(), SettingError> {
+    fn check_joint(&self, joint: usize) -> Result<(), ServoRefusal> {
         let joints = self.joints;
         if joint < joints {
             Ok(())
         } else {
-            Err(SettingError::NoJoint { joint, joints })
+            Err(no_joint(joint, joints))
         }
     }
 

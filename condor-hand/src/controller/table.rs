@@ -2,17 +2,17 @@ use core::fmt;
 
 use heapless::Vec;
 use nalgebra::Vector3;
-use thiserror::Error;
 
 use super::axis::AxisServo;
+use crate::Subject;
 use crate::config::{Axis, Hand};
 use crate::decimal::Decimal;
 use crate::math::{is_finite, max, min};
 use crate::number::{NumberError, Requirement, check, positive};
 use crate::tendon::fault::sensor::Run;
 use crate::trajectory::{
-    Generator, MotionEvent, MotionTicket, Observations, Pace, Primitive, PrimitiveError, Profile,
-    ProfileLimits, SetPoint, Target, TrajectoryError,
+    Generator, MotionError, MotionEvent, MotionTicket, Observations, Pace, Primitive, Profile,
+    ProfileLimits, SetPoint, Target,
 };
 
 /// The greatest number of axes that a table can have.
@@ -117,56 +117,17 @@ pub struct TableTick {
     pub state: TableState,
 }
 
-/// The reason why no table can be made, or why a table refuses a motion.
-#[derive(Clone, Copy, Debug, PartialEq, Error)]
-#[non_exhaustive]
-pub enum TableError {
-    /// The configuration has no table.
-    #[error("the configuration has no table")]
-    NoTable,
-    /// An axis can have no servo.
-    #[error("axis {axis}: {error}")]
-    Axis {
-        /// The axis, from 0.
-        axis: usize,
-        /// The reason.
-        error: NumberError,
-    },
-    /// The loops of the axes have different rates.
-    #[error("axis {axis} is served {rate_hz} times a second and the first {first_hz} times")]
-    Rates {
-        /// The axis, from 0.
-        axis: usize,
-        /// The rate of that axis' loop, Hz.
-        rate_hz: u32,
-        /// The rate of the first, Hz.
-        first_hz: u32,
-    },
-    /// No motion can keep the limits of an axis.
-    #[error(transparent)]
-    Limits(#[from] TrajectoryError),
-    /// The table cannot make a motion.
-    #[error(transparent)]
-    Motion(#[from] PrimitiveError),
-    /// The table has not been home yet, so it takes no motion.
-    #[error("the table takes no motion before it has been home; it is {state}")]
-    NotReady {
-        /// The state of the table.
-        state: TableState,
-    },
-    /// The speed of a motion, a fraction of the axes' limits of velocity, is not above 0 and at most 1.
-    #[error(transparent)]
-    Speed(#[from] NumberError),
-}
-
 impl TableController {
-    /// Makes the controller of the table of a hand, with its drives off.
+    /// Makes the controller of the table of a hand, with its drives off. Returns `None` if the hand has no table.
     ///
     /// # Errors
-    /// [`TableError::NoTable`] if the hand has no table; other variants for settings that
-    /// [`Hand::check`] would have refused.
-    pub fn new<const F: usize, const N: usize>(hand: &Hand<F, N>) -> Result<Self, TableError> {
-        let table = hand.table.as_ref().ok_or(TableError::NoTable)?;
+    /// [`NumberError`] for settings that [`Hand::check`] would have refused.
+    pub fn new<const F: usize, const N: usize>(
+        hand: &Hand<F, N>,
+    ) -> Result<Option<Self>, NumberError> {
+        let Some(table) = &hand.table else {
+            return Ok(None);
+        };
         let rate = |axis: &Axis| {
             let processor = hand.processor(axis.processor);
             processor.map_or(hand.servo_hz, |processor| hand.rate_hz(processor))
@@ -185,16 +146,11 @@ impl TableController {
         let mut axes = Vec::new();
         let places = limits.iter_mut().zip(&mut homes);
         for (axis, (entry, (limits, home))) in table.axes.iter().zip(places).enumerate() {
-            let rate_hz = rate(entry);
-            if rate_hz != first_hz {
-                return Err(TableError::Rates {
-                    axis,
-                    rate_hz,
-                    first_hz,
-                });
-            }
-            let servo = AxisServo::new(entry, sample_hz)
-                .map_err(|error| TableError::Axis { axis, error })?;
+            let of_axis = |error: NumberError| error.at(Subject::Axis(axis as u16));
+            let as_first = Requirement::Equal(sample_hz);
+            let what = "the rate of its loop, as that of the first axis, Hz,";
+            check(what, f64::from(rate(entry)), as_first).map_err(of_axis)?;
+            let servo = AxisServo::new(entry, sample_hz).map_err(of_axis)?;
             // None is configured: all acceleration may come within a tick.
             let jerk = entry.limits.acceleration * sample_hz;
             *limits = entry.limits.with_jerk(jerk);
@@ -207,7 +163,7 @@ impl TableController {
                 bad: 0,
             });
         }
-        Ok(Self {
+        Ok(Some(Self {
             axes,
             generator: Generator::new(limits, homes, 1.0 / sample_hz)?,
             state: TableState::Off,
@@ -217,7 +173,7 @@ impl TableController {
             deadlines: hand.faults.missed_deadlines,
             missed: Run::default(),
             force: [0.0; AXES],
-        })
+        }))
     }
 
     /// Returns the present state of the table, such as off, on the way home or ready.
@@ -234,16 +190,14 @@ impl TableController {
     /// most 1.
     ///
     /// # Errors
-    /// [`TableError::Speed`] if the speed is not above 0 and at most 1; [`TableError::NotReady`] if
-    /// the table has failed.
-    pub fn start(&mut self, speed: f64) -> Result<(), TableError> {
+    /// [`MotionError::Number`] if the speed is not above 0 and at most 1; [`MotionError::NotReady`] if the table
+    /// has failed.
+    pub fn start(&mut self, speed: f64) -> Result<(), MotionError> {
         let what = "the speed of the way home, as a fraction of the limits,";
         positive(what, speed)?;
         check(what, speed, Requirement::AtMost(1.0))?;
         match self.state {
-            TableState::Failed { .. } | TableState::Late => {
-                Err(TableError::NotReady { state: self.state })
-            }
+            TableState::Failed { .. } | TableState::Late => Err(MotionError::NotReady),
             TableState::Stopped | TableState::Ready | TableState::Homing => {
                 self.generator.abort();
                 self.go_home(speed);
@@ -260,18 +214,18 @@ impl TableController {
     /// the motion.
     ///
     /// # Errors
-    /// [`TableError::NotReady`] if the table has not been home; [`TableError::Motion`] if the
-    /// motion exceeds the limits of an axis, or moves an axis that does not exist.
-    pub fn enqueue(&mut self, motion: Primitive<AXES>) -> Result<MotionTicket, TableError> {
+    /// [`MotionError::NotReady`] if the table has not been home; [`MotionError::Mask`] if the motion moves an axis
+    /// that does not exist; otherwise the errors of [`Generator::enqueue`].
+    pub fn enqueue(&mut self, motion: Primitive<AXES>) -> Result<MotionTicket, MotionError> {
         if self.state != TableState::Ready {
-            return Err(TableError::NotReady { state: self.state });
+            return Err(MotionError::NotReady);
         }
         let joints = self.axes.len();
         if motion.mask >> joints != 0 {
             let mask = motion.mask;
-            return Err(PrimitiveError::Mask { mask, joints }.into());
+            return Err(MotionError::Mask { mask, joints });
         }
-        Ok(self.generator.enqueue(motion)?)
+        self.generator.enqueue(motion)
     }
 
     /// Slows the axes down to a stop on their paths, and drops all motions, also those that wait.

@@ -1,9 +1,11 @@
 use nalgebra::Vector3;
 
 use super::wrench::finite;
-use super::{GraspError, GraspQuantity, Twist, Wrench};
+use super::{GraspError, Twist, Wrench, quantity, too_large};
+use crate::Subject;
 use crate::control::linear::Symmetric3;
 use crate::math::{Real, abs, is_finite, max, real, sqrt};
+use crate::number::{self, NumberError};
 
 /// The points at which M fingers touch one object. From these points alone follow the forces that produce a wrench on
 /// the object, and the motion of the object that belongs to motions of the tips.
@@ -58,8 +60,8 @@ pub(super) fn values<T: Real>(vector: &Vector3<T>) -> [f64; 3] {
 /// Refuses vectors with a component that is infinite or NaN.
 pub(super) fn check<T: Real, const M: usize>(
     vectors: &[Vector3<T>; M],
-    quantity: GraspQuantity,
-) -> Result<(), GraspError> {
+    quantity: &'static str,
+) -> Result<(), NumberError> {
     let mut vectors = vectors.iter().enumerate();
     vectors.try_for_each(|(finger, vector)| check_list(finger, quantity, vector.as_slice()))
 }
@@ -67,17 +69,12 @@ pub(super) fn check<T: Real, const M: usize>(
 /// Refuses a finger's list with an entry that is infinite or NaN.
 pub(super) fn check_list<T: Real>(
     finger: usize,
-    quantity: GraspQuantity,
+    quantity: &'static str,
     list: &[T],
-) -> Result<(), GraspError> {
-    match list.iter().find(|&&entry| !is_finite(entry)) {
-        Some(value) => Err(GraspError::NotFinite {
-            finger,
-            quantity,
-            value: value.to_f64(),
-        }),
-        None => Ok(()),
-    }
+) -> Result<(), NumberError> {
+    list.iter()
+        .try_for_each(|&entry| number::finite(quantity, entry))
+        .map_err(|error| error.at(Subject::Finger(finger as u16)))
 }
 
 #[inline(always)]
@@ -99,7 +96,7 @@ impl<T: Real, const M: usize> Contacts<T, M> {
     /// frame of the palm.
     ///
     /// # Errors
-    /// [`NotFinite`](GraspError::NotFinite) if a number is not finite,
+    /// [`Number`](GraspError::Number) if a number is not finite,
     /// [`Coincident`](GraspError::Coincident) if all contacts are one point, and for three or more
     /// [`NearCollinear`](GraspError::NearCollinear) if they lie on a line.
     #[inline(always)]
@@ -178,9 +175,9 @@ impl<T: Real, const M: usize> Contacts<T, M> {
     /// moment that is missing.
     ///
     /// # Errors
-    /// [`WrenchNotFinite`](GraspError::WrenchNotFinite) if the wrench is not finite; for one
-    /// contact [`MomentAtOneContact`](GraspError::MomentAtOneContact) unless the wrench is a force
-    /// through it; [`TooLarge`](GraspError::TooLarge) if the result exceeds the range of the type.
+    /// [`Number`](GraspError::Number) if the wrench is not finite, or if the result exceeds the range of
+    /// the type; for one contact [`MomentAtOneContact`](GraspError::MomentAtOneContact) unless the wrench is a
+    /// force through it.
     #[inline(always)]
     pub fn forces(
         &self,
@@ -237,9 +234,8 @@ impl<T: Real, const M: usize> Contacts<T, M> {
     /// `o = J⁻¹ Σ r_i × d_i` with the same J.
     ///
     /// # Errors
-    /// [`NotFinite`](GraspError::NotFinite) if a motion is not finite,
-    /// [`WrenchNotFinite`](GraspError::WrenchNotFinite) if the point is not finite,
-    /// [`TooLarge`](GraspError::TooLarge) if the result exceeds the range of the type.
+    /// [`Number`](GraspError::Number) if a motion or the point is not finite, or if the result exceeds
+    /// the range of the type.
     #[inline]
     pub fn object_motion(
         &self,
@@ -256,26 +252,30 @@ impl<T: Real, const M: usize> Contacts<T, M> {
         if twist.is_finite() {
             return Ok(twist);
         }
-        check(tips, GraspQuantity::TipMotion)?;
-        let quantity = GraspQuantity::TipMotion;
-        if finite(about) {
-            return Err(GraspError::TooLarge { quantity });
-        }
-        Err(not_finite(&Wrench::zero(), about))
+        check(tips, quantity::TIP_MOTION)?;
+        check_about(about)?;
+        Err(too_large(quantity::TIP_MOTION))
     }
 }
 
 #[cold]
 fn not_finite<T: Real>(wrench: &Wrench<T>, about: &Vector3<T>) -> GraspError {
-    if wrench.is_finite() && finite(about) {
-        let quantity = GraspQuantity::Force;
-        return GraspError::TooLarge { quantity };
-    }
-    GraspError::WrenchNotFinite {
-        force: values(&wrench.force),
-        moment: values(&wrench.moment),
-        about: values(about),
-    }
+    let checked = check_wrench(wrench).and_then(|()| check_about(about));
+    checked.map_or_else(GraspError::from, |()| too_large(quantity::FORCE))
+}
+
+/// Refuses a wrench with a part that is infinite or NaN.
+pub(super) fn check_wrench<T: Real>(wrench: &Wrench<T>) -> Result<(), NumberError> {
+    let mut force = wrench.force.iter();
+    let mut moment = wrench.moment.iter();
+    force.try_for_each(|&part| number::finite("a part of the force, N,", part))?;
+    moment.try_for_each(|&part| number::finite("a part of the moment, N m,", part))
+}
+
+/// Refuses a point of a wrench or a motion with a coordinate that is infinite or NaN.
+pub(super) fn check_about<T: Real>(about: &Vector3<T>) -> Result<(), NumberError> {
+    let mut about = about.iter();
+    about.try_for_each(|&x| number::finite("a coordinate of the point that it is about, m,", x))
 }
 
 /// Returns the reason why there is no inverse. It computes the inertia again, so that where there is an
@@ -286,8 +286,8 @@ fn explain<T: Real, const M: usize>(points: &[Vector3<T>; M]) -> GraspError {
         let (contacts, least) = (M, 1);
         return GraspError::TooFewContacts { contacts, least };
     }
-    if let Err(error) = check(points, GraspQuantity::Tip) {
-        return error;
+    if let Err(error) = check(points, quantity::TIP) {
+        return error.into();
     }
     let centroid = sum(points) * share::<T, M>();
     let mut inertia = Symmetric3::zero();
@@ -298,8 +298,7 @@ fn explain<T: Real, const M: usize>(points: &[Vector3<T>; M]) -> GraspError {
     let third = trace * real(1.0 / 3.0);
     let cube = third * third * third;
     if !is_finite(cube) || !is_finite(centroid.norm_squared()) {
-        let quantity = GraspQuantity::Tip;
-        return GraspError::TooLarge { quantity };
+        return too_large(quantity::TIP);
     }
     let spread = least_spread::<T>() * centroid.norm_squared();
     let (_, determinant) = inertia.adjugate();

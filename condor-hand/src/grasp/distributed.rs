@@ -28,7 +28,7 @@ mod settings;
 pub use law::{DistributedGrasp, FingerControllers, GraspInputs};
 pub use order::GraspOrder;
 pub use report::{GraspReason, GraspReport, GraspState};
-pub use settings::{GraspAxes, GraspImageError, GraspSettings, MeasuredBall};
+pub use settings::{GraspAxes, GraspSettings, MeasuredBall};
 
 /// The least number of fingers that a grasp needs. Fewer than three fingertips cannot resist all
 /// rotations of an object.

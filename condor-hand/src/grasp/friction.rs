@@ -1,7 +1,7 @@
 use nalgebra::Vector3;
 
 use super::contacts::check;
-use super::{GraspError, GraspQuantity, Normals};
+use super::{GraspError, Normals, quantity, too_large};
 use crate::math::{Real, abs, is_finite, max, min, real, sqrt};
 use crate::number::{finite, positive};
 
@@ -46,14 +46,14 @@ impl<T: Real> ContactFriction<T> {
     /// slips, or if the finger pulls on the surface. `forces` are those of the fingers on the object, N.
     ///
     /// # Errors
-    /// [`NotFinite`](GraspError::NotFinite) if an input is not finite,
-    /// [`TooLarge`](GraspError::TooLarge) if a result exceeds the range of the type.
+    /// [`Number`](GraspError::Number) if an input is not finite, or if a result exceeds the range of
+    /// the type.
     pub fn margins<const M: usize>(
         &self,
         normals: &Normals<T, M>,
         forces: &[Vector3<T>; M],
     ) -> Result<[T; M], GraspError> {
-        check(forces, GraspQuantity::Force)?;
+        check(forces, quantity::FORCE)?;
         let mut margins = [T::zero(); M];
         for (margin, (force, normal)) in margins.iter_mut().zip(forces.iter().zip(normals.inward()))
         {
@@ -61,8 +61,7 @@ impl<T: Real> ContactFriction<T> {
             let across = force - normal * along;
             *margin = self.sliding * along - sqrt(across.norm_squared());
             if !is_finite(*margin) {
-                let quantity = GraspQuantity::Force;
-                return Err(GraspError::TooLarge { quantity });
+                return Err(too_large(quantity::FORCE));
             }
         }
         Ok(margins)
@@ -81,16 +80,16 @@ impl<T: Real> ContactFriction<T> {
     ///
     /// # Errors
     /// [`NoSqueeze`](GraspError::NoSqueeze) if there is no such factor;
-    /// [`NotFinite`](GraspError::NotFinite) if an input is not finite,
-    /// [`TooLarge`](GraspError::TooLarge) if a result exceeds the range of the type.
+    /// [`Number`](GraspError::Number) if an input is not finite, or if a result exceeds the range of
+    /// the type.
     pub fn squeeze_range<const M: usize>(
         &self,
         normals: &Normals<T, M>,
         forces: &[Vector3<T>; M],
         directions: &[Vector3<T>; M],
     ) -> Result<SqueezeRange<T>, GraspError> {
-        check(forces, GraspQuantity::Force)?;
-        check(directions, GraspQuantity::SqueezeDirection)?;
+        check(forces, quantity::FORCE)?;
+        check(directions, quantity::SQUEEZE_DIRECTION)?;
         // In units of the greatest load and direction, no square overflows or vanishes.
         let mut load = T::zero();
         let mut reach = T::zero();
@@ -102,8 +101,7 @@ impl<T: Real> ContactFriction<T> {
         let (load, reach) = (nonzero(load), nonzero(reach));
         let unit = load / reach;
         if !(unit > T::zero() && is_finite(unit) && is_finite(load)) {
-            let quantity = GraspQuantity::Force;
-            return Err(GraspError::TooLarge { quantity });
+            return Err(too_large(quantity::FORCE));
         }
 
         let mut range = Interval {
@@ -135,8 +133,7 @@ impl<T: Real> ContactFriction<T> {
         }
         let least = range.low * unit;
         if !is_finite(least) {
-            let quantity = GraspQuantity::Force;
-            return Err(GraspError::TooLarge { quantity });
+            return Err(too_large(quantity::FORCE));
         }
         let greatest = range.high.map(|high| high * unit);
         // A value beyond the range of numbers is not a bound.

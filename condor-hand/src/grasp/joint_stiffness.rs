@@ -1,7 +1,7 @@
 use nalgebra::{SMatrix, Vector3};
 
 use super::contacts::check_list;
-use super::{Contacts, GraspError, GraspQuantity, SpatialGain};
+use super::{Contacts, GraspError, SpatialGain, quantity};
 use crate::Real;
 use crate::kinematics::Jacobian;
 
@@ -13,16 +13,15 @@ impl<T: Real, const M: usize> Contacts<T, M> {
     /// A matrix has six rows (m/rad, rad/rad) and a column for each joint: `(G⁺)ᵀ J`.
     ///
     /// # Errors
-    /// [`NotFinite`](GraspError::NotFinite) if a number is not finite,
-    /// [`WrenchNotFinite`](GraspError::WrenchNotFinite) if the point is not finite,
-    /// [`TooLarge`](GraspError::TooLarge) if the result exceeds the range of the type.
+    /// [`Number`](GraspError::Number) if a number or the point is not finite, or if the result exceeds
+    /// the range of the type.
     pub fn object_jacobians<const N: usize>(
         &self,
         jacobians: &[Jacobian<T, N>; M],
         about: &Vector3<T>,
     ) -> Result<[Jacobian<T, N>; M], GraspError> {
         for (finger, jacobian) in jacobians.iter().enumerate() {
-            check_list(finger, GraspQuantity::Jacobian, jacobian.as_slice())?;
+            check_list(finger, quantity::JACOBIAN, jacobian.as_slice())?;
         }
         let mut motions = [Jacobian::<T, N>::zeros(); M];
         for (finger, (motion, jacobian)) in motions.iter_mut().zip(jacobians).enumerate() {

@@ -2,7 +2,7 @@ use nalgebra::{SVector, Vector3};
 
 use super::contacts::{check, check_list};
 use super::limits::fit;
-use super::{Contacts, GraspError, GraspQuantity, GraspTuning, TorqueExcess, Twist, Wrench};
+use super::{Contacts, GraspError, GraspTuning, TorqueExcess, Twist, Wrench, quantity, too_large};
 use crate::kinematics::{Jacobian, Kinematics};
 use crate::math::{Real, is_finite, real, sqrt};
 
@@ -59,15 +59,15 @@ impl<T: Real, const N: usize> FingerState<T, N> {
     fn check(&self, finger: usize) -> Result<(), GraspError> {
         let none = SVector::zeros();
         let lists = [
-            (GraspQuantity::Jacobian, self.jacobian.as_slice()),
-            (GraspQuantity::TipMotion, self.velocity.as_slice()),
-            (GraspQuantity::GravityTorque, self.gravity_torque.as_slice()),
+            (quantity::JACOBIAN, self.jacobian.as_slice()),
+            (quantity::TIP_MOTION, self.velocity.as_slice()),
+            (quantity::GRAVITY_TORQUE, self.gravity_torque.as_slice()),
             (
-                GraspQuantity::SelfMotion,
+                quantity::SELF_MOTION,
                 self.self_motion.as_ref().unwrap_or(&none).as_slice(),
             ),
-            (GraspQuantity::JointPosition, self.q.as_slice()),
-            (GraspQuantity::JointRate, self.qd.as_slice()),
+            (quantity::JOINT_POSITION, self.q.as_slice()),
+            (quantity::JOINT_RATE, self.qd.as_slice()),
         ];
         for (quantity, list) in lists {
             check_list(finger, quantity, list)?;
@@ -192,7 +192,7 @@ impl<T: Real, const M: usize, const N: usize> GraspStiffness<T, M, N> {
     /// An error of [`Contacts::new`] if the tips are not finite, are one point or lie on a line;
     /// the former positions stay desired then.
     pub fn set_desired(&mut self, tips: &[Vector3<T>; M]) -> Result<(), GraspError> {
-        check(tips, GraspQuantity::DesiredTip)?;
+        check(tips, quantity::DESIRED_TIP)?;
         Contacts::new(*tips)?;
         self.desired = *tips;
         Ok(())
@@ -206,8 +206,7 @@ impl<T: Real, const M: usize, const N: usize> GraspStiffness<T, M, N> {
     /// joint.
     ///
     /// # Errors
-    /// [`NotFinite`](GraspError::NotFinite) and [`TooLarge`](GraspError::TooLarge) for wrong
-    /// numbers; [`NearCollinear`](GraspError::NearCollinear) or
+    /// [`Number`](GraspError::Number) for wrong numbers; [`NearCollinear`](GraspError::NearCollinear) or
     /// [`NoRotation`](GraspError::NoRotation) if the tips have come to lie on a line or determine
     /// no rotation. There are no torques then.
     pub fn update(
@@ -252,8 +251,7 @@ impl<T: Real, const M: usize, const N: usize> GraspStiffness<T, M, N> {
         for (torque, squeezing) in torques.iter_mut().zip(&squeezing) {
             *torque += squeezing * fit.share;
             if torque.iter().any(|&torque| !is_finite(torque)) {
-                let quantity = GraspQuantity::Torque;
-                return Err(GraspError::TooLarge { quantity });
+                return Err(too_large(quantity::TORQUE));
             }
         }
         let normals = tuning.normals(&contacts, &deviation)?;

@@ -1,7 +1,8 @@
 use nalgebra::SVector;
 
-use super::GraspError;
+use crate::Subject;
 use crate::math::{Real, abs, max};
+use crate::number::{NumberError, Requirement};
 
 /// The torques that the joints of one finger can exert, from `low` to `high`, N m.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -60,16 +61,35 @@ impl<T: Real, const N: usize> TorqueLimits<T, N> {
 
 pub(super) fn check_limits<T: Real, const M: usize, const N: usize>(
     limits: &[TorqueLimits<T, N>; M],
-) -> Result<(), GraspError> {
+) -> Result<(), NumberError> {
     for (finger, limits) in limits.iter().enumerate() {
         for (joint, (&low, &high)) in limits.low.iter().zip(limits.high.iter()).enumerate() {
-            if !(low <= T::zero() && high >= T::zero()) {
-                return Err(GraspError::TorqueLimits {
-                    finger,
-                    joint,
-                    low: low.to_f64(),
-                    high: high.to_f64(),
-                });
+            // An infinite limit is none.
+            for (limit, what, must, holds) in [
+                (
+                    low,
+                    "the lower limit of the torque, N m,",
+                    Requirement::AtMost(0.0),
+                    low <= T::zero(),
+                ),
+                (
+                    high,
+                    "the upper limit of the torque, N m,",
+                    Requirement::AtLeast(0.0),
+                    high >= T::zero(),
+                ),
+            ] {
+                if !holds {
+                    return Err(NumberError {
+                        at: Subject::FingerJoint {
+                            finger: finger as u16,
+                            joint: joint as u16,
+                        },
+                        what,
+                        value: limit.to_f64(),
+                        must,
+                    });
+                }
             }
         }
     }

@@ -3,6 +3,7 @@ use nalgebra::Vector3;
 use super::wrench::finite;
 use super::{Contacts, GraspError};
 use crate::math::{Real, is_finite, sqrt};
+use crate::{NumberError, Requirement, Subject};
 
 /// The unit normals of an object's surface at M contacts, which point into the object.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -15,7 +16,7 @@ impl<T: Real, const M: usize> Normals<T, M> {
     /// length above zero.
     ///
     /// # Errors
-    /// [`Normal`](GraspError::Normal) for a direction whose length is zero or not finite.
+    /// [`Number`](GraspError::Number) for a direction whose length is zero or not finite.
     pub fn new(directions: [Vector3<T>; M]) -> Result<Self, GraspError> {
         let mut inward = directions;
         for (contact, normal) in inward.iter_mut().enumerate() {
@@ -26,8 +27,13 @@ impl<T: Real, const M: usize> Normals<T, M> {
             if !(finite(normal) && finite(&scaled) && length > T::zero()) {
                 let sum = normal.x + normal.y + normal.z;
                 let length = if is_finite(sum) { greatest } else { sum };
-                let length = length.to_f64();
-                return Err(GraspError::Normal { contact, length });
+                return Err(NumberError {
+                    at: Subject::Contact(contact as u16),
+                    what: "the length of the normal",
+                    value: length.to_f64(),
+                    must: Requirement::Above(0.0),
+                }
+                .into());
             }
             *normal = scaled / length;
         }
@@ -38,7 +44,7 @@ impl<T: Real, const M: usize> Normals<T, M> {
     /// (m).
     ///
     /// # Errors
-    /// [`Normal`](GraspError::Normal) for a contact at the centre.
+    /// [`Number`](GraspError::Number) for a contact at the centre.
     pub fn of_ball(contacts: &Contacts<T, M>, center: &Vector3<T>) -> Result<Self, GraspError> {
         Self::new(contacts.points().map(|point| center - point))
     }

@@ -1,9 +1,8 @@
 use nalgebra::Vector3;
 
-use super::contacts::{check, share, sum, values};
+use super::contacts::{check, check_about, share, sum};
 use super::quaternion::Rotation;
-use super::wrench::finite;
-use super::{Contacts, GraspError, GraspQuantity, Twist};
+use super::{Contacts, GraspError, Twist, quantity, too_large};
 use crate::math::{Real, abs, is_finite, real, sqrt};
 
 /// Newton's steps to the greatest eigenvalue: two or three for a rigid object, more only where two
@@ -28,9 +27,8 @@ impl<T: Real, const M: usize> Contacts<T, M> {
     /// # Errors
     /// [`TooFewContacts`](GraspError::TooFewContacts) below three;
     /// [`NoRotation`](GraspError::NoRotation) if the desired points lie on a line or are otherwise no
-    /// image of the contacts; [`NotFinite`](GraspError::NotFinite),
-    /// [`WrenchNotFinite`](GraspError::WrenchNotFinite) for the point, and
-    /// [`TooLarge`](GraspError::TooLarge).
+    /// image of the contacts; [`Number`](GraspError::Number) if a point is not finite, or if the
+    /// result exceeds the range of the type.
     pub fn rigid_motion(
         &self,
         desired: &[Vector3<T>; M],
@@ -40,14 +38,8 @@ impl<T: Real, const M: usize> Contacts<T, M> {
             let (contacts, least) = (M, 3);
             return Err(GraspError::TooFewContacts { contacts, least });
         }
-        check(desired, GraspQuantity::DesiredTip)?;
-        if !finite(about) {
-            return Err(GraspError::WrenchNotFinite {
-                force: [0.0; 3],
-                moment: [0.0; 3],
-                about: values(about),
-            });
-        }
+        check(desired, quantity::DESIRED_TIP)?;
+        check_about(about)?;
         let center = sum(desired) * share::<T, M>();
         let images = desired.map(|point| point - center);
         let mut rotation = self.fit(&images)?;
@@ -72,8 +64,7 @@ impl<T: Real, const M: usize> Contacts<T, M> {
         if twist.is_finite() {
             return Ok(twist);
         }
-        let quantity = GraspQuantity::DesiredTip;
-        Err(GraspError::TooLarge { quantity })
+        Err(too_large(quantity::DESIRED_TIP))
     }
 
     /// The rotation that takes the arms to the images best.
@@ -87,8 +78,7 @@ impl<T: Real, const M: usize> Contacts<T, M> {
         size *= real(0.5);
         let unit = T::one() / size;
         if !(unit > T::zero() && is_finite(unit)) {
-            let quantity = GraspQuantity::DesiredTip;
-            return Err(GraspError::TooLarge { quantity });
+            return Err(too_large(quantity::DESIRED_TIP));
         }
         let [mut x, mut y, mut z] = [Vector3::zeros(); 3];
         for (arm, image) in self.arms().iter().zip(images) {

@@ -1,6 +1,6 @@
 use nalgebra::Vector3;
 
-use super::{Contacts, GraspError, GraspQuantity};
+use super::{Contacts, GraspError, quantity, too_large};
 use crate::math::{Real, is_finite, max, real, sqrt};
 
 /// Internal forces of a grasp: each pair of fingers presses on the object from both ends of the line between the two
@@ -88,7 +88,7 @@ impl<T: Real, const M: usize> Contacts<T, M> {
     ///
     /// # Errors
     /// [`Coincident`](GraspError::Coincident) for contacts at one point with a squeeze between them;
-    /// [`TooLarge`](GraspError::TooLarge).
+    /// [`Number`](GraspError::Number) if a result exceeds the range of the type.
     pub fn internal_forces(&self, squeeze: &Squeeze<T, M>) -> Result<[Vector3<T>; M], GraspError> {
         let mut forces = [Vector3::zeros(); M];
         for (first, row) in squeeze.edges.iter().enumerate() {
@@ -119,9 +119,8 @@ impl<T: Real, const M: usize> Contacts<T, M> {
                 *other -= push;
             }
         }
-        if super::contacts::check(&forces, GraspQuantity::Force).is_err() {
-            let quantity = GraspQuantity::Force;
-            return Err(GraspError::TooLarge { quantity });
+        if super::contacts::check(&forces, quantity::FORCE).is_err() {
+            return Err(too_large(quantity::FORCE));
         }
         Ok(forces)
     }

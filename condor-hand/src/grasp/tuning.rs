@@ -1,8 +1,7 @@
 use nalgebra::Vector3;
 
-use super::contacts::values;
+use super::contacts::{check_about, check_wrench};
 use super::limits::check_limits;
-use super::wrench::finite;
 use super::{
     ContactFriction, Contacts, GraspError, Normals, SpatialGain, Squeeze, TorqueLimits, Twist,
     Wrench,
@@ -57,13 +56,8 @@ pub struct GraspTuning<T: Real, const M: usize, const N: usize> {
 impl<T: Real, const M: usize, const N: usize> GraspTuning<T, M, N> {
     /// Refuses what the types of the fields let pass.
     pub(super) fn check(&self) -> Result<(), GraspError> {
-        if !(self.feed_forward.is_finite() && finite(&self.center)) {
-            return Err(GraspError::WrenchNotFinite {
-                force: values(&self.feed_forward.force),
-                moment: values(&self.feed_forward.moment),
-                about: values(&self.center),
-            });
-        }
+        check_wrench(&self.feed_forward)?;
+        check_about(&self.center)?;
         if let TuningSurface::Ball(center) = &self.surface {
             for &coordinate in center {
                 number::finite("a coordinate of the centre of the ball, m,", coordinate)?;
@@ -77,7 +71,7 @@ impl<T: Real, const M: usize, const N: usize> GraspTuning<T, M, N> {
             "the damping of the posture, N m s/rad,",
             self.posture.damping,
         )?;
-        check_limits(&self.limits)
+        Ok(check_limits(&self.limits)?)
     }
 
     /// The normals at the contacts of an object that is this far from where it is desired.

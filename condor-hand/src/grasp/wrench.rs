@@ -37,10 +37,6 @@ impl<T: Real> Wrench<T> {
         self.force += force;
         self.moment += lever.cross(force);
     }
-
-    pub(crate) fn is_finite(&self) -> bool {
-        finite(&self.force) && finite(&self.moment)
-    }
 }
 
 impl<T: Real> Twist<T> {

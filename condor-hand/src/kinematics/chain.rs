@@ -1,8 +1,8 @@
 use nalgebra::{Matrix3, Vector3};
 
-use super::check::{self, MechanismError, Part};
-use crate::number;
-use crate::{Pose, Real};
+use super::check;
+use crate::number::{NumberError, not_negative};
+use crate::{Pose, Real, Subject};
 
 /// The motion by which a joint moves its link relative to the link before it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -51,7 +51,7 @@ pub struct ChainBody<T: Real = f64> {
 /// let bodies = [ChainBody::massless(); 2];
 /// let arm = Chain::new(Pose::identity(), [hinge(0.0), hinge(0.3)], bodies, Vector3::x() * 0.2)?;
 /// assert_eq!(arm.tip(&[0.0, 0.0].into()).position.x, 0.5);
-/// # Ok::<_, condor_hand::kinematics::MechanismError>(())
+/// # Ok::<_, condor_hand::NumberError>(())
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Chain<T: Real, const N: usize> {
@@ -70,7 +70,7 @@ impl<T: Real, const N: usize> Chain<T, N> {
     /// * `tip`: the position of the tip in the frame of the last link, m.
     ///
     /// # Errors
-    /// [`MechanismError`] for the first part that cannot be: an axis that is not a unit vector, a
+    /// [`NumberError`] for the first part that cannot be: an axis that is not a unit vector, a
     /// rotation that is not orthonormal and right-handed, a negative mass, an inertia that no body
     /// has, or a number that is not finite. Entries may be off by 10⁻⁹, those of `f32` by 10⁻⁶.
     pub fn new(
@@ -78,10 +78,10 @@ impl<T: Real, const N: usize> Chain<T, N> {
         joints: [ChainJoint<T>; N],
         bodies: [ChainBody<T>; N],
         tip: Vector3<T>,
-    ) -> Result<Self, MechanismError> {
-        check::pose(Part::Base, &base)?;
+    ) -> Result<Self, NumberError> {
+        check::pose(Subject::Base, &base)?;
         for (number, joint) in joints.iter().enumerate() {
-            check::pose(Part::Placement(number), &joint.placement)?;
+            check::pose(Subject::Placement(number as u16), &joint.placement)?;
             if let ChainMotion::Revolute(axis) | ChainMotion::Prismatic(axis) = &joint.motion {
                 check::axis(number, axis)?;
             }
@@ -89,7 +89,7 @@ impl<T: Real, const N: usize> Chain<T, N> {
         for (link, body) in bodies.iter().enumerate() {
             body.check(link)?;
         }
-        check::position(Part::Tip, &tip)?;
+        check::position(Subject::Tip, &tip)?;
         Ok(Self {
             base,
             joints,
@@ -151,9 +151,9 @@ impl<T: Real> ChainBody<T> {
     }
 
     /// Checks that link `link` can be this body.
-    pub(super) fn check(&self, link: usize) -> Result<(), MechanismError> {
-        let part = Part::Link(link);
-        part.of(number::not_negative("the mass, kg,", self.mass))?;
+    pub(super) fn check(&self, link: usize) -> Result<(), NumberError> {
+        let part = Subject::Link(link as u16);
+        not_negative("the mass, kg,", self.mass).map_err(|error| error.at(part))?;
         check::position(part, &self.center)?;
         check::inertia(link, &self.inertia)
     }

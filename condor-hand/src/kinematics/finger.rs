@@ -1,10 +1,10 @@
 use nalgebra::{Matrix3, SVector, Vector3, Vector6};
 
-use super::check::{self, MechanismError, Part};
+use super::check;
 use super::{Chain, ChainBody, ChainJoint, ChainMotion, Jacobian, Kinematics};
-use crate::Pose;
 use crate::math::{Real, is_finite, of_sum, sin_cos, sqrt};
-use crate::number::not_negative;
+use crate::number::{NumberError, not_negative};
+use crate::{Pose, Subject};
 
 /// The model of a finger of four joints, with equations in closed form, which are faster than a [`Chain`]. The first
 /// joint turns the finger about the z axis of its base; the others bend it in one plane, about parallel axes.
@@ -84,17 +84,14 @@ impl<T: Real> PlanarFinger<T> {
     /// * `bodies`: the bodies of the links, proximal first.
     ///
     /// # Errors
-    /// [`MechanismError`] for the first part that cannot be: a rotation that is not orthonormal and
+    /// [`NumberError`] for the first part that cannot be: a rotation that is not orthonormal and
     /// right-handed, a negative length or mass, an inertia that no body has, or a number that is not
     /// finite.
-    pub fn new(
-        base: Pose<T>,
-        lengths: [T; 4],
-        bodies: [Rod<T>; 4],
-    ) -> Result<Self, MechanismError> {
-        check::pose(Part::Base, &base)?;
+    pub fn new(base: Pose<T>, lengths: [T; 4], bodies: [Rod<T>; 4]) -> Result<Self, NumberError> {
+        check::pose(Subject::Base, &base)?;
         for (link, &length) in lengths.iter().enumerate() {
-            Part::Link(link).of(not_negative("the length, m,", length))?;
+            not_negative("the length, m,", length)
+                .map_err(|error| error.at(Subject::Link(link as u16)))?;
         }
         for (link, rod) in bodies.iter().enumerate() {
             rod.body().check(link)?;

@@ -15,7 +15,9 @@ use thiserror::Error;
 
 use super::limits::Tightest;
 use super::{JointLimits, PlanarFinger};
-use crate::math::{Real, is_finite, min};
+use crate::decimal::Decimal;
+use crate::math::{Real, min};
+use crate::number::{NumberError, finite};
 
 /// A list of the postures of a planar finger that bring its tip to one point: joint angles in rad,
 /// in -π..=π. The limits of the joints are not regarded.
@@ -39,38 +41,23 @@ pub enum Redundancy<T: Real = f64> {
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum InverseError {
-    /// The target, the pitch or the present posture is not finite.
-    #[error("{what} is {value}, which is not finite")]
-    NotFinite {
-        /// The name of the argument.
-        what: &'static str,
-        /// The value of the argument.
-        value: f64,
-    },
-    /// The links are too short or too long to compute with.
-    #[error(
-        "the links are {lengths:?} m long; inverse kinematics takes the first and the last from 0, \
-         and the others from 1e-9, to 1e9 m"
-    )]
-    Lengths {
-        /// The distances from each axis to the next, and from the last to the tip, m.
-        lengths: [f64; 4],
-    },
-    /// The coupling is outside of (0, 2].
-    #[error("the coupling of the last joint is {ratio}; it must be above 0 and at most 2")]
-    Ratio {
-        /// The coupling κ of `q3 = κ q2`.
-        ratio: f64,
-    },
+    /// A number of the question is not possible: one that is not finite, a coupling outside of (0, 2], or a link that
+    /// is too short or too long to compute with.
+    #[error(transparent)]
+    Number(#[from] NumberError),
     /// No posture brings the tip there.
-    #[error("the target is out of reach by {by} m")]
+    #[error("the target is out of reach by {} m", Decimal(*.by))]
     Unreachable {
         /// The least distance by which the tip (with a given pitch, the axis of the last joint)
         /// misses its place, along a line through the second axis, m.
         by: f64,
     },
     /// Every posture that brings the tip there violates the limits of a joint.
-    #[error("joint {joint} would have to be at {angle}, outside its limits by {by}")]
+    #[error(
+        "joint {joint} would have to be at {}, outside its limits by {} (rad, or m if it slides)",
+        Decimal(*.angle),
+        Decimal(*.by),
+    )]
     OutsideLimits {
         /// The joint that is farthest outside, in the posture that is least outside; from 0.
         joint: usize,
@@ -156,12 +143,6 @@ fn unreachable<T: Real>(by: T) -> InverseError {
 pub(super) fn check_finite<'a, T: Real>(
     what: &'static str,
     numbers: impl IntoIterator<Item = &'a T>,
-) -> Result<(), InverseError> {
-    match numbers.into_iter().find(|&&number| !is_finite(number)) {
-        Some(number) => {
-            let value = number.to_f64();
-            Err(InverseError::NotFinite { what, value })
-        }
-        None => Ok(()),
-    }
+) -> Result<(), NumberError> {
+    numbers.into_iter().try_for_each(|&x| finite(what, x))
 }

@@ -1,30 +1,14 @@
 use nalgebra::SVector;
-use thiserror::Error;
 
-use crate::decimal::Decimal;
+use crate::Subject;
 use crate::math::{Real, clamp, is_finite, max, min, real, wrap};
+use crate::number::{NumberError, Requirement, check, finite};
 
 /// The lower and upper limits of the positions of N joints: rad, or m for a prismatic joint.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct JointLimits<T: Real, const N: usize> {
     lower: SVector<T, N>,
     upper: SVector<T, N>,
-}
-
-/// The reason why limits are refused: a joint cannot be between them.
-#[derive(Clone, Copy, Debug, PartialEq, Error)]
-#[error(
-    "joint {joint} has the limits {lower} and {upper}; the lower must be finite and below the upper",
-    lower = Decimal(*.lower),
-    upper = Decimal(*.upper),
-)]
-pub struct JointLimitsError {
-    /// The joint, from 0.
-    pub joint: usize,
-    /// Its lower limit, rad or m.
-    pub lower: f64,
-    /// Its upper limit, rad or m.
-    pub upper: f64,
 }
 
 /// The joint that is farthest outside its limits, or nearest to them.
@@ -41,17 +25,14 @@ impl<T: Real, const N: usize> JointLimits<T, N> {
     /// joint).
     ///
     /// # Errors
-    /// [`JointLimitsError`] for the first joint whose lower limit is not below its upper one, or
-    /// whose limits are not finite.
-    pub fn new(lower: SVector<T, N>, upper: SVector<T, N>) -> Result<Self, JointLimitsError> {
+    /// [`NumberError`] for the first joint whose lower limit is not below its upper one, or whose limits are not
+    /// finite.
+    pub fn new(lower: SVector<T, N>, upper: SVector<T, N>) -> Result<Self, NumberError> {
         for (joint, (&low, &high)) in lower.iter().zip(upper.iter()).enumerate() {
-            if !(low < high && is_finite(low) && is_finite(high)) {
-                return Err(JointLimitsError {
-                    joint,
-                    lower: low.to_f64(),
-                    upper: high.to_f64(),
-                });
-            }
+            let above = Requirement::Above(low.to_f64());
+            finite("the lower limit, rad or m,", low)
+                .and_then(|()| check("the upper limit, rad or m,", high, above))
+                .map_err(|error| error.at(Subject::Joint(joint as u16)))?;
         }
         Ok(Self { lower, upper })
     }

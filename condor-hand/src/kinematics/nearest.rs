@@ -2,7 +2,8 @@
 
 use nalgebra::{SMatrix, SVector, Vector3};
 
-use super::{Chain, InverseError, Jacobian, JointLimits, Kinematics};
+use super::{Chain, Jacobian, JointLimits, Kinematics};
+use crate::NumberError;
 use crate::control::linear::Ldl;
 use crate::math::{Real, is_finite, max, min, real};
 
@@ -46,13 +47,13 @@ impl<T: Real, const N: usize> Chain<T, N> {
     /// limit holds are left out.
     ///
     /// # Errors
-    /// [`InverseError::NotFinite`] if a coordinate of the target or a position is not finite.
+    /// [`NumberError`] if a coordinate of the target or a position is not finite.
     pub fn nearest(
         &self,
         target: &Vector3<T>,
         present: &SVector<T, N>,
         limits: &JointLimits<T, N>,
-    ) -> Result<Nearest<T, N>, InverseError> {
+    ) -> Result<Nearest<T, N>, NumberError> {
         super::inverse::check_finite("a coordinate of the target", target.iter())?;
         super::inverse::check_finite("a position of the present posture", present.iter())?;
         let first = self.descend(target, limits.clamp(present), limits);

@@ -9,12 +9,11 @@ use super::layout::ServoLayout;
 use super::values::put_target;
 use super::words::{WordReader, WordWriter};
 use super::{
-    ALL_JOINTS, Part, REQUEST_WORDS, Request, Response, SERVO, ServoOperation, ServoRefusal,
+    ALL_JOINTS, ClientError, Part, REQUEST_WORDS, Request, Response, SERVO, ServoOperation,
     ServoStatus, VERSION, state,
 };
 use crate::config::ShortName;
-use crate::decimal::Decimal;
-use crate::servo::{JointTarget, ServoMode};
+use crate::servo::{JointTarget, ServoMode, ServoRefusal};
 
 /// The pause between two questions to a servo processor that has not processed an order: an order is done at
 /// the next tick of its loop.
@@ -48,61 +47,6 @@ pub struct Hello {
     pub servo_hz: u32,
 }
 
-/// The reason why a servo did not carry out, or answer, a request.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum ServoClientError {
-    /// The message could not be sent, or was not answered.
-    #[error(transparent)]
-    Exchange(#[from] ExchangeError),
-    /// The servo refused the request.
-    #[error(transparent)]
-    Refused(#[from] ServoRefusal),
-    /// A later order of another sender replaced this one, before or after it was carried out.
-    #[error("another order took the place of order {number}")]
-    Superseded {
-        /// The number of the order.
-        number: u32,
-    },
-    /// The servo loop has not processed the order in time; it may still do so.
-    #[error(
-        "the servo loop of {to} has not come to order {number} within {timeout} s",
-        timeout = Decimal(.timeout.as_secs_f64())
-    )]
-    NotDone {
-        /// The number of the servo processor.
-        to: Processor,
-        /// The number of the order.
-        number: u32,
-        /// The timeout of the call.
-        timeout: Duration,
-    },
-    /// The servo's handler was busy with requests of others until the deadline.
-    #[error("{to} was busy for {timeout} s", timeout = Decimal(.timeout.as_secs_f64()))]
-    Busy {
-        /// The number of the servo processor.
-        to: Processor,
-        /// The timeout of the call.
-        timeout: Duration,
-    },
-    /// The servo processor has another version of the protocol.
-    #[error("{to} speaks version {found} of the protocol, not {VERSION}")]
-    Version {
-        /// The number of the servo processor.
-        to: Processor,
-        /// The version of the protocol there.
-        found: u32,
-    },
-    /// No servo sends a response like this one.
-    #[error("{to} answered with the word {word:#x}")]
-    Protocol {
-        /// The number of the servo processor.
-        to: Processor,
-        /// The invalid word of the response.
-        word: u32,
-    },
-}
-
 impl<'m, M, W, const F: usize, const N: usize> ServoClient<'m, M, W, F, N>
 where
     M: Messenger + ?Sized,
@@ -134,15 +78,19 @@ where
     /// servos.
     ///
     /// # Errors
-    /// [`ServoClientError::Version`] if the protocol has another version; [`ServoClientError::Refused`] if
-    /// the processor does not serve the finger; [`ServoClientError::Exchange`], [`ServoClientError::Busy`] or
-    /// [`ServoClientError::Protocol`] if there is no valid response.
-    pub fn hello(&mut self, finger: u32, timeout: Duration) -> Result<Hello, ServoClientError> {
+    /// [`ClientError::Version`] if the protocol has another version; [`ClientError::Refused`] if
+    /// the processor does not serve the finger; [`ClientError::Exchange`], [`ClientError::TimedOut`] or
+    /// [`ClientError::Protocol`] if there is no valid response.
+    pub fn hello(&mut self, finger: u32, timeout: Duration) -> Result<Hello, ClientError> {
         let response = self.ask(&request(ServoOperation::Hello, finger, 0, 0), timeout)?;
         let mut taken = self.check(&response)?;
         let found = taken.word();
         if found != VERSION {
-            return Err(ServoClientError::Version { to: self.to, found });
+            return Err(ClientError::Version {
+                to: self.to,
+                found,
+                wanted: VERSION,
+            });
         }
         let (served, joints, servo_hz) = (taken.word(), taken.word(), taken.word());
         Ok(Hello {
@@ -158,9 +106,9 @@ where
     /// torques or tensions become the targets, so nothing jumps.
     ///
     /// # Errors
-    /// Returns [`ServoClientError::Refused`] if the servo refuses the request; [`ServoClientError::NotDone`] if
-    /// its loop has not processed the request in time; [`ServoClientError::Superseded`] if a later one replaced
-    /// it; [`ServoClientError::Exchange`], [`ServoClientError::Busy`] or [`ServoClientError::Protocol`] if
+    /// Returns [`ClientError::Refused`] if the servo refuses the request; [`ClientError::NotDone`] if
+    /// its loop has not processed the request in time; [`ClientError::Superseded`] if a later one replaced
+    /// it; [`ClientError::Exchange`], [`ClientError::TimedOut`] or [`ClientError::Protocol`] if
     /// there is no valid response.
     pub fn enable(
         &mut self,
@@ -168,7 +116,7 @@ where
         joint: Option<u32>,
         mode: ServoMode,
         timeout: Duration,
-    ) -> Result<(), ServoClientError> {
+    ) -> Result<(), ClientError> {
         let joint = joint.unwrap_or(ALL_JOINTS);
         let request = request(ServoOperation::Mode, finger, joint, mode as u32);
         self.order(&request, Part::Drive, timeout)
@@ -184,14 +132,14 @@ where
         finger: u32,
         joint: Option<u32>,
         timeout: Duration,
-    ) -> Result<(), ServoClientError> {
+    ) -> Result<(), ClientError> {
         self.enable(finger, joint, ServoMode::Off, timeout)
     }
 
     /// Sets a constant target of a joint, and switches the joint to the mode of that target.
     ///
     /// # Errors
-    /// Returns [`ServoClientError::Refused`] if the joint cannot have the target, and otherwise the same
+    /// Returns [`ClientError::Refused`] if the joint cannot have the target, and otherwise the same
     /// variants as [`enable`](Self::enable) if the servo does not carry out the request.
     pub fn set_target(
         &mut self,
@@ -199,7 +147,7 @@ where
         joint: u32,
         target: &JointTarget<f64>,
         timeout: Duration,
-    ) -> Result<(), ServoClientError> {
+    ) -> Result<(), ClientError> {
         let mut request = request(ServoOperation::Target, finger, joint, 0);
         let (_, words) = request.split_at_mut(ARGUMENT);
         put_target(target, &mut WordWriter::into(words));
@@ -209,14 +157,14 @@ where
     /// Returns the state of a finger, such as its modes and its fault, as the servo loop last reported it.
     ///
     /// # Errors
-    /// [`ServoClientError::Refused`] if the processor does not serve the finger;
-    /// [`ServoClientError::Exchange`] if the message fails; [`ServoClientError::Busy`] if the handler is busy
-    /// until the deadline; [`ServoClientError::Protocol`] if the response is invalid.
+    /// [`ClientError::Refused`] if the processor does not serve the finger;
+    /// [`ClientError::Exchange`] if the message fails; [`ClientError::TimedOut`] if the handler is busy
+    /// until the deadline; [`ClientError::Protocol`] if the response is invalid.
     pub fn status(
         &mut self,
         finger: u32,
         timeout: Duration,
-    ) -> Result<ServoStatus<N>, ServoClientError> {
+    ) -> Result<ServoStatus<N>, ClientError> {
         let response = self.ask(&request(ServoOperation::Status, finger, 0, 0), timeout)?;
         self.check(&response)?;
         let words = response.get(1..17).unwrap_or(&[]);
@@ -229,7 +177,7 @@ where
     ///
     /// # Errors
     /// Returns the same variants as [`enable`](Self::enable) if the servo does not carry out the request.
-    pub fn restart(&mut self, finger: u32, timeout: Duration) -> Result<(), ServoClientError> {
+    pub fn restart(&mut self, finger: u32, timeout: Duration) -> Result<(), ClientError> {
         let request = request(ServoOperation::Restart, finger, ALL_JOINTS, 0);
         self.order(&request, Part::Restart, timeout)
     }
@@ -240,7 +188,7 @@ where
         request: &Request,
         part: Part,
         timeout: Duration,
-    ) -> Result<(), ServoClientError> {
+    ) -> Result<(), ClientError> {
         let deadline = self.messenger.now().after(timeout);
         let response = self.ask(request, timeout)?;
         let number = self.check(&response)?.word();
@@ -249,7 +197,7 @@ where
         if let Some(word) = question.get_mut(NUMBERS) {
             *word = part as u32;
         }
-        let not_done = ServoClientError::NotDone {
+        let not_done = ClientError::NotDone {
             to: self.to,
             number,
             timeout,
@@ -260,28 +208,28 @@ where
                 return Err(not_done);
             }
             match self.ask(&question, left) {
-                Err(ServoClientError::Exchange(ExchangeError::Mailbox(
-                    MailboxError::TimedOut { .. },
-                ))) => {
+                Err(ClientError::Exchange(ExchangeError::Mailbox(MailboxError::TimedOut {
+                    ..
+                }))) => {
                     return Err(not_done);
                 }
                 Err(error) => return Err(error),
                 Ok([state::PENDING, ..]) => self.pause(deadline)?,
-                Ok([state::SUPERSEDED, ..]) => return Err(ServoClientError::Superseded { number }),
+                Ok([state::SUPERSEDED, ..]) => return Err(ClientError::Superseded { number }),
                 Ok(response) => return self.check(&response).map(|_| ()),
             }
         }
     }
 
     /// One request, again while another one is being answered.
-    fn ask(&mut self, request: &Request, timeout: Duration) -> Result<Response, ServoClientError> {
+    fn ask(&mut self, request: &Request, timeout: Duration) -> Result<Response, ClientError> {
         let deadline = self.messenger.now().after(timeout);
         loop {
             let left = self.left(deadline);
             let response = self.exchange.call(self.to, SERVO, request, left)?;
             match response {
                 [state::BUSY, ..] if left.is_zero() => {
-                    return Err(ServoClientError::Busy {
+                    return Err(ClientError::TimedOut {
                         to: self.to,
                         timeout,
                     });
@@ -297,25 +245,25 @@ where
     }
 
     /// Waits a moment, for the servo processor.
-    fn pause(&self, deadline: Instant) -> Result<(), ServoClientError> {
+    fn pause(&self, deadline: Instant) -> Result<(), ClientError> {
         let pause = self.left(deadline).min(PAUSE);
         self.messenger.serve(pause).map_err(ExchangeError::from)?;
         Ok(())
     }
 
     /// Returns the words after the state in a response without a refusal.
-    fn check<'r>(&self, response: &'r Response) -> Result<WordReader<'r>, ServoClientError> {
+    fn check<'r>(&self, response: &'r Response) -> Result<WordReader<'r>, ClientError> {
         let (&[state], rest) = response.split_at(1) else {
             return Err(self.protocol(0));
         };
         match state {
             state::DONE => Ok(WordReader::from(rest)),
             other => Err(ServoRefusal::take(&mut WordReader::from(response))
-                .map_or_else(|| self.protocol(other), ServoClientError::Refused)),
+                .map_or_else(|| self.protocol(other), ClientError::Refused)),
         }
     }
 
-    fn name(&self, taken: &mut WordReader<'_>) -> Result<ShortName, ServoClientError> {
+    fn name(&self, taken: &mut WordReader<'_>) -> Result<ShortName, ClientError> {
         let mut bytes = [0; 16];
         for part in bytes.chunks_mut(4) {
             part.copy_from_slice(&taken.word().to_le_bytes());
@@ -327,8 +275,8 @@ where
             .ok_or_else(|| self.protocol(u32::from(first)))
     }
 
-    fn protocol(&self, word: u32) -> ServoClientError {
-        ServoClientError::Protocol { to: self.to, word }
+    fn protocol(&self, word: u32) -> ClientError {
+        ClientError::Protocol { to: self.to, word }
     }
 }
 

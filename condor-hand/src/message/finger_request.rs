@@ -133,7 +133,7 @@ impl<const N: usize> FingerRequest<N> {
             }
             kind::GAINS => {
                 let (joint, law) = (taken.word() as usize, taken.word());
-                let gains = take_gains(law, &mut taken).ok()?;
+                let gains = take_gains(law, &mut taken)?;
                 Self::Gains { joint, gains }
             }
             kind::FOLLOW => {

@@ -4,9 +4,9 @@ use super::layout::ServoLayout;
 use super::memory::{FingerMemory, JointMemory, Order, Outcome, kind, word};
 use super::values::{put_target, take_target};
 use super::words::{WordReader, WordWriter};
-use super::{ALL_JOINTS, Part, Request, Response, ServoOperation, ServoRefusal, VERSION, state};
+use super::{ALL_JOINTS, Part, Request, Response, ServoOperation, VERSION, state};
 use crate::config::ShortName;
-use crate::servo::ServoMode;
+use crate::servo::{ServoMode, ServoRefusal, no_joint};
 
 /// The part of a [`ServoObject`](super::ServoObject) that answers the messages of clients. It runs in the background of
 /// the servo processor.
@@ -200,10 +200,8 @@ impl<'o, W: MemoryWindow, X: Exclusion, const F: usize, const N: usize>
 impl<const N: usize> FingerMemory<N> {
     fn joint(&self, joint: u32) -> Result<&JointMemory, ServoRefusal> {
         let joints = self.all();
-        joints.get(joint as usize).ok_or(ServoRefusal::NoJoint {
-            joint,
-            joints: joints.len() as u32,
-        })
+        let joint = joint as usize;
+        joints.get(joint).ok_or(no_joint(joint, joints.len()))
     }
 
     /// The joints that the finger has.

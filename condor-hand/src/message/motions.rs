@@ -46,7 +46,7 @@ mod server;
 mod stream;
 
 pub use batch::{BATCH, Batch};
-pub use client::{MotionsClient, MotionsError, RequestProgress, SentPoints};
+pub use client::{MotionsClient, RequestProgress, SentPoints};
 pub use post::{MotionsPost, Offer};
 pub use refusal::StreamRefusal;
 pub use server::{LedgerStore, MotionsEvent, MotionsServer};

@@ -7,10 +7,10 @@ use super::memory::{FingerMemory, JointMemory, Order, Outcome, kind, word};
 use super::status::Report;
 use super::values::take_target;
 use super::words::{WordReader, WordWriter};
-use super::{FingerRequest, ServoRefusal, ServoStatus};
+use super::{FingerRequest, ServoStatus};
 use crate::controller::{FingerController, FingerTick};
 use crate::dynamics::Dynamics;
-use crate::servo::{FingerReadings, ServoMode};
+use crate::servo::{FingerReadings, ServoMode, ServoRefusal};
 
 /// The part of a [`ServoObject`](super::ServoObject) that runs in the servo loop: it carries out the requests of
 /// clients and the set-points of the master with the controllers of the fingers.
@@ -219,7 +219,7 @@ impl<'o, M: Dynamics<f64, N>, W: MemoryWindow, const N: usize> FingerLoop<'o, M,
         tell: &mut impl FnMut(&FingerRequest<N>),
     ) -> Result<(), ServoRefusal> {
         let (kind, mode) = (order.word(), order.word());
-        let outcome = if kind == kind::MODE {
+        if kind == kind::MODE {
             let mode = ServoMode::from_number(mode).ok_or(ServoRefusal::Mode { mode })?;
             tell(&FingerRequest::Mode { joint, mode });
             self.controller.set_mode(joint, mode)
@@ -227,8 +227,7 @@ impl<'o, M: Dynamics<f64, N>, W: MemoryWindow, const N: usize> FingerLoop<'o, M,
             let target = take_target(mode, order)?;
             tell(&FingerRequest::Target { joint, target });
             self.controller.set_target(joint, target)
-        };
-        outcome.map_err(|error| ServoRefusal::of_servo(joint as u32, &error))
+        }
     }
 
     /// Sets the master's next set-points in the controller.

@@ -1,9 +1,8 @@
 //! Targets, gains and set-points as words.
 
-use super::ServoRefusal;
 use super::words::{WordReader, WordWriter};
 use crate::math::is_finite;
-use crate::servo::{JointGains, JointTarget, PositionLaw, ServoMode};
+use crate::servo::{JointGains, JointTarget, PositionLaw, ServoMode, ServoRefusal};
 use crate::tendon::{Pair, TensionGains};
 use crate::trajectory::{SetPoint, StopGuard};
 
@@ -32,11 +31,8 @@ pub(super) fn put_gains(gains: &JointGains<f64>, put: &mut WordWriter<'_>) {
     }
 }
 
-/// Gains that are finite and not negative.
-pub(super) fn take_gains(
-    law: u32,
-    taken: &mut WordReader<'_>,
-) -> Result<JointGains<f64>, ServoRefusal> {
+/// Gains that are finite and not negative; `None` if there is no such law, or a number is not possible.
+pub(super) fn take_gains(law: u32, taken: &mut WordReader<'_>) -> Option<JointGains<f64>> {
     let numbers: [f64; GAINS] = taken.numbers();
     let [a, b, c, d, k_torque, numbers_of_tendons @ ..] = numbers;
     let law = match law {
@@ -50,17 +46,17 @@ pub(super) fn take_gains(
             bandwidth_hz: a,
             damping_ratio: b,
         },
-        _ => return Err(ServoRefusal::Law { law }),
+        _ => return None,
     };
     for (number, value) in (0..).zip(numbers) {
         let counts =
             !(matches!(law, PositionLaw::ComputedTorque { .. }) && matches!(number, 2 | 3));
         if counts && (!is_finite(value) || value < 0.0) {
-            return Err(ServoRefusal::Number { number, value });
+            return None;
         }
     }
     let [kt, ki, kd, kv, kt_e, ki_e, kd_e, kv_e] = numbers_of_tendons;
-    Ok(JointGains {
+    Some(JointGains {
         law,
         k_torque,
         tension: Pair {
@@ -91,25 +87,13 @@ pub(super) fn put_target(target: &JointTarget<f64>, put: &mut WordWriter<'_>) {
     put.word(target.mode() as u32).numbers(&numbers);
 }
 
-/// A target whose numbers are finite.
+/// A target; the servo checks its numbers.
 pub(super) fn take_target(
     mode: u32,
     taken: &mut WordReader<'_>,
 ) -> Result<JointTarget<f64>, ServoRefusal> {
     let mode = ServoMode::from_number(mode).ok_or(ServoRefusal::Mode { mode })?;
-    let numbers: [f64; 3] = taken.numbers();
-    let count = match mode {
-        ServoMode::Off => 0,
-        ServoMode::Torque | ServoMode::Grasp => 1,
-        ServoMode::Tension => 2,
-        ServoMode::Position | ServoMode::Impedance => 3,
-    };
-    for (number, value) in (0..).zip(numbers.into_iter().take(count)) {
-        if !is_finite(value) {
-            return Err(ServoRefusal::Number { number, value });
-        }
-    }
-    let [a, b, c] = numbers;
+    let [a, b, c] = taken.numbers();
     Ok(match mode {
         ServoMode::Off => JointTarget::Off,
         ServoMode::Tension => JointTarget::Tension(Pair {

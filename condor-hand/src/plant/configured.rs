@@ -3,13 +3,13 @@
 use nalgebra::Vector3;
 
 use super::{
-    AxisParameters, DriveKind, FingerParameters, HandParameters, JointParameters, PlantError,
-    SimDrive, SimFinger, SimStop, SimSurface, SimTable,
+    AxisParameters, DriveKind, FingerParameters, HandParameters, JointParameters, SimDrive,
+    SimFinger, SimStop, SimSurface, SimTable,
 };
-use crate::config;
 use crate::dynamics::Dynamics;
-use crate::math::abs;
-use crate::tendon::{ArmError, Pair};
+use crate::math::{abs, max};
+use crate::tendon::Pair;
+use crate::{NumberError, Requirement, Subject, config};
 
 /// The parameters of a simulated hand that its configuration does not have. The methods make the
 /// simulated parts of a configured hand.
@@ -100,11 +100,11 @@ impl PlantModel {
     /// If the finger has fewer than `N` joints, nothing moves the missing ones.
     ///
     /// # Errors
-    /// [`ArmError`] for moment arms that [`Hand::check`](config::Hand::check) would have refused.
+    /// [`NumberError`] for moment arms that [`Hand::check`](config::Hand::check) would have refused.
     pub fn finger_parameters<const N: usize>(
         &self,
         finger: &config::Finger<N>,
-    ) -> Result<FingerParameters<N>, ArmError> {
+    ) -> Result<FingerParameters<N>, NumberError> {
         Ok(FingerParameters {
             arms: finger.moment_arms()?,
             joints: core::array::from_fn(|place| {
@@ -130,13 +130,13 @@ impl PlantModel {
     /// controller.
     ///
     /// # Errors
-    /// [`PlantError`] for a number that no plant can have.
+    /// [`NumberError`] for a number that no plant can have.
     pub fn finger<M: Dynamics<f64, N>, const N: usize>(
         &self,
         finger: &config::Finger<N>,
         mechanism: M,
         q: nalgebra::SVector<f64, N>,
-    ) -> Result<SimFinger<M, N>, PlantError> {
+    ) -> Result<SimFinger<M, N>, NumberError> {
         let mut plant = SimFinger::new(mechanism, self.finger_parameters(finger)?, q)?;
         plant.reset(q, finger.least_tensions())?;
         Ok(plant)
@@ -169,9 +169,9 @@ impl PlantModel {
     /// move.
     ///
     /// # Errors
-    /// [`PlantError`] for a number that no plant can have, or for an axis that has another
+    /// [`NumberError`] for a number that no plant can have, or for an axis that has another
     /// direction or that of another axis.
-    pub fn table(&self, table: &config::TableSettings) -> Result<SimTable, PlantError> {
+    pub fn table(&self, table: &config::TableSettings) -> Result<SimTable, NumberError> {
         let mut axes = [AxisParameters {
             mass: 1.0,
             viscous: 0.0,
@@ -180,12 +180,18 @@ impl PlantModel {
             stop: self.axis_stop,
         }; 3];
         let mut taken = [false; 3];
-        for axis in &table.axes {
+        for (number, axis) in table.axes.iter().enumerate() {
             let of_palm = along(axis.direction);
             let place = of_palm.and_then(|index| axes.get_mut(index).zip(taken.get_mut(index)));
             let Some((place, taken)) = place.filter(|(_, taken)| !**taken) else {
-                let [x, y, z] = axis.direction;
-                return Err(PlantError::Direction { x, y, z });
+                let parts = axis.direction.iter().zip(taken);
+                let free = parts.filter(|(_, taken)| !taken);
+                return Err(NumberError {
+                    at: Subject::Axis(number as u16),
+                    what: "the part of its direction along an axis of the palm that no other has",
+                    value: free.fold(0.0, |most, (part, _)| max(most, abs(*part))),
+                    must: Requirement::Equal(1.0),
+                });
             };
             *taken = true;
             let (low, high) = (axis.limits.low, axis.limits.high);

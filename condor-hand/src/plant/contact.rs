@@ -1,6 +1,5 @@
 use nalgebra::Vector3;
 
-use super::PlantError;
 use crate::math::{max, sqrt};
 use crate::number::{NumberError, finite, not_negative, positive};
 
@@ -78,8 +77,8 @@ impl SimGround {
     /// side to which `normal` points; its length does not matter.
     ///
     /// # Errors
-    /// [`PlantError`] if the normal has no length, or a number is not finite.
-    pub fn new(point: Vector3<f64>, normal: Vector3<f64>) -> Result<Self, PlantError> {
+    /// [`NumberError`] if the normal has no length, or a number is not finite.
+    pub fn new(point: Vector3<f64>, normal: Vector3<f64>) -> Result<Self, NumberError> {
         for &value in point.iter().chain(normal.iter()) {
             finite("a coordinate of a plane", value)?;
         }

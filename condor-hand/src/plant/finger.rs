@@ -1,12 +1,11 @@
 use nalgebra::{SVector, Vector3};
 
-use super::PlantError;
+use super::check::all_finite;
 use super::drive::{DriveState, SimDrive};
-use super::error::all_finite;
 use super::joint::JointParameters;
 use crate::dynamics::Dynamics;
 use crate::math::abs;
-use crate::number::{not_negative, positive};
+use crate::number::{NumberError, Requirement, Subject, not_negative, positive};
 use crate::servo::FingerReadings;
 use crate::tendon::{MomentArms, Pair, TendonPairs};
 
@@ -52,13 +51,13 @@ impl<M: Dynamics<f64, N>, const N: usize> SimFinger<M, N> {
     /// tendons. `mechanism` is the model of its links.
     ///
     /// # Errors
-    /// [`PlantError`] for the first parameter that is wrong, or if the mass matrix is not positive
+    /// [`NumberError`] for the first parameter that is wrong, or if the mass matrix is not positive
     /// definite at `q`.
     pub fn new(
         mechanism: M,
         parameters: FingerParameters<N>,
         q: SVector<f64, N>,
-    ) -> Result<Self, PlantError> {
+    ) -> Result<Self, NumberError> {
         parameters
             .joints
             .iter()
@@ -85,13 +84,13 @@ impl<M: Dynamics<f64, N>, const N: usize> SimFinger<M, N> {
     /// `tensions` (N) in its tendons.
     ///
     /// # Errors
-    /// [`PlantError`] if a position is not finite, or a tension is not finite or below zero; the
+    /// [`NumberError`] if a position is not finite, or a tension is not finite or below zero; the
     /// finger does not change then.
     pub fn reset(
         &mut self,
         q: SVector<f64, N>,
         tensions: TendonPairs<f64, N>,
-    ) -> Result<(), PlantError> {
+    ) -> Result<(), NumberError> {
         all_finite("a joint position to begin from, rad", q.iter())?;
         for pair in &tensions {
             not_negative("a tension to begin from, N", pair.flexor)?;
@@ -119,7 +118,7 @@ impl<M: Dynamics<f64, N>, const N: usize> SimFinger<M, N> {
     /// [`Dynamics`].
     ///
     /// # Errors
-    /// [`PlantError`] if `dt` is not above zero, the mass matrix is not positive definite, or a new
+    /// [`NumberError`] if `dt` is not above zero, the mass matrix is not positive definite, or a new
     /// state would not be finite.
     pub fn step(
         &mut self,
@@ -127,7 +126,7 @@ impl<M: Dynamics<f64, N>, const N: usize> SimFinger<M, N> {
         updates: u32,
         commands: &TendonPairs<f64, N>,
         gravity: &Vector3<f64>,
-    ) -> Result<(), PlantError> {
+    ) -> Result<(), NumberError> {
         let dt = dt / f64::from(updates.max(1));
         for _ in 0..updates {
             self.advance(dt, commands, gravity, &SVector::zeros())?;
@@ -139,7 +138,7 @@ impl<M: Dynamics<f64, N>, const N: usize> SimFinger<M, N> {
     /// `torque` (N m) acts on the joints in addition to the tendons, for example from contacts.
     ///
     /// # Errors
-    /// [`PlantError`] if `dt` is not above zero, the mass matrix is not positive definite, or the
+    /// [`NumberError`] if `dt` is not above zero, the mass matrix is not positive definite, or the
     /// new state would not be finite; the finger does not change then.
     pub fn advance(
         &mut self,
@@ -147,7 +146,7 @@ impl<M: Dynamics<f64, N>, const N: usize> SimFinger<M, N> {
         commands: &TendonPairs<f64, N>,
         gravity: &Vector3<f64>,
         torque: &SVector<f64, N>,
-    ) -> Result<(), PlantError> {
+    ) -> Result<(), NumberError> {
         positive("the time of an update, s", dt)?;
         let (drives, tensions) = self.pull(dt, commands);
         let mut applied: SVector<f64, N> = self.parameters.arms.torque(&tensions) + torque;
@@ -233,15 +232,18 @@ impl<M: Dynamics<f64, N>, const N: usize> SimFinger<M, N> {
         gravity: &Vector3<f64>,
         torque: &SVector<f64, N>,
         added: &SVector<f64, N>,
-    ) -> Result<SVector<f64, N>, PlantError> {
+    ) -> Result<SVector<f64, N>, NumberError> {
         let mut armature = *added;
         for (armature, joint) in armature.iter_mut().zip(&self.parameters.joints) {
             *armature += joint.armature;
         }
         self.mechanism
             .forward_dynamics(&self.q, &self.qd, torque, gravity, &armature)
-            .ok_or(PlantError::Massless {
-                first: self.q.iter().next().copied().unwrap_or(0.0),
+            .ok_or(NumberError {
+                at: Subject::Whole,
+                what: "the acceleration of the joints, rad/s², for which the mass matrix must be positive definite,",
+                value: f64::NAN,
+                must: Requirement::Finite,
             })
     }
 }

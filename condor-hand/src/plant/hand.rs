@@ -1,15 +1,14 @@
 use nalgebra::Vector3;
 
-use super::PlantError;
+use super::check::all_finite;
 use super::contact::{SimContact, SimGround, SimSurface};
-use super::error::all_finite;
 use super::finger::SimFinger;
 use super::object::SimObject;
 use super::table::SimTable;
 use crate::dynamics::Dynamics;
 use crate::grasp::Wrench;
 use crate::kinematics::Kinematics;
-use crate::number::{NumberError, not_negative, positive};
+use crate::number::{NumberError, Requirement, Subject, count, not_negative, positive};
 use crate::tendon::TendonPairs;
 
 /// The parameters of a [`SimHand`], except for its fingers.
@@ -62,11 +61,11 @@ where
     /// Makes a hand without an object and without a ground, on a palm that does not move.
     ///
     /// # Errors
-    /// [`PlantError`] for the first parameter that is wrong.
+    /// [`NumberError`] for the first parameter that is wrong.
     pub fn new(
         fingers: [SimFinger<M, N>; F],
         parameters: HandParameters,
-    ) -> Result<Self, PlantError> {
+    ) -> Result<Self, NumberError> {
         positive("the time of a step, s", parameters.period_s)?;
         positive("the updates in a step", f64::from(parameters.updates))?;
         all_finite("gravity, m/s²", parameters.gravity.iter())?;
@@ -118,10 +117,10 @@ where
     /// commands of the actuators of all fingers; a NaN counts as zero.
     ///
     /// # Errors
-    /// [`PlantError`] if a new state would not be finite, or a mass matrix is not positive
+    /// [`NumberError`] if a new state would not be finite, or a mass matrix is not positive
     /// definite. A part that could not move keeps its state, so every state is finite; the parts of
     /// the hand may then be some updates apart.
-    pub fn step(&mut self, commands: &[TendonPairs<f64, N>; F]) -> Result<(), PlantError> {
+    pub fn step(&mut self, commands: &[TendonPairs<f64, N>; F]) -> Result<(), NumberError> {
         let dt = self.parameters.period_s / f64::from(self.parameters.updates);
         for _ in 0..self.parameters.updates {
             self.advance(dt, commands)?;
@@ -130,7 +129,7 @@ where
         Ok(())
     }
 
-    fn advance(&mut self, dt: f64, commands: &[TendonPairs<f64, N>; F]) -> Result<(), PlantError> {
+    fn advance(&mut self, dt: f64, commands: &[TendonPairs<f64, N>; F]) -> Result<(), NumberError> {
         let mut gravity = self.parameters.gravity;
         if let Some(table) = &mut self.table {
             table.advance(dt, &self.table_forces)?;
@@ -191,8 +190,8 @@ where
     /// until the next call; pass a zero wrench to end it.
     ///
     /// # Errors
-    /// [`PlantError`] if the wrench is not finite; the old one stays then.
-    pub fn push_object(&mut self, wrench: Wrench) -> Result<(), PlantError> {
+    /// [`NumberError`] if the wrench is not finite; the old one stays then.
+    pub fn push_object(&mut self, wrench: Wrench) -> Result<(), NumberError> {
         check(&wrench)?;
         self.disturbance = wrench;
         Ok(())
@@ -202,12 +201,16 @@ where
     /// about the tip. The push lasts until the next call for that finger.
     ///
     /// # Errors
-    /// [`PlantError`] if the wrench is not finite, or the finger does not exist; the old one stays
+    /// [`NumberError`] if the wrench is not finite, or the finger does not exist; the old one stays
     /// then.
-    pub fn push_tip(&mut self, finger: usize, wrench: Wrench) -> Result<(), PlantError> {
+    pub fn push_tip(&mut self, finger: usize, wrench: Wrench) -> Result<(), NumberError> {
         check(&wrench)?;
-        let tip = self.tips.get_mut(finger);
-        let tip = tip.ok_or(PlantError::NoFinger { finger, fingers: F })?;
+        let tip = self.tips.get_mut(finger).ok_or(NumberError {
+            at: Subject::Whole,
+            what: "the number of the finger, from 0,",
+            value: count(finger),
+            must: Requirement::Below(count(F)),
+        })?;
         tip.disturbance = wrench;
         Ok(())
     }
@@ -216,8 +219,8 @@ where
     /// next call. Without a table they have no effect.
     ///
     /// # Errors
-    /// [`PlantError`] if a force is not finite; the old ones stay then.
-    pub fn drive_table(&mut self, forces: Vector3<f64>) -> Result<(), PlantError> {
+    /// [`NumberError`] if a force is not finite; the old ones stay then.
+    pub fn drive_table(&mut self, forces: Vector3<f64>) -> Result<(), NumberError> {
         all_finite("the force of an axis, N", forces.iter())?;
         self.table_forces = forces;
         Ok(())

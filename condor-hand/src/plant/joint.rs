@@ -1,4 +1,4 @@
-use super::error::ordered;
+use super::check::ordered;
 use crate::math::tanh;
 use crate::number::{NumberError, finite, not_negative, positive};
 

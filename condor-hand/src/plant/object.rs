@@ -1,12 +1,11 @@
 use nalgebra::{Matrix3, Quaternion, Vector3};
 
-use super::PlantError;
+use super::check::all_finite;
 use super::contact::Overlap;
-use super::error::all_finite;
 use crate::Pose;
 use crate::grasp::Wrench;
 use crate::math::{abs, sin_cos, sqrt};
-use crate::number::{NumberError, Requirement, check, finite, positive};
+use crate::number::{NumberError, Requirement, Subject, check, finite, positive};
 use crate::pose::rotation_of;
 
 /// The mass, the inertia and the radius of a [`SimObject`].
@@ -54,8 +53,8 @@ impl SimObject {
     /// those of the palm.
     ///
     /// # Errors
-    /// [`PlantError`] for the first parameter that is wrong.
-    pub fn new(parameters: ObjectParameters, center: Vector3<f64>) -> Result<Self, PlantError> {
+    /// [`NumberError`] for the first parameter that is wrong.
+    pub fn new(parameters: ObjectParameters, center: Vector3<f64>) -> Result<Self, NumberError> {
         positive("the mass of an object, kg", parameters.mass)?;
         positive("the radius of an object, m", parameters.radius)?;
         all_finite("a coordinate of an object, m", center.iter())?;
@@ -74,6 +73,7 @@ impl SimObject {
         let determinant = inertia.determinant();
         positive("the determinant of an inertia, kg³ m⁶", determinant)?;
         let inverse_inertia = inertia.try_inverse().ok_or(NumberError {
+            at: Subject::Whole,
             what: "the determinant of an inertia, kg³ m⁶",
             value: determinant,
             must: Requirement::Above(0.0),
@@ -91,12 +91,12 @@ impl SimObject {
     /// Returns the object with the velocity of its centre (m/s) and the angular velocity (rad/s).
     ///
     /// # Errors
-    /// [`PlantError`] if one of them is not finite.
+    /// [`NumberError`] if one of them is not finite.
     pub fn moving(
         mut self,
         velocity: Vector3<f64>,
         angular_velocity: Vector3<f64>,
-    ) -> Result<Self, PlantError> {
+    ) -> Result<Self, NumberError> {
         all_finite("a velocity, m/s", velocity.iter())?;
         all_finite("an angular velocity, rad/s", angular_velocity.iter())?;
         let rotation = self.rotation();
@@ -174,7 +174,7 @@ impl SimObject {
         dt: f64,
         wrench: &Wrench,
         gravity: &Vector3<f64>,
-    ) -> Result<(), PlantError> {
+    ) -> Result<(), NumberError> {
         let mut next = *self;
         next.velocity += (gravity + wrench.force / self.parameters.mass) * dt;
         next.position += next.velocity * dt;

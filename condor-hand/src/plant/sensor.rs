@@ -1,8 +1,7 @@
-use super::PlantError;
 use super::noise::Noise;
 use crate::config::InputChannel;
 use crate::math::abs;
-use crate::number::{NumberError, Requirement, check, finite, not_negative, positive};
+use crate::number::{NumberError, Requirement, check, count, finite, not_negative, positive};
 
 /// A simulated sensor: the converter that reads it, and its noise.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -68,13 +67,13 @@ impl<'a, const C: usize> SensorBank<'a, C> {
     /// Makes a bank of `sensors`, with the faults in `script`. The noise is determined by `seed`.
     ///
     /// # Errors
-    /// [`PlantError`] for the first parameter that is wrong, or for a fault of a channel that does
+    /// [`NumberError`] for the first parameter that is wrong, or for a fault of a channel that does
     /// not exist.
     pub fn new(
         sensors: [Sensor; C],
         script: &'a [SensorFault],
         seed: u64,
-    ) -> Result<Self, PlantError> {
+    ) -> Result<Self, NumberError> {
         sensors.iter().try_for_each(Sensor::check)?;
         for fault in script {
             fault.check(C)?;
@@ -127,11 +126,13 @@ impl SensorFault {
         self.from_s <= now_s && now_s < self.until_s
     }
 
-    fn check(&self, channels: usize) -> Result<(), PlantError> {
-        if self.channel >= channels {
-            let channel = self.channel;
-            return Err(PlantError::NoChannel { channel, channels });
-        }
+    fn check(&self, channels: usize) -> Result<(), NumberError> {
+        let below = Requirement::Below(count(channels));
+        check(
+            "the number of the channel, from 0,",
+            count(self.channel),
+            below,
+        )?;
         finite("the time when a fault begins, s", self.from_s)?;
         match self.kind {
             SensorFaultKind::Offset(offset) => finite("the offset of a sensor", offset)?,

@@ -1,7 +1,6 @@
 use nalgebra::Vector3;
 
-use super::PlantError;
-use super::error::ordered;
+use super::check::ordered;
 use super::joint::{Passive, SimStop};
 use crate::math::{clamp, is_finite};
 use crate::number::{NumberError, not_negative, positive};
@@ -57,8 +56,8 @@ impl SimTable {
     /// Makes a table that is at rest at the position zero. `axes` are x, y and z of the palm.
     ///
     /// # Errors
-    /// [`PlantError`] for the first parameter that is wrong.
-    pub fn new(axes: [AxisParameters; 3]) -> Result<Self, PlantError> {
+    /// [`NumberError`] for the first parameter that is wrong.
+    pub fn new(axes: [AxisParameters; 3]) -> Result<Self, NumberError> {
         axes.iter().try_for_each(AxisParameters::check)?;
         Ok(Self {
             axes,
@@ -72,8 +71,8 @@ impl SimTable {
     /// finite counts as zero; others are limited to those that the motors have.
     ///
     /// # Errors
-    /// [`PlantError`] if `dt` is not above zero.
-    pub fn advance(&mut self, dt: f64, forces: &Vector3<f64>) -> Result<(), PlantError> {
+    /// [`NumberError`] if `dt` is not above zero.
+    pub fn advance(&mut self, dt: f64, forces: &Vector3<f64>) -> Result<(), NumberError> {
         positive("the time of an update, s", dt)?;
         let state = self.position.iter_mut().zip(self.velocity.iter_mut());
         let state = state.zip(self.acceleration.iter_mut());

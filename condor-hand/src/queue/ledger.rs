@@ -1,7 +1,8 @@
 use core::fmt;
 
 use crc::{CRC_32_ISO_HDLC, Crc};
-use thiserror::Error;
+
+use crate::ImageError;
 
 /// The size of a row of a [`Ledger`], in bytes.
 pub const ROW_BYTES: usize = 32;
@@ -196,44 +197,6 @@ impl fmt::Display for RefusalReason {
     }
 }
 
-/// The reason why bytes are not the rows of this ledger.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
-#[non_exhaustive]
-pub enum LedgerError {
-    /// The bytes are not those of a ledger of this version.
-    #[error(
-        "magic {magic:#010x} and version {version}; a ledger of motions has {MAGIC:#010x} and {VERSION}"
-    )]
-    Format {
-        /// The word that was found instead of the magic number.
-        magic: u32,
-        /// The word that was found instead of the version.
-        version: u32,
-    },
-    /// The bytes are those of a ledger of another size.
-    #[error(
-        "a ledger of {found_sessions} sessions and {found_requests} requests; this one has {sessions} and {requests}"
-    )]
-    Size {
-        /// The number of sessions that was found.
-        found_sessions: u32,
-        /// The number of requests that was found.
-        found_requests: u32,
-        /// The number of sessions of the type.
-        sessions: usize,
-        /// The number of requests of the type.
-        requests: usize,
-    },
-    /// The bytes are cut, or more than a ledger has.
-    #[error("a ledger of {found} bytes; this one has {expected}")]
-    Length {
-        /// The number of bytes that was found.
-        found: usize,
-        /// The number of bytes of the type.
-        expected: usize,
-    },
-}
-
 /// A session; number 0 stands for none.
 #[derive(Clone, Copy, Debug, Default)]
 struct Session {
@@ -299,9 +262,10 @@ impl<const N: usize> Ledger<N> {
     /// the row of a session was damaged. Without a clock, a number can then be used again.
     ///
     /// # Errors
-    /// Returns [`LedgerError::Format`] if the bytes are not a ledger of this version, [`LedgerError::Size`] if
-    /// its number of sessions or requests differs, [`LedgerError::Length`] if it is cut or too long.
-    pub fn read(bytes: &[u8], least: u32) -> Result<Self, LedgerError> {
+    /// Returns [`ImageError::Magic`] or [`ImageError::Version`] if the bytes are not a ledger of this version,
+    /// [`ImageError::Count`] if its number of sessions or requests differs, [`ImageError::Length`] if it is cut
+    /// or too long.
+    pub fn read(bytes: &[u8], least: u32) -> Result<Self, ImageError> {
         let mut ledger = Self {
             sessions: [[Session::default(); 2]; N],
             requests: [[None; 4]; N],
@@ -314,21 +278,26 @@ impl<const N: usize> Ledger<N> {
         let (rows, _) = bytes.as_chunks::<ROW_BYTES>();
         if let Some(head) = rows.first() {
             let [magic, version, sessions, requests, ..] = words_of(head);
-            if magic != MAGIC || version != VERSION {
-                return Err(LedgerError::Format { magic, version });
+            if magic != MAGIC {
+                let [found, wanted] = [magic, MAGIC].map(u32::to_le_bytes);
+                return Err(ImageError::Magic { found, wanted });
             }
-            if (sessions as usize, requests as usize) != (Self::SESSIONS, Self::REQUESTS) {
-                return Err(LedgerError::Size {
-                    found_sessions: sessions,
-                    found_requests: requests,
-                    sessions: Self::SESSIONS,
-                    requests: Self::REQUESTS,
-                });
+            if version != VERSION {
+                let (found, wanted) = (version, VERSION);
+                return Err(ImageError::Version { found, wanted });
+            }
+            for (of, found, wanted) in [
+                ("sessions", sessions, Self::SESSIONS),
+                ("requests", requests, Self::REQUESTS),
+            ] {
+                if found as usize != wanted {
+                    return Err(ImageError::Count { of, found, wanted });
+                }
             }
         }
-        let (found, expected) = (bytes.len(), Self::ROWS * ROW_BYTES);
-        if found != expected {
-            return Err(LedgerError::Length { found, expected });
+        let (len, needed) = (bytes.len(), Self::ROWS * ROW_BYTES);
+        if len != needed {
+            return Err(ImageError::Length { needed, len });
         }
         let mut rows = rows.iter().skip(1);
         let mut is_damaged = false;

@@ -3,9 +3,8 @@ use core::fmt;
 use heapless::Deque;
 use thiserror::Error;
 
-use super::{
-    Ledger, LedgerError, LedgerRow, RefusalReason, RequestIdentity, RequestState, SessionOwner,
-};
+use super::{Ledger, LedgerRow, RefusalReason, RequestIdentity, RequestState, SessionOwner};
+use crate::ImageError;
 
 /// The answer of a [`MotionQueue`] to the question what has become of a request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -42,8 +41,8 @@ impl fmt::Display for QueueAnswer {
 #[non_exhaustive]
 pub enum RestoreError<E> {
     /// The bytes are not those of the queue's ledger.
-    #[error(transparent)]
-    Ledger(#[from] LedgerError),
+    #[error("the ledger of motions: {0}")]
+    Ledger(#[from] ImageError),
     /// The store of the ledger cannot be read or written.
     #[error("the ledger of motions: {0}")]
     Write(E),

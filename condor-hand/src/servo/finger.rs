@@ -4,12 +4,15 @@ use super::impedance::least_inertias;
 use super::joint::{Felt, JointServo};
 use super::readings::Readings;
 use super::transition::Transition;
-use super::{FingerSettings, JointGains, JointTarget, PositionLaw, ServoMode, SettingError};
+use super::{
+    FingerSettings, JointGains, JointTarget, PositionLaw, ServoMode, ServoRefusal, no_joint,
+};
+use crate::Subject;
 use crate::control::elapsed::Elapsed;
 use crate::control::{Derivative, LowPass};
 use crate::dynamics::{DriveDynamics, Dynamics};
 use crate::math::{Real, is_finite};
-use crate::number::positive;
+use crate::number::{NumberError, Requirement, count, positive};
 use crate::tendon::{MomentArms, Pair, TendonPairs, TensionAllocation};
 use crate::trajectory::SetPoint;
 
@@ -82,12 +85,12 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
     /// finger's links, and `arms` are the moment arms of its tendons.
     ///
     /// # Errors
-    /// [`SettingError`] for the first setting that no finger can have.
+    /// [`NumberError`] for the first setting that no finger can have.
     pub fn new(
         mechanism: M,
         arms: MomentArms<T, N>,
         settings: &FingerSettings<T, N>,
-    ) -> Result<Self, SettingError> {
+    ) -> Result<Self, NumberError> {
         const { assert!(N > 0 && N <= 32, "a finger has 1 to 32 joints") };
         positive("the number of ticks in a second", settings.sample_hz)?;
         positive("the time of a transition, s,", settings.transition_s)?;
@@ -97,18 +100,20 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
         let all = settings.joints.iter().zip(arms.rows()).zip(inertias);
         for (joint, ((of_joint, row), inertia)) in all.enumerate() {
             let own = row.get(joint).copied().unwrap_or(Pair::both(T::zero()));
-            let wrong = |error| SettingError::Joint { joint, error };
+            let wrong = |error: NumberError| error.at(Subject::Joint(joint as u16));
             let servo = JointServo::new(of_joint, own, inertia, sample_hz).map_err(wrong)?;
             LowPass::new([of_joint.position_cutoff_hz], sample_hz).map_err(wrong)?;
             Derivative::new([of_joint.velocity_cutoff_hz], sample_hz).map_err(wrong)?;
             // There is room for N.
             let _ = joints.push(servo);
         }
-        let count = joints.len();
+        let value = count(joints.len());
         let Ok(joints) = joints.into_array() else {
-            return Err(SettingError::NoJoint {
-                joint: N,
-                joints: count,
+            return Err(NumberError {
+                at: Subject::Whole,
+                what: "the number of joints",
+                value,
+                must: Requirement::Equal(count(N)),
             });
         };
         let position_cutoffs_hz = settings.joints.map(|joint| joint.position_cutoff_hz);
@@ -163,14 +168,11 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
     /// in the zone of a soft stop, where no joint rests, becomes the inner end of the zone.
     ///
     /// # Errors
-    /// After an error the joint keeps its target. Returns [`SettingError::NoJoint`] if the finger does not have
-    /// the joint; [`SettingError::Target`] if the target exceeds the limits of the joint or its tendons;
-    /// [`SettingError::Joint`] if a rate or acceleration is not finite.
-    pub fn set_target(&mut self, joint: usize, target: JointTarget<T>) -> Result<(), SettingError> {
-        let servo = self
-            .joints
-            .get_mut(joint)
-            .ok_or(SettingError::NoJoint { joint, joints: N })?;
+    /// After an error the joint keeps its target. Returns [`ServoRefusal::NoJoint`] if the finger does not have
+    /// the joint; [`ServoRefusal::Target`] if the target exceeds the limits of the joint or its tendons;
+    /// [`ServoRefusal::Number`] if a rate or acceleration is not finite.
+    pub fn set_target(&mut self, joint: usize, target: JointTarget<T>) -> Result<(), ServoRefusal> {
+        let servo = self.joints.get_mut(joint).ok_or(no_joint(joint, N))?;
         servo.check(joint, &target)?;
         self.changed |= target.mode() != servo.target.mode();
         servo.take(servo.between_stops(target));
@@ -198,10 +200,9 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
     /// target.
     ///
     /// # Errors
-    /// Returns [`SettingError::NoJoint`] if the finger does not have the joint.
-    pub fn set_mode(&mut self, joint: usize, mode: ServoMode) -> Result<(), SettingError> {
-        let there_is_none = SettingError::NoJoint { joint, joints: N };
-        let same = self.mode(joint).ok_or(there_is_none)? == mode;
+    /// Returns [`ServoRefusal::NoJoint`] if the finger does not have the joint.
+    pub fn set_mode(&mut self, joint: usize, mode: ServoMode) -> Result<(), ServoRefusal> {
+        let same = self.mode(joint).ok_or(no_joint(joint, N))? == mode;
         if let (false, Some(hold)) = (same, self.holds.get_mut(joint)) {
             *hold = Some(mode);
         }
@@ -277,15 +278,13 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
     /// Changes all gains of a joint at once, from the next tick on.
     ///
     /// # Errors
-    /// [`SettingError`] if no joint can have these gains; the joint keeps its gains then.
-    pub fn set_gains(&mut self, joint: usize, gains: &JointGains<T>) -> Result<(), SettingError> {
-        let servo = self
-            .joints
-            .get_mut(joint)
-            .ok_or(SettingError::NoJoint { joint, joints: N })?;
+    /// [`ServoRefusal::NoJoint`] if the finger does not have the joint; [`ServoRefusal::Number`] if no joint can
+    /// have these gains. The joint keeps its gains then.
+    pub fn set_gains(&mut self, joint: usize, gains: &JointGains<T>) -> Result<(), ServoRefusal> {
+        let servo = self.joints.get_mut(joint).ok_or(no_joint(joint, N))?;
         servo
             .set_gains(gains)
-            .map_err(|error| SettingError::Joint { joint, error })?;
+            .map_err(|error| error.at(Subject::Joint(joint as u16)))?;
         self.changed = true;
         Ok(())
     }

@@ -1,9 +1,11 @@
 use super::impedance::{Impedance, greatest};
+use super::refusal::{ACCELERATION, VELOCITY};
 use super::transition::Mean;
 use super::{
-    JointGains, JointSettings, JointTarget, PositionLaw, ServoMode, SettingError, SoftStop,
-    TargetError, TargetQuantity,
+    JointGains, JointSettings, JointTarget, PositionLaw, ServoMode, ServoRefusal, SoftStop,
+    TargetQuantity,
 };
+use crate::Subject;
 use crate::control::{Integrator, LowPass};
 use crate::math::{Real, clamp, is_finite, min, real};
 use crate::number::{NumberError, finite, not_negative};
@@ -86,12 +88,12 @@ impl<T: Real> JointServo<T> {
     }
 
     /// Checks that the joint can have this target.
-    pub(super) fn check(&self, joint: usize, target: &JointTarget<T>) -> Result<(), SettingError> {
+    pub(super) fn check(&self, joint: usize, target: &JointTarget<T>) -> Result<(), ServoRefusal> {
         let within = |quantity: TargetQuantity, value: T, (low, high): (T, T)| {
             if low <= value && value <= high {
                 return Ok(());
             }
-            Err(TargetError {
+            Err(ServoRefusal::Target {
                 joint: joint as u32,
                 quantity,
                 value: value.to_f64(),
@@ -111,9 +113,9 @@ impl<T: Real> JointServo<T> {
             }
             JointTarget::Position(point) => {
                 within(TargetQuantity::Position, point.position, limits)?;
-                finite("the velocity, rad/s,", point.velocity)
-                    .and_then(|()| finite("the acceleration, rad/s²,", point.acceleration))
-                    .map_err(|error| SettingError::Joint { joint, error })?;
+                finite(VELOCITY, point.velocity)
+                    .and_then(|()| finite(ACCELERATION, point.acceleration))
+                    .map_err(|error| error.at(Subject::Joint(joint as u16)))?;
             }
             JointTarget::Impedance {
                 position,

@@ -1,8 +1,5 @@
-use thiserror::Error;
-
 use super::{PositionLaw, SoftStop};
 use crate::Real;
-use crate::decimal::Decimal;
 use crate::dynamics::DriveDynamics;
 use crate::number::{NumberError, Requirement, check, finite, not_negative};
 use crate::tendon::{Pair, TensionAllocation, TensionGains};
@@ -57,115 +54,6 @@ pub struct FingerSettings<T: Real, const N: usize> {
     /// The time over which a step of tensions is spread when a mode or gains change, and over which the
     /// mean tensions of a joint are taken that a change of mode keeps, s.
     pub transition_s: T,
-}
-
-/// The reason why a servo refuses settings or a target.
-#[derive(Clone, Copy, Debug, PartialEq, Error)]
-#[non_exhaustive]
-pub enum SettingError {
-    /// The finger does not have the joint.
-    #[error("there is no joint {joint}; the finger has {joints}, from 0")]
-    NoJoint {
-        /// The joint that was named.
-        joint: usize,
-        /// The number of joints.
-        joints: usize,
-    },
-    /// The finger rests after a fault, or is on its way to rest.
-    #[error("the finger rests after a fault, which must be cleared first")]
-    AfterFault,
-    /// A number of the joint is not possible.
-    #[error("joint {joint}: {error}")]
-    Joint {
-        /// The joint, from 0.
-        joint: usize,
-        /// The number.
-        error: NumberError,
-    },
-    /// A number of the whole finger is not possible.
-    #[error(transparent)]
-    Finger(#[from] NumberError),
-    /// The joint cannot have the target.
-    #[error(transparent)]
-    Target(#[from] TargetError),
-}
-
-/// A target that is beyond the limits of a joint or of its tendons.
-#[derive(Clone, Copy, Debug, PartialEq, Error)]
-#[error(
-    "joint {joint} cannot have the {quantity} {} {unit}; it can have {} {unit} to {} {unit}",
-    Decimal(*.value),
-    Decimal(*.low),
-    Decimal(*.high),
-    quantity = .quantity.name(),
-    unit = .quantity.unit(),
-)]
-pub struct TargetError {
-    /// The joint, from 0.
-    pub joint: u32,
-    /// The quantity of the target that is out of its limits.
-    pub quantity: TargetQuantity,
-    /// The value that was asked for, in the unit of the quantity.
-    pub value: f64,
-    /// The least value that is possible, in the same unit.
-    pub low: f64,
-    /// The greatest value that is possible, in the same unit.
-    pub high: f64,
-}
-
-/// The quantity of a [`JointTarget`](super::JointTarget) that exceeds its limits.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-#[repr(u8)]
-pub enum TargetQuantity {
-    /// The tension of a tendon, N.
-    Tension = 0,
-    /// The torque of a joint, N m.
-    Torque = 1,
-    /// The position of a joint, rad.
-    Position = 2,
-    /// The stiffness of a joint, N m/rad.
-    Stiffness = 3,
-    /// The damping of a joint, N m s/rad.
-    Damping = 4,
-}
-
-impl TargetQuantity {
-    /// Returns the quantity that has this number in messages; `None` if there is none.
-    #[must_use]
-    pub const fn from_number(number: u32) -> Option<Self> {
-        match number {
-            0 => Some(Self::Tension),
-            1 => Some(Self::Torque),
-            2 => Some(Self::Position),
-            3 => Some(Self::Stiffness),
-            4 => Some(Self::Damping),
-            _ => None,
-        }
-    }
-
-    /// Returns the name of the quantity, for messages to people.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Tension => "tension",
-            Self::Torque => "torque",
-            Self::Position => "position",
-            Self::Stiffness => "stiffness",
-            Self::Damping => "damping",
-        }
-    }
-
-    /// Returns the unit in which the quantity is given.
-    #[must_use]
-    pub const fn unit(self) -> &'static str {
-        match self {
-            Self::Tension => "N",
-            Self::Torque => "N m",
-            Self::Position => "rad",
-            Self::Stiffness => "N m/rad",
-            Self::Damping => "N m s/rad",
-        }
-    }
 }
 
 impl<T: Real> JointGains<T> {

@@ -1,9 +1,9 @@
 use nalgebra::SVector;
-use thiserror::Error;
 
 use super::{Pair, TendonPairs};
-use crate::decimal::Decimal;
-use crate::math::{Real, is_finite};
+use crate::Subject;
+use crate::math::Real;
+use crate::number::{NumberError, Requirement, check, finite};
 
 /// The moment arms of the tendons of one finger: the matrix P of `torque = P tension`. The tendons of a joint can also
 /// cross the joints proximal to it, but none that is distal.
@@ -18,70 +18,42 @@ pub struct MomentArms<T: Real, const N: usize> {
     reciprocals: TendonPairs<T, N>,
 }
 
-/// The reason why no finger can have these arms.
-#[derive(Clone, Copy, Debug, PartialEq, Error)]
-#[non_exhaustive]
-pub enum ArmError {
-    /// The own tendons of a joint do not pull it to both sides.
-    #[error(
-        "the tendons of joint {joint} have arms {flexor} m and {extensor} m at it; \
-         the flexor's must be positive and the extensor's negative",
-        flexor = Decimal(*.flexor),
-        extensor = Decimal(*.extensor),
-    )]
-    Own {
-        /// The joint, from 0.
-        joint: usize,
-        /// The arm of its flexor, m.
-        flexor: f64,
-        /// The arm of its extensor, m.
-        extensor: f64,
-    },
-    /// An arm is not finite, or a tendon crosses a joint distal to its own.
-    #[error(
-        "a tendon of joint {tendon} has the arm {arm} m at joint {joint}; it must be finite, and 0 \
-         at joints distal to its own",
-        arm = Decimal(*.arm),
-    )]
-    Crossing {
-        /// The joint that the tendon belongs to, from 0.
-        tendon: usize,
-        /// The joint that it crosses, from 0.
-        joint: usize,
-        /// The arm, m.
-        arm: f64,
-    },
-}
-
 impl<T: Real, const N: usize> MomentArms<T, N> {
     /// Makes the matrix from its rows, m: `rows[j][k]` are the arms at joint j of the flexor and
     /// the extensor of joint k.
     ///
     /// # Errors
-    /// [`ArmError`] for the first arm with which the matrix cannot be inverted by
-    /// back-substitution.
-    pub fn new(rows: [TendonPairs<T, N>; N]) -> Result<Self, ArmError> {
+    /// [`NumberError`] for the first arm with which the matrix cannot be inverted by back-substitution: one that is
+    /// not finite, one of a tendon at a joint distal to its own that is not 0, or one at its own joint that is
+    /// not positive for a flexor, or not negative for an extensor.
+    pub fn new(rows: [TendonPairs<T, N>; N]) -> Result<Self, NumberError> {
         let mut reciprocals = [Pair::both(T::zero()); N];
         for (joint, (row, reciprocal)) in rows.iter().zip(&mut reciprocals).enumerate() {
             for (tendon, pair) in row.iter().enumerate() {
+                let must = if tendon < joint {
+                    Requirement::Equal(0.0)
+                } else {
+                    Requirement::Finite
+                };
                 for arm in [pair.flexor, pair.extensor] {
-                    if !is_finite(arm) || (tendon < joint && arm != T::zero()) {
-                        let arm = arm.to_f64();
-                        return Err(ArmError::Crossing { tendon, joint, arm });
-                    }
+                    check("the arm, m,", arm, must).map_err(|error| {
+                        error.at(Subject::Crossing {
+                            tendon: tendon as u16,
+                            joint: joint as u16,
+                        })
+                    })?;
                 }
                 if tendon == joint {
                     *reciprocal = pair.map(|arm| T::one() / arm);
+                    let own = "the arm at its own joint, m,";
                     // The reciprocal of a denormal arm overflows.
-                    let invertible = is_finite(reciprocal.flexor) && is_finite(reciprocal.extensor);
-                    let opposed = pair.flexor > T::zero() && pair.extensor < T::zero();
-                    if !(invertible && opposed) {
-                        return Err(ArmError::Own {
-                            joint,
-                            flexor: pair.flexor.to_f64(),
-                            extensor: pair.extensor.to_f64(),
-                        });
-                    }
+                    let invertible = "one over the arm at its own joint, 1/m,";
+                    check(own, pair.flexor, Requirement::Above(0.0))
+                        .and_then(|()| finite(invertible, reciprocal.flexor))
+                        .map_err(|error| error.at(Subject::Flexor(joint as u16)))?;
+                    check(own, pair.extensor, Requirement::Below(0.0))
+                        .and_then(|()| finite(invertible, reciprocal.extensor))
+                        .map_err(|error| error.at(Subject::Extensor(joint as u16)))?;
                 }
             }
         }

@@ -14,7 +14,7 @@ mod usual;
 pub use code::{FaultCode, FaultSite, FingerFault};
 pub use finger::{FingerMonitor, Observation};
 pub use limits::{
-    FaultLimits, FaultLimitsError, FaultRange, JointFaultLimits, SensorFaultLimits, Stuck,
-    TendonFaultLimits, Threshold,
+    FaultLimits, FaultRange, JointFaultLimits, SensorFaultLimits, Stuck, TendonFaultLimits,
+    Threshold,
 };
 pub use ramp::SafeRamp;

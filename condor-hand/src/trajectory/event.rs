@@ -1,4 +1,4 @@
-use super::{MotionGuard, PrimitiveError};
+use super::{MotionError, MotionGuard};
 
 /// The ticket of a primitive that a [`Generator`](super::Generator) has accepted. Calls and events
 /// name the primitive by its ticket.
@@ -26,7 +26,7 @@ pub enum Happening {
     /// The primitive has ended, for this reason.
     Ended(MotionEnd),
     /// The primitive's turn has come, but it cannot run from the present state of its joints.
-    Refused(PrimitiveError),
+    Refused(MotionError),
 }
 
 /// The way in which a primitive has ended.

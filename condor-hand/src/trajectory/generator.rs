@@ -4,13 +4,13 @@ use super::path::Path;
 use super::plan::Planner;
 use super::running::{Mover, Running};
 use super::{
-    Begin, Bounds, Guards, Happening, MotionEnd, MotionEvent, MotionGuard, MotionProgress,
-    MotionTicket, Observations, OnEnd, Primitive, PrimitiveError, ProfileLimits, Segments,
-    SetPoint, StopGuard, Target, TrajectoryError, check_start,
+    Begin, Bounds, Guards, Happening, MotionEnd, MotionError, MotionEvent, MotionGuard,
+    MotionProgress, MotionTicket, Observations, OnEnd, Primitive, ProfileLimits, Segments,
+    SetPoint, StopGuard, Target, check_start,
 };
 use crate::Real;
 use crate::math::{clamp, max};
-use crate::number::positive;
+use crate::number::{NumberError, positive};
 
 /// Events that wait to be taken; the oldest are lost first.
 const EVENTS: usize = 32;
@@ -67,12 +67,12 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
     /// and `tick_s` is the time between two calls of [`tick`](Self::tick), s.
     ///
     /// # Errors
-    /// [`TrajectoryError`] if a limit is wrong, or a number is not finite.
+    /// [`NumberError`] if a limit is wrong, or a number is not finite.
     pub fn new(
         limits: [ProfileLimits<T>; J],
         positions: [T; J],
         tick_s: T,
-    ) -> Result<Self, TrajectoryError> {
+    ) -> Result<Self, NumberError> {
         const { assert!(J > 0 && J <= 32, "a mask has 32 bits") };
         positive("the duration of a tick, s,", tick_s)?;
         for (joint, limits) in limits.iter().enumerate() {
@@ -116,9 +116,9 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
     /// ticket by which events and calls name the primitive.
     ///
     /// # Errors
-    /// [`PrimitiveError`] if the primitive is wrong, a joint would leave its limits, or the queue
+    /// [`MotionError`] if the primitive is wrong, a joint would leave its limits, or the queue
     /// is full.
-    pub fn enqueue(&mut self, primitive: Primitive<J, T>) -> Result<MotionTicket, PrimitiveError> {
+    pub fn enqueue(&mut self, primitive: Primitive<J, T>) -> Result<MotionTicket, MotionError> {
         primitive.check()?;
         let starts = if primitive.begin == Begin::Now && self.queue.is_empty() {
             self.set_points()
@@ -136,7 +136,7 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
         let ticket = MotionTicket(self.next);
         self.queue
             .push_back((ticket, primitive))
-            .map_err(|_| PrimitiveError::Full { capacity: Q })?;
+            .map_err(|_| MotionError::Full { capacity: Q })?;
         self.next = self.next.wrapping_add(1);
         Ok(ticket)
     }
@@ -150,7 +150,7 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
         &mut self,
         primitives: impl IntoIterator<Item = Primitive<J, T>>,
         tickets: &mut heapless::Vec<MotionTicket, N>,
-    ) -> (u32, Result<(), PrimitiveError>) {
+    ) -> (u32, Result<(), MotionError>) {
         let mut fed = 0;
         for primitive in primitives {
             if tickets.is_full() {
@@ -162,7 +162,7 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
                     let _ = tickets.push(ticket);
                     fed += 1;
                 }
-                Err(PrimitiveError::Full { .. }) => break,
+                Err(MotionError::Full { .. }) => break,
                 Err(error) => return (fed, Err(error)),
             }
         }
@@ -222,8 +222,8 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
     /// (rad). Use it only while the servos are off.
     ///
     /// # Errors
-    /// [`TrajectoryError`] if a position is not finite; nothing changes then.
-    pub fn reset(&mut self, positions: [T; J]) -> Result<(), TrajectoryError> {
+    /// [`NumberError`] if a position is not finite; nothing changes then.
+    pub fn reset(&mut self, positions: [T; J]) -> Result<(), NumberError> {
         place(&mut self.joints, &positions)?;
         self.free(u32::MAX, MotionEnd::Aborted);
         self.abort();
@@ -237,8 +237,8 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
     /// A primitive that moves only joints in `mask` is aborted.
     ///
     /// # Errors
-    /// [`TrajectoryError`] if a position of such a joint is not finite; nothing changes then.
-    pub fn hold(&mut self, mask: u32, positions: &[T; J]) -> Result<(), TrajectoryError> {
+    /// [`NumberError`] if a position of such a joint is not finite; nothing changes then.
+    pub fn hold(&mut self, mask: u32, positions: &[T; J]) -> Result<(), NumberError> {
         let held = |joint: usize| mask >> joint & 1 == 1;
         let mut all = self.set_points().map(|point| point.position);
         for (joint, (place, position)) in all.iter_mut().zip(positions).enumerate() {
@@ -272,14 +272,14 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
     /// Returns the joints that return to their positions, as a mask.
     ///
     /// # Errors
-    /// [`TrajectoryError`] if a position of a joint in `mask` is not finite; nothing changes then.
+    /// [`NumberError`] if a position of a joint in `mask` is not finite; nothing changes then.
     pub fn stopped(
         &mut self,
         motion: u32,
         guard: MotionGuard,
         mask: u32,
         positions: &[T; J],
-    ) -> Result<u32, TrajectoryError> {
+    ) -> Result<u32, NumberError> {
         let in_mask = |joint: usize| mask >> joint & 1 == 1;
         for (joint, &position) in positions.iter().enumerate() {
             if in_mask(joint) {
@@ -509,7 +509,7 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
         &mut self,
         ticket: MotionTicket,
         primitive: &Primitive<J, T>,
-    ) -> Result<bool, PrimitiveError> {
+    ) -> Result<bool, MotionError> {
         let starts = self.set_points();
         let planner = Planner {
             primitive,
@@ -544,7 +544,7 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
         // Each one that runs has a joint of its own, so with J places one is free.
         let free = self.running.iter_mut().find(|slot| slot.is_none());
         let Some(free) = free else {
-            return Err(PrimitiveError::Full { capacity: J });
+            return Err(MotionError::Full { capacity: J });
         };
         *free = Some(running);
         Ok(plan.adjusted)
@@ -606,7 +606,7 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
 fn place<const J: usize, T: Real>(
     joints: &mut [Mover<T>; J],
     positions: &[T; J],
-) -> Result<(), TrajectoryError> {
+) -> Result<(), NumberError> {
     check_finite(positions)?;
     for (mover, &position) in joints.iter_mut().zip(positions) {
         mover.rest(position);
@@ -614,7 +614,7 @@ fn place<const J: usize, T: Real>(
     Ok(())
 }
 
-fn check_finite<const J: usize, T: Real>(positions: &[T; J]) -> Result<(), TrajectoryError> {
+fn check_finite<const J: usize, T: Real>(positions: &[T; J]) -> Result<(), NumberError> {
     let mut joints = positions.iter().enumerate();
     joints.try_for_each(|(joint, &position)| check_start(joint, position))
 }

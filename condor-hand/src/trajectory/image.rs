@@ -19,10 +19,10 @@
 
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
-use thiserror::Error;
 
-use super::{Begin, Guards, OnEnd, Pace, Primitive, PrimitiveError, Profile, Via};
-use crate::image::{self, Format, HeaderError};
+use super::{Begin, Guards, MotionError, OnEnd, Pace, Primitive, Profile, Via};
+use crate::Subject;
+use crate::image::{self, Format, ImageError};
 
 const FORMAT: Format = Format {
     magic: *b"CNDM",
@@ -32,37 +32,6 @@ const FORMAT: Format = Format {
 /// The size of the header of an image, in bytes, which is also the size of an image without
 /// primitives.
 pub const HEADER_BYTES: usize = image::HEADER_BYTES;
-
-/// The reason why bytes are not a sequence of motions, or a sequence cannot become bytes.
-#[derive(Clone, Copy, Debug, PartialEq, Error)]
-#[non_exhaustive]
-pub enum MotionImageError {
-    /// The bytes are no image, or there is no room for one.
-    #[error(transparent)]
-    Header(#[from] HeaderError),
-    /// The motions are for another number of joints.
-    #[error("the motions are for {found} joints, this program has {joints}")]
-    Joints {
-        /// The number of joints in the image.
-        found: u16,
-        /// The number of joints of the type.
-        joints: usize,
-    },
-    /// The checksum is right, but a primitive is malformed.
-    #[error("motion {index}: its bytes are not those of a motion")]
-    Malformed {
-        /// The primitive, from 0.
-        index: u32,
-    },
-    /// No generator can run the primitive.
-    #[error("motion {index}: {error}")]
-    Primitive {
-        /// The primitive, from 0.
-        index: u32,
-        /// The reason.
-        error: PrimitiveError,
-    },
-}
 
 /// A sequence of primitives of `J` joints that were read from an image and checked. The bytes of
 /// the image are borrowed, so nothing is allocated.
@@ -77,31 +46,33 @@ impl<'a, const J: usize> MotionSequence<'a, J> {
     /// without any after them.
     ///
     /// # Errors
-    /// [`MotionImageError::Header`] if the bytes are no image of motions, [`MotionImageError::Joints`] if they
-    /// are for another number of joints, [`MotionImageError::Malformed`] or [`MotionImageError::Primitive`] if
-    /// a primitive is wrong. No bytes make this panic.
-    pub fn new(image: &'a [u8]) -> Result<Self, MotionImageError> {
+    /// [`ImageError::Length`], [`ImageError::Magic`], [`ImageError::Version`] or [`ImageError::Checksum`] if the
+    /// bytes are no image of motions, [`ImageError::Count`] if they are for another number of joints,
+    /// [`ImageError::Malformed`] or [`ImageError::Content`] if a primitive is wrong. No bytes make this panic.
+    pub fn new(image: &'a [u8]) -> Result<Self, ImageError<MotionError>> {
         let this = Self::unchecked(image)?;
         let mut rest = this.body;
         for index in 0..this.count {
-            let primitive = take::<J>(&mut rest).ok_or(MotionImageError::Malformed { index })?;
+            let at = Subject::Motion(index);
+            let primitive = take::<J>(&mut rest).ok_or(ImageError::Malformed { at })?;
             primitive
                 .check()
-                .map_err(|error| MotionImageError::Primitive { index, error })?;
+                .map_err(|error| ImageError::Content { at, error })?;
         }
         if rest.is_empty() {
             Ok(this)
         } else {
-            Err(MotionImageError::Malformed { index: this.count })
+            let at = Subject::Motion(this.count);
+            Err(ImageError::Malformed { at })
         }
     }
 
     /// Opens an image without a check of its primitives.
-    fn unchecked(image: &'a [u8]) -> Result<Self, MotionImageError> {
+    fn unchecked(image: &'a [u8]) -> Result<Self, ImageError<MotionError>> {
         let ([j0, j1, count @ ..], body) = FORMAT.open(image)?;
         let found = u16::from_le_bytes([j0, j1]);
         if usize::from(found) != J {
-            return Err(MotionImageError::Joints { found, joints: J });
+            return Err(other_joints(found.into(), J));
         }
         let count = u32::from_le_bytes(count);
         Ok(Self { body, count })
@@ -130,12 +101,12 @@ impl<'a, const J: usize> MotionSequence<'a, J> {
 /// the length of the image in bytes.
 ///
 /// # Errors
-/// [`MotionImageError::Header`] if the buffer is too short; [`MotionImageError::Primitive`] if no generator can
-/// run a primitive. The content of the buffer is useless then.
+/// [`ImageError::BufferTooShort`] if the buffer is too short; [`ImageError::Content`] if no generator can run a
+/// primitive. The content of the buffer is useless then.
 pub fn encode<'m, const J: usize>(
     motions: impl IntoIterator<Item = &'m Primitive<J>>,
     buffer: &mut [u8],
-) -> Result<usize, MotionImageError> {
+) -> Result<usize, ImageError<MotionError>> {
     write(motions, buffer, HEADER_BYTES, 0, J)
 }
 
@@ -143,16 +114,16 @@ pub fn encode<'m, const J: usize>(
 /// the number of joints only when they run. Returns the length of the image in bytes.
 ///
 /// # Errors
-/// [`MotionImageError::Joints`] if `joints` is more than `J`; [`MotionImageError::Malformed`] if a primitive moves
-/// a joint from `joints` on; otherwise as [`encode`].
+/// [`ImageError::Count`] if `joints` is more than `J`; [`ImageError::Content`] with [`MotionError::Mask`] if a
+/// primitive moves a joint from `joints` on; otherwise the same variants as [`encode`].
 pub fn encode_for<'m, const J: usize>(
     joints: usize,
     motions: impl IntoIterator<Item = &'m Primitive<J>>,
     buffer: &mut [u8],
-) -> Result<usize, MotionImageError> {
+) -> Result<usize, ImageError<MotionError>> {
     if joints > J {
-        let found = u16::try_from(joints).unwrap_or(u16::MAX);
-        return Err(MotionImageError::Joints { found, joints: J });
+        let found = u32::try_from(joints).unwrap_or(u32::MAX);
+        return Err(other_joints(found, J));
     }
     write(motions, buffer, HEADER_BYTES, 0, joints)
 }
@@ -161,20 +132,29 @@ pub fn encode_for<'m, const J: usize>(
 /// new length of the image in bytes.
 ///
 /// # Errors
-/// [`MotionImageError::Header`] if the buffer is too short, or has no image in its first `len` bytes;
-/// [`MotionImageError::Joints`] if that image is for another number of joints; [`MotionImageError::Primitive`]
-/// if no generator can run the primitive. The image does not change then.
+/// [`ImageError::BufferTooShort`] if the buffer is too short; [`ImageError::Length`], [`ImageError::Magic`],
+/// [`ImageError::Version`] or [`ImageError::Checksum`] if it has no image in its first `len` bytes;
+/// [`ImageError::Count`] if that image is for another number of joints; [`ImageError::Content`] if no generator
+/// can run the primitive. The image does not change then.
 pub fn append<const J: usize>(
     primitive: &Primitive<J>,
     buffer: &mut [u8],
     len: usize,
-) -> Result<usize, MotionImageError> {
+) -> Result<usize, ImageError<MotionError>> {
     if len == 0 {
         return encode([primitive], buffer);
     }
-    let short = HeaderError::BufferTooShort { len: buffer.len() };
+    let short = ImageError::BufferTooShort { len: buffer.len() };
     let count = MotionSequence::<J>::unchecked(buffer.get(..len).ok_or(short)?)?.count;
     write([primitive], buffer, len, count, J)
+}
+
+fn other_joints(found: u32, wanted: usize) -> ImageError<MotionError> {
+    ImageError::Count {
+        of: "joints",
+        found,
+        wanted,
+    }
 }
 
 /// Writes motions of `joints` joints into an image from byte `at` on, after as many as `count`.
@@ -184,17 +164,17 @@ fn write<'m, const J: usize>(
     at: usize,
     mut count: u32,
     joints: usize,
-) -> Result<usize, MotionImageError> {
-    let short = HeaderError::BufferTooShort { len: buffer.len() };
+) -> Result<usize, ImageError<MotionError>> {
+    let short = ImageError::BufferTooShort { len: buffer.len() };
     let (header, body) = buffer.split_first_chunk_mut().ok_or(short)?;
     let mut end = at.saturating_sub(HEADER_BYTES);
     for primitive in motions {
-        let index = count;
-        primitive
-            .check()
-            .map_err(|error| MotionImageError::Primitive { index, error })?;
-        if (joints..J.min(32)).any(|joint| primitive.mask >> joint & 1 == 1) {
-            return Err(MotionImageError::Malformed { index });
+        let at = Subject::Motion(count);
+        let content = |error| ImageError::Content { at, error };
+        primitive.check().map_err(content)?;
+        let mask = primitive.mask;
+        if (joints..J.min(32)).any(|joint| mask >> joint & 1 == 1) {
+            return Err(content(MotionError::Mask { mask, joints }));
         }
         put(primitive, body, &mut end).ok_or(short)?;
         count = count.saturating_add(1);

@@ -1,10 +1,7 @@
-use thiserror::Error;
-
-use super::{
-    Bounds, Polynomial, ProfileError, Segments, SetPoint, TrajectoryError, check_rates, check_start,
-};
+use super::{Bounds, Polynomial, Segments, SetPoint, check_rates, check_start};
+use crate::Subject;
 use crate::math::{Real, abs, min, real};
-use crate::number::positive;
+use crate::number::{NumberError, finite, positive};
 
 /// An interpolator that computes set-points of J joints at the rate of the servos, from the less
 /// frequent set-points of a master, the program that computes trajectories.
@@ -52,22 +49,6 @@ struct Gap<T: Real> {
     at: T,
 }
 
-/// The reason why no joint can follow a set-point.
-#[derive(Clone, Copy, Debug, PartialEq, Error)]
-#[non_exhaustive]
-pub enum SetPointError {
-    /// A value is not finite, or too large.
-    #[error("joint {joint} is to be at {position} rad with {velocity} rad/s")]
-    NotFinite {
-        /// The joint, from 0.
-        joint: usize,
-        /// The position, rad.
-        position: f64,
-        /// The velocity, rad/s.
-        velocity: f64,
-    },
-}
-
 impl<const J: usize, T: Real> Interpolator<J, T> {
     /// Makes an interpolator whose joints rest at `positions` (rad).
     ///
@@ -77,21 +58,21 @@ impl<const J: usize, T: Real> Interpolator<J, T> {
     ///   moves at most at the sum of these bounds and of the rates of the master's motion.
     ///
     /// # Errors
-    /// [`TrajectoryError`] if there are no substeps, bounds are not above zero, or a number is not
+    /// [`NumberError`] if there are no substeps, bounds are not above zero, or a number is not
     /// finite.
     pub fn new(
         substeps: u16,
         tick_s: T,
         positions: [T; J],
         bounds: [Bounds<T>; J],
-    ) -> Result<Self, TrajectoryError> {
+    ) -> Result<Self, NumberError> {
         positive("the number of servo periods in a tick", f64::from(substeps))?;
         positive("the duration of a tick, s,", tick_s)?;
         for (joint, (&position, bounds)) in positions.iter().zip(&bounds).enumerate() {
             check_start(joint, position)?;
             let jerk = bounds.jerk.unwrap_or(T::one());
             check_rates(bounds.velocity, bounds.acceleration, jerk)
-                .map_err(|error| TrajectoryError::Joint { joint, error })?;
+                .map_err(|error| error.at(Subject::Joint(joint as u16)))?;
         }
         let substeps = u32::from(substeps);
         let to = positions.map(SetPoint::rest);
@@ -115,9 +96,9 @@ impl<const J: usize, T: Real> Interpolator<J, T> {
     /// its end. Accelerations are not used.
     ///
     /// # Errors
-    /// [`SetPointError`] for the first set-point that is not finite or too far away; all set-points
+    /// [`NumberError`] for the first set-point that is not finite or too far away; all set-points
     /// are ignored then.
-    pub fn tick(&mut self, points: &[SetPoint<T>; J]) -> Result<(), SetPointError> {
+    pub fn tick(&mut self, points: &[SetPoint<T>; J]) -> Result<(), NumberError> {
         let early = self.length - self.step;
         // After a burst of ticks only the newest says where to be.
         if self.late > 0 || early > self.substeps {
@@ -129,7 +110,8 @@ impl<const J: usize, T: Real> Interpolator<J, T> {
         for (joint, (way, (from, point))) in
             ways.iter_mut().zip(from.iter().zip(points)).enumerate()
         {
-            *way = PathPart::between(from, point, duration).map_err(|_| error(joint, points))?;
+            *way = PathPart::between(from, point, duration)
+                .map_err(|error| refused(joint, point, error))?;
         }
         self.ways = ways;
         self.set_out(points, length);
@@ -138,7 +120,7 @@ impl<const J: usize, T: Real> Interpolator<J, T> {
 
     /// Follows the line through the next points from now on, and closes what is between.
     #[cold]
-    fn begin_anew(&mut self, points: &[SetPoint<T>; J]) -> Result<(), SetPointError> {
+    fn begin_anew(&mut self, points: &[SetPoint<T>; J]) -> Result<(), NumberError> {
         let tick = self.seconds(self.substeps);
         let lines = points.each_ref().map(|point| SetPoint {
             position: point.position - point.velocity * tick,
@@ -151,9 +133,9 @@ impl<const J: usize, T: Real> Interpolator<J, T> {
         let moves = gaps.iter_mut().zip(&mut ways);
         let ends = states.iter().zip(&lines).zip(points).zip(&self.bounds);
         for (joint, ((gap, way), (((now, line), point), bounds))) in moves.zip(ends).enumerate() {
-            let error = |_| error(joint, points);
-            *gap = Some(Gap::between(now, line, bounds).map_err(error)?);
-            *way = PathPart::between(line, point, duration).map_err(error)?;
+            let refused = |error| refused(joint, point, error);
+            *gap = Some(Gap::between(now, line, bounds).map_err(refused)?);
+            *way = PathPart::between(line, point, duration).map_err(refused)?;
         }
         self.ways = ways;
         self.gaps = gaps;
@@ -175,9 +157,9 @@ impl<const J: usize, T: Real> Interpolator<J, T> {
     /// bounds of rejoining.
     ///
     /// # Errors
-    /// [`SetPointError`] if the state is not finite or too far away; the joint stays where it is
+    /// [`NumberError`] if the state is not finite or too far away; the joint stays where it is
     /// then.
-    pub fn join(&mut self, joint: usize, now: &SetPoint<T>) -> Result<(), SetPointError> {
+    pub fn join(&mut self, joint: usize, now: &SetPoint<T>) -> Result<(), NumberError> {
         let base = self.base();
         let (Some(onto), Some(bounds), Some(gap)) = (
             base.get(joint),
@@ -186,11 +168,7 @@ impl<const J: usize, T: Real> Interpolator<J, T> {
         ) else {
             return Ok(());
         };
-        let bridge = Gap::between(now, onto, bounds).map_err(|_| SetPointError::NotFinite {
-            joint,
-            position: now.position.to_f64(),
-            velocity: now.velocity.to_f64(),
-        })?;
+        let bridge = Gap::between(now, onto, bounds).map_err(|error| refused(joint, now, error))?;
         *gap = Some(bridge);
         self.rejoining = true;
         Ok(())
@@ -310,16 +288,13 @@ fn braked<T: Real>(
     }
 }
 
-/// The set-point that a joint cannot follow.
+/// The number of a set-point with which a joint cannot follow it: its own if one is not finite, else that of the
+/// way to it.
 #[cold]
-fn error<T: Real, const J: usize>(joint: usize, points: &[SetPoint<T>; J]) -> SetPointError {
-    let none = SetPoint::rest(T::zero());
-    let point = points.get(joint).unwrap_or(&none);
-    SetPointError::NotFinite {
-        joint,
-        position: point.position.to_f64(),
-        velocity: point.velocity.to_f64(),
-    }
+fn refused<T: Real>(joint: usize, point: &SetPoint<T>, way: NumberError) -> NumberError {
+    let own = finite("the position, rad,", point.position)
+        .and_then(|()| finite("the velocity, rad/s,", point.velocity));
+    own.err().unwrap_or(way).at(Subject::Joint(joint as u16))
 }
 
 impl<T: Real> PathPart<T> {
@@ -334,7 +309,7 @@ impl<T: Real> PathPart<T> {
 
     /// The cubic Hermite polynomial between two states, in a duration in s.
     #[inline(always)]
-    fn between(from: &SetPoint<T>, to: &SetPoint<T>, duration: T) -> Result<Self, ProfileError> {
+    fn between(from: &SetPoint<T>, to: &SetPoint<T>, duration: T) -> Result<Self, NumberError> {
         let [c0, c1, c2, c3] = Polynomial::cubic(from, to, duration)?.cubic_coefficients();
         let hz = T::one() / duration;
         let (d2, d3) = (c2 + c2, real::<T>(3.0) * c3);
@@ -365,7 +340,7 @@ impl<T: Real> Gap<T> {
         now: &SetPoint<T>,
         onto: &SetPoint<T>,
         bounds: &Bounds<T>,
-    ) -> Result<Self, ProfileError> {
+    ) -> Result<Self, NumberError> {
         let gap = SetPoint {
             position: now.position - onto.position,
             velocity: now.velocity - onto.velocity,

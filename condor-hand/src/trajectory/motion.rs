@@ -32,9 +32,8 @@ use std::vec::Vec;
 use condor_toml::{Misreading, SourceText, Spanned, TextError};
 use serde::Deserialize;
 
-use super::{
-    Begin, Guards, MAX_VIAS, OnEnd, Pace, Primitive, PrimitiveError, Profile, Target, Via,
-};
+use super::{Begin, Guards, MAX_VIAS, MotionError, OnEnd, Pace, Primitive, Profile, Target, Via};
+use crate::Subject;
 
 /// Reads a sequence of motions from TOML text. `names[i]` is the name by which the text refers to
 /// joint *i*.
@@ -149,7 +148,10 @@ fn primitive<const J: usize>(
         })?;
     }
     let checked = primitive.check();
-    checked.map_err(|error| Misreading::at(&place_of(spanned, names, &error), error))?;
+    checked.map_err(|error| {
+        let place = place_of(spanned, names, &error);
+        Misreading::at(&place, error.named(names))
+    })?;
     Ok(primitive)
 }
 
@@ -157,13 +159,17 @@ fn primitive<const J: usize>(
 fn place_of(
     entry: &Spanned<Entry>,
     names: &[impl AsRef<str>],
-    error: &PrimitiveError,
+    error: &MotionError,
 ) -> Range<usize> {
     let inner = entry.get_ref();
-    let place = match *error {
-        PrimitiveError::ViaTime { index, .. } => inner.via.get(index).map(Spanned::span),
-        PrimitiveError::Goal { joint, .. } => {
-            let name = names.get(joint).map_or("", AsRef::as_ref);
+    let at = match error {
+        MotionError::Number(error) => error.at,
+        _ => Subject::Whole,
+    };
+    let place = match at {
+        Subject::Via(index) => inner.via.get(usize::from(index)).map(Spanned::span),
+        Subject::Joint(joint) => {
+            let name = names.get(usize::from(joint)).map_or("", AsRef::as_ref);
             let mut all = inner.to.keys().chain(inner.by.keys());
             all.find(|key| key.get_ref() == name).map(Spanned::span)
         }

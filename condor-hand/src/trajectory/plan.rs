@@ -4,9 +4,10 @@ use heapless::Vec;
 
 use super::path::{KNOTS, Path};
 use super::{
-    Bounds, Pace, Polynomial, Primitive, PrimitiveError, Profile, ProfileError, ProfileLimits,
-    Segments, SetPoint, Spline, Target,
+    Bounds, MotionError, Pace, Polynomial, Primitive, Profile, ProfileLimits, Segments, SetPoint,
+    Spline, Target,
 };
+use crate::Subject;
 use crate::math::{Real, max, min, real, sqrt};
 use crate::number::{NumberError, Requirement, check_motion};
 
@@ -46,7 +47,7 @@ struct Joint<'a, T: Real> {
 
 impl<'a, const J: usize, T: Real> Planner<'a, J, T> {
     /// Returns the plan as the primitive asks for it, or the error of the first joint that cannot do it.
-    pub(super) fn asked(&self) -> Result<Plan<T>, PrimitiveError> {
+    pub(super) fn asked(&self) -> Result<Plan<T>, MotionError> {
         self.targets()?;
         let plan = Plan {
             shape: Shape::Asked,
@@ -61,7 +62,7 @@ impl<'a, const J: usize, T: Real> Planner<'a, J, T> {
 
     /// Returns the plan as the primitive asks for it; else a slower one; else one with segments, which always
     /// keep the limits if no via points ask for more.
-    pub(super) fn possible(&self) -> Result<Plan<T>, PrimitiveError> {
+    pub(super) fn possible(&self) -> Result<Plan<T>, MotionError> {
         let refused = match self.asked() {
             Ok(plan) => return Ok(plan),
             Err(refused) => refused,
@@ -97,10 +98,10 @@ impl<'a, const J: usize, T: Real> Planner<'a, J, T> {
     }
 
     /// The path of one joint in a plan that has been made.
-    pub(super) fn path(&self, number: usize, plan: &Plan<T>) -> Result<Path<T>, PrimitiveError> {
+    pub(super) fn path(&self, number: usize, plan: &Plan<T>) -> Result<Path<T>, MotionError> {
         let mut joints = self.joints();
         let Some(joint) = joints.find(|joint| joint.number == number) else {
-            return Err(PrimitiveError::Joint {
+            return Err(MotionError::NoJoint {
                 joint: number,
                 joints: J,
             });
@@ -128,11 +129,11 @@ impl<'a, const J: usize, T: Real> Planner<'a, J, T> {
         })
     }
 
-    fn targets(&self) -> Result<(), PrimitiveError> {
+    fn targets(&self) -> Result<(), MotionError> {
         self.joints().try_for_each(|joint| joint.check_target())
     }
 
-    fn check(&self, plan: Plan<T>) -> Result<Plan<T>, PrimitiveError> {
+    fn check(&self, plan: Plan<T>) -> Result<Plan<T>, MotionError> {
         for joint in self.joints() {
             joint.check(&self.shaped(&joint, plan.duration)?)?;
         }
@@ -140,7 +141,7 @@ impl<'a, const J: usize, T: Real> Planner<'a, J, T> {
     }
 
     /// The least duration from rest with which all joints keep a fraction of their limits.
-    fn least(&self, speed: T) -> Result<T, PrimitiveError> {
+    fn least(&self, speed: T) -> Result<T, MotionError> {
         let mut duration = self.tick;
         for mut joint in self.joints() {
             let needed = if let Some(bounds) = joint.bounds(self.primitive.profile, speed) {
@@ -159,31 +160,28 @@ impl<'a, const J: usize, T: Real> Planner<'a, J, T> {
     }
 
     /// The primitive's own profile for one joint.
-    fn shaped(&self, joint: &Joint<T>, duration: T) -> Result<Path<T>, PrimitiveError> {
+    fn shaped(&self, joint: &Joint<T>, duration: T) -> Result<Path<T>, MotionError> {
         let end = SetPoint::rest(joint.end);
         if !self.primitive.vias.is_empty() {
             return self.spline(joint, duration);
         }
-        match self.primitive.profile {
-            Profile::Cubic => Polynomial::cubic(&joint.start, &end, duration).map(Path::Polynomial),
-            Profile::MinimumJerk => {
-                Polynomial::quintic(&joint.start, &end, duration).map(Path::Polynomial)
-            }
-            profile @ (Profile::Trapezoid | Profile::JerkLimited) => {
-                let speed = match self.primitive.pace {
-                    Pace::Speed(speed) => speed,
-                    Pace::Duration(_) => T::one(),
-                };
-                let Some(bounds) = joint.bounds(profile, speed) else {
-                    return Err(joint.failed(ProfileError::NotFinite));
-                };
-                return joint.together(&bounds, duration).map(Path::Segments);
-            }
+        let profile = self.primitive.profile;
+        let speed = match self.primitive.pace {
+            Pace::Speed(speed) => speed,
+            Pace::Duration(_) => T::one(),
+        };
+        if let Some(bounds) = joint.bounds(profile, speed) {
+            return joint.together(&bounds, duration).map(Path::Segments);
         }
+        match profile {
+            Profile::Cubic => Polynomial::cubic(&joint.start, &end, duration),
+            _ => Polynomial::quintic(&joint.start, &end, duration),
+        }
+        .map(Path::Polynomial)
         .map_err(|error| joint.failed(error))
     }
 
-    fn spline(&self, joint: &Joint<T>, duration: T) -> Result<Path<T>, PrimitiveError> {
+    fn spline(&self, joint: &Joint<T>, duration: T) -> Result<Path<T>, MotionError> {
         let mut times: Vec<T, KNOTS> = Vec::new();
         let mut positions: Vec<T, KNOTS> = Vec::new();
         let target = self.primitive.targets.get(joint.number);
@@ -208,36 +206,37 @@ impl<'a, const J: usize, T: Real> Planner<'a, J, T> {
 }
 
 impl<T: Real> Joint<'_, T> {
-    fn failed(&self, error: ProfileError) -> PrimitiveError {
-        PrimitiveError::Profile {
-            joint: self.number,
-            error,
-        }
+    fn failed(&self, error: NumberError) -> MotionError {
+        error.at(Subject::Joint(self.number as u16)).into()
     }
 
     /// The limits of a profile of segments; `None` for one that has none.
     fn bounds(&self, profile: Profile, speed: T) -> Option<Bounds<T>> {
-        let jerk = match profile {
-            Profile::Cubic | Profile::MinimumJerk => return None,
-            Profile::Trapezoid => None,
-            Profile::JerkLimited => Some(self.limits.jerk),
-        };
-        Some(Bounds {
+        match profile {
+            Profile::Cubic | Profile::MinimumJerk => None,
+            Profile::Trapezoid => Some(self.within(None, speed)),
+            Profile::JerkLimited => Some(self.within(Some(self.limits.jerk), speed)),
+        }
+    }
+
+    fn within(&self, jerk: Option<T>, speed: T) -> Bounds<T> {
+        Bounds {
             velocity: speed * self.limits.velocity,
             acceleration: self.limits.acceleration,
             jerk,
-        })
+        }
     }
 
-    fn fastest(&self, bounds: &Bounds<T>) -> Result<Segments<T>, PrimitiveError> {
+    fn fastest(&self, bounds: &Bounds<T>) -> Result<Segments<T>, MotionError> {
         Segments::fastest(&self.start, self.end, bounds).map_err(|error| self.failed(error))
     }
 
     /// In exactly `duration` if a moving state allows that, else as fast as it can.
-    fn together(&self, bounds: &Bounds<T>, duration: T) -> Result<Segments<T>, PrimitiveError> {
+    fn together(&self, bounds: &Bounds<T>, duration: T) -> Result<Segments<T>, MotionError> {
         match Segments::lasting(&self.start, self.end, bounds, duration) {
-            Err(ProfileError::Blocked { .. }) => self.fastest(bounds),
-            other => other.map_err(|error| self.failed(error)),
+            Ok(Some(segments)) => Ok(segments),
+            Ok(None) => self.fastest(bounds),
+            Err(error) => Err(self.failed(error)),
         }
     }
 
@@ -245,32 +244,30 @@ impl<T: Real> Joint<'_, T> {
     ///
     /// The last resort is the hardest braking there is. Wherever the joint comes from, it could have
     /// stopped in its range, so it does with this.
-    fn safe(&self, duration: T) -> Result<Path<T>, PrimitiveError> {
-        let mut refused = None;
-        for profile in [Profile::JerkLimited, Profile::Trapezoid] {
-            let Some(bounds) = self.bounds(profile, T::one()) else {
-                continue;
-            };
-            let together = Segments::lasting(&self.start, self.end, &bounds, duration)
-                .map_err(|error| self.failed(error));
-            for segments in [together, self.fastest(&bounds)] {
-                let path = segments.map(Path::Segments);
-                match path.and_then(|path| self.check(&path).map(|()| path)) {
-                    Ok(path) => return Ok(path),
-                    Err(error) => refused = Some(error),
-                }
-            }
-        }
-        Err(refused.unwrap_or(self.failed(ProfileError::NotFinite)))
+    fn safe(&self, duration: T) -> Result<Path<T>, MotionError> {
+        let soft = self.safely(&self.within(Some(self.limits.jerk), T::one()), duration);
+        soft.or_else(|_| self.safely(&self.within(None, T::one()), duration))
     }
 
-    fn check_target(&self) -> Result<(), PrimitiveError> {
+    /// In exactly `duration` if these bounds and the limits allow that, else as fast as they do.
+    fn safely(&self, bounds: &Bounds<T>, duration: T) -> Result<Path<T>, MotionError> {
+        let together = Segments::lasting(&self.start, self.end, bounds, duration);
+        if let Ok(Some(segments)) = together
+            && self.check(&Path::Segments(segments)).is_ok()
+        {
+            return Ok(Path::Segments(segments));
+        }
+        let path = Path::Segments(self.fastest(bounds)?);
+        self.check(&path).map(|()| path)
+    }
+
+    fn check_target(&self) -> Result<(), MotionError> {
         let limits = self.limits;
         self.keeps((limits.low, limits.high), (self.end, self.end))
     }
 
     /// Checks that a path keeps the limits; a joint may come back from outside of its range.
-    fn check(&self, path: &Path<T>) -> Result<(), PrimitiveError> {
+    fn check(&self, path: &Path<T>) -> Result<(), MotionError> {
         let peaks = path.peaks();
         let limits = self.limits;
         let low = min(limits.low, self.start.position);
@@ -286,13 +283,13 @@ impl<T: Real> Joint<'_, T> {
             ),
         ] {
             let most = Requirement::AtMost(limit.to_f64());
-            check_motion(what, value, most, limit).map_err(|error| self.goal(error))?;
+            check_motion(what, value, most, limit).map_err(|error| self.failed(error))?;
         }
         Ok(())
     }
 
     /// Checks that the least and the greatest position are in a range.
-    fn keeps(&self, (low, high): (T, T), (least, greatest): (T, T)) -> Result<(), PrimitiveError> {
+    fn keeps(&self, (low, high): (T, T), (least, greatest): (T, T)) -> Result<(), MotionError> {
         let (at_least, at_most) = (
             Requirement::AtLeast(low.to_f64()),
             Requirement::AtMost(high.to_f64()),
@@ -300,13 +297,6 @@ impl<T: Real> Joint<'_, T> {
         let (what, range) = ("the position, rad,", self.limits.high - self.limits.low);
         check_motion(what, least, at_least, range)
             .and_then(|()| check_motion(what, greatest, at_most, range))
-            .map_err(|error| self.goal(error))
-    }
-
-    fn goal(&self, error: NumberError) -> PrimitiveError {
-        PrimitiveError::Goal {
-            joint: self.number,
-            error,
-        }
+            .map_err(|error| self.failed(error))
     }
 }

@@ -1,7 +1,7 @@
 use super::root::{derivative, evaluate, sign_changes};
-use super::{ProfileError, ProfilePeaks, SetPoint};
-use crate::math::{Real, abs, clamp, is_finite, real};
-use crate::number::positive;
+use super::{ProfilePeaks, SetPoint};
+use crate::math::{Real, abs, clamp, real};
+use crate::number::{NumberError, finite, positive};
 
 /// The motion of one joint between two states, as a polynomial of time of degree 3 or 5.
 ///
@@ -11,7 +11,7 @@ use crate::number::positive;
 /// let reach = Polynomial::minimum_jerk(0.2_f64, 1.0, 0.5)?; // rad, rad, s
 /// let middle = reach.at(0.25);
 /// assert!((middle.position - 0.6).abs() < 1e-12 && middle.velocity > 0.0);
-/// # Ok::<_, condor_hand::trajectory::ProfileError>(())
+/// # Ok::<_, condor_hand::NumberError>(())
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Polynomial<T: Real> {
@@ -26,13 +26,9 @@ impl<T: Real> Polynomial<T> {
     /// positions and velocities at both ends; the given accelerations are ignored.
     ///
     /// # Errors
-    /// [`ProfileError`] if the duration in s is not above zero, or a number is not finite.
+    /// [`NumberError`] if the duration in s is not above zero, or a number is not finite.
     #[inline]
-    pub fn cubic(
-        start: &SetPoint<T>,
-        end: &SetPoint<T>,
-        duration: T,
-    ) -> Result<Self, ProfileError> {
+    pub fn cubic(start: &SetPoint<T>, end: &SetPoint<T>, duration: T) -> Result<Self, NumberError> {
         let dx = end.position - start.position;
         let (w0, w1) = (start.velocity * duration, end.velocity * duration);
         let zero = T::zero();
@@ -46,12 +42,12 @@ impl<T: Real> Polynomial<T> {
     /// has the least integral of squared jerk.
     ///
     /// # Errors
-    /// [`ProfileError`] if the duration in s is not above zero, or a number is not finite.
+    /// [`NumberError`] if the duration in s is not above zero, or a number is not finite.
     pub fn quintic(
         start: &SetPoint<T>,
         end: &SetPoint<T>,
         duration: T,
-    ) -> Result<Self, ProfileError> {
+    ) -> Result<Self, NumberError> {
         let k = real::<T>;
         let dx = end.position - start.position;
         let (w0, w1) = (start.velocity * duration, end.velocity * duration);
@@ -69,23 +65,24 @@ impl<T: Real> Polynomial<T> {
     /// coordination of arm movements", 1985.
     ///
     /// # Errors
-    /// [`ProfileError`] if the duration in s is not above zero, or a number is not finite.
-    pub fn minimum_jerk(start: T, end: T, duration: T) -> Result<Self, ProfileError> {
+    /// [`NumberError`] if the duration in s is not above zero, or a number is not finite.
+    pub fn minimum_jerk(start: T, end: T, duration: T) -> Result<Self, NumberError> {
         Self::quintic(&SetPoint::rest(start), &SetPoint::rest(end), duration)
     }
 
     #[inline]
-    fn checked(coefficients: [T; 6], duration: T, end: &SetPoint<T>) -> Result<Self, ProfileError> {
+    fn checked(coefficients: [T; 6], duration: T, end: &SetPoint<T>) -> Result<Self, NumberError> {
         positive("the duration, s,", duration)?;
         // Sums and derivatives of what is this small cannot overflow. A duration whose square
         // vanishes would make every acceleration infinite.
         let largest = coefficients
             .iter()
             .fold(T::zero(), |sum, &c| sum + abs(c) * real::<T>(64.0));
-        let acceleration = largest / (duration * duration);
-        if !(is_finite(largest) && is_finite(largest / duration) && is_finite(acceleration)) {
-            return Err(ProfileError::NotFinite);
-        }
+        // If the largest coefficient or the velocity is not finite, neither is the acceleration.
+        finite(
+            "the acceleration of the profile, rad/s²,",
+            largest / (duration * duration),
+        )?;
         Ok(Self {
             coefficients,
             duration,

@@ -3,8 +3,7 @@ use core::fmt;
 use heapless::Vec;
 use thiserror::Error;
 
-use super::ProfileError;
-use crate::decimal::Decimal;
+use crate::Subject;
 use crate::math::{Real, abs, is_finite};
 use crate::number::{NumberError, Requirement, check, finite, not_negative, positive};
 
@@ -272,11 +271,11 @@ impl<const J: usize, T: Real> Primitive<J, T> {
     /// Returns the primitive with the target of one more joint; `joint` is counted from 0.
     ///
     /// # Errors
-    /// [`PrimitiveError::Joint`] if the joint does not exist.
-    pub fn with(mut self, joint: usize, target: Target<T>) -> Result<Self, PrimitiveError> {
+    /// [`MotionError::NoJoint`] if the joint does not exist.
+    pub fn with(mut self, joint: usize, target: Target<T>) -> Result<Self, MotionError> {
         let bit = u32::try_from(joint).ok().and_then(|n| 1_u32.checked_shl(n));
         let (Some(place), Some(bit)) = (self.targets.get_mut(joint), bit) else {
-            return Err(PrimitiveError::Joint { joint, joints: J });
+            return Err(MotionError::NoJoint { joint, joints: J });
         };
         *place = target;
         self.mask |= bit;
@@ -290,10 +289,10 @@ impl<const J: usize, T: Real> Primitive<J, T> {
     }
 
     /// Checks the primitive as far as the joints' states and limits do not matter.
-    pub(super) fn check(&self) -> Result<(), PrimitiveError> {
+    pub(super) fn check(&self) -> Result<(), MotionError> {
         let beyond = u32::try_from(J).ok().and_then(|n| u32::MAX.checked_shl(n));
         if self.mask & beyond.unwrap_or(0) != 0 || self.mask == 0 {
-            return Err(PrimitiveError::Mask {
+            return Err(MotionError::Mask {
                 mask: self.mask,
                 joints: J,
             });
@@ -316,18 +315,17 @@ impl<const J: usize, T: Real> Primitive<J, T> {
             }
         }
         if !self.vias.is_empty() && self.profile != Profile::Cubic {
-            return Err(PrimitiveError::ViaProfile {
+            return Err(MotionError::ViaProfile {
                 profile: self.profile,
             });
         }
         let mut last = T::zero();
         for (index, via) in self.vias.iter().enumerate() {
-            let at = via.at;
-            if !(at > last && at < T::one()) {
-                let at = at.to_f64();
-                return Err(PrimitiveError::ViaTime { index, at });
-            }
-            last = at;
+            let what = "the time, as a fraction of the duration,";
+            check(what, via.at, Requirement::Above(last.to_f64()))
+                .and_then(|()| check(what, via.at, Requirement::Below(1.0)))
+                .map_err(|error| error.at(Subject::Via(index as u16)))?;
+            last = via.at;
             for (joint, _) in self.joints() {
                 let value = via.positions.get(joint).copied().unwrap_or(T::zero());
                 check_goal(joint, value)?;
@@ -337,18 +335,18 @@ impl<const J: usize, T: Real> Primitive<J, T> {
     }
 }
 
-fn check_goal<T: Real>(joint: usize, position: T) -> Result<(), PrimitiveError> {
-    finite("the position, rad,", position).map_err(|error| PrimitiveError::Goal { joint, error })
+fn check_goal<T: Real>(joint: usize, position: T) -> Result<(), NumberError> {
+    finite("the position, rad,", position).map_err(|error| error.at(Subject::Joint(joint as u16)))
 }
 
-/// The reason why a primitive is refused; joints are counted from 0.
+/// The reason why a motion is refused; joints are counted from 0.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
-pub enum PrimitiveError {
+pub enum MotionError {
     /// The queue is full.
-    #[error("the queue of {capacity} primitives is full")]
+    #[error("the queue of {capacity} motions is full; wait until one has ended")]
     Full {
-        /// The number of primitives for which it has room.
+        /// The number of motions for which it has room.
         capacity: usize,
     },
     /// The mask has no joint, or one that does not exist.
@@ -361,46 +359,49 @@ pub enum PrimitiveError {
     },
     /// The joint does not exist.
     #[error("joint {joint} does not exist: there are {joints}")]
-    Joint {
+    NoJoint {
         /// The joint that was named.
         joint: usize,
         /// The number of joints.
         joints: usize,
     },
-    /// A duration, a speed, a blend or the limit of a condition is not possible.
+    /// A number is not possible: a duration, a speed, a blend, the limit of a condition, the time of a via point,
+    /// or a position or rate that a joint would have.
     #[error(transparent)]
     Number(#[from] NumberError),
-    /// A joint would go to a position, or reach a rate, that is not possible.
-    #[error("joint {joint}: {error}")]
-    Goal {
-        /// The joint that cannot have the position or rate.
-        joint: usize,
-        /// The number that is not possible.
-        error: NumberError,
-    },
     /// There are via points, but the profile does not pass any.
     #[error("via points need the cubic profile, not {profile}")]
     ViaProfile {
         /// The profile that was given.
         profile: Profile,
     },
-    /// The via points are not in order.
+    /// The parts that the motion moves are not ready.
     #[error(
-        "via point {index} is at {at} of the duration; it must be after the one before, below 1",
-        at = Decimal(*.at),
+        "the parts that the motion moves are not ready; clear their failures, and bring them home"
     )]
-    ViaTime {
-        /// The via point, from 0.
-        index: usize,
-        /// Its time as a fraction of the duration.
-        at: f64,
-    },
-    /// There is no such profile for a joint.
-    #[error("joint {joint}: {error}")]
-    Profile {
-        /// The joint that cannot have the profile.
-        joint: usize,
-        /// The reason.
-        error: ProfileError,
-    },
+    NotReady,
+}
+
+impl MotionError {
+    /// Returns the error for display with the name of a joint in place of its number; `names[i]` is that of joint i.
+    pub fn named<'n, N: AsRef<str>>(&'n self, names: &'n [N]) -> impl fmt::Display + 'n {
+        NamedMotionError { error: self, names }
+    }
+}
+
+struct NamedMotionError<'n, N> {
+    error: &'n MotionError,
+    names: &'n [N],
+}
+
+impl<N: AsRef<str>> fmt::Display for NamedMotionError<'_, N> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if let MotionError::Number(error) = *self.error
+            && let Subject::Joint(joint) = error.at
+            && let Some(name) = self.names.get(usize::from(joint))
+        {
+            return write!(f, "{}: {}", name.as_ref(), error.at(Subject::Whole));
+        }
+        self.error.fmt(f)
+    }
 }

@@ -1,6 +1,7 @@
 use super::root::bracketed;
-use super::{ProfileError, ProfilePeaks, SetPoint, check_rates};
-use crate::math::{Real, abs, clamp, is_finite, max, min, real, sqrt};
+use super::{ProfilePeaks, SetPoint, check_rates};
+use crate::math::{Real, abs, clamp, max, min, real, sqrt};
+use crate::number::{NumberError, Requirement, check, finite};
 
 /// The greatest velocity, acceleration and jerk of a joint in a motion of [`Segments`].
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -62,9 +63,9 @@ impl<T: Real> Piece<T> {
 }
 
 impl<T: Real> Bounds<T> {
-    fn check(&self) -> Result<(), ProfileError> {
+    fn check(&self) -> Result<(), NumberError> {
         let jerk = self.jerk.unwrap_or(T::one());
-        Ok(check_rates(self.velocity, self.acceleration, jerk)?)
+        check_rates(self.velocity, self.acceleration, jerk)
     }
 
     /// The fastest change of velocity to `to` with no acceleration at its end.
@@ -218,53 +219,22 @@ impl<T: Real> Case<'_, T> {
     }
 }
 
-impl<T: Real> Segments<T> {
-    /// Makes the fastest motion from the state `start` to rest at the position `end` (rad), within
-    /// `bounds`.
-    ///
-    /// Without a bound of jerk this is the fastest possible motion; the acceleration at the start
-    /// is not used. With a bound of jerk it is also the fastest, with one exception: a joint that
-    /// brakes already, need not turn back, and could brake later. That joint brakes, releases the
-    /// brake, and brakes again.
-    ///
-    /// The bounds hold from the start on if the start is within them. If the acceleration of the
-    /// start would lead beyond the bound of velocity, it is reduced at once. The motion may pass
-    /// `end` and return if it cannot stop before.
-    ///
-    /// # Errors
-    /// [`ProfileError`] if a number is not finite, or a bound is not above zero.
-    pub fn fastest(start: &SetPoint<T>, end: T, bounds: &Bounds<T>) -> Result<Self, ProfileError> {
-        Self::plan(start, end, bounds, None)
-    }
+/// A motion from a state to rest, of which only the velocity to keep is open.
+struct Way<'a, T: Real> {
+    start: SetPoint<T>,
+    end: T,
+    /// The direction of the motion: 1 or -1. The numbers of the case are along it.
+    along: T,
+    case: Case<'a, T>,
+}
 
-    /// Makes a motion like [`fastest`](Self::fastest), but at a lower velocity, so that it lasts
-    /// `duration` seconds. With it several joints can arrive together.
-    ///
-    /// # Errors
-    /// [`ProfileError::NotFinite`] or [`ProfileError::Number`] if a number is not finite, or the
-    /// duration or a bound is not above zero; [`ProfileError::TooShort`] if the duration is below
-    /// that of the fastest motion; and, only from a moving state, [`ProfileError::Blocked`] if no
-    /// velocity leads to this duration.
-    pub fn lasting(
-        start: &SetPoint<T>,
-        end: T,
-        bounds: &Bounds<T>,
-        duration: T,
-    ) -> Result<Self, ProfileError> {
-        Self::plan(start, end, bounds, Some(duration))
-    }
-
-    fn plan(
-        start: &SetPoint<T>,
-        end: T,
-        bounds: &Bounds<T>,
-        lasting: Option<T>,
-    ) -> Result<Self, ProfileError> {
+impl<'a, T: Real> Way<'a, T> {
+    fn new(start: &SetPoint<T>, end: T, bounds: &'a Bounds<T>) -> Result<Self, NumberError> {
         bounds.check()?;
         let delta = end - start.position;
-        if !(start.is_finite() && is_finite(delta)) {
-            return Err(ProfileError::NotFinite);
-        }
+        finite("the distance to go, rad,", delta)?;
+        finite("the velocity at the start, rad/s,", start.velocity)?;
+        finite("the acceleration at the start, rad/s²,", start.acceleration)?;
         let acceleration = bounds.admissible(start);
         let mut case = Case {
             bounds,
@@ -280,61 +250,34 @@ impl<T: Real> Segments<T> {
         case.velocity *= along;
         case.acceleration *= along;
         case.distance *= along;
-        let fastest = case.fastest();
-        let least = case.total(fastest);
-        let begin = SetPoint {
+        let start = SetPoint {
             acceleration,
             ..*start
         };
-        let Some(duration) = lasting else {
-            return Self::build(&begin, end, along, &case, fastest, least);
-        };
-        // Rounding must not refuse the slowest of several joints its own duration.
-        let slack = duration * real::<T>(16.0) * T::default_epsilon();
-        if !(duration + slack >= least) {
-            return Err(ProfileError::TooShort {
-                duration: duration.to_f64(),
-                least: least.to_f64(),
-            });
-        }
-        if duration <= least + slack {
-            return Self::build(&begin, end, along, &case, fastest, least);
-        }
-        if case.distance == T::zero() && case.velocity == T::zero() && acceleration == T::zero() {
-            return Self::build(&begin, end, along, &case, T::zero(), duration);
-        }
-        let peak = case.lasting(duration, fastest);
-        let total = case.total(peak);
-        let tolerance = duration * sqrt(T::default_epsilon());
-        if !(abs(total - duration) <= tolerance) {
-            let duration = duration.to_f64();
-            return Err(ProfileError::Blocked { duration });
-        }
-        Self::build(&begin, end, along, &case, peak, total)
+        Ok(Self {
+            start,
+            end,
+            along,
+            case,
+        })
     }
 
-    fn build(
-        start: &SetPoint<T>,
-        end: T,
-        along: T,
-        case: &Case<T>,
-        peak: T,
-        duration: T,
-    ) -> Result<Self, ProfileError> {
-        let (first, last) = case.pieces(peak);
+    /// The motion that keeps the velocity `peak`, and so lasts `duration`.
+    fn with(&self, peak: T, duration: T) -> Result<Segments<T>, NumberError> {
+        let (first, last) = self.case.pieces(peak);
         let cruise = Piece {
-            duration: case.cruise(peak),
+            duration: self.case.cruise(peak),
             ..Piece::nothing()
         };
         let [a, b, c] = first;
         let [d, e, f] = last;
         let pieces = [a, b, c, cruise, d, e, f].map(|piece| Piece {
             duration: piece.duration,
-            acceleration: piece.acceleration * along,
-            jerk: piece.jerk * along,
+            acceleration: piece.acceleration * self.along,
+            jerk: piece.jerk * self.along,
         });
         // Terms whose sum is finite leave every state on the way finite.
-        let (mut state, mut sum) = (*start, duration);
+        let (mut state, mut sum) = (self.start, duration);
         for piece in &pieces {
             let t = piece.duration;
             let change = abs(piece.acceleration) + abs(piece.jerk) * t;
@@ -342,15 +285,74 @@ impl<T: Real> Segments<T> {
             sum += change + rate + abs(state.position) + rate * t;
             state = piece.end(&state);
         }
-        if !is_finite(sum) {
-            return Err(ProfileError::NotFinite);
-        }
-        Ok(Self {
-            start: *start,
+        finite("the sum of the terms of the profile", sum)?;
+        Ok(Segments {
+            start: self.start,
             pieces,
-            end,
+            end: self.end,
             duration,
         })
+    }
+}
+
+impl<T: Real> Segments<T> {
+    /// Makes the motion from any state to rest at `end`, independently of other joints.
+    ///
+    /// Without a bound of jerk this is the fastest possible motion; the acceleration at the start
+    /// is not used. With one it is also the fastest, with one exception: a joint that brakes
+    /// already, need not turn back, and could brake later. It brakes, releases the brake, and
+    /// brakes again.
+    ///
+    /// The bounds hold from the start on if the start is within them. If the acceleration of the
+    /// start would lead beyond the bound of velocity, it is reduced at once. The motion may pass
+    /// `end` and return if it cannot stop before.
+    ///
+    /// # Errors
+    /// [`NumberError`] if a number is not finite, or a bound is not above zero.
+    pub fn fastest(start: &SetPoint<T>, end: T, bounds: &Bounds<T>) -> Result<Self, NumberError> {
+        let way = Way::new(start, end, bounds)?;
+        let peak = way.case.fastest();
+        way.with(peak, way.case.total(peak))
+    }
+
+    /// Makes the motion with a lower velocity, so that it lasts `duration` seconds; so several
+    /// joints can arrive together. Returns `None` if no velocity leads to this duration, which happens only
+    /// from a moving state.
+    ///
+    /// # Errors
+    /// [`NumberError`] if a number is not finite, a bound is not above zero, or the duration is below that of the
+    /// fastest motion.
+    pub fn lasting(
+        start: &SetPoint<T>,
+        end: T,
+        bounds: &Bounds<T>,
+        duration: T,
+    ) -> Result<Option<Self>, NumberError> {
+        let way = Way::new(start, end, bounds)?;
+        let case = &way.case;
+        let fastest = case.fastest();
+        let least = case.total(fastest);
+        // Rounding must not refuse the slowest of several joints its own duration.
+        let slack = duration * real::<T>(16.0) * T::default_epsilon();
+        let must = Requirement::AtLeast(least.to_f64());
+        check("the duration, s,", duration + slack, must).map_err(|error| NumberError {
+            value: duration.to_f64(),
+            ..error
+        })?;
+        if duration <= least + slack {
+            return way.with(fastest, least).map(Some);
+        }
+        let zero = T::zero();
+        if case.distance == zero && case.velocity == zero && case.acceleration == zero {
+            return way.with(zero, duration).map(Some);
+        }
+        let peak = case.lasting(duration, fastest);
+        let total = case.total(peak);
+        let tolerance = duration * sqrt(T::default_epsilon());
+        if !(abs(total - duration) <= tolerance) {
+            return Ok(None);
+        }
+        way.with(peak, total).map(Some)
     }
 
     /// Returns the duration of the motion, s; zero if it starts at its end.

@@ -1,7 +1,9 @@
 use heapless::Vec;
 
-use super::{Polynomial, ProfileError, ProfilePeaks, SetPoint};
-use crate::math::{Real, is_finite, real};
+use super::{Polynomial, ProfilePeaks, SetPoint};
+use crate::Subject;
+use crate::math::{Real, real};
+use crate::number::{NumberError, Requirement, check, count, finite};
 
 /// The motion of one joint through up to K points (knots), as a cubic spline with given velocities
 /// at both ends. Position, velocity and acceleration are continuous. Of all such curves it has the
@@ -26,36 +28,37 @@ impl<T: Real, const K: usize> Spline<T, K> {
     /// de Boor, "A practical guide to splines", chapter IV), by L. H. Thomas' elimination.
     ///
     /// # Errors
-    /// [`ProfileError`] if there are too few or too many knots, times do not increase, or a number
+    /// [`NumberError`] if there are too few or too many knots, times do not increase, or a number
     /// is not finite.
-    pub fn clamped(times: &[T], positions: &[T], velocities: (T, T)) -> Result<Self, ProfileError> {
-        let mut knots = Vec::new();
-        let counts = ProfileError::Knots {
-            times: times.len(),
-            positions: positions.len(),
-            most: K,
-        };
-        if times.len() != positions.len() || times.len() < 2 {
-            return Err(counts);
-        }
+    pub fn clamped(times: &[T], positions: &[T], velocities: (T, T)) -> Result<Self, NumberError> {
+        let mut knots = Vec::<Knot<T>, K>::new();
+        let number = count(times.len());
+        check(
+            "the number of times",
+            number,
+            Requirement::Equal(count(positions.len())),
+        )?;
+        check(
+            "the number of knots",
+            number,
+            Requirement::Within(2.0, count(K)),
+        )?;
         for (index, (&time, &position)) in times.iter().zip(positions).enumerate() {
-            if !(is_finite(time) && is_finite(position)) {
-                return Err(ProfileError::NotFinite);
-            }
+            let after = match knots.last() {
+                Some(last) => Requirement::Above(last.time.to_f64()),
+                None => Requirement::Finite,
+            };
+            check("the time, s,", time, after)
+                .and_then(|()| finite("the position, rad,", position))
+                .map_err(|error| error.at(Subject::Knot(index as u16)))?;
             let velocity = T::zero();
             let knot = Knot {
                 time,
                 position,
                 velocity,
             };
-            if knots
-                .last()
-                .is_some_and(|last: &Knot<T>| !(last.time < time))
-            {
-                let time = time.to_f64();
-                return Err(ProfileError::Order { index, time });
-            }
-            knots.push(knot).map_err(|_| counts)?;
+            // There is room: the number was checked.
+            let _ = knots.push(knot);
         }
         if let Some(first) = knots.first_mut() {
             first.velocity = velocities.0;
@@ -104,12 +107,12 @@ impl<T: Real, const K: usize> Spline<T, K> {
         }
     }
 
-    fn pieces(&self) -> impl Iterator<Item = Result<Polynomial<T>, ProfileError>> + '_ {
+    fn pieces(&self) -> impl Iterator<Item = Result<Polynomial<T>, NumberError>> + '_ {
         let pairs = self.knots.iter().zip(self.knots.iter().skip(1));
         pairs.map(|(from, to)| Self::piece(from, to))
     }
 
-    fn piece(from: &Knot<T>, to: &Knot<T>) -> Result<Polynomial<T>, ProfileError> {
+    fn piece(from: &Knot<T>, to: &Knot<T>) -> Result<Polynomial<T>, NumberError> {
         let state = |knot: &Knot<T>| SetPoint {
             position: knot.position,
             velocity: knot.velocity,

@@ -1,11 +1,11 @@
 use heapless::Deque;
 use thiserror::Error;
 
-use super::{Polynomial, ProfileLimits, SetPoint, TrajectoryError, check_start};
-use crate::Real;
+use super::{Polynomial, ProfileLimits, SetPoint, check_start};
 use crate::decimal::Decimal;
 use crate::math::{abs, clamp, real};
 use crate::number::{NumberError, Requirement, check_motion, positive, tolerance};
+use crate::{Real, Subject};
 
 /// A point of a [`JointStream`]: the positions and velocities that the joints must have at a time.
 /// Values of joints that are not in the mask of the stream are ignored.
@@ -136,14 +136,14 @@ impl<const J: usize, const N: usize, T: Real> JointStream<J, N, T> {
     /// * `patience`: the number of ticks for which the stream waits for the first batch.
     ///
     /// # Errors
-    /// [`TrajectoryError`] if a limit is wrong, or a number is not finite.
+    /// [`NumberError`] if a limit is wrong, or a number is not finite.
     pub fn new(
         mask: u32,
         limits: [ProfileLimits<T>; J],
         positions: [T; J],
         tick_s: T,
         patience: u32,
-    ) -> Result<Self, TrajectoryError> {
+    ) -> Result<Self, NumberError> {
         const { assert!(J > 0 && J <= 32, "a mask has 32 bits") };
         positive("the duration of a tick, s,", tick_s)?;
         for (joint, (limits, &position)) in limits.iter().zip(&positions).enumerate() {
@@ -502,6 +502,7 @@ fn check_joint<T: Real>(
     check_motion(POSITION_AFTER_BRAKING, rest, least, range)?;
     check_motion(POSITION_AFTER_BRAKING, rest, most, range)?;
     let path = Polynomial::cubic(from, to, duration).map_err(|_| NumberError {
+        at: Subject::Whole,
         what: DURATION,
         value: duration.to_f64(),
         must: Requirement::Above(0.0),

@@ -4,12 +4,11 @@
 use std::fmt::Write;
 use std::sync::LazyLock;
 
-use condor_hand::HeaderError;
 use condor_hand::config::{
-    Channel, Converter, Form, Hand, HandImageError, InputChannel, Mistake, OutputChannel, Problem,
-    Rotation, Wire,
+    Channel, Converter, Form, Hand, InputChannel, Mistake, OutputChannel, Problem, Rotation, Wire,
 };
 use condor_hand::tendon::Rectification;
+use condor_hand::{ImageError, Subject};
 use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::sample::Index;
@@ -54,18 +53,18 @@ fn an_image_does_not_depend_on_the_room_of_the_program() {
     assert_eq!(self::image(&roomy), image);
     assert_eq!(
         Hand::<2, 3>::from_image(&image),
-        Err(HandImageError::Capacity {
+        Err(ImageError::Count {
             of: "fingers",
-            needed: 3,
-            capacity: 2
+            found: 3,
+            wanted: 2
         })
     );
     assert_eq!(
         Hand::<3, 2>::from_image(&image),
-        Err(HandImageError::Capacity {
+        Err(ImageError::Count {
             of: "joints in a finger",
-            needed: 3,
-            capacity: 2
+            found: 3,
+            wanted: 2
         })
     );
 }
@@ -77,7 +76,7 @@ fn a_short_buffer_is_refused_at_any_length() {
     for len in 0..len {
         assert_eq!(
             TRIPOD.to_image(&mut buffer[..len]),
-            Err(HeaderError::BufferTooShort { len }.into())
+            Err(ImageError::BufferTooShort { len })
         );
     }
     assert_eq!(TRIPOD.to_image(&mut buffer), Ok(len));
@@ -89,53 +88,49 @@ fn what_is_wrong_with_an_image_is_said() {
     let len = good.len();
     assert_eq!(
         Tripod::from_image(&good[..len - 1]),
-        Err(HeaderError::Length {
+        Err(ImageError::Length {
             needed: len,
             len: len - 1
-        }
-        .into())
+        })
     );
     assert_eq!(
         Tripod::from_image(&[]),
-        Err(HeaderError::Length { needed: 20, len: 0 }.into())
+        Err(ImageError::Length { needed: 20, len: 0 })
     );
     let mut long = good.clone();
     long.push(0);
     assert_eq!(
         Tripod::from_image(&long),
-        Err(HeaderError::Length {
+        Err(ImageError::Length {
             needed: len,
             len: len + 1
-        }
-        .into())
+        })
     );
     let mut other = good.clone();
     other[0] = b'X';
     assert_eq!(
         Tripod::from_image(&other),
-        Err(HeaderError::Magic {
+        Err(ImageError::Magic {
             found: *b"XNDH",
             wanted: *b"CNDH"
-        }
-        .into())
+        })
     );
     let mut other = good.clone();
     other[4] = 5;
     assert_eq!(
         Tripod::from_image(&other),
-        Err(HeaderError::Version {
+        Err(ImageError::Version {
             found: 5,
             wanted: 4
-        }
-        .into())
+        })
     );
     for byte in 6..len {
         let mut other = good.clone();
         other[byte] ^= 1;
         let error = Tripod::from_image(&other).unwrap_err();
-        let lengths = matches!(error, HandImageError::Header(HeaderError::Length { .. }));
+        let lengths = matches!(error, ImageError::Length { .. });
         assert!(
-            lengths || matches!(error, HandImageError::Header(HeaderError::Checksum { .. })),
+            lengths || matches!(error, ImageError::Checksum { .. }),
             "{byte}: {error}"
         );
     }
@@ -167,17 +162,23 @@ fn a_mistake_under_the_right_checksum_is_found() {
     assert!(
         matches!(
             error,
-            HandImageError::Mistake(Mistake {
-                problem: Problem::Number { value: -0.015, .. },
+            ImageError::Content {
+                error: Mistake {
+                    problem: Problem::Number { value: -0.015, .. },
+                    ..
+                },
                 ..
-            })
+            }
         ),
         "{error}"
     );
     let mut bytes = before;
     bytes[6] = 2;
     seal(&mut bytes);
-    assert_eq!(Tripod::from_image(&bytes), Err(HandImageError::Malformed));
+    assert_eq!(
+        Tripod::from_image(&bytes),
+        Err(ImageError::Malformed { at: Subject::Whole })
+    );
 }
 
 #[test]
@@ -186,10 +187,7 @@ fn a_hand_without_fingers_or_processors_is_none() {
     hand.fingers.clear();
     let error = hand.check().unwrap_err();
     assert_eq!(error.to_string(), "`fingers` of the hand is empty");
-    assert_eq!(
-        hand.to_image(&mut [0; 4096]),
-        Err(HandImageError::Mistake(error))
-    );
+    assert_eq!(hand.to_image(&mut [0; 4096]), Err(error.into()));
     hand.processors.clear();
     assert_eq!(
         hand.check().unwrap_err().to_string(),

@@ -10,8 +10,7 @@ use condor_hand::controller::{FingerController, FingerTick};
 use condor_hand::dynamics::Dynamics;
 use condor_hand::kinematics::PlanarFinger;
 use condor_hand::servo::{
-    FingerReadings, JointGains, JointTarget, PositionLaw, ServoMode, SettingError, TargetError,
-    TargetQuantity,
+    FingerReadings, JointGains, JointTarget, PositionLaw, ServoMode, ServoRefusal, TargetQuantity,
 };
 use condor_hand::tendon::fault::{FaultCode, FaultSite};
 use condor_hand::tendon::{Pair, TendonPairs};
@@ -188,23 +187,23 @@ fn what_a_joint_cannot_have_is_refused_with_its_value() {
     let refused = controller.set_target(2, JointTarget::Position(SetPoint::rest(3.0)));
     assert!(matches!(
         refused,
-        Err(SettingError::Target(TargetError { joint: 2, quantity: TargetQuantity::Position, value, .. })) if value > 2.9
+        Err(ServoRefusal::Target { joint: 2, quantity: TargetQuantity::Position, value, .. }) if value > 2.9
     ));
     assert!(matches!(
         controller.set_target(1, JointTarget::Torque(f64::NAN)),
-        Err(SettingError::Target(TargetError {
+        Err(ServoRefusal::Target {
             joint: 1,
             quantity: TargetQuantity::Torque,
             ..
-        }))
+        })
     ));
     assert!(matches!(
         controller.set_target(0, JointTarget::Tension(Pair { flexor: 10.0, extensor: 131.0 })),
-        Err(SettingError::Target(TargetError { joint: 0, quantity: TargetQuantity::Tension, value, .. })) if value > 130.0
+        Err(ServoRefusal::Target { joint: 0, quantity: TargetQuantity::Tension, value, .. }) if value > 130.0
     ));
     assert!(matches!(
         controller.set_mode(4, ServoMode::Off),
-        Err(SettingError::NoJoint {
+        Err(ServoRefusal::NoJoint {
             joint: 4,
             joints: 4
         })
@@ -246,7 +245,7 @@ fn a_lost_sensor_is_a_fault_that_stays_and_takes_the_tensions_down() {
     assert_eq!(fault.code, FaultCode::NotFinite);
     assert_eq!(
         controller.set_mode(0, ServoMode::Position),
-        Err(SettingError::AfterFault)
+        Err(ServoRefusal::AfterFault)
     );
     // Good sensors do not bring it back, and the way down has no step.
     for _ in 0..400 {
@@ -444,7 +443,7 @@ fn a_finger_of_fewer_joints_than_there_is_room_for_is_one_without_them() {
     let finger = &hand.fingers[0];
     assert_eq!(finger.joints.len(), 3);
     let mut controller = FingerController::new(&hand, finger, finger.chain()).unwrap();
-    let none = Err(SettingError::NoJoint {
+    let none = Err(ServoRefusal::NoJoint {
         joint: 3,
         joints: 3,
     });

@@ -7,10 +7,10 @@
 
 use condor_hand::tendon::Pair;
 use condor_hand::tendon::fault::{
-    FaultCode, FaultLimits, FaultLimitsError, FaultRange, FaultSite, FingerFault, FingerMonitor,
-    JointFaultLimits, Observation, SafeRamp, SensorFaultLimits, Stuck, TendonFaultLimits,
-    Threshold,
+    FaultCode, FaultLimits, FaultRange, FaultSite, FingerFault, FingerMonitor, JointFaultLimits,
+    Observation, SafeRamp, SensorFaultLimits, Stuck, TendonFaultLimits, Threshold,
 };
+use condor_hand::{NumberError, Subject};
 use nalgebra::Vector2;
 use proptest::prelude::*;
 
@@ -297,9 +297,8 @@ fn limits_say_what_is_wrong_with_them() {
     wrong.tendons[1].extensor.slack.value = f64::NAN;
     assert!(matches!(
         FingerMonitor::new(wrong),
-        Err(FaultLimitsError {
-            site: FaultSite::Extensor(1),
-            code: FaultCode::Slack,
+        Err(NumberError {
+            at: Subject::ExtensorCheck(1, FaultCode::Slack),
             ..
         })
     ));

@@ -6,7 +6,7 @@ use condor_hand::dynamics::Dynamics;
 use condor_hand::kinematics::PlanarFinger;
 use condor_hand::math::{exp, max, sqrt};
 use condor_hand::plant::{PlantModel, SimFinger};
-use condor_hand::servo::{FingerReadings, JointTarget, PositionLaw, ServoMode, SettingError};
+use condor_hand::servo::{FingerReadings, JointTarget, PositionLaw, ServoMode, ServoRefusal};
 use nalgebra::{SVector, Vector3};
 use proptest::prelude::*;
 
@@ -108,7 +108,7 @@ impl Bench {
     fn greatest(&self, joint: usize) -> (f64, f64) {
         let mut controller = self.controller.clone();
         let mut highest = |target| match controller.set_target(joint, target) {
-            Err(SettingError::Target(error)) => error.high,
+            Err(ServoRefusal::Target { high, .. }) => high,
             other => panic!("{other:?}"),
         };
         (

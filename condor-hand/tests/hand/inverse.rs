@@ -146,18 +146,18 @@ fn what_cannot_be_computed_is_refused() {
         let error = finger
             .inverse(&target, rule, &present, &limits())
             .unwrap_err();
-        assert!(matches!(error, InverseError::Ratio { .. }), "{error}");
+        assert!(matches!(error, InverseError::Number(_)), "{error}");
     }
     let short =
         PlanarFinger::new(*finger.base(), [0.01, 0.0, 0.03, 0.02], *finger.bodies()).unwrap();
     let error = short
         .inverse(&target, Redundancy::Roomiest, &present, &limits())
         .unwrap_err();
-    assert!(matches!(error, InverseError::Lengths { .. }), "{error}");
+    assert!(matches!(error, InverseError::Number(_)), "{error}");
     let error = finger
         .inverse(&target, Redundancy::Pitch(f64::NAN), &present, &limits())
         .unwrap_err();
-    assert!(matches!(error, InverseError::NotFinite { .. }), "{error}");
+    assert!(matches!(error, InverseError::Number(_)), "{error}");
     assert!(JointLimits::new(Vector4::repeat(1.0), Vector4::repeat(1.0)).is_err());
     let open = Vector4::repeat(f64::INFINITY);
     assert!(JointLimits::new(-open, open).is_err());

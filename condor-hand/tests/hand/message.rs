@@ -8,10 +8,10 @@ use condor_hand::config::Hand;
 use condor_hand::controller::FingerController;
 use condor_hand::kinematics::PlanarFinger;
 use condor_hand::message::{
-    ALL_JOINTS, HandIdentity, HandLoop, REQUEST_WORDS, SERVO, ServoClient, ServoClientError,
-    ServoLayout, ServoObject, ServoOperation, ServoRefusal,
+    ALL_JOINTS, ClientError, HandIdentity, HandLoop, REQUEST_WORDS, SERVO, ServoClient,
+    ServoLayout, ServoObject, ServoOperation,
 };
-use condor_hand::servo::{FingerReadings, JointTarget, ServoMode, TargetError, TargetQuantity};
+use condor_hand::servo::{FingerReadings, JointTarget, ServoMode, ServoRefusal, TargetQuantity};
 use condor_hand::tendon::Pair;
 use condor_hand::tendon::fault::{FaultCode, FaultSite};
 use condor_hand::trajectory::{SetPoint, StopGuard};
@@ -166,7 +166,7 @@ fn a_processor_says_which_servos_it_has() {
     let (finger, served) = (2, 0b11);
     assert_eq!(
         refused,
-        ServoClientError::Refused(ServoRefusal::NoFinger { finger, served })
+        ClientError::Refused(ServoRefusal::NoFinger { finger, served })
     );
 }
 
@@ -191,7 +191,7 @@ fn servos_are_enabled_and_disabled() {
     assert!(client.status(1, SECOND).unwrap().ticks.wrapping_sub(before) >= 10);
     assert_eq!(
         client.enable(1, Some(4), ServoMode::Torque, SECOND),
-        Err(ServoClientError::Refused(ServoRefusal::NoJoint {
+        Err(ClientError::Refused(ServoRefusal::NoJoint {
             joint: 4,
             joints: 4
         }))
@@ -234,29 +234,27 @@ fn targets_beyond_what_a_joint_has_come_back_with_its_limits() {
     );
     assert_eq!(
         refused,
-        Err(ServoClientError::Refused(ServoRefusal::Target(
-            TargetError {
-                joint: 1,
-                quantity: TargetQuantity::Position,
-                value: position,
-                low: limits.low,
-                high: limits.high
-            }
-        )))
+        Err(ClientError::Refused(ServoRefusal::Target {
+            joint: 1,
+            quantity: TargetQuantity::Position,
+            value: position,
+            low: limits.low,
+            high: limits.high
+        }))
     );
     let refused = client.set_target(0, 1, &JointTarget::Torque(1e3), SECOND);
     assert!(
-        matches!(refused, Err(ServoClientError::Refused(ServoRefusal::Target(error))) if error.value > 999.0 && error.quantity == TargetQuantity::Torque),
+        matches!(refused, Err(ClientError::Refused(ServoRefusal::Target { value, quantity: TargetQuantity::Torque, .. })) if value > 999.0),
         "{refused:?}"
     );
     let refused = client.set_target(0, 1, &JointTarget::Tension(Pair::both(1e3)), SECOND);
     assert!(
-        matches!(refused, Err(ServoClientError::Refused(ServoRefusal::Target(error))) if error.value > 999.0 && error.quantity == TargetQuantity::Tension),
+        matches!(refused, Err(ClientError::Refused(ServoRefusal::Target { value, quantity: TargetQuantity::Tension, .. })) if value > 999.0),
         "{refused:?}"
     );
     let refused = client.set_target(0, 1, &JointTarget::Torque(f64::NAN), SECOND);
     assert!(
-        matches!(refused, Err(ServoClientError::Refused(ServoRefusal::Number { number: 0, value })) if value.is_nan()),
+        matches!(refused, Err(ClientError::Refused(ServoRefusal::Target { value, .. })) if value.is_nan()),
         "{refused:?}"
     );
     assert_eq!(rig.modes(0)[1], ServoMode::Position);
@@ -270,7 +268,7 @@ fn an_order_is_not_done_before_the_next_tick() {
     let short = Duration::from_millis(2);
     let not_done = client.enable(0, Some(2), ServoMode::Torque, short);
     assert!(
-        matches!(not_done, Err(ServoClientError::NotDone { to: REMOTE, timeout, .. }) if timeout == short),
+        matches!(not_done, Err(ClientError::NotDone { to: REMOTE, timeout, .. }) if timeout == short),
         "{not_done:?}"
     );
     assert_eq!(rig.modes(0), [ServoMode::Off; 4]);
@@ -294,10 +292,7 @@ fn a_fault_is_told_and_cleared_and_does_not_come_back_to_life() {
     assert_eq!(client.status(1, SECOND).unwrap().fault, None);
 
     let refused = client.enable(0, None, ServoMode::Torque, SECOND);
-    assert_eq!(
-        refused,
-        Err(ServoClientError::Refused(ServoRefusal::AfterFault))
-    );
+    assert_eq!(refused, Err(ClientError::Refused(ServoRefusal::AfterFault)));
     rig.fingers.lock().unwrap().1[0].position[3] = 0.7;
     // Two restarts between two ticks are one clearing, and count twice.
     rig.ticking.store(false, Ordering::Relaxed);
@@ -439,7 +434,7 @@ fn a_processor_without_servos_is_an_error_with_its_number() {
     assert!(
         matches!(
             stalled,
-            Err(ServoClientError::Exchange(ExchangeError::Mailbox(
+            Err(ClientError::Exchange(ExchangeError::Mailbox(
                 MailboxError::Stalled { to: REMOTE, .. }
             )))
         ),

@@ -5,10 +5,11 @@ use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
+use condor_hand::message::ClientError;
 use condor_hand::message::motions::{
     Batch, Code, LedgerStore, MOTIONS, MotionOperation, MotionRequest, MotionResponse,
-    MotionsBlocks, MotionsClient, MotionsError, MotionsEvent, MotionsPost, MotionsServer, Offer,
-    RequestProgress, SentPoints, StreamRequest, VERSION,
+    MotionsBlocks, MotionsClient, MotionsEvent, MotionsPost, MotionsServer, Offer, RequestProgress,
+    SentPoints, StreamRequest, VERSION,
 };
 use condor_hand::queue::{
     LedgerRow, MotionQueue, QueueAnswer, RefusalReason, RequestIdentity, RequestState, SessionOwner,
@@ -366,10 +367,7 @@ fn a_session_is_used_by_its_owner_alone() {
     let look = rig.raw(second, &request(MotionOperation::Look, session, 1));
     assert_eq!((look.version, look.code), (VERSION, Code::New as u32));
     let control = rig.client(second).control(session, true, SOON);
-    assert!(
-        matches!(control, Err(MotionsError::NotYours)),
-        "{control:?}"
-    );
+    assert!(matches!(control, Err(ClientError::NotYours)), "{control:?}");
     assert_eq!(
         rig.arm(|arm| arm.server.look(MotionQueue::in_control)),
         Some(None)
@@ -456,10 +454,7 @@ fn control_of_a_client_that_is_gone_is_free_and_what_it_had_enqueued_goes_on() {
     let mailbox = rig.mailbox(FIRST);
     let mut first = rig.client(mailbox);
     let control = first.control(gone, true, SOON);
-    assert!(
-        matches!(control, Err(MotionsError::NotYours)),
-        "{control:?}"
-    );
+    assert!(matches!(control, Err(ClientError::NotYours)), "{control:?}");
     assert_eq!(first.look(of(gone, 1), SOON).unwrap().answer, DONE);
     let again = first.offer(of(gone, 2), b"wave", SOON).unwrap();
     assert_eq!(again, QueueAnswer::Never);
@@ -537,7 +532,7 @@ fn a_ledger_that_fails_is_told_once_and_delays_everything_but_loses_nothing() {
     fails(true);
     let open = client.open(SOON);
     assert!(
-        matches!(open, Err(MotionsError::TimedOut { .. })),
+        matches!(open, Err(ClientError::TimedOut { .. })),
         "{open:?}"
     );
     let errors = rig.arm(|arm| core::mem::take(&mut arm.errors));
@@ -561,7 +556,7 @@ fn a_ledger_that_fails_is_told_once_and_delays_everything_but_loses_nothing() {
     fails(true);
     let offer = client.offer(of(session, 2), b"nod", SOON);
     assert!(
-        matches!(offer, Err(MotionsError::TimedOut { .. })),
+        matches!(offer, Err(ClientError::TimedOut { .. })),
         "{offer:?}"
     );
     let errors = rig.arm(|arm| core::mem::take(&mut arm.errors));
@@ -595,7 +590,7 @@ fn a_ledger_that_fails_is_told_once_and_delays_everything_but_loses_nothing() {
     assert!(closed.client(mailbox).open(SOON).is_err());
     let errors = closed.arm(|arm| core::mem::take(&mut arm.errors));
     assert_eq!(errors.len(), 1, "{errors:?}");
-    assert!(errors[0].starts_with("Ledger(Size"), "{errors:?}");
+    assert!(errors[0].starts_with("Ledger(Count"), "{errors:?}");
 }
 
 /// A client in control, whose first motion runs and whose second one waits.
@@ -759,10 +754,7 @@ fn a_stream_takes_points_of_its_client_until_it_ends() {
         assert_eq!(send(2, &first).unwrap(), until(200));
     }
     let foreign = other.points(of(session, 2), 2, &batch(1, (0.4, 0.2, 0.0), true), SOON);
-    assert!(
-        matches!(foreign, Err(MotionsError::NotYours)),
-        "{foreign:?}"
-    );
+    assert!(matches!(foreign, Err(ClientError::NotYours)), "{foreign:?}");
     let far = send(2, &batch(1, (0.4, 7.0, 0.0), true));
     assert_eq!(
         far.unwrap_err().to_string(),
@@ -796,7 +788,7 @@ fn a_stream_takes_points_of_its_client_until_it_ends() {
     let ninth = batch(8, (0.5, 0.24, 0.0), true);
     let full = send(2, &ninth);
     assert!(
-        matches!(full, Err(MotionsError::TimedOut { .. })),
+        matches!(full, Err(ClientError::TimedOut { .. })),
         "{full:?}"
     );
     (0..12).for_each(|_| rig.arm(Arm::tick));

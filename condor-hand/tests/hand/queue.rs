@@ -2,9 +2,10 @@
 
 use std::collections::HashMap;
 
+use condor_hand::ImageError;
 use condor_hand::queue::{
-    LedgerError, LedgerRow, MotionQueue, QueueAnswer, ROW_BYTES, RefusalReason, RequestIdentity,
-    RequestState, RestoreError, SessionOwner,
+    LedgerRow, MotionQueue, QueueAnswer, ROW_BYTES, RefusalReason, RequestIdentity, RequestState,
+    RestoreError, SessionOwner,
 };
 use proptest::prelude::*;
 
@@ -327,10 +328,10 @@ proptest! {
 fn the_ledger_of_something_else_is_refused_with_what_was_found() {
     let write = |_: usize, _: &LedgerRow| Ok::<_, Ended>(());
     let other = Queue::restore(b"CNDM and thirty-two bytes or more", 1, write);
-    let Err(RestoreError::Ledger(LedgerError::Format { magic, .. })) = other else {
+    let Err(RestoreError::Ledger(ImageError::Magic { found, .. })) = other else {
         panic!("{other:?}");
     };
-    assert_eq!(magic, u32::from_le_bytes(*b"CNDM"));
+    assert_eq!(found, *b"CNDM");
     let mut store = Store::new();
     MotionQueue::<(), 2>::restore(&[], 1, |row, bytes| store.write(row, bytes)).unwrap();
     let other = Queue::restore(&store.bytes, 1, write);
@@ -342,7 +343,7 @@ fn the_ledger_of_something_else_is_refused_with_what_was_found() {
                 error => panic!("{error:?}"),
             })
             .unwrap(),
-        "a ledger of 4 sessions and 8 requests; this one has 2 and 4"
+        "the image is for 4 sessions, this program for 2"
     );
 }
 
@@ -488,10 +489,10 @@ fn a_ledger_that_is_cut_is_refused() {
     for len in [1, ROW_BYTES, 3 * ROW_BYTES + 5, Queue::ROWS * ROW_BYTES - 1] {
         let bytes = &world.store.bytes[..len];
         let restored = Queue::restore(bytes, 1, |_, _| Ok::<_, Ended>(()));
-        let Err(RestoreError::Ledger(LedgerError::Length { found, expected })) = restored else {
+        let Err(RestoreError::Ledger(ImageError::Length { needed, len: found })) = restored else {
             panic!("{len} bytes: {restored:?}");
         };
-        assert_eq!((found, expected), (len, Queue::ROWS * ROW_BYTES));
+        assert_eq!((found, needed), (len, Queue::ROWS * ROW_BYTES));
     }
 }
 

@@ -4,15 +4,15 @@
 
 use condor_hand::config::Hand;
 use condor_hand::controller::{
-    AXES, AxisServo, FingerController, TableController, TableError, TableState, read_table,
-    write_table,
+    AXES, AxisServo, FingerController, TableController, TableState, read_table, write_table,
 };
 use condor_hand::math::max;
 use condor_hand::plant::{self, PlantModel};
 use condor_hand::servo::{FingerReadings, ServoMode};
 use condor_hand::trajectory::{
-    MotionProgress, Pace, Primitive, PrimitiveError, Profile, SetPoint, Target,
+    MotionError, MotionProgress, Pace, Primitive, Profile, SetPoint, Target,
 };
+use condor_hand::{NumberError, Subject};
 use nalgebra::{Vector3, Vector4};
 use proptest::prelude::*;
 
@@ -42,7 +42,7 @@ struct Rig {
 impl Rig {
     fn of(hand: &Hand<4, 4>) -> Self {
         Self {
-            controller: TableController::new(hand).unwrap(),
+            controller: TableController::new(hand).unwrap().unwrap(),
             plant: machine().table(hand.table.as_ref().unwrap()).unwrap(),
         }
     }
@@ -153,10 +153,9 @@ fn a_table_takes_motions_only_within_its_limits_and_after_it_has_been_home() {
     let motion = stroke(Profile::MinimumJerk, Pace::Speed(0.5), [0.1, 0.0, 0.0]);
     assert_eq!(
         rig.controller.enqueue(motion.clone()),
-        Err(TableError::NotReady {
-            state: TableState::Off
-        })
+        Err(MotionError::NotReady)
     );
+    assert_eq!(rig.controller.state(), TableState::Off);
     assert_eq!(rig.tick().force, [0.0; AXES]);
     rig.until_ready();
     let away = rig.plant.position() - Vector3::new(0.0, 0.12, 0.0);
@@ -165,11 +164,11 @@ fn a_table_takes_motions_only_within_its_limits_and_after_it_has_been_home() {
     let beyond = stroke(Profile::MinimumJerk, Pace::Speed(0.5), [0.0, 0.0, 0.201]);
     assert!(matches!(
         rig.controller.enqueue(beyond),
-        Err(TableError::Motion(PrimitiveError::Goal { joint: 2, error })) if error.value > HIGH
+        Err(MotionError::Number(NumberError { at: Subject::Joint(2), value, .. })) if value > HIGH
     ));
     assert!(matches!(
         rig.controller.start(1.5),
-        Err(TableError::Speed(error)) if error.value > 1.0
+        Err(MotionError::Number(error)) if error.value > 1.0
     ));
     hand.table.as_mut().unwrap().axes.pop();
     let mut two = Rig::of(&hand);
@@ -177,13 +176,10 @@ fn a_table_takes_motions_only_within_its_limits_and_after_it_has_been_home() {
     let third = stroke(Profile::MinimumJerk, Pace::Speed(0.5), [0.0; AXES]);
     assert!(matches!(
         two.controller.enqueue(third),
-        Err(TableError::Motion(PrimitiveError::Mask { joints: 2, .. }))
+        Err(MotionError::Mask { joints: 2, .. })
     ));
     hand.table = None;
-    assert_eq!(
-        TableController::new(&hand).unwrap_err(),
-        TableError::NoTable
-    );
+    assert!(TableController::new(&hand).unwrap().is_none());
 }
 
 #[test]
@@ -326,7 +322,7 @@ fn shaken(feed_forward: bool) -> f64 {
     for joint in 0..4 {
         controller.set_mode(joint, ServoMode::Position).unwrap();
     }
-    let mut table = TableController::new(&hand).unwrap();
+    let mut table = TableController::new(&hand).unwrap().unwrap();
     table.start(1.0).unwrap();
     let mut worst = 0.0;
     for tick in 0..800 {
@@ -393,7 +389,7 @@ proptest! {
         near in prop::collection::vec(prop::array::uniform3(-0.3..0.3), 200),
         calls in prop::collection::vec((0_u8..12, any::<f64>(), any::<u32>()), 200),
     ) {
-        let mut table = TableController::new(&hand()).unwrap();
+        let mut table = TableController::new(&hand()).unwrap().unwrap();
         for ((reading, near), (call, value, mask)) in readings.iter().zip(&near).zip(calls) {
             match call {
                 0..4 => { let _ = table.start(0.7); }

@@ -1,5 +1,6 @@
 //! The outcome of an access to a window, against the expected one.
 
+use core::fmt;
 use core::sync::atomic::AtomicU32;
 
 use crate::window::{LoadOrder, MemoryWindow, StoreOrder, WindowError, WindowErrorKind};
@@ -11,7 +12,11 @@ pub type AccessOutcome = Result<u32, WindowErrorKind>;
 /// The error of the checks of a window: an access with a wrong result, and the result that is
 /// required.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{check}: {len} bytes at offset {offset:#x} returned {found:x?}, expected {expected:x?}")]
+#[error(
+    "{check}: {len} bytes at offset {offset:#x} returned {}, expected {}",
+    OutcomeText(.found),
+    OutcomeText(.expected),
+)]
 pub struct WindowFailure {
     /// The rule that is broken.
     pub check: &'static str,
@@ -23,6 +28,18 @@ pub struct WindowFailure {
     pub found: AccessOutcome,
     /// The result that is required.
     pub expected: AccessOutcome,
+}
+
+/// An outcome in words.
+struct OutcomeText<'o>(&'o AccessOutcome);
+
+impl fmt::Display for OutcomeText<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.0 {
+            Ok(word) => write!(f, "the word {word:#x}"),
+            Err(kind) => write!(f, "\"{kind}\""),
+        }
+    }
 }
 
 pub(super) fn load<W: MemoryWindow>(window: &W, offset: u32) -> AccessOutcome {

@@ -3,8 +3,8 @@
 use std::rc::Rc;
 
 use crate::error::MemoryObject;
-use crate::sim::{SimWindow, SimWindowError};
-use crate::window::{CompareExchange, WindowError, WindowErrorKind};
+use crate::sim::SimWindow;
+use crate::window::{AccessError, CompareExchange, WindowError, WindowErrorKind};
 use crate::{Clock, Doorbell, Evidence, Instant, LoadOrder, MemoryWindow, Processor, StoreOrder};
 
 use super::world::World;
@@ -28,7 +28,7 @@ impl WindowError for Refused {
     }
 }
 
-fn refused(error: SimWindowError) -> Refused {
+fn refused(error: AccessError) -> Refused {
     Refused(error.kind())
 }
 

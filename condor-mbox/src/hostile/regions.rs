@@ -5,9 +5,9 @@ use std::rc::Rc;
 use std::time::Duration;
 
 use crate::published::PublishedReadError;
-use crate::sim::{SimWindow, SimWindowError};
+use crate::sim::SimWindow;
 use crate::spin_lock::{Bakery, Incarnations, LockOwner, NativeSwap, SpinLockError, TestAndSet};
-use crate::window::{CompareExchange, WindowError, WindowErrorKind};
+use crate::window::{AccessError, CompareExchange, WindowError, WindowErrorKind};
 use crate::{
     Clock, Instant, LoadOrder, MemoryWindow, Offset, Processor, Published, Region, SingleContext,
     SpinLock, StoreOrder,
@@ -101,7 +101,7 @@ impl WindowError for Refused {
     }
 }
 
-fn refused(error: SimWindowError) -> Refused {
+fn refused(error: AccessError) -> Refused {
     Refused(error.kind())
 }
 

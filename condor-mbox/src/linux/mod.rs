@@ -101,7 +101,7 @@ pub use doorbell::{LinuxDoorbell, PollableBell};
 pub use error::{FileKind, SystemError};
 pub use memory::{Memory, ObjectPositions};
 pub use system::LinuxSystem;
-pub use window::{LinuxWindow, LinuxWindowError, WindowAccess, WindowMapError};
+pub use window::{LinuxWindow, WindowAccess, WindowMapError};
 
 /// The mailbox of a process of Linux. All threads of the process may use it if `X` is
 /// [`CriticalSection`](crate::CriticalSection).

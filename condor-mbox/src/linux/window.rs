@@ -15,7 +15,7 @@ use rustix::mm::{MapFlags, ProtFlags};
 use super::copy;
 use super::fault::{self, GuardError, Guarded};
 use crate::window::{
-    CompareExchange, LoadOrder, MemoryWindow, StoreOrder, WindowError, WindowErrorKind,
+    AccessError, CompareExchange, LoadOrder, MemoryWindow, StoreOrder, WindowErrorKind,
     WindowWords, check_access, check_words,
 };
 
@@ -26,25 +26,6 @@ pub enum WindowAccess {
     ReadOnly,
     /// Loads and stores; the file must be open for both.
     ReadWrite,
-}
-
-/// The error of an access that a [`LinuxWindow`] refused.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{len} bytes at offset {offset:#x} of a window of {size:#x} bytes: {kind}")]
-pub struct LinuxWindowError {
-    kind: WindowErrorKind,
-    /// Offset of the access in bytes.
-    pub offset: u32,
-    /// Length of the access in bytes.
-    pub len: usize,
-    /// Size of the window in bytes.
-    pub size: u32,
-}
-
-impl WindowError for LinuxWindowError {
-    fn kind(&self) -> WindowErrorKind {
-        self.kind
-    }
 }
 
 /// The reason why [`LinuxWindow::map`] or [`LinuxWindow::uio`] could not map a window.
@@ -319,7 +300,7 @@ impl LinuxWindow {
     /// Words hold little-endian values. A window that is mapped read-only returns words that must not be stored
     /// to: the caller has asked `check_store`.
     #[inline(always)]
-    pub(super) fn word(&self, offset: u32) -> Result<&AtomicU32, LinuxWindowError> {
+    pub(super) fn word(&self, offset: u32) -> Result<&AtomicU32, AccessError> {
         if let Err(kind) = check_words(self.size, offset, 1) {
             return Err(self.refused(kind, offset, 4));
         }
@@ -337,7 +318,7 @@ impl LinuxWindow {
     }
 
     /// So many words from `offset` on; as [`word`](Self::word).
-    fn run(&self, offset: u32, count: usize) -> Result<&[AtomicU32], LinuxWindowError> {
+    fn run(&self, offset: u32, count: usize) -> Result<&[AtomicU32], AccessError> {
         self.check(offset, 4 * count)?;
         // SAFETY: inside the mapping and aligned, as `check` found; else as in `word`.
         Ok(unsafe {
@@ -347,13 +328,8 @@ impl LinuxWindow {
     }
 
     #[cold]
-    fn refused(&self, kind: WindowErrorKind, offset: u32, len: usize) -> LinuxWindowError {
-        LinuxWindowError {
-            kind,
-            offset,
-            len,
-            size: self.size,
-        }
+    fn refused(&self, kind: WindowErrorKind, offset: u32, len: usize) -> AccessError {
+        AccessError::new(offset, len, self.size, kind)
     }
 
     /// The address of the byte at `offset`, which is inside the window.
@@ -362,7 +338,7 @@ impl LinuxWindow {
     }
 
     #[inline(always)]
-    pub(super) fn check_store(&self, offset: u32, len: usize) -> Result<(), LinuxWindowError> {
+    pub(super) fn check_store(&self, offset: u32, len: usize) -> Result<(), AccessError> {
         match self.access {
             WindowAccess::ReadWrite => Ok(()),
             WindowAccess::ReadOnly => Err(self.refused(WindowErrorKind::ReadOnly, offset, len)),
@@ -372,7 +348,7 @@ impl LinuxWindow {
     /// To be called after an access of Acquire or `SeqCst` order, or after such a fence: then the
     /// flag is read after the memory, also by a thread that did not run the handler itself.
     #[inline(always)]
-    fn check_lost(&self, offset: u32, len: usize) -> Result<(), LinuxWindowError> {
+    fn check_lost(&self, offset: u32, len: usize) -> Result<(), AccessError> {
         core::sync::atomic::compiler_fence(Ordering::SeqCst);
         if self.is_lost() {
             return Err(self.refused(WindowErrorKind::Lost, offset, len));
@@ -382,7 +358,7 @@ impl LinuxWindow {
 }
 
 impl MemoryWindow for LinuxWindow {
-    type Error = LinuxWindowError;
+    type Error = AccessError;
 
     #[inline]
     fn size(&self) -> u32 {
@@ -390,7 +366,7 @@ impl MemoryWindow for LinuxWindow {
     }
 
     #[inline(always)]
-    fn load(&self, offset: u32, _order: LoadOrder) -> Result<u32, LinuxWindowError> {
+    fn load(&self, offset: u32, _order: LoadOrder) -> Result<u32, AccessError> {
         // Acquire, also where Relaxed was asked for: `check_lost` must come after it. What else
         // it pairs with is the caller's matter.
         let value = self.word(offset)?.load(Ordering::Acquire);
@@ -399,7 +375,7 @@ impl MemoryWindow for LinuxWindow {
     }
 
     #[inline(always)]
-    fn store(&self, offset: u32, value: u32, order: StoreOrder) -> Result<(), LinuxWindowError> {
+    fn store(&self, offset: u32, value: u32, order: StoreOrder) -> Result<(), AccessError> {
         let word = self.word(offset)?;
         self.check_store(offset, 4)?;
         // The order is the caller's; a store that another thread's fault swallowed may be
@@ -420,11 +396,11 @@ impl MemoryWindow for LinuxWindow {
     }
 
     #[inline]
-    fn check(&self, offset: u32, len: usize) -> Result<(), LinuxWindowError> {
+    fn check(&self, offset: u32, len: usize) -> Result<(), AccessError> {
         check_access(self.size, offset, len).map_err(|kind| self.refused(kind, offset, len))
     }
 
-    fn read(&self, offset: u32, into: &mut [u8]) -> Result<(), LinuxWindowError> {
+    fn read(&self, offset: u32, into: &mut [u8]) -> Result<(), AccessError> {
         let len = into.len();
         self.check(offset, len)?;
         if len == 0 {
@@ -447,7 +423,7 @@ impl MemoryWindow for LinuxWindow {
         offset: u32,
         len: usize,
         from: &[&[AtomicU32]],
-    ) -> Result<(), LinuxWindowError> {
+    ) -> Result<(), AccessError> {
         self.check(offset, len)?;
         if len == 0 {
             return Ok(());
@@ -457,7 +433,7 @@ impl MemoryWindow for LinuxWindow {
         self.check_lost(offset, len)
     }
 
-    fn write(&self, offset: u32, from: &[u8]) -> Result<(), LinuxWindowError> {
+    fn write(&self, offset: u32, from: &[u8]) -> Result<(), AccessError> {
         let len = from.len();
         self.check(offset, len)?;
         if len == 0 {
@@ -478,12 +454,7 @@ impl MemoryWindow for LinuxWindow {
 
 impl CompareExchange for LinuxWindow {
     #[inline]
-    fn compare_exchange(
-        &self,
-        offset: u32,
-        current: u32,
-        new: u32,
-    ) -> Result<u32, LinuxWindowError> {
+    fn compare_exchange(&self, offset: u32, current: u32, new: u32) -> Result<u32, AccessError> {
         let word = self.word(offset)?;
         self.check_store(offset, 4)?;
         // AcqRel pairs with itself: who finds a word that was exchanged sees what came before.

@@ -10,7 +10,7 @@ mod system;
 mod window;
 
 pub use system::{SimDoorbell, SimSystem};
-pub use window::{SimWindow, SimWindowError};
+pub use window::SimWindow;
 
 /// The mailbox of a processor of a [`SimSystem`].
 pub type SimMailbox<'v, const N: usize> =

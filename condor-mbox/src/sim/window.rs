@@ -7,7 +7,7 @@ use super::cache::Cache;
 use crate::layout::LINE;
 use crate::sync::{AtomicU32, Ordering};
 use crate::window::{
-    CompareExchange, LoadOrder, MemoryWindow, StoreOrder, WindowError, WindowErrorKind,
+    AccessError, CompareExchange, LoadOrder, MemoryWindow, StoreOrder, WindowErrorKind,
     check_access, check_words,
 };
 
@@ -19,23 +19,6 @@ pub struct SimWindow {
     cache: Option<Arc<Cache>>,
     writable: bool,
     lost: Arc<std::sync::atomic::AtomicBool>,
-}
-
-/// The error of an access that a simulated window refused.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("access at offset {offset:#x} of a window of {size:#x} bytes: {kind}")]
-pub struct SimWindowError {
-    /// The offset of the access, in bytes.
-    pub offset: u32,
-    /// The size of the window, in bytes.
-    pub size: u32,
-    kind: WindowErrorKind,
-}
-
-impl WindowError for SimWindowError {
-    fn kind(&self) -> WindowErrorKind {
-        self.kind
-    }
 }
 
 impl SimWindow {
@@ -71,7 +54,7 @@ impl SimWindow {
         self.lost.store(true, std::sync::atomic::Ordering::Relaxed);
     }
 
-    fn word(&self, offset: u32, writes: bool) -> Result<&AtomicU32, SimWindowError> {
+    fn word(&self, offset: u32, writes: bool) -> Result<&AtomicU32, AccessError> {
         let kind = if let Err(kind) = check_words(self.size(), offset, 1) {
             kind
         } else if self.lost.load(std::sync::atomic::Ordering::Relaxed) {
@@ -84,11 +67,7 @@ impl SimWindow {
             // SAFETY: `check_words` found the word inside the window, whose memory this `Arc` keeps.
             return Ok(unsafe { &*first.add(offset as usize / 4) });
         };
-        Err(SimWindowError {
-            offset,
-            size: self.size(),
-            kind,
-        })
+        Err(AccessError::new(offset, 4, self.size(), kind))
     }
 
     /// The lines of a range that is inside the window.
@@ -102,13 +81,13 @@ impl SimWindow {
 }
 
 impl MemoryWindow for SimWindow {
-    type Error = SimWindowError;
+    type Error = AccessError;
 
     fn size(&self) -> u32 {
         Arc::as_ptr(&self.words).len() as u32 * 4
     }
 
-    fn load(&self, offset: u32, order: LoadOrder) -> Result<u32, SimWindowError> {
+    fn load(&self, offset: u32, order: LoadOrder) -> Result<u32, AccessError> {
         let word = self.word(offset, false)?;
         Ok(match &self.cache {
             None => word.load(order.into()),
@@ -116,7 +95,7 @@ impl MemoryWindow for SimWindow {
         })
     }
 
-    fn store(&self, offset: u32, value: u32, order: StoreOrder) -> Result<(), SimWindowError> {
+    fn store(&self, offset: u32, value: u32, order: StoreOrder) -> Result<(), AccessError> {
         let word = self.word(offset, true)?;
         match &self.cache {
             None => word.store(value, order.into()),
@@ -144,22 +123,19 @@ impl MemoryWindow for SimWindow {
         }
     }
 
-    fn check(&self, offset: u32, len: usize) -> Result<(), SimWindowError> {
+    fn check(&self, offset: u32, len: usize) -> Result<(), AccessError> {
         let size = self.size();
-        check_access(size, offset, len).map_err(|kind| SimWindowError { offset, size, kind })
+        check_access(size, offset, len).map_err(|kind| AccessError::new(offset, len, size, kind))
     }
 }
 
 /// Returns `NotCoherent` if the window has a cache.
 impl CompareExchange for SimWindow {
-    fn compare_exchange(&self, offset: u32, current: u32, new: u32) -> Result<u32, SimWindowError> {
+    fn compare_exchange(&self, offset: u32, current: u32, new: u32) -> Result<u32, AccessError> {
         let word = self.word(offset, true)?;
         if self.cache.is_some() {
-            return Err(SimWindowError {
-                offset,
-                size: self.size(),
-                kind: WindowErrorKind::NotCoherent,
-            });
+            let kind = WindowErrorKind::NotCoherent;
+            return Err(AccessError::new(offset, 4, self.size(), kind));
         }
         let (success, failure) = (Ordering::AcqRel, Ordering::Acquire);
         Ok(word

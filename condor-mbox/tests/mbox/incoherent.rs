@@ -9,12 +9,13 @@ use std::time::Duration;
 
 use condor_mbox::exchange::answer;
 use condor_mbox::layout::LINE;
-use condor_mbox::sim::{SimSystem, SimWindow, SimWindowError};
+use condor_mbox::sim::{SimSystem, SimWindow};
 use condor_mbox::spin_lock::{Bakery, Incarnations, LockOwner, NativeSwap};
 use condor_mbox::window::{WindowError, WindowErrorKind};
 use condor_mbox::{
-    Allocator, Call, CriticalSection, Exchange, LoadOrder, Mailbox, MemoryWindow, Messenger,
-    Offset, Processor, Published, Region, SingleContext, SpinLock, StoreOrder, Vector, Windows,
+    AccessError, Allocator, Call, CriticalSection, Exchange, LoadOrder, Mailbox, MemoryWindow,
+    Messenger, Offset, Processor, Published, Region, SingleContext, SpinLock, StoreOrder, Vector,
+    Windows,
 };
 
 const A: Processor = Processor(0);
@@ -44,22 +45,22 @@ impl Noting {
 }
 
 impl MemoryWindow for Noting {
-    type Error = SimWindowError;
+    type Error = AccessError;
 
     fn size(&self) -> u32 {
         self.inner.size()
     }
 
-    fn load(&self, offset: u32, order: LoadOrder) -> Result<u32, SimWindowError> {
+    fn load(&self, offset: u32, order: LoadOrder) -> Result<u32, AccessError> {
         self.inner.load(offset, order)
     }
 
-    fn store(&self, offset: u32, value: u32, order: StoreOrder) -> Result<(), SimWindowError> {
+    fn store(&self, offset: u32, value: u32, order: StoreOrder) -> Result<(), AccessError> {
         self.note(offset);
         self.inner.store(offset, value, order)
     }
 
-    fn check(&self, offset: u32, len: usize) -> Result<(), SimWindowError> {
+    fn check(&self, offset: u32, len: usize) -> Result<(), AccessError> {
         self.inner.check(offset, len)
     }
 }

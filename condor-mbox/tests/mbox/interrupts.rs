@@ -12,10 +12,10 @@ use std::rc::Rc;
 use std::time::Duration;
 
 use condor_mbox::layout::SLOTS;
-use condor_mbox::sim::{SimDoorbell, SimMailbox, SimSystem, SimWindow, SimWindowError};
+use condor_mbox::sim::{SimDoorbell, SimMailbox, SimSystem, SimWindow};
 use condor_mbox::{
-    Call, Exclusion, LoadOrder, Mailbox, MailboxError, MemoryWindow, Messenger, Processor,
-    StoreOrder, Vector, Waiting, Windows,
+    AccessError, Call, Exclusion, LoadOrder, Mailbox, MailboxError, MemoryWindow, Messenger,
+    Processor, StoreOrder, Vector, Waiting, Windows,
 };
 
 const A: Processor = Processor(0);
@@ -152,23 +152,23 @@ impl Exclusion for Mask {
 struct Counted(SimWindow);
 
 impl MemoryWindow for Counted {
-    type Error = SimWindowError;
+    type Error = AccessError;
 
     fn size(&self) -> u32 {
         self.0.size()
     }
 
-    fn load(&self, offset: u32, order: LoadOrder) -> Result<u32, SimWindowError> {
+    fn load(&self, offset: u32, order: LoadOrder) -> Result<u32, AccessError> {
         INTERRUPT.with(Interrupt::access);
         self.0.load(offset, order)
     }
 
-    fn store(&self, offset: u32, value: u32, order: StoreOrder) -> Result<(), SimWindowError> {
+    fn store(&self, offset: u32, value: u32, order: StoreOrder) -> Result<(), AccessError> {
         INTERRUPT.with(Interrupt::access);
         self.0.store(offset, value, order)
     }
 
-    fn check(&self, offset: u32, len: usize) -> Result<(), SimWindowError> {
+    fn check(&self, offset: u32, len: usize) -> Result<(), AccessError> {
         self.0.check(offset, len)
     }
 }

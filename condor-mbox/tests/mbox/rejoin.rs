@@ -6,10 +6,10 @@ use std::time::Duration;
 
 use condor_mbox::error::ProtocolWord;
 use condor_mbox::layout::{self, JOINING, header};
-use condor_mbox::sim::{SimSystem, SimWindow, SimWindowError};
+use condor_mbox::sim::{SimSystem, SimWindow};
 use condor_mbox::{
-    Call, CriticalSection, LoadOrder, Mailbox, MailboxError, MemoryWindow, Messenger, Processor,
-    StoreOrder, Vector, Windows,
+    AccessError, Call, CriticalSection, LoadOrder, Mailbox, MailboxError, MemoryWindow, Messenger,
+    Processor, StoreOrder, Vector, Windows,
 };
 
 const A: Processor = Processor(0);
@@ -27,13 +27,13 @@ struct Raced {
 }
 
 impl MemoryWindow for Raced {
-    type Error = SimWindowError;
+    type Error = AccessError;
 
     fn size(&self) -> u32 {
         self.window.size()
     }
 
-    fn load(&self, offset: u32, order: LoadOrder) -> Result<u32, SimWindowError> {
+    fn load(&self, offset: u32, order: LoadOrder) -> Result<u32, AccessError> {
         if offset == TAKEN {
             for &(at, value) in self.before_taken.take() {
                 self.peer.store(at, value, StoreOrder::Release)?;
@@ -42,11 +42,11 @@ impl MemoryWindow for Raced {
         self.window.load(offset, order)
     }
 
-    fn store(&self, offset: u32, value: u32, order: StoreOrder) -> Result<(), SimWindowError> {
+    fn store(&self, offset: u32, value: u32, order: StoreOrder) -> Result<(), AccessError> {
         self.window.store(offset, value, order)
     }
 
-    fn check(&self, offset: u32, len: usize) -> Result<(), SimWindowError> {
+    fn check(&self, offset: u32, len: usize) -> Result<(), AccessError> {
         self.window.check(offset, len)
     }
 }

@@ -4,8 +4,8 @@ use std::cell::RefCell;
 use std::ops::Range;
 use std::rc::Rc;
 
-use condor_mbox::sim::{SimWindow, SimWindowError};
-use condor_mbox::{LoadOrder, MemoryWindow, StoreOrder};
+use condor_mbox::sim::SimWindow;
+use condor_mbox::{AccessError, LoadOrder, MemoryWindow, StoreOrder};
 
 use super::script::Script;
 
@@ -70,18 +70,18 @@ impl<'b> Haunted<'b> {
 }
 
 impl MemoryWindow for Haunted<'_> {
-    type Error = SimWindowError;
+    type Error = AccessError;
 
     fn size(&self) -> u32 {
         self.memory.size()
     }
 
-    fn load(&self, offset: u32, order: LoadOrder) -> Result<u32, SimWindowError> {
+    fn load(&self, offset: u32, order: LoadOrder) -> Result<u32, AccessError> {
         self.haunt();
         self.memory.load(offset, order)
     }
 
-    fn store(&self, offset: u32, value: u32, order: StoreOrder) -> Result<(), SimWindowError> {
+    fn store(&self, offset: u32, value: u32, order: StoreOrder) -> Result<(), AccessError> {
         self.haunt();
         assert!(
             self.terminal.contains(&offset) && !self.others.borrow().contains(&offset),
@@ -90,7 +90,7 @@ impl MemoryWindow for Haunted<'_> {
         self.memory.store(offset, value, order)
     }
 
-    fn check(&self, offset: u32, len: usize) -> Result<(), SimWindowError> {
+    fn check(&self, offset: u32, len: usize) -> Result<(), AccessError> {
         self.memory.check(offset, len)
     }
 }

@@ -4,8 +4,8 @@ use std::cell::{Cell, RefCell};
 use std::rc::Rc;
 use std::time::Duration;
 
-use condor_mbox::sim::{SimWindow, SimWindowError};
-use condor_mbox::window::{WindowError, WindowErrorKind};
+use condor_mbox::sim::SimWindow;
+use condor_mbox::window::WindowErrorKind;
 use condor_mbox::{
     AccessError, Instant, LoadOrder, MailboxError, MemoryWindow, MessageTicket, Messenger,
     PendingReply, Processor, StoreOrder, Vector,
@@ -52,15 +52,6 @@ impl Mortal {
             }),
         }
     }
-
-    fn error(&self, offset: u32, error: SimWindowError) -> AccessError {
-        AccessError {
-            offset,
-            len: 4,
-            size: self.memory.size(),
-            kind: error.kind(),
-        }
-    }
 }
 
 impl MemoryWindow for Mortal {
@@ -72,19 +63,16 @@ impl MemoryWindow for Mortal {
 
     fn load(&self, offset: u32, order: LoadOrder) -> Result<u32, AccessError> {
         self.live(offset)?;
-        let loaded = self.memory.load(offset, order);
-        loaded.map_err(|error| self.error(offset, error))
+        self.memory.load(offset, order)
     }
 
     fn store(&self, offset: u32, value: u32, order: StoreOrder) -> Result<(), AccessError> {
         self.live(offset)?;
-        let stored = self.memory.store(offset, value, order);
-        stored.map_err(|error| self.error(offset, error))
+        self.memory.store(offset, value, order)
     }
 
     fn check(&self, offset: u32, len: usize) -> Result<(), AccessError> {
-        let checked = self.memory.check(offset, len);
-        checked.map_err(|error| self.error(offset, error))
+        self.memory.check(offset, len)
     }
 }
 

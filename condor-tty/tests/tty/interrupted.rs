@@ -5,8 +5,8 @@ use std::cell::{Cell, RefCell};
 use std::rc::{Rc, Weak};
 
 use crate::support::{Board, HOST};
-use condor_mbox::sim::{SimWindow, SimWindowError};
-use condor_mbox::{Allocator, Exclusion, LoadOrder, MemoryWindow, Region, StoreOrder};
+use condor_mbox::sim::SimWindow;
+use condor_mbox::{AccessError, Allocator, Exclusion, LoadOrder, MemoryWindow, Region, StoreOrder};
 use condor_tty::{Policy, Terminal, TerminalReader, TerminalSettings};
 
 type Hand = Terminal<Interrupted, Masked, 8>;
@@ -46,23 +46,23 @@ impl Line {
 struct Interrupted(SimWindow, Rc<Line>);
 
 impl MemoryWindow for Interrupted {
-    type Error = SimWindowError;
+    type Error = AccessError;
 
     fn size(&self) -> u32 {
         self.0.size()
     }
 
-    fn load(&self, offset: u32, order: LoadOrder) -> Result<u32, SimWindowError> {
+    fn load(&self, offset: u32, order: LoadOrder) -> Result<u32, AccessError> {
         self.1.access();
         self.0.load(offset, order)
     }
 
-    fn store(&self, offset: u32, value: u32, order: StoreOrder) -> Result<(), SimWindowError> {
+    fn store(&self, offset: u32, value: u32, order: StoreOrder) -> Result<(), AccessError> {
         self.1.access();
         self.0.store(offset, value, order)
     }
 
-    fn check(&self, offset: u32, len: usize) -> Result<(), SimWindowError> {
+    fn check(&self, offset: u32, len: usize) -> Result<(), AccessError> {
         self.0.check(offset, len)
     }
 }

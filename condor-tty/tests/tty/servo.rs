@@ -6,10 +6,10 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering::Relaxed};
 use std::time::Duration;
 
-use condor_mbox::sim::{SimSystem, SimWindow, SimWindowError};
+use condor_mbox::sim::{SimSystem, SimWindow};
 use condor_mbox::{
-    Allocator, Call, Clock, Doorbell, Exclusion, Instant, LoadOrder, Mailbox, MemoryWindow,
-    Messenger, Region, StoreOrder, Waiting, Windows,
+    AccessError, Allocator, Call, Clock, Doorbell, Exclusion, Instant, LoadOrder, Mailbox,
+    MemoryWindow, Messenger, Region, StoreOrder, Waiting, Windows,
 };
 use condor_mos::sim::SimPlatform;
 use condor_mos::{EventTable, LoopId, Loops, Overrun, Rate, Scheduler, Statistics, Timer};
@@ -39,23 +39,23 @@ struct Slow {
 }
 
 impl MemoryWindow for Slow {
-    type Error = SimWindowError;
+    type Error = AccessError;
 
     fn size(&self) -> u32 {
         self.memory.size()
     }
 
-    fn load(&self, offset: u32, order: LoadOrder) -> Result<u32, SimWindowError> {
+    fn load(&self, offset: u32, order: LoadOrder) -> Result<u32, AccessError> {
         self.processor.work(1);
         self.memory.load(offset, order)
     }
 
-    fn store(&self, offset: u32, value: u32, order: StoreOrder) -> Result<(), SimWindowError> {
+    fn store(&self, offset: u32, value: u32, order: StoreOrder) -> Result<(), AccessError> {
         self.processor.work(1);
         self.memory.store(offset, value, order)
     }
 
-    fn check(&self, offset: u32, len: usize) -> Result<(), SimWindowError> {
+    fn check(&self, offset: u32, len: usize) -> Result<(), AccessError> {
         self.memory.check(offset, len)
     }
 }

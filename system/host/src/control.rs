@@ -23,7 +23,7 @@ use condor_mbox::Processor;
 use serde::{Deserialize, Serialize};
 
 use crate::names::word;
-use crate::system::MemoryFile;
+use crate::system::{FindError, MemoryFile};
 
 /// The time within which a system has ended after it was told to go down, whatever its programs do. It is real time,
 /// also for a system with a simulated clock.
@@ -145,37 +145,28 @@ impl SystemStatus {
     /// Returns the processor or service whose name or number is `text`. A number is decimal, or hexadecimal after `0x`.
     ///
     /// # Errors
-    /// Returns [`UnknownMember`] if no processor or service has this name or number.
-    pub fn member(&self, text: &str) -> Result<&Member, UnknownMember> {
+    /// Returns [`FindError::NoMember`] if no processor or service has this name or number.
+    pub fn member(&self, text: &str) -> Result<&Member, FindError> {
         find(self.members(), text)
     }
 
     /// Returns the processor whose name or number is `text`. Services are not searched.
     ///
     /// # Errors
-    /// Returns [`UnknownMember`] if no processor has this name or number.
-    pub fn processor(&self, text: &str) -> Result<&Member, UnknownMember> {
+    /// Returns [`FindError::NoMember`] if no processor has this name or number.
+    pub fn processor(&self, text: &str) -> Result<&Member, FindError> {
         find(self.processors.iter(), text)
     }
-}
-
-/// The error that a system has no processor or service of the given name or number. Its text lists those that the
-/// system has.
-#[derive(Debug, thiserror::Error)]
-#[error("there is no processor `{name}`; there are {}", .there.join(", "))]
-pub struct UnknownMember {
-    name: String,
-    there: Vec<String>,
 }
 
 fn find<'m>(
     mut members: impl Iterator<Item = &'m Member> + Clone,
     text: &str,
-) -> Result<&'m Member, UnknownMember> {
+) -> Result<&'m Member, FindError> {
     let there = members.clone();
     let number = word(text).ok();
     let is_it = |member: &&Member| member.name == text || number == Some(member.number.into());
-    members.find(is_it).ok_or_else(|| UnknownMember {
+    members.find(is_it).ok_or_else(|| FindError::NoMember {
         name: text.into(),
         there: there
             .map(|member| format!("{} ({})", member.name, member.number))

@@ -59,6 +59,14 @@ pub enum FindError {
         /// The names of the running systems.
         running: Vec<String>,
     },
+    /// The system has no processor, or service, of this name or number.
+    #[error("there is no processor `{name}`; there are {}", there.join(", "))]
+    NoMember {
+        /// The name or number that was asked for.
+        name: String,
+        /// The names and numbers that there are.
+        there: Vec<String>,
+    },
     /// The directory of all systems cannot be used.
     #[error(transparent)]
     Directory(#[from] NamedFileError),

@@ -4,8 +4,8 @@ use core::error::Error;
 use core::fmt;
 use core::time::Duration;
 
-use condor_hand::message::motions::MotionsError;
-use condor_host::control::{ControlClientError, UnknownMember};
+use condor_hand::message::ClientError;
+use condor_host::control::ControlClientError;
 use condor_host::system::FindError;
 use condor_host::view::ViewError;
 use condor_mbox::exchange::ExchangeError;
@@ -68,7 +68,7 @@ impl<E: Into<Box<dyn Error>>> From<E> for Failure {
 
 /// Returns the class of exception for `error`, without regard to its source.
 fn kind_of(error: &(dyn Error + 'static)) -> Kind {
-    if error.is::<FindError>() || error.is::<UnknownMember>() {
+    if error.is::<FindError>() {
         return Kind::NotFound;
     }
     if error.is::<TextError>() || error.is::<TextErrors>() {
@@ -86,14 +86,13 @@ fn kind_of(error: &(dyn Error + 'static)) -> Kind {
         ) => return Kind::Refused,
         _ => error.downcast_ref(),
     };
-    let (mailbox, exchange) = match error.downcast_ref() {
-        Some(MotionsError::Exchange(exchange)) => (mailbox, Some(exchange)),
-        Some(MotionsError::Mailbox(error)) => (Some(error), exchange),
-        Some(MotionsError::TimedOut { .. }) => return Kind::TimedOut,
-        Some(MotionsError::Length { .. } | MotionsError::NotYours | MotionsError::Points(_)) => {
+    let exchange = match error.downcast_ref() {
+        Some(ClientError::Exchange(exchange)) => Some(exchange),
+        Some(ClientError::TimedOut { .. }) => return Kind::TimedOut,
+        Some(ClientError::Length { .. } | ClientError::NotYours | ClientError::Points(_)) => {
             return Kind::Refused;
         }
-        _ => (mailbox, exchange),
+        _ => exchange,
     };
     let mailbox = match (exchange, error.downcast_ref()) {
         (Some(ExchangeError::Mailbox(error)), _) | (_, Some(ViewError::Mailbox(error))) => {

@@ -1,9 +1,7 @@
 //! [`Failure`]: the reason why a program of the hand ended before it was told to.
 
 use condor_fs::FileError;
-use condor_hand::controller::{ControllerError, TableError};
-use condor_hand::kinematics::JointLimitsError;
-use condor_hand::plant::PlantError;
+use condor_hand::NumberError;
 use thiserror::Error;
 
 use crate::boards::{BoardError, BusFault};
@@ -59,24 +57,15 @@ pub enum Failure {
     Controller {
         /// The finger, from 0.
         finger: usize,
-        /// The reason.
-        error: ControllerError,
+        /// The number that is not possible.
+        error: NumberError,
     },
-    /// The table cannot be controlled.
+    /// The configuration has no table.
+    #[error("the configuration has no table")]
+    NoTable,
+    /// The table, the trajectories or the simulated robot cannot have a number of the configuration.
     #[error(transparent)]
-    Table(#[from] TableError),
-    /// The limits of the trajectories are not possible.
-    #[error(transparent)]
-    Trajectory(#[from] condor_hand::trajectory::TrajectoryError),
-    /// The limits of a finger's joints are not possible.
-    #[error(transparent)]
-    Limits(#[from] JointLimitsError),
-    /// The simulated robot is not possible.
-    #[error(transparent)]
-    Plant(#[from] PlantError),
-    /// The moment arms of a finger are not possible.
-    #[error(transparent)]
-    Arms(#[from] condor_hand::tendon::ArmError),
+    Number(#[from] NumberError),
     /// The program does not know an argument.
     #[error("unknown argument \"{argument}\"; the program takes {known}")]
     Argument {

@@ -3,7 +3,8 @@
 use core::time::Duration;
 
 use condor_fs::OpenOptions;
-use condor_hand::config::{Channel, HandImageError, Wire};
+use condor_hand::ImageError;
+use condor_hand::config::{Channel, Mistake, Wire};
 use condor_mbox::Clock;
 use condor_mos::Rate;
 use condor_rt::{Background, Machine, ProgramError, Setup, ShortText};
@@ -51,7 +52,7 @@ pub(crate) fn configuration<M: Machine>(
     let files = background.files()?;
     let mut image = [0; IMAGE_BYTES];
     let len = file::read(&files, IMAGE, OpenOptions::new().read(), &mut image).map_err(failed)?;
-    let broken = |error: HandImageError| Failure::Image {
+    let broken = |error: ImageError<Mistake>| Failure::Image {
         name: IMAGE,
         error: ShortText::of(&error),
     };

@@ -19,10 +19,8 @@ use condor_vars::{CellField, CellStruct, ValueKind};
 use core::cell::RefCell;
 use core::mem::offset_of;
 
-use condor_hand::controller::{
-    AXES, TableController, TableError, TableState, read_table, write_table,
-};
-use condor_hand::trajectory::{Pace, Primitive, Profile, Target};
+use condor_hand::controller::{AXES, TableController, TableState, read_table, write_table};
+use condor_hand::trajectory::{MotionError, Pace, Primitive, Profile, Target};
 use condor_mbox::exchange::Blocks;
 use condor_mbox::published::Publisher;
 use condor_mbox::{Clock, Instant, Region, Vector};
@@ -260,8 +258,9 @@ impl<B: Boards> Program for Table<B> {
             start::configured(machine, &mut place, |background, hand| {
                 let processor = hand.processor(number);
                 let processor = processor.ok_or(Failure::NoProcessor { processor: number })?;
+                let controller = TableController::new(hand).map_err(Failure::from)?;
                 let driven = DrivenTable {
-                    controller: TableController::new(hand).map_err(Failure::from)?,
+                    controller: controller.ok_or(Failure::NoTable)?,
                     axes: hand.table.as_ref().map_or(0, |table| table.axes.len()),
                 };
                 let panel = panel.insert(B::panel(machine.bus(), hand, number));
@@ -410,7 +409,9 @@ fn obey(table: &mut DrivenTable, request: &TableRequest) -> Result<(), TableRefu
     let DrivenTable { controller, axes } = table;
     match request.operation {
         STATUS => {}
-        HOME => controller.start(request.speed).map_err(refusal)?,
+        HOME => controller
+            .start(request.speed)
+            .map_err(|error| refusal(error, TableRefusal::Speed))?,
         MOVE => {
             let pace = Pace::Speed(request.speed);
             let mut motion = Primitive::new(pace, Profile::MinimumJerk);
@@ -418,7 +419,9 @@ fn obey(table: &mut DrivenTable, request: &TableRequest) -> Result<(), TableRefu
                 let more = motion.with(axis, Target::Absolute(to));
                 motion = more.map_err(|_| TableRefusal::Motion)?;
             }
-            controller.enqueue(motion).map_err(refusal)?;
+            controller
+                .enqueue(motion)
+                .map_err(|error| refusal(error, TableRefusal::Motion))?;
         }
         STOP => controller.stop(),
         DISABLE => controller.disable(),
@@ -428,10 +431,10 @@ fn obey(table: &mut DrivenTable, request: &TableRequest) -> Result<(), TableRefu
     Ok(())
 }
 
-fn refusal(error: TableError) -> TableRefusal {
+/// The refusal for an error, and for any other than that the table is not ready `otherwise`.
+fn refusal(error: MotionError, otherwise: TableRefusal) -> TableRefusal {
     match error {
-        TableError::NotReady { .. } => TableRefusal::NotReady,
-        TableError::Speed(_) => TableRefusal::Speed,
-        _ => TableRefusal::Motion,
+        MotionError::NotReady => TableRefusal::NotReady,
+        _ => otherwise,
     }
 }

@@ -7,8 +7,7 @@ use condor_hand::kinematics::Chain;
 use condor_hand::tendon::{AllocatedTensions, MomentArms, TensionAllocation};
 use condor_hand::trajectory::motion::load;
 use condor_hand::trajectory::{
-    Generator, Happening, MotionEnd, MotionTicket, Observations, Primitive, PrimitiveError,
-    SetPoint,
+    Generator, Happening, MotionEnd, MotionError, MotionTicket, Observations, Primitive, SetPoint,
 };
 use condor_host::error::AnyError;
 use condor_host::robot::{
@@ -330,20 +329,11 @@ impl Player {
     }
 
     /// All motion ends, since one cannot be.
-    fn refuse(&mut self, tick: usize, step: usize, error: &PrimitiveError) {
-        let reason = match error {
-            PrimitiveError::Goal { joint, error } => self.of_joint(*joint, error),
-            PrimitiveError::Profile { joint, error } => self.of_joint(*joint, error),
-            error => error.to_string(),
-        };
+    fn refuse(&mut self, tick: usize, step: usize, error: &MotionError) {
+        let reason = error.named(&self.names).to_string();
         self.tell(tick, step, What::Refused { reason });
         self.motions.truncate(self.fed);
         self.generator.abort();
-    }
-
-    fn of_joint(&self, joint: usize, error: &dyn core::fmt::Display) -> String {
-        let name = self.names.get(joint).map_or("", String::as_str);
-        format!("{name}: {error}")
     }
 
     fn tell(&mut self, tick: usize, step: usize, what: What) {

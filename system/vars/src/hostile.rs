@@ -7,9 +7,10 @@ use crate::{
     Catalog, Param, Respond, Sampler, Selections, Tune, Var, VariableServer, VariableSettings,
     VariableTable, Vars, Watch, Watcher,
 };
-use condor_mbox::sim::{SimWindow, SimWindowError};
+use condor_mbox::sim::SimWindow;
 use condor_mbox::{
-    Allocator, CriticalSection, Instant, LoadOrder, MemoryWindow, Processor, Region, StoreOrder,
+    AccessError, Allocator, CriticalSection, Instant, LoadOrder, MemoryWindow, Processor, Region,
+    StoreOrder,
 };
 
 /// The offset of the table in the window. All words outside of the table must keep the value `CANARY`.
@@ -58,13 +59,13 @@ impl Script<'_> {
 }
 
 impl MemoryWindow for Haunted<'_> {
-    type Error = SimWindowError;
+    type Error = AccessError;
 
     fn size(&self) -> u32 {
         self.window.size()
     }
 
-    fn load(&self, offset: u32, order: LoadOrder) -> Result<u32, SimWindowError> {
+    fn load(&self, offset: u32, order: LoadOrder) -> Result<u32, AccessError> {
         let word = self.window.load(offset, order)?;
         let script = self.script;
         script.looks.set(script.looks.get() + 1);
@@ -74,11 +75,11 @@ impl MemoryWindow for Haunted<'_> {
         Ok(word)
     }
 
-    fn store(&self, offset: u32, value: u32, order: StoreOrder) -> Result<(), SimWindowError> {
+    fn store(&self, offset: u32, value: u32, order: StoreOrder) -> Result<(), AccessError> {
         self.window.store(offset, value, order)
     }
 
-    fn check(&self, offset: u32, len: usize) -> Result<(), SimWindowError> {
+    fn check(&self, offset: u32, len: usize) -> Result<(), AccessError> {
         self.window.check(offset, len)
     }
 }

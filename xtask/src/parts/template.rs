@@ -54,7 +54,9 @@ fn check(context: &Context, outside: &Path) -> Result<&'static str> {
     let robot = make(context, outside, ROBOT, &["--robot"])?;
     let mut lines = 0;
     for file in ["finger.toml", "src/main.rs"] {
-        lines += fs::read_to_string(robot.directory.join(file))?.lines().count();
+        lines += fs::read_to_string(robot.directory.join(file))?
+            .lines()
+            .count();
     }
     if lines > ROBOT_LINES {
         return Err(format!("the robot has {lines} lines, and may have {ROBOT_LINES}").into());

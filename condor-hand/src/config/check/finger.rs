@@ -4,14 +4,14 @@ use nalgebra::Matrix3;
 
 use super::place::{Examiner, NOT_NEGATIVE, POSITIVE, Root, join};
 use super::shared::ORTHONORMAL;
-use crate::Requirement;
 use crate::config::{
     Finger, Form, Joint, JointMotion, LinkBody, Mistake, Problem, ProcessorKind, Rotation,
     ServoLaw, Shape, Tendon,
 };
-use crate::kinematics::is_inertia;
+use crate::kinematics::body_inertia;
 use crate::math::{abs, is_finite, max};
-use crate::tendon::{ArmError, Rectification};
+use crate::tendon::Rectification;
+use crate::{NumberError, Requirement, Subject};
 
 impl<const F: usize, const J: usize> Examiner<'_, F, J> {
     pub(super) fn finger(&mut self, index: usize, finger: &Finger<J>) -> Result<(), Mistake> {
@@ -157,7 +157,7 @@ fn possible(inertia: &Matrix3<f64>) -> bool {
         && minor > 0.0
         && scaled.determinant() > 0.0
         // Flat bodies are on the edge, where rounding decides.
-        && is_inertia(inertia, 1e-9)
+        && body_inertia(inertia, 1e-9).is_ok()
 }
 
 impl<const F: usize, const J: usize> Examiner<'_, F, J> {
@@ -292,21 +292,21 @@ impl<const F: usize, const J: usize> Examiner<'_, F, J> {
 
     /// Checks the moment arms against the conditions of the tendon level.
     fn arms(&mut self, index: usize, finger: &Finger<J>) -> Result<(), Mistake> {
-        let (joint, field, value, must) = match finger.moment_arms() {
-            Ok(_) => return Ok(()),
-            Err(ArmError::Own { joint, flexor, .. }) if flexor <= 0.0 => {
-                (joint, "flexor.arm_m", flexor, POSITIVE)
-            }
-            Err(ArmError::Own {
-                joint, extensor, ..
-            }) => (joint, "extensor.arm_m", extensor, Requirement::Below(0.0)),
-            // Both are ruled out before: crossings are proximal, and all numbers finite.
-            Err(ArmError::Crossing { tendon, arm, .. }) => {
-                (tendon, "crosses", arm, Requirement::Finite)
-            }
+        let Err(NumberError {
+            at, value, must, ..
+        }) = finger.moment_arms()
+        else {
+            return Ok(());
+        };
+        let (joint, field) = match at {
+            Subject::Flexor(joint) => (joint, "flexor.arm_m"),
+            Subject::Extensor(joint) => (joint, "extensor.arm_m"),
+            // These are ruled out before: crossings are proximal, and all numbers finite.
+            Subject::Crossing { tendon, .. } => (tendon, "crosses"),
+            _ => (0, ""),
         };
         let problem = Problem::Number { value, must };
-        Err(self.wrong(Root::Joint(index, joint), field, problem))
+        Err(self.wrong(Root::Joint(index, joint.into()), field, problem))
     }
 
     fn rotation(&mut self, root: Root, field: &str, rotation: &Rotation) -> Result<(), Mistake> {

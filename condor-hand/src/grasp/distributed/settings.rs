@@ -2,8 +2,6 @@ mod image;
 #[cfg(feature = "text")]
 mod text;
 
-pub use image::GraspImageError;
-
 use nalgebra::{Matrix3, Matrix6, Vector3};
 use serde::{Deserialize, Serialize};
 

@@ -6,6 +6,7 @@ use super::plane::{Aim, distance, far, reached, tolerance};
 use super::{Branches, InverseError};
 use crate::kinematics::PlanarFinger;
 use crate::math::{Real, abs, atan2, clamp, min, real, sin_cos, sqrt, wrap};
+use crate::number::{Requirement, check, positive};
 
 /// Newton's method doubles the digits, and bisection adds one bit: more than both ever need.
 const ITERATIONS: u32 = 200;
@@ -34,10 +35,9 @@ impl<T: Real> PlanarFinger<T> {
         ratio: T,
         present: &SVector<T, 4>,
     ) -> Result<Branches<T>, InverseError> {
-        if !(ratio > T::zero() && ratio <= real(2.0)) {
-            let ratio = ratio.to_f64();
-            return Err(InverseError::Ratio { ratio });
-        }
+        let what = "the coupling of the last joint";
+        positive(what, ratio)?;
+        check(what, ratio, Requirement::AtMost(2.0))?;
         let mut branches = Branches::new();
         let mut short = far();
         for aim in &self.aims(target, present)? {

@@ -4,8 +4,10 @@ use heapless::Vec;
 use nalgebra::{SVector, Vector3};
 
 use super::{Branches, InverseError, check_finite, unreachable};
+use crate::Subject;
 use crate::kinematics::PlanarFinger;
 use crate::math::{Real, abs, atan2, max, real, sin_cos, sqrt, wrap};
+use crate::number::{Requirement, check};
 
 /// A target in the plane of the finger, seen from the second axis.
 #[derive(Clone, Copy)]
@@ -52,21 +54,15 @@ impl<T: Real> PlanarFinger<T> {
     ) -> Result<Vec<Aim<T>, 2>, InverseError> {
         check_finite("a coordinate of the target", target.iter())?;
         check_finite("an angle of the present posture", present.iter())?;
-        let [l0, l1, l2, l3] = self.lengths;
-        let most = real::<T>(1e9);
-        let within = |length: T, least: T| least <= length && length <= most;
-        let least = real::<T>(1e-9);
-        if !(within(l0, T::zero())
-            && within(l1, least)
-            && within(l2, least)
-            && within(l3, T::zero()))
+        for (link, (&length, least)) in self.lengths.iter().zip([0.0, 1e-9, 1e-9, 0.0]).enumerate()
         {
-            let lengths = self.lengths.map(T::to_f64);
-            return Err(InverseError::Lengths { lengths });
+            check("the length, m,", length, Requirement::Within(least, 1e9))
+                .map_err(|error| error.at(Subject::Link(link as u16)))?;
         }
 
         let local = self.base.rotation.transpose() * (target - self.base.position);
         check_finite("a coordinate of the target, in the base", local.iter())?;
+        let [first, ..] = self.lengths;
         let radius = distance(local.x, local.y);
         check_finite("the distance of the target from the first axis", [&radius])?;
         let mut aims = Vec::new();
@@ -74,11 +70,11 @@ impl<T: Real> PlanarFinger<T> {
             // There is room for two.
             let _ = aims.push(Aim {
                 turn,
-                along: radius - l0,
+                along: radius - first,
                 down: -local.z,
             });
         };
-        if radius <= real::<T>(4.0) * T::default_epsilon() * (l0 + self.reach().greatest) {
+        if radius <= real::<T>(4.0) * T::default_epsilon() * (first + self.reach().greatest) {
             aim(present.x, T::zero());
         } else {
             aim(atan2(local.y, local.x), radius);

@@ -2,14 +2,13 @@ use core::time::Duration;
 
 use condor_mbox::exchange::ExchangeError;
 use condor_mbox::{AccessError, Exchange, MemoryWindow, Messenger, Processor, Region};
-use thiserror::Error;
 
+use super::super::ClientError;
 use super::{
     BODY_BYTES, Batch, Code, MOTIONS, MotionOperation, MotionRequest, MotionResponse,
     MotionsBlocks, VERSION, WHOLE,
 };
 use crate::queue::{QueueAnswer, RequestIdentity, RequestState};
-use crate::trajectory::JointStreamError;
 
 /// The time after which a client asks again.
 const PAUSE: Duration = Duration::from_millis(2);
@@ -36,56 +35,6 @@ pub enum SentPoints {
     Until(Duration),
     /// The stream has ended before, with this answer of the queue.
     Ended(QueueAnswer),
-}
-
-/// The reason why a client has no answer.
-#[derive(Debug, Error)]
-#[non_exhaustive]
-pub enum MotionsError {
-    /// The controller cannot be asked.
-    #[error(transparent)]
-    Exchange(#[from] ExchangeError),
-    /// The client's mailbox cannot wait.
-    #[error(transparent)]
-    Mailbox(#[from] condor_mbox::MailboxError),
-    /// The controller has not decided within the time: ask again.
-    #[error("the controller has not answered within {timeout:?}")]
-    TimedOut {
-        /// The timeout of the call.
-        timeout: Duration,
-    },
-    /// The body of a request does not fit.
-    #[error("{length} bytes of motions; at most {BODY_BYTES} fit in a request")]
-    Length {
-        /// The number of bytes.
-        length: usize,
-    },
-    /// The controller has another version of requests.
-    #[error("the controller reads requests of version {found}, this program writes {VERSION}")]
-    Version {
-        /// The controller's version.
-        found: u32,
-    },
-    /// The session is that of another processor, or of an earlier incarnation of this one: open another.
-    #[error(
-        "the session was opened by another processor, or in an earlier incarnation of this one"
-    )]
-    NotYours,
-    /// The ledger of the controller has the last number that a session can have.
-    #[error(
-        "the controller's ledger has the last number that a session can have; stop the controller's program, remove \
-         its ledger, and start the program again"
-    )]
-    Exhausted,
-    /// All points of the batch are refused.
-    #[error(transparent)]
-    Points(#[from] JointStreamError),
-    /// The response is invalid.
-    #[error("an answer that no controller gives, with the code {}", response.code)]
-    Strange {
-        /// The invalid answer.
-        response: MotionResponse,
-    },
 }
 
 /// A client of the motion queue of another processor, the controller. Use it in the background of
@@ -123,12 +72,11 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow + Clone> MotionsClient<'m, M, W>
     /// processor.
     ///
     /// # Errors
-    /// Returns [`MotionsError::Exhausted`] if the controller has used all session numbers. All calls also
-    /// return [`MotionsError::Exchange`] if the controller cannot be asked, [`MotionsError::Mailbox`] if the
-    /// mailbox cannot wait, [`MotionsError::TimedOut`] if the controller has not decided within `timeout`,
-    /// [`MotionsError::Version`] if it has another version, and [`MotionsError::Strange`] if the answer is
-    /// invalid. The session may be open all the same; then the next call returns it, or opens another.
-    pub fn open(&mut self, timeout: Duration) -> Result<u32, MotionsError> {
+    /// Returns [`ClientError::Exhausted`] if the controller has used all session numbers. All calls also
+    /// return [`ClientError::Exchange`] if the controller cannot be asked, [`ClientError::TimedOut`] if it has not
+    /// decided within `timeout`, [`ClientError::Version`] if it has another version, and [`ClientError::Protocol`]
+    /// if the answer is invalid. The session may be open all the same; then the next call returns it, or opens another.
+    pub fn open(&mut self, timeout: Duration) -> Result<u32, ClientError> {
         self.done(&MotionRequest::new(MotionOperation::Open, 0, 0), timeout)
     }
 
@@ -138,14 +86,14 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow + Clone> MotionsClient<'m, M, W>
     /// Returns the number of the session that is in control after the call, or 0 if none is.
     ///
     /// # Errors
-    /// Returns [`MotionsError::NotYours`] if the session is of another processor or incarnation, and the errors of
+    /// Returns [`ClientError::NotYours`] if the session is of another processor or incarnation, and the errors of
     /// all calls (see [`open`](Self::open)).
     pub fn control(
         &mut self,
         session: u32,
         from_other: bool,
         timeout: Duration,
-    ) -> Result<u32, MotionsError> {
+    ) -> Result<u32, ClientError> {
         let request = MotionRequest::new(MotionOperation::Control, session, from_other.into());
         self.done(&request, timeout)
     }
@@ -156,7 +104,7 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow + Clone> MotionsClient<'m, M, W>
     /// queue runs no identity twice.
     ///
     /// # Errors
-    /// Returns [`MotionsError::Length`] if there are more than [`BODY_BYTES`] bytes, [`MotionsError::NotYours`]
+    /// Returns [`ClientError::Length`] if there are more than [`BODY_BYTES`] bytes, [`ClientError::NotYours`]
     /// if the session is of another processor or incarnation, and the errors of all calls (see
     /// [`open`](Self::open)). After a failed exchange or a timeout, offer the same again, or
     /// [look](Self::look).
@@ -165,7 +113,7 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow + Clone> MotionsClient<'m, M, W>
         identity: RequestIdentity,
         motions: &[u8],
         timeout: Duration,
-    ) -> Result<QueueAnswer, MotionsError> {
+    ) -> Result<QueueAnswer, ClientError> {
         self.offer_as(MotionOperation::Offer, identity, motions, timeout)
     }
 
@@ -173,7 +121,7 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow + Clone> MotionsClient<'m, M, W>
     /// refused. Returns the queue's answer. Then send the points of the stream with [`points`](Self::points).
     ///
     /// # Errors
-    /// Returns [`MotionsError::NotYours`] if the session is of another processor or incarnation, and the errors
+    /// Returns [`ClientError::NotYours`] if the session is of another processor or incarnation, and the errors
     /// of all calls (see [`open`](Self::open)). After a failed exchange or a timeout, offer the same again, or
     /// [look](Self::look).
     pub fn stream(
@@ -181,7 +129,7 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow + Clone> MotionsClient<'m, M, W>
         identity: RequestIdentity,
         mask: u32,
         timeout: Duration,
-    ) -> Result<QueueAnswer, MotionsError> {
+    ) -> Result<QueueAnswer, ClientError> {
         self.offer_as(
             MotionOperation::Stream,
             identity,
@@ -197,9 +145,9 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow + Clone> MotionsClient<'m, M, W>
     /// time until which the controller now has points, or the queue's answer if the stream has ended.
     ///
     /// # Errors
-    /// Returns [`MotionsError::Points`] if the points are refused, [`MotionsError::TimedOut`] if the stream did
-    /// not begin or had no room within `timeout`, [`MotionsError::Length`] if the batch has more points than
-    /// [`Batch::room`], [`MotionsError::NotYours`] if the session is of another processor or incarnation, and
+    /// Returns [`ClientError::Points`] if the points are refused, [`ClientError::TimedOut`] if the stream did
+    /// not begin or had no room within `timeout`, [`ClientError::Length`] if the batch has more points than
+    /// [`Batch::room`], [`ClientError::NotYours`] if the session is of another processor or incarnation, and
     /// the errors of all calls (see [`open`](Self::open)). After a failed exchange or a timeout, send the same
     /// batch again.
     pub fn points<const J: usize>(
@@ -208,12 +156,13 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow + Clone> MotionsClient<'m, M, W>
         mask: u32,
         batch: &Batch<J>,
         timeout: Duration,
-    ) -> Result<SentPoints, MotionsError> {
+    ) -> Result<SentPoints, ClientError> {
         let RequestIdentity { session, number } = identity;
         let mut request = MotionRequest::new(MotionOperation::Points, session, number);
         let length = batch.write(mask, &mut request.body);
-        let length = length.ok_or(MotionsError::Length {
+        let length = length.ok_or(ClientError::Length {
             length: batch.points.len() * (8 + 16 * mask.count_ones() as usize),
+            most: BODY_BYTES,
         })?;
         request.length = length as u32;
         let response = self.ask(&request, timeout)?;
@@ -222,10 +171,10 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow + Clone> MotionsClient<'m, M, W>
                 response.value.into(),
             ))),
             Some(Code::Refused) => Err(match response.refusal.error() {
-                Some(error) => MotionsError::Points(error),
-                None => MotionsError::Strange { response },
+                Some(error) => ClientError::Points(error),
+                None => self.strange(&response),
             }),
-            _ => answer(&response).map(SentPoints::Ended),
+            _ => self.answer(&response).map(SentPoints::Ended),
         }
     }
 
@@ -238,13 +187,13 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow + Clone> MotionsClient<'m, M, W>
         &mut self,
         identity: RequestIdentity,
         timeout: Duration,
-    ) -> Result<RequestProgress, MotionsError> {
+    ) -> Result<RequestProgress, ClientError> {
         let RequestIdentity { session, number } = identity;
         let response = self.ask(
             &MotionRequest::new(MotionOperation::Look, session, number),
             timeout,
         )?;
-        let (answer, progress) = (answer(&response)?, response.progress.min(WHOLE));
+        let (answer, progress) = (self.answer(&response)?, response.progress.min(WHOLE));
         let runs = matches!(answer, QueueAnswer::Known(RequestState::Started, _));
         Ok(RequestProgress {
             answer,
@@ -259,10 +208,10 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow + Clone> MotionsClient<'m, M, W>
     /// Returns the number of the session that is in control, or 0 if none is.
     ///
     /// # Errors
-    /// Returns [`MotionsError::NotYours`] if the session is of another processor or incarnation, and the errors
+    /// Returns [`ClientError::NotYours`] if the session is of another processor or incarnation, and the errors
     /// of all calls (see [`open`](Self::open)). The controller ends all motion all the same once it has the
     /// request; call again to learn that it has.
-    pub fn abort(&mut self, session: u32, timeout: Duration) -> Result<u32, MotionsError> {
+    pub fn abort(&mut self, session: u32, timeout: Duration) -> Result<u32, ClientError> {
         self.done(
             &MotionRequest::new(MotionOperation::Abort, session, 0),
             timeout,
@@ -272,9 +221,9 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow + Clone> MotionsClient<'m, M, W>
     /// Ends the control of the session, if it is in control, so that any other session can take control.
     ///
     /// # Errors
-    /// Returns [`MotionsError::NotYours`] if the session is of another processor or incarnation, and the errors of
+    /// Returns [`ClientError::NotYours`] if the session is of another processor or incarnation, and the errors of
     /// all calls (see [`open`](Self::open)).
-    pub fn give_up_control(&mut self, session: u32, timeout: Duration) -> Result<(), MotionsError> {
+    pub fn give_up_control(&mut self, session: u32, timeout: Duration) -> Result<(), ClientError> {
         self.done(
             &MotionRequest::new(MotionOperation::GiveUp, session, 0),
             timeout,
@@ -288,24 +237,28 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow + Clone> MotionsClient<'m, M, W>
         identity: RequestIdentity,
         body: &[u8],
         timeout: Duration,
-    ) -> Result<QueueAnswer, MotionsError> {
+    ) -> Result<QueueAnswer, ClientError> {
         let (length, RequestIdentity { session, number }) = (body.len(), identity);
         let mut request = MotionRequest::new(operation, session, number);
         let place = request.body.get_mut(..length);
-        let place = place.ok_or(MotionsError::Length { length })?;
+        let place = place.ok_or(ClientError::Length {
+            length,
+            most: BODY_BYTES,
+        })?;
         place.copy_from_slice(body);
         request.length = length as u32;
-        answer(&self.ask(&request, timeout)?)
+        let response = self.ask(&request, timeout)?;
+        self.answer(&response)
     }
 
     /// Sends a request until the controller has decided, and returns the value of the answer.
-    fn done(&mut self, request: &MotionRequest, timeout: Duration) -> Result<u32, MotionsError> {
+    fn done(&mut self, request: &MotionRequest, timeout: Duration) -> Result<u32, ClientError> {
         let response = self.ask(request, timeout)?;
         match Code::from_number(response.code) {
             Some(Code::Done) => Ok(response.value),
-            Some(Code::NotYours) => Err(MotionsError::NotYours),
-            Some(Code::Exhausted) => Err(MotionsError::Exhausted),
-            _ => Err(MotionsError::Strange { response }),
+            Some(Code::NotYours) => Err(ClientError::NotYours),
+            Some(Code::Exhausted) => Err(ClientError::Exhausted),
+            _ => Err(self.strange(&response)),
         }
     }
 
@@ -314,7 +267,7 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow + Clone> MotionsClient<'m, M, W>
         &mut self,
         request: &MotionRequest,
         timeout: Duration,
-    ) -> Result<MotionResponse, MotionsError> {
+    ) -> Result<MotionResponse, ClientError> {
         let deadline = self.messenger.now().after(timeout);
         loop {
             let left = Duration::from_nanos(deadline.ns_since(self.messenger.now()));
@@ -323,15 +276,38 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow + Clone> MotionsClient<'m, M, W>
             match answer {
                 Ok(response) if response.version != VERSION => {
                     let found = response.version;
-                    return Err(MotionsError::Version { found });
+                    return Err(ClientError::Version {
+                        to: self.to,
+                        found,
+                        wanted: VERSION,
+                    });
                 }
                 Ok(response) if !is_open(&response) => return Ok(response),
-                Ok(_) if left <= PAUSE => return Err(MotionsError::TimedOut { timeout }),
+                Ok(_) if left <= PAUSE => {
+                    return Err(ClientError::TimedOut {
+                        to: self.to,
+                        timeout,
+                    });
+                }
                 Err(error) if left <= PAUSE => return Err(error.into()),
                 // A controller whose program has ended may start again.
                 Ok(_) | Err(_) => {}
             }
-            self.messenger.serve(PAUSE)?;
+            self.messenger.serve(PAUSE).map_err(ExchangeError::from)?;
+        }
+    }
+    /// Returns the answer of the queue.
+    fn answer(&self, response: &MotionResponse) -> Result<QueueAnswer, ClientError> {
+        match Code::from_number(response.code) {
+            Some(Code::NotYours) => Err(ClientError::NotYours),
+            _ => response.answer().ok_or(self.strange(response)),
+        }
+    }
+
+    fn strange(&self, response: &MotionResponse) -> ClientError {
+        ClientError::Protocol {
+            to: self.to,
+            word: response.code,
         }
     }
 }
@@ -340,15 +316,4 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow + Clone> MotionsClient<'m, M, W>
 fn is_open(response: &MotionResponse) -> bool {
     let code = Code::from_number(response.code);
     matches!(code, Some(Code::Pending | Code::Busy))
-}
-
-/// Returns the answer of the queue.
-fn answer(response: &MotionResponse) -> Result<QueueAnswer, MotionsError> {
-    let strange = MotionsError::Strange {
-        response: *response,
-    };
-    match Code::from_number(response.code) {
-        Some(Code::NotYours) => Err(MotionsError::NotYours),
-        _ => response.answer().ok_or(strange),
-    }
 }

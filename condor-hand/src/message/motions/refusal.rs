@@ -1,6 +1,6 @@
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
-use crate::number::{NumberError, Requirement};
+use crate::number::{NumberError, Requirement, Subject};
 use crate::trajectory::{JointStreamError, QUANTITIES};
 
 /// A [`JointStreamError`] as it lies in an answer. Fields that an error does not use are zero.
@@ -46,7 +46,11 @@ impl StreamRefusal {
             },
             JointStreamError::Joint { joint, time, error } => {
                 let (must, bound) = match error.must {
-                    Requirement::Finite => (0, 0.0),
+                    // The last three are none of a stream's.
+                    Requirement::Finite
+                    | Requirement::Within(..)
+                    | Requirement::Equal(_)
+                    | Requirement::MultipleOf(_) => (0, 0.0),
                     Requirement::Above(bound) => (1, bound),
                     Requirement::Below(bound) => (2, bound),
                     Requirement::AtLeast(bound) => (3, bound),
@@ -92,7 +96,12 @@ impl StreamRefusal {
                 JointStreamError::Joint {
                     joint: self.which as usize,
                     time,
-                    error: NumberError { what, value, must },
+                    error: NumberError {
+                        at: Subject::Whole,
+                        what,
+                        value,
+                        must,
+                    },
                 }
             }
             _ => return None,
@@ -115,6 +124,7 @@ mod tests {
         ];
         let errors = QUANTITIES.into_iter().flat_map(|what| {
             let error = must.map(|must| NumberError {
+                at: Subject::Whole,
                 what,
                 value: 7.25,
                 must,

@@ -2,7 +2,8 @@ use nalgebra::SVector;
 
 use super::sensor::{Joint, Latch, Run, Tendon};
 use super::usual::{SensorLanes, Usual, threshold};
-use super::{FaultCode, FaultLimits, FaultLimitsError, FaultSite, FingerFault};
+use super::{FaultCode, FaultLimits, FaultSite, FingerFault};
+use crate::NumberError;
 use crate::math::{Real, is_finite};
 use crate::tendon::{Pair, TendonPairs};
 
@@ -81,8 +82,8 @@ impl<T: Real, const N: usize> FingerMonitor<T, N> {
     /// Makes a monitor with these limits, in which no fault has occurred yet.
     ///
     /// # Errors
-    /// [`FaultLimitsError`] for the first limit that is wrong.
-    pub fn new(limits: FaultLimits<T, N>) -> Result<Self, FaultLimitsError> {
+    /// [`NumberError`] for the first limit that is wrong.
+    pub fn new(limits: FaultLimits<T, N>) -> Result<Self, NumberError> {
         limits.check()?;
         Ok(Self {
             usual: AllUsual {

@@ -1,6 +1,5 @@
-use thiserror::Error;
-
 use super::{FaultCode, FaultSite};
+use crate::Subject;
 use crate::math::Real;
 use crate::number::{NumberError, Requirement, check, finite, not_negative};
 use crate::tendon::Pair;
@@ -91,24 +90,12 @@ pub struct FaultLimits<T, const N: usize> {
     pub set_point_age_s: Threshold<T>,
 }
 
-/// The reason why limits cannot be used.
-#[derive(Clone, Copy, Debug, PartialEq, Error)]
-#[error("{site}, '{code}': {error}")]
-pub struct FaultLimitsError {
-    /// The site of the check.
-    pub site: FaultSite,
-    /// The kind of fault that it checks.
-    pub code: FaultCode,
-    /// The error of its limit.
-    pub error: NumberError,
-}
-
 impl<T: Real, const N: usize> FaultLimits<T, N> {
     /// Checks that all limits can be used, including those of checks that are switched off.
     ///
     /// # Errors
-    /// [`FaultLimitsError`] for the first limit that is not finite, negative, or out of order.
-    pub fn check(&self) -> Result<(), FaultLimitsError> {
+    /// [`NumberError`] for the first limit that is not finite, negative, or out of order.
+    pub fn check(&self) -> Result<(), NumberError> {
         for (joint, (tendons, limits)) in self.tendons.iter().zip(&self.joints).enumerate() {
             let sites = FaultSite::tendons(joint);
             tendons.flexor.check(sites.flexor)?;
@@ -122,7 +109,7 @@ impl<T: Real, const N: usize> FaultLimits<T, N> {
 }
 
 impl<T: Real> TendonFaultLimits<T> {
-    fn check(&self, site: FaultSite) -> Result<(), FaultLimitsError> {
+    fn check(&self, site: FaultSite) -> Result<(), NumberError> {
         self.sensor.check(site)?;
         threshold(site, FaultCode::Slack, self.slack.value)?;
         threshold(site, FaultCode::OverTension, self.over_tension.value)
@@ -130,14 +117,14 @@ impl<T: Real> TendonFaultLimits<T> {
 }
 
 impl<T: Real> JointFaultLimits<T> {
-    fn check(&self, site: FaultSite) -> Result<(), FaultLimitsError> {
+    fn check(&self, site: FaultSite) -> Result<(), NumberError> {
         self.sensor.check(site)?;
         range(site, FaultCode::JointLimit, &self.limit)
     }
 }
 
 impl<T: Real> SensorFaultLimits<T> {
-    fn check(&self, site: FaultSite) -> Result<(), FaultLimitsError> {
+    fn check(&self, site: FaultSite) -> Result<(), NumberError> {
         range(site, FaultCode::OutOfRange, &self.range)?;
         threshold(site, FaultCode::Stuck, self.stuck.band)?;
         threshold(site, FaultCode::Stuck, self.stuck.travel)?;
@@ -145,17 +132,17 @@ impl<T: Real> SensorFaultLimits<T> {
     }
 }
 
-fn threshold<T: Real>(site: FaultSite, code: FaultCode, value: T) -> Result<(), FaultLimitsError> {
-    not_negative("the threshold", value).map_err(|error| FaultLimitsError { site, code, error })
+fn threshold<T: Real>(site: FaultSite, code: FaultCode, value: T) -> Result<(), NumberError> {
+    not_negative("the threshold", value).map_err(|error| error.at(Subject::check(site, code)))
 }
 
 fn range<T: Real>(
     site: FaultSite,
     code: FaultCode,
     range: &FaultRange<T>,
-) -> Result<(), FaultLimitsError> {
+) -> Result<(), NumberError> {
     let above = Requirement::AtLeast(range.low.to_f64());
     finite("the lower end", range.low)
         .and_then(|()| check("the upper end", range.high, above))
-        .map_err(|error| FaultLimitsError { site, code, error })
+        .map_err(|error| error.at(Subject::check(site, code)))
 }

@@ -83,7 +83,10 @@ fn contacts_that_cannot_hold_are_refused_with_their_numbers() {
     let Err(refused) = Contacts::new([ORIGIN, vector![0.0, f64::NAN, 0.0], ORIGIN]) else {
         panic!("no point");
     };
-    assert_eq!(refused.to_string(), "the tip position of finger 1 is NaN");
+    assert_eq!(
+        refused.to_string(),
+        "finger 1: the position of the tip, m, is NaN; it must be finite"
+    );
     let Err(refused) = Contacts::<f64, 0>::new([]) else {
         panic!("no contacts");
     };

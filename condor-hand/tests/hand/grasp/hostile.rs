@@ -121,7 +121,7 @@ fn a_moment_that_rounds_to_infinity_is_too_large() {
     let held = Contacts::new(points)
         .unwrap()
         .forces(&wrench, &Vector3::zeros());
-    assert!(matches!(held, Err(GraspError::TooLarge { .. })), "{held:?}");
+    assert!(matches!(held, Err(GraspError::Number(_))), "{held:?}");
 }
 
 proptest! {

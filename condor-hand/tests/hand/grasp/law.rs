@@ -273,13 +273,13 @@ fn what_is_wrong_is_told_with_its_values_and_changes_nothing() {
     let told = grasp.set_tuning(wrong).unwrap_err().to_string();
     assert_eq!(
         told,
-        "joint 2 of finger 1 has the torque limits 0.5 to inf N m"
+        "joint 2 of finger 1: the lower limit of the torque, N m, is 0.5; it must be at most 0"
     );
     wrong = tuning();
     wrong.center.x = f64::NAN;
     assert!(matches!(
         grasp.set_tuning(wrong),
-        Err(GraspError::WrenchNotFinite { .. })
+        Err(GraspError::Number(_))
     ));
     wrong = tuning();
     wrong.surface = TuningSurface::Ball(vector![0.0, f64::INFINITY, 0.0]);

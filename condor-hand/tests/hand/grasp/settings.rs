@@ -1,7 +1,8 @@
 //! What a grasp is to be like: as text, as bytes, and as an order about a ball that was measured.
 
+use condor_hand::ImageError;
 use condor_hand::grasp::GraspError;
-use condor_hand::grasp::distributed::{GraspAxes, GraspImageError, GraspSettings, MeasuredBall};
+use condor_hand::grasp::distributed::{GraspAxes, GraspSettings, MeasuredBall};
 use nalgebra::{Matrix6, Rotation3, UnitQuaternion, Vector3, Vector6, vector};
 
 const TEXT: &str = "\
@@ -130,16 +131,16 @@ fn an_image_is_read_back_and_every_changed_byte_is_noticed() {
     }
     assert!(matches!(
         settings.to_image(&mut bytes[..100]),
-        Err(GraspImageError::Header(_))
+        Err(ImageError::BufferTooShort { len: 100 })
     ));
     let mut wrong = settings;
     wrong.damping[3][3] = -1.0;
     assert!(matches!(
         wrong.to_image(&mut bytes),
-        Err(GraspImageError::Grasp(GraspError::NotSemidefinite {
-            axis: 3,
+        Err(ImageError::Content {
+            error: GraspError::NotSemidefinite { axis: 3, .. },
             ..
-        }))
+        })
     ));
 }
 

@@ -3,7 +3,7 @@
 use condor_hand::dynamics::Dynamics;
 use condor_hand::kinematics::PlanarFinger;
 use condor_hand::math::max;
-use condor_hand::plant::{FingerParameters, JointParameters, PlantError, SimFinger};
+use condor_hand::plant::{FingerParameters, JointParameters, SimFinger};
 use condor_hand::tendon::Pair;
 use nalgebra::{Matrix4, Vector1, Vector3, Vector4};
 
@@ -166,5 +166,5 @@ fn a_finger_of_no_mass_is_refused() {
         drives: [Pair::both(exact(0.01))],
     };
     let refused = SimFinger::new(rod, parameters, Vector1::new(0.3)).unwrap_err();
-    assert_eq!(refused, PlantError::Massless { first: 0.3 });
+    assert!(refused.what.contains("mass matrix"), "{refused}");
 }

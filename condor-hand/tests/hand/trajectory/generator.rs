@@ -1,11 +1,11 @@
 //! What the generator promises: limits, continuity, order.
 
 use condor_hand::trajectory::{
-    Begin, Generator, Guards, Happening, MotionEnd, MotionEvent, MotionGuard, MotionProgress,
-    MotionTicket, Observations, OnEnd, Pace, Primitive, PrimitiveError, Profile, ProfileLimits,
+    Begin, Generator, Guards, Happening, MotionEnd, MotionError, MotionEvent, MotionGuard,
+    MotionProgress, MotionTicket, Observations, OnEnd, Pace, Primitive, Profile, ProfileLimits,
     SetPoint, Target, Via,
 };
-use condor_hand::{NumberError, Requirement};
+use condor_hand::{NumberError, Requirement, Subject};
 use proptest::{prelude::TestCaseError, prop_assert};
 
 pub(super) const J: usize = 4;
@@ -137,20 +137,19 @@ fn limits_are_checked_when_enqueued_and_the_joint_is_named() {
     let mut hand = hand();
     let far = to(&[1], 1.51, Pace::Speed(1.0), Profile::Cubic);
     let most = NumberError {
+        at: Subject::Joint(1),
         what: "the position, rad,",
         value: 1.51,
         must: Requirement::AtMost(1.5),
     };
-    let (joint, error) = (1, most);
-    assert_eq!(
-        hand.enqueue(far),
-        Err(PrimitiveError::Goal { joint, error })
-    );
+    assert_eq!(hand.enqueue(far), Err(most.into()));
     let fast = to(&[2], 1.5, Pace::Duration(0.9), Profile::MinimumJerk);
-    let Err(PrimitiveError::Goal {
-        joint: 2,
-        error: NumberError { what, value, must },
-    }) = hand.enqueue(fast)
+    let Err(MotionError::Number(NumberError {
+        at: Subject::Joint(2),
+        what,
+        value,
+        must,
+    })) = hand.enqueue(fast)
     else {
         panic!("accepted");
     };
@@ -158,10 +157,12 @@ fn limits_are_checked_when_enqueued_and_the_joint_is_named() {
     assert_eq!((what, must), ("the velocity, rad/s,", most));
     assert!((value - 1.875 * 1.5 / 0.9).abs() < 1e-12);
     let hard = to(&[0], 0.2, Pace::Duration(0.15), Profile::Cubic);
-    let Err(PrimitiveError::Goal {
-        joint: 0,
-        error: NumberError { what, value, .. },
-    }) = hand.enqueue(hard)
+    let Err(MotionError::Number(NumberError {
+        at: Subject::Joint(0),
+        what,
+        value,
+        ..
+    })) = hand.enqueue(hard)
     else {
         panic!("accepted");
     };
@@ -170,7 +171,9 @@ fn limits_are_checked_when_enqueued_and_the_joint_is_named() {
     let short = to(&[0], 0.2, Pace::Duration(0.1), Profile::Trapezoid);
     let error = hand.enqueue(short).unwrap_err();
     assert!(
-        error.to_string().starts_with("joint 0: 0.1 s is too short"),
+        error
+            .to_string()
+            .starts_with("joint 0: the duration, s, is 0.1; it must be at least 0.14"),
         "{error}"
     );
     // The second starts where the first will end.
@@ -179,10 +182,11 @@ fn limits_are_checked_when_enqueued_and_the_joint_is_named() {
     let relative = relative.with(0, Target::Relative(0.6)).unwrap();
     assert!(matches!(
         hand.enqueue(relative),
-        Err(PrimitiveError::Goal {
-            joint: 0,
-            error: NumberError { value: 1.6, .. },
-        })
+        Err(MotionError::Number(NumberError {
+            at: Subject::Joint(0),
+            value: 1.6,
+            ..
+        }))
     ));
     // A spline that overshoots between points that are all within the range.
     let mut via = to(&[3], 0.0, Pace::Duration(4.0), Profile::Cubic);
@@ -192,7 +196,10 @@ fn limits_are_checked_when_enqueued_and_the_joint_is_named() {
     }
     assert!(matches!(
         hand.enqueue(via),
-        Err(PrimitiveError::Goal { joint: 3, .. })
+        Err(MotionError::Number(NumberError {
+            at: Subject::Joint(3),
+            ..
+        }))
     ));
     hand.abort();
     let aborted = Happening::Ended(MotionEnd::Aborted);

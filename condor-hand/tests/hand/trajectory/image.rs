@@ -1,10 +1,10 @@
 //! Motions as bytes.
 
-use condor_hand::HeaderError;
-use condor_hand::trajectory::image::{
-    HEADER_BYTES, MotionImageError, MotionSequence, append, encode, encode_for,
+use condor_hand::trajectory::image::{HEADER_BYTES, MotionSequence, append, encode, encode_for};
+use condor_hand::trajectory::{
+    Begin, Guards, MotionError, OnEnd, Pace, Primitive, Profile, Target, Via,
 };
-use condor_hand::trajectory::{Begin, Guards, OnEnd, Pace, Primitive, Profile, Target, Via};
+use condor_hand::{ImageError, Subject};
 use crc::{CRC_32_ISO_HDLC, Crc};
 use proptest::prelude::*;
 
@@ -122,7 +122,7 @@ proptest! {
             prop_assert!(MotionSequence::<J>::new(&bytes[..cut]).is_err());
             let mut short = vec![0; cut];
             let refused = encode(&motions, &mut short);
-            prop_assert_eq!(refused, Err(HeaderError::BufferTooShort { len: cut }.into()));
+            prop_assert_eq!(refused, Err(ImageError::BufferTooShort { len: cut }));
         }
     }
 
@@ -174,23 +174,27 @@ fn what_is_wrong_is_said() {
     let error = |bytes: &[u8]| MotionSequence::<J>::new(bytes).unwrap_err().to_string();
     assert_eq!(
         error(b"CNDHxxxxxxxxxxxxxxxx"),
-        "the image begins with [43, 4e, 44, 48] instead of [43, 4e, 44, 4d]"
+        "the image begins with \"CNDH\" instead of \"CNDM\": it is another kind of file"
     );
     assert_eq!(
         error(&bytes[..len - 1]),
-        format!("the image has {len} bytes, there are {}", len - 1)
+        format!(
+            "the image has {len} bytes, there are {}; copy it as a whole",
+            len - 1
+        )
     );
     let mut other = bytes.clone();
     other[4] = 9;
     assert_eq!(
         error(&other),
-        "the image has version 9 of the format, this program has 2"
+        "the image has version 9 of the format, this program has 2; make the image again"
     );
     assert_eq!(
         MotionSequence::<7>::new(&bytes).unwrap_err(),
-        MotionImageError::Joints {
+        ImageError::Count {
+            of: "joints",
             found: 6,
-            joints: 7
+            wanted: 7
         }
     );
     // The duration is the eight bytes after the mask and the kind of pace, a byte each.
@@ -209,13 +213,21 @@ fn what_is_wrong_is_said() {
     body[2..10].copy_from_slice(&0.5_f64.to_le_bytes());
     assert_eq!(
         MotionSequence::<J>::new(&sealed(2, &body)).unwrap_err(),
-        MotionImageError::Malformed { index: 1 }
+        ImageError::Malformed {
+            at: Subject::Motion(1)
+        }
     );
     let mut nothing = one();
     nothing.mask = 0;
     let refused = append(&nothing, &mut bytes.clone(), bytes.len()).unwrap_err();
     assert!(
-        matches!(refused, MotionImageError::Primitive { index: 1, .. }),
+        matches!(
+            refused,
+            ImageError::Content {
+                at: Subject::Motion(1),
+                ..
+            }
+        ),
         "{refused}"
     );
 }
@@ -234,10 +246,13 @@ fn a_tool_writes_for_a_number_of_joints_that_it_learns_later() {
     assert_eq!(encode(&[same], &mut own), Ok(len));
     assert_eq!(bytes[..len], own[..len]);
     let error = encode_for(4, &[last(3), last(4)], &mut bytes).unwrap_err();
-    assert_eq!(error, MotionImageError::Malformed { index: 1 });
+    let at = Subject::Motion(1);
+    let (mask, joints) = (0b1_0000, 4);
+    let beyond = MotionError::Mask { mask, joints };
+    assert_eq!(error, ImageError::Content { at, error: beyond });
     let error = encode_for(J + 1, &[last(3)], &mut bytes).unwrap_err();
     assert_eq!(
         error.to_string(),
-        "the motions are for 7 joints, this program has 6"
+        "the image is for 7 joints, this program for 6"
     );
 }

@@ -2,8 +2,9 @@
 
 use condor_hand::trajectory::{
     Bounds, Generator, Interpolator, Observations, Pace, Primitive, Profile, ProfileLimits,
-    SetPoint, SetPointError, Target,
+    SetPoint, Target,
 };
+use condor_hand::{NumberError, Subject};
 use proptest::prelude::*;
 
 const TICK: f64 = 0.02;
@@ -116,7 +117,11 @@ fn bad_set_points_change_nothing() {
     };
     assert!(matches!(
         servo.tick(&[point]),
-        Err(SetPointError::NotFinite { joint: 0, .. })
+        Err(NumberError {
+            at: Subject::Joint(0),
+            what: "the position, rad,",
+            ..
+        })
     ));
     assert_eq!(servo.step()[0], SetPoint::rest(0.0));
     let error = Interpolator::<1>::new(0, TICK, [0.0], [BOUNDS]).unwrap_err();

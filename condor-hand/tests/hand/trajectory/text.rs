@@ -96,7 +96,7 @@ fn errors_have_a_place_and_say_what_would_be_right() {
             "{ \"index.1\" = 0.5 }",
             "{ \"index.1\" = nan }",
             (7, 8),
-            "joint 0: the position, rad, is NaN; it must be finite",
+            "index.1: the position, rad, is NaN; it must be finite",
         ),
         (
             "{ \"index.1\" = 0.5 }",
@@ -104,7 +104,12 @@ fn errors_have_a_place_and_say_what_would_be_right() {
             (10, 1),
             "in `to` and in `by`",
         ),
-        ("at = 0.5", "at = 1.5", (12, 1), "at 1.5 of the duration"),
+        (
+            "at = 0.5",
+            "at = 1.5",
+            (12, 1),
+            "is 1.5; it must be below 1",
+        ),
         ("{ \"index.1\" = 0.7, ", "{ ", (12, 1), "lacks \"index.1\""),
         (
             "0.7, \"index.2\"",

@@ -3,7 +3,8 @@
 use std::collections::HashMap;
 use std::time::Duration;
 
-use condor_hand::message::motions::{Batch, MotionsClient, MotionsError, SentPoints};
+use condor_hand::message::ClientError;
+use condor_hand::message::motions::{Batch, MotionsClient, SentPoints};
 use condor_hand::queue::{QueueAnswer, RefusalReason, RequestIdentity, RequestState};
 use condor_hand::trajectory::image::append;
 use condor_hand::trajectory::{Pace, Primitive, Profile, StreamPoint, Target};
@@ -19,7 +20,7 @@ macro_rules! ask {
         let blocks = condor_robot::objects::motions(&region).unwrap().unwrap();
         let mailbox = $typist.mailbox();
         let mut $client = MotionsClient::new(mailbox, MASTER, &blocks, &region).unwrap();
-        let answer: Result<_, MotionsError> = $question;
+        let answer: Result<_, ClientError> = $question;
         answer
     }};
 }
@@ -381,7 +382,7 @@ fn a_request_whose_file_does_not_come_in_time_waits_and_runs() {
         // What the master cannot look at meanwhile is answered, too.
         let late = ask!(typist, client, client.offer(of(2), &small(0.9), SOON));
         assert!(
-            matches!(late, Err(MotionsError::TimedOut { .. })),
+            matches!(late, Err(ClientError::TimedOut { .. })),
             "{late:?}"
         );
         for _ in 0..7 {
@@ -516,7 +517,7 @@ fn a_ledger_with_the_last_session_says_that_it_must_be_removed() {
         typist.restart(MASTER);
         typist.begin();
         let opened = ask!(typist, client, client.open(SOON));
-        assert!(matches!(opened, Err(MotionsError::Exhausted)), "{opened:?}");
+        assert!(matches!(opened, Err(ClientError::Exhausted)), "{opened:?}");
         let said = typist.says("control");
         assert!(
             said.contains("motions.ledger has no number left") && said.contains("remove the file"),
@@ -551,7 +552,7 @@ fn send(
     typist: &mut Typist<'_>,
     identity: RequestIdentity,
     batch: &Batch<16>,
-) -> Result<SentPoints, MotionsError> {
+) -> Result<SentPoints, ClientError> {
     ask!(typist, client, client.points(identity, MASK, batch, SOON))
 }
 

@@ -8,7 +8,8 @@ use std::io::Write;
 use std::path::Path;
 use std::time::Duration;
 
-use condor_hand::message::motions::{MotionsClient, MotionsError};
+use condor_hand::message::ClientError;
+use condor_hand::message::motions::MotionsClient;
 use condor_hand::queue::{QueueAnswer, RefusalReason, RequestIdentity, RequestState};
 use condor_hand::trajectory::image::append;
 use condor_hand::trajectory::{Pace, Primitive, Profile, Target};
@@ -94,7 +95,7 @@ impl<M: Machine> Worker<'_, M> {
     /// Asks until there is an answer; a master that has just begun has its blocks perhaps elsewhere.
     fn ask<R>(
         &self,
-        mut question: impl FnMut(&mut Asks<'_, M>) -> Result<R, MotionsError>,
+        mut question: impl FnMut(&mut Asks<'_, M>) -> Result<R, ClientError>,
     ) -> Result<Option<R>, Failed> {
         while !self.background.is_stopping() {
             let region = users(self.background.machine(), MASTER)?;
@@ -103,7 +104,7 @@ impl<M: Machine> Worker<'_, M> {
                 let mut asks = MotionsClient::new(mailbox, MASTER, &blocks, &region)?;
                 match question(&mut asks) {
                     Ok(answer) => return Ok(Some(answer)),
-                    Err(error @ (MotionsError::NotYours | MotionsError::Length { .. })) => {
+                    Err(error @ (ClientError::NotYours | ClientError::Length { .. })) => {
                         return Err(error.into());
                     }
                     Err(_) => {}
@@ -123,7 +124,7 @@ impl<M: Machine> Worker<'_, M> {
         };
         let in_control = self.ask(|asks| match asks.control(session, false, ANSWER) {
             // It is gone.
-            Err(MotionsError::NotYours) => Ok(0),
+            Err(ClientError::NotYours) => Ok(0),
             answer => answer,
         })?;
         if in_control == Some(0) {
@@ -149,7 +150,7 @@ impl<M: Machine> Worker<'_, M> {
             self.settle(index, identity)?;
         }
         self.ask(|asks| match asks.give_up_control(session, ANSWER) {
-            Err(MotionsError::NotYours) => Ok(()),
+            Err(ClientError::NotYours) => Ok(()),
             answer => answer,
         })?;
         Ok(end)
@@ -162,7 +163,7 @@ impl<M: Machine> Worker<'_, M> {
         let len = append(&motion, &mut image, 0)?;
         self.ask(|asks| match asks.offer(identity, &image[..len], ANSWER) {
             // A former incarnation's that the master has not got, and does not take any more.
-            Err(MotionsError::NotYours) => Ok(QueueAnswer::New),
+            Err(ClientError::NotYours) => Ok(QueueAnswer::New),
             answer => answer,
         })
     }

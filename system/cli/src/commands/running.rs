@@ -1,11 +1,9 @@
 //! [`Running`]: the system that a command is about.
 
 use super::SystemChoice;
-use condor_host::control::{
-    ClockStatus, ControlClient, ControlClientError, Member, SystemStatus, UnknownMember,
-};
+use condor_host::control::{ClockStatus, ControlClient, ControlClientError, Member, SystemStatus};
 use condor_host::error::AnyError;
-use condor_host::system::{self, SystemDirectory};
+use condor_host::system::{self, FindError, SystemDirectory};
 use condor_host::view::View;
 
 pub(super) struct Running {
@@ -41,12 +39,12 @@ impl Running {
     }
 
     /// The processor or service of a name or number.
-    pub(super) fn member(&self, text: &str) -> Result<&Member, UnknownMember> {
+    pub(super) fn member(&self, text: &str) -> Result<&Member, FindError> {
         self.status.member(text)
     }
 
     /// Returns the processor with this name or number. Services are not found.
-    pub(super) fn processor(&self, text: &str) -> Result<&Member, UnknownMember> {
+    pub(super) fn processor(&self, text: &str) -> Result<&Member, FindError> {
         self.status.processor(text)
     }
 }

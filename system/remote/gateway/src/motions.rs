@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-use condor_hand::message::motions::{MotionsBlocks, MotionsClient, MotionsError};
+use condor_hand::message::ClientError;
+use condor_hand::message::motions::{MotionsBlocks, MotionsClient};
 use condor_hand::queue::{self, QueueAnswer, RefusalReason, RequestIdentity};
 use condor_host::control::SystemStatus;
 use condor_host::error::AnyError;
@@ -228,7 +229,7 @@ impl Motions {
         match asks.control(session, takes_control, ANSWER) {
             Ok(own) if own == session => {}
             // The session is gone.
-            Err(MotionsError::NotYours) | Ok(0) => {
+            Err(ClientError::NotYours) | Ok(0) => {
                 self.session = None;
                 return Err("the queue has closed the session of the gateway; try again".into());
             }
@@ -264,7 +265,7 @@ impl Motions {
             answer = match control.and_then(|_| asks.offer(request, motion, ANSWER)) {
                 Ok(answer) => answer,
                 // The session is closed: the queue will say that the motion never runs.
-                Err(MotionsError::NotYours) => QueueAnswer::New,
+                Err(ClientError::NotYours) => QueueAnswer::New,
                 Err(error) => return Err(error.into()),
             };
             // The accepted motion runs all the same, and others need not take control away. If this fails,

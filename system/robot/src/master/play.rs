@@ -2,8 +2,9 @@
 
 use core::fmt::{Arguments, Write as _};
 
+use condor_hand::ImageError;
 use condor_hand::queue::{RefusalReason, RequestState};
-use condor_hand::trajectory::image::MotionImageError;
+use condor_hand::trajectory::MotionError;
 use condor_hand::trajectory::{
     Happening, MotionEnd, MotionGuard, MotionProgress, MotionTicket, ProfileLimits, StreamEnd,
     Target,
@@ -183,7 +184,11 @@ impl Player {
     }
 
     /// Runs the sequence that is there, which moves these fingers.
-    pub(super) fn begin(&mut self, title: &str, fingers: u32) -> Result<(), MotionImageError> {
+    pub(super) fn begin(
+        &mut self,
+        title: &str,
+        fingers: u32,
+    ) -> Result<(), ImageError<MotionError>> {
         let motions = self.running.motions()?;
         self.count = motions.len();
         if self.is_recording {

@@ -1,8 +1,9 @@
 //! [`Sequence`]: a sequence of motions in memory, and [`Store`]: in files.
 
 use condor_fs::{Errno, FileError, OpenOptions};
-use condor_hand::trajectory::image::{MotionImageError, MotionSequence, append};
-use condor_hand::trajectory::{Generator, MotionTicket, PrimitiveError};
+use condor_hand::ImageError;
+use condor_hand::trajectory::image::{MotionSequence, append};
+use condor_hand::trajectory::{Generator, MotionError, MotionTicket};
 use condor_rt::{FilesOf, Machine};
 
 use super::drive::{ALL, Motion};
@@ -43,7 +44,7 @@ impl Sequence {
     }
 
     /// Takes the bytes of an image, which is checked.
-    pub(super) fn set(&mut self, image: &[u8]) -> Result<(), MotionImageError> {
+    pub(super) fn set(&mut self, image: &[u8]) -> Result<(), ImageError<MotionError>> {
         MotionSequence::<ALL>::new(image)?;
         self.clear();
         if let Some(place) = self.bytes.get_mut(..image.len()) {
@@ -61,11 +62,11 @@ impl Sequence {
     }
 
     /// The motions, if there are any.
-    pub(super) fn motions(&self) -> Result<MotionSequence<'_, ALL>, MotionImageError> {
+    pub(super) fn motions(&self) -> Result<MotionSequence<'_, ALL>, ImageError<MotionError>> {
         MotionSequence::new(self.bytes())
     }
 
-    pub(super) fn push(&mut self, motion: &Motion) -> Result<(), MotionImageError> {
+    pub(super) fn push(&mut self, motion: &Motion) -> Result<(), ImageError<MotionError>> {
         self.len = append(motion, &mut self.bytes, self.len)?;
         Ok(())
     }
@@ -78,7 +79,7 @@ impl Sequence {
         hand: &RobotDescription,
         generator: &mut Generator<ALL, Q>,
         tickets: &mut heapless::Vec<MotionTicket, N>,
-    ) -> (u32, Result<(), PrimitiveError>) {
+    ) -> (u32, Result<(), MotionError>) {
         let Ok(motions) = self.motions() else {
             return (0, Ok(()));
         };

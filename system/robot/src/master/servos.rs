@@ -3,9 +3,10 @@
 use core::fmt::Arguments;
 use core::time::Duration;
 
-use condor_hand::message::{ServoClient, ServoClientError, ServoRefusal, ServoStatus};
+use condor_hand::message::{ClientError, ServoClient, ServoStatus};
+use condor_hand::servo::ServoRefusal;
 use condor_hand::servo::{JointTarget, ServoMode};
-use condor_hand::trajectory::{Begin, Pace, PrimitiveError, Profile, Target};
+use condor_hand::trajectory::{Begin, MotionError, Pace, Profile, Target};
 use condor_mbox::{Clock as _, PeerState, Processor, Region};
 use condor_rt::objects::{self as names, ObjectKind};
 use condor_rt::{Background, Machine, ProgramError, users};
@@ -449,7 +450,7 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
                 motion.begin = Begin::Beside;
                 drive.generator.enqueue(motion)?;
             }
-            Ok::<_, PrimitiveError>(())
+            Ok::<_, MotionError>(())
         });
         Ok(moved.unwrap_or(Ok(()))?)
     }
@@ -482,14 +483,23 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
         self.refresh(finger)?;
         self.tell_loop();
         match outcome? {
-            Err(ServoClientError::Refused(ServoRefusal::Target(error))) => {
+            Err(ClientError::Refused(ServoRefusal::Target {
+                quantity,
+                value,
+                low,
+                high,
+                ..
+            })) => {
                 let entry = self.hand.fingers.get(finger);
                 let name = entry.map(|it| it.name.clone());
                 let joint = self.hand.joint(finger, joint).map(|it| it.name.clone());
                 Err(Problem::Target {
                     finger: name.unwrap_or_default(),
                     joint: joint.unwrap_or_default(),
-                    error,
+                    quantity,
+                    value,
+                    low,
+                    high,
                 })
             }
             outcome => Ok(outcome?),

@@ -6,13 +6,14 @@ use condor_fs::FileError;
 use condor_hand::config::{Finger, ShortName};
 use condor_hand::controller::GuardStop;
 use condor_hand::decimal::Decimal;
-use condor_hand::grasp::distributed::{GraspImageError, GraspReason};
-use condor_hand::message::ServoClientError;
-use condor_hand::queue::{LedgerError, RefusalReason};
-use condor_hand::servo::TargetError;
+use condor_hand::grasp::GraspError;
+use condor_hand::grasp::distributed::GraspReason;
+use condor_hand::message::ClientError;
+use condor_hand::queue::RefusalReason;
+use condor_hand::servo::TargetQuantity;
 use condor_hand::tendon::fault::FingerFault;
-use condor_hand::trajectory::image::MotionImageError;
-use condor_hand::trajectory::{MotionGuard, PrimitiveError, TrajectoryError};
+use condor_hand::trajectory::{MotionError, MotionGuard};
+use condor_hand::{ImageError, NumberError};
 use condor_mbox::AccessError;
 use condor_mbox::exchange::ExchangeError;
 use condor_rt::supervisor::SupervisorError;
@@ -78,16 +79,19 @@ pub(super) enum Problem<'l> {
     },
     #[error(
         "{quantity} cannot be {value} {unit} at {finger}.{joint}; it may be {low} to {high}",
-        quantity = .error.quantity.name(),
-        unit = .error.quantity.unit(),
-        value = Decimal(.error.value),
-        low = Decimal(.error.low),
-        high = Decimal(.error.high),
+        quantity = .quantity.name(),
+        unit = .quantity.unit(),
+        value = Decimal(*.value),
+        low = Decimal(*.low),
+        high = Decimal(*.high),
     )]
     Target {
         finger: ShortName,
         joint: ShortName,
-        error: TargetError,
+        quantity: TargetQuantity,
+        value: f64,
+        low: f64,
+        high: f64,
     },
     #[error("{0} is held by a grasp: type `release` first")]
     InGrasp(ShortName),
@@ -116,7 +120,7 @@ pub(super) enum Problem<'l> {
     #[error("{LEDGER}: {0}")]
     LedgerFile(#[from] RowError),
     #[error("{LEDGER}: {0}")]
-    Ledger(LedgerError),
+    Ledger(ImageError),
     #[error("no motion is recorded or loaded: give the name of a motion")]
     Nothing,
     #[error("the robot has no joint of number {joint}, which the motion moves")]
@@ -161,17 +165,20 @@ pub(super) enum Problem<'l> {
     #[error("{name}: {error}")]
     File { name: Path, error: FileError },
     #[error("{name}: {error}")]
-    Image { name: Path, error: MotionImageError },
+    Image {
+        name: Path,
+        error: ImageError<MotionError>,
+    },
     #[error("cannot read the grasp from its file: {0}")]
-    GraspImage(#[from] GraspImageError),
+    GraspImage(#[from] ImageError<GraspError>),
     #[error("cannot read the recorded motion: {0}")]
-    Recording(MotionImageError),
+    Recording(ImageError<MotionError>),
     #[error(transparent)]
-    Primitive(#[from] PrimitiveError),
+    Motion(#[from] MotionError),
     #[error(transparent)]
-    Trajectory(#[from] TrajectoryError),
+    Number(#[from] NumberError),
     #[error(transparent)]
-    Client(#[from] ServoClientError),
+    Client(#[from] ClientError),
     #[error(transparent)]
     Request(#[from] RequestError),
     #[error(transparent)]

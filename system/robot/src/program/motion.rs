@@ -4,7 +4,8 @@ use std::io::{IsTerminal, Write};
 use std::process::ExitCode;
 use std::time::Duration;
 
-use condor_hand::message::motions::{MotionsClient, MotionsError, RequestProgress, SentPoints};
+use condor_hand::message::ClientError;
+use condor_hand::message::motions::{MotionsClient, RequestProgress, SentPoints};
 use condor_hand::queue::{QueueAnswer, RequestIdentity, RequestState};
 use condor_host::control::ControlClient;
 use condor_host::error::{AnyError, me};
@@ -168,7 +169,7 @@ fn run_stream<M: Messenger, W: MemoryWindow + Clone>(
         let sent = loop {
             match client.points(identity, points.mask, &batch, ANSWER) {
                 // Other motions run first, or there is no room before the next points are passed.
-                Err(MotionsError::TimedOut { .. }) => {}
+                Err(ClientError::TimedOut { .. }) => {}
                 sent => break sent,
             }
         };

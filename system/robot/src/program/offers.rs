@@ -6,9 +6,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use crate::compile::compile_motion;
-use crate::objects;
-use condor_hand::message::motions::{MotionsClient, MotionsError};
+use condor_hand::message::ClientError;
+use condor_hand::message::motions::MotionsClient;
 use condor_hand::queue::{QueueAnswer, RefusalReason, RequestIdentity};
 use condor_host::control::ControlClient;
 use condor_host::error::AnyError;
@@ -18,6 +17,9 @@ use condor_host::view::{Post, View};
 use condor_mbox::Processor;
 use condor_mbox::linux::LinuxWindow;
 use condor_platform::linux::WholeFile;
+
+use crate::compile::compile_motion;
+use crate::objects;
 
 /// The time in which the master must answer a person who waits at a page.
 const ANSWER: Duration = Duration::from_secs(5);
@@ -208,7 +210,7 @@ impl MotionSender for Offers {
         let offered = client.offer(identity, name.as_bytes(), ANSWER);
         // An accepted motion runs all the same, and others need not take control away.
         let given_up = client.give_up_control(session, ANSWER);
-        let uncertain = |error: MotionsError| format!("{error}; the motion may run nevertheless");
+        let uncertain = |error: ClientError| format!("{error}; the motion may run nevertheless");
         offered.map_err(uncertain)?;
         given_up?;
         Ok(self.last)

@@ -1,8 +1,8 @@
 use condor_hand::Real;
 use condor_hand::math::real;
 use condor_hand::trajectory::{
-    Begin, Bounds, Generator, Happening, Interpolator, MotionEnd, MotionGuard, Observations, Pace,
-    Polynomial, Primitive, PrimitiveError, Profile, ProfileLimits, ProfilePeaks, Segments,
+    Begin, Bounds, Generator, Happening, Interpolator, MotionEnd, MotionError, MotionGuard,
+    Observations, Pace, Polynomial, Primitive, Profile, ProfileLimits, ProfilePeaks, Segments,
     SetPoint, Spline, Target, Via,
 };
 
@@ -72,7 +72,7 @@ fn between_states<T: Real>(digest: &mut Digest) -> Option<()> {
                 });
                 let longer = fastest.duration() * real(1.5);
                 let found = Segments::lasting(&start, end, &bounds, longer);
-                if let Some(found) = digest.answer(found.ok()) {
+                if let Some(found) = digest.answer(found.ok().flatten()) {
                     sampled(digest, found.duration(), &found.peaks(), |t| found.at(t));
                 }
             }
@@ -179,7 +179,7 @@ fn primitive<T: Real>(
     tick: u32,
     limits: &[ProfileLimits<T>; JOINTS],
     between: &mut Between,
-) -> Option<Result<Primitive<JOINTS, T>, PrimitiveError>> {
+) -> Option<Result<Primitive<JOINTS, T>, MotionError>> {
     let (profile, pace) = match tick {
         1 => (Profile::Trapezoid, Pace::Speed(real(0.5))),
         3 => (Profile::JerkLimited, Pace::Speed(real(0.3))),

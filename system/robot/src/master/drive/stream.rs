@@ -1,8 +1,9 @@
 //! The stream of points that moves the hand, beside the generator.
 
+use condor_hand::NumberError;
 use condor_hand::message::motions::{MotionRequest, MotionResponse, StreamRequest};
 use condor_hand::queue::{RequestIdentity, SessionOwner};
-use condor_hand::trajectory::{JointStream, ProfileLimits, SetPoint, StreamEnd, TrajectoryError};
+use condor_hand::trajectory::{JointStream, ProfileLimits, SetPoint, StreamEnd};
 
 use super::{ALL, Drive};
 use crate::FINGERS;
@@ -27,7 +28,7 @@ impl<W> Drive<'_, W> {
         owner: SessionOwner,
         mask: u32,
         limits: &[ProfileLimits<f64>; ALL],
-    ) -> Result<(), TrajectoryError> {
+    ) -> Result<(), NumberError> {
         let positions = self.generator.set_points().map(|point| point.position);
         #[allow(clippy::cast_sign_loss, reason = "both are above zero")]
         let patience = (FIRST_POINTS_S / self.period_s) as u32 + 1;
