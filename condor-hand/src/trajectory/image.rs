@@ -50,11 +50,22 @@ impl<'a, const J: usize> MotionSequence<'a, J> {
     /// bytes are no image of motions, [`ImageError::Count`] if they are for another number of joints,
     /// [`ImageError::Malformed`] or [`ImageError::Content`] if a primitive is wrong. No bytes make this panic.
     pub fn new(image: &'a [u8]) -> Result<Self, ImageError<MotionError>> {
-        let this = Self::unchecked(image)?;
+        Self::for_joints(J, image)
+    }
+
+    /// Opens an image like [`new`](Self::new), but one for `joints` joints, at most `J`. It is for programs that learn
+    /// the number of joints only when they run.
+    ///
+    /// # Errors
+    /// [`ImageError::Count`] if the image is for another number of joints than `joints`, or `joints` is more than `J`;
+    /// otherwise the same variants as [`new`](Self::new).
+    pub fn for_joints(joints: usize, image: &'a [u8]) -> Result<Self, ImageError<MotionError>> {
+        let this = Self::unchecked(joints, image)?;
         let mut rest = this.body;
         for index in 0..this.count {
             let at = Subject::Motion(index);
-            let primitive = take::<J>(&mut rest).ok_or(ImageError::Malformed { at })?;
+            let primitive = take::<J>(&mut rest).filter(|it| !moves_beyond(it, joints));
+            let primitive = primitive.ok_or(ImageError::Malformed { at })?;
             primitive
                 .check()
                 .map_err(|error| ImageError::Content { at, error })?;
@@ -68,11 +79,11 @@ impl<'a, const J: usize> MotionSequence<'a, J> {
     }
 
     /// Opens an image without a check of its primitives.
-    fn unchecked(image: &'a [u8]) -> Result<Self, ImageError<MotionError>> {
+    fn unchecked(joints: usize, image: &'a [u8]) -> Result<Self, ImageError<MotionError>> {
         let ([j0, j1, count @ ..], body) = FORMAT.open(image)?;
         let found = u16::from_le_bytes([j0, j1]);
-        if usize::from(found) != J {
-            return Err(other_joints(found.into(), J));
+        if usize::from(found) != joints.min(J) {
+            return Err(other_joints(found.into(), joints.min(J)));
         }
         let count = u32::from_le_bytes(count);
         Ok(Self { body, count })
@@ -141,12 +152,33 @@ pub fn append<const J: usize>(
     buffer: &mut [u8],
     len: usize,
 ) -> Result<usize, ImageError<MotionError>> {
+    append_for(J, primitive, buffer, len)
+}
+
+/// Appends a primitive like [`append`], but to an image for a program that has `joints` joints, at most `J`.
+///
+/// # Errors
+/// [`ImageError::Count`] if `joints` is more than `J`, or the image is for another number of joints;
+/// [`ImageError::Content`] with [`MotionError::Mask`] if the primitive moves a joint from `joints` on; otherwise the
+/// same variants as [`append`].
+pub fn append_for<const J: usize>(
+    joints: usize,
+    primitive: &Primitive<J>,
+    buffer: &mut [u8],
+    len: usize,
+) -> Result<usize, ImageError<MotionError>> {
     if len == 0 {
-        return encode([primitive], buffer);
+        return encode_for(joints, [primitive], buffer);
     }
     let short = ImageError::BufferTooShort { len: buffer.len() };
-    let count = MotionSequence::<J>::unchecked(buffer.get(..len).ok_or(short)?)?.count;
-    write([primitive], buffer, len, count, J)
+    let image = buffer.get(..len).ok_or(short)?;
+    let count = MotionSequence::<J>::unchecked(joints, image)?.count;
+    write([primitive], buffer, len, count, joints)
+}
+
+/// Returns true if a primitive moves a joint from `joints` on.
+fn moves_beyond<const J: usize>(primitive: &Primitive<J>, joints: usize) -> bool {
+    (joints..J.min(32)).any(|joint| primitive.mask >> joint & 1 == 1)
 }
 
 fn other_joints(found: u32, wanted: usize) -> ImageError<MotionError> {
@@ -172,8 +204,8 @@ fn write<'m, const J: usize>(
         let at = Subject::Motion(count);
         let content = |error| ImageError::Content { at, error };
         primitive.check().map_err(content)?;
-        let mask = primitive.mask;
-        if (joints..J.min(32)).any(|joint| mask >> joint & 1 == 1) {
+        if moves_beyond(primitive, joints) {
+            let mask = primitive.mask;
             return Err(content(MotionError::Mask { mask, joints }));
         }
         put(primitive, body, &mut end).ok_or(short)?;

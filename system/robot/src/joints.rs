@@ -29,36 +29,36 @@ impl JointNumbers {
     }
 
     /// Returns the numbers of the joints of a finger.
-    pub(crate) fn range(&self, finger: usize) -> Range<usize> {
+    pub(crate) fn range(self, finger: usize) -> Range<usize> {
         let first = |finger: usize| self.first.get(finger).copied().map_or(0, usize::from);
         first(finger)..first(finger + 1)
     }
 
     /// Returns the number of a joint of a finger.
-    pub(crate) fn number(&self, finger: usize, joint: usize) -> usize {
+    pub(crate) fn number(self, finger: usize, joint: usize) -> usize {
         self.range(finger).start + joint
     }
 
     /// Returns the finger that has the joint of a number, and the number of the joint in it.
-    pub(crate) fn place(&self, number: usize) -> Option<(usize, usize)> {
+    pub(crate) fn place(self, number: usize) -> Option<(usize, usize)> {
         let finger = (0..FINGERS).find(|&finger| self.range(finger).contains(&number))?;
         Some((finger, number - self.range(finger).start))
     }
 
     /// Returns the joints of a finger, a bit for each number.
-    pub(crate) fn mask(&self, finger: usize) -> u32 {
+    pub(crate) fn mask(self, finger: usize) -> u32 {
         self.range(finger)
             .fold(0, |bits, number| bits | 1 << number)
     }
 
     /// Returns the fingers of a mask of joints, a bit for each.
-    pub(crate) fn fingers(&self, mask: u32) -> u32 {
+    pub(crate) fn fingers(self, mask: u32) -> u32 {
         let fingers = (0..FINGERS).filter(|&finger| mask & self.mask(finger) != 0);
         fingers.fold(0, |bits, finger| bits | 1 << finger)
     }
 
     /// Returns what there is of each joint by fingers; `rest` in the places without a joint.
-    pub(crate) fn by_finger<T: Copy>(&self, all: &[T; ALL], rest: T) -> [[T; JOINTS]; FINGERS] {
+    pub(crate) fn by_finger<T: Copy>(self, all: &[T; ALL], rest: T) -> [[T; JOINTS]; FINGERS] {
         let mut fingers = [[rest; JOINTS]; FINGERS];
         for (finger, joints) in fingers.iter_mut().enumerate() {
             let own = all.get(self.range(finger)).unwrap_or(&[]);
@@ -70,7 +70,7 @@ impl JointNumbers {
     }
 
     /// Returns the number of joints.
-    pub(crate) fn count(&self) -> usize {
+    pub(crate) fn count(self) -> usize {
         self.range(FINGERS - 1).end
     }
 
@@ -78,7 +78,7 @@ impl JointNumbers {
     ///
     /// # Errors
     /// Returns the number of the first joint that it does not have.
-    pub(crate) fn check(&self, mask: u32) -> Result<(), u32> {
+    pub(crate) fn check(self, mask: u32) -> Result<(), u32> {
         let all = (0..self.count()).fold(0, |bits, number| bits | 1 << number);
         match mask & !all {
             0 => Ok(()),

@@ -151,7 +151,7 @@ impl Program for Master {
                     background,
                     shared: &shared,
                     servos: Servos::new(background, hand, &shared, &numbers, servo_indices)?,
-                    player: Player::new(&limits),
+                    player: Player::new(&limits, JointNumbers::of(hand).count()),
                     follow: Follow::new(followed),
                     closing: None,
                     store: Store(&files),

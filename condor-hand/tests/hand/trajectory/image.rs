@@ -1,6 +1,8 @@
 //! Motions as bytes.
 
-use condor_hand::trajectory::image::{HEADER_BYTES, MotionSequence, append, encode, encode_for};
+use condor_hand::trajectory::image::{
+    HEADER_BYTES, MotionSequence, append, append_for, encode, encode_for,
+};
 use condor_hand::trajectory::{
     Begin, Guards, MotionError, OnEnd, Pace, Primitive, Profile, Target, Via,
 };
@@ -255,4 +257,13 @@ fn a_tool_writes_for_a_number_of_joints_that_it_learns_later() {
         error.to_string(),
         "the image is for 7 joints, this program for 6"
     );
+    // And a program that learns it later reads and appends.
+    let len = append_for(4, &last(2), &mut bytes, len).unwrap();
+    let motions = MotionSequence::<J>::for_joints(4, &bytes[..len]).unwrap();
+    assert!(motions.iter().eq([last(3), last(2)]));
+    let others = MotionSequence::<J>::for_joints(5, &bytes[..len]).unwrap_err();
+    let (of, found, wanted) = ("joints", 4, 5);
+    assert_eq!(others, ImageError::Count { of, found, wanted });
+    let error = append_for(4, &last(4), &mut bytes, len).unwrap_err();
+    assert!(matches!(error, ImageError::Content { .. }), "{error}");
 }

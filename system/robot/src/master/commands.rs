@@ -6,7 +6,7 @@ use condor_hand::grasp::distributed::{GraspOrder, GraspSettings};
 use condor_hand::message::motions::{BODY_BYTES, MotionsEvent};
 use condor_hand::queue::{RefusalReason, RequestIdentity, RequestState};
 use condor_hand::servo::ServoMode;
-use condor_hand::trajectory::image::append;
+use condor_hand::trajectory::image::encode_for;
 use condor_hand::trajectory::{Begin, Pace, Profile, Target};
 use condor_mbox::{Allocator, Instant};
 use condor_rt::{Background, Machine, ProgramError};
@@ -643,7 +643,8 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
         )?;
         motion.begin = Begin::Beside;
         let mut image = [0; BODY_BYTES];
-        let len = append(&motion, &mut image, 0).map_err(Problem::Recording)?;
+        let len = encode_for(self.numbers.count(), [&motion], &mut image);
+        let len = len.map_err(Problem::Recording)?;
         let mut title = Title::new();
         let entry = self.hand.fingers.get(finger);
         if let Some((entry, joint)) = entry.and_then(|it| Some((it, it.joints.get(joint)?))) {

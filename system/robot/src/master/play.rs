@@ -50,17 +50,17 @@ pub(super) struct Player {
 const DONE: (RequestState, RefusalReason) = (RequestState::Done, RefusalReason::None);
 
 impl Player {
-    pub(super) const fn new(limits: &[ProfileLimits<f64>; ALL]) -> Self {
+    pub(super) const fn new(limits: &[ProfileLimits<f64>; ALL], joints: usize) -> Self {
         Self {
             limits: *limits,
-            running: Sequence::new(),
+            running: Sequence::new(joints),
             title: None,
             next: 0,
             count: 0,
             tickets: heapless::Vec::new(),
             is_stream: false,
             fingers: 0,
-            kept: Sequence::new(),
+            kept: Sequence::new(joints),
             kept_title: Title::new(),
             is_recording: false,
             is_held: false,

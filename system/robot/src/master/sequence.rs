@@ -2,7 +2,7 @@
 
 use condor_fs::{Errno, FileError, OpenOptions};
 use condor_hand::ImageError;
-use condor_hand::trajectory::image::{MotionSequence, append};
+use condor_hand::trajectory::image::{MotionSequence, append_for};
 use condor_hand::trajectory::{Generator, MotionError, MotionTicket};
 use condor_rt::{FilesOf, Machine};
 
@@ -21,11 +21,14 @@ const SUFFIX: &str = ".motion";
 pub(super) struct Sequence {
     bytes: [u8; MOTION_BYTES],
     len: usize,
+    /// The number of joints of the robot.
+    joints: usize,
 }
 
 impl Sequence {
-    pub(super) const fn new() -> Self {
+    pub(super) const fn new(joints: usize) -> Self {
         Self {
+            joints,
             bytes: [0; MOTION_BYTES],
             len: 0,
         }
@@ -45,7 +48,7 @@ impl Sequence {
 
     /// Takes the bytes of an image, which is checked.
     pub(super) fn set(&mut self, image: &[u8]) -> Result<(), ImageError<MotionError>> {
-        MotionSequence::<ALL>::new(image)?;
+        MotionSequence::<ALL>::for_joints(self.joints, image)?;
         self.clear();
         if let Some(place) = self.bytes.get_mut(..image.len()) {
             place.copy_from_slice(image);
@@ -58,16 +61,17 @@ impl Sequence {
         *self = Self {
             bytes: from.bytes,
             len: from.len,
+            joints: from.joints,
         };
     }
 
     /// The motions, if there are any.
     pub(super) fn motions(&self) -> Result<MotionSequence<'_, ALL>, ImageError<MotionError>> {
-        MotionSequence::new(self.bytes())
+        MotionSequence::for_joints(self.joints, self.bytes())
     }
 
     pub(super) fn push(&mut self, motion: &Motion) -> Result<(), ImageError<MotionError>> {
-        self.len = append(motion, &mut self.bytes, self.len)?;
+        self.len = append_for(self.joints, motion, &mut self.bytes, self.len)?;
         Ok(())
     }
 
