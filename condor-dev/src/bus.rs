@@ -146,12 +146,13 @@ macro_rules! typed {
 /// # For implementers
 ///
 /// Only [`read`](Self::read) and [`write`](Self::write) are required. A bus on which every transfer
-/// is slow overrides the block transfers. A bus that cannot know whether something answered has the
-/// error type [`Infallible`](core::convert::Infallible), and overrides [`answers`](Self::answers)
-/// if it can find out at start-up in another way. Never make a Rust reference to the memory behind
-/// a bus. An access to which nothing answers must return an error, never raise a signal or trap. A
-/// misaligned access must be refused, not split. Call [`conformance::bus`](conformance/fn.bus.html)
-/// from a test: it checks that a bus follows these rules.
+/// is slow overrides the block transfers. Never make a Rust reference to the memory behind a bus.
+///
+/// An access to which nothing answers returns an error; it raises neither a signal nor a trap. A
+/// misaligned access is refused, not split. Call [`conformance::bus`](conformance/fn.bus.html) from
+/// a test: it checks that a bus follows these rules. Only a bus that cannot know whether something
+/// answered may have the error type [`Infallible`](core::convert::Infallible); it overrides
+/// [`answers`](Self::answers) if it can find out at start-up in another way.
 pub trait Bus {
     /// The type of the errors of this bus.
     type Error: BusError;

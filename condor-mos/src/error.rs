@@ -22,8 +22,8 @@ pub enum RateError {
     },
     /// The releases of the set take so long to repeat that the table has no room for them all.
     #[error(
-        "the rates need {needed} entries of the event table, which has {capacity}: use a larger table, or a schedule \
-         that scans"
+        "the rates of the loops need {needed} entries of the event table, which has {capacity}: use a larger table, \
+         or the schedule `Scan`, which needs none"
     )]
     TooManyEvents {
         /// The number that [`entries`](crate::entries) returns for the rates and their phases.
@@ -55,7 +55,7 @@ impl RateError {
         match self {
             Self::TooFast { .. } => "a rate is faster than the timer's ticks",
             Self::TooManyEvents { .. } => {
-                "the event table is too small for these rates: use a larger table, or a schedule that scans"
+                "the event table is too small for these rates: use a larger table, or the schedule `Scan`, which needs none"
             }
             Self::Phase { .. } => "a phase is not less than the period",
             Self::Loops { .. } => "there are too many rates, or none",

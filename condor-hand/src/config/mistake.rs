@@ -68,7 +68,7 @@ pub enum Problem {
     },
     /// A soft stop is so stiff that its joint would swing.
     #[error(
-        "is {}; with its servo and its actuators the joint comes to rest there only up to {}",
+        "is {}; above a limit the joint swings there instead of coming to rest: with its servo and its actuators, the limit is {}",
         Decimal(*.bandwidth_hz),
         Decimal(*.most),
     )]
@@ -104,7 +104,7 @@ pub enum Problem {
     },
     /// Axes are not orthogonal unit vectors, or are left-handed.
     #[error(
-        "is no rotation: the products of its axes are wrong by {}, and its determinant is {}",
+        "is not a rotation: the products of its axes are wrong by {}, and its determinant is {}",
         Decimal(*.error),
         Decimal(*.determinant),
     )]
@@ -164,7 +164,7 @@ pub enum Problem {
         budget: f64,
     },
     /// Two wires have the same channel.
-    #[error("is {channel}, as is one of {first}")]
+    #[error("is {channel}, which {first} has already; a channel has one wire")]
     SameChannel {
         /// The channel that two wires have.
         channel: Channel,

@@ -135,7 +135,8 @@ pub enum GraspError {
     },
     /// The tips determine no rotation of the object.
     #[error(
-        "the tips determine no rotation: their separation is {}, and it must be above {}",
+        "the fingertips are too close together, or nearly on one line, to determine a rotation: the measure of that is {}, \
+         and must be above {}",
         Decimal(*.separation),
         Decimal(*.least),
     )]

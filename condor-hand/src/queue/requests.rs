@@ -41,10 +41,10 @@ impl fmt::Display for QueueAnswer {
 #[non_exhaustive]
 pub enum RestoreError<E> {
     /// The bytes are not those of the queue's ledger.
-    #[error("the ledger of motions: {0}")]
+    #[error("cannot use the ledger of motions: {0}")]
     Ledger(#[from] ImageError),
     /// The store of the ledger cannot be read or written.
-    #[error("the ledger of motions: {0}")]
+    #[error("cannot read or write the ledger of motions: {0}")]
     Write(E),
 }
 

@@ -350,7 +350,9 @@ pub enum MotionError {
         capacity: usize,
     },
     /// The mask has no joint, or one that does not exist.
-    #[error("the mask {mask:#x} must name at least one of {joints} joints and no other")]
+    #[error(
+        "the mask {mask:#x} must have a bit of at least one joint, and none beyond the {joints} joints"
+    )]
     Mask {
         /// The mask that was given: bit *i* is joint *i*.
         mask: u32,

@@ -38,7 +38,7 @@ macro_rules! cases {
 cases! {
     a_stop_in_which_the_joint_would_swing: UTAH,
         "bandwidth_hz = 8.0" => "bandwidth_hz = 80.0",
-        "hand.toml:117:16: `stop.bandwidth_hz` of joint `abduction` of finger `index` is 80; with its servo and its actuators the joint comes to rest there only up to 13.5545349121\n    80.0";
+        "hand.toml:117:16: `stop.bandwidth_hz` of joint `abduction` of finger `index` is 80; above a limit the joint swings there instead of coming to rest: with its servo and its actuators, the limit is 13.5545349121\n    80.0";
     no_toml: UTAH,
         "servo_hz = 400 " => "servo_hz = = 400 ",
         "hand.toml:10:12: extra `=`, expected nothing\n    =";
@@ -167,10 +167,10 @@ cases! {
         "hand.toml:42:102: `flexor.cutoff_hz` of joint `roll` of finger `a` is 1000; it must be below 1000\n    1000.0";
     not_rotation: UTAH,
         "[0.0, -1.0, 0.0], [0.0, 0.0, -1.0]" => "[0.0, -1.0, 0.1], [0.0, 0.0, -1.0]",
-        "hand.toml:251:57: `base.rotation` of finger `thumb` is no rotation: the products of its axes are wrong by 0.1, and its determinant is 1\n    { rows = [[1.0, 0.0, 0.0], [0.0, -1.0, 0.1], [0.0, 0.0, -1.0]] }";
+        "hand.toml:251:57: `base.rotation` of finger `thumb` is not a rotation: the products of its axes are wrong by 0.1, and its determinant is 1\n    { rows = [[1.0, 0.0, 0.0], [0.0, -1.0, 0.1], [0.0, 0.0, -1.0]] }";
     reflection: UTAH,
         "[0.0, -1.0, 0.0], [0.0, 0.0, -1.0]" => "[0.0, 1.0, 0.0], [0.0, 0.0, -1.0]",
-        "hand.toml:251:57: `base.rotation` of finger `thumb` is no rotation: the products of its axes are wrong by 0, and its determinant is -1\n    { rows = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, -1.0]] }";
+        "hand.toml:251:57: `base.rotation` of finger `thumb` is not a rotation: the products of its axes are wrong by 0, and its determinant is -1\n    { rows = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, -1.0]] }";
     not_unit: TRIPOD,
         "motion = { revolute = [0.0, 1.0, 0.0] }" => "motion = { revolute = [0.0, 2.0, 0.0] }",
         "hand.toml:63:100: `mount.motion.revolute` of joint `bend` of finger `a` has the length 2; an axis has the length 1\n    [0.0, 2.0, 0.0]";
@@ -233,10 +233,10 @@ cases! {
         "hand.toml:43:10: `budget` of processor 1 is 0.8; the processor would be busy for 0.828 of its time\n    0.8";
     same_adc_channel: UTAH,
         "adc = { board = 0, channel = 13 }" => "adc = { board = 0, channel = 2 }",
-        "hand.toml:261:30: `adc.channel` of joint `proximal` of finger `thumb` is A/D channel 2 of board 0, as is one of joint `middle` of finger `index`\n    2";
+        "hand.toml:261:30: `adc.channel` of joint `proximal` of finger `thumb` is A/D channel 2 of board 0, which joint `middle` of finger `index` has already; a channel has one wire\n    2";
     same_dac_channel: UTAH,
         "dac = { board = 1, channel = 23 }" => "dac = { board = 2, channel = 2 }",
-        "hand.toml:89:30: `dac.channel` of axis `z` is D/A channel 2 of board 2, as is one of joint `distal` of finger `thumb`\n    2";
+        "hand.toml:89:30: `dac.channel` of axis `z` is D/A channel 2 of board 2, which joint `distal` of finger `thumb` has already; a channel has one wire\n    2";
     own_flexor_arm: TRIPOD,
         "arm_m = 0.006, adc = { board = 0, channel = 4 }" => "arm_m = -0.006, adc = { board = 0, channel = 4 }",
         "hand.toml:66:20: `flexor.arm_m` of joint `bend` of finger `a` is -0.006; it must be above 0\n    -0.006";

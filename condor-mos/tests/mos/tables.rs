@@ -56,7 +56,8 @@ fn a_table_that_does_not_fit_is_refused_with_the_entries_that_it_takes() {
     assert_eq!(error, RateError::TooManyEvents { needed, capacity });
     assert_eq!(
         error.to_string(),
-        "the rates need 25000 entries of the event table, which has 64: use a larger table, or a schedule that scans"
+        "the rates of the loops need 25000 entries of the event table, which has 64: use a larger table, or \
+         the schedule `Scan`, which needs none"
     );
     assert!(EventTable::<3, 25_000>::try_new(&rates, MICROSECONDS).is_ok());
     assert!(Scan::<3>::try_new(&rates, MICROSECONDS).is_ok());

@@ -86,7 +86,7 @@ enum Command {
     Print(commands::Print),
     /// Starts GDB on the program of a processor: on a hart through a gateway, on a process directly
     Gdb(commands::Gdb),
-    /// Serves the program of a processor to a debugger that an editor starts
+    /// Serves GDB's protocol for the programs of harts, so that an editor can debug them
     Debug(commands::Debug),
     /// Shows the log of a running system
     Log(requests::Log),

@@ -253,8 +253,8 @@ impl<W: MemoryWindow> Tracer<W> {
         Ok(all)
     }
 
-    /// Returns true if the running program cannot have a breakpoint at `address`: one of the addresses that
-    /// its stub reported when the program began.
+    /// Returns true if `address` is closed to breakpoints. The stub in the running program reports such addresses
+    /// when the program begins.
     ///
     /// # Errors
     /// [`TracerError::Access`] if the area cannot be accessed.

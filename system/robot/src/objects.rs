@@ -100,8 +100,9 @@ pub fn table<W: MemoryWindow>(
     Ok(object.map(|object| Blocks::at(object.offset, PROCESSORS as u8)))
 }
 
-/// Finds the state of the table, with the positions of its axes, that the table's processor publishes. `region` is the
-/// users' region of that processor's `data`. Returns `None` while its program does not run there.
+/// Finds the [`Palm`] that the table's processor publishes: the state of the table and the positions of its axes, which
+/// carry the palm. `region` is the users' region of that processor's `data`. Returns `None` while the table's program does
+/// not run there.
 ///
 /// # Errors
 /// Returns [`AccessError`] if the memory cannot be accessed.

@@ -252,7 +252,7 @@ impl<B: SimBoards> Program for Plant<B> {
                         let ms = arguments.watchdog_ms;
                         if is_new && now >> board & 1 != 0 {
                             background.print(format_args!(
-                                "D/A board {board} rests: no values came for {ms} ms\n"
+                                "D/A board {board} takes its outputs to rest: no values came for {ms} ms\n"
                             ));
                         } else if is_new {
                             background.print(format_args!("D/A board {board} works again\n"));
@@ -260,7 +260,7 @@ impl<B: SimBoards> Program for Plant<B> {
                     }
                     if let Some(cause) = cause.filter(|_| failed != failures) {
                         background.print(format_args!(
-                            "the robot or its bus failed in {failed} ticks: {cause}; `clear` at the master puts the \
+                            "the robot or its bus failed during {failed} ticks: {cause}; `clear` at the master puts the \
                              robot back to its start\n"
                         ));
                     }

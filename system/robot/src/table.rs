@@ -238,7 +238,7 @@ struct DrivenTable {
     axes: usize,
 }
 
-/// The program of the table's processor, which moves the three axes that carry the hand.
+/// The program of the table's processor, which moves the axes that carry a robot with boards `B`.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Table<B>(PhantomData<B>);
 

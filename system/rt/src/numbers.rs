@@ -10,8 +10,8 @@ use condor_tty::TerminalVectors;
 /// each take one of them.
 pub const PROCESSORS: usize = 32;
 
-/// The numbers that a system description, the file that lists the processors of a system, may use
-/// for them.
+/// The processor numbers that a system description may assign to programs. The description is the file
+/// that lists the processors of a system.
 pub const PROGRAMS: RangeInclusive<u8> = 0..=11;
 /// The processor numbers of services of the host, such as the file service.
 pub const SERVICES: RangeInclusive<u8> = 12..=19;

@@ -34,7 +34,7 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
     }
     if !found.is_empty() {
         return Err(format!(
-            "{} cycles of imports and sources of other packages in {files} files",
+            "{} faults in {files} files: cycles of imports, or files of other packages by a path",
             found.len()
         )
         .into());

@@ -75,8 +75,9 @@ pub(super) struct MotionsState<P, const N: usize> {
 }
 
 impl<P, const N: usize> MotionsPost<P, N> {
-    /// Makes the shared state without a queue. A [`MotionsServer`](super::MotionsServer) restores
-    /// the queue from its ledger; until then clients are told to ask again.
+    /// Makes the state that message handler and background share, still without a queue. A
+    /// [`MotionsServer`](super::MotionsServer) restores the queue from its ledger; until then
+    /// clients are told to ask again.
     #[must_use]
     pub const fn new() -> Self {
         Self(Mutex::new(RefCell::new(MotionsState {

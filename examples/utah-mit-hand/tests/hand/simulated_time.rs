@@ -185,7 +185,7 @@ fn killed(random: &mut Random) -> (String, usize) {
 fn the_hand_moves_alike_to_the_last_bit_however_it_is_disturbed() {
     let quiet = Run::start(&["--speed", "max"]).end(|_| pause(10));
     assert!(quiet.contains("wave is done"), "{quiet}");
-    assert!(quiet.contains("joint positions in 10.0000 s"), "{quiet}");
+    assert!(quiet.contains("joint positions over 10.0000 s"), "{quiet}");
     for seed in 1..=runs() {
         assert_eq!(busy(), quiet, "beside eight busy threads");
         let random = &mut Random(seed);

@@ -22,8 +22,8 @@ pub(super) struct ClockOptions {
     /// Runs a simulated clock at this speed: a multiple of the real time, or `max`
     #[arg(long, value_name = "SPEED")]
     speed: Option<ClockSpeed>,
-    /// Repeats what people typed in an earlier run in simulated time, at the same instants; the file is
-    /// `typing` in the directory of that system
+    /// Repeats what was typed in an earlier run, at the same simulated times: the file `typing` in the
+    /// directory of that system
     #[arg(long, value_name = "FILE")]
     typing: Option<PathBuf>,
 }
@@ -69,7 +69,10 @@ impl ClockOptions {
             return Ok(None);
         };
         if description.clock == ClockKind::Real {
-            return Err("--typing needs a simulated clock: its instants are of such a time".into());
+            return Err(
+                "--typing needs a simulated clock, since the typing was recorded in simulated time"
+                    .into(),
+            );
         }
         let names = description.processors.iter();
         let names: Vec<_> = names.map(|it| it.name.as_str()).collect();

@@ -81,7 +81,12 @@ pub(super) fn members(
         let mut groups = groups();
         let (_, group) = groups
             .find(|(entry, _)| entry.kind == Some(processor.kind))
-            .ok_or_else(|| format!("no extension has the kind `{}`", processor.kind))
+            .ok_or_else(|| {
+                format!(
+                    "this program knows no processors of kind `{}`",
+                    processor.kind
+                )
+            })
             .map_err(|text| UpError::Prepare(text.into()))?;
         let launch = group.launch(number, &mut environment, mailbox.doorbell());
         let launch = launch.map_err(UpError::Prepare)?;

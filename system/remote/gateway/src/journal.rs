@@ -77,7 +77,7 @@ pub enum JournalError {
         path: PathBuf,
     },
     /// The file is not a journal, or is damaged.
-    #[error("{path}, line {line}: not a record of a journal of version 1: `{text}`")]
+    #[error("{path}, line {line}: `{text}` is not a record of a version 1 journal")]
     Damaged {
         /// The file.
         path: PathBuf,

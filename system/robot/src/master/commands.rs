@@ -470,7 +470,7 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
         let failed = self.others.failed();
         if failed.is_some() {
             self.say(format_args!(
-                "the robot is simulated: its fingers pass through each other"
+                "the robot is simulated without collisions: its fingers can pass through each other"
             ));
         }
         if let Some(failed @ 1..) = failed {

@@ -123,7 +123,7 @@ pub(super) enum Problem<'l> {
     Ledger(ImageError),
     #[error("no motion is recorded or loaded: give the name of a motion")]
     Nothing,
-    #[error("the robot has no joint of number {joint}, which the motion moves")]
+    #[error("the motion moves joint {joint}, which the robot does not have")]
     NoSuchJoint { joint: u32 },
     #[error("motion {number} is to stop at contact, but {finger} has no tactile sensor")]
     Guard { number: u32, finger: ShortName },

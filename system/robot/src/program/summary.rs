@@ -127,7 +127,9 @@ fn print_hash(view: &View, description: &SystemDescription) -> Result<(), Box<dy
             && let Ok(latest) = cell.subscriber(region)?.read()
         {
             let (seconds, hash) = (latest.value.time_s, latest.value.hash);
-            println!("joint positions in {seconds:.4} s of the robot: hash {hash:016x}");
+            println!(
+                "joint positions over {seconds:.4} s of the robot's time: hash {hash:016x}, equal in equal runs"
+            );
         }
     }
     Ok(())
