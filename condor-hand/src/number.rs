@@ -4,7 +4,6 @@ use thiserror::Error;
 
 use crate::decimal::Decimal;
 use crate::math::{Real, abs, is_finite, round, sqrt};
-use crate::tendon::fault::{FaultCode, FaultSite};
 
 /// The error that a number has a value which its use does not permit.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
@@ -41,14 +40,14 @@ pub enum Subject {
         /// The joint that it crosses.
         joint: u16,
     },
-    /// A check for faults of the tendon that pulls this joint to positive angles.
-    FlexorCheck(u16, FaultCode),
-    /// A check for faults of the antagonist of this joint.
-    ExtensorCheck(u16, FaultCode),
-    /// A check for faults of a joint.
-    JointCheck(u16, FaultCode),
-    /// A check for faults of a finger as a whole.
-    FingerCheck(FaultCode),
+    /// A check for faults of the tendon that pulls this joint to positive angles, and the name of the fault.
+    FlexorCheck(u16, &'static str),
+    /// A check for faults of the antagonist of this joint, and the name of the fault.
+    ExtensorCheck(u16, &'static str),
+    /// A check for faults of a joint, and the name of the fault.
+    JointCheck(u16, &'static str),
+    /// A check for faults of a finger as a whole, and the name of the fault.
+    FingerCheck(&'static str),
     /// The base of a finger in the palm.
     Base,
     /// The placement of a joint.
@@ -107,16 +106,6 @@ impl NumberError {
 }
 
 impl Subject {
-    /// The check for this kind of fault at this site.
-    pub(crate) const fn check(site: FaultSite, code: FaultCode) -> Self {
-        match site {
-            FaultSite::Flexor(joint) => Self::FlexorCheck(joint as u16, code),
-            FaultSite::Extensor(joint) => Self::ExtensorCheck(joint as u16, code),
-            FaultSite::Joint(joint) => Self::JointCheck(joint as u16, code),
-            FaultSite::Finger => Self::FingerCheck(code),
-        }
-    }
-
     /// The place in front of an error.
     pub(crate) const fn prefix(self) -> SubjectPrefix {
         SubjectPrefix(self)

@@ -101,8 +101,8 @@ pub fn table<W: MemoryWindow>(
 }
 
 /// Finds the [`Palm`] that the table's processor publishes: the state of the table and the positions of its axes, which
-/// carry the palm. `region` is the users' region of that processor's `data`. Returns `None` while the table's program does
-/// not run there.
+/// carry the palm. `region` is the users' region of that processor's `data`. Returns `None` while the table's program
+/// does not run there.
 ///
 /// # Errors
 /// Returns [`AccessError`] if the memory cannot be accessed.

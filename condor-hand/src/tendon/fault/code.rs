@@ -2,6 +2,7 @@ use core::fmt;
 
 use thiserror::Error;
 
+use crate::Subject;
 use crate::decimal::Decimal;
 use crate::tendon::Pair;
 
@@ -48,11 +49,11 @@ impl FaultCode {
         Self::StaleSetPoint,
         Self::Jump,
     ];
-}
 
-impl fmt::Display for FaultCode {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
+    /// Returns the name of the fault, for people.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
             Self::NotFinite => "not finite",
             Self::OutOfRange => "out of range",
             Self::Stuck => "stuck",
@@ -63,7 +64,13 @@ impl fmt::Display for FaultCode {
             Self::MissedDeadline => "missed deadline",
             Self::StaleSetPoint => "stale set-point",
             Self::Jump => "jumped",
-        })
+        }
+    }
+}
+
+impl fmt::Display for FaultCode {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
     }
 }
 
@@ -81,6 +88,17 @@ pub enum FaultSite {
 }
 
 impl FaultSite {
+    /// The check for this kind of fault here, as errors name it.
+    pub(super) const fn check(self, code: FaultCode) -> Subject {
+        let name = code.name();
+        match self {
+            Self::Flexor(joint) => Subject::FlexorCheck(joint as u16, name),
+            Self::Extensor(joint) => Subject::ExtensorCheck(joint as u16, name),
+            Self::Joint(joint) => Subject::JointCheck(joint as u16, name),
+            Self::Finger => Subject::FingerCheck(name),
+        }
+    }
+
     /// The two tendons of a joint.
     pub(super) const fn tendons(joint: usize) -> Pair<Self> {
         Pair {

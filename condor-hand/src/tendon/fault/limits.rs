@@ -1,5 +1,4 @@
 use super::{FaultCode, FaultSite};
-use crate::Subject;
 use crate::math::Real;
 use crate::number::{NumberError, Requirement, check, finite, not_negative};
 use crate::tendon::Pair;
@@ -133,7 +132,7 @@ impl<T: Real> SensorFaultLimits<T> {
 }
 
 fn threshold<T: Real>(site: FaultSite, code: FaultCode, value: T) -> Result<(), NumberError> {
-    not_negative("the threshold", value).map_err(|error| error.at(Subject::check(site, code)))
+    not_negative("the threshold", value).map_err(|error| error.at(site.check(code)))
 }
 
 fn range<T: Real>(
@@ -144,5 +143,5 @@ fn range<T: Real>(
     let above = Requirement::AtLeast(range.low.to_f64());
     finite("the lower end", range.low)
         .and_then(|()| check("the upper end", range.high, above))
-        .map_err(|error| error.at(Subject::check(site, code)))
+        .map_err(|error| error.at(site.check(code)))
 }
