@@ -39,6 +39,7 @@ pub mod trajectory;
 pub mod control;
 pub mod decimal;
 pub mod dynamics;
+mod fault_code;
 mod image;
 pub mod kinematics;
 pub mod math;

@@ -3,6 +3,7 @@ use core::fmt;
 use thiserror::Error;
 
 use crate::decimal::Decimal;
+use crate::fault_code::FaultCode;
 use crate::math::{Real, abs, is_finite, round, sqrt};
 
 /// The error that a number has a value which its use does not permit.
@@ -40,14 +41,14 @@ pub enum Subject {
         /// The joint that it crosses.
         joint: u16,
     },
-    /// A check for faults of the tendon that pulls this joint to positive angles, and the name of the fault.
-    FlexorCheck(u16, &'static str),
-    /// A check for faults of the antagonist of this joint, and the name of the fault.
-    ExtensorCheck(u16, &'static str),
-    /// A check for faults of a joint, and the name of the fault.
-    JointCheck(u16, &'static str),
-    /// A check for faults of a finger as a whole, and the name of the fault.
-    FingerCheck(&'static str),
+    /// A check for faults of the tendon that pulls this joint to positive angles, and the kind of fault.
+    FlexorCheck(u16, FaultCode),
+    /// A check for faults of the antagonist of this joint, and the kind of fault.
+    ExtensorCheck(u16, FaultCode),
+    /// A check for faults of a joint, and the kind of fault.
+    JointCheck(u16, FaultCode),
+    /// A check for faults of a finger as a whole, and the kind of fault.
+    FingerCheck(FaultCode),
     /// The base of a finger in the palm.
     Base,
     /// The placement of a joint.

@@ -11,7 +11,8 @@ mod ramp;
 pub(crate) mod sensor;
 mod usual;
 
-pub use code::{FaultCode, FaultSite, FingerFault};
+pub use crate::fault_code::FaultCode;
+pub use code::{FaultSite, FingerFault};
 pub use finger::{FingerMonitor, Observation};
 pub use limits::{
     FaultLimits, FaultRange, JointFaultLimits, SensorFaultLimits, Stuck, TendonFaultLimits,

@@ -298,7 +298,7 @@ fn limits_say_what_is_wrong_with_them() {
     assert!(matches!(
         FingerMonitor::new(wrong),
         Err(NumberError {
-            at: Subject::ExtensorCheck(1, FaultCode::Slack.name()),
+            at: Subject::ExtensorCheck(1, FaultCode::Slack),
             ..
         })
     ));

@@ -474,7 +474,7 @@ fn a_ledger_that_is_deleted_or_cut_is_made_anew_and_nothing_runs_again() {
         typist.cut_file("motions.ledger", Some(len - 32));
         typist.shown.clear();
         restarted(typist);
-        let complaint = "motions.ledger: a ledger of ";
+        let complaint = "motions.ledger: the image has ";
         typist.expect(complaint, 5.0);
         // However often it tries, it says so once.
         typist.wait(5.0);

@@ -92,7 +92,7 @@ fn mistakes_with_machines_are_told() {
         (
             "hart = 0",
             "hart = 1",
-            "27:8: the processor in line 20 is hart 1, too",
+            "27:8: the processor in line 20 has hart 1, too",
             2,
         ),
         (

@@ -259,7 +259,7 @@ fn a_hart_that_does_not_come_back_is_given_up() {
     assert_eq!(rig.hart.state(), RunState::Runs);
     rig.hart.stop(StopMethod::Force).unwrap();
     let exit = rig.exit().to_string();
-    assert!(exit.starts_with("its hart does not come back"), "{exit}");
+    assert!(exit.starts_with("its hart no longer answers"), "{exit}");
     assert!(matches!(rig.hart.start(), Err(LaunchError::Runs)));
     rig.end();
 }

@@ -117,7 +117,7 @@ fn what_is_wrong_is_told() {
         ),
         (
             |file| file.segments[1].offset = 1 << 40,
-            "its segment at 0x11000 has 0x1000 bytes from 0x10000000000 on, but the file",
+            "its segment at 0x11000 takes 0x1000 bytes from 0x10000000000 on, but the file",
         ),
         (
             |file| file.segments[1].address -= 8,

@@ -1,0 +1,65 @@
+//! [`FaultCode`]: the kinds of faults, which errors and servos name.
+
+use core::fmt;
+
+/// The kind of a fault of a finger.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+#[repr(u8)]
+#[non_exhaustive]
+pub enum FaultCode {
+    /// A reading or a set-point is not finite.
+    NotFinite = 0,
+    /// A reading is outside of the sensor's range.
+    OutOfRange = 1,
+    /// A reading does not change while its set-point moves away, or while the measured quantity
+    /// must change.
+    Stuck = 2,
+    /// The measured value is too far from the desired one.
+    Tracking = 3,
+    /// A tendon pulls less than a whole and taut tendon would.
+    Slack = 4,
+    /// A tendon pulls more than it can bear.
+    OverTension = 5,
+    /// A joint is past its limits.
+    JointLimit = 6,
+    /// A tick of the servo came too late.
+    MissedDeadline = 7,
+    /// The level above has sent no set-point for too long.
+    StaleSetPoint = 8,
+    /// A reading is implausibly far from the last one.
+    Jump = 9,
+}
+
+impl FaultCode {
+    /// All kinds of faults, in the order of their numbers.
+    pub const ALL: [Self; 10] = [
+        Self::NotFinite,
+        Self::OutOfRange,
+        Self::Stuck,
+        Self::Tracking,
+        Self::Slack,
+        Self::OverTension,
+        Self::JointLimit,
+        Self::MissedDeadline,
+        Self::StaleSetPoint,
+        Self::Jump,
+    ];
+}
+
+impl fmt::Display for FaultCode {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::NotFinite => "not finite",
+            Self::OutOfRange => "out of range",
+            Self::Stuck => "stuck",
+            Self::Tracking => "tracking error",
+            Self::Slack => "slack",
+            Self::OverTension => "over-tension",
+            Self::JointLimit => "past its limit",
+            Self::MissedDeadline => "missed deadline",
+            Self::StaleSetPoint => "stale set-point",
+            Self::Jump => "jumped",
+        })
+    }
+}
