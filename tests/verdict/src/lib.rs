@@ -78,7 +78,7 @@ impl fmt::Display for Verdict {
 /// the directory with the logs of the clients and of the observer.
 ///
 /// # Errors
-/// Returns [`CompileError`](crate::compile::CompileError) if the configuration of the hand cannot be read.
+/// Returns [`CompileError`](condor_robot::compile::CompileError) if the configuration of the hand cannot be read.
 pub fn of(place: &Path) -> Result<Verdict, Box<dyn Error>> {
     let samples = observer::read(place);
     let mut wrong = jumps(&samples)?;

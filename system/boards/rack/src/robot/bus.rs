@@ -5,7 +5,7 @@ use thiserror::Error;
 
 use super::{Board, address};
 
-/// A set of boards of the rack, such as those at which one processor has a wire. [`Rack`] takes it.
+/// A set of boards of the rack, such as those at which one processor has a wire. [`RackBus`] takes it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Boards(u64);
 
@@ -19,7 +19,7 @@ pub struct RackBus<B> {
     seen: Boards,
 }
 
-/// The reason why an access to the bus by a [`Rack`] has failed.
+/// The reason why an access to the bus by a [`RackBus`] has failed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum RackBusError<E: BusError> {
     /// The board belongs to another processor, or there is none.
