@@ -170,7 +170,8 @@ async def look(url, query, loop, parameter):
 
         for garbage in ["", "{", '{"op":"x"}', b"\x01", b""]:
             await viewer.socket.send(garbage)
-            assert await viewer.status("understood") == 2
+            complaint = "cannot understand" if isinstance(garbage, str) else "cannot publish"
+            assert await viewer.status(complaint) == 2
         assert await viewer.get(parameter) == after
         keep("garbage is answered")
 

@@ -136,7 +136,9 @@ impl Plot {
         let robot = file.map(|file| robot_of(&file, application));
         let robot = robot.transpose()?.flatten();
         if self.robot && robot.is_none() {
-            return Err("there is no drawing of the robot: this program knows none, or the description names no `robot`".into());
+            return Err(
+                "no drawing: the description has no `robot` that this program knows".into(),
+            );
         }
         let span = self.span.unwrap_or(span);
         let mut plot = plot::Plot::new(span, robot.map(Figure::new), has_colors());

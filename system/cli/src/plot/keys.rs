@@ -103,7 +103,8 @@ fn turn(plot: &mut Plot, left: i32, up: i32) {
 
 fn next_place(plot: &mut Plot) -> Option<PlotRequest> {
     if plot.figure.is_none() {
-        plot.notice = Some("there is no drawing of the robot: this program knows none, or the description names no `robot`".into());
+        plot.notice =
+            Some("no drawing: the description has no `robot` that this program knows".into());
         return None;
     }
     plot.place = match plot.place {

@@ -152,7 +152,7 @@ fn a_page_of_the_user_interface_has_plots() {
     shown.press("\r");
     shown.expect("beats ");
     shown.press("r");
-    shown.expect("there is no drawing of the robot: this program knows none, or the description names no `robot`");
+    shown.expect("no drawing: the description has no `robot` that this program knows");
     shown.press("q");
     shown.expect("keeps running");
     shown.press("l");

@@ -470,7 +470,7 @@ mod tests {
             ("\"desk\"", "\"lab\"", "two clients are called `lab`"),
             ("\"move\"", "\"fly\"", "unknown variant `fly`"),
             ("robot", "robots", "unknown field `robots`"),
-            ("tcp/", "udp/", "neither tcp/ nor tls/"),
+            ("tcp/", "udp/", "must begin with tcp/ or tls/"),
             ("tcp/", "tls/", "certificates"),
             (
                 "[\"tcp/127.0.0.1:7447\"]",

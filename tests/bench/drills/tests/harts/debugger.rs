@@ -360,7 +360,7 @@ fn a_handler_of_interrupts_is_stepped_through() {
     let signal = "received signal SIGINT";
     let after = [signal, signal, "drills_hart::debugged::torque", "detached"];
     contains(&seen, &after);
-    contains(&seen, &["no step leads there", "no step leads there"]);
+    contains(&seen, &["cannot step from here", "cannot step from here"]);
     // The trap entry itself is no place for a breakpoint.
     let script = "set language c\ntbreak *&condor_trap_entry\ncontinue\ndetach\n";
     contains(&gdb(&up, &["one"], script), &["Cannot insert breakpoint"]);
@@ -503,7 +503,7 @@ fn variables_are_read_by_name_while_loops_run() {
         ("WATCHED.faults=256", "`WATCHED.faults` cannot be `256`"),
         (
             "WATCHED=1",
-            "`WATCHED` is not a number with bytes of its own",
+            "`WATCHED`: it is not a number that occupies whole bytes",
         ),
         ("WATCHER", "there is no static variable `WATCHER`"),
         (

@@ -102,7 +102,7 @@ fn a_program_that_does_not_listen_is_taken_away() {
     let member = up.member("h0");
     assert_eq!(member.state, MemberState::Stopped);
     let exit = member.last_exit.unwrap();
-    assert!(exit.contains("in the monitor again"), "{exit}");
+    assert!(exit.contains("can run another program"), "{exit}");
     up.load("h0", &["echo"]);
     assert_eq!(up.ask(0, 6), 7);
     assert_eq!(up.ask(1, 7), 8);
