@@ -49,7 +49,7 @@ pub enum ServoRefusal {
         part: u32,
     },
     /// The finger rests after a fault, or is on its way to rest.
-    #[error("the finger rests after a fault; clear the fault first")]
+    #[error("the finger rests after a fault; enable it first")]
     AfterFault,
     /// The target is beyond the limits of the joint or of its tendons.
     #[error(

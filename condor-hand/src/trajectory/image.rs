@@ -82,8 +82,11 @@ impl<'a, const J: usize> MotionSequence<'a, J> {
     fn unchecked(joints: usize, image: &'a [u8]) -> Result<Self, ImageError<MotionError>> {
         let ([j0, j1, count @ ..], body) = FORMAT.open(image)?;
         let found = u16::from_le_bytes([j0, j1]);
-        if usize::from(found) != joints.min(J) {
-            return Err(other_joints(found.into(), joints.min(J)));
+        if joints > J {
+            return Err(other_joints(joints as u32, J));
+        }
+        if usize::from(found) != joints {
+            return Err(other_joints(found.into(), joints));
         }
         let count = u32::from_le_bytes(count);
         Ok(Self { body, count })

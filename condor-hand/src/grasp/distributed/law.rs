@@ -327,7 +327,7 @@ where
         let torques = torques.ok_or(GraspReason::Law)?;
         let finger = self.controllers.of_finger(holder.finger);
         let finger = finger.ok_or(GraspReason::Fault)?;
-        for (joint, &torque) in torques.iter().enumerate() {
+        for (joint, &torque) in torques.iter().enumerate().take(finger.joints()) {
             let set = finger.set_target(joint, JointTarget::Grasp(torque));
             set.map_err(|_| GraspReason::Fault)?;
         }
@@ -338,7 +338,7 @@ where
     fn check_modes(&mut self, finger: usize) -> Result<(), GraspReason> {
         let finger = self.controllers.of_finger(finger);
         let finger = finger.ok_or(GraspReason::Fault)?;
-        if (0..N).all(|joint| finger.mode(joint) == Some(ServoMode::Grasp)) {
+        if (0..finger.joints()).all(|joint| finger.mode(joint) == Some(ServoMode::Grasp)) {
             return Ok(());
         }
         Err(if finger.fault().is_some() {

@@ -264,6 +264,11 @@ fn a_tool_writes_for_a_number_of_joints_that_it_learns_later() {
     let others = MotionSequence::<J>::for_joints(5, &bytes[..len]).unwrap_err();
     let (of, found, wanted) = ("joints", 4, 5);
     assert_eq!(others, ImageError::Count { of, found, wanted });
+    let beyond = MotionSequence::<J>::for_joints(J + 1, &bytes[..len]).unwrap_err();
+    let (found, wanted) = (7, 6);
+    assert_eq!(beyond, ImageError::Count { of, found, wanted });
+    let refused = append_for(J + 1, &last(2), &mut bytes, len).unwrap_err();
+    assert_eq!(refused, beyond);
     let error = append_for(4, &last(4), &mut bytes, len).unwrap_err();
     assert!(matches!(error, ImageError::Content { .. }), "{error}");
 }
