@@ -87,7 +87,8 @@ pub trait SimBoards: Boards {
     /// Returns [`BusFault`] if the bus fails.
     fn set_input<B: Bus>(bus: &B, input: Channel, counts: u32) -> Result<(), BusFault>;
 
-    /// Returns the number of the board that has an output, from 0 and below 64; `None` if no board has it.
+    /// Returns the number of the board that has an output, from 0 and below 16; `None` if no board has it. A simulated
+    /// robot refuses others, and boards with more than 32 outputs.
     fn output_board(output: Channel) -> Option<u8>;
 
     /// Returns what became of a board of outputs since the last call.

@@ -131,3 +131,59 @@ pub(crate) fn with_mechanisms<'r>(
         (finger, finger.chain())
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Fingers of two, four and one joints, and none in the fourth place.
+    fn short() -> RobotDescription {
+        let text = include_str!("../../../condor-hand/hands/utah-mit.toml");
+        let mut robot = RobotDescription::from_toml(text, "utah-mit.toml").unwrap();
+        robot.fingers.pop();
+        robot.fingers[0].joints.truncate(2);
+        robot.fingers[2].joints.truncate(1);
+        robot
+    }
+
+    #[test]
+    fn joints_are_numbered_without_gaps() {
+        let robot = short();
+        let numbers = JointNumbers::of(&robot);
+        let ranges = [0..2, 2..6, 6..7, 7..7];
+        for (finger, range) in ranges.into_iter().enumerate() {
+            assert_eq!(numbers.range(finger), range);
+            let mask = range.clone().fold(0, |bits, number| bits | 1 << number);
+            assert_eq!(numbers.mask(finger), mask);
+            for (joint, number) in range.enumerate() {
+                assert_eq!(numbers.number(finger, joint), number);
+                assert_eq!(numbers.place(number), Some((finger, joint)));
+            }
+        }
+        assert_eq!((numbers.count(), numbers.place(7)), (7, None));
+        assert_eq!(numbers.fingers(u32::MAX), 0b111);
+        assert_eq!(numbers.fingers(1 << 1 | 1 << 6), 0b101);
+        assert_eq!(numbers.check(0b111_1111), Ok(()));
+        assert_eq!(numbers.check(0b1000_0001), Err(7));
+        let all = core::array::from_fn(|number| number as u32 + 1);
+        let fingers = numbers.by_finger(&all, 0);
+        assert_eq!(fingers[0], [1, 2, 0, 0]);
+        assert_eq!(fingers[1], [3, 4, 5, 6]);
+        assert_eq!(fingers[2..], [[7, 0, 0, 0], [0; JOINTS]]);
+        let names = [1, 2, 6].map(|number| JointName(&robot, number).to_string());
+        assert_eq!(
+            names,
+            ["index.proximal", "middle.abduction", "ring.abduction"]
+        );
+    }
+
+    #[test]
+    fn a_finger_that_a_robot_does_not_have_is_out_of_reach() {
+        let (robot, absent) = (short(), absent());
+        let fingers = with_mechanisms(&robot, &absent);
+        let counts = fingers.map(|(finger, _)| finger.joints.len());
+        assert_eq!(counts, [2, 4, 1, 0]);
+        let [.., (_, mechanism)] = fingers;
+        assert!(mechanism.base().position.z > 100.0);
+    }
+}

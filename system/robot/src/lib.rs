@@ -24,12 +24,12 @@ pub mod table;
 #[cfg(feature = "std")]
 pub mod compile;
 
-// The programs as processes. The unit tests run none, and would compile them anew.
-#[cfg(all(feature = "linux", not(test)))]
+// The programs as processes.
+#[cfg(feature = "linux")]
 pub mod processes;
 
 // The program `condor` for a robot.
-#[cfg(all(feature = "program", not(test)))]
+#[cfg(feature = "program")]
 pub mod program;
 
 mod arguments;

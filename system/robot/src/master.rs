@@ -33,7 +33,7 @@ use embedded_io::{Read, ReadReady};
 use crate::failure::Failure;
 use crate::joints::JointNumbers;
 use crate::objects::MOTIONS_NAME;
-use crate::{FINGERS, RobotDescription, start};
+use crate::{RobotDescription, start};
 
 mod commands;
 mod drive;
@@ -135,7 +135,7 @@ impl Program for Master {
                     for (joint, point) in points.iter().enumerate() {
                         wanted.set_at(joint, point.position);
                     }
-                    loose.set(drive.loose & ((1 << FINGERS) - 1));
+                    loose.set(drive.loose_fingers());
                 });
             })
             .background(|background| {

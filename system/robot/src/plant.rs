@@ -193,6 +193,7 @@ impl<B: SimBoards> Program for Plant<B> {
         B::plug(&bus, false).map_err(Failure::from)?;
         let mut place = None;
         let (hand, robot) = start::configured(machine, &mut place, |_, hand| {
+            B::check(hand).map_err(Failure::from)?;
             let robot = Robot::new::<B>(hand, &arguments)?;
             robot.show::<B, _>(&bus)?;
             B::plug(&bus, true).map_err(Failure::from)?;

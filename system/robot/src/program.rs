@@ -61,7 +61,8 @@ impl RobotApplication {
         }
     }
 
-    /// Adds programs with their names, for processors that do something peculiar to the robot.
+    /// Adds programs with their names, for processors that do something peculiar to the robot. A program with the name
+    /// of a usual one takes its place.
     #[must_use]
     pub const fn with_programs(self, programs: &'static [(&'static str, ProgramFunction)]) -> Self {
         let own = Programs::new(programs);
@@ -97,14 +98,17 @@ impl RobotApplication {
 
 impl Application for RobotApplication {
     fn programs(&self) -> Vec<&'static str> {
-        [self.of_boards().programs(), self.own.programs()].concat()
+        let own = self.own.programs();
+        let mut programs = self.of_boards().programs();
+        programs.retain(|name| !own.contains(name));
+        [programs, own].concat()
     }
 
     fn run_program(&self, program: &str, arguments: Vec<String>) -> ExitCode {
-        if self.of_boards().programs().contains(&program) {
-            self.of_boards().run_program(program, arguments)
-        } else {
+        if self.own.programs().contains(&program) {
             self.own.run_program(program, arguments)
+        } else {
+            self.of_boards().run_program(program, arguments)
         }
     }
 

@@ -1,4 +1,4 @@
-//! The program of a servo processor: one to four fingers of four joints.
+//! The program of a servo processor, which controls whole fingers.
 //!
 //! Which fingers it serves, at which channels and at which rate, is what the configuration says for its
 //! processor's number. With the argument `record=FILE` it writes a [recording](crate::recording) of what

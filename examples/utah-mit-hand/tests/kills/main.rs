@@ -1,6 +1,6 @@
 //! The hand at work while its services and its user interface are killed again and again.
 //!
-//! `cargo test --release -p utah-mit-hand --test kills -- --for 60s [--seed N]`
+//! `cargo run --release -p utah-mit-hand --example kills -- --for 60s [--seed N]`
 //!
 //! Runs the hand with two programs that count all they do, first undisturbed, then for the same time
 //! with a `kill -9` every few hundred milliseconds, at random to the file service, the terminal service

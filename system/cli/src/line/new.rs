@@ -41,7 +41,7 @@ lto = \"fat\"
 
 const ROBOT: Template = Template {
     name: "one-finger",
-    made: &["target", "Cargo.lock", "files", ".gitignore"],
+    made: &["target", "Cargo.lock", "files"],
     workspace: "
 [workspace]
 

@@ -237,11 +237,16 @@ impl<'p, W: MemoryWindow + Clone> Drive<'p, W> {
         // After an error the reader finds the former value.
         let _ = self.publisher.publish(&DesiredPositions {
             ticks: self.ticks,
-            loose: u64::from(self.loose & ((1 << FINGERS) - 1)),
+            loose: self.loose_fingers().into(),
             motion: self.motion,
             position: fingers.map(|finger| finger.map(|point| point.position)),
             velocity: fingers.map(|finger| finger.map(|point| point.velocity)),
         });
+    }
+
+    /// Returns the fingers of the robot that do not follow, a bit for each.
+    pub(super) fn loose_fingers(&self) -> u32 {
+        self.loose & self.numbers.fingers(u32::MAX)
     }
 
     fn measure(&mut self) {
@@ -268,7 +273,7 @@ impl<'p, W: MemoryWindow + Clone> Drive<'p, W> {
             let Some(stops) = reports.and_then(|reports| reports.stops.value) else {
                 continue;
             };
-            for joint in 0..JOINTS {
+            for joint in 0..self.numbers.range(finger).len() {
                 let Some(stop) = stops.of(finger, joint) else {
                     continue;
                 };

@@ -296,9 +296,9 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
             let Some(status) = self.status(finger).filter(|it| works(it)) else {
                 continue;
             };
-            for (joint, mode) in status.modes.iter().enumerate() {
+            for (number, mode) in self.numbers.range(finger).zip(&status.modes) {
                 if *mode == ServoMode::Position {
-                    adrift &= !(1 << self.numbers.number(finger, joint));
+                    adrift &= !(1 << number);
                 }
             }
         }

@@ -18,7 +18,7 @@ use super::arguments::Arguments;
 use super::ball::Support;
 use super::requests::{NumberRange, PlantRefusal, PlantTarget};
 use super::watchdog::{BoardInput, Watchdog};
-use crate::boards::{BoardEvent, SimBoards};
+use crate::boards::{BoardError, BoardEvent, SimBoards};
 use crate::recording::Fnv;
 use crate::{FINGERS, Failure, JOINTS, RobotDescription, joints};
 
@@ -152,7 +152,7 @@ impl Robot {
             period_s,
             ticks: 0,
             hash: Fnv::new(),
-            boards: output_boards::<B>(hand, arguments),
+            boards: output_boards::<B>(hand, arguments)?,
             inputs: sensors(hand),
             directions,
             cut: [[Pair::both(false); JOINTS]; FINGERS],
@@ -370,6 +370,10 @@ impl Robot {
         if !is_possible(&wrench) {
             return Err(PlantRefusal::Number);
         }
+        let mut wires = self.inputs.iter().map(|sensor| sensor.wire);
+        if !wires.any(|wire| matches!(wire, Wire::Position { finger: of, .. } if of == finger)) {
+            return Err(PlantRefusal::NoSuchPart);
+        }
         let pushed = self.hand.push_tip(finger, wrench);
         pushed.map_err(|_| PlantRefusal::NoSuchPart)
     }
@@ -440,6 +444,10 @@ impl Robot {
         joint: usize,
         which: PlantTarget,
     ) -> Result<(), PlantRefusal> {
+        let mut wires = self.inputs.iter().map(|sensor| sensor.wire);
+        if !wires.any(|wire| wire == Wire::Position { finger, joint }) {
+            return Err(PlantRefusal::NoSuchPart);
+        }
         let pair = part(&mut self.cut, finger, joint).ok_or(PlantRefusal::NoSuchPart)?;
         match which {
             PlantTarget::Position => return Err(PlantRefusal::NoSuchPart),
@@ -510,9 +518,16 @@ impl OutputBoard {
 fn output_boards<B: SimBoards>(
     hand: &RobotDescription,
     arguments: &Arguments,
-) -> heapless::Vec<OutputBoard, BOARDS> {
+) -> Result<heapless::Vec<OutputBoard, BOARDS>, BoardError> {
     let patience = arguments.ticks(arguments.watchdog_ms);
     let ramp = arguments.ticks(arguments.ramp_ms);
+    for (channel, wire) in hand.wires() {
+        let is_output = hand.output(wire).is_some_and(|it| it.channel() == channel);
+        let board = B::output_board(channel).map_or(BOARDS, usize::from);
+        if is_output && board >= BOARDS {
+            return Err(BoardError::NoChannel { channel });
+        }
+    }
     let of_board = |number: u8| {
         let (mut lines, mut least) = (heapless::Vec::new(), [0.0; LINES]);
         for (channel, wire) in hand.wires() {
@@ -523,28 +538,29 @@ fn output_boards<B: SimBoards>(
             if let Some(place) = least.get_mut(lines.len()) {
                 *place = least_n(hand, wire);
             }
-            // A board has no more lines.
-            let _ = lines.push(Line {
+            let full = BoardError::NoChannel { channel };
+            let line = Line {
                 wire,
                 output: *output,
-            });
+            };
+            lines.push(line).map_err(|_| full)?;
         }
         let watchdog = Watchdog::new(least, patience, ramp);
-        OutputBoard {
+        Ok::<_, BoardError>(OutputBoard {
             number,
             lines,
             watchdog,
-        }
+        })
     };
     let mut boards = heapless::Vec::new();
     for number in 0..BOARDS as u8 {
-        let board = of_board(number);
+        let board = of_board(number)?;
         if !board.lines.is_empty() {
             // There is room for all numbers.
             let _ = boards.push(board);
         }
     }
-    boards
+    Ok(boards)
 }
 
 /// The least tension of a tendon; no force of other drives, N.

@@ -88,7 +88,7 @@ mod tests {
     use super::*;
 
     /// The variable with the directory of the test that runs with a limit.
-    const LIMITED: &str = "UTAH_MIT_HAND_TEST_LIMITED";
+    const LIMITED: &str = "CONDOR_ROBOT_TEST_LIMITED";
 
     fn texts(directory: &Path) -> Texts {
         Texts {
@@ -121,7 +121,8 @@ mod tests {
         let place = tempfile::tempdir().unwrap();
         let former = place.path().join("former.toml");
         fs::write(&former, "former").unwrap();
-        let limited = "trap '' XFSZ; ulimit -f 1; exec \"$0\" texts::tests::without_room --exact";
+        let limited =
+            "trap '' XFSZ; ulimit -f 1; exec \"$0\" program::texts::tests::without_room --exact";
         let output = Command::new("sh")
             .args(["-ec", limited])
             .arg(std::env::current_exe().unwrap())

@@ -4,7 +4,7 @@ use condor_hand::servo::{JointTarget, ServoMode};
 use condor_hand::tendon::Pair;
 use condor_rt::Machine;
 
-use super::{Commands, JOINTS, Problem, Words, plant, with};
+use super::{Commands, Problem, Words, plant, with};
 use crate::RobotDescription;
 
 /// The damping of an impedance for each unit of its stiffness, s, unless the command has one. Position laws of
@@ -53,7 +53,12 @@ impl<M: Machine> Commands<'_, '_, M> {
         };
         words.end()?;
         self.check_free(finger)?;
-        for joint in joints(joint) {
+        let count = self
+            .hand
+            .fingers
+            .get(finger)
+            .map_or(0, |it| it.joints.len());
+        for joint in joints(joint, count) {
             let position = match position {
                 Some(position) => position,
                 None => self.present(finger, joint)?,
@@ -140,7 +145,7 @@ fn place<'l>(
     Ok((finger.ok_or(Problem::Missing("FINGER"))?, None))
 }
 
-/// One joint, or all of a finger.
-fn joints(only: Option<usize>) -> impl Iterator<Item = usize> {
-    (0..JOINTS).filter(move |&joint| only.is_none_or(|only| only == joint))
+/// One joint, or all of a finger of so many joints.
+fn joints(only: Option<usize>, count: usize) -> impl Iterator<Item = usize> {
+    (0..count).filter(move |&joint| only.is_none_or(|only| only == joint))
 }

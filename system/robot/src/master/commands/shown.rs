@@ -47,7 +47,7 @@ pub(super) struct Row<'h> {
 impl Display for Row<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let name = self.finger.name.as_str();
-        let condition = condition(self.status);
+        let condition = condition(self.status, self.finger.joints.len());
         let processor = self.processor;
         write!(f, "{name:<NAME$} {condition:<CONDITION$} {processor:>2}")?;
         for (number, joint) in self.finger.joints.iter().enumerate() {
@@ -71,8 +71,8 @@ fn column(name: &str) -> usize {
     name.len().max(6) + 2
 }
 
-/// Returns the condition of a finger, in a word or two.
-fn condition(status: Option<&ServoStatus<JOINTS>>) -> &'static str {
+/// Returns the condition of a finger of so many joints, in a word or two.
+fn condition(status: Option<&ServoStatus<JOINTS>>, joints: usize) -> &'static str {
     let Some(status) = status else {
         return "gone";
     };
@@ -81,7 +81,7 @@ fn condition(status: Option<&ServoStatus<JOINTS>>) -> &'static str {
         "fault"
     } else if status.is_resting {
         "rests"
-    } else if status.modes.iter().any(|&mode| mode != first) {
+    } else if status.modes.iter().take(joints).any(|&mode| mode != first) {
         "mixed"
     } else {
         match first {
@@ -106,7 +106,8 @@ impl<'h> MixedModes<'h> {
     pub(super) fn of(finger: &'h Finger<JOINTS>, status: &ServoStatus<JOINTS>) -> Option<Self> {
         let modes = status.modes;
         let [first, ..] = modes;
-        let is_mixed = modes.iter().any(|&mode| mode != first);
+        let mut own = modes.iter().take(finger.joints.len());
+        let is_mixed = own.any(|&mode| mode != first);
         is_mixed.then_some(Self { finger, modes })
     }
 }
@@ -116,7 +117,8 @@ impl Display for MixedModes<'_> {
         write!(f, "{}:", self.finger.name)?;
         let mut semicolon = "";
         for mode in (0..).map_while(ServoMode::from_number) {
-            if !self.modes.contains(&mode) {
+            let mut own = self.modes.iter().take(self.finger.joints.len());
+            if own.all(|other| *other != mode) {
                 continue;
             }
             write!(f, "{semicolon} {}", mode.name())?;
