@@ -96,7 +96,9 @@ pub enum ExchangeError {
     Access(#[from] AccessError),
     /// The reply to an earlier request has not come yet, and the block still belongs to that
     /// request.
-    #[error("the block still belongs to a request whose reply has not come")]
+    #[error(
+        "the block of the request still belongs to an earlier request, whose reply has not come; try again later"
+    )]
     InDoubt,
     /// The receiver could not access the block.
     #[error("{to} could not reach the block at offset {offset:#x}")]

@@ -81,7 +81,7 @@ pub enum LoopError {
         id: LoopId,
     },
     /// The loop has no body.
-    #[error("loop {} has no body to run yet", id.0)]
+    #[error("loop {} has no body to run yet: `assign` one first", id.0)]
     Unassigned {
         /// The number of the loop.
         id: LoopId,
@@ -91,7 +91,7 @@ pub enum LoopError {
     Rate(#[from] RateError),
     /// The scheduler was made with [`NoStatistics`](crate::NoStatistics), so it has no counts of
     /// the loop.
-    #[error("there are no statistics of loop {}: its scheduler was made without them", id.0)]
+    #[error("there are no statistics of loop {}: its scheduler was made with `NoStatistics`", id.0)]
     NoStatistics {
         /// The number of the loop.
         id: LoopId,
@@ -169,7 +169,7 @@ pub enum ConnectError {
 pub enum LoopLockError {
     /// A loop that is faster than all declared users asked for it.
     #[error(
-        "a loop asked for the lock that is faster than all its declared users: declare this loop, too"
+        "a loop that is faster than all declared users of the lock asked for it: declare this loop, too"
     )]
     Undeclared,
     /// The lock is taken already: the same context asked twice, or the caller is an interrupt

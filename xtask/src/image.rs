@@ -91,7 +91,11 @@ impl Image {
             }
         }
         if references.is_empty() {
-            return Err(format!("{}: the linker kept no relocations", path.display()).into());
+            return Err(format!(
+                "{}: there are no relocations; link it with `--emit-relocs`",
+                path.display()
+            )
+            .into());
         }
         Ok(Self {
             functions,

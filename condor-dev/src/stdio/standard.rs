@@ -19,7 +19,7 @@ static UNHEARD: Mutex<Cell<u32>> = Mutex::new(Cell::new(0));
 /// The error of [`set_output`] or [`set_input`] if the program has a standard output or input
 /// already.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("it is set once, and has been")]
+#[error("the standard input or output of this program is set already, and can be set only once")]
 pub struct AlreadySet;
 
 fn set<T: ?Sized>(place: &Registered<T>, value: &'static T) -> Result<(), AlreadySet> {

@@ -81,7 +81,8 @@ pub enum GraspError {
     },
     /// No squeeze of this shape keeps every contact inside its friction cone.
     #[error(
-        "no squeeze holds: the others need at least {least} N, contact {contact} allows {low} to {high} N",
+        "no squeeze keeps all contacts inside their friction cones: those before contact {contact} need at least \
+         {least} N, and contact {contact} allows {low} to {high} N",
         least = Decimal(*.least), low = Decimal(*.low), high = Decimal(*.high),
     )]
     NoSqueeze {
@@ -126,7 +127,8 @@ pub enum GraspError {
         mirrored: f64,
     },
     /// A matrix of gains has a negative eigenvalue: it would push the object away.
-    #[error("the gains have a negative eigenvalue: pivot {} of axis {axis}", Decimal(*.pivot))]
+    #[error("the gains have a negative eigenvalue, which would push the object away: pivot {} of axis {axis}, of 0 to \
+     2 along and 3 to 5 about x, y, z", Decimal(*.pivot))]
     NotSemidefinite {
         /// The axis whose pivot shows it: 0 to 2 along, 3 to 5 about x, y, z.
         axis: usize,

@@ -36,7 +36,9 @@ pub enum ClientError {
         wanted: u32,
     },
     /// No program of this version sends such an answer.
-    #[error("{to} answered with the word {word:#x}, which has no meaning")]
+    #[error(
+        "{to} answered with the word {word:#x}, which this version does not know; build both from the same sources"
+    )]
     Protocol {
         /// The number of the processor that was asked.
         to: Processor,
@@ -54,7 +56,7 @@ pub enum ClientError {
     },
     /// The servo loop has not processed the order in time; it may still do so.
     #[error(
-        "the servo loop of {to} has not come to order {number} within {timeout} s",
+        "the servo loop of {to} has not processed order {number} within {timeout} s; it may still do so",
         timeout = Decimal(.timeout.as_secs_f64())
     )]
     NotDone {

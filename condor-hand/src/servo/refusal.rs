@@ -43,7 +43,7 @@ pub enum ServoRefusal {
         mode: u32,
     },
     /// The part of an order that a message asks for does not exist.
-    #[error("orders have no part {part}")]
+    #[error("an order has part 0, the drive, and part 1, the restart, not {part}")]
     Part {
         /// The number of the part.
         part: u32,

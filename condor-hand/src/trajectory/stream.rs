@@ -41,7 +41,7 @@ pub enum JointStreamError {
         until: f64,
     },
     /// The stream has ended, or brakes, or has its last point.
-    #[error("the stream takes no more points")]
+    #[error("the stream takes no more points: it has ended, is braking, or has its last point")]
     Ended,
     /// A batch before this one has not come.
     #[error("batch {found} comes before batch {expected}")]

@@ -116,7 +116,10 @@ pub enum SystemError {
     },
     /// The environment variable `CONDOR_SYSTEM`, by which a parent passes a system, does not
     /// describe one of this type.
-    #[error("the environment describes a system as {description:?}, which is refused: {reason}")]
+    #[error(
+        "the environment variable CONDOR_SYSTEM is {description:?}, which does not describe a system of this \
+     kind: {reason}"
+    )]
     BadDescription {
         /// The description that was passed.
         description: String,
@@ -156,7 +159,9 @@ pub enum SystemError {
         found: u64,
     },
     /// The directory of the system was removed again and again while a number was being claimed.
-    #[error("{path:?} was removed {times} times while a number was being claimed")]
+    #[error(
+        "{path:?} was removed {times} times by other programs while this one claimed a number; try again"
+    )]
     Unsteady {
         /// The directory.
         path: PathBuf,

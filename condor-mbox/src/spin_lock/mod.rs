@@ -264,7 +264,7 @@ pub enum SpinLockError {
         owner: LockOwner,
     },
     /// The caller's own incarnation is over: it must join again before it takes a lock.
-    #[error("{owner} may not lock: this incarnation has ended")]
+    #[error("{owner} may not lock: its incarnation has ended; join the system again first")]
     NotCurrent {
         /// The caller.
         owner: LockOwner,

@@ -38,7 +38,7 @@ enum Command {
     New(new::NewArguments),
     /// Checks the description of a system (a TOML file) and explains every mistake
     Check {
-        /// The file of the description; by default that of this program, or else `condor.toml`
+        /// The file of the description; by default the one that belongs to this program, or else `condor.toml`
         file: Option<PathBuf>,
     },
     /// Starts a system: its services and the programs of its processors

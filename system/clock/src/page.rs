@@ -120,7 +120,7 @@ pub enum Until {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
     "the page of the simulated clock begins with {magic:#010x}, version {version}; expected {MAGIC:#010x}, version \
-     {VERSION}"
+     {VERSION}: build all programs of the system from the same sources"
 )]
 pub struct PageError {
     /// The first word that was found.

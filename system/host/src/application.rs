@@ -50,7 +50,8 @@ pub trait Application: Sync {
     /// Returns an error if the configuration is wrong; the text says where.
     fn check_robot(&self, robot: &Path) -> Result<(), AnyError> {
         Err(format!(
-            "{} does not use a robot's configuration, such as {}; remove the key `robot`",
+            "{} has no robot of its own, so it does not use a robot's configuration, such as {}; remove the key \
+             `robot`, or use the program that was built for the robot",
             me(),
             robot.display()
         )

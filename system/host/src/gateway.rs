@@ -61,7 +61,10 @@ impl Extension for Gateway {
 
     fn serve(&self, arguments: &[String]) -> Result<(), AnyError> {
         let [program, config] = arguments else {
-            return Err("expected a program and its configuration".into());
+            return Err(
+                "the service of a gateway takes two arguments: its program and its configuration"
+                    .into(),
+            );
         };
         // The gateway takes the place of this process, with its number and environment.
         let error = Command::new(Path::new(program)).arg(config).exec();

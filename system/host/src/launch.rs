@@ -173,7 +173,7 @@ impl fmt::Display for Exit {
 #[non_exhaustive]
 pub enum LaunchError {
     /// No program has been loaded.
-    #[error("no program has been loaded yet")]
+    #[error("no program has been loaded yet; `load` loads one")]
     NotLoaded,
     /// The previous program still runs.
     #[error("its program is still running")]

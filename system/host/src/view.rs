@@ -41,7 +41,8 @@ pub type Post = HostMailbox<'static>;
 pub enum ViewError {
     /// The object table of a processor, the list of its loops, variables and terminals, has another version.
     #[error(
-        "{processor} has an object table of version {found}, and this program reads version {expected}",
+        "{processor} has an object table of version {found}, and this program reads version {expected}; build both \
+         from the same sources",
         expected = objects::VERSION
     )]
     Version {

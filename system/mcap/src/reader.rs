@@ -120,7 +120,9 @@ pub enum McapError<E> {
         bytes: u64,
     },
     /// The file has messages in chunks, which this reader does not take apart.
-    #[error("its messages are in chunks, which this reader does not support")]
+    #[error(
+        "its messages are in chunks, which this reader does not support; write the file without chunks"
+    )]
     Chunk,
 }
 

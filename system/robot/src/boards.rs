@@ -131,7 +131,7 @@ pub struct BusFault {
 pub enum BoardError {
     /// No board has a channel.
     #[error(
-        "no {} board {} has a channel {}; correct the channel in the configuration",
+        "there is no {} board {} with a channel {}; correct the channel in the configuration",
         channel.converter, channel.board, channel.channel
     )]
     NoChannel {
@@ -140,7 +140,8 @@ pub enum BoardError {
     },
     /// Counts do not fit into a register.
     #[error(
-        "{} board {} channel {} has {bits} bits from {zero} counts at zero, but a register has 16 bits",
+        "{} board {} channel {} has {bits} bits, with {zero} counts at zero, which do not fit into its register; \
+         correct its converter in the configuration",
         channel.converter, channel.board, channel.channel
     )]
     Bits {

@@ -185,11 +185,13 @@ pub enum SupervisorError {
     TooLong,
     /// The supervisor refused the request, or could not carry it out;
     /// [`reason`](Supervisor::reason) says why.
-    #[error("the supervisor refused the request")]
+    #[error("the supervisor refused the request; `Supervisor::reason` says why")]
     Refused,
     /// The supervisor does not know the request: a later request, or one of an earlier incarnation of this
     /// program, has taken its place, or the answer has an unknown state.
-    #[error("the supervisor does not know the request (state {state})")]
+    #[error(
+        "the supervisor does not know the request, or another one took its place (state {state})"
+    )]
     Unknown {
         /// The state in the answer.
         state: u32,

@@ -27,7 +27,7 @@ pub struct Catalog<'e> {
 #[non_exhaustive]
 pub enum CatalogError {
     /// A text is too long.
-    #[error("{what} of entry {entry} is longer than {most}")]
+    #[error("{what} of entry {entry} is too long: {most} bytes, or labels in a list, are the most")]
     TooLong {
         /// The number of the variable or parameter.
         entry: u32,
@@ -37,7 +37,9 @@ pub enum CatalogError {
         most: usize,
     },
     /// The variables that a [`Watch`] describes need more or fewer words than [`Watch::words`] has.
-    #[error("block {block} has {words} words, but its variables need another number")]
+    #[error(
+        "block {block}, counted from 0, has {words} words, but its variables need more or fewer"
+    )]
     Block {
         /// The index of the `Watch` in the catalog: variables first, then parameters.
         block: usize,

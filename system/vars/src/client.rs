@@ -70,20 +70,25 @@ pub enum RequestError {
         offset: u32,
     },
     /// All slots belong to watchers that are alive.
-    #[error("all {slots} slots for watchers are in use")]
+    #[error(
+        "all {slots} slots for watchers are in use: end another program that watches this loop"
+    )]
     NoSlot {
         /// The number of slots.
         slots: u32,
     },
     /// The owner considered this watcher dead, and another watcher has claimed its slot.
-    #[error("slot {slot} of this watcher was given to another watcher")]
+    #[error("slot {slot} of this watcher was given to another watcher; claim a slot again")]
     Displaced {
         /// The number of the slot.
         slot: u32,
     },
     /// The selected variables lie in more pieces than the owner has room for; see
     /// [`Selections`](crate::Selections).
-    #[error("the selected variables lie in {pieces} pieces of memory; {most} is the most")]
+    #[error(
+        "the selected variables lie in {pieces} pieces of memory; {most} is the most: select fewer, or all that \
+     lie between them, too"
+    )]
     Scattered {
         /// The number of pieces of the selection.
         pieces: u32,
@@ -120,7 +125,9 @@ pub enum RequestError {
     },
     /// The response does not fit the request. Code 12 means that the owner could not access the memory of its
     /// table.
-    #[error("{to} answered with the unknown code {code}")]
+    #[error(
+        "{to} answered with the unknown code {code}; build both programs from the same sources"
+    )]
     Protocol {
         /// The processor of the owner.
         to: Processor,

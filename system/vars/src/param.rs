@@ -73,7 +73,7 @@ pub enum ParamRefusal {
     OutOfBounds,
     /// The parameter does not have the expected value: another context or program has changed it.
     #[error(
-        "the parameter was not set: it does not have the expected value, but the words {:#x} and {:#x}",
+        "the parameter was not set: its present value is not the expected one, but the words {:#x} and {:#x}",
         .present[0],
         .present[1],
     )]

@@ -77,7 +77,9 @@ pub enum VariableTableError {
         version: u32,
     },
     /// The numbers in the header contradict each other.
-    #[error("the header of the table of variables is not possible in {bytes} bytes")]
+    #[error(
+        "the header of the table of variables is invalid: its numbers do not fit a table of {bytes} bytes"
+    )]
     Header {
         /// The size of the table in bytes, as the header states it.
         bytes: u32,
@@ -97,7 +99,9 @@ pub enum VariableTableError {
         entries: u32,
     },
     /// The owner has made the table anew: open it again.
-    #[error("the table of variables was made again: its incarnation is {found}, not {expected}")]
+    #[error(
+        "the program made the table of variables again: its incarnation is {found}, not {expected}; open it again"
+    )]
     Restarted {
         /// The number of the table's present [incarnation](VariableTable::incarnation).
         found: u32,

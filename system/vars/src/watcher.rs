@@ -72,7 +72,7 @@ pub enum WatchError {
     #[error(transparent)]
     Table(#[from] VariableTableError),
     /// The owner considered this watcher dead, and another watcher has claimed its slot.
-    #[error("slot {slot} of this watcher was given to another watcher")]
+    #[error("slot {slot} of this watcher was given to another watcher; claim a slot again")]
     Displaced {
         /// The number of the slot.
         slot: u32,

@@ -171,9 +171,10 @@ impl Project<'_> {
                 return Ok(());
             }
             if begun.elapsed() > PATIENCE {
-                return Err(
-                    format!("{system}: the joint does not get to {mrad}: {reply:?}").into(),
-                );
+                return Err(format!(
+                    "{system}: the joint does not get to {mrad} mrad; the last reply: {reply:?}"
+                )
+                .into());
             }
             thread::sleep(Duration::from_millis(50));
         }

@@ -44,14 +44,15 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
     })?;
     let texts: usize = checked.iter().map(|(texts, _)| texts).sum();
     if texts == 0 {
-        return Err("no file has a text".into());
+        return Err("found no text to check in any file of the repository".into());
     }
     let found = checked.into_iter().map(|(_, findings)| findings);
     let mut found: Findings = files.iter().cloned().zip(found).collect();
     let unused = apply_exceptions(&rules.exceptions, &mut found);
     if let Some(exception) = unused.first() {
         let Exception { path, rule, .. } = exception;
-        return Err(format!("nothing needs the exception of {path} from `{rule}`").into());
+        return Err(format!("remove the exception of {path} from `{rule}` in xtask/words.toml: nothing needs it any \
+         more").into());
     }
     let table = counted(&found);
     if options.record {

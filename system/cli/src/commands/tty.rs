@@ -155,7 +155,11 @@ impl Tty {
             drop(polled);
             if shown {
                 match stream.read(&mut bytes) {
-                    Ok(0) => return Err("the service `terminals` has ended".into()),
+                    Ok(0) => return Err(
+                        "the service `terminals` has ended; unless the system has, too, `start \
+                     terminals` starts it again"
+                            .into(),
+                    ),
                     Ok(count) => self.show(bytes.get(..count).unwrap_or_default())?,
                     Err(error) if error.kind() == ErrorKind::Interrupted => {}
                     Err(error) => return Err(error.into()),

@@ -23,7 +23,8 @@ pub(super) struct OneProcessor {
 pub(super) struct Load {
     /// The name or the number of the processor
     processor: String,
-    /// The program: a path, a name that is searched as in the description, or `self` for one that this binary contains
+    /// The program: a path, a name that is looked for as in the description (beside it, beside this binary and in
+    /// PATH), or `self` for one that this binary contains
     program: String,
     /// The arguments of the program; after `self`, the first is the name of the program
     #[arg(trailing_var_arg = true, allow_hyphen_values = true)]

@@ -231,7 +231,7 @@ impl Motions {
             // The session is gone.
             Err(ClientError::NotYours) | Ok(0) => {
                 self.session = None;
-                return Err("the queue has closed the session of the gateway; try again".into());
+                return Err("the master has closed the session in which the gateway asks for motions; try again".into());
             }
             Ok(other) => return Err(format!(
                 "another program is in control, by session {other}; `--control` takes control from it"
@@ -351,7 +351,7 @@ impl Motions {
         };
         if asks.control(session, true, ANSWER)? != session {
             self.session = None;
-            return Err("the queue has closed the session of the gateway; try again".into());
+            return Err("the master has closed the session in which the gateway asks for motions; try again".into());
         }
         asks.abort(session, ANSWER)?;
         Ok(asks.give_up_control(session, ANSWER)?)

@@ -102,7 +102,9 @@ pub(super) enum Problem<'l> {
         finger: ShortName,
         fault: FingerFault,
     },
-    #[error("{0} is still at rest after its fault; try again")]
+    #[error(
+        "the fault of {0} is cleared, but the finger has not left its state of rest yet; try again"
+    )]
     Resting(ShortName),
     #[error("a motion runs or waits: type `abort` first")]
     Running,
@@ -148,17 +150,19 @@ pub(super) enum Problem<'l> {
     Absent(u8),
     #[error("no processor simulates the robot, which this command needs")]
     NoPlant,
-    #[error("no processor measures the position of the object")]
+    #[error("no processor measures the position of the ball")]
     NoCamera,
     #[error("processor {0} has not seen the object for 0.2 s")]
     NotSeen(u8),
-    #[error("the configuration has no table")]
+    #[error("the robot has no table: its configuration has no processor for one")]
     NoTable,
     #[error("the robot refused: {0}")]
     Plant(plant::PlantRefusal),
     #[error("the table refused: {0}")]
     Table(table::TableRefusal),
-    #[error("a processor answered with the unknown code {0}")]
+    #[error(
+        "a processor answered with the unknown code {0}; build all programs of the system from the same sources"
+    )]
     Answer(u32),
     #[error("processor {processor} does not hold the ball: {reason}", reason = .reason.as_str())]
     Grasp { processor: u8, reason: GraspReason },

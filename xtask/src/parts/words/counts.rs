@@ -82,7 +82,11 @@ pub(super) fn recorded(
         let gone: usize = gone.map(|(_, count)| count.sum()).sum();
         let came: usize = new.iter().map(|path| found[path].sum()).sum();
         if !old.is_empty() {
-            return Err(format!("the counts of these would rise: {}", old.join(", ")).into());
+            return Err(format!(
+                "--record raises no count, and these files have more findings than before: {}",
+                old.join(", ")
+            )
+            .into());
         }
         if came > gone {
             let new = new.join(", ");

@@ -131,7 +131,7 @@ impl Rules {
             .any(|it| it.is_empty())
             || file.exception.iter().any(|it| it.reason.is_empty())
         {
-            return Err("a rule or an exception has no reason".into());
+            return Err("xtask/words.toml has a rule or an exception without a reason".into());
         }
         Ok(Self {
             verbs: words(&verb.verbs),

@@ -48,7 +48,7 @@ pub(super) fn run(context: &Context, rules: &Rules) -> Result<Summary> {
         println!("{}: {} texts", shown(&folder), texts.len());
     }
     if checked == 0 {
-        return Err("the folders have no text".into());
+        return Err("found no text to check in these folders".into());
     }
     let summary = Summary::of(format!("{refused} of {checked} texts have findings"));
     Ok(if unread == 0 {

@@ -146,7 +146,8 @@ pub enum MemoryMapError {
     },
     /// An object of the map lies outside of the memory, or does not begin at a page.
     #[error(
-        "the map puts {object} at {offset:#x}, with {bytes:#x} bytes, in a memory of {memory:#x}"
+        "the map puts {object} at {offset:#x}, with {bytes:#x} bytes: it must begin at a page and lie in the memory \
+         of {memory:#x} bytes"
     )]
     Outside {
         /// The name of the object.

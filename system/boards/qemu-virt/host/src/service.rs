@@ -112,7 +112,7 @@ pub fn serve(memory: &Path, link: &Path, qemu: &Qemu) -> Result<(), AnyError> {
             } else if !is_late && begun.elapsed() >= COMING_UP {
                 is_late = true;
                 eprintln!(
-                    "these harts have not started: {missing:?}; is {} the program of a monitor?",
+                    "these harts have not started: {missing:?}; is {} the monitor, the program that harts run first?",
                     qemu.monitor.display()
                 );
             }
