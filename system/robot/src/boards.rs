@@ -187,7 +187,7 @@ pub fn processor(robot: &RobotDescription, wire: Wire) -> Option<u8> {
     }
 }
 
-/// Boards without channels, for tests of a robot that nothing drives.
+/// Boards that nobody opens, for tests of a robot that nothing drives.
 #[cfg(test)]
 pub(crate) mod none {
     use super::*;
@@ -244,8 +244,8 @@ pub(crate) mod none {
             Ok(())
         }
 
-        fn output_board(_: Channel) -> Option<u8> {
-            None
+        fn output_board(output: Channel) -> Option<u8> {
+            Some(output.board)
         }
 
         fn look<B: Bus>(_: &B, _: u8) -> Result<BoardEvent, BusFault> {

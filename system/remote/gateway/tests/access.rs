@@ -186,7 +186,7 @@ fn without_a_proof_the_list_of_clients_decides() {
         (nobody.status(SOON).map(drop), "look"),
     ] {
         let error = refused.expect_err("it has no right").to_string();
-        assert!(error.contains(&format!("no right to {right}")), "{error}");
+        assert!(error.contains(&format!("the right `{right}`")), "{error}");
     }
 }
 

@@ -124,7 +124,7 @@ mod tests {
                 "time,16",
                 "line 1: `16` must be the number of a joint, 0 to 15",
             ),
-            ("time,1\n0.1,0.2,0.3", "line 2: 2 positions, not 1"),
+            ("time,1\n0.1,0.2,0.3", "line 2 has 2 positions, not 1"),
             ("time,1\n\n0.1,x", "line 3: invalid float literal"),
         ] {
             assert_eq!(Points::read(text).unwrap_err().to_string(), why);
