@@ -116,9 +116,7 @@ pub enum TerminalReaderError {
         offset: u32,
     },
     /// The processor has made the terminal anew: attach again.
-    #[error(
-        "the program made the terminal at offset {offset:#x} again, as incarnation {incarnation}; attach again"
-    )]
+    #[error("the terminal at offset {offset:#x} was made again, as incarnation {incarnation}")]
     Restarted {
         /// The offset of the terminal in the users' region, in bytes.
         offset: u32,
@@ -127,8 +125,7 @@ pub enum TerminalReaderError {
     },
     /// Another host has attached.
     #[error(
-        "another host has attached to the terminal at offset {offset:#x}: its mark is {attached:#x}, of which the \
-         lowest 8 bits are the number of its processor, plus 1"
+        "another host is attached to the terminal at offset {offset:#x}: its mark is {attached:#x}"
     )]
     Displaced {
         /// The offset of the terminal in the users' region, in bytes.

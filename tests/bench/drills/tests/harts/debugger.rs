@@ -511,7 +511,7 @@ fn variables_are_read_by_name_while_loops_run() {
             "has no part `.slower`; it has gain, fast, slow, faults",
         ),
         ("WATCHED[1]", "has no part `[1]`"),
-        ("WATCHED..", "is no expression"),
+        ("WATCHED..", "is not an expression"),
     ] {
         let (printed, text) = print(&up, &["one", expression]);
         assert!(!printed, "{text}");
