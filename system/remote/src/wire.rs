@@ -542,7 +542,7 @@ mod tests {
                 "condor/hand/by/lab/move",
                 &status,
                 b"",
-                "needs the key of `look`, not `move`",
+                "the key of the right `look`, not of `move`",
             ),
             (&key, b"[]", b"", "a JSON object"),
             (&key, b"{}", b"", "no `version`"),
