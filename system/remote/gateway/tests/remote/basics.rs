@@ -418,7 +418,7 @@ fn begin(lab: &Remote) -> Outcome<Id> {
 /// Waits until it is noticed for the `count`-th time that lab is gone, and checks that its motion was stopped.
 fn is_stopped(up: &Up, place: &str, id: Id, count: usize) -> Outcome<()> {
     let deadline = Instant::now() + SOON;
-    while up.told().matches("lab: is gone").count() < count {
+    while up.told().matches("lab: has disconnected").count() < count {
         check(
             Instant::now() < deadline,
             "nobody notices that lab is gone".into(),
