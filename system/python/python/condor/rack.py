@@ -36,7 +36,7 @@ class Commands(NamedTuple):
 class Rack:
     """The boards of a hand, from the robot's side: it reads what actuators are told, and writes what sensors say.
 
-    The boards are those of `examples/utah-mit-hand/boards`: A/D and D/A boards of 16 channels and one encoder board. A
+    The boards are those of `system/boards/rack`: A/D and D/A boards of 16 channels and one encoder board. A
     board of the configuration is a slot, which has two converter boards; the channels of the slot `encoder_slot` are the
     counters of the encoder board. Calibrations and widths are those of the configuration.
 
