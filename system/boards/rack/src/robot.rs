@@ -20,7 +20,7 @@ mod processes;
 mod registers;
 mod wires;
 
-pub use bus::{Boards as SeenBoards, RackBus, RackBusError};
+pub use bus::{BoardSet, RackBus, RackBusError};
 #[cfg(feature = "linux")]
 pub use processes::PROCESSES;
 pub use wires::RackWires;
@@ -36,11 +36,52 @@ impl Boards for Rack {
     type Wires<'p, B: Bus + Send + Sync + 'p> = RackWires<'p, B>;
 
     fn check(robot: &RobotDescription) -> Result<(), BoardError> {
-        check(robot)
+        let mut owners = [None; address::DAC.len()];
+        for (channel, wire) in robot.wires() {
+            let socket = socket(channel).ok_or(BoardError::NoChannel { channel })?;
+            let (bits, zero, most) = match socket.board {
+                Board::Adc(_) => (robot.input(wire).map(|input| input.bits), 0, 16),
+                Board::Encoder => (robot.input(wire).map(|input| input.bits), 0, 31),
+                Board::Dac(_) => {
+                    let output = robot.output(wire);
+                    (
+                        output.map(|output| output.bits),
+                        output.map_or(0, zero_of),
+                        15,
+                    )
+                }
+            };
+            let bits = bits.unwrap_or(0);
+            // A channel as wide as the register fits if zero is in its middle.
+            let fits = bits <= most || (bits == 16 && zero == 1 << 15);
+            if !fits {
+                return Err(BoardError::Bits {
+                    channel,
+                    bits,
+                    zero,
+                });
+            }
+            let Board::Dac(board) = socket.board else {
+                continue;
+            };
+            if let (Some(owner), Some(second)) =
+                (owners.get_mut(usize::from(board)), processor(robot, wire))
+            {
+                let first = *owner.get_or_insert(second);
+                if first != second {
+                    return Err(BoardError::Shared {
+                        board,
+                        first,
+                        second,
+                    });
+                }
+            }
+        }
+        Ok(())
     }
 
     fn panel<B: Bus + Send + Sync>(bus: B, robot: &RobotDescription, processor: u8) -> Panel<B> {
-        let mut boards = SeenBoards::default();
+        let mut boards = BoardSet::default();
         for socket in sockets(robot, processor) {
             boards.insert(socket.board);
         }
@@ -145,51 +186,6 @@ pub fn socket(channel: Channel) -> Option<Socket> {
     exists.then_some(Socket { board, line })
 }
 
-fn check(hand: &RobotDescription) -> Result<(), BoardError> {
-    let mut owners = [None; address::DAC.len()];
-    for (channel, wire) in hand.wires() {
-        let socket = socket(channel).ok_or(BoardError::NoChannel { channel })?;
-        let (bits, zero, most) = match socket.board {
-            Board::Adc(_) => (hand.input(wire).map(|input| input.bits), 0, 16),
-            Board::Encoder => (hand.input(wire).map(|input| input.bits), 0, 31),
-            Board::Dac(_) => {
-                let output = hand.output(wire);
-                (
-                    output.map(|output| output.bits),
-                    output.map_or(0, zero_of),
-                    15,
-                )
-            }
-        };
-        let bits = bits.unwrap_or(0);
-        // A channel as wide as the register fits if zero is in its middle.
-        let fits = bits <= most || (bits == 16 && zero == 1 << 15);
-        if !fits {
-            return Err(BoardError::Bits {
-                channel,
-                bits,
-                zero,
-            });
-        }
-        let Board::Dac(board) = socket.board else {
-            continue;
-        };
-        if let (Some(owner), Some(second)) =
-            (owners.get_mut(usize::from(board)), processor(hand, wire))
-        {
-            let first = *owner.get_or_insert(second);
-            if first != second {
-                return Err(BoardError::Shared {
-                    board,
-                    first,
-                    second,
-                });
-            }
-        }
-    }
-    Ok(())
-}
-
 /// Returns the counts of an output for 0 N. The register of the output is 0 at these counts: see [`output_register`].
 #[must_use]
 pub fn zero_of(output: &OutputChannel) -> u32 {
@@ -254,20 +250,23 @@ mod tests {
     fn two_processors_that_write_one_board_are_named() {
         let text = include_str!("../../../../condor-hand/hands/utah-mit.toml");
         let mut hand = RobotDescription::from_toml(text, "utah-mit.toml").unwrap();
-        assert_eq!(check(&hand), Ok(()));
+        assert_eq!(Rack::check(&hand), Ok(()));
         // The first tendon of the third finger, on the board of the second.
         hand.fingers[2].joints[0].flexor.dac.board = 0;
         hand.fingers[2].joints[0].flexor.dac.channel = 31;
-        let refused = check(&hand).unwrap_err();
+        let refused = Rack::check(&hand).unwrap_err();
         assert!(matches!(refused, BoardError::Shared { board: 0 | 1, .. }));
         let text = refused.to_string();
         assert!(text.contains("processors 1 and 2"), "{text}");
         hand.fingers[0].joints[0].adc.channel = 40;
-        assert!(matches!(check(&hand), Err(BoardError::NoChannel { .. })));
+        assert!(matches!(
+            Rack::check(&hand),
+            Err(BoardError::NoChannel { .. })
+        ));
         hand.fingers[0].joints[0].adc.channel = 0;
         hand.fingers[0].joints[0].flexor.dac.bits = 16;
         assert!(matches!(
-            check(&hand),
+            Rack::check(&hand),
             Err(BoardError::Bits { bits: 16, .. })
         ));
     }

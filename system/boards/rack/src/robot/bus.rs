@@ -7,7 +7,7 @@ use super::{Board, address};
 
 /// A set of boards of the rack, such as those at which one processor has a wire. [`RackBus`] takes it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Boards(u64);
+pub struct BoardSet(u64);
 
 /// A bus on which only the boards of one processor answer.
 ///
@@ -16,7 +16,7 @@ pub struct Boards(u64);
 #[derive(Clone, Debug)]
 pub struct RackBus<B> {
     bus: B,
-    seen: Boards,
+    seen: BoardSet,
 }
 
 /// The reason why an access to the bus by a [`RackBus`] has failed.
@@ -45,7 +45,7 @@ impl Board {
     }
 }
 
-impl Boards {
+impl BoardSet {
     /// Adds `board` to the set. A board that the rack does not have is left out.
     pub fn insert(&mut self, board: Board) {
         self.0 |= board.address().map_or(0, bit);
@@ -71,7 +71,7 @@ fn bit(address: usize) -> u64 {
 
 impl<B> RackBus<B> {
     /// Makes a bus on which only the boards `seen` answer.
-    pub const fn new(bus: B, seen: Boards) -> Self {
+    pub const fn new(bus: B, seen: BoardSet) -> Self {
         Self { bus, seen }
     }
 
@@ -117,14 +117,14 @@ mod tests {
             .flat_map(|number| [Board::Adc(number), Board::Dac(number)])
             .chain([Board::Encoder]);
         for one in all.clone() {
-            let mut boards = Boards::default();
+            let mut boards = BoardSet::default();
             boards.insert(one);
             for other in all.clone() {
                 assert_eq!(boards.contains(other), one == other);
             }
         }
-        let mut boards = Boards::default();
+        let mut boards = BoardSet::default();
         boards.insert(Board::Adc(4));
-        assert_eq!(boards, Boards::default());
+        assert_eq!(boards, BoardSet::default());
     }
 }
