@@ -1,7 +1,7 @@
 //! A client that has motions run, and writes down what it is told.
 //!
-//! It writes each motion into its log before it offers it, and its outcome once it knows it. So its next incarnation
-//! knows which outcomes are still to be asked for.
+//! It writes each motion into its log before it sends the motion, and the outcome of the motion once the outcome is
+//! known. A later incarnation of the client reads in the log for which motions it must still ask.
 
 use std::fs::File;
 use std::io::Write;
