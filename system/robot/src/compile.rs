@@ -16,8 +16,6 @@ use condor_platform::linux::{WholeFile, read_text};
 use thiserror::Error;
 
 use crate::boards::BoardError;
-#[cfg(doc)]
-use crate::boards::Boards;
 use crate::joints::{JointName, JointNumbers};
 use crate::start::IMAGE_BYTES;
 use crate::{FINGERS, IMAGE, JOINTS, RobotDescription};

@@ -1,4 +1,4 @@
-//! [`Failure`]: the reason why a program of the hand ended before it was told to.
+//! [`Failure`]: the reason why a program of the robot ended before it was told to.
 
 use condor_fs::FileError;
 use condor_hand::NumberError;
@@ -13,7 +13,7 @@ pub type FailureText = condor_rt::ShortText<80>;
 /// The name of a file, cut to 32 bytes.
 pub type FileName = condor_rt::ShortText<32>;
 
-/// The reason why a program of the hand could not begin, or ended by itself. Errors that any program can have are in
+/// The reason why a program of the robot could not begin, or ended by itself. Errors that any program can have are in
 /// [`ProgramError`](condor_rt::ProgramError).
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]

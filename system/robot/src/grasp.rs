@@ -18,7 +18,7 @@ mod partner;
 
 pub(crate) use partner::{Partner, PartnerState, TickTime};
 
-/// The [layout](condor_hand::message::GraspLayout), for the fingers of this hand, of the memory by which a servo
+/// The [layout](condor_hand::message::GraspLayout), for the fingers of this robot, of the memory by which a servo
 /// processor takes orders for a grasp and reports on them.
 pub type HandGraspLayout = condor_hand::message::GraspLayout<FINGERS>;
 

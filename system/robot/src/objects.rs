@@ -1,4 +1,4 @@
-//! The objects of the hand's programs, found by the object tables of their processors: for the master,
+//! The objects of the robot's programs, found by the object tables of their processors: for the master,
 //! and for any other program that maps the windows.
 //!
 //! Each function looks into the users' region of a processor's `data`, and finds nothing while the

@@ -15,7 +15,6 @@
 
 use core::fmt::Write as _;
 
-use crate::Mechanism;
 use condor_fs::{Errno, FileSystem, FileWriter, OpenOptions};
 use condor_hand::controller::{FingerController, FingerTick};
 use condor_hand::grasp::distributed::FingerControllers;
@@ -32,7 +31,7 @@ use crate::arguments::Replay as Arguments;
 use crate::failure::Failure;
 use crate::recording::{Difference, Fnv, Row, Rows, ServoOutputs, ServoRecordingError};
 use crate::servo::{Control, Controllers, Servos, controllers, rate_hz, served};
-use crate::{JOINTS, RobotDescription, start};
+use crate::{JOINTS, Mechanism, RobotDescription, start};
 
 /// Bytes of the recording that are read at once.
 const READ: usize = 256;

@@ -1,4 +1,4 @@
-//! The start of all programs of the hand: the configuration, and the boards.
+//! The start of all programs of the robot: the configuration, and the boards.
 
 use core::time::Duration;
 

@@ -4,10 +4,9 @@ use core::fmt::{Arguments, Write as _};
 
 use condor_hand::ImageError;
 use condor_hand::queue::{RefusalReason, RequestState};
-use condor_hand::trajectory::MotionError;
 use condor_hand::trajectory::{
-    Happening, MotionEnd, MotionGuard, MotionProgress, MotionTicket, ProfileLimits, StreamEnd,
-    Target,
+    Happening, MotionEnd, MotionError, MotionGuard, MotionProgress, MotionTicket, ProfileLimits,
+    StreamEnd, Target,
 };
 
 use super::drive::{ALL, Drive, SharedDrive, with};
@@ -138,9 +137,6 @@ impl Player {
                     }
                 }
             }
-            numbers
-                .check(motion.mask)
-                .map_err(|joint| Problem::NoSuchJoint { joint })?;
             fingers |= numbers.fingers(motion.mask);
             for (joint, limits) in self.limits.iter().enumerate() {
                 if motion.mask >> joint & 1 == 0 {

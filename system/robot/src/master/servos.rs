@@ -4,8 +4,7 @@ use core::fmt::Arguments;
 use core::time::Duration;
 
 use condor_hand::message::{ClientError, ServoClient, ServoStatus};
-use condor_hand::servo::ServoRefusal;
-use condor_hand::servo::{JointTarget, ServoMode};
+use condor_hand::servo::{JointTarget, ServoMode, ServoRefusal};
 use condor_hand::trajectory::{Begin, MotionError, Pace, Profile, Target};
 use condor_mbox::{Clock as _, PeerState, Processor, Region};
 use condor_rt::objects::{self as names, ObjectKind};

@@ -2,7 +2,6 @@
 
 use core::array;
 
-use crate::Mechanism;
 use condor_dev::Bus;
 use condor_hand::config::{Finger, InputChannel, OutputChannel, Wire};
 use condor_hand::grasp::Wrench;
@@ -20,7 +19,7 @@ use super::requests::{NumberRange, PlantRefusal, PlantTarget};
 use super::watchdog::{BoardInput, Watchdog};
 use crate::boards::{BoardError, BoardEvent, SimBoards};
 use crate::recording::Fnv;
-use crate::{FINGERS, Failure, JOINTS, RobotDescription, joints};
+use crate::{FINGERS, Failure, JOINTS, Mechanism, RobotDescription, joints};
 
 /// The least rate of updates of the simulation, Hz: contacts of 5e4 N/m bear it.
 const UPDATE_HZ: u32 = 10_000;
@@ -370,8 +369,7 @@ impl Robot {
         if !is_possible(&wrench) {
             return Err(PlantRefusal::Number);
         }
-        let mut wires = self.inputs.iter().map(|sensor| sensor.wire);
-        if !wires.any(|wire| matches!(wire, Wire::Position { finger: of, .. } if of == finger)) {
+        if !self.has(|wire| matches!(wire, Wire::Position { finger: of, .. } if of == finger)) {
             return Err(PlantRefusal::NoSuchPart);
         }
         let pushed = self.hand.push_tip(finger, wrench);
@@ -444,8 +442,7 @@ impl Robot {
         joint: usize,
         which: PlantTarget,
     ) -> Result<(), PlantRefusal> {
-        let mut wires = self.inputs.iter().map(|sensor| sensor.wire);
-        if !wires.any(|wire| wire == Wire::Position { finger, joint }) {
+        if !self.has(|wire| wire == Wire::Position { finger, joint }) {
             return Err(PlantRefusal::NoSuchPart);
         }
         let pair = part(&mut self.cut, finger, joint).ok_or(PlantRefusal::NoSuchPart)?;
@@ -455,6 +452,11 @@ impl Robot {
             PlantTarget::Extensor => pair.extensor = true,
         }
         Ok(())
+    }
+
+    /// Returns true if a sensor has such a wire.
+    fn has(&self, is_such: impl Fn(Wire) -> bool) -> bool {
+        self.inputs.iter().any(|sensor| is_such(sensor.wire))
     }
 
     pub(super) fn mend(&mut self) {

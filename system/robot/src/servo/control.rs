@@ -1,6 +1,5 @@
 //! [`Control`]: what the servos of a processor compute, of what is measured now or was once.
 
-use crate::Mechanism;
 use condor_hand::config::{Channel, Finger};
 use condor_hand::controller::{FingerController, FingerTick, read_finger, write_finger};
 use condor_hand::grasp::distributed::{DistributedGrasp, FingerControllers, HandJoints};
@@ -9,7 +8,7 @@ use nalgebra::Vector3;
 use zerocopy::FromZeros as _;
 
 use crate::recording::{INPUTS_OF_FINGER, Inputs, ServoOutputs, TickInputs};
-use crate::{FINGERS, JOINTS, RobotDescription, joints};
+use crate::{FINGERS, JOINTS, Mechanism, RobotDescription, joints};
 
 /// The readings of the sensors of a hand's fingers; nothing for fingers of other processors.
 pub(crate) struct HandReadings {

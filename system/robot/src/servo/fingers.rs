@@ -1,6 +1,5 @@
 //! [`Fingers`]: the servo loop.
 
-use crate::Mechanism;
 use condor_hand::controller::{FingerController, FingerTick};
 use condor_hand::grasp::distributed::{FingerControllers, GraspInputs, HandJoints};
 use condor_hand::message::{FingerRequest, GraspEnd, HandLoop};
@@ -23,7 +22,7 @@ use crate::grasp::{Joints, Partner, PartnerState};
 use crate::guards::{Felt, Stops};
 use crate::recording::{Recorder, TickInputs};
 use crate::table::Palm;
-use crate::{FINGERS, JOINTS};
+use crate::{FINGERS, JOINTS, Mechanism};
 
 /// After such a time without one, s, an acceleration of the table counts as over.
 const SILENT_S: f64 = 0.1;
