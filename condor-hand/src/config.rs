@@ -99,5 +99,5 @@ pub use mistake::{Mistake, MistakeField, MistakeOwner, MistakePlace, Problem};
 pub use rotation::Rotation;
 pub use wiring::{Channel, Converter, InputChannel, OutputChannel, Wire};
 
-/// The name of a hand, a finger, a joint or an axis: UTF-8 text of at most 15 bytes.
-pub type ShortName = heapless::String<15, u8>;
+/// The name of a hand, a finger, a joint or an axis: UTF-8 text of at most 64 bytes.
+pub type Name = heapless::String<64, u8>;

@@ -1,8 +1,6 @@
 // The first definition of a link counts: here those of README.md lead to items instead of files.
 //! [grasp]: mod@grasp
 //! [trajectory]: mod@trajectory
-//! [queue]: mod@queue
-#![cfg_attr(feature = "mbox", doc = "[motions]: mod@message::motions")]
 //! [servo]: mod@servo
 //! [tendon]: mod@tendon
 //! [controller]: mod@controller
@@ -30,7 +28,6 @@ pub mod controller;
 
 // The levels, from objects to tendons.
 pub mod grasp;
-pub mod queue;
 pub mod servo;
 pub mod tendon;
 pub mod trajectory;
@@ -45,10 +42,6 @@ pub mod kinematics;
 pub mod math;
 mod number;
 mod pose;
-
-// The servos seen from other processors.
-#[cfg(feature = "mbox")]
-pub mod message;
 
 // A hand to try them on.
 #[cfg(feature = "sim")]

@@ -79,7 +79,7 @@ pub enum Subject {
 }
 
 /// A requirement on a number, which must also be finite.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub enum Requirement {
     /// The number may be any finite one.
     Finite,

@@ -51,8 +51,5 @@ mod transition;
 pub use finger::{FingerReadings, FingerServo, ServoOutput};
 pub use law::{PositionLaw, SoftStop};
 pub use mode::{JointTarget, ServoMode};
-#[cfg(feature = "mbox")]
-pub(crate) use refusal::RATES;
-pub(crate) use refusal::no_joint;
 pub use refusal::{ServoRefusal, TargetQuantity};
 pub use settings::{FingerSettings, JointGains, JointSettings};

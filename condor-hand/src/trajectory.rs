@@ -47,9 +47,7 @@ pub use primitive::{
 };
 
 // Points that come while the joints move.
-#[cfg(feature = "mbox")]
-pub(crate) use stream::QUANTITIES;
-pub use stream::{JointStream, JointStreamError, StreamEnd, StreamPoint};
+pub use stream::{JointStream, JointStreamError, StreamEnd, StreamPoint, StreamQuantity};
 
 // The servo's side.
 pub use interpolator::Interpolator;

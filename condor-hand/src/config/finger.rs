@@ -2,7 +2,7 @@ use heapless::Vec;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-use super::{InputChannel, Limits, OutputChannel, Rotation, ShortName};
+use super::{InputChannel, Limits, Name, OutputChannel, Rotation};
 use crate::Pose;
 use crate::tendon::{Rectification, TensionGains};
 
@@ -12,7 +12,7 @@ use crate::tendon::{Rectification, TensionGains};
 #[serde(deny_unknown_fields)]
 pub struct Finger<const JOINTS: usize> {
     /// The name of the finger.
-    pub name: ShortName,
+    pub name: Name,
     /// The base of the finger in the palm.
     pub base: Placement,
     /// The form of the finger's mechanism.
@@ -68,7 +68,7 @@ pub struct Touch {
 #[serde(deny_unknown_fields)]
 pub struct Joint<const JOINTS: usize> {
     /// The name of the joint.
-    pub name: ShortName,
+    pub name: Name,
     /// The number of the processor that serves the joint.
     pub processor: u8,
     /// Its place on the link before it, and its motion; `None` in a planar finger, whose form says
@@ -276,7 +276,7 @@ pub struct Tendon {
 #[serde(deny_unknown_fields)]
 pub struct Crossing {
     /// The joint that they cross, of the same finger.
-    pub joint: ShortName,
+    pub joint: Name,
     /// The arm of the flexor there, m: positive where it pulls to positive angles.
     pub flexor_m: f64,
     /// The arm of the extensor there, m.

@@ -1,7 +1,7 @@
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
-use super::{Finger, InputChannel, Limits, OutputChannel, ShortName};
+use super::{Finger, InputChannel, Limits, Name, OutputChannel};
 
 /// The greatest number of processors that the configuration of a hand can have.
 pub const PROCESSORS: usize = 16;
@@ -29,7 +29,7 @@ pub const PROCESSORS: usize = 16;
 #[serde(deny_unknown_fields)]
 pub struct Hand<const FINGERS: usize, const JOINTS: usize> {
     /// The name of the hand.
-    pub name: ShortName,
+    pub name: Name,
     /// The rate of servo and table processors that have none of their own, Hz.
     pub servo_hz: u32,
     /// The rate of the trajectories, and of masters that have none of their own, Hz.
@@ -101,7 +101,7 @@ pub struct TableSettings {
 #[serde(deny_unknown_fields)]
 pub struct Axis {
     /// The name of the axis.
-    pub name: ShortName,
+    pub name: Name,
     /// The unit vector along which it moves the palm, in the palm's axes.
     pub direction: [f64; 3],
     /// The number of the processor that serves the axis.

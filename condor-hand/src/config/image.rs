@@ -19,10 +19,6 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
     /// # Errors
     /// [`ImageError::Content`] if the hand breaks a rule, [`ImageError::BufferTooShort`] if the buffer is too
     /// short; its content is then useless.
-    #[expect(
-        clippy::result_large_err,
-        reason = "a mistake has the names of its place, and an image is read once"
-    )]
     pub fn to_image(&self, buffer: &mut [u8]) -> Result<usize, ImageError<Mistake>> {
         self.check()?;
         let too_short = ImageError::BufferTooShort { len: buffer.len() };
@@ -43,10 +39,6 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
     /// bytes are no image of a hand, [`ImageError::Count`] if the hand has more parts than its type has room
     /// for, [`ImageError::Malformed`] or [`ImageError::Content`] if it is not a valid hand. No bytes make this
     /// panic.
-    #[expect(
-        clippy::result_large_err,
-        reason = "a mistake has the names of its place, and an image is read once"
-    )]
     pub fn from_image(image: &[u8]) -> Result<Self, ImageError<Mistake>> {
         let ([f0, f1, j0, j1, p0, p1], body) = FORMAT.open::<Mistake>(image)?;
         let counts = [[f0, f1], [j0, j1], [p0, p1]].map(u16::from_le_bytes);

@@ -2,7 +2,7 @@ use core::fmt;
 
 use thiserror::Error;
 
-use super::{Channel, Converter, ProcessorKind, ShortName};
+use super::{Channel, Converter, Name, ProcessorKind};
 use crate::Requirement;
 use crate::decimal::Decimal;
 
@@ -19,15 +19,15 @@ pub enum MistakeOwner {
     /// The processor of this number.
     ControlProcessor(u8),
     /// An axis of the table.
-    Axis(ShortName),
+    Axis(Name),
     /// The finger of this name.
-    Finger(ShortName),
+    Finger(Name),
     /// The joint of these names.
     Joint {
         /// The name of the finger.
-        finger: ShortName,
+        finger: Name,
         /// The name of its joint.
-        joint: ShortName,
+        joint: Name,
     },
 }
 
@@ -175,7 +175,7 @@ pub enum Problem {
     #[error("names joint `{crossed}`, which {problem}")]
     Crosses {
         /// The joint that they would cross.
-        crossed: ShortName,
+        crossed: Name,
         /// The reason.
         problem: &'static str,
     },

@@ -8,7 +8,6 @@ use crate::math::{clamp, max, round};
 use crate::number::{NumberError, Requirement, check};
 use crate::servo::{
     FingerReadings, FingerServo, JointGains, JointTarget, ServoMode, ServoOutput, ServoRefusal,
-    no_joint,
 };
 use crate::tendon::fault::{FingerFault, FingerMonitor, Observation, SafeRamp};
 use crate::tendon::{MomentArms, Pair, TendonPairs};
@@ -209,7 +208,7 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
     /// After an error the joint keeps its target. Returns [`ServoRefusal::AfterFault`] if the finger has a
     /// fault or rests after one; [`ServoRefusal::NoJoint`] if it does not have the joint;
     /// [`ServoRefusal::Target`] if the target exceeds the limits of the joint or its tendons;
-    /// [`ServoRefusal::Number`] if a rate or acceleration is not finite.
+    /// [`ServoRefusal::Rate`] if its velocity or acceleration is not finite.
     pub fn set_target(
         &mut self,
         joint: usize,
@@ -232,7 +231,7 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
     /// Changes all gains of a joint at once, from the next tick on.
     ///
     /// # Errors
-    /// [`ServoRefusal::NoJoint`] if the finger does not have the joint; [`ServoRefusal::Number`] if no joint can
+    /// [`ServoRefusal::NoJoint`] if the finger does not have the joint; [`ServoRefusal::Gain`] if no joint can
     /// have these gains. The joint keeps its gains then.
     pub fn set_gains(&mut self, joint: usize, gains: &JointGains<f64>) -> Result<(), ServoRefusal> {
         self.check_joint(joint)?;
@@ -485,7 +484,7 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
         if joint < joints {
             Ok(())
         } else {
-            Err(no_joint(joint, joints))
+            Err(ServoRefusal::no_joint(joint, joints))
         }
     }
 

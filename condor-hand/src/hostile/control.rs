@@ -192,8 +192,9 @@ impl<M: Dynamics<f64, 4>> Subject<'_, M> {
     fn event(&mut self, source: &mut Source<'_>) {
         let joint = source.below(5);
         let refused = match source.byte() % 12 {
-            0 => ServoMode::from_number(u32::from(source.byte() % 6))
-                .map(|mode| self.controller.set_mode(joint, mode).is_err()),
+            0 => ServoMode::ALL
+                .get(usize::from(source.byte() % 6))
+                .map(|&mode| self.controller.set_mode(joint, mode).is_err()),
             1 => {
                 let target = target(source);
                 Some(self.controller.set_target(joint, target).is_err())

@@ -4,9 +4,7 @@ use super::impedance::least_inertias;
 use super::joint::{Felt, JointServo};
 use super::readings::Readings;
 use super::transition::Transition;
-use super::{
-    FingerSettings, JointGains, JointTarget, PositionLaw, ServoMode, ServoRefusal, no_joint,
-};
+use super::{FingerSettings, JointGains, JointTarget, PositionLaw, ServoMode, ServoRefusal};
 use crate::Subject;
 use crate::control::elapsed::Elapsed;
 use crate::control::{Derivative, LowPass};
@@ -170,9 +168,12 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
     /// # Errors
     /// After an error the joint keeps its target. Returns [`ServoRefusal::NoJoint`] if the finger does not have
     /// the joint; [`ServoRefusal::Target`] if the target exceeds the limits of the joint or its tendons;
-    /// [`ServoRefusal::Number`] if a rate or acceleration is not finite.
+    /// [`ServoRefusal::Rate`] if its velocity or acceleration is not finite.
     pub fn set_target(&mut self, joint: usize, target: JointTarget<T>) -> Result<(), ServoRefusal> {
-        let servo = self.joints.get_mut(joint).ok_or(no_joint(joint, N))?;
+        let servo = self
+            .joints
+            .get_mut(joint)
+            .ok_or(ServoRefusal::no_joint(joint, N))?;
         servo.check(joint, &target)?;
         self.changed |= target.mode() != servo.target.mode();
         servo.take(servo.between_stops(target));
@@ -202,7 +203,7 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
     /// # Errors
     /// Returns [`ServoRefusal::NoJoint`] if the finger does not have the joint.
     pub fn set_mode(&mut self, joint: usize, mode: ServoMode) -> Result<(), ServoRefusal> {
-        let same = self.mode(joint).ok_or(no_joint(joint, N))? == mode;
+        let same = self.mode(joint).ok_or(ServoRefusal::no_joint(joint, N))? == mode;
         if let (false, Some(hold)) = (same, self.holds.get_mut(joint)) {
             *hold = Some(mode);
         }
@@ -278,10 +279,13 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
     /// Changes all gains of a joint at once, from the next tick on.
     ///
     /// # Errors
-    /// [`ServoRefusal::NoJoint`] if the finger does not have the joint; [`ServoRefusal::Number`] if no joint can
+    /// [`ServoRefusal::NoJoint`] if the finger does not have the joint; [`ServoRefusal::Gain`] if no joint can
     /// have these gains. The joint keeps its gains then.
     pub fn set_gains(&mut self, joint: usize, gains: &JointGains<T>) -> Result<(), ServoRefusal> {
-        let servo = self.joints.get_mut(joint).ok_or(no_joint(joint, N))?;
+        let servo = self
+            .joints
+            .get_mut(joint)
+            .ok_or(ServoRefusal::no_joint(joint, N))?;
         servo
             .set_gains(gains)
             .map_err(|error| error.at(Subject::Joint(joint as u16)))?;

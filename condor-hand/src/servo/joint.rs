@@ -1,14 +1,12 @@
 use super::impedance::{Impedance, greatest};
-use super::refusal::{ACCELERATION, VELOCITY};
 use super::transition::Mean;
 use super::{
     JointGains, JointSettings, JointTarget, PositionLaw, ServoMode, ServoRefusal, SoftStop,
     TargetQuantity,
 };
-use crate::Subject;
 use crate::control::{Integrator, LowPass};
 use crate::math::{Real, clamp, is_finite, min, real};
-use crate::number::{NumberError, finite, not_negative};
+use crate::number::{NumberError, not_negative};
 use crate::tendon::{Pair, TensionAllocation, TensionServos};
 use crate::trajectory::SetPoint;
 
@@ -113,9 +111,18 @@ impl<T: Real> JointServo<T> {
             }
             JointTarget::Position(point) => {
                 within(TargetQuantity::Position, point.position, limits)?;
-                finite(VELOCITY, point.velocity)
-                    .and_then(|()| finite(ACCELERATION, point.acceleration))
-                    .map_err(|error| error.at(Subject::Joint(joint as u16)))?;
+                for (quantity, value) in [
+                    (TargetQuantity::Velocity, point.velocity),
+                    (TargetQuantity::Acceleration, point.acceleration),
+                ] {
+                    if !is_finite(value) {
+                        return Err(ServoRefusal::Rate {
+                            joint: joint as u32,
+                            quantity,
+                            value: value.to_f64(),
+                        });
+                    }
+                }
             }
             JointTarget::Impedance {
                 position,

@@ -1,7 +1,7 @@
 use crate::math::{Real, max, min, real};
 
 /// The control law by which a joint in position mode follows its set-points, with its gains.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub enum PositionLaw<T: Real = f64> {
     /// `kp e + kv de/dt + ki ∫ e dt`, plus gravity and the friction at the desired rate as
     /// feed-forward.

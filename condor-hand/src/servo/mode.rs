@@ -3,38 +3,35 @@ use crate::tendon::Pair;
 use crate::trajectory::SetPoint;
 
 /// The mode of a joint: the quantity that its servo controls.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-#[repr(u8)]
+#[derive(
+    Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize,
+)]
 pub enum ServoMode {
     /// Both tendons are at their least tension.
     #[default]
-    Off = 0,
+    Off,
     /// Both tendons hold tensions that the user sets.
-    Tension = 1,
+    Tension,
     /// The joint exerts a torque that the user sets.
-    Torque = 2,
+    Torque,
     /// The joint follows positions.
-    Position = 3,
+    Position,
     /// The joint exerts the torque that the grasp law computes for the whole hand.
-    Grasp = 4,
+    Grasp,
     /// The joint is a spring and a damper that the user sets; gravity is compensated.
-    Impedance = 5,
+    Impedance,
 }
 
 impl ServoMode {
-    /// Returns the mode with this number in messages; `None` if no mode has it.
-    #[must_use]
-    pub const fn from_number(number: u32) -> Option<Self> {
-        match number {
-            0 => Some(Self::Off),
-            1 => Some(Self::Tension),
-            2 => Some(Self::Torque),
-            3 => Some(Self::Position),
-            4 => Some(Self::Grasp),
-            5 => Some(Self::Impedance),
-            _ => None,
-        }
-    }
+    /// All modes.
+    pub const ALL: [Self; 6] = [
+        Self::Off,
+        Self::Tension,
+        Self::Torque,
+        Self::Position,
+        Self::Grasp,
+        Self::Impedance,
+    ];
 
     /// Returns the name of the mode, for messages to people.
     #[must_use]
@@ -51,7 +48,7 @@ impl ServoMode {
 }
 
 /// The target of a joint, which also determines the mode of the joint.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub enum JointTarget<T: Real = f64> {
     /// No target, for [`ServoMode::Off`].
     Off,

@@ -3,23 +3,11 @@ use thiserror::Error;
 use crate::decimal::Decimal;
 use crate::number::NumberError;
 
-/// The rates of a target, as their errors name them, in the order in which messages number them.
-#[cfg(feature = "mbox")]
-pub(crate) const RATES: [&str; 2] = [VELOCITY, ACCELERATION];
-pub(super) const VELOCITY: &str = "the velocity, rad/s,";
-pub(super) const ACCELERATION: &str = "the acceleration, rad/s²,";
-
 /// The reason why a servo, or the processor that runs it, refuses a request. Fingers and joints are counted from
-/// 0. It crosses messages unchanged.
-#[derive(Clone, Copy, Debug, PartialEq, Error)]
+/// 0.
+#[derive(Clone, Copy, Debug, PartialEq, Error, serde::Serialize, serde::Deserialize)]
 #[non_exhaustive]
 pub enum ServoRefusal {
-    /// The operation of a message does not exist.
-    #[error("there is no operation {operation}")]
-    Operation {
-        /// The number of the operation.
-        operation: u32,
-    },
     /// The processor does not serve the finger.
     #[error("the processor does not serve finger {finger}, counted from 0")]
     NoFinger {
@@ -35,18 +23,6 @@ pub enum ServoRefusal {
         joint: u32,
         /// The number of joints.
         joints: u32,
-    },
-    /// The mode that a message asks for does not exist.
-    #[error("there is no mode {mode}")]
-    Mode {
-        /// The number of the mode.
-        mode: u32,
-    },
-    /// The part of an order that a message asks for does not exist.
-    #[error("an order has part 0, the drive, and part 1, the restart, not {part}")]
-    Part {
-        /// The number of the part.
-        part: u32,
     },
     /// The finger rests after a fault, or is on its way to rest.
     #[error("the finger rests after a fault; enable it first")]
@@ -72,48 +48,59 @@ pub enum ServoRefusal {
         /// The greatest value that is possible, in the same unit.
         high: f64,
     },
-    /// A gain, or a rate of the target, is not possible.
+    /// A rate of the target is not finite.
+    #[error(
+        "the {quantity} of joint {joint} cannot be {value} {unit}; it must be finite",
+        quantity = .quantity.name(),
+        unit = .quantity.unit(),
+        value = Decimal(*.value),
+    )]
+    Rate {
+        /// The number of the joint, counted from the palm.
+        joint: u32,
+        /// The quantity of the target that is not finite.
+        quantity: TargetQuantity,
+        /// The value that was asked for, in the unit of the quantity.
+        value: f64,
+    },
+    /// No joint can have a gain. No message asks for gains, so none has this refusal.
     #[error(transparent)]
-    Number(#[from] NumberError),
+    #[serde(skip)]
+    Gain(#[from] NumberError),
 }
 
-pub(crate) const fn no_joint(joint: usize, joints: usize) -> ServoRefusal {
-    ServoRefusal::NoJoint {
-        joint: joint as u32,
-        joints: joints as u32,
+impl ServoRefusal {
+    /// Returns the refusal of a joint that a finger with this number of joints does not have.
+    #[must_use]
+    pub const fn no_joint(joint: usize, joints: usize) -> Self {
+        Self::NoJoint {
+            joint: joint as u32,
+            joints: joints as u32,
+        }
     }
 }
 
 /// The quantity of a [`JointTarget`](super::JointTarget) that exceeds its limits.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-#[repr(u8)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
+#[non_exhaustive]
 pub enum TargetQuantity {
     /// The tension of a tendon, N.
-    Tension = 0,
+    Tension,
     /// The torque of a joint, N m.
-    Torque = 1,
+    Torque,
     /// The position of a joint, rad.
-    Position = 2,
+    Position,
     /// The stiffness of a joint, N m/rad.
-    Stiffness = 3,
+    Stiffness,
     /// The damping of a joint, N m s/rad.
-    Damping = 4,
+    Damping,
+    /// The velocity of a joint, rad/s.
+    Velocity,
+    /// The acceleration of a joint, rad/s².
+    Acceleration,
 }
 
 impl TargetQuantity {
-    /// Returns the quantity that has this number in messages; `None` if there is none.
-    #[must_use]
-    pub const fn from_number(number: u32) -> Option<Self> {
-        match number {
-            0 => Some(Self::Tension),
-            1 => Some(Self::Torque),
-            2 => Some(Self::Position),
-            3 => Some(Self::Stiffness),
-            4 => Some(Self::Damping),
-            _ => None,
-        }
-    }
-
     /// Returns the name of the quantity, for messages to people.
     #[must_use]
     pub const fn name(self) -> &'static str {
@@ -123,6 +110,8 @@ impl TargetQuantity {
             Self::Position => "position",
             Self::Stiffness => "stiffness",
             Self::Damping => "damping",
+            Self::Velocity => "velocity",
+            Self::Acceleration => "acceleration",
         }
     }
 
@@ -135,6 +124,8 @@ impl TargetQuantity {
             Self::Position => "rad",
             Self::Stiffness => "N m/rad",
             Self::Damping => "N m s/rad",
+            Self::Velocity => "rad/s",
+            Self::Acceleration => "rad/s²",
         }
     }
 }

@@ -5,7 +5,8 @@ use crate::number::{NumberError, Requirement, check, finite, not_negative};
 use crate::tendon::{Pair, TensionAllocation, TensionGains};
 
 /// The gains of a joint, which can be changed while the joint runs.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(bound(deserialize = "T: Real + Default + serde::Deserialize<'de>"))]
 pub struct JointGains<T: Real = f64> {
     /// The law by which it follows positions.
     pub law: PositionLaw<T>,

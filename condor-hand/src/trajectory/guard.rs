@@ -3,7 +3,7 @@ use crate::Real;
 
 /// The conditions under which the servo of a joint stops the motion that moves the joint. The
 /// generator passes them to the servo together with the set-point.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct StopGuard {
     /// The [number](MotionTicket::number) of the motion that moves the joint, or moved it last; 0 for
     /// none.

@@ -60,7 +60,7 @@ impl<'a, const J: usize> MotionSequence<'a, J> {
     /// [`ImageError::Count`] if the image is for another number of joints than `joints`, or `joints` is more than `J`;
     /// otherwise the same variants as [`new`](Self::new).
     pub fn for_joints(joints: usize, image: &'a [u8]) -> Result<Self, ImageError<MotionError>> {
-        let this = Self::unchecked(joints, image)?;
+        let this = Self::open(joints, image)?;
         let mut rest = this.body;
         for index in 0..this.count {
             let at = Subject::Motion(index);
@@ -78,8 +78,13 @@ impl<'a, const J: usize> MotionSequence<'a, J> {
         }
     }
 
-    /// Opens an image without a check of its primitives.
-    fn unchecked(joints: usize, image: &'a [u8]) -> Result<Self, ImageError<MotionError>> {
+    /// Opens an image whose primitives were checked before, for a program that has `joints` joints, at most `J`.
+    /// Primitives that are malformed all the same end the sequence.
+    ///
+    /// # Errors
+    /// Returns the same variants as [`for_joints`](Self::for_joints), but for [`ImageError::Malformed`] and
+    /// [`ImageError::Content`].
+    pub fn open(joints: usize, image: &'a [u8]) -> Result<Self, ImageError<MotionError>> {
         let ([j0, j1, count @ ..], body) = FORMAT.open(image)?;
         let found = u16::from_le_bytes([j0, j1]);
         if joints > J {
@@ -102,6 +107,15 @@ impl<'a, const J: usize> MotionSequence<'a, J> {
     #[must_use]
     pub const fn is_empty(&self) -> bool {
         self.count == 0
+    }
+
+    /// Returns the primitive at `place`, and moves `place` to the next one; `None` after the last one. The first one is
+    /// at 0.
+    pub fn read(&self, place: &mut usize) -> Option<Primitive<J>> {
+        let mut rest = self.body.get(*place..)?;
+        let primitive = take(&mut rest);
+        *place = self.body.len() - rest.len();
+        primitive
     }
 
     /// Iterates over the primitives of the sequence in their order.
@@ -175,7 +189,7 @@ pub fn append_for<const J: usize>(
     }
     let short = ImageError::BufferTooShort { len: buffer.len() };
     let image = buffer.get(..len).ok_or(short)?;
-    let count = MotionSequence::<J>::unchecked(joints, image)?.count;
+    let count = MotionSequence::<J>::open(joints, image)?.count;
     write([primitive], buffer, len, count, joints)
 }
 

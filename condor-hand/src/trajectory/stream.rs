@@ -2,10 +2,10 @@ use heapless::Deque;
 use thiserror::Error;
 
 use super::{Polynomial, ProfileLimits, SetPoint, check_start};
+use crate::Real;
 use crate::decimal::Decimal;
 use crate::math::{abs, clamp, real};
 use crate::number::{NumberError, Requirement, check_motion, positive, tolerance};
-use crate::{Real, Subject};
 
 /// A point of a [`JointStream`]: the positions and velocities that the joints must have at a time.
 /// Values of joints that are not in the mask of the stream are ignored.
@@ -31,7 +31,7 @@ pub enum StreamEnd {
 }
 
 /// The reason why points are refused; joints are counted from 0.
-#[derive(Clone, Copy, Debug, PartialEq, Error)]
+#[derive(Clone, Copy, Debug, PartialEq, Error, serde::Serialize, serde::Deserialize)]
 #[non_exhaustive]
 pub enum JointStreamError {
     /// There is no room for the points.
@@ -60,15 +60,72 @@ pub enum JointStreamError {
         after: f64,
     },
     /// A joint would leave one of its limits, at a point, on the way to it, or if it brakes there.
-    #[error("joint {joint} at {} s: {error}", Decimal(*.time))]
+    #[error(
+        "joint {joint} at {time} s: {quantity} is {value}; it must be {must}",
+        time = Decimal(*.time),
+        quantity = .quantity.name(),
+        value = Decimal(*.value),
+    )]
     Joint {
         /// The joint that would leave a limit.
         joint: usize,
         /// The time of the point, s.
         time: f64,
-        /// The number that would be out of its limits.
-        error: NumberError,
+        /// The quantity that would be out of its limits.
+        quantity: StreamQuantity,
+        /// The value of the quantity, in its unit.
+        value: f64,
+        /// The requirement that the value does not meet.
+        must: Requirement,
     },
+}
+
+/// The quantity of a joint for which a [`JointStream`] refuses a point.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[non_exhaustive]
+pub enum StreamQuantity {
+    /// The position at a point, rad.
+    Position,
+    /// The speed at a point, rad/s.
+    Speed,
+    /// The position at which the joint would rest if it braked from a point, rad.
+    PositionAfterBraking,
+    /// The time from the point before, s.
+    Duration,
+    /// The least position on the way to a point, rad.
+    LeastPosition,
+    /// The greatest position on the way to a point, rad.
+    GreatestPosition,
+    /// The greatest speed on the way to a point, rad/s.
+    SpeedOnTheWay,
+    /// The greatest acceleration on the way to a point, rad/s².
+    Acceleration,
+    /// The speed at the last point of the stream, rad/s.
+    SpeedAtEnd,
+    /// The position at the time of the point before, which must be the same, rad.
+    RepeatedPosition,
+    /// The velocity at the time of the point before, which must be the same, rad/s.
+    RepeatedVelocity,
+}
+
+impl StreamQuantity {
+    /// Returns the name of the quantity with its unit, as errors have it.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Position => "the position, rad,",
+            Self::Speed => "the speed, rad/s,",
+            Self::PositionAfterBraking => "the position after braking, rad,",
+            Self::Duration => "the time from the point before, s,",
+            Self::LeastPosition => "the least position on the way, rad,",
+            Self::GreatestPosition => "the greatest position on the way, rad,",
+            Self::SpeedOnTheWay => "the speed on the way, rad/s,",
+            Self::Acceleration => "the acceleration, rad/s²,",
+            Self::SpeedAtEnd => "the speed at the end, rad/s,",
+            Self::RepeatedPosition => "the position at the time of the point before, rad,",
+            Self::RepeatedVelocity => "the velocity at the time of the point before, rad/s,",
+        }
+    }
 }
 
 /// The joints brake, each as fast as it can.
@@ -214,8 +271,8 @@ impl<const J: usize, const N: usize, T: Real> JointStream<J, N, T> {
             for (joint, limits) in self.limits.iter().enumerate() {
                 if self.moves(joint) {
                     let speed = abs(former.at(joint).velocity);
-                    check_motion(SPEED_AT_END, speed, rest, limits.velocity)
-                        .map_err(|error| JointStreamError::Joint { joint, time, error })?;
+                    check_quantity(StreamQuantity::SpeedAtEnd, speed, rest, limits.velocity)
+                        .map_err(|excess| excess.of(joint, time))?;
                 }
             }
         }
@@ -351,12 +408,22 @@ impl<const J: usize, const N: usize, T: Real> JointStream<J, N, T> {
             if self.moves(joint) {
                 let (from, to) = (from.at(joint), to.at(joint));
                 let range = limits.high - limits.low;
-                agrees(REPEATED_POSITION, to.position, from.position, range)
-                    .and_then(|()| {
-                        let most = limits.velocity;
-                        agrees(REPEATED_VELOCITY, to.velocity, from.velocity, most)
-                    })
-                    .map_err(|error| JointStreamError::Joint { joint, time, error })?;
+                agrees(
+                    StreamQuantity::RepeatedPosition,
+                    to.position,
+                    from.position,
+                    range,
+                )
+                .and_then(|()| {
+                    let most = limits.velocity;
+                    agrees(
+                        StreamQuantity::RepeatedVelocity,
+                        to.velocity,
+                        from.velocity,
+                        most,
+                    )
+                })
+                .map_err(|excess| excess.of(joint, time))?;
             }
         }
         Ok(())
@@ -379,7 +446,7 @@ impl<const J: usize, const N: usize, T: Real> JointStream<J, N, T> {
         for (joint, limits) in self.limits.iter().enumerate() {
             if self.moves(joint) {
                 check_joint(limits, &from.at(joint), &to.at(joint), to.time - from.time)
-                    .map_err(|error| JointStreamError::Joint { joint, time, error })?;
+                    .map_err(|excess| excess.of(joint, time))?;
             }
         }
         Ok(())
@@ -453,34 +520,43 @@ impl<const J: usize, T: Real> StreamPoint<J, T> {
     }
 }
 
-// The quantities of which an error can speak.
-const POSITION: &str = "the position, rad,";
-const SPEED: &str = "the speed, rad/s,";
-const POSITION_AFTER_BRAKING: &str = "the position after braking, rad,";
-const DURATION: &str = "the time from the point before, s,";
-const LEAST_POSITION: &str = "the least position on the way, rad,";
-const GREATEST_POSITION: &str = "the greatest position on the way, rad,";
-const SPEED_ON_THE_WAY: &str = "the speed on the way, rad/s,";
-const ACCELERATION: &str = "the acceleration, rad/s²,";
-const SPEED_AT_END: &str = "the speed at the end, rad/s,";
-const REPEATED_POSITION: &str = "the position at the time of the point before, rad,";
-const REPEATED_VELOCITY: &str = "the velocity at the time of the point before, rad/s,";
+/// A number of a joint that would be out of its limits.
+struct Excess {
+    quantity: StreamQuantity,
+    value: f64,
+    must: Requirement,
+}
 
-/// All of them, in the order in which messages number them.
-#[cfg(feature = "mbox")]
-pub(crate) const QUANTITIES: [&str; 11] = [
-    POSITION,
-    SPEED,
-    POSITION_AFTER_BRAKING,
-    DURATION,
-    LEAST_POSITION,
-    GREATEST_POSITION,
-    SPEED_ON_THE_WAY,
-    ACCELERATION,
-    SPEED_AT_END,
-    REPEATED_POSITION,
-    REPEATED_VELOCITY,
-];
+impl Excess {
+    fn of(self, joint: usize, time: f64) -> JointStreamError {
+        let Self {
+            quantity,
+            value,
+            must,
+        } = self;
+        JointStreamError::Joint {
+            joint,
+            time,
+            quantity,
+            value,
+            must,
+        }
+    }
+}
+
+/// Checks a number of a joint that moves, whose limits are about `scale` apart.
+fn check_quantity<T: Real>(
+    quantity: StreamQuantity,
+    value: T,
+    must: Requirement,
+    scale: T,
+) -> Result<(), Excess> {
+    check_motion(quantity.name(), value, must, scale).map_err(|_| Excess {
+        quantity,
+        value: value.to_f64(),
+        must,
+    })
+}
 
 /// Checks that a joint can go from one state to the next one in a time (s), and brake there.
 fn check_joint<T: Real>(
@@ -488,31 +564,40 @@ fn check_joint<T: Real>(
     from: &SetPoint<T>,
     to: &SetPoint<T>,
     duration: T,
-) -> Result<(), NumberError> {
+) -> Result<(), Excess> {
     let least = Requirement::AtLeast(limits.low.to_f64());
     let most = Requirement::AtMost(limits.high.to_f64());
     let fastest = Requirement::AtMost(limits.velocity.to_f64());
     let hardest = Requirement::AtMost(limits.acceleration.to_f64());
     let range = limits.high - limits.low;
-    check_motion(POSITION, to.position, least, range)?;
-    check_motion(POSITION, to.position, most, range)?;
-    check_motion(SPEED, abs(to.velocity), fastest, limits.velocity)?;
+    check_quantity(StreamQuantity::Position, to.position, least, range)?;
+    check_quantity(StreamQuantity::Position, to.position, most, range)?;
+    check_quantity(
+        StreamQuantity::Speed,
+        abs(to.velocity),
+        fastest,
+        limits.velocity,
+    )?;
     let braking = to.velocity * abs(to.velocity) * real::<T>(0.5) / limits.acceleration;
     let rest = to.position + braking;
-    check_motion(POSITION_AFTER_BRAKING, rest, least, range)?;
-    check_motion(POSITION_AFTER_BRAKING, rest, most, range)?;
-    let path = Polynomial::cubic(from, to, duration).map_err(|_| NumberError {
-        at: Subject::Whole,
-        what: DURATION,
+    check_quantity(StreamQuantity::PositionAfterBraking, rest, least, range)?;
+    check_quantity(StreamQuantity::PositionAfterBraking, rest, most, range)?;
+    let path = Polynomial::cubic(from, to, duration).map_err(|_| Excess {
+        quantity: StreamQuantity::Duration,
         value: duration.to_f64(),
         must: Requirement::Above(0.0),
     })?;
     let peaks = path.peaks();
-    check_motion(LEAST_POSITION, peaks.low, least, range)?;
-    check_motion(GREATEST_POSITION, peaks.high, most, range)?;
-    check_motion(SPEED_ON_THE_WAY, peaks.velocity, fastest, limits.velocity)?;
-    check_motion(
-        ACCELERATION,
+    check_quantity(StreamQuantity::LeastPosition, peaks.low, least, range)?;
+    check_quantity(StreamQuantity::GreatestPosition, peaks.high, most, range)?;
+    check_quantity(
+        StreamQuantity::SpeedOnTheWay,
+        peaks.velocity,
+        fastest,
+        limits.velocity,
+    )?;
+    check_quantity(
+        StreamQuantity::Acceleration,
         peaks.acceleration,
         hardest,
         limits.acceleration,
@@ -520,8 +605,8 @@ fn check_joint<T: Real>(
 }
 
 /// Checks that a number is equal to its former value.
-fn agrees<T: Real>(what: &'static str, is: T, was: T, scale: T) -> Result<(), NumberError> {
+fn agrees<T: Real>(quantity: StreamQuantity, is: T, was: T, scale: T) -> Result<(), Excess> {
     let was = was.to_f64();
-    check_motion(what, is, Requirement::AtLeast(was), scale)?;
-    check_motion(what, is, Requirement::AtMost(was), scale)
+    check_quantity(quantity, is, Requirement::AtLeast(was), scale)?;
+    check_quantity(quantity, is, Requirement::AtMost(was), scale)
 }

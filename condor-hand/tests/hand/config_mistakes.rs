@@ -103,8 +103,8 @@ cases! {
         "gravity = [0.0, 0.0, -9.81]" => "gravity = [0.0, 0.0, 0.0, -9.81]",
         "hand.toml:12:11: the length 4 is not that of 3 elements in sequence\n    [0.0, 0.0, 0.0, -9.81]";
     name_too_long: UTAH,
-        "name = \"thumb\"" => "name = \"opposed-thumb-of-four-joints\"",
-        "hand.toml:249:8: the length 28 is not that of a string no more than 15 bytes long\n    \"opposed-thumb-of-four-joints\"";
+        "name = \"thumb\"" => "name = \"the-thumb-that-opposes-the-three-fingers-of-a-hand-and-has-four-joints\"",
+        "hand.toml:249:8: the length 70 is not that of a string no more than 64 bytes long\n    \"the-thumb-that-opposes-the-three-fingers-of-a-hand-and-has-four-joints\"";
     missing_name: UTAH,
         "name = \"thumb\"" => "#",
         "hand.toml:248:1: the key `name` is missing here\n    [[fingers]]";

@@ -648,12 +648,12 @@ proptest! {
     #[test]
     fn commands_are_finite_and_within_what_actuators_have(
         values in proptest::collection::vec(proptest::num::f64::ANY, 12 * 40),
-        modes in proptest::collection::vec((0_usize..4, 0_u32..6), 40),
+        modes in proptest::collection::vec((0_usize..4, 0_usize..6), 40),
     ) {
         let mut controller = controller();
         for (sample, (joint, mode)) in values.chunks(12).zip(modes) {
             // Refused after a fault, which is as good.
-            let _ = controller.set_mode(joint, ServoMode::from_number(mode).unwrap());
+            let _ = controller.set_mode(joint, ServoMode::ALL[mode]);
             let sensed = FingerReadings {
                 position: SVector::from_column_slice(&sample[..4]),
                 tension: core::array::from_fn(|joint| Pair {

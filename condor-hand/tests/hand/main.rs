@@ -21,15 +21,10 @@ mod controller_guards;
 mod faults;
 mod grasp;
 mod impedance;
-mod queue;
 mod servo_closed_loop;
 mod table;
 mod tension_servo;
 mod trajectory;
-
-// Who asks and watches.
-mod message;
-mod motions;
 
 // Whatever comes, and what is simulated.
 mod hostile_hand;

@@ -2,20 +2,16 @@
 
 use core::time::Duration;
 
-use condor_hand::message::motions::{MotionsBlocks, MotionsClient, RequestProgress};
-use condor_hand::queue::{QueueAnswer, RequestIdentity, RequestState};
 use condor_host::view::Post;
 use condor_mbox::Processor;
-use condor_mbox::exchange::Blocks;
 use condor_mbox::linux::LinuxWindow;
-use condor_rt::numbers::PROCESSORS;
-use condor_rt::objects::{self, ObjectKind};
+use condor_robot::message::ClientError;
+use condor_robot::motions::{MotionsClient, RequestProgress};
+use condor_robot::objects;
+use condor_robot::queue::{QueueAnswer, RefusalReason, RequestIdentity, RequestState};
 
 use crate::failure::Failure;
 use crate::system_worker::{Session, WorkerState};
-
-/// The name, in an object table, of the blocks by which requests are sent to a queue of motions.
-const MOTIONS: &str = "motions";
 
 /// An enqueued motion: the session with the queue, and the number of the request in it.
 pub(crate) type Ticket = (u32, u32);
@@ -28,8 +24,7 @@ impl<'v> WorkerState<'v> {
         for member in &self.status.processors {
             let master = Processor(member.number);
             let region = self.view.region(master)?;
-            if let Some(object) = objects::find(&region, MOTIONS, ObjectKind::Other)? {
-                let blocks: MotionsBlocks = Blocks::at(object.offset, PROCESSORS as u8);
+            if let Some(blocks) = objects::motions(&region)? {
                 return Ok(MotionsClient::new(
                     self.view.post(),
                     master,
@@ -121,7 +116,7 @@ impl<'v> WorkerState<'v> {
             QueueAnswer::Never => ("refused", None, true),
             QueueAnswer::Forgotten | QueueAnswer::NoSession => ("forgotten", None, true),
         };
-        let reason = reason.filter(|it| *it != condor_hand::queue::RefusalReason::None);
+        let reason = reason.filter(|it| *it != RefusalReason::None);
         let reason = reason.map(|it| it.to_string());
         Ok((state.into(), reason, progress, before, is_final))
     }
@@ -144,10 +139,10 @@ fn take_control(
     from_other: bool,
     timeout: Duration,
 ) -> Result<(), Failure> {
-    match queue.control(session, from_other, timeout)? {
-        own if own == session => Ok(()),
-        other => Err(Failure::refused(format!(
-            "another program is in control, by session {other}; `take_control=True` takes control from it"
+    match queue.take_control(session, from_other, timeout) {
+        Err(ClientError::NotInControl(who)) => Err(Failure::refused(format!(
+            "{who}; `take_control=True` takes control from it"
         ))),
+        done => Ok(done?),
     }
 }

@@ -23,6 +23,9 @@ use crate::{FINGERS, IMAGE, JOINTS, RobotDescription};
 /// Bytes of a sequence that the master has room for.
 const BYTES: usize = crate::master::MOTION_BYTES;
 
+/// The greatest length of a name FINGER.JOINT, in bytes: there is room for more behind it in the name of a variable.
+const JOINT_NAME_BYTES: usize = 64;
+
 /// The reason why the text of a configuration, a motion or a grasp cannot be compiled.
 #[derive(Debug, Error)]
 #[non_exhaustive]
@@ -62,7 +65,7 @@ pub fn joint_names(hand: &RobotDescription) -> Vec<String> {
 ///
 /// # Errors
 /// Returns [`CompileError::Io`] if the file cannot be read; [`CompileError::Text`] if it has a mistake;
-/// [`CompileError::Whole`] if the boards cannot serve the robot.
+/// [`CompileError::Whole`] if the boards cannot serve the robot, or if the name of a joint is too long.
 pub fn read_robot(
     path: &Path,
     check: impl FnOnce(&RobotDescription) -> Result<(), BoardError>,
@@ -70,6 +73,16 @@ pub fn read_robot(
     let text = read_text(path).map_err(io(path))?;
     let robot = RobotDescription::from_toml(&text, &path.to_string_lossy())?;
     check(&robot).map_err(whole(path))?;
+    for name in joint_names(&robot) {
+        let len = name.len();
+        if len > JOINT_NAME_BYTES {
+            let problem = format!(
+                "the name {name} of a joint, with that of its finger, has {len} bytes; the names of its variables have \
+                 room for {JOINT_NAME_BYTES}"
+            );
+            return Err(whole(path)(problem));
+        }
+    }
     Ok(robot)
 }
 
@@ -205,4 +218,28 @@ pub fn compile_motion(
     let len = encode_for(names.len(), &motions, &mut bytes).map_err(whole(path))?;
     bytes.truncate(len);
     Ok(bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_name_of_a_joint_leaves_room_in_the_names_of_its_variables() {
+        let text = include_str!("../../../condor-hand/hands/utah-mit.toml");
+        let place = tempfile::tempdir().unwrap();
+        let path = place.path().join("robot.toml");
+        let read = |finger: usize| {
+            let name = format!("name = \"{}\"", "x".repeat(finger));
+            fs::write(&path, text.replace("name = \"thumb\"", &name)).unwrap();
+            read_robot(&path, |_| Ok(()))
+        };
+        // Behind it comes `.abduction`.
+        assert!(read(54).is_ok());
+        let long = read(55).unwrap_err().to_string();
+        assert!(
+            long.contains("has 65 bytes; the names of its variables have room for 64"),
+            "{long}"
+        );
+    }
 }

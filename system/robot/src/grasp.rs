@@ -18,9 +18,9 @@ mod partner;
 
 pub(crate) use partner::{Partner, PartnerState, TickTime};
 
-/// The [layout](condor_hand::message::GraspLayout), for the fingers of this robot, of the memory by which a servo
+/// The [layout](crate::message::GraspLayout), for the fingers of this robot, of the memory by which a servo
 /// processor takes orders for a grasp and reports on them.
-pub type HandGraspLayout = condor_hand::message::GraspLayout<FINGERS>;
+pub type HandGraspLayout = crate::message::GraspLayout;
 
 /// The name of the object with the [`HandGraspLayout`] in the object table of a servo processor.
 pub const NAME: &str = "grasp";

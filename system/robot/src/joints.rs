@@ -3,7 +3,7 @@
 use core::fmt;
 use core::ops::Range;
 
-use condor_hand::config::{Finger, Form, Placement, ShortName};
+use condor_hand::config::{Finger, Form, Name, Placement};
 
 use crate::{ALL, FINGERS, JOINTS, Mechanism, RobotDescription};
 
@@ -110,7 +110,7 @@ const NOWHERE: [f64; 3] = [0.0, 0.0, 1e3];
 /// Returns a finger that a robot does not have: without joints, and out of reach.
 pub(crate) fn absent() -> Finger<JOINTS> {
     Finger {
-        name: ShortName::new(),
+        name: Name::new(),
         base: Placement {
             position: NOWHERE,
             ..Placement::default()

@@ -8,7 +8,13 @@ pub mod boards;
 // The messages between processors.
 pub mod grasp;
 pub mod guards;
+pub mod message;
+pub mod motions;
 pub mod objects;
+pub mod packet;
+
+// The motions of several clients, none of which runs twice.
+pub mod queue;
 
 // The inputs of a servo processor, as a file.
 pub mod recording;

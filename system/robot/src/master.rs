@@ -15,12 +15,11 @@
 //! | `trajectories` | its loop: counts and variables |
 //! | `wanted-2` | a published [`DesiredPositions`] |
 //! | `followed` | a published [`TrackingReport`]: how well the joints have followed each motion |
-//! | `motions` | where its [queue](condor_hand::message::motions) is asked |
+//! | `motions` | where its [queue](crate::motions) is asked |
 
 use core::cell::RefCell;
 use core::time::Duration;
 
-use condor_hand::message::motions::{MOTIONS, MotionResponse, MotionsBlocks};
 use condor_hand::trajectory::{Generator, ProfileLimits};
 use condor_mbox::{Clock, Processor};
 use condor_rt::objects::ObjectKind;
@@ -32,6 +31,7 @@ use embedded_io::{Read, ReadReady};
 
 use crate::failure::Failure;
 use crate::joints::JointNumbers;
+use crate::motions::{MOTIONS, MotionResponse, MotionsBlocks};
 use crate::objects::MOTIONS_NAME;
 use crate::{RobotDescription, start};
 
@@ -121,9 +121,9 @@ impl Program for Master {
             .files()?
             .supervisor()?
             .on(MOTIONS, MOTIONS_NAME, &|call| {
-                post.answer(call, &blocks, &own, |sender, request| {
-                    drive::with(&shared, |drive| drive.take_points(sender, request))
-                        .unwrap_or(Some(MotionResponse::busy()))
+                post.answer(call, &blocks, &own, |sender, identity, batch| {
+                    drive::with(&shared, |drive| drive.take_points(sender, identity, batch))
+                        .unwrap_or(Some(MotionResponse::Busy))
                 })
             })
             .watch(&wanted)
@@ -155,7 +155,7 @@ impl Program for Master {
                     follow: Follow::new(followed),
                     closing: None,
                     store: Store(&files),
-                    requests: Requests::new(&post, &files, background),
+                    requests: Requests::new(&post, &files, background, hand),
                     processors: Processors::new(background.supervisor()?),
                     watching: Watching::new(),
                     others: Others::new(machine, hand, background.mailbox())?,

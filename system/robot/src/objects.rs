@@ -5,8 +5,6 @@
 //! program there has not begun, or is another one. A program that is started anew, perhaps with
 //! another text, may have its objects elsewhere; look again after a call to it has failed.
 
-use condor_hand::message::ServoLayout;
-use condor_hand::message::motions::MotionsBlocks;
 use condor_mbox::exchange::Blocks;
 use condor_mbox::{AccessError, Allocator, MemoryWindow, Published, Region};
 use condor_rt::PROCESSORS;
@@ -15,6 +13,8 @@ use condor_rt::objects::{self, ObjectKind, SharedObject};
 use crate::desired::{DesiredPositions, WANTED_NAME};
 use crate::grasp::{self, HandGraspLayout, Joints};
 use crate::guards::{self, Felt, Stops};
+use crate::message::ServoLayout;
+use crate::motions::MotionsBlocks;
 use crate::plant::{self, TrueState};
 use crate::servo::{self, Tracking};
 use crate::table::{self, Palm};
@@ -95,7 +95,7 @@ pub fn grasp<W: MemoryWindow>(region: &Region<W>) -> Result<Option<HandGraspLayo
 /// Returns [`AccessError`] if the memory cannot be accessed.
 pub fn table<W: MemoryWindow>(
     region: &Region<W>,
-) -> Result<Option<Blocks<table::TableRequest, table::TableResponse>>, AccessError> {
+) -> Result<Option<table::TableBlocks>, AccessError> {
     let object = objects::find(region, table::NAME, ObjectKind::Other)?;
     Ok(object.map(|object| Blocks::at(object.offset, PROCESSORS as u8)))
 }
@@ -117,7 +117,7 @@ pub fn palm<W: MemoryWindow>(region: &Region<W>) -> Result<Option<Published<Palm
 /// Returns [`AccessError`] if the memory cannot be accessed.
 pub fn plant<W: MemoryWindow>(
     region: &Region<W>,
-) -> Result<Option<Blocks<plant::PlantRequest, plant::PlantResponse>>, AccessError> {
+) -> Result<Option<plant::PlantBlocks>, AccessError> {
     let object = objects::find(region, plant::NAME, ObjectKind::Other)?;
     Ok(object.map(|object| Blocks::at(object.offset, PROCESSORS as u8)))
 }

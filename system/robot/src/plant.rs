@@ -26,7 +26,7 @@
 //! | `robot` | its loop: counts and variables |
 //! | `truth` | a published [`TrueState`] |
 //! | `object` | a published [`CameraObject`]: what the camera measures |
-//! | `plant` | the blocks of [`PLANT`]: a [`Blocks`] of [`PlantRequest`] and [`PlantResponse`] |
+//! | `plant` | the blocks of [`PLANT`] with [`PlantRequest`] and [`PlantResponse`]: [`PlantBlocks`] |
 
 use condor_vars::{CellField, CellStruct, ValueKind};
 use core::cell::RefCell;
@@ -40,10 +40,10 @@ use condor_rt::objects;
 use condor_rt::{Machine, PROCESSORS, Program, ProgramError, Setup};
 use condor_vars::{Var, Vars};
 use critical_section::Mutex;
-use nalgebra::Vector3;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 use crate::boards::SimBoards;
+use crate::packet::{self, Packet};
 use crate::{FINGERS, Failure, JOINTS, start};
 
 mod arguments;
@@ -56,14 +56,14 @@ mod watchdog;
 use arguments::Arguments;
 use camera::Camera;
 pub use camera::CameraObject;
-pub use requests::{
-    NumberRange, PlantOperation, PlantRefusal, PlantRequest, PlantResponse, PlantTarget,
-};
+pub use requests::{NumberRange, PlantRefusal, PlantRequest, PlantResponse, PlantTarget};
 pub use robot::MACHINE;
 use robot::{Robot, WORKSPACE_M};
 
 /// The vector of messages with requests to the simulated robot: see [`PlantRequest`].
 pub const PLANT: Vector = Vector(4);
+/// The blocks by which other processors ask the simulated robot.
+pub type PlantBlocks = Blocks<Packet<PlantRequest, 1, 56>, Packet<PlantResponse, 1, 56>>;
 /// The name of the blocks for requests to the simulated robot in its processor's object table.
 pub const NAME: &str = "plant";
 /// The name of the published [`TrueState`] in the object table of the robot's processor.
@@ -210,13 +210,13 @@ impl<B: SimBoards> Program for Plant<B> {
         let mut seen = setup.publish_fields(OBJECT_NAME)?;
         let mut camera = Camera::new(&arguments);
         let blocks = setup.place(NAME, objects::ObjectKind::Other, |allocator| {
-            Blocks::<PlantRequest, PlantResponse>::new(allocator, PROCESSORS as u8)
+            PlantBlocks::new(allocator, PROCESSORS as u8)
         })?;
         let own = setup.own().clone();
         setup
             .console()?
             .on(PLANT, NAME, &|call| {
-                blocks.answer(call, &own, |request| respond(&shared, &request))
+                packet::answer(blocks, call, &own, |request| respond(&shared, request))
             })
             .watch(&ball)
             .watch(&touching)
@@ -285,41 +285,46 @@ fn with<R>(shared: &SharedRobot, work: impl FnOnce(&mut Robot) -> R) -> Option<R
     })
 }
 
-fn respond(shared: &SharedRobot, request: &PlantRequest) -> PlantResponse {
-    let done = with(shared, |robot| (obey(robot, request), robot.resting()));
-    let (outcome, resting) = done.unwrap_or((Err(PlantRefusal::Busy), 0));
-    PlantResponse {
-        refusal: outcome.err().map_or(0, |refusal| refusal as u32),
-        resting: resting as u32,
-    }
+fn respond(shared: &SharedRobot, request: PlantRequest) -> PlantResponse {
+    with(shared, |robot| obey(robot, request)).unwrap_or(Err(PlantRefusal::Busy))
 }
 
 /// Does what is asked for.
-fn obey(robot: &mut Robot, request: &PlantRequest) -> Result<(), PlantRefusal> {
-    let [first @ .., radius, mass, _] = request.numbers;
-    let [.., mx, my, mz] = request.numbers;
-    let first = Vector3::from(first);
-    let (finger, joint) = (request.finger as usize, request.joint as usize);
-    let which = PlantTarget::from_number(request.which).ok_or(PlantRefusal::NoSuchPart);
-    let wrench = Wrench {
-        force: first,
-        moment: Vector3::new(mx, my, mz),
+fn obey(robot: &mut Robot, request: PlantRequest) -> PlantResponse {
+    let wrench = |force: [f64; 3], moment: [f64; 3]| Wrench {
+        force: force.into(),
+        moment: moment.into(),
     };
-    match PlantOperation::from_number(request.operation).ok_or(PlantRefusal::Operation)? {
-        PlantOperation::Status => Ok(()),
-        PlantOperation::Push => robot.push_ball(wrench),
-        PlantOperation::PlaceBall => robot.place_ball(first, radius, mass),
-        PlantOperation::LetGo => robot.let_go(first.x),
-        PlantOperation::RemoveBall => {
+    match request {
+        PlantRequest::Push { force, moment } => robot.push_ball(wrench(force, moment)),
+        PlantRequest::PushTip {
+            finger,
+            force,
+            moment,
+        } => robot.push_tip(finger as usize, wrench(force, moment)),
+        PlantRequest::PlaceBall {
+            center,
+            radius,
+            mass,
+        } => robot.place_ball(center.into(), radius, mass),
+        PlantRequest::LetGo { seconds } => robot.let_go(seconds),
+        PlantRequest::RemoveBall => {
             robot.remove_ball();
             Ok(())
         }
-        PlantOperation::StickSensor => robot.stick(finger, joint, which?),
-        PlantOperation::CutTendon => robot.cut(finger, joint, which?),
-        PlantOperation::Mend => {
+        PlantRequest::StickSensor {
+            finger,
+            joint,
+            which,
+        } => robot.stick(finger as usize, joint as usize, which),
+        PlantRequest::CutTendon {
+            finger,
+            joint,
+            which,
+        } => robot.cut(finger as usize, joint as usize, which),
+        PlantRequest::Mend => {
             robot.mend();
             Ok(())
         }
-        PlantOperation::PushTip => robot.push_tip(finger, wrench),
     }
 }

@@ -7,7 +7,7 @@
 //! # The file
 //!
 //! It is an MCAP file without chunks, whose messages are little-endian CDR, and which has their types.
-//! Metadata of the name `utah-mit-servo` come before all messages: the version of the format (4), the
+//! Metadata of the name `condor-servo` come before all messages: the version of the format (5), the
 //! number of the processor, ticks in a second, fingers of the hand and joints of a finger. A message
 //! has the number of its tick, from 0, as its sequence number, and that number divided by the rate as
 //! its log time: the time since the first tick, if no release was skipped.
@@ -16,9 +16,9 @@
 //! |---|---|---|
 //! | 1 | `/servo/tick` | the time since the last tick as the loop took it; the counts of 52 inputs: of each finger position, flexor and extensor of each joint, and the force at the tip; a bit for each that could not be read, whose counts are 0 |
 //! | 2 | `/servo/palm` | its acceleration from this tick on; 0 before the first |
-//! | 3 | `/servo/order` | the number of a grasp's order, a [`GraspOrder`](condor_hand::grasp::distributed::GraspOrder) in words |
+//! | 3 | `/servo/order` | the number of a grasp's order, a [`GraspOrder`](condor_hand::grasp::distributed::GraspOrder) |
 //! | 4 | `/servo/others` | the [`Joints`](crate::grasp::Joints) of the fingers on other servo processors in the tick before, as far as the law of a grasp heard them |
-//! | 5 | `/servo/asked` | the finger; a [`FingerRequest`](condor_hand::message::FingerRequest) in words |
+//! | 5 | `/servo/asked` | the finger; a [`FingerRequest`](crate::message::FingerRequest) in the format of postcard, in words |
 //! | 6 | `/servo/done` | the counts of 32 outputs: of each finger and joint flexor, extensor; the hash |
 //! | 7 | `/servo/end` | how many ticks there were |
 //!

@@ -38,7 +38,6 @@ use core::time::Duration;
 use condor_fs::OpenOptions;
 use condor_hand::config::{Finger, ProcessorKind};
 use condor_hand::controller::FingerController;
-use condor_hand::message::{HandIdentity, SERVO, ServoLayout, ServoObject};
 use condor_mbox::{AccessError, Allocator, MemoryWindow, Processor, Region};
 use condor_mos::Latest;
 use condor_rt::objects::ObjectKind;
@@ -53,6 +52,7 @@ use crate::desired::WANTED_NAME;
 use crate::failure::Failure;
 use crate::grasp::{HandGraspLayout, JOINTS_NAME, NAME, Partner, PartnerState};
 use crate::guards::{FELT_NAME, STOPS_NAME};
+use crate::message::{HandIdentity, SERVO, ServoLayout, ServoObject};
 use crate::recording::{Head, Recorder, Ring, ServoRecordingError, Tape, TapeState};
 use crate::{FINGERS, JOINTS, RobotDescription, start, table};
 

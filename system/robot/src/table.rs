@@ -8,7 +8,7 @@
 //! | `console` | its terminal |
 //! | `axes` | its loop: counts and variables |
 //! | `palm` | a published [`Palm`] |
-//! | `table` | the blocks of [`TABLE`]: a [`Blocks`] of [`TableRequest`] and [`TableResponse`] |
+//! | `table` | the blocks of [`TABLE`] with [`TableRequest`] and [`TableResponse`]: [`TableBlocks`] |
 //!
 //! A table takes motions after it has been home.
 
@@ -28,11 +28,13 @@ use condor_rt::objects;
 use condor_rt::{Machine, PROCESSORS, Program, ProgramError, Setup};
 use condor_vars::Vars;
 use critical_section::Mutex;
+use serde::{Deserialize, Serialize};
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 use crate::boards::{Boards, Wires};
 use crate::failure::Failure;
 use crate::grasp::TickTime;
+use crate::packet::{self, Packet};
 use crate::{RobotDescription, start};
 
 /// The vector of messages with requests to the table: see [`TableRequest`].
@@ -87,7 +89,7 @@ impl CellStruct for Palm {
 }
 
 /// The state of the table: whether it is off, goes home, takes motions, or has failed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[repr(u32)]
 #[non_exhaustive]
 pub enum TableStatus {
@@ -125,107 +127,62 @@ impl TableStatus {
             _ => Self::Off,
         }
     }
-
-    /// Returns the state with the number `number`, which is in a [`Palm`] or a [`TableResponse`]; `None` for an unknown
-    /// number.
-    #[must_use]
-    pub const fn from_number(number: u32) -> Option<Self> {
-        match number {
-            0 => Some(Self::Off),
-            1 => Some(Self::Homing),
-            2 => Some(Self::Stopped),
-            3 => Some(Self::Ready),
-            4 => Some(Self::Failed),
-            _ => None,
-        }
-    }
 }
 
-/// The operation that a [`TableRequest`] asks the table for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[repr(u32)]
+/// A request to the table. A speed is a fraction of the limits of velocity, above 0 and at most 1.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
-pub enum TableOperation {
+pub enum TableRequest {
     /// Asks for the state of the table.
-    Status = 0,
-    /// Enables the table, which goes home at the fraction `speed` of its limits of velocity.
-    Home = 1,
-    /// Goes to `to` at the fraction `speed`, after the motions before.
-    Move = 2,
+    Status,
+    /// Enables the table, which goes home.
+    Home {
+        /// The speed.
+        speed: f64,
+    },
+    /// Goes to a position, after the motions before.
+    Move {
+        /// The targets of the axes, m; a target without an axis is ignored.
+        to: [f64; AXES],
+        /// The speed.
+        speed: f64,
+    },
     /// Stops on the way, and forgets all motions.
-    Stop = 3,
+    Stop,
     /// Disables the table: nothing drives it.
-    Disable = 4,
+    Disable,
     /// Forgets a failure.
-    Clear = 5,
+    Clear,
 }
 
-/// A request to the table, such as to go home or to move. The table answers with a [`TableResponse`].
-#[derive(Clone, Copy, Debug, PartialEq, FromBytes, IntoBytes, Immutable)]
-#[repr(C)]
-pub struct TableRequest {
-    /// The number of a [`TableOperation`].
-    pub operation: u32,
-    /// The number 0.
-    pub zero: u32,
-    /// The fraction of the limits of velocity, above 0 and at most 1.
-    pub speed: f64,
-    /// The targets of the axes, m; a target without an axis is ignored.
-    pub to: [f64; AXES],
-}
+/// The response of the table to a [`TableRequest`]: its state when what was asked for is done, or on its way.
+pub type TableResponse = Result<TableStatus, TableRefusal>;
 
-/// The response of the table to a [`TableRequest`].
-#[derive(Clone, Copy, Debug, PartialEq, FromBytes, IntoBytes, Immutable)]
-#[repr(C)]
-pub struct TableResponse {
-    /// The number of a [`TableRefusal`]; 0 if what was asked for is done, or on its way.
-    pub refusal: u32,
-    /// The number of the [`TableStatus`] that it is in now.
-    pub state: u32,
-}
+/// The blocks by which other processors ask the table.
+pub type TableBlocks = Blocks<Packet<TableRequest, 1, 56>, Packet<TableResponse, 1, 56>>;
 
 /// The reason why the table refuses a [`TableRequest`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[repr(u32)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum TableRefusal {
-    /// The table does not have such an operation.
-    Operation = 1,
     /// The table is busy with another request: ask again.
-    Busy = 2,
+    Busy,
     /// The table has not been home, or has failed.
-    NotReady = 3,
+    NotReady,
     /// The speed is not above 0 and at most 1.
-    Speed = 4,
+    Speed,
     /// The motion goes beyond the limits of the table, or there is no room for it.
-    Motion = 5,
+    Motion,
 }
 
 impl fmt::Display for TableRefusal {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
-            Self::Operation => "it does not know this operation",
             Self::Busy => "it is busy with another request: ask again",
             Self::NotReady => "it has not been home, or has failed: type `table home`",
             Self::Speed => "the speed must be above 0 and at most 1",
             Self::Motion => "the motion goes beyond the limits of the table, or is one too many",
         })
-    }
-}
-
-impl TableRefusal {
-    /// Returns the refusal with the number `number`, which is in a [`TableResponse`]. Returns `None` for 0, which means
-    /// that the request was accepted, and for an unknown number.
-    #[must_use]
-    pub const fn from_number(number: u32) -> Option<Self> {
-        match number {
-            1 => Some(Self::Operation),
-            2 => Some(Self::Busy),
-            3 => Some(Self::NotReady),
-            4 => Some(Self::Speed),
-            5 => Some(Self::Motion),
-            _ => None,
-        }
     }
 }
 
@@ -283,13 +240,13 @@ impl<B: Boards> Program for Table<B> {
             period_s: 1.0 / f64::from(rate_hz),
         };
         let blocks = setup.place(NAME, objects::ObjectKind::Other, |allocator| {
-            Blocks::<TableRequest, TableResponse>::new(allocator, PROCESSORS as u8)
+            TableBlocks::new(allocator, PROCESSORS as u8)
         })?;
         let own = setup.own().clone();
         setup
             .console()?
             .on(TABLE, NAME, &|call| {
-                blocks.answer(call, &own, |request| respond(&shared, &request))
+                packet::answer(blocks, call, &own, |request| respond(&shared, request))
             })
             .watch(&variables.position)
             .watch(&variables.target)
@@ -387,35 +344,25 @@ fn with<R>(shared: &SharedTable, work: impl FnOnce(&mut DrivenTable) -> R) -> Op
     })
 }
 
-fn respond(shared: &SharedTable, request: &TableRequest) -> TableResponse {
+fn respond(shared: &SharedTable, request: TableRequest) -> TableResponse {
     let done = with(shared, |table| {
-        let outcome = obey(table, request);
-        (outcome, TableStatus::of(table.controller.state()))
+        obey(table, request)?;
+        Ok(TableStatus::of(table.controller.state()))
     });
-    let (outcome, state) = done.unwrap_or((Err(TableRefusal::Busy), TableStatus::Off));
-    TableResponse {
-        refusal: outcome.err().map_or(0, |refusal| refusal as u32),
-        state: state as u32,
-    }
+    done.unwrap_or(Err(TableRefusal::Busy))
 }
 
-fn obey(table: &mut DrivenTable, request: &TableRequest) -> Result<(), TableRefusal> {
-    const STATUS: u32 = TableOperation::Status as u32;
-    const HOME: u32 = TableOperation::Home as u32;
-    const MOVE: u32 = TableOperation::Move as u32;
-    const STOP: u32 = TableOperation::Stop as u32;
-    const DISABLE: u32 = TableOperation::Disable as u32;
-    const CLEAR: u32 = TableOperation::Clear as u32;
+fn obey(table: &mut DrivenTable, request: TableRequest) -> Result<(), TableRefusal> {
     let DrivenTable { controller, axes } = table;
-    match request.operation {
-        STATUS => {}
-        HOME => controller
-            .start(request.speed)
+    match request {
+        TableRequest::Status => {}
+        TableRequest::Home { speed } => controller
+            .start(speed)
             .map_err(|error| refusal(error, TableRefusal::Speed))?,
-        MOVE => {
-            let pace = Pace::Speed(request.speed);
+        TableRequest::Move { to, speed } => {
+            let pace = Pace::Speed(speed);
             let mut motion = Primitive::new(pace, Profile::MinimumJerk);
-            for (axis, &to) in request.to.iter().enumerate().take(*axes) {
+            for (axis, &to) in to.iter().enumerate().take(*axes) {
                 let more = motion.with(axis, Target::Absolute(to));
                 motion = more.map_err(|_| TableRefusal::Motion)?;
             }
@@ -423,10 +370,9 @@ fn obey(table: &mut DrivenTable, request: &TableRequest) -> Result<(), TableRefu
                 .enqueue(motion)
                 .map_err(|error| refusal(error, TableRefusal::Motion))?;
         }
-        STOP => controller.stop(),
-        DISABLE => controller.disable(),
-        CLEAR => controller.clear(),
-        _ => return Err(TableRefusal::Operation),
+        TableRequest::Stop => controller.stop(),
+        TableRequest::Disable => controller.disable(),
+        TableRequest::Clear => controller.clear(),
     }
     Ok(())
 }

@@ -88,7 +88,7 @@ pub const MAGIC: u32 = u32::from_le_bytes(*b"CVAR");
 /// The version of the layout that this module describes.
 pub const VERSION: u32 = 1;
 /// The greatest length of the name of a variable, parameter or field, in bytes.
-pub const NAME_BYTES: usize = 64;
+pub const NAME_BYTES: usize = 96;
 /// The greatest length of a unit, and of a label of an enum, in bytes.
 pub const UNIT_BYTES: usize = 32;
 /// The greatest length of the description of a variable, parameter or field, in bytes.

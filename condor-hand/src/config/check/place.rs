@@ -4,7 +4,7 @@ use core::fmt::{self, Write};
 
 use crate::Requirement;
 use crate::config::{
-    Finger, Hand, Mistake, MistakeField, MistakeOwner, MistakePlace, Problem, ShortName,
+    Finger, Hand, Mistake, MistakeField, MistakeOwner, MistakePlace, Name, Problem,
 };
 use crate::math::{abs, is_finite};
 
@@ -159,8 +159,8 @@ impl<'a, const FINGERS: usize, const JOINTS: usize> Examiner<'a, FINGERS, JOINTS
     pub(super) fn name<'n>(
         &mut self,
         root: Root,
-        name: &ShortName,
-        mut earlier: impl Iterator<Item = &'n ShortName>,
+        name: &Name,
+        mut earlier: impl Iterator<Item = &'n Name>,
     ) -> Result<(), Mistake> {
         self.not_empty(root, "name", name.trim().is_empty())?;
         if earlier.any(|other| other == name) {

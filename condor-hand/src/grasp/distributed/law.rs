@@ -36,7 +36,7 @@ impl<M, const F: usize, const N: usize> FingerControllers<M, N>
 pub struct GraspInputs<const F: usize, const N: usize> {
     /// The order that has come since the last tick, with its number, which is not 0; `None` if none
     /// has come.
-    pub order: Option<(u64, GraspOrder<F>)>,
+    pub order: Option<(u64, GraspOrder)>,
     /// The joints of the fingers on other processors, as of the tick before; fingers whose
     /// processor sends nothing are left out. `None` if there are no other processors.
     pub others: Option<HandJoints<F, N>>,
@@ -53,7 +53,7 @@ pub struct DistributedGrasp<M, const F: usize, const N: usize> {
     holders: [Option<Holder<F, N>>; F],
     /// The joints of the tick before.
     former: HandJoints<F, N>,
-    report: GraspReport<F>,
+    report: GraspReport,
 }
 
 /// The law for one finger.
@@ -62,15 +62,15 @@ struct Holder<const F: usize, const N: usize> {
     /// Its number in the hand.
     finger: usize,
     /// The order in force, and what was in force when it came.
-    order: GraspOrder<F>,
-    from: GraspOrder<F>,
+    order: GraspOrder,
+    from: GraspOrder,
     since_s: f64,
     /// 0 without one.
     number: u64,
     law: Option<Law<N>>,
     waited_s: f64,
     has_joined: bool,
-    report: GraspReport<F>,
+    report: GraspReport,
 }
 
 /// A step of the law: what it is computed from, and the controllers that get its torques.
@@ -169,7 +169,7 @@ where
     /// Returns the report of the last [`step`](Self::step): the state of the grasp on this
     /// processor.
     #[must_use]
-    pub const fn report(&self) -> &GraspReport<F> {
+    pub const fn report(&self) -> &GraspReport {
         &self.report
     }
 
@@ -227,7 +227,7 @@ impl<const F: usize, const N: usize> Holder<F, N> {
     }
 
     /// The order as far as it has been ramped up.
-    fn now(&self) -> GraspOrder<F> {
+    fn now(&self) -> GraspOrder {
         let part = if self.order.ramp_s > 0.0 {
             clamp(self.since_s / self.order.ramp_s, 0.0, 1.0)
         } else {
@@ -263,11 +263,11 @@ where
     fn advance(
         &mut self,
         holder: &mut Holder<F, N>,
-        order: Option<&(u64, GraspOrder<F>)>,
-    ) -> GraspReport<F> {
+        order: Option<&(u64, GraspOrder)>,
+    ) -> GraspReport {
         if let Some(&(number, ref order)) = order {
             if order.fingers != 0
-                && let Err(reason) = order.check()
+                && let Err(reason) = order.check(F)
             {
                 return GraspReport::new(number, GraspState::Refused, reason);
             }
@@ -288,7 +288,7 @@ where
     }
 
     /// Puts an order into force.
-    fn take(&mut self, holder: &mut Holder<F, N>, number: u64, order: &GraspOrder<F>) {
+    fn take(&mut self, holder: &mut Holder<F, N>, number: u64, order: &GraspOrder) {
         if holder.law.is_some() && order.fingers == holder.order.fingers {
             holder.from = holder.now();
         } else {
@@ -305,7 +305,7 @@ where
         holder.number = number;
     }
 
-    fn hold(&mut self, holder: &mut Holder<F, N>) -> Result<GraspReport<F>, GraspReason> {
+    fn hold(&mut self, holder: &mut Holder<F, N>) -> Result<GraspReport, GraspReason> {
         let mut report = GraspReport::new(holder.number, GraspState::Waiting, GraspReason::None);
         if !holder.hears(&self.former, self.period_s)? {
             return Ok(report);
@@ -391,8 +391,8 @@ where
         &self,
         grip: &mut Grip<H, N>,
         own: usize,
-        now: &GraspOrder<F>,
-        report: &mut GraspReport<F>,
+        now: &GraspOrder,
+        report: &mut GraspReport,
     ) -> Option<SVector<f64, N>> {
         let Grip { fingers, law } = grip;
         law.set_tuning(now.tuning(self.limits(fingers)?).ok()?)

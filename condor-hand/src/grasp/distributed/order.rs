@@ -1,16 +1,17 @@
 use nalgebra::{Matrix6, Vector3};
+use zerocopy::{FromBytes, Immutable, IntoBytes};
 
-use super::{GraspReason, LEAST_FINGERS};
+use super::{GraspReason, LEAST_FINGERS, MOST_FINGERS};
 use crate::grasp::{
     ContactFriction, GraspError, GraspTuning, Posture, SpatialGain, Squeeze, TorqueLimits,
     TuningSurface, Wrench,
 };
 
-/// An order to the processors of a hand with `F` fingers to grasp an object, or to let it go: the
-/// fingers that hold, the positions of their tips, and the stiffness and forces of the grasp. All
-/// vectors are in the axes of the palm.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct GraspOrder<const F: usize> {
+/// An order to the processors of a hand to grasp an object, or to let it go: the fingers that hold, the
+/// positions of their tips, and the stiffness and forces of the grasp. All vectors are in the axes of the palm.
+#[derive(Clone, Copy, Debug, PartialEq, FromBytes, IntoBytes, Immutable)]
+#[repr(C)]
+pub struct GraspOrder {
     /// The fingers that hold: bit *i* stands for finger *i* of the configuration; 0 lets go.
     pub fingers: u64,
     /// The stiffness of the object about its middle, N/m, N/rad, N m/m, N m/rad.
@@ -24,7 +25,7 @@ pub struct GraspOrder<const F: usize> {
     /// The moment in addition, about its middle, N m.
     pub moment: [f64; 3],
     /// The desired positions of the tips, m; any numbers for fingers that do not hold.
-    pub tips: [[f64; 3]; F],
+    pub tips: [[f64; 3]; MOST_FINGERS],
     /// The force between each pair of tips, N.
     pub squeeze_n: f64,
     /// The stiffness that keeps the posture of a finger along its self-motion, N m/rad.
@@ -38,7 +39,7 @@ pub struct GraspOrder<const F: usize> {
     pub ramp_s: f64,
 }
 
-impl<const F: usize> GraspOrder<F> {
+impl GraspOrder {
     /// The order to let the object go; after it no finger holds.
     pub const RELEASE: Self = Self {
         fingers: 0,
@@ -47,7 +48,7 @@ impl<const F: usize> GraspOrder<F> {
         center: [0.0; 3],
         force: [0.0; 3],
         moment: [0.0; 3],
-        tips: [[0.0; 3]; F],
+        tips: [[0.0; 3]; MOST_FINGERS],
         squeeze_n: 0.0,
         posture_stiffness: 0.0,
         posture_damping: 0.0,
@@ -56,14 +57,14 @@ impl<const F: usize> GraspOrder<F> {
     };
 
     /// The fingers that hold.
-    pub(super) fn holding(&self) -> impl Iterator<Item = usize> + Clone + use<F> {
+    pub(super) fn holding(&self) -> impl Iterator<Item = usize> + Clone + use<> {
         let fingers = self.fingers;
-        (0..F).filter(move |&finger| fingers >> finger & 1 != 0)
+        (0..MOST_FINGERS).filter(move |&finger| fingers >> finger & 1 != 0)
     }
 
-    /// Checks that a grasp can have these numbers.
-    pub(super) fn check(&self) -> Result<(), GraspReason> {
-        if self.fingers >> F != 0 || self.fingers.count_ones() < LEAST_FINGERS {
+    /// Checks that a grasp of a hand with this number of fingers can have these numbers.
+    pub(super) fn check(&self, fingers: usize) -> Result<(), GraspReason> {
+        if self.fingers >> fingers != 0 || self.fingers.count_ones() < LEAST_FINGERS {
             return Err(GraspReason::Fingers);
         }
         let mut numbers = self.tips.as_flattened().iter().chain([&self.ramp_s]);

@@ -1,39 +1,41 @@
+use serde::{Deserialize, Serialize};
+
+use super::MOST_FINGERS;
+
 /// The state of a grasp on one processor, from the order to its end.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[repr(u32)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum GraspState {
     /// There is no grasp.
-    Idle = 0,
+    Idle,
     /// The processor has the order, and waits until the processors of the other fingers of the
     /// grasp have it, too.
-    Waiting = 1,
+    Waiting,
     /// The law is in force.
-    Holding = 2,
+    Holding,
     /// The order was refused.
-    Refused = 3,
+    Refused,
     /// A finger has left the grasp.
-    Left = 4,
+    Left,
 }
 
 /// The reason why an order for a grasp was refused, or why a finger has left a grasp.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[repr(u32)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum GraspReason {
     /// The grasp was neither refused nor left.
-    None = 0,
+    None,
     /// The order names fewer than three fingers, or one that the hand does not have.
-    Fingers = 1,
+    Fingers,
     /// A number of the order is not finite, or not possible as a gain, limit or coefficient.
-    Tuning = 2,
+    Tuning,
     /// The tips lie on a line, or the law has no answer for another reason.
-    Law = 3,
+    Law,
     /// Another finger has left the grasp, or its joints are not known.
-    Partner = 4,
+    Partner,
     /// A finger has a fault.
-    Fault = 5,
+    Fault,
     /// A joint was given another mode.
-    Switched = 6,
+    Switched,
 }
 
 impl GraspReason {
@@ -52,10 +54,9 @@ impl GraspReason {
     }
 }
 
-/// The report of one processor about a grasp of a hand with `F` fingers: its state, and how well
-/// the object is held.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct GraspReport<const F: usize> {
+/// The report of one processor about a grasp: its state, and how well the object is held.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct GraspReport {
     /// The number of the order that the report is about.
     pub order: u64,
     /// The state of the grasp at the processor that reports.
@@ -66,12 +67,13 @@ pub struct GraspReport<const F: usize> {
     pub squeeze_share: f64,
     /// The motion that would take the object to its desired place: m, and rad about the axes.
     pub deviation: [f64; 6],
-    /// The distance of each finger from slipping, N.
-    pub margins: [f64; F],
+    /// The distance of each finger from slipping, N; 0 for a finger that does not hold.
+    pub margins: [f64; MOST_FINGERS],
 }
 
-impl<const F: usize> GraspReport<F> {
-    pub(crate) const NOTHING: Self = Self::new(0, GraspState::Idle, GraspReason::None);
+impl GraspReport {
+    /// The report of a processor without a grasp.
+    pub const NOTHING: Self = Self::new(0, GraspState::Idle, GraspReason::None);
 
     pub(super) const fn new(order: u64, state: GraspState, reason: GraspReason) -> Self {
         Self {
@@ -80,7 +82,7 @@ impl<const F: usize> GraspReport<F> {
             reason,
             squeeze_share: 0.0,
             deviation: [0.0; 6],
-            margins: [0.0; F],
+            margins: [0.0; MOST_FINGERS],
         }
     }
 

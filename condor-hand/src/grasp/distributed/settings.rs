@@ -5,8 +5,8 @@ mod text;
 use nalgebra::{Matrix3, Matrix6, Vector3};
 use serde::{Deserialize, Serialize};
 
-use super::GraspOrder;
 use super::order::by_columns;
+use super::{GraspOrder, MOST_FINGERS};
 use crate::grasp::{ContactFriction, GraspError, SpatialGain, Squeeze};
 use crate::math::sqrt;
 use crate::number::not_negative;
@@ -129,17 +129,16 @@ impl GraspSettings {
         tips: &[[f64; 3]; F],
         ball: &MeasuredBall,
         gravity: &[f64; 3],
-    ) -> GraspOrder<F> {
+    ) -> GraspOrder {
         let center = ball.pose.position;
-        let tips = tips.map(|tip| {
-            let from = Vector3::from(tip) - center;
+        let mut tips = all(tips);
+        for tip in &mut tips {
+            let from = Vector3::from(*tip) - center;
             let distance = sqrt(from.norm_squared());
             if distance > 0.0 {
-                (center + from * (ball.radius_m / distance)).into()
-            } else {
-                tip
+                *tip = (center + from * (ball.radius_m / distance)).into();
             }
-        });
+        }
         let turned = |gains: &[[f64; 6]; 6]| match self.axes {
             GraspAxes::Palm => *gains,
             GraspAxes::Object => turned(gains, &ball.pose.rotation),
@@ -161,7 +160,7 @@ impl GraspSettings {
     }
 }
 
-impl<const F: usize> GraspOrder<F> {
+impl GraspOrder {
     /// Makes an order to hold an object by its present contacts.
     ///
     /// `fingers` are the fingers that hold: bit *i* stands for finger *i*. `tips` are the positions
@@ -169,7 +168,12 @@ impl<const F: usize> GraspOrder<F> {
     /// hold. `stiffness` are the gains along x, y and z (N/m) and about x, y and z (N m/rad);
     /// `damping` are those in N s/m and N m s/rad.
     #[must_use]
-    pub fn hold(fingers: u64, tips: [[f64; 3]; F], stiffness: [f64; 6], damping: [f64; 6]) -> Self {
+    pub fn hold<const F: usize>(
+        fingers: u64,
+        tips: [[f64; 3]; F],
+        stiffness: [f64; 6],
+        damping: [f64; 6],
+    ) -> Self {
         let mut center = Vector3::zeros();
         let mut count = 0.0;
         for (finger, tip) in tips.iter().enumerate() {
@@ -183,10 +187,20 @@ impl<const F: usize> GraspOrder<F> {
         }
         let ball = MeasuredBall::new(center.into(), [1.0, 0.0, 0.0, 0.0], 0.0);
         Self {
-            tips,
+            tips: all(&tips),
             ..GraspSettings::diagonal(stiffness, damping).order(fingers, &tips, &ball, &[0.0; 3])
         }
     }
+}
+
+/// The tips of a hand in an order, with zeros after them.
+fn all<const F: usize>(tips: &[[f64; 3]; F]) -> [[f64; 3]; MOST_FINGERS] {
+    const { assert!(F <= MOST_FINGERS) };
+    let mut all = [[0.0; 3]; MOST_FINGERS];
+    for (place, tip) in all.iter_mut().zip(tips) {
+        *place = *tip;
+    }
+    all
 }
 
 /// Gains about axes that are turned like this, in the axes in which these stand.

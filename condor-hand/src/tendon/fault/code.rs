@@ -8,7 +8,7 @@ use crate::fault_code::FaultCode;
 use crate::tendon::Pair;
 
 /// The part of a finger that has a fault. Joints are counted from 0 at the palm.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
 pub enum FaultSite {
     /// The tendon that pulls this joint to positive angles.
     Flexor(usize),
@@ -52,7 +52,7 @@ impl fmt::Display for FaultSite {
 }
 
 /// A fault of a finger: its kind, the part that has it, and the value that showed it.
-#[derive(Clone, Copy, Debug, PartialEq, Error)]
+#[derive(Clone, Copy, Debug, PartialEq, Error, serde::Serialize, serde::Deserialize)]
 #[error("{site}: {code} ({value})", value = Decimal(*.value))]
 pub struct FingerFault {
     /// The kind of fault.

@@ -3,11 +3,11 @@
 use std::collections::HashMap;
 use std::time::Duration;
 
-use condor_hand::message::ClientError;
-use condor_hand::message::motions::{Batch, MotionsClient, SentPoints};
-use condor_hand::queue::{QueueAnswer, RefusalReason, RequestIdentity, RequestState};
 use condor_hand::trajectory::image::append;
 use condor_hand::trajectory::{Pace, Primitive, Profile, StreamPoint, Target};
+use condor_robot::message::ClientError;
+use condor_robot::motions::{Batch, MotionsClient, SentPoints};
+use condor_robot::queue::{InControl, QueueAnswer, RefusalReason, RequestIdentity, RequestState};
 
 use crate::typist::{MASTER, Typist, run};
 
@@ -38,8 +38,16 @@ fn open(typist: &mut Typist<'_>) -> u32 {
     ask!(typist, client, client.open(SOON)).unwrap()
 }
 
-fn control(typist: &mut Typist<'_>, session: u32, from_other: bool) -> u32 {
-    ask!(typist, client, client.control(session, from_other, SOON)).unwrap()
+fn control(typist: &mut Typist<'_>, session: u32, from_other: bool) -> InControl {
+    match ask!(
+        typist,
+        client,
+        client.take_control(session, from_other, SOON)
+    ) {
+        Ok(()) => InControl::Session(session),
+        Err(ClientError::NotInControl(other)) => other,
+        Err(error) => panic!("{error}"),
+    }
 }
 
 fn offer(typist: &mut Typist<'_>, identity: RequestIdentity, motions: &[u8]) -> QueueAnswer {
@@ -88,8 +96,9 @@ fn a_client_in_control_moves_the_hand_and_others_look() {
         let refused = |reason| QueueAnswer::Known(RequestState::Refused, reason);
         let wave = offer(typist, of(first, 1), b"wave");
         assert_eq!(wave, refused(RefusalReason::NotInControl));
-        assert_eq!(control(typist, first, false), first);
-        assert_eq!(control(typist, second, false), first);
+        let in_control = InControl::Session(first);
+        assert_eq!(control(typist, first, false), in_control);
+        assert_eq!(control(typist, second, false), in_control);
         // The same identity has the same outcome.
         let wave = offer(typist, of(first, 1), b"wave");
         assert_eq!(wave, refused(RefusalReason::NotInControl));
@@ -126,7 +135,8 @@ fn a_client_in_control_moves_the_hand_and_others_look() {
 
         // Another one takes control, which is announced.
         typist.shown.clear();
-        assert_eq!(control(typist, second, true), second);
+        let in_control = InControl::Session(second);
+        assert_eq!(control(typist, second, true), in_control);
         typist.expect(&format!("is in control, by session {second}"), 1.0);
         let late = offer(typist, of(first, 7), b"open");
         assert_eq!(late, refused(RefusalReason::NotInControl));
@@ -139,8 +149,9 @@ fn a_client_in_control_moves_the_hand_and_others_look() {
         offer(typist, of(second, 1), b"wave");
         typist.wait(0.5);
         typist.shown.clear();
-        let aborted = ask!(typist, client, client.abort(first, SOON)).unwrap();
-        assert_eq!(aborted, second, "who is not in control ends nothing");
+        let aborted = ask!(typist, client, client.abort(first, SOON));
+        let refused = Err(ClientError::NotInControl(in_control));
+        assert_eq!(aborted, refused, "who is not in control ends nothing");
         typist.wait(0.1);
         assert!(!typist.shown.contains("stops"), "{}", typist.shown);
         ask!(typist, client, client.abort(second, SOON)).unwrap();
@@ -151,7 +162,7 @@ fn a_client_in_control_moves_the_hand_and_others_look() {
         );
         assert_eq!(typist.says("control"), "");
         typist.runs("open");
-        // As many sessions as there are places do not take the terminal's away.
+        // The terminal needs none of the sessions, of which there are as many as places.
         for _ in 0..20 {
             open(typist);
         }
@@ -163,7 +174,7 @@ fn a_client_in_control_moves_the_hand_and_others_look() {
         let long = ask!(typist, client, client.offer(of(second, 2), &[0; 481], SOON));
         assert_eq!(
             long.unwrap_err().to_string(),
-            "481 bytes of motions; at most 480 fit in a request"
+            "the motions have more than the 480 bytes that fit into a request"
         );
         assert_eq!(look(typist, of(99, 1)), QueueAnswer::NoSession);
         assert_eq!(look(typist, of(second, 2)), QueueAnswer::New);
@@ -412,18 +423,19 @@ fn the_terminal_keeps_control_only_if_somebody_has_typed_so() {
         let session = open(typist);
         // With its last motion its control ends.
         typist.runs("open");
-        assert_eq!(control(typist, session, false), session);
+        let mine = InControl::Session(session);
+        assert_eq!(control(typist, session, false), mine);
         typist.expect(&format!("is in control, by session {session}"), 1.0);
         assert_eq!(typist.says("control"), "");
         typist.runs("open");
         let terminal = control(typist, session, false);
-        assert!(![0, session].contains(&terminal), "{terminal}");
+        assert_eq!(terminal, InControl::Program);
         // Until a client takes it.
-        assert_eq!(control(typist, session, true), session);
+        assert_eq!(control(typist, session, true), mine);
         typist.expect(&format!("is in control, by session {session}"), 1.0);
         ask!(typist, client, client.give_up_control(session, SOON)).unwrap();
         typist.runs("open");
-        assert_eq!(control(typist, session, false), session);
+        assert_eq!(control(typist, session, false), mine);
     });
 }
 
@@ -517,12 +529,13 @@ fn a_ledger_with_the_last_session_says_that_it_must_be_removed() {
         typist.restart(MASTER);
         typist.begin();
         let opened = ask!(typist, client, client.open(SOON));
-        assert!(matches!(opened, Err(ClientError::Exhausted)), "{opened:?}");
-        let said = typist.says("control");
-        assert!(
-            said.contains("motions.ledger has no number left") && said.contains("remove the file"),
-            "{said}"
-        );
+        let refused = opened.unwrap_err();
+        assert_eq!(refused, ClientError::Exhausted);
+        let said = refused.to_string();
+        assert!(said.contains("remove its ledger"), "{said}");
+        // The terminal goes on without a session.
+        enable(typist);
+        typist.runs("open");
         pass(session);
         typist.cut_file("motions.ledger", None);
         typist.restart(MASTER);

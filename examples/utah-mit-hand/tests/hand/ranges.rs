@@ -1,6 +1,6 @@
 //! Numbers that can only be a mistake are refused, and what is simulated stays in its workspace.
 
-use condor_robot::plant::{self, PlantOperation, PlantRefusal};
+use condor_robot::plant::{PlantRefusal, PlantRequest};
 
 use crate::rig;
 use crate::typist::run;
@@ -58,31 +58,27 @@ fn numbers_out_of_range_are_refused_with_their_range() {
 fn the_robot_trusts_nobody_who_asks() {
     rig::run(2.0, None, |master| {
         master.wait_for_all();
-        let ball = [0.085, 0.004, -0.0625, 0.02, 0.05, 0.0];
-        let with = |place: usize, value: f64| {
-            let mut numbers = ball;
-            numbers[place] = value;
-            (PlantOperation::PlaceBall, numbers)
+        let ball = |x, radius, mass| PlantRequest::PlaceBall {
+            center: [x, 0.004, -0.0625],
+            radius,
+            mass,
         };
-        let mut push = [0.0; 6];
-        push[1] = 1e4;
         let wrong = [
-            with(0, 1e4),
-            with(3, 5.0),
-            with(3, -0.02),
-            with(4, 99.0),
-            with(4, f64::NAN),
-            (PlantOperation::PushTip, push),
-            (PlantOperation::LetGo, [-1.0, 0.0, 0.0, 0.0, 0.0, 0.0]),
+            ball(1e4, 0.02, 0.05),
+            ball(0.085, 5.0, 0.05),
+            ball(0.085, -0.02, 0.05),
+            ball(0.085, 0.02, 99.0),
+            ball(0.085, 0.02, f64::NAN),
+            PlantRequest::PushTip {
+                finger: 0,
+                force: [0.0, 1e4, 0.0],
+                moment: [0.0; 3],
+            },
+            PlantRequest::LetGo { seconds: -1.0 },
         ];
-        for (operation, numbers) in wrong {
-            let request = plant::PlantRequest {
-                operation: operation as u32,
-                numbers,
-                ..plant::PlantRequest::default()
-            };
+        for request in wrong {
             let response = master.ask_plant(&request);
-            assert_eq!(response.refusal, PlantRefusal::Number as u32, "{request:?}");
+            assert_eq!(response, Err(PlantRefusal::Number), "{request:?}");
         }
         assert!(master.truth().unwrap().ball[0].is_nan());
     });

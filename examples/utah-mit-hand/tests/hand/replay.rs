@@ -12,9 +12,11 @@ use condor_hand::tendon::Pair;
 use condor_hand::trajectory::StopGuard;
 use condor_mbox::{MemoryWindow, Processor, Region, StoreOrder};
 use condor_mcap::MessageHead;
+use condor_robot::objects;
+use condor_robot::plant::{PlantRequest, PlantTarget};
 use condor_robot::recording::{OUTPUTS, ServoOutputs};
 use condor_robot::replay::Replay;
-use condor_robot::{objects, plant, table};
+use condor_robot::table::TableRequest;
 use condor_rt::objects::ObjectKind;
 use condor_rt::sim::VirtualSystem;
 use condor_rt::{Machine, Program, numbers};
@@ -66,20 +68,16 @@ fn registers(master: &Master<'_>) -> Seen {
 fn script(master: &mut Master<'_>, seen: &mut Vec<Seen>) {
     master.wait_for_all();
     // The table begins to move, and the palm with it.
-    let ask = |operation, to| table::TableRequest {
-        operation: operation as u32,
-        zero: 0,
-        speed: 0.6,
-        to,
-    };
-    let home = ask(table::TableOperation::Home, [0.0; 3]);
-    assert_eq!(master.ask_table(&home).refusal, 0);
+    let speed = 0.6;
+    let home = TableRequest::Home { speed };
+    assert!(master.ask_table(&home).is_ok());
     master.enable();
     master.hold(0.1);
     master.go(0.5, READY);
     seen.push(registers(master));
-    let to = ask(table::TableOperation::Move, [0.05, -0.05, 0.04]);
-    assert_eq!(master.ask_table(&to).refusal, 0);
+    let to = [0.05, -0.05, 0.04];
+    let go = TableRequest::Move { to, speed };
+    assert!(master.ask_table(&go).is_ok());
     // A guard stops a finger on its way, which catches up then.
     master.guards[1] = [StopGuard {
         motion: 3,
@@ -141,24 +139,18 @@ fn script(master: &mut Master<'_>, seen: &mut Vec<Seen>) {
     master.hold(0.06);
     assert_eq!(master.report(FIRST).state, GraspState::Idle);
     // A finger fails, and is whole again.
-    let broken = plant::PlantRequest {
-        operation: plant::PlantOperation::CutTendon as u32,
+    let broken = PlantRequest::CutTendon {
         finger: 1,
         joint: 1,
-        which: plant::PlantTarget::Flexor as u32,
-        ..plant::PlantRequest::default()
+        which: PlantTarget::Flexor,
     };
-    assert_eq!(master.ask_plant(&broken).refusal, 0);
+    assert_eq!(master.ask_plant(&broken), Ok(()));
     master.hold(0.16);
     let status =
         |master: &Master<'_>| master.client(FIRST, |client| client.status(1, SOON).unwrap());
     assert!(status(master).fault.is_some());
     seen.push(registers(master));
-    let mend = plant::PlantRequest {
-        operation: plant::PlantOperation::Mend as u32,
-        ..plant::PlantRequest::default()
-    };
-    assert_eq!(master.ask_plant(&mend).refusal, 0);
+    assert_eq!(master.ask_plant(&PlantRequest::Mend), Ok(()));
     master.hold(0.5);
     master.client(FIRST, |client| client.restart(1, SOON).unwrap());
     master.hold(0.04);
@@ -351,11 +343,11 @@ fn what_is_no_recording_is_refused() {
         ),
         (
             changed(version, b'9'),
-            "it is not a recording of this version: its version is 9, not 4",
+            "it is not a recording of this version: its version is 9, not 5",
         ),
         (
             changed(version - 8, b'V'),
-            "it is not a recording of this version: its version is missing, not 4",
+            "it is not a recording of this version: its version is missing, not 5",
         ),
         (changed(rate, b'9'), "servo.mcap: it was recorded at"),
         (SHIPPED[..end - HEAD].to_vec(), "it ends after 900 ticks"),

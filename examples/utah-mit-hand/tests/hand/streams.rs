@@ -5,13 +5,13 @@ use std::io::{BufRead, BufReader};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use condor_hand::message::motions::MotionsClient;
-use condor_hand::queue::{QueueAnswer, RefusalReason, RequestIdentity, RequestState};
 use condor_host::control::{ControlClient, ControlRequest};
 use condor_host::view::View;
 use condor_mbox::Processor;
 use condor_robot::master::DesiredPositions;
+use condor_robot::motions::MotionsClient;
 use condor_robot::objects;
+use condor_robot::queue::{QueueAnswer, RefusalReason, RequestIdentity, RequestState};
 
 use crate::up::{DEADLINE, Up};
 

@@ -2,7 +2,8 @@
 
 use condor_hand::grasp::distributed::{GraspOrder, GraspReason, GraspState};
 use condor_hand::kinematics::{JointLimits, Redundancy};
-use condor_robot::{plant, table};
+use condor_robot::plant::PlantRequest;
+use condor_robot::table::{TableRefusal, TableRequest, TableStatus};
 use nalgebra::{Vector3, Vector4};
 
 use crate::rig::{FIRST, Master, Posture, SECOND, TWO, hand, run, run_with};
@@ -72,18 +73,14 @@ fn one_two_three_and_four_processors_move_the_hand_and_hold_a_ball_alike_to_the_
     let hold = |partition| {
         run_with(partition, 8.0, None, |master| {
             take_ball(master);
-            let table = |operation, to| table::TableRequest {
-                operation: operation as u32,
-                zero: 0,
-                speed: 0.6,
-                to,
-            };
             // The palm is accelerated while it holds the ball.
-            let home = table(table::TableOperation::Home, [0.0; 3]);
-            assert_eq!(master.ask_table(&home).refusal, 0);
+            let speed = 0.6;
+            let home = TableRequest::Home { speed };
+            assert!(master.ask_table(&home).is_ok());
             master.wait(0.5);
-            let to = table(table::TableOperation::Move, [0.02, -0.01, 0.01]);
-            assert_eq!(master.ask_table(&to).refusal, 0);
+            let to = [0.02, -0.01, 0.01];
+            let go = TableRequest::Move { to, speed };
+            assert!(master.ask_table(&go).is_ok());
             master.wait(1.0);
             assert_eq!(master.truth().unwrap().touching, 0b1111);
         })
@@ -137,37 +134,18 @@ fn a_servo_that_ends_leaves_its_fingers_to_the_watchdog_and_no_others() {
 fn the_table_goes_home_and_where_it_is_sent_and_the_fingers_stay() {
     run(6.0, None, |master| {
         begin(master, READY);
-        let ask = |operation, to| table::TableRequest {
-            operation: operation as u32,
-            zero: 0,
-            speed: 0.6,
-            to,
-        };
+        let go = |to| TableRequest::Move { to, speed: 0.6 };
         let to = [0.1, -0.05, 0.08];
-        let refused = master.ask_table(&ask(table::TableOperation::Move, to));
-        assert_eq!(
-            table::TableRefusal::from_number(refused.refusal),
-            Some(table::TableRefusal::NotReady)
-        );
-        let answer = master.ask_table(&ask(table::TableOperation::Home, [0.0; 3]));
-        assert_eq!(answer.refusal, 0);
+        let refused = master.ask_table(&go(to));
+        assert_eq!(refused, Err(TableRefusal::NotReady));
+        let home = TableRequest::Home { speed: 0.6 };
+        assert_eq!(master.ask_table(&home), Ok(TableStatus::Homing));
         master.stay(0.5);
-        let answer = master.ask_table(&ask(table::TableOperation::Status, [0.0; 3]));
-        assert_eq!(
-            table::TableStatus::from_number(answer.state),
-            Some(table::TableStatus::Ready)
-        );
-        let far = master.ask_table(&ask(table::TableOperation::Move, [0.3, 0.0, 0.0]));
-        assert_eq!(
-            table::TableRefusal::from_number(far.refusal),
-            Some(table::TableRefusal::Motion)
-        );
-        assert_eq!(
-            master
-                .ask_table(&ask(table::TableOperation::Move, to))
-                .refusal,
-            0
-        );
+        let status = master.ask_table(&TableRequest::Status);
+        assert_eq!(status, Ok(TableStatus::Ready));
+        let far = master.ask_table(&go([0.3, 0.0, 0.0]));
+        assert_eq!(far, Err(TableRefusal::Motion));
+        assert_eq!(master.ask_table(&go(to)), Ok(TableStatus::Ready));
         master.reset_peak();
         master.stay(1.5);
         let truth = master.truth().unwrap();
@@ -214,23 +192,15 @@ pub(crate) fn apart(far_m: [f64; 4]) -> Posture {
     })
 }
 
-fn robot(operation: plant::PlantOperation, numbers: [f64; 6]) -> plant::PlantRequest {
-    plant::PlantRequest {
-        operation: operation as u32,
-        numbers,
-        ..plant::PlantRequest::default()
-    }
-}
-
 /// Has all fingers hold the ball.
 fn take_ball(master: &mut Master<'_>) {
     begin(master, around(RADIUS_M + 2e-3));
-    let [x, y, z] = BALL;
-    let place = robot(
-        plant::PlantOperation::PlaceBall,
-        [x, y, z, RADIUS_M, MASS_KG, 0.0],
-    );
-    assert_eq!(master.ask_plant(&place).refusal, 0);
+    let place = PlantRequest::PlaceBall {
+        center: BALL,
+        radius: RADIUS_M,
+        mass: MASS_KG,
+    };
+    assert_eq!(master.ask_plant(&place), Ok(()));
     let mut tips = master.tips();
     for tip in &mut tips {
         let from = Vector3::from(*tip) - Vector3::from(BALL);
@@ -245,8 +215,8 @@ fn take_ball(master: &mut Master<'_>) {
     // It bears its weight from here on.
     order.force = [0.0, 0.0, 9.81 * MASS_KG];
     master.grasp(&order);
-    let let_go = robot(plant::PlantOperation::LetGo, [1.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
-    assert_eq!(master.ask_plant(&let_go).refusal, 0);
+    let let_go = PlantRequest::LetGo { seconds: 1.0 };
+    assert_eq!(master.ask_plant(&let_go), Ok(()));
     master.wait(2.5);
     for &number in &master.servos {
         assert_eq!(master.report(number).state, GraspState::Holding);
@@ -260,8 +230,11 @@ fn a_ball_that_both_processors_hold_gives_way_as_ordered() {
         take_ball(master);
         let before = master.truth().unwrap().ball;
         let push_n = [0.2, 0.1, -0.1];
-        let push = robot(plant::PlantOperation::Push, [0.2, 0.1, -0.1, 0.0, 0.0, 0.0]);
-        assert_eq!(master.ask_plant(&push).refusal, 0);
+        let push = |force| PlantRequest::Push {
+            force,
+            moment: [0.0; 3],
+        };
+        assert_eq!(master.ask_plant(&push(push_n)), Ok(()));
         master.wait(2.0);
         let truth = master.truth().unwrap();
         for axis in 0..3 {
@@ -273,7 +246,7 @@ fn a_ball_that_both_processors_hold_gives_way_as_ordered() {
             );
         }
         assert_eq!((truth.touching, truth.sliding), (0b1111, 0));
-        master.ask_plant(&robot(plant::PlantOperation::Push, [0.0; 6]));
+        assert_eq!(master.ask_plant(&push([0.0; 3])), Ok(()));
         master.wait(1.0);
 
         // Letting go leaves the joints where they are.

@@ -8,12 +8,12 @@ use std::io::Write;
 use std::path::Path;
 use std::time::Duration;
 
-use condor_hand::message::ClientError;
-use condor_hand::message::motions::MotionsClient;
-use condor_hand::queue::{QueueAnswer, RefusalReason, RequestIdentity, RequestState};
 use condor_hand::trajectory::image::append;
 use condor_hand::trajectory::{Pace, Primitive, Profile, Target};
+use condor_robot::message::ClientError;
+use condor_robot::motions::MotionsClient;
 use condor_robot::objects;
+use condor_robot::queue::{InControl, QueueAnswer, RefusalReason, RequestIdentity, RequestState};
 use condor_rt::{Background, Machine, MailboxOf, Program, ProgramError, Setup, users};
 use verdict::log::{CLIENTS, JOINTS, Line, MASTER, PLACE, read, target};
 
@@ -122,15 +122,17 @@ impl<M: Machine> Worker<'_, M> {
             self.number = 0;
             return Ok(first);
         };
-        let in_control = self.ask(|asks| match asks.control(session, false, ANSWER) {
+        let in_control = self.ask(|asks| match asks.take_control(session, false, ANSWER) {
+            Ok(()) => Ok(InControl::Session(session)),
             // It is gone.
-            Err(ClientError::NotYours) => Ok(0),
-            answer => answer,
+            Err(ClientError::NotYours) => Ok(InControl::Nobody),
+            Err(ClientError::NotInControl(other)) => Ok(other),
+            Err(error) => Err(error),
         })?;
-        if in_control == Some(0) {
+        if in_control == Some(InControl::Nobody) {
             self.session = None;
         }
-        if in_control != Some(session) {
+        if in_control != Some(InControl::Session(session)) {
             self.background.serve(PAUSE)?;
             return Ok(first);
         }

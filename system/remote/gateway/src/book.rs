@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use condor_hand::queue::RequestIdentity;
+use condor_robot::queue::RequestIdentity;
 use condor_remote::wire::{Id, RemoteOutcome, RemoteRefusal, RemoteState};
 
 use crate::journal::{Journal, JournalError, JournalRecord};

@@ -4,30 +4,30 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-use condor_hand::message::ClientError;
-use condor_hand::message::motions::{MotionsBlocks, MotionsClient};
-use condor_hand::queue::{self, QueueAnswer, RefusalReason, RequestIdentity};
 use condor_host::control::SystemStatus;
 use condor_host::error::AnyError;
 use condor_host::system::SystemDirectory;
 use condor_host::view::{Post, View};
 use condor_mbox::Processor;
-use condor_mbox::exchange::Blocks;
 use condor_mbox::linux::LinuxWindow;
 use condor_remote::wire::{
     ClientRequest, Id, RemoteOutcome, RemoteRefusal, RemoteRequest, RemoteState,
 };
-use condor_rt::numbers::PROCESSORS;
-use condor_rt::objects::{self, ObjectKind};
+use condor_robot::message::ClientError;
+use condor_robot::motions::MotionsClient;
+use condor_robot::objects;
+use condor_robot::queue::{self, InControl, QueueAnswer, RefusalReason, RequestIdentity};
 
 use crate::book::{Book, digest};
 use crate::log;
 use crate::presence::Presence;
 
-/// The name of the blocks in which a queue of motions is asked.
-const MOTIONS: &str = "motions";
 /// The time that the queue may take to answer.
 const ANSWER: Duration = Duration::from_millis(500);
+
+/// What the gateway says of its session.
+const CLOSED: &str =
+    "the master has closed the session in which the gateway asks for motions; try again";
 
 /// The queue of motions of a running system.
 pub(crate) struct MotionsLink {
@@ -51,7 +51,7 @@ impl MotionsLink {
         view.join()?;
         for member in &status.processors {
             let master = Processor(member.number);
-            if objects::find(&view.region(master)?, MOTIONS, ObjectKind::Other)?.is_some() {
+            if objects::motions(&view.region(master)?)?.is_some() {
                 return Ok(Self { view, master });
             }
         }
@@ -64,9 +64,8 @@ impl MotionsLink {
 
     fn asks(&self) -> Result<Asks<'_>, AnyError> {
         let region = self.view.region(self.master)?;
-        let object = objects::find(&region, MOTIONS, ObjectKind::Other)?;
-        let object = object.ok_or("the program that serves motions has ended")?;
-        let blocks: MotionsBlocks = Blocks::at(object.offset, PROCESSORS as u8);
+        let blocks = objects::motions(&region)?;
+        let blocks = blocks.ok_or("the program that serves motions has ended")?;
         Ok(MotionsClient::new(
             self.view.post(),
             self.master,
@@ -226,16 +225,16 @@ impl Motions {
             Some(session) => session,
             None => *self.session.insert((asks.open(ANSWER)?, 0)),
         };
-        match asks.control(session, takes_control, ANSWER) {
-            Ok(own) if own == session => {}
+        match asks.take_control(session, takes_control, ANSWER) {
+            Ok(()) => {}
             // The session is gone.
-            Err(ClientError::NotYours) | Ok(0) => {
+            Err(ClientError::NotYours | ClientError::NotInControl(InControl::Nobody)) => {
                 self.session = None;
-                return Err("the master has closed the session in which the gateway asks for motions; try again".into());
+                return Err(CLOSED.into());
             }
-            Ok(other) => return Err(format!(
-                "another program is in control, by session {other}; `--control` takes control from it"
-            ).into()),
+            Err(ClientError::NotInControl(who)) => {
+                return Err(format!("{who}; `--control` takes control from it").into());
+            }
             Err(error) => return Err(error.into()),
         }
         self.session = Some((session, last + 1));
@@ -261,8 +260,8 @@ impl Motions {
         if answer == QueueAnswer::New
             && let Some((_, motion, takes_control)) = self.undecided.get(&key)
         {
-            let control = asks.control(request.session, *takes_control, ANSWER);
-            answer = match control.and_then(|_| asks.offer(request, motion, ANSWER)) {
+            let control = asks.take_control(request.session, *takes_control, ANSWER);
+            answer = match control.and_then(|()| asks.offer(request, motion, ANSWER)) {
                 Ok(answer) => answer,
                 // The session is closed: the queue will say that the motion never runs.
                 Err(ClientError::NotYours) => QueueAnswer::New,
@@ -349,9 +348,12 @@ impl Motions {
             Some((session, _)) => session,
             None => self.session.insert((asks.open(ANSWER)?, 0)).0,
         };
-        if asks.control(session, true, ANSWER)? != session {
-            self.session = None;
-            return Err("the master has closed the session in which the gateway asks for motions; try again".into());
+        match asks.take_control(session, true, ANSWER) {
+            Err(ClientError::NotInControl(_)) => {
+                self.session = None;
+                return Err(CLOSED.into());
+            }
+            taken => taken?,
         }
         asks.abort(session, ANSWER)?;
         Ok(asks.give_up_control(session, ANSWER)?)

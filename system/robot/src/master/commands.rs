@@ -3,28 +3,26 @@
 use core::fmt::{Arguments, Write as _};
 
 use condor_hand::grasp::distributed::{GraspOrder, GraspSettings};
-use condor_hand::message::motions::{BODY_BYTES, MotionsEvent};
-use condor_hand::queue::{RefusalReason, RequestIdentity, RequestState};
 use condor_hand::servo::ServoMode;
-use condor_hand::trajectory::image::encode_for;
-use condor_hand::trajectory::{Begin, Pace, Profile, Target};
+use condor_hand::trajectory::Pace;
 use condor_mbox::{Allocator, Instant};
 use condor_rt::{Background, Machine, ProgramError};
 
-use super::drive::{Motion, SharedDrive, with};
+use super::drive::{SharedDrive, with};
 use super::follow::Follow;
 use super::others::{Ball, Others};
-use super::play::{Player, Title};
-use super::queue::{Requests, Work};
+use super::play::{Player, Title, check};
+use super::queue::{JointMove, MotionName, Requests, Work};
 use super::sequence::Store;
 use super::servos::Servos;
 use super::servos::are_all;
 use super::words::{Problem, Words};
-use crate::grasp;
-use crate::joints::JointNumbers;
-use crate::plant::{self, NumberRange, PlantTarget};
-use crate::table::{self, TableStatus};
-use crate::{FINGERS, JOINTS, RobotDescription};
+use crate::joints::{JointName, JointNumbers};
+use crate::motions::MotionsEvent;
+use crate::plant::{NumberRange, PlantRequest, PlantTarget};
+use crate::queue::{InControl, OWN, RefusalReason, RequestIdentity, RequestState};
+use crate::table::TableRequest;
+use crate::{FINGERS, RobotDescription, grasp};
 
 mod complete;
 mod gains;
@@ -168,9 +166,7 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
                 say(format_args!("all motion stops"));
             }
             Ok(Some(MotionsEvent::Taken(session))) => {
-                say(format_args!(
-                    "another program is in control, by session {session}"
-                ));
+                say(format_args!("{}", InControl::Session(session)));
             }
             Ok(Some(MotionsEvent::Gone(session))) => say(format_args!(
                 "the program of session {session} has ended: no program is in control"
@@ -215,14 +211,13 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
             return Ok(());
         };
         let mut title = Title::new();
+        let RequestIdentity { session, number } = identity;
         // One that is too long is cut.
-        let _ = match (&work.title, work.name()) {
-            (Some(name), _) => write!(title, "{name}"),
-            (None, Some(name)) => write!(title, "{name}"),
-            (None, None) if work.stream.is_some() => {
-                write!(title, "stream {}.{}", identity.session, identity.number)
-            }
-            (None, None) => write!(title, "motion {}.{}", identity.session, identity.number),
+        let _ = match &work {
+            Work::Named(name) | Work::Kept(name) => write!(title, "{name}"),
+            Work::Joint(one) => write!(title, "{}", JointName(self.hand, one.joint)),
+            Work::Motions(..) => write!(title, "motion {session}.{number}"),
+            Work::Stream(_) => write!(title, "stream {session}.{number}"),
         };
         let fingers = match self.prepare(&work) {
             Ok(fingers) => fingers,
@@ -234,12 +229,13 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
             Err(problem) => return self.refuse_next(identity, &title, &problem),
         };
         // A stream begins from rest, and nothing before another one has come to its rest.
-        let is_free = with(self.shared, |drive| drive.is_free(work.stream.is_some()));
+        let is_stream = matches!(work, Work::Stream(_));
+        let is_free = with(self.shared, |drive| drive.is_free(is_stream));
         if is_free != Some(true) || !self.requests.server.begin()? {
             return Ok(());
         }
-        if let Some(mask) = work.stream {
-            let owner = self.requests.owner(identity.session);
+        if let Work::Stream(mask) = work {
+            let owner = self.requests.owner(identity);
             let limits = self.player.limits();
             let begun = with(self.shared, |drive| {
                 drive.begin_stream(identity, owner.unwrap_or_default(), mask, limits)
@@ -255,14 +251,14 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
                     .end(RequestState::Aborted, RefusalReason::FromHere)?),
             };
         }
-        if let Err(error) = self.player.begin(&title, fingers) {
+        if let Err(error) = self.player.begin(title.clone(), fingers) {
             self.player.stop();
             (self.requests.server).end(RequestState::Aborted, RefusalReason::NoMotion)?;
             return Err(Problem::Recording(error));
         }
         // Nobody compares the tracking errors of a single joint that a command moves.
-        if work.title.is_none() {
-            let is_named = work.name().is_some();
+        if !matches!(work, Work::Joint(_)) {
+            let is_named = matches!(work, Work::Named(_) | Work::Kept(_));
             (self.follow).begin(self.shared, identity, &title, is_named);
         }
         Ok(())
@@ -275,7 +271,7 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
         title: &Title,
         problem: &Problem<'_>,
     ) -> Result<(), Problem<'static>> {
-        if self.requests.is_own(identity.session) {
+        if identity.session == OWN {
             self.say(format_args!("{problem}"));
         } else {
             self.say(format_args!("refused {title}: {problem}"));
@@ -287,26 +283,26 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
     /// Puts the motions of a request where they run from, and checks them. Returns a bit for each
     /// finger that they move.
     fn prepare(&mut self, work: &Work) -> Result<u32, Problem<'static>> {
-        if let Some(mask) = work.stream {
-            self.numbers
-                .check(mask)
-                .map_err(|joint| Problem::NoSuchJoint { joint })?;
-            let fingers = self.numbers.fingers(mask);
-            self.check_follows(fingers)?;
-            return Ok(fingers);
-        }
-        match work.name() {
-            Some(_) if work.is_kept => {
+        let fingers = match work {
+            Work::Named(name) => {
+                self.store.load(name, self.player.room())?;
+                self.player.fingers(self.hand)?
+            }
+            Work::Kept(_) => {
                 self.player.is_recording = false;
                 self.player.take_kept();
+                self.player.fingers(self.hand)?
             }
-            Some(name) => self.store.load(name, self.player.room())?,
-            None => {
-                let room = self.player.room();
-                room.set(work.image()).map_err(Problem::Recording)?;
+            Work::Joint(one) => {
+                self.player.put(one.motion()?);
+                self.numbers.fingers(1 << one.joint)
             }
-        }
-        let fingers = self.player.fingers(self.hand)?;
+            Work::Motions(image, fingers) => {
+                self.player.room().set(image);
+                *fingers
+            }
+            Work::Stream(mask) => self.numbers.fingers(*mask),
+        };
         self.check_follows(fingers)?;
         Ok(fingers)
     }
@@ -403,10 +399,7 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
         let seconds = words.maybe_within("a time, s", NumberRange::LET_GO)?;
         let seconds = seconds.unwrap_or(1.0);
         words.end()?;
-        self.plant(
-            plant::PlantOperation::LetGo,
-            [seconds, 0.0, 0.0, 0.0, 0.0, 0.0],
-        )
+        self.others.plant(&PlantRequest::LetGo { seconds })
     }
 
     fn push<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
@@ -416,15 +409,12 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
             Some(_) => words.three_within("a moment, N m", NumberRange::MOMENT)?,
         };
         words.end()?;
-        let wrench = [force, moment];
-        let numbers = wrench.as_flattened().try_into();
-        // There are six.
-        self.plant(plant::PlantOperation::Push, numbers.unwrap_or([0.0; 6]))
+        self.others.plant(&PlantRequest::Push { force, moment })
     }
 
     fn clear<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
         words.end()?;
-        self.plant(plant::PlantOperation::Mend, [0.0; 6])
+        self.others.plant(&PlantRequest::Mend)
     }
 
     fn say(&self, line: Arguments<'_>) {
@@ -498,10 +488,8 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
         if waiting > 0 {
             self.say(format_args!("{waiting} motions wait"));
         }
-        if let Some(session) = in_control.filter(|&it| !self.requests.is_own(it)) {
-            self.say(format_args!(
-                "another program is in control, by session {session}"
-            ));
+        if matches!(in_control, InControl::Session(_)) {
+            self.say(format_args!("{in_control}"));
         }
         if !self.player.kept.is_empty() || self.player.is_recording {
             let count = self.player.kept.motions().map_or(0, |it| it.len());
@@ -519,7 +507,7 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
             Ok(object) => self.say(format_args!("object: {}", MeasuredObject(&object))),
             Err(problem) => self.say(format_args!("object: {problem}")),
         }
-        match self.ask_table(table::TableOperation::Status, 1.0, [0.0; 3]) {
+        match self.others.table(&TableRequest::Status) {
             Ok(state) => self.say(format_args!("table: {state}")),
             Err(problem) => self.say(format_args!("table: {problem}")),
         }
@@ -591,13 +579,11 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
                 .find(|(mode, _)| **mode != ServoMode::Position);
             return Err(match other {
                 _ if status.modes.contains(&ServoMode::Grasp) => Problem::InGrasp(name),
-                Some((mode, joint)) if !are_all(status, entry.joints.len(), ServoMode::Off) => {
-                    Problem::OtherMode {
-                        finger: name,
-                        joint: joint.name.clone(),
-                        mode: mode.name(),
-                    }
-                }
+                Some((mode, joint)) if !are_all(status, ServoMode::Off) => Problem::OtherMode {
+                    finger: name,
+                    joint: joint.name.clone(),
+                    mode: mode.name(),
+                },
                 _ => Problem::NotEnabled(name),
             });
         }
@@ -609,12 +595,12 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
         let work = if rest.next().is_some() {
             let name = words.name()?;
             words.end()?;
-            Work::named(name, false)
+            Work::Named(MotionName::try_from(name).map_err(|_| Problem::Name(name))?)
         } else if self.player.kept.is_empty() {
             return Err(Problem::Nothing);
         } else {
             self.player.is_recording = false;
-            Work::named(&self.player.kept_title, true)
+            Work::Kept(self.player.kept_title.clone())
         };
         self.enqueue(work)
     }
@@ -636,23 +622,13 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
         let position = words.number("a position, rad")?;
         let seconds = words.positive(SECONDS)?;
         words.end()?;
-        let pace = seconds.map_or(Pace::Speed(0.1), Pace::Duration);
-        let mut motion = Motion::new(pace, Profile::MinimumJerk).with(
-            self.numbers.number(finger, joint),
-            Target::Absolute(position),
-        )?;
-        motion.begin = Begin::Beside;
-        let mut image = [0; BODY_BYTES];
-        let len = encode_for(self.numbers.count(), [&motion], &mut image);
-        let len = len.map_err(Problem::Recording)?;
-        let mut title = Title::new();
-        let entry = self.hand.fingers.get(finger);
-        if let Some((entry, joint)) = entry.and_then(|it| Some((it, it.joints.get(joint)?))) {
-            // One that is too long is cut.
-            let _ = write!(title, "{}.{}", entry.name, joint.name);
-        }
-        let work = Work::of_image(image.get(..len).unwrap_or(&[]), title);
-        self.enqueue(work.ok_or(Problem::Nothing)?)
+        let one = JointMove {
+            joint: self.numbers.number(finger, joint),
+            position,
+            pace: seconds.map_or(Pace::Speed(0.1), Pace::Duration),
+        };
+        check(self.hand, [one.motion()?])?;
+        self.enqueue(Work::Joint(one))
     }
 
     fn save<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
@@ -674,48 +650,36 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
     }
 
     fn table<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
-        let mut rest = words.peek();
-        let operation = match rest.next() {
-            None => Some(table::TableOperation::Status),
-            Some("home") => Some(table::TableOperation::Home),
-            Some("stop") => Some(table::TableOperation::Stop),
-            Some("off") => Some(table::TableOperation::Disable),
-            Some("clear") => Some(table::TableOperation::Clear),
+        let speed = 0.2;
+        let request = match words.peek().next() {
+            None => Some(TableRequest::Status),
+            Some("home") => Some(TableRequest::Home { speed }),
+            Some("stop") => Some(TableRequest::Stop),
+            Some("off") => Some(TableRequest::Disable),
+            Some("clear") => Some(TableRequest::Clear),
             Some(_) => None,
         };
-        let state = if let Some(operation) = operation {
+        let request = if let Some(request) = request {
             words.next();
-            words.end()?;
-            self.ask_table(operation, 0.2, [0.0; 3])?
+            request
         } else {
             let to = words.three("a position, m")?;
-            let speed = words.positive("a speed above 0, at most 1")?;
-            words.end()?;
-            self.ask_table(table::TableOperation::Move, speed.unwrap_or(0.2), to)?
+            let speed = words
+                .positive("a speed above 0, at most 1")?
+                .unwrap_or(speed);
+            TableRequest::Move { to, speed }
         };
+        words.end()?;
+        let state = self.others.table(&request)?;
         self.say(format_args!("table: {state}"));
         Ok(())
-    }
-
-    fn ask_table(
-        &mut self,
-        operation: table::TableOperation,
-        speed: f64,
-        to: [f64; 3],
-    ) -> Result<TableStatus, Problem<'static>> {
-        self.others.table(&table::TableRequest {
-            operation: operation as u32,
-            zero: 0,
-            speed,
-            to,
-        })
     }
 
     fn ball<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
         if words.peek().next() == Some("none") {
             words.next();
             words.end()?;
-            return self.plant(plant::PlantOperation::RemoveBall, [0.0; 6]);
+            return self.others.plant(&PlantRequest::RemoveBall);
         }
         let former = self.others.ball;
         let radius = words.maybe_within("a radius, m", NumberRange::RADIUS)?;
@@ -730,11 +694,11 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
             radius: radius.unwrap_or(former.radius),
             mass: mass.unwrap_or(former.mass),
         };
-        let [x, y, z] = ball.center;
-        self.plant(
-            plant::PlantOperation::PlaceBall,
-            [x, y, z, ball.radius, ball.mass, 0.0],
-        )?;
+        self.others.plant(&PlantRequest::PlaceBall {
+            center: ball.center,
+            radius: ball.radius,
+            mass: ball.mass,
+        })?;
         self.others.ball = ball;
         Ok(())
     }
@@ -744,30 +708,21 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
         let what = "position, flexor or extensor";
         let word = words.word(what)?;
         words.end()?;
-        let (operation, which) = match word {
-            "position" => (plant::PlantOperation::StickSensor, PlantTarget::Position),
-            "flexor" => (plant::PlantOperation::CutTendon, PlantTarget::Flexor),
-            "extensor" => (plant::PlantOperation::CutTendon, PlantTarget::Extensor),
-            _ => return Err(Problem::Not { word, what }),
+        let (finger, joint) = (finger as u32, joint as u32);
+        let cut = |which| PlantRequest::CutTendon {
+            finger,
+            joint,
+            which,
         };
-        self.others.plant(&plant::PlantRequest {
-            operation: operation as u32,
-            finger: finger as u32,
-            joint: joint as u32,
-            which: which as u32,
-            numbers: [0.0; 6],
-        })
-    }
-
-    fn plant(
-        &mut self,
-        operation: plant::PlantOperation,
-        numbers: [f64; 6],
-    ) -> Result<(), Problem<'static>> {
-        self.others.plant(&plant::PlantRequest {
-            operation: operation as u32,
-            numbers,
-            ..plant::PlantRequest::default()
+        self.others.plant(&match word {
+            "position" => PlantRequest::StickSensor {
+                finger,
+                joint,
+                which: PlantTarget::Position,
+            },
+            "flexor" => cut(PlantTarget::Flexor),
+            "extensor" => cut(PlantTarget::Extensor),
+            _ => return Err(Problem::Not { word, what }),
         })
     }
 }

@@ -3,7 +3,6 @@
 use core::cell::RefCell;
 
 use condor_hand::controller::GuardStop;
-use condor_hand::message::{ServoLayout, SetPoints};
 use condor_hand::trajectory::{
     Generator, MotionGuard, Observations, Primitive, SetPoint, StopGuard, StreamEnd,
 };
@@ -18,6 +17,7 @@ use crate::desired::DesiredPositions;
 use crate::grasp::{JOINTS_NAME, Joints, Partner, PartnerState};
 use crate::guards::{FELT_NAME, Felt, STOPS_NAME, Stops};
 use crate::joints::JointNumbers;
+use crate::message::{ServoLayout, SetPoints};
 use crate::{FINGERS, JOINTS};
 
 mod stream;

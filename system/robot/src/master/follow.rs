@@ -3,7 +3,6 @@
 use core::fmt::Arguments;
 
 use condor_hand::decimal::Decimal;
-use condor_hand::queue::RequestIdentity;
 use condor_mbox::Region;
 use condor_mbox::published::Publisher;
 use condor_rt::Machine;
@@ -12,6 +11,7 @@ use zerocopy::FromZeros as _;
 use super::drive::{SharedDrive, with};
 use super::play::Title;
 use super::servos::Servos;
+use crate::queue::RequestIdentity;
 use crate::servo::Figures;
 use crate::tracking::TrackingReport;
 use crate::{FINGERS, RobotDescription, objects};

@@ -6,20 +6,26 @@ use condor_hand::config::ProcessorKind;
 use condor_mbox::exchange::Blocks;
 use condor_mbox::{AccessError, Clock as _, Exchange, PeerState, Processor, Region, Vector};
 use condor_rt::{Background, Machine, MailboxOf, ProgramError, numbers, users};
-use zerocopy::{FromBytes, Immutable, IntoBytes};
+use serde::Serialize;
+use serde::de::DeserializeOwned;
 
 use super::words::Problem;
+use crate::packet::{self, Packet};
 use crate::plant::CameraObject;
 use crate::{RobotDescription, objects, plant, table};
 
 /// The time in which the table or the robot must answer.
 const ANSWER: Duration = Duration::from_millis(500);
 
+/// A request or a response of the table or the robot.
+type Short<T> = Packet<T, 1, 56>;
+
 type FoundServers<M, Q, R> =
-    fn(&Region<<M as Machine>::Window>) -> Result<Option<Blocks<Q, R>>, AccessError>;
+    fn(&Region<<M as Machine>::Window>) -> Result<Option<Blocks<Short<Q>, Short<R>>>, AccessError>;
 
 /// The exchange of a processor that asks.
-type End<'r, M, Q, R> = Exchange<'r, MailboxOf<'r, M>, Region<<M as Machine>::Window>, Q, R>;
+type End<'r, M, Q, R> =
+    Exchange<'r, MailboxOf<'r, M>, Region<<M as Machine>::Window>, Short<Q>, Short<R>>;
 
 /// A processor that answers requests.
 struct Remote<'r, M: Machine, Q, R> {
@@ -35,8 +41,8 @@ struct Remote<'r, M: Machine, Q, R> {
 
 impl<M: Machine, Q, R> Remote<'_, M, Q, R>
 where
-    Q: FromBytes + IntoBytes + Immutable,
-    R: FromBytes + IntoBytes + Immutable,
+    Q: Serialize + DeserializeOwned,
+    R: Serialize + DeserializeOwned,
 {
     fn ask(&mut self, request: &Q) -> Result<R, Problem<'static>> {
         let to = Processor(self.number);
@@ -47,18 +53,15 @@ where
         if self.incarnation != incarnation {
             self.exchange = None;
         }
-        if self.exchange.is_none() {
-            let blocks = (self.find)(&self.region)?;
-            let Some(blocks) = blocks else {
-                return Err(absent);
-            };
-            self.exchange = Some(blocks.client(self.mailbox, &self.region)?);
-            self.incarnation = incarnation;
-        }
-        match &mut self.exchange {
-            Some(exchange) => Ok(exchange.call(to, self.vector, request, ANSWER)?),
-            None => Err(absent),
-        }
+        let exchange = if let Some(exchange) = self.exchange.take() {
+            exchange
+        } else {
+            let blocks = (self.find)(&self.region)?.ok_or(absent)?;
+            blocks.client(self.mailbox, &self.region)?
+        };
+        self.incarnation = incarnation;
+        let exchange = self.exchange.insert(exchange);
+        Ok(packet::ask(exchange, to, self.vector, request, ANSWER)?)
     }
 }
 
@@ -136,13 +139,7 @@ impl<'r, M: Machine> Others<'r, M> {
         request: &table::TableRequest,
     ) -> Result<table::TableStatus, Problem<'static>> {
         let table = self.table.as_mut().ok_or(Problem::NoTable)?;
-        let response = table.ask(request)?;
-        match table::TableRefusal::from_number(response.refusal) {
-            Some(refusal) => Err(Problem::Table(refusal)),
-            None if response.refusal != 0 => Err(Problem::Answer(response.refusal)),
-            None => table::TableStatus::from_number(response.state)
-                .ok_or(Problem::Answer(response.state)),
-        }
+        table.ask(request)?.map_err(Problem::Table)
     }
 
     /// A bit for each D/A board of the simulated robot that rests; `None` without a robot.
@@ -204,13 +201,7 @@ impl<'r, M: Machine> Others<'r, M> {
             match plant.ask(request) {
                 Err(Problem::Absent(_)) => {}
                 Err(error) => return Err(error),
-                Ok(response) => {
-                    return match plant::PlantRefusal::from_number(response.refusal) {
-                        Some(refusal) => Err(Problem::Plant(refusal)),
-                        None if response.refusal != 0 => Err(Problem::Answer(response.refusal)),
-                        None => Ok(()),
-                    };
-                }
+                Ok(response) => return response.map_err(Problem::Plant),
             }
         }
         Err(Problem::NoPlant)

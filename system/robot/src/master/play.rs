@@ -3,20 +3,22 @@
 use core::fmt::{Arguments, Write as _};
 
 use condor_hand::ImageError;
-use condor_hand::queue::{RefusalReason, RequestState};
+use condor_hand::trajectory::image::MotionSequence;
 use condor_hand::trajectory::{
     Happening, MotionEnd, MotionError, MotionGuard, MotionProgress, MotionTicket, ProfileLimits,
     StreamEnd, Target,
 };
 
-use super::drive::{ALL, Drive, SharedDrive, with};
+use super::drive::{ALL, Drive, Motion, SharedDrive, with};
+use super::queue::MotionName;
 use super::sequence::Sequence;
 use super::words::{GuardText, Problem};
 use crate::RobotDescription;
 use crate::joints::{JointName, JointNumbers};
+use crate::queue::{RefusalReason, RequestState};
 
 /// The title of a motion.
-pub(super) type Title = heapless::String<32>;
+pub(super) type Title = heapless::String<136>;
 /// Motions that the generator has, or that it has ended since it was asked last.
 const GIVEN: usize = 64;
 
@@ -28,6 +30,10 @@ pub(super) struct Player {
     title: Option<Title>,
     /// The number of the first motion that the generator does not have yet.
     next: u32,
+    /// That motion, if it was read and the generator had no room for it.
+    pending: Option<Motion>,
+    /// The place of the motion after that in the sequence.
+    place: usize,
     count: u32,
     /// Motions that the generator has and has not ended.
     tickets: heapless::Vec<MotionTicket, GIVEN>,
@@ -38,7 +44,7 @@ pub(super) struct Player {
     /// The sequence that is recorded, or was loaded.
     pub(super) kept: Sequence,
     /// The name that it was given.
-    pub(super) kept_title: Title,
+    pub(super) kept_title: MotionName,
     pub(super) is_recording: bool,
     is_held: bool,
     /// The end of the motion that runs, as far as it is known.
@@ -55,12 +61,14 @@ impl Player {
             running: Sequence::new(joints),
             title: None,
             next: 0,
+            pending: None,
+            place: 0,
             count: 0,
             tickets: heapless::Vec::new(),
             is_stream: false,
             fingers: 0,
             kept: Sequence::new(joints),
-            kept_title: Title::new(),
+            kept_title: MotionName::new(),
             is_recording: false,
             is_held: false,
             end: DONE,
@@ -101,7 +109,8 @@ impl Player {
     /// Forgets what runs.
     pub(super) fn stop(&mut self) {
         self.title = None;
-        (self.next, self.count) = (0, 0);
+        (self.next, self.count, self.place) = (0, 0, 0);
+        self.pending = None;
         self.tickets.clear();
         (self.is_stream, self.fingers) = (false, 0);
     }
@@ -118,58 +127,20 @@ impl Player {
         self.running.copy(&self.kept);
     }
 
+    /// A single motion is to run.
+    pub(super) fn put(&mut self, motion: Motion) {
+        self.stop();
+        self.running.clear();
+        self.pending = Some(motion);
+    }
+
     /// Returns the fingers that the sequence in [`room`](Self::room) moves, a bit for each.
     ///
     /// # Errors
-    /// Returns the [`Problem`] if there is a guard of contact without a sensor, a target or via point beyond
-    /// the limits, or no motion.
+    /// Returns the [`Problem`] if the robot cannot make one of the motions, or if there is none.
     pub(super) fn fingers(&self, hand: &RobotDescription) -> Result<u32, Problem<'static>> {
         let motions = self.running.motions().map_err(Problem::Recording)?;
-        let numbers = JointNumbers::of(hand);
-        let mut fingers = 0;
-        for (number, motion) in (1..).zip(motions.iter()) {
-            if motion.start.contact || motion.stop.contact {
-                for (finger, entry) in hand.fingers.iter().enumerate() {
-                    let moves = motion.mask & numbers.mask(finger) != 0;
-                    if moves && entry.touch.is_none() {
-                        let finger = entry.name.clone();
-                        return Err(Problem::Guard { number, finger });
-                    }
-                }
-            }
-            fingers |= numbers.fingers(motion.mask);
-            for (joint, limits) in self.limits.iter().enumerate() {
-                if motion.mask >> joint & 1 == 0 {
-                    continue;
-                }
-                let Some(&Target::Absolute(target)) = motion.targets.get(joint) else {
-                    continue;
-                };
-                let vias = motion
-                    .vias
-                    .iter()
-                    .filter_map(|via| via.positions.get(joint));
-                for &value in vias.chain([&target]) {
-                    if !limits.contains(value) {
-                        let (low, high) = (limits.low, limits.high);
-                        let mut name = heapless::String::new();
-                        // The names of a description are short enough.
-                        let _ = write!(name, "{}", JointName(hand, joint));
-                        return Err(Problem::Beyond {
-                            number,
-                            joint: name,
-                            value,
-                            low,
-                            high,
-                        });
-                    }
-                }
-            }
-        }
-        if fingers == 0 {
-            return Err(Problem::Nothing);
-        }
-        Ok(fingers)
+        check(hand, motions.iter())
     }
 
     /// Sets the name of the sequence that is recorded or loaded.
@@ -179,24 +150,25 @@ impl Player {
         let _ = self.kept_title.push_str(name);
     }
 
-    /// Runs the sequence that is there, which moves these fingers.
+    /// Runs the sequence or the motion that is there, which moves these fingers.
     pub(super) fn begin(
         &mut self,
-        title: &str,
+        title: Title,
         fingers: u32,
     ) -> Result<(), ImageError<MotionError>> {
-        let motions = self.running.motions()?;
-        self.count = motions.len();
+        self.count = match &self.pending {
+            Some(_) => 1,
+            None => self.running.motions()?.len(),
+        };
         if self.is_recording {
-            for motion in motions.iter() {
+            if let Some(motion) = &self.pending {
+                self.kept.push(motion)?;
+            }
+            for motion in self.running.motions().iter().flat_map(MotionSequence::iter) {
                 self.kept.push(&motion)?;
             }
         }
-        let mut name = Title::new();
-        // Names are short enough.
-        let _ = name.push_str(title);
-        self.title = Some(name);
-        self.next = 0;
+        self.title = Some(title);
         self.fingers = fingers;
         self.is_held = false;
         self.end = DONE;
@@ -234,21 +206,12 @@ impl Player {
             self.stop();
             return Some((title, state, reason));
         }
-        if self.title.is_some() && self.next < self.count {
-            let fed = with(shared, |drive| {
-                let (generator, tickets) = (&mut drive.generator, &mut self.tickets);
-                self.running.feed(self.next, hand, generator, tickets)
-            });
-            if let Some((fed, result)) = fed {
-                self.next += fed;
-                if let Err(error) = result {
-                    let number = self.next + 1;
-                    say(format_args!(
-                        "motion {number} is not possible, so the sequence stops: {error}"
-                    ));
-                    return Some(self.break_off(shared, RefusalReason::FromHere));
-                }
-            }
+        if let Err(error) = self.feed(hand, shared) {
+            let number = self.next + 1;
+            say(format_args!(
+                "motion {number} is not possible, so the sequence stops: {error}"
+            ));
+            return Some(self.break_off(shared, RefusalReason::FromHere));
         }
         while let Some(Some((finger, stop))) = with(shared, |drive| drive.stops.pop_front()) {
             if let Some(entry) = hand.fingers.get(finger) {
@@ -311,6 +274,41 @@ impl Player {
         None
     }
 
+    /// Gives the generator as many motions as it has room for.
+    ///
+    /// # Errors
+    /// Returns the error of a motion that the generator refuses.
+    fn feed<W>(
+        &mut self,
+        hand: &RobotDescription,
+        shared: &SharedDrive<'_, W>,
+    ) -> Result<(), MotionError> {
+        while self.title.is_some() && self.next < self.count && !self.tickets.is_full() {
+            let motion = self.pending.take().or_else(|| {
+                let motions = self.running.motions().ok()?;
+                motions.read(&mut self.place)
+            });
+            let Some(mut motion) = motion else {
+                // The sequence was checked, so there is one.
+                return Ok(());
+            };
+            hand.rest_between_stops(&mut motion);
+            match with(shared, |drive| drive.generator.enqueue(motion.clone())) {
+                Some(Ok(ticket)) => {
+                    // There is room.
+                    let _ = self.tickets.push(ticket);
+                    self.next += 1;
+                }
+                Some(Err(MotionError::Full { .. })) | None => {
+                    self.pending = Some(motion);
+                    break;
+                }
+                Some(Err(error)) => return Err(error),
+            }
+        }
+        Ok(())
+    }
+
     /// Stops what runs, for a reason.
     fn break_off<W>(
         &mut self,
@@ -322,4 +320,60 @@ impl Player {
         self.stop();
         (title, RequestState::Aborted, reason)
     }
+}
+
+/// Returns the fingers that motions move, a bit for each.
+///
+/// # Errors
+/// Returns the [`Problem`] if there is a guard of contact without a sensor, a target or via point beyond
+/// the limits, or no motion.
+pub(super) fn check(
+    hand: &RobotDescription,
+    motions: impl IntoIterator<Item = Motion>,
+) -> Result<u32, Problem<'static>> {
+    let numbers = JointNumbers::of(hand);
+    let mut fingers = 0;
+    for (number, motion) in (1..).zip(motions) {
+        if motion.start.contact || motion.stop.contact {
+            for (finger, entry) in hand.fingers.iter().enumerate() {
+                let moves = motion.mask & numbers.mask(finger) != 0;
+                if moves && entry.touch.is_none() {
+                    let finger = entry.name.clone();
+                    return Err(Problem::Guard { number, finger });
+                }
+            }
+        }
+        fingers |= numbers.fingers(motion.mask);
+        for (joint, limits) in hand.trajectory_limits().enumerate() {
+            if motion.mask >> joint & 1 == 0 {
+                continue;
+            }
+            let Some(&Target::Absolute(target)) = motion.targets.get(joint) else {
+                continue;
+            };
+            let vias = motion
+                .vias
+                .iter()
+                .filter_map(|via| via.positions.get(joint));
+            for &value in vias.chain([&target]) {
+                if !limits.contains(value) {
+                    let (low, high) = (limits.low, limits.high);
+                    let mut name = heapless::String::new();
+                    // The names of a description are short enough.
+                    let _ = write!(name, "{}", JointName(hand, joint));
+                    return Err(Problem::Beyond {
+                        number,
+                        joint: name,
+                        value,
+                        low,
+                        high,
+                    });
+                }
+            }
+        }
+    }
+    if fingers == 0 {
+        return Err(Problem::Nothing);
+    }
+    Ok(fingers)
 }

@@ -1,23 +1,26 @@
 //! [`Requests`]: the master's queue of motions, with its ledger in a file.
 
-use condor_hand::message::motions::{BODY_BYTES, MotionsEvent, MotionsPost, MotionsServer, Offer};
-use condor_hand::queue::{
-    MotionQueue, QueueAnswer, RefusalReason, RequestIdentity, RequestState, RestoreError,
-    SessionOwner,
-};
+use condor_hand::trajectory::image::MotionSequence;
+use condor_hand::trajectory::{Begin, MotionError, Pace, Profile, Target};
 use condor_mbox::{Clock, PeerState, Processor};
 use condor_rt::{Background, FilesOf, Machine, MailboxOf};
 
-use super::drive::ALL;
-use super::play::Title;
+use super::drive::{ALL, Motion};
+use super::play::check;
 use super::words::{Problem, is_name};
+use crate::RobotDescription;
+use crate::joints::JointNumbers;
+use crate::motions::{BODY_BYTES, MotionsEvent, MotionsPost, MotionsServer, Offer};
+use crate::queue::{
+    InControl, MotionQueue, OWN, RefusalReason, RequestIdentity, RestoreError, SessionOwner,
+};
 
 mod ledger;
 
 use ledger::LedgerFile;
 
 /// Requests that wait for their turn; the outcomes of four times as many are known. Twice as many
-/// clients have a session, the terminal among them.
+/// clients have a session.
 const WAITING: usize = 8;
 
 type Queue = MotionQueue<Work, WAITING>;
@@ -25,75 +28,74 @@ type Queue = MotionQueue<Work, WAITING>;
 pub(super) type Post = MotionsPost<Work, WAITING>;
 type Server<'r, M> = MotionsServer<'r, Work, LedgerFile<'r, M>, WAITING>;
 
+/// The name of a motion.
+pub(super) type MotionName = heapless::String<24>;
+
 /// The work of a request.
 #[derive(Clone, Debug)]
-pub(super) struct Work {
-    /// The name of a motion, or an image of motions.
-    body: heapless::Vec<u8, BODY_BYTES>,
-    /// Whether it is what is in memory, recorded or loaded, under this name.
-    pub(super) is_kept: bool,
-    /// The joints of a stream.
-    pub(super) stream: Option<u32>,
-    /// The title at the terminal, if it has no name.
-    pub(super) title: Option<Title>,
+#[expect(
+    clippy::large_enum_variant,
+    reason = "nothing is allocated, and few requests wait"
+)]
+pub(super) enum Work {
+    /// The motion of this name, in its file.
+    Named(MotionName),
+    /// What is in memory, recorded or loaded, under this name.
+    Kept(MotionName),
+    /// One joint goes to a position.
+    Joint(JointMove),
+    /// Motions in an image, which was checked, and the fingers that they move, a bit for each.
+    Motions(heapless::Vec<u8, BODY_BYTES>, u32),
+    /// A stream of the joints in this mask, which the robot has.
+    Stream(u32),
+}
+
+/// A motion of one joint, by its number, beside other motions.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct JointMove {
+    pub(super) joint: usize,
+    pub(super) position: f64,
+    pub(super) pace: Pace<f64>,
+}
+
+impl JointMove {
+    pub(super) fn motion(self) -> Result<Motion, MotionError> {
+        let motion = Motion::new(self.pace, Profile::MinimumJerk);
+        let mut motion = motion.with(self.joint, Target::Absolute(self.position))?;
+        motion.begin = Begin::Beside;
+        Ok(motion)
+    }
 }
 
 impl Work {
-    /// The motion of this name.
-    pub(super) fn named(name: &str, is_kept: bool) -> Self {
-        // Names are short enough.
-        let body = heapless::Vec::from_slice(name.as_bytes()).unwrap_or_default();
-        Self {
-            body,
-            is_kept,
-            stream: None,
-            title: None,
+    /// Makes the work of what a client offers, and checks it.
+    fn of(offer: Offer, hand: &RobotDescription) -> Result<Self, RefusalReason> {
+        let numbers = JointNumbers::of(hand);
+        match offer {
+            Offer::Motions(bytes) => {
+                let name = core::str::from_utf8(&bytes).ok();
+                if let Some(name) = name.filter(|name| is_name(name)) {
+                    let name = MotionName::try_from(name);
+                    return name.map(Self::Named).map_err(|_| RefusalReason::NoMotion);
+                }
+                let motions = MotionSequence::<ALL>::for_joints(numbers.count(), &bytes);
+                let motions = motions.map_err(|_| RefusalReason::NoMotion)?;
+                let fingers = check(hand, motions.iter()).map_err(|problem| problem.reason())?;
+                Ok(Self::Motions(bytes, fingers))
+            }
+            Offer::Stream(mask) if mask != 0 && numbers.check(mask).is_ok() => {
+                Ok(Self::Stream(mask))
+            }
+            Offer::Stream(_) => Err(RefusalReason::NoMotion),
         }
-    }
-
-    /// The motions of an image; `None` if it is too long.
-    pub(super) fn of_image(image: &[u8], title: Title) -> Option<Self> {
-        Some(Self {
-            body: heapless::Vec::from_slice(image).ok()?,
-            is_kept: false,
-            stream: None,
-            title: Some(title),
-        })
-    }
-
-    /// Makes the work from the offer of a client.
-    fn of(offer: Offer<'_>) -> Result<Self, RefusalReason> {
-        let (body, stream) = match offer {
-            Offer::Motions(body) => (body, None),
-            Offer::Stream(mask) if (1..1 << ALL).contains(&mask) => (&[][..], Some(mask)),
-            Offer::Stream(_) => return Err(RefusalReason::NoMotion),
-        };
-        Ok(Self {
-            body: heapless::Vec::from_slice(body).map_err(|_| RefusalReason::NoMotion)?,
-            is_kept: false,
-            stream,
-            title: None,
-        })
-    }
-
-    pub(super) fn name(&self) -> Option<&str> {
-        let name = core::str::from_utf8(&self.body).ok();
-        name.filter(|name| self.title.is_none() && is_name(name))
-    }
-
-    pub(super) fn image(&self) -> &[u8] {
-        &self.body
     }
 }
 
-/// The queue in the background, and the terminal as a client of it.
+/// The queue in the background, and the terminal that uses it, too.
 pub(super) struct Requests<'r, M: Machine> {
     pub(super) server: Server<'r, M>,
     mailbox: &'r MailboxOf<'r, M>,
-    /// The owner of the terminal's sessions, in all incarnations of this program.
-    own: SessionOwner,
-    /// The session of the terminal, 0 at first, and the number of its last request.
-    terminal: RequestIdentity,
+    hand: &'r RobotDescription,
     /// Whether somebody has typed that the terminal is in control: then it stays so.
     keeps_control: bool,
 }
@@ -104,52 +106,41 @@ impl<'r, M: Machine> Requests<'r, M> {
         post: &'r Post,
         files: &'r FilesOf<'r, M>,
         background: &'r Background<'r, M>,
+        hand: &'r RobotDescription,
     ) -> Self {
         Self {
             server: Server::new(post, LedgerFile(files)),
             mailbox: background.mailbox(),
-            own: SessionOwner {
-                processor: background.machine().number().0.into(),
-                incarnation: 0,
-            },
-            terminal: RequestIdentity {
-                session: 0,
-                number: 0,
-            },
+            hand,
             keeps_control: false,
         }
     }
 
     /// Deals with what has come by message.
     pub(super) fn attend(&mut self) -> Result<Option<MotionsEvent>, Problem<'static>> {
-        let (own, mailbox) = (self.own, self.mailbox);
+        let (mailbox, hand) = (self.mailbox, self.hand);
         let incarnation = |processor: u32| {
-            if processor == own.processor {
-                return Some(own.incarnation);
-            }
             let processor = Processor(u8::try_from(processor).ok()?);
             match mailbox.peer_state(processor) {
                 Ok(PeerState::Up { incarnation, .. }) => Some(incarnation),
                 _ => None,
             }
         };
-        let news = self
-            .server
-            .attend(mailbox.doorbell().now(), incarnation, Work::of);
+        let now = mailbox.doorbell().now();
+        let make = |offer| Work::of(offer, hand);
+        let news = self.server.attend(now, incarnation, make);
         let news = news.map_err(|error| match error {
             RestoreError::Ledger(error) => Problem::Ledger(error),
             RestoreError::Write(error) => error.into(),
-            _ => Problem::NoSession,
         })?;
         self.keeps_control &= !matches!(news, Some(MotionsEvent::Taken(_)));
-        let session = self.terminal.session;
         let is_over = self.server.look(|queue| {
             let is_idle = queue.waiting() == 0 && queue.running().is_none();
-            is_idle && queue.in_control() == Some(session)
+            is_idle && queue.in_control() == InControl::Program
         });
         if is_over == Some(true) && !self.keeps_control {
             self.server.change(|queue, _| {
-                queue.give_up_control(session);
+                queue.give_up_control(OWN);
                 Ok(())
             })?;
         }
@@ -159,33 +150,26 @@ impl<'r, M: Machine> Requests<'r, M> {
     /// Enqueues what was typed.
     pub(super) fn enqueue(&mut self, work: Work) -> Result<(), Problem<'static>> {
         self.take_control(false)?;
-        self.terminal.number = self.terminal.number.wrapping_add(1);
-        let identity = self.terminal;
-        let make = || Ok(work);
-        match (self.server).change(|queue, write| queue.offer(identity, write, make))? {
-            Some(QueueAnswer::Known(RequestState::Refused, reason)) => {
-                Err(Problem::Refused(reason))
-            }
-            Some(QueueAnswer::Known(..)) => Ok(()),
-            _ => Err(Problem::NoSession),
+        match self.server.change(|queue, _| Ok(queue.enqueue(work)))? {
+            Some(enqueued) => enqueued.map_err(Problem::Refused),
+            None => Err(Problem::NoQueue),
         }
     }
 
     /// Has the terminal in control, if nobody else is or `from_other`.
     pub(super) fn take_control(&mut self, from_other: bool) -> Result<(), Problem<'static>> {
-        self.reopen()?;
-        let session = self.terminal.session;
         self.keeps_control |= from_other;
-        let other = self.server.change(|queue, _| {
-            queue.take_control(session, from_other);
-            Ok(queue.in_control().filter(|it| *it != session))
+        let in_control = self.server.change(|queue, _| {
+            queue.take_control(OWN, from_other);
+            Ok(queue.in_control())
         })?;
-        match other.flatten() {
+        match in_control {
+            Some(InControl::Program) => Ok(()),
             Some(other) => {
                 self.keeps_control = false;
                 Err(Problem::InControl(other))
             }
-            None => Ok(()),
+            None => Err(Problem::NoQueue),
         }
     }
 
@@ -202,44 +186,23 @@ impl<'r, M: Machine> Requests<'r, M> {
 
     /// Returns an error if what is in memory waits to run: it must stay as it is.
     pub(super) fn check_kept(&self) -> Result<(), Problem<'static>> {
-        match (self.server).look(|queue| queue.works().any(|work| work.is_kept)) {
+        let waits = |queue: &Queue| queue.works().any(|work| matches!(work, Work::Kept(_)));
+        match self.server.look(waits) {
             Some(true) => Err(Problem::Running),
             _ => Ok(()),
         }
     }
 
-    /// Opens a session for the terminal if it has none, or those of clients have taken its place.
-    fn reopen(&mut self) -> Result<(), Problem<'static>> {
-        let (terminal, own) = (self.terminal, self.own);
-        let opened = self
-            .server
-            .change(|queue, write| match queue.answer(terminal) {
-                QueueAnswer::NoSession => Ok((queue.open(own, write)?, queue.is_exhausted())),
-                _ => Ok((Some(terminal.session), false)),
-            })?;
-        let session = match opened {
-            Some((Some(session), _)) => session,
-            Some((None, true)) => return Err(Problem::Exhausted),
-            _ => return Err(Problem::NoSession),
-        };
-        if session != terminal.session {
-            self.terminal = RequestIdentity { session, number: 0 };
-        }
-        Ok(())
+    /// Returns the owner of the session of a request.
+    pub(super) fn owner(&self, identity: RequestIdentity) -> Option<SessionOwner> {
+        self.server
+            .look(|queue| queue.owner(identity.session))
+            .flatten()
     }
 
-    /// Returns the owner of a session.
-    pub(super) fn owner(&self, session: u32) -> Option<SessionOwner> {
-        self.server.look(|queue| queue.owner(session)).flatten()
-    }
-
-    pub(super) fn is_own(&self, session: u32) -> bool {
-        session == self.terminal.session
-    }
-
-    /// Returns the number of requests that wait, and the session that is in control.
-    pub(super) fn waiting(&self) -> (usize, Option<u32>) {
+    /// Returns the number of requests that wait, and who is in control.
+    pub(super) fn waiting(&self) -> (usize, InControl) {
         let seen = (self.server).look(|queue| (queue.waiting(), queue.in_control()));
-        seen.unwrap_or((0, None))
+        seen.unwrap_or((0, InControl::Nobody))
     }
 }

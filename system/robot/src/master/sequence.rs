@@ -2,13 +2,13 @@
 
 use condor_fs::{Errno, FileError, OpenOptions};
 use condor_hand::ImageError;
+use condor_hand::trajectory::MotionError;
 use condor_hand::trajectory::image::{MotionSequence, append_for};
-use condor_hand::trajectory::{Generator, MotionError, MotionTicket};
 use condor_rt::{FilesOf, Machine};
 
 use super::drive::{ALL, Motion};
 use super::words::{Path, Problem};
-use crate::{RobotDescription, file};
+use crate::file;
 
 /// The greatest size of a compiled sequence of motions that the master can run, in bytes.
 pub const MOTION_BYTES: usize = 8192;
@@ -46,15 +46,13 @@ impl Sequence {
         self.bytes.get(..self.len).unwrap_or(&[])
     }
 
-    /// Takes the bytes of an image, which is checked.
-    pub(super) fn set(&mut self, image: &[u8]) -> Result<(), ImageError<MotionError>> {
-        MotionSequence::<ALL>::for_joints(self.joints, image)?;
+    /// Takes the bytes of an image that was checked.
+    pub(super) fn set(&mut self, image: &[u8]) {
         self.clear();
         if let Some(place) = self.bytes.get_mut(..image.len()) {
             place.copy_from_slice(image);
             self.len = image.len();
         }
-        Ok(())
     }
 
     pub(super) fn copy(&mut self, from: &Self) {
@@ -65,33 +63,14 @@ impl Sequence {
         };
     }
 
-    /// The motions, if there are any.
+    /// The motions, if there are any; they were checked when they came.
     pub(super) fn motions(&self) -> Result<MotionSequence<'_, ALL>, ImageError<MotionError>> {
-        MotionSequence::for_joints(self.joints, self.bytes())
+        MotionSequence::open(self.joints, self.bytes())
     }
 
     pub(super) fn push(&mut self, motion: &Motion) -> Result<(), ImageError<MotionError>> {
         self.len = append_for(self.joints, motion, &mut self.bytes, self.len)?;
         Ok(())
-    }
-
-    /// Feeds `generator` as many motions from the number `next` on as it takes, as long as there is room for
-    /// their tickets. Returns their number, and the error of a motion that it refuses.
-    pub(super) fn feed<const Q: usize, const N: usize>(
-        &self,
-        next: u32,
-        hand: &RobotDescription,
-        generator: &mut Generator<ALL, Q>,
-        tickets: &mut heapless::Vec<MotionTicket, N>,
-    ) -> (u32, Result<(), MotionError>) {
-        let Ok(motions) = self.motions() else {
-            return (0, Ok(()));
-        };
-        let motions = motions.iter().skip(next as usize).map(|mut motion| {
-            hand.rest_between_stops(&mut motion);
-            motion
-        });
-        generator.feed(motions, tickets)
     }
 }
 
@@ -108,7 +87,7 @@ impl<M: Machine> Store<'_, M> {
             Ok(len) => len,
             Err(error) => return Err(Problem::File { name: path, error }),
         };
-        if let Err(error) = into.motions() {
+        if let Err(error) = MotionSequence::<ALL>::for_joints(into.joints, into.bytes()) {
             into.clear();
             return Err(Problem::Image { name: path, error });
         }

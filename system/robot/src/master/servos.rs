@@ -3,7 +3,6 @@
 use core::fmt::Arguments;
 use core::time::Duration;
 
-use condor_hand::message::{ClientError, ServoClient, ServoStatus};
 use condor_hand::servo::{JointTarget, ServoMode, ServoRefusal};
 use condor_hand::trajectory::{Begin, MotionError, Pace, Profile, Target};
 use condor_mbox::{Clock as _, PeerState, Processor, Region};
@@ -15,6 +14,7 @@ use super::drive::{FingerServos, Link, Motion, OfServos, ServoIncarnation, Share
 use super::words::Problem;
 use crate::failure::Failure;
 use crate::joints::JointNumbers;
+use crate::message::{ClientError, ServoClient, ServoStatus};
 use crate::servo::{self, Names};
 use crate::{FINGERS, JOINTS, RobotDescription, objects};
 
@@ -107,7 +107,7 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
             shared,
             servo_indices,
             processors,
-            status: [None; FINGERS],
+            status: [const { None }; FINGERS],
             has_lost: false,
             inherited: u32::MAX,
             numbers: JointNumbers::of(hand),
@@ -144,15 +144,8 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
 
     /// Returns true if a finger follows its set-points.
     pub(super) fn follows(&self, finger: usize) -> bool {
-        let joints = self.joints(finger);
         let status = self.status(finger);
-        self.inherited >> finger & 1 == 0 && status.is_some_and(|it| follows(it, joints))
-    }
-
-    /// Returns the number of joints of a finger.
-    fn joints(&self, finger: usize) -> usize {
-        let finger = self.hand.fingers.get(finger);
-        finger.map_or(0, |finger| finger.joints.len())
+        self.inherited >> finger & 1 == 0 && status.is_some_and(follows)
     }
 
     /// Looks how all are.
@@ -196,11 +189,9 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
         let names = Names(self.hand, served);
         if servo.incarnation.is_some() && servo.incarnation != incarnation {
             (servo.incarnation, servo.client) = (None, None);
-            let fingers = self.status.iter_mut().zip(&self.hand.fingers);
-            for ((status, finger), _) in fingers.zip(served).filter(|(_, it)| *it) {
+            for (status, _) in self.status.iter_mut().zip(served).filter(|(_, it)| *it) {
                 let former = status.take();
-                let joints = finger.joints.len();
-                self.has_lost |= former.is_some_and(|it| follows(&it, joints));
+                self.has_lost |= former.is_some_and(|it| follows(&it));
             }
             with(self.shared, |drive| {
                 if let Some(link) = drive.links.get_mut(index) {
@@ -254,7 +245,6 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
     /// Asks how a finger is, and says what is new.
     fn look(&mut self, finger: usize, index: usize, say: &mut impl FnMut(Arguments<'_>)) {
         let name = name(self.hand, finger);
-        let joints = self.joints(finger);
         let Some(servo) = self.processors.get_mut(index) else {
             return;
         };
@@ -265,11 +255,11 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
         let Ok(status) = client.status(finger as u32, ANSWER) else {
             return;
         };
-        let former = kept.replace(status);
-        self.has_lost |= former.is_some_and(|it| follows(&it, joints)) && !follows(&status, joints);
-        let (fault, refused) = former.map_or((None, status.refused_set_points), |former| {
-            (former.fault, former.refused_set_points)
-        });
+        self.has_lost |= kept.as_ref().is_some_and(follows) && !follows(&status);
+        let (fault, refused) = match kept {
+            Some(former) => (former.fault, former.refused_set_points),
+            None => (None, status.refused_set_points),
+        };
         match status.fault {
             Some(now) if status.fault != fault => {
                 say(format_args!("{name} gave up: {now}; `enable` restarts it"));
@@ -280,6 +270,7 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
             let count = status.refused_set_points.wrapping_sub(refused);
             say(format_args!("{name} refused {count} set-points"));
         }
+        *kept = Some(status);
     }
 
     /// Tells the loop of the trajectories which fingers and joints follow.
@@ -353,11 +344,9 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
         let status = self.ask(finger, |client, finger, timeout| {
             client.status(finger, timeout)
         })??;
-        let joints = self.joints(finger);
         if let Some(kept) = self.status.get_mut(finger) {
-            let former = kept.replace(status);
-            self.has_lost |=
-                former.is_some_and(|it| follows(&it, joints)) && !follows(&status, joints);
+            self.has_lost |= kept.as_ref().is_some_and(follows) && !follows(&status);
+            *kept = Some(status.clone());
         }
         Ok(status)
     }
@@ -375,7 +364,7 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
             self.disable(finger)?;
             status = self.refresh(finger)?;
         }
-        if follows(&status, self.joints(finger)) {
+        if follows(&status) {
             return Ok(());
         }
         if status.fault.is_some() || status.is_resting {
@@ -523,14 +512,14 @@ fn works(status: &ServoStatus<JOINTS>) -> bool {
     status.fault.is_none() && !status.is_resting
 }
 
-/// Returns true if all joints of a finger, of which there are so many, follow set-points.
-fn follows(status: &ServoStatus<JOINTS>, joints: usize) -> bool {
-    works(status) && are_all(status, joints, ServoMode::Position)
+/// Returns true if all joints of a finger follow set-points.
+fn follows(status: &ServoStatus<JOINTS>) -> bool {
+    works(status) && are_all(status, ServoMode::Position)
 }
 
-/// Returns true if all joints of a finger, of which there are so many, are in a mode.
-pub(super) fn are_all(status: &ServoStatus<JOINTS>, joints: usize, mode: ServoMode) -> bool {
-    status.modes.iter().take(joints).all(|&it| it == mode)
+/// Returns true if all joints of a finger are in a mode.
+pub(super) fn are_all(status: &ServoStatus<JOINTS>, mode: ServoMode) -> bool {
+    status.modes.iter().all(|&it| it == mode)
 }
 
 /// Returns true if a finger gives up without set-points.

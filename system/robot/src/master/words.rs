@@ -3,13 +3,11 @@
 use core::fmt;
 
 use condor_fs::FileError;
-use condor_hand::config::{Finger, ShortName};
+use condor_hand::config::{Finger, Name};
 use condor_hand::controller::GuardStop;
 use condor_hand::decimal::Decimal;
 use condor_hand::grasp::GraspError;
 use condor_hand::grasp::distributed::GraspReason;
-use condor_hand::message::ClientError;
-use condor_hand::queue::RefusalReason;
 use condor_hand::servo::TargetQuantity;
 use condor_hand::tendon::fault::FingerFault;
 use condor_hand::trajectory::{MotionError, MotionGuard};
@@ -21,6 +19,8 @@ use condor_vars::{RequestError, VariableTableError};
 use thiserror::Error;
 
 use crate::RobotDescription;
+use crate::message::ClientError;
+use crate::queue::{InControl, RefusalReason};
 use crate::{JOINTS, plant, table};
 
 /// The reason why a command is not done.
@@ -70,11 +70,11 @@ pub(super) enum Problem<'l> {
         range: plant::NumberRange,
     },
     #[error("{0} is not enabled: `enable` makes it hold its position")]
-    NotEnabled(ShortName),
+    NotEnabled(Name),
     #[error("{finger}.{joint} is in the mode {mode}: `enable {finger}` makes it hold its position")]
     OtherMode {
-        finger: ShortName,
-        joint: ShortName,
+        finger: Name,
+        joint: Name,
         mode: &'static str,
     },
     #[error(
@@ -86,49 +86,39 @@ pub(super) enum Problem<'l> {
         high = Decimal(*.high),
     )]
     Target {
-        finger: ShortName,
-        joint: ShortName,
+        finger: Name,
+        joint: Name,
         quantity: TargetQuantity,
         value: f64,
         low: f64,
         high: f64,
     },
     #[error("{0} is held by a grasp: type `release` first")]
-    InGrasp(ShortName),
+    InGrasp(Name),
     #[error("the position of {0} is not known: its processor does not run")]
-    NotMeasured(ShortName),
+    NotMeasured(Name),
     #[error("{finger} has a fault: {fault}")]
-    Fault {
-        finger: ShortName,
-        fault: FingerFault,
-    },
+    Fault { finger: Name, fault: FingerFault },
     #[error(
         "the fault of {0} is cleared, but the finger has not left its state of rest yet; try again"
     )]
-    Resting(ShortName),
+    Resting(Name),
     #[error("a motion runs or waits: type `abort` first")]
     Running,
-    #[error("another program is in control, by session {0}: `control` takes control from it")]
-    InControl(u32),
+    #[error("{0}: `control` takes control from it")]
+    InControl(InControl),
     #[error("the motion is refused: {0}")]
     Refused(RefusalReason),
-    #[error("the queue of motions is not ready for this terminal; try again")]
-    NoSession,
-    #[error(
-        "{LEDGER} has no number left for another session: stop the master, remove the file, and start the master \
-         again"
-    )]
-    Exhausted,
+    #[error("the ledger of motions cannot be read or written yet, and nothing moves; try again")]
+    NoQueue,
     #[error("{LEDGER}: {0}")]
     LedgerFile(#[from] RowError),
     #[error("{LEDGER}: {0}")]
     Ledger(ImageError),
     #[error("no motion is recorded or loaded: give the name of a motion")]
     Nothing,
-    #[error("the motion moves joint {joint}, which the robot does not have")]
-    NoSuchJoint { joint: u32 },
     #[error("motion {number} is to stop at contact, but {finger} has no tactile sensor")]
-    Guard { number: u32, finger: ShortName },
+    Guard { number: u32, finger: Name },
     #[error(
         "motion {number}: {joint} cannot go to {value} rad; it may be {low} to {high} rad",
         value = Decimal(*.value),
@@ -137,7 +127,7 @@ pub(super) enum Problem<'l> {
     )]
     Beyond {
         number: u32,
-        joint: heapless::String<40>,
+        joint: heapless::String<136>,
         value: f64,
         low: f64,
         high: f64,
@@ -160,10 +150,6 @@ pub(super) enum Problem<'l> {
     Plant(plant::PlantRefusal),
     #[error("the table refused: {0}")]
     Table(table::TableRefusal),
-    #[error(
-        "a processor answered with the unknown code {0}; build all programs of the system from the same sources"
-    )]
-    Answer(u32),
     #[error("processor {processor} does not hold the ball: {reason}", reason = .reason.as_str())]
     Grasp { processor: u8, reason: GraspReason },
     #[error("{name}: {error}")]
@@ -295,10 +281,10 @@ pub(super) const NAME_BYTES: usize = 24;
 pub(super) type Path = heapless::String<48>;
 
 /// Names that are there, as a sentence has them.
-pub(super) type NameList = heapless::String<56>;
+pub(super) type NameList = heapless::String<128>;
 
 /// Lists names; what does not fit is left out.
-fn known<'n>(names: impl Iterator<Item = &'n ShortName>) -> NameList {
+fn known<'n>(names: impl Iterator<Item = &'n Name>) -> NameList {
     let mut known = NameList::new();
     for name in names {
         let comma = if known.is_empty() { "" } else { ", " };

@@ -2,46 +2,79 @@
 
 use core::fmt;
 
-use zerocopy::{FromBytes, Immutable, IntoBytes};
+use serde::{Deserialize, Serialize};
 
-/// The operation that a [`PlantRequest`] asks the simulated robot for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[repr(u32)]
+/// A request to the simulated robot. Fingers and joints are counted from 0; vectors are in the axes of the palm.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
-pub enum PlantOperation {
-    /// Nothing but an answer.
-    Status = 0,
-    /// Pushes the ball until the next push: numbers 0 to 2 are the force (N), 3 to 5 the moment about
-    /// its centre (N m).
-    Push = 1,
-    /// Puts a ball in the place of any former one: numbers 0 to 2 are its centre (m), 3 its radius
-    /// (m), 4 its mass (kg). A support holds the ball there until [`LetGo`](Self::LetGo).
-    PlaceBall = 2,
-    /// Makes the support let go of the ball, within the time in number 0 (s).
-    LetGo = 3,
+pub enum PlantRequest {
+    /// Pushes the ball until the next push.
+    Push {
+        /// The force on its centre, N.
+        force: [f64; 3],
+        /// The moment about its centre, N m.
+        moment: [f64; 3],
+    },
+    /// Pushes a fingertip until the next such push.
+    PushTip {
+        /// The finger.
+        finger: u32,
+        /// The force on its tip, N.
+        force: [f64; 3],
+        /// The moment about its tip, N m.
+        moment: [f64; 3],
+    },
+    /// Puts a ball in the place of any former one. A support holds the ball there until [`LetGo`](Self::LetGo).
+    PlaceBall {
+        /// The position of its centre, m.
+        center: [f64; 3],
+        /// Its radius, m.
+        radius: f64,
+        /// Its mass, kg.
+        mass: f64,
+    },
+    /// Makes the support let go of the ball.
+    LetGo {
+        /// The time within which its force vanishes, s.
+        seconds: f64,
+    },
     /// Takes the ball away.
-    RemoveBall = 4,
-    /// A sensor stays as it is: `finger`, `joint`, `which`.
-    StickSensor = 5,
-    /// A tendon breaks: `finger`, `joint`, `which`.
-    CutTendon = 6,
-    /// All sensors and tendons are whole again. If the simulation has failed, or a joint is far beyond
-    /// its limits, the robot is as at its start again, without a ball and pushes.
-    Mend = 7,
-    /// Pushes a fingertip until the next such push: `finger`, and numbers as for a push.
-    PushTip = 8,
+    RemoveBall,
+    /// Makes a sensor stay as it is.
+    StickSensor {
+        /// The finger.
+        finger: u32,
+        /// The joint of the finger.
+        joint: u32,
+        /// The sensor.
+        which: PlantTarget,
+    },
+    /// Breaks a tendon.
+    CutTendon {
+        /// The finger.
+        finger: u32,
+        /// The joint of the finger.
+        joint: u32,
+        /// The tendon.
+        which: PlantTarget,
+    },
+    /// Makes all sensors and tendons whole again. If the simulation has failed, or a joint is far beyond its limits, the
+    /// robot is as at its start again, without a ball and pushes.
+    Mend,
 }
 
+/// The response of the simulated robot to a [`PlantRequest`].
+pub type PlantResponse = Result<(), PlantRefusal>;
+
 /// The part of a joint that a [`PlantRequest`] breaks: a sensor or a tendon.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[repr(u32)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum PlantTarget {
     /// The sensor of the position.
-    Position = 0,
+    Position,
     /// The flexor, or the sensor of its tension.
-    Flexor = 1,
+    Flexor,
     /// The extensor, or the sensor of its tension.
-    Extensor = 2,
+    Extensor,
 }
 
 /// The range of values that the robot accepts for a number of a [`PlantRequest`].
@@ -89,106 +122,27 @@ impl NumberRange {
     }
 }
 
-/// A request to the simulated robot, such as to place a ball or to break a tendon. It answers with a [`PlantResponse`].
-#[derive(Clone, Copy, Debug, Default, PartialEq, FromBytes, IntoBytes, Immutable)]
-#[repr(C)]
-pub struct PlantRequest {
-    /// The number of a [`PlantOperation`].
-    pub operation: u32,
-    /// The finger, from 0.
-    pub finger: u32,
-    /// The joint, from 0.
-    pub joint: u32,
-    /// The number of a [`PlantTarget`].
-    pub which: u32,
-    /// The numbers that the operation needs.
-    pub numbers: [f64; 6],
-}
-
-/// The response of the simulated robot to a [`PlantRequest`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq, FromBytes, IntoBytes, Immutable)]
-#[repr(C)]
-pub struct PlantResponse {
-    /// The number of a [`PlantRefusal`]; 0 if it is done.
-    pub refusal: u32,
-    /// A bit for each D/A board that rests.
-    pub resting: u32,
-}
-
 /// The reason why the simulated robot refuses a [`PlantRequest`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[repr(u32)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum PlantRefusal {
-    /// The number of the operation is unknown.
-    Operation = 1,
     /// The robot is busy with another request: ask again.
-    Busy = 2,
+    Busy,
     /// There is no such finger, joint, sensor or tendon.
-    NoSuchPart = 3,
+    NoSuchPart,
     /// A number is not in its [`NumberRange`].
-    Number = 4,
+    Number,
     /// There is no ball.
-    NoBall = 5,
+    NoBall,
 }
 
 impl fmt::Display for PlantRefusal {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
-            Self::Operation => "it does not know this operation",
             Self::Busy => "it is busy with another request: ask again",
             Self::NoSuchPart => "there is no such finger, joint, sensor or tendon",
             Self::Number => "a number is out of its range",
             Self::NoBall => "there is no ball",
         })
-    }
-}
-
-impl PlantRefusal {
-    /// Returns the refusal with the number `number`, which is in a [`PlantResponse`]. Returns `None` for 0, which means
-    /// that the request is done, and for an unknown number.
-    #[must_use]
-    pub const fn from_number(number: u32) -> Option<Self> {
-        match number {
-            1 => Some(Self::Operation),
-            2 => Some(Self::Busy),
-            3 => Some(Self::NoSuchPart),
-            4 => Some(Self::Number),
-            5 => Some(Self::NoBall),
-            _ => None,
-        }
-    }
-}
-
-impl PlantTarget {
-    /// Returns the sensor or tendon with the number `number`, which is in a [`PlantRequest`]; `None` for an unknown
-    /// number.
-    #[must_use]
-    pub const fn from_number(number: u32) -> Option<Self> {
-        match number {
-            0 => Some(Self::Position),
-            1 => Some(Self::Flexor),
-            2 => Some(Self::Extensor),
-            _ => None,
-        }
-    }
-}
-
-impl PlantOperation {
-    /// Returns the operation with the number `number`, which is in a [`PlantRequest`]; `None` for an unknown number.
-    #[must_use]
-    pub const fn from_number(number: u32) -> Option<Self> {
-        match number {
-            0 => Some(Self::Status),
-            1 => Some(Self::Push),
-            2 => Some(Self::PlaceBall),
-            3 => Some(Self::LetGo),
-            4 => Some(Self::RemoveBall),
-            5 => Some(Self::StickSensor),
-            6 => Some(Self::CutTendon),
-            7 => Some(Self::Mend),
-            8 => Some(Self::PushTip),
-            _ => None,
-        }
     }
 }

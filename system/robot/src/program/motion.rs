@@ -4,17 +4,17 @@ use std::io::{IsTerminal, Write};
 use std::process::ExitCode;
 use std::time::Duration;
 
-use condor_hand::message::ClientError;
-use condor_hand::message::motions::{MotionsClient, RequestProgress, SentPoints};
-use condor_hand::queue::{QueueAnswer, RequestIdentity, RequestState};
 use condor_host::control::ControlClient;
 use condor_host::error::{AnyError, me};
 use condor_host::system::{self, SystemDirectory};
 use condor_mbox::{MemoryWindow, Messenger};
 use condor_platform::linux::read_text;
 
-use super::offers::{Queue, take_control};
+use super::offers::Queue;
 use super::points::Points;
+use crate::message::ClientError;
+use crate::motions::{MotionsClient, RequestProgress, SentPoints};
+use crate::queue::{QueueAnswer, RequestIdentity, RequestState};
 
 pub(crate) const ABOUT: &str =
     "Enqueues motions at the master of a running hand, and waits for their end";
@@ -98,8 +98,14 @@ fn enqueue(asked: &MotionArguments) -> Result<bool, AnyError> {
     let queue = Queue::find(&directory)?;
     let mut client = queue.client()?;
     let session = client.open(ANSWER)?;
-    take_control(&mut client, session, asked.from_other, ANSWER)
-        .map_err(|error| format!("{error}; `--control` takes control from it"))?;
+    client
+        .take_control(session, asked.from_other, ANSWER)
+        .map_err(|error| match error {
+            ClientError::NotInControl(who) => {
+                format!("{who}; `--control` takes control from it").into()
+            }
+            error => AnyError::from(error),
+        })?;
     let outcome = match &points {
         Some(points) => run_stream(&mut client, queue.post(), session, points),
         None => run_all(&mut client, queue.post(), session, &asked.motions),

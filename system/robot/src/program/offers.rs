@@ -6,9 +6,6 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use condor_hand::message::ClientError;
-use condor_hand::message::motions::MotionsClient;
-use condor_hand::queue::{QueueAnswer, RefusalReason, RequestIdentity};
 use condor_host::control::ControlClient;
 use condor_host::error::AnyError;
 use condor_host::robot::{MotionOutcome, MotionSender};
@@ -19,7 +16,10 @@ use condor_mbox::linux::LinuxWindow;
 use condor_platform::linux::WholeFile;
 
 use crate::compile::compile_motion;
+use crate::message::ClientError;
+use crate::motions::MotionsClient;
 use crate::objects;
+use crate::queue::{QueueAnswer, RefusalReason, RequestIdentity};
 
 /// The time in which the master must answer a person who waits at a page.
 const ANSWER: Duration = Duration::from_secs(5);
@@ -67,19 +67,6 @@ impl Queue {
             &blocks,
             &region,
         )?)
-    }
-}
-
-/// Takes control for a session, also from another one if `from_other`.
-pub(crate) fn take_control(
-    client: &mut MotionsClient<'_, Post, LinuxWindow>,
-    session: u32,
-    from_other: bool,
-    timeout: Duration,
-) -> Result<(), AnyError> {
-    match client.control(session, from_other, timeout)? {
-        own if own == session => Ok(()),
-        other => Err(format!("another program is in control, by session {other}").into()),
     }
 }
 
@@ -202,9 +189,9 @@ impl MotionSender for Offers {
             identity,
             file: Some(file),
         };
-        if let Err(error) = take_control(&mut client, session, takes_control, ANSWER) {
+        if let Err(error) = client.take_control(session, takes_control, ANSWER) {
             request.remove();
-            return Err(error);
+            return Err(error.into());
         }
         self.requests.insert(self.last, request);
         let offered = client.offer(identity, name.as_bytes(), ANSWER);

@@ -1,9 +1,10 @@
 //! [`Points`]: the points of a stream from a text.
 
-use crate::ALL;
-use condor_hand::message::motions::Batch;
 use condor_hand::trajectory::StreamPoint;
 use condor_host::error::AnyError;
+
+use crate::ALL;
+use crate::motions::Batch;
 
 /// The points of a stream, as a table of numbers with commas between them has them.
 #[derive(Debug)]

@@ -3,13 +3,14 @@
 
 use std::error::Error;
 
-use crate::{FINGERS, JOINTS, RobotDescription, objects};
 use condor_hand::config::{Finger, Hand};
 use condor_host::description::SystemDescription;
 use condor_host::system::SystemDirectory;
 use condor_host::view::View;
 use condor_mbox::linux::LinuxWindow;
 use condor_mbox::{Processor, Region};
+
+use crate::{FINGERS, JOINTS, RobotDescription, objects};
 
 /// Prints the tracking errors of all joints.
 ///

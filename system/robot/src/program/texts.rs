@@ -4,11 +4,12 @@ use std::fs;
 use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
-use crate::compile::compile_motion;
-use crate::master::is_name;
 use condor_host::error::AnyError;
 use condor_host::robot::MotionFiles;
 use condor_platform::linux::{WholeFile, read_text};
+
+use crate::compile::compile_motion;
+use crate::master::is_name;
 
 /// The suffix of the names of texts.
 const SUFFIX: &str = ".toml";

@@ -22,24 +22,36 @@ pub(super) const ENCAPSULATION: [u8; 4] = [0, 1, 0, 0];
 pub(super) const ALL: [(&str, &str, &str); 7] = [
     (
         "/servo/tick",
-        "utah_mit/msg/Tick",
+        "condor/msg/Tick",
         "float64 period_s # since the last tick, s\n\
          uint16[52] counts # of each finger: position, flexor, extensor of each joint; force at the tip\n\
          uint64 missing # a bit for each input that could not be read\n",
     ),
     (
         "/servo/palm",
-        "utah_mit/msg/Palm",
+        "condor/msg/Palm",
         "float64[3] acceleration # m/s^2\n",
     ),
     (
         "/servo/order",
-        "utah_mit/msg/Order",
-        "uint64 number\nuint32[198] words\n",
+        "condor/msg/Order",
+        "uint64 number\n\
+         uint64 fingers # a bit for each that holds\n\
+         float64[36] stiffness # N/m, N/rad, N m/m, N m/rad\n\
+         float64[36] damping # the same, times s\n\
+         float64[3] center # m\n\
+         float64[3] force # N\n\
+         float64[3] moment # N m\n\
+         float64[15] tips # of each finger: x, y, z, m\n\
+         float64 squeeze_n # N\n\
+         float64 posture_stiffness # N m/rad\n\
+         float64 posture_damping # N m s/rad\n\
+         float64 friction\n\
+         float64 ramp_s # s\n",
     ),
     (
         "/servo/others",
-        "utah_mit/msg/Joints",
+        "condor/msg/Joints",
         "float64[16] position # rad\n\
          float64[16] velocity # rad/s\n\
          uint64[4] order # of each finger: the order in force\n\
@@ -49,19 +61,19 @@ pub(super) const ALL: [(&str, &str, &str); 7] = [
     ),
     (
         "/servo/asked",
-        "utah_mit/msg/Asked",
+        "condor/msg/Asked",
         "uint32 finger\nuint32[] words\n",
     ),
     (
         "/servo/done",
-        "utah_mit/msg/Done",
+        "condor/msg/Done",
         "uint16[32] counts # of each finger and joint: flexor, extensor\n\
          uint64 hash # FNV-1a of all outputs so far\n",
     ),
-    ("/servo/end", "utah_mit/msg/End", "uint32 ticks\n"),
+    ("/servo/end", "condor/msg/End", "uint32 ticks\n"),
 ];
 
 const_assert_eq!(INPUTS, 52);
 const_assert_eq!(OUTPUTS, 32);
 const_assert_eq!(FINGERS * JOINTS, 16);
-const_assert_eq!(GraspOrder::<FINGERS>::WORDS, 198);
+const_assert_eq!(size_of::<GraspOrder>(), 816);

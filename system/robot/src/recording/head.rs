@@ -9,8 +9,8 @@ use super::{ServoRecordingError, channel};
 use crate::{FINGERS, JOINTS};
 
 /// The name of the metadata.
-pub(super) const METADATA: &str = "utah-mit-servo";
-const VERSION: u32 = 4;
+pub(super) const METADATA: &str = "condor-servo";
+const VERSION: u32 = 5;
 
 const NAMES: [&str; 5] = ["version", "processor", "rate_hz", "fingers", "joints"];
 

@@ -2,14 +2,13 @@
 
 use core::sync::atomic::{AtomicU32, Ordering};
 
-use condor_hand::grasp::distributed::GraspOrder;
-use condor_hand::message::FingerRequest;
 use condor_mbox::{MemoryWindow, Region};
 use zerocopy::IntoBytes;
 
 use super::{Fnv, Inputs, ServoOutputs, TickEnd, TickInputs, channel};
+use crate::JOINTS;
 use crate::grasp::Joints;
-use crate::{FINGERS, JOINTS};
+use crate::message::FingerRequest;
 
 /// Words of the longest [`FingerRequest`] of a finger.
 const ASKED_WORDS: usize = 1 + 12 * JOINTS;
@@ -123,9 +122,7 @@ impl<'r, W: MemoryWindow> Recorder<'r, W> {
             self.record(channel::PALM, acceleration.as_bytes(), &[]);
         }
         if let Some((number, order)) = &given.grasp.order {
-            let mut words = [0; GraspOrder::<FINGERS>::WORDS];
-            order.put(&mut words);
-            self.record(channel::ORDER, number.as_bytes(), words.as_bytes());
+            self.record(channel::ORDER, number.as_bytes(), order.as_bytes());
         }
         let is_heard = needs_others || given.grasp.order.is_some();
         if let Some(others) = given.grasp.others.as_ref().filter(|_| is_heard) {
@@ -139,7 +136,8 @@ impl<'r, W: MemoryWindow> Recorder<'r, W> {
             return;
         }
         let mut words = [0; ASKED_WORDS];
-        let len = request.put(&mut words);
+        // There is room for the longest one.
+        let len = request.put(&mut words).unwrap_or(0);
         let words = words.get(..len).unwrap_or(&[]);
         let head = [finger as u32, words.len() as u32];
         self.record(channel::ASKED, head.as_bytes(), words.as_bytes());

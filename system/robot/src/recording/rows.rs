@@ -2,7 +2,6 @@
 
 use condor_fs::FileError;
 use condor_hand::grasp::distributed::{GraspInputs, GraspOrder};
-use condor_hand::message::FingerRequest;
 use condor_mcap::{McapError, McapReader, McapRecord};
 use embedded_io::Read;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
@@ -10,10 +9,11 @@ use zerocopy::{FromBytes, Immutable, IntoBytes};
 use super::head::METADATA;
 use super::{Head, Inputs, ServoRecordingError, TickEnd, TickInputs, channel};
 use crate::grasp::Joints;
+use crate::message::FingerRequest;
 use crate::{FINGERS, JOINTS};
 
 /// Words of the longest message: that of an order, with its number.
-const WORDS: usize = 2 + GraspOrder::<FINGERS>::WORDS;
+const WORDS: usize = 2 + size_of::<GraspOrder>() / 4;
 /// Room for a record: that of the longest message and what comes before it; schemas are shorter.
 const RECORD: usize = 64 + 4 * WORDS;
 /// The largest number of requests in a tick: of each joint gains, and a mode or a target; of each finger a
@@ -189,10 +189,10 @@ impl Message {
     }
 
     /// An order and its number; none if this is not as long.
-    fn order(&self) -> Option<(u64, GraspOrder<FINGERS>)> {
-        let [low, high, order @ ..] = &self.words;
-        let number = u64::from(*high) << 32 | u64::from(*low);
-        (self.len == 4 * WORDS).then(|| (number, GraspOrder::take(order)))
+    fn order(&self) -> Option<(u64, GraspOrder)> {
+        let bytes = self.words.as_bytes().get(..self.len)?;
+        let (number, order) = u64::read_from_prefix(bytes).ok()?;
+        Some((number, GraspOrder::read_from_bytes(order).ok()?))
     }
 
     fn request(&self) -> Option<(usize, FingerRequest<JOINTS>)> {

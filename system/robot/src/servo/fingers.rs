@@ -2,7 +2,6 @@
 
 use condor_hand::controller::{FingerController, FingerTick};
 use condor_hand::grasp::distributed::{FingerControllers, GraspInputs, HandJoints};
-use condor_hand::message::{FingerRequest, GraspEnd, HandLoop};
 use condor_hand::servo::FingerReadings;
 use condor_mbox::published::Publisher;
 use condor_mbox::{Clock, Instant, MemoryWindow, Region};
@@ -20,6 +19,7 @@ use crate::boards::Wires;
 use crate::desired::DesiredPositions;
 use crate::grasp::{Joints, Partner, PartnerState};
 use crate::guards::{Felt, Stops};
+use crate::message::{FingerRequest, GraspEnd, HandLoop};
 use crate::recording::{Recorder, TickInputs};
 use crate::table::Palm;
 use crate::{FINGERS, JOINTS, Mechanism};
@@ -42,7 +42,7 @@ pub(super) struct Fingers<'r, M: Machine> {
     /// The version of the gains that the controllers have.
     pub(super) tuned: [u32; 2],
     pub(super) wires: &'r mut dyn Wires,
-    pub(super) grasp: GraspEnd<M::Window, FINGERS>,
+    pub(super) grasp: GraspEnd<M::Window>,
     pub(super) partners: &'r [Partner<M::Window>],
     pub(super) states: [PartnerState<Joints>; FINGERS],
     pub(super) palm: &'r Partner<M::Window>,

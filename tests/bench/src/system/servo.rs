@@ -8,7 +8,7 @@ use std::array;
 use condor_hand::config::{Channel, Finger};
 use condor_hand::controller::{FingerController, FingerTick, read_finger, write_finger};
 use condor_hand::kinematics::PlanarFinger;
-use condor_hand::message::{HandIdentity, HandLoop, ServoLayout, ServoObject, SetPoints};
+use condor_robot::message::{HandIdentity, HandLoop, ServoLayout, ServoObject, SetPoints};
 use condor_hand::servo::ServoMode;
 use condor_hand::trajectory::{SetPoint, StopGuard};
 use condor_mbox::published::Publisher;

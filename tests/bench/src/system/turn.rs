@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::time::Duration;
 
-use condor_hand::message::{ServoLayout, ServoObject};
+use condor_robot::message::{ServoLayout, ServoObject};
 use condor_mbox::{
     Allocator, Clock as _, MemoryWindow, Messenger, Processor, Published, Region, Windows,
 };

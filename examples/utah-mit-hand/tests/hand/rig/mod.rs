@@ -8,7 +8,6 @@ use condor_dev::linux::{LinuxBus, MapAccess};
 use condor_fs::server::{FileServer, ServerOptions};
 use condor_hand::config::ControlProcessor;
 use condor_hand::grasp::distributed::{GraspOrder, GraspReport};
-use condor_hand::message::{ServoClient, SetPoints};
 use condor_hand::servo::ServoMode;
 use condor_hand::trajectory::{SetPoint, StopGuard};
 use condor_mbox::linux::LinuxWindow;
@@ -17,10 +16,11 @@ use condor_mbox::{
     Windows,
 };
 use condor_mos::{Loops, Rate};
+use condor_robot::message::{ServoClient, SetPoints};
 use condor_robot::plant::{self, Plant, TrueState};
 use condor_robot::servo::{Servo, Tracking};
 use condor_robot::table::{self, Table};
-use condor_robot::{FINGERS, IMAGE, JOINTS, RobotDescription, grasp, objects, servo};
+use condor_robot::{FINGERS, IMAGE, JOINTS, RobotDescription, grasp, objects, packet, servo};
 use condor_rt::objects::ObjectKind;
 use condor_rt::sim::{Bell, SimCriticalSection, SimMachine as Simulated, VirtualSystem};
 use condor_rt::{Machine, PROCESSORS, Program, ProgramError, ServoLoop, loops, numbers};
@@ -410,18 +410,18 @@ impl Master<'_> {
         let region = self.region(PLANT);
         let blocks = objects::plant(&region).unwrap().unwrap();
         let mut exchange = blocks.client(self.mailbox, &region).unwrap();
-        exchange.call(PLANT, plant::PLANT, request, SOON).unwrap()
+        packet::ask(&mut exchange, PLANT, plant::PLANT, request, SOON).unwrap()
     }
 
     pub(crate) fn ask_table(&self, request: &table::TableRequest) -> table::TableResponse {
         let region = self.region(TABLE);
         let blocks = objects::table(&region).unwrap().unwrap();
         let mut exchange = blocks.client(self.mailbox, &region).unwrap();
-        exchange.call(TABLE, table::TABLE, request, SOON).unwrap()
+        packet::ask(&mut exchange, TABLE, table::TABLE, request, SOON).unwrap()
     }
 
     /// The same order to all servo processors.
-    pub(crate) fn grasp(&self, order: &GraspOrder<FINGERS>) {
+    pub(crate) fn grasp(&self, order: &GraspOrder) {
         for &number in &self.servos {
             let region = self.region(number);
             let layout = objects::grasp(&region).unwrap().unwrap();
@@ -429,7 +429,7 @@ impl Master<'_> {
         }
     }
 
-    pub(crate) fn report(&self, number: Processor) -> GraspReport<FINGERS> {
+    pub(crate) fn report(&self, number: Processor) -> GraspReport {
         let region = self.region(number);
         let layout = objects::grasp(&region).unwrap().unwrap();
         layout.report(&region).unwrap()

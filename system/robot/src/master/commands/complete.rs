@@ -8,7 +8,8 @@ use condor_vars::{TableEntry, VariableTable};
 
 use super::super::words::Words;
 use super::list::find;
-use super::{COMMANDS, Commands, JOINTS};
+use super::{COMMANDS, Commands};
+use crate::JOINTS;
 
 /// The function that takes each word that may stand there.
 type Offer<'o> = &'o mut dyn FnMut(&str);

@@ -11,11 +11,11 @@ use condor_hand::servo::ServoMode;
 use condor_mbox::Clock as _;
 use condor_rt::Machine;
 
-use super::{Closing, Commands, FINGERS, JOINTS, Problem, Words, are_all, grasp, with};
+use super::{Closing, Commands, FINGERS, Problem, Words, are_all, grasp, with};
+use crate::JOINTS;
 use crate::master::drive::OfServos;
 use crate::master::words::{Path, is_name, number};
 use crate::{file, objects};
-use condor_hand::config::Finger;
 
 /// The stiffness of a ball, N/m, unless the command has one.
 const STIFFNESS: f64 = 200.0;
@@ -54,8 +54,7 @@ impl<M: Machine> Commands<'_, '_, M> {
             return Ok(());
         };
         // Unless a finger has left it.
-        let mut fingers = self.hand.fingers.iter().enumerate();
-        if fingers.any(|(finger, entry)| self.is_in_grasp(finger, entry)) {
+        if (0..FINGERS).any(|finger| self.is_in_grasp(finger)) {
             self.hold(&closed.settings)?;
         }
         Ok(())
@@ -113,9 +112,9 @@ impl<M: Machine> Commands<'_, '_, M> {
         }
     }
 
-    fn is_in_grasp(&self, finger: usize, entry: &Finger<JOINTS>) -> bool {
+    fn is_in_grasp(&self, finger: usize) -> bool {
         let status = self.servos.status(finger);
-        status.is_some_and(|it| are_all(it, entry.joints.len(), ServoMode::Grasp))
+        status.is_some_and(|it| are_all(it, ServoMode::Grasp))
     }
 
     /// Returns the fingers for a grasp, a bit for each: those that follow, or are in a grasp already.
@@ -123,7 +122,7 @@ impl<M: Machine> Commands<'_, '_, M> {
         let mut fingers = 0_u64;
         let mut missing = None;
         for (finger, entry) in self.hand.fingers.iter().enumerate() {
-            if self.is_in_grasp(finger, entry) || self.servos.follows(finger) {
+            if self.is_in_grasp(finger) || self.servos.follows(finger) {
                 fingers |= 1 << finger;
             } else {
                 missing = missing.or_else(|| Some(entry.name.clone()));
@@ -136,7 +135,7 @@ impl<M: Machine> Commands<'_, '_, M> {
     }
 
     /// Publishes an order to all servo processors, and waits until they have processed it.
-    pub(super) fn order(&mut self, order: &GraspOrder<FINGERS>) -> Result<(), Problem<'static>> {
+    pub(super) fn order(&mut self, order: &GraspOrder) -> Result<(), Problem<'static>> {
         let mut given = OfServos::new();
         for (number, region) in self.servos.regions() {
             let layout = objects::grasp(region)?.ok_or(Problem::Absent(number))?;

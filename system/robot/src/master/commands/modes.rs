@@ -4,8 +4,9 @@ use condor_hand::servo::{JointTarget, ServoMode};
 use condor_hand::tendon::Pair;
 use condor_rt::Machine;
 
-use super::{Commands, Problem, Words, plant, with};
+use super::{Commands, Problem, Words, with};
 use crate::RobotDescription;
+use crate::plant;
 
 /// The damping of an impedance for each unit of its stiffness, s, unless the command has one. Position laws of
 /// up to 10 Hz have more.
@@ -98,12 +99,10 @@ impl<M: Machine> Commands<'_, '_, M> {
         let finger = Words::of(word).finger(self.hand)?;
         let mass = words.within(WEIGHT, plant::NumberRange::WEIGHT)?;
         words.end()?;
-        let [x, y, z] = self.hand.gravity.map(|gravity| mass * gravity);
-        self.others.plant(&plant::PlantRequest {
-            operation: plant::PlantOperation::PushTip as u32,
+        self.others.plant(&plant::PlantRequest::PushTip {
             finger: finger.unwrap_or_default() as u32,
-            numbers: [x, y, z, 0.0, 0.0, 0.0],
-            ..plant::PlantRequest::default()
+            force: self.hand.gravity.map(|gravity| mass * gravity),
+            moment: [0.0; 3],
         })
     }
 

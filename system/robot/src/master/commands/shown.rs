@@ -4,10 +4,11 @@ use core::fmt::{self, Display, Write as _};
 
 use condor_hand::config::Finger;
 use condor_hand::decimal::Decimal;
-use condor_hand::message::ServoStatus;
 use condor_hand::servo::ServoMode;
 
 use crate::JOINTS;
+use crate::master::servos::are_all;
+use crate::message::ServoStatus;
 use crate::plant::CameraObject;
 
 /// The columns of a name, and of how a finger is.
@@ -47,7 +48,7 @@ pub(super) struct Row<'h> {
 impl Display for Row<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let name = self.finger.name.as_str();
-        let condition = condition(self.status, self.finger.joints.len());
+        let condition = condition(self.status);
         let processor = self.processor;
         write!(f, "{name:<NAME$} {condition:<CONDITION$} {processor:>2}")?;
         for (number, joint) in self.finger.joints.iter().enumerate() {
@@ -71,17 +72,17 @@ fn column(name: &str) -> usize {
     name.len().max(6) + 2
 }
 
-/// Returns the condition of a finger of so many joints, in a word or two.
-fn condition(status: Option<&ServoStatus<JOINTS>>, joints: usize) -> &'static str {
+/// Returns the condition of a finger, in a word or two.
+fn condition(status: Option<&ServoStatus<JOINTS>>) -> &'static str {
     let Some(status) = status else {
         return "gone";
     };
-    let [first, ..] = status.modes;
+    let first = status.modes.first().copied().unwrap_or_default();
     if status.fault.is_some() {
         "fault"
     } else if status.is_resting {
         "rests"
-    } else if status.modes.iter().take(joints).any(|&mode| mode != first) {
+    } else if !are_all(status, first) {
         "mixed"
     } else {
         match first {
@@ -98,16 +99,14 @@ fn condition(status: Option<&ServoStatus<JOINTS>>, joints: usize) -> &'static st
 /// The modes of a finger whose joints are in several: the joints of each.
 pub(super) struct MixedModes<'h> {
     finger: &'h Finger<JOINTS>,
-    modes: [ServoMode; JOINTS],
+    modes: &'h [ServoMode],
 }
 
 impl<'h> MixedModes<'h> {
     /// `None` for a finger whose joints are all in one mode.
-    pub(super) fn of(finger: &'h Finger<JOINTS>, status: &ServoStatus<JOINTS>) -> Option<Self> {
-        let modes = status.modes;
-        let [first, ..] = modes;
-        let mut own = modes.iter().take(finger.joints.len());
-        let is_mixed = own.any(|&mode| mode != first);
+    pub(super) fn of(finger: &'h Finger<JOINTS>, status: &'h ServoStatus<JOINTS>) -> Option<Self> {
+        let modes = status.modes.as_slice();
+        let is_mixed = modes.iter().any(|mode| Some(mode) != modes.first());
         is_mixed.then_some(Self { finger, modes })
     }
 }
@@ -116,9 +115,8 @@ impl Display for MixedModes<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}:", self.finger.name)?;
         let mut semicolon = "";
-        for mode in (0..).map_while(ServoMode::from_number) {
-            let mut own = self.modes.iter().take(self.finger.joints.len());
-            if own.all(|other| *other != mode) {
+        for mode in ServoMode::ALL {
+            if !self.modes.contains(&mode) {
                 continue;
             }
             write!(f, "{semicolon} {}", mode.name())?;
@@ -127,7 +125,7 @@ impl Display for MixedModes<'_> {
                 .joints
                 .iter()
                 .zip(self.modes)
-                .filter(|(_, other)| *other == mode)
+                .filter(|(_, other)| **other == mode)
             {
                 write!(f, " {}", joint.name)?;
             }

@@ -4,7 +4,6 @@ use core::fmt::{self, Display, Write as _};
 use core::time::Duration;
 
 use condor_hand::decimal::Decimal;
-use condor_hand::message::ServoStatus;
 use condor_mbox::{Clock as _, Instant, MemoryWindow, Processor};
 use condor_rt::{Background, Machine, ProgramError, users};
 use condor_vars::layout::NAME_BYTES;
@@ -13,7 +12,9 @@ use condor_vars::{VARS, ValueKind, VariableClient, VariableTable, Watcher};
 use super::super::drive::{ALL, OfServos};
 use super::super::servos::ANSWER;
 use super::super::words::{Problem, Words};
-use super::{Commands, FINGERS, JOINTS};
+use super::{Commands, FINGERS};
+use crate::JOINTS;
+use crate::message::ServoStatus;
 
 /// The time between two tables.
 const PERIOD: Duration = Duration::from_millis(250);

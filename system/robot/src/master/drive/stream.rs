@@ -1,12 +1,12 @@
 //! The stream of points that moves the hand, beside the generator.
 
 use condor_hand::NumberError;
-use condor_hand::message::motions::{MotionRequest, MotionResponse, StreamRequest};
-use condor_hand::queue::{RequestIdentity, SessionOwner};
 use condor_hand::trajectory::{JointStream, ProfileLimits, SetPoint, StreamEnd};
 
 use super::{ALL, Drive};
 use crate::FINGERS;
+use crate::motions::{MotionResponse, PackedBatch, StreamRequest};
+use crate::queue::{RequestIdentity, SessionOwner};
 
 /// The time for which a stream waits for its first points, s.
 const FIRST_POINTS_S: f64 = 2.0;
@@ -65,9 +65,11 @@ impl<W> Drive<'_, W> {
     pub(in crate::master) fn take_points(
         &mut self,
         sender: SessionOwner,
-        request: &MotionRequest,
+        identity: RequestIdentity,
+        batch: &PackedBatch,
     ) -> Option<MotionResponse> {
-        self.stream.as_mut()?.request.take(sender, request)
+        let stream = self.stream.as_mut()?;
+        stream.request.take(sender, identity, batch)
     }
 
     /// One tick of the stream: the generator has its joints where they are. Returns their set-points.

@@ -6,14 +6,14 @@
 use core::time::Duration;
 
 use condor_fs::{Errno, FileError, OpenOptions};
-use condor_hand::message::motions::LedgerStore;
-use condor_hand::queue::{LedgerRow, ROW_BYTES};
 use condor_rt::{FilesOf, Machine};
 
 use super::Queue;
 use crate::file;
 use crate::master::FILES_TIMEOUT;
 use crate::master::words::{LEDGER, RowError};
+use crate::motions::LedgerStore;
+use crate::queue::{LedgerRow, ROW_BYTES};
 
 /// The file while it is made.
 const HALF: &str = "motions.ledger.half";

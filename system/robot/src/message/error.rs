@@ -1,12 +1,14 @@
 use core::time::Duration;
 
+use condor_hand::decimal::Decimal;
+use condor_hand::servo::ServoRefusal;
+use condor_hand::trajectory::JointStreamError;
 use condor_mbox::Processor;
 use condor_mbox::exchange::ExchangeError;
 use thiserror::Error;
 
-use crate::decimal::Decimal;
-use crate::servo::ServoRefusal;
-use crate::trajectory::JointStreamError;
+use crate::packet::PacketError;
+use crate::queue::InControl;
 
 /// The reason why a client of another processor has no answer, or one that refuses its request.
 #[derive(Clone, Debug, PartialEq, Error)]
@@ -35,15 +37,13 @@ pub enum ClientError {
         /// The version of the protocol here.
         wanted: u32,
     },
-    /// No program of this version sends such an answer.
+    /// The processor has not understood the request, or its answer is none to this request.
     #[error(
-        "{to} answered with the word {word:#x}, which this version does not know; build both from the same sources"
+        "{to} and this program do not understand each other's messages; build both from the same sources"
     )]
     Protocol {
         /// The number of the processor that was asked.
         to: Processor,
-        /// The invalid word of the answer.
-        word: u32,
     },
     /// The servo refuses the request.
     #[error(transparent)]
@@ -67,14 +67,15 @@ pub enum ClientError {
         /// The timeout of the call.
         timeout: Duration,
     },
-    /// The body of a request for motions does not fit.
-    #[error("{length} bytes of motions; at most {most} fit in a request")]
+    /// The motions, or the points of a stream, do not fit into one request.
+    #[error("the motions have more than the {most} bytes that fit into a request")]
     Length {
-        /// The number of bytes.
-        length: usize,
         /// The greatest number of bytes.
         most: usize,
     },
+    /// Another session is in control, or none is.
+    #[error("{0}")]
+    NotInControl(InControl),
     /// The session is that of another processor, or of an earlier incarnation of this one: open another.
     #[error(
         "the session was opened by another processor, or in an earlier incarnation of this one; open another"
@@ -89,4 +90,15 @@ pub enum ClientError {
     /// All points of the batch are refused.
     #[error(transparent)]
     Points(#[from] JointStreamError),
+}
+
+impl ClientError {
+    /// The error of a packet to or from a processor.
+    pub(crate) const fn packet(to: Processor, error: PacketError) -> Self {
+        match error {
+            PacketError::Version { found, wanted } => Self::Version { to, found, wanted },
+            PacketError::Length { most } => Self::Length { most },
+            PacketError::Malformed => Self::Protocol { to },
+        }
+    }
 }

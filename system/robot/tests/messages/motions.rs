@@ -5,19 +5,22 @@ use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-use condor_hand::message::ClientError;
-use condor_hand::message::motions::{
-    Batch, Code, LedgerStore, MOTIONS, MotionOperation, MotionRequest, MotionResponse,
-    MotionsBlocks, MotionsClient, MotionsEvent, MotionsPost, MotionsServer, Offer, RequestProgress,
-    SentPoints, StreamRequest, VERSION,
-};
-use condor_hand::queue::{
-    LedgerRow, MotionQueue, QueueAnswer, RefusalReason, RequestIdentity, RequestState, SessionOwner,
-};
 use condor_hand::trajectory::{JointStream, ProfileLimits, StreamEnd, StreamPoint};
 use condor_mbox::sim::{SimMailbox, SimSystem, SimWindow};
 use condor_mbox::{Allocator, Call, MemoryWindow, Messenger, PeerState, Processor, Region};
+use condor_robot::message::ClientError;
+use condor_robot::motions::{
+    Batch, LedgerStore, MOTIONS, MotionRequest, MotionResponse, MotionsBlocks, MotionsClient,
+    MotionsEvent, MotionsPost, MotionsServer, Offer, PackedBatch, RequestPacket, RequestProgress,
+    ResponsePacket, SentPoints, StreamRequest,
+};
+use condor_robot::packet;
+use condor_robot::queue::{
+    InControl, LedgerRow, MotionQueue, OWN, QueueAnswer, RefusalReason, RequestIdentity,
+    RequestState, SessionOwner,
+};
 use proptest::prelude::*;
+use zerocopy::IntoBytes;
 
 /// The controller of an arm of two joints, and its clients.
 const ARM: Processor = Processor(0);
@@ -39,9 +42,9 @@ enum Work {
 }
 
 impl Work {
-    fn of(offer: Offer<'_>) -> Result<Self, RefusalReason> {
+    fn of(offer: Offer) -> Result<Self, RefusalReason> {
         match offer {
-            Offer::Motions(b"backflip") => Err(RefusalReason::NoMotion),
+            Offer::Motions(name) if name == b"backflip" => Err(RefusalReason::NoMotion),
             Offer::Motions(name) => Ok(Self::Motion(name.to_vec())),
             Offer::Stream(mask @ 1..4) => Ok(Self::Stream(mask)),
             Offer::Stream(_) => Err(RefusalReason::Limits),
@@ -202,8 +205,9 @@ impl Rig {
         let post: &Post = Box::leak(Box::default());
         let stream: &Mutex<Option<StreamRequest<2, 8>>> = Box::leak(Box::default());
         let handler = Box::leak(Box::new(move |call: &Call<'_>| {
-            post.answer(call, &blocks, &own, |sender, request| {
-                stream.lock().unwrap().as_mut()?.take(sender, request)
+            post.answer(call, &blocks, &own, |sender, identity, batch| {
+                let mut stream = stream.lock().unwrap();
+                stream.as_mut()?.take(sender, identity, batch)
             })
         }));
         let mut mailbox = system.mailbox(ARM).unwrap();
@@ -254,19 +258,42 @@ impl Rig {
     fn raw(&self, mailbox: &SimMailbox<'static, 3>, request: &MotionRequest) -> MotionResponse {
         let region = self.region(mailbox.number());
         let mut exchange = self.blocks.client(mailbox, &region).unwrap();
-        exchange.call(ARM, MOTIONS, request, SOON).unwrap()
+        packet::ask(&mut exchange, ARM, MOTIONS, request, SOON).unwrap()
     }
 }
 
-fn request(operation: MotionOperation, session: u32, number: u32) -> MotionRequest {
-    MotionRequest {
-        version: VERSION,
-        operation: operation as u32,
+fn offer(session: u32, number: u32) -> MotionRequest {
+    let motions = b"wave".as_slice().try_into().unwrap();
+    MotionRequest::Offer(of(session, number), Offer::Motions(motions))
+}
+
+fn points(session: u32, number: u32) -> MotionRequest {
+    let batch = PackedBatch {
+        sequence: 0,
+        is_last: false,
+        numbers: [].into_iter().collect(),
+    };
+    MotionRequest::Points(of(session, number), batch)
+}
+
+fn look(session: u32, number: u32) -> MotionRequest {
+    MotionRequest::Look(of(session, number))
+}
+
+fn control(session: u32) -> MotionRequest {
+    MotionRequest::Control {
         session,
-        number,
-        length: 0,
-        body: [0; 480],
+        from_other: true,
     }
+}
+
+/// The answer about a request that does not run.
+const fn known(answer: QueueAnswer) -> MotionResponse {
+    MotionResponse::Request(RequestProgress {
+        answer,
+        before: 0,
+        progress: None,
+    })
 }
 
 const WAITS: QueueAnswer = QueueAnswer::Known(RequestState::Accepted, RefusalReason::None);
@@ -286,7 +313,7 @@ fn a_motion_that_is_offered_again_and_again_runs_once() {
     let refused = |reason| QueueAnswer::Known(RequestState::Refused, reason);
     let first = client.offer(of(session, 1), b"wave", SOON).unwrap();
     assert_eq!(first, refused(RefusalReason::NotInControl));
-    assert_eq!(client.control(session, false, SOON).unwrap(), session);
+    client.take_control(session, false, SOON).unwrap();
     assert_eq!(
         client.offer(of(session, 2), b"backflip", SOON).unwrap(),
         refused(RefusalReason::NoMotion)
@@ -332,7 +359,7 @@ fn a_motion_that_is_offered_again_and_again_runs_once() {
     let long = client.offer(of(session, 5), &[0; 481], SOON).unwrap_err();
     assert_eq!(
         long.to_string(),
-        "481 bytes of motions; at most 480 fit in a request"
+        "the motions have more than the 480 bytes that fit into a request"
     );
     assert_eq!(
         client.look(of(99, 1), SOON).unwrap().answer,
@@ -354,34 +381,35 @@ fn a_session_is_used_by_its_owner_alone() {
     let rig = Rig::new();
     let (first, second) = (rig.mailbox(FIRST), rig.mailbox(SECOND));
     let session = rig.client(first).open(SOON).unwrap();
-    for operation in [
-        MotionOperation::Control,
-        MotionOperation::Abort,
-        MotionOperation::GiveUp,
-        MotionOperation::Offer,
-        MotionOperation::Points,
-    ] {
-        let code = rig.raw(second, &request(operation, session, 1)).code;
-        assert_eq!(code, Code::NotYours as u32, "{operation:?}");
+    // Nor is that of the controller itself of any client.
+    for session in [session, OWN] {
+        for request in [
+            control(session),
+            MotionRequest::Abort { session },
+            MotionRequest::GiveUp { session },
+            points(session, 1),
+        ] {
+            let answer = rig.raw(second, &request);
+            assert_eq!(answer, MotionResponse::NotYours, "{request:?}");
+        }
     }
-    let look = rig.raw(second, &request(MotionOperation::Look, session, 1));
-    assert_eq!((look.version, look.code), (VERSION, Code::New as u32));
-    let control = rig.client(second).control(session, true, SOON);
+    assert_eq!(
+        rig.raw(second, &offer(session, 1)),
+        MotionResponse::NotYours
+    );
+    let none = known(QueueAnswer::NoSession);
+    assert_eq!(rig.raw(second, &offer(OWN, 1)), none);
+    let new = known(QueueAnswer::New);
+    assert_eq!(rig.raw(second, &look(session, 1)), new);
+    let control = rig.client(second).take_control(session, true, SOON);
     assert!(matches!(control, Err(ClientError::NotYours)), "{control:?}");
     assert_eq!(
         rig.arm(|arm| arm.server.look(MotionQueue::in_control)),
-        Some(None)
+        Some(InControl::Nobody)
     );
-    let mut other = request(MotionOperation::Look, session, 1);
-    other.version += 1;
-    let none = MotionRequest {
-        operation: 99,
-        ..request(MotionOperation::Look, session, 1)
-    };
     // Requests count from 1.
-    let zero = request(MotionOperation::Offer, session, 0);
-    for wrong in [other, none, zero] {
-        assert_eq!(rig.raw(first, &wrong).code, Code::Wrong as u32);
+    for zero in [offer(session, 0), look(session, 0)] {
+        assert_eq!(rig.raw(first, &zero), MotionResponse::Invalid);
     }
 }
 
@@ -391,30 +419,25 @@ fn the_next_incarnation_of_an_owner_cannot_use_its_session() {
     let mailbox = rig.mailbox(FIRST);
     let mut first = rig.client(mailbox);
     let session = first.open(SOON).unwrap();
-    first.control(session, false, SOON).unwrap();
+    first.take_control(session, false, SOON).unwrap();
     let stream = first.stream(of(session, 1), 1, SOON).unwrap();
     assert_eq!(stream, RUNS);
     // The arm sees neither the end of that incarnation nor the next one.
     rig.arm(|arm| arm.is_away = true);
     rig.system.kill(FIRST);
     let mailbox = rig.mailbox(FIRST);
-    for operation in [
-        MotionOperation::Control,
-        MotionOperation::Abort,
-        MotionOperation::GiveUp,
-        MotionOperation::Offer,
-        MotionOperation::Points,
+    for request in [
+        control(session),
+        MotionRequest::Abort { session },
+        MotionRequest::GiveUp { session },
+        offer(session, 2),
+        points(session, 1),
     ] {
-        let number = if operation == MotionOperation::Offer {
-            2
-        } else {
-            1
-        };
-        let code = rig.raw(mailbox, &request(operation, session, number)).code;
-        assert_eq!(code, Code::NotYours as u32, "{operation:?}");
+        let answer = rig.raw(mailbox, &request);
+        assert_eq!(answer, MotionResponse::NotYours, "{request:?}");
     }
     let control = rig.arm(|arm| arm.server.look(MotionQueue::in_control));
-    assert_eq!(control, Some(Some(session)));
+    assert_eq!(control, Some(InControl::Session(session)));
 }
 
 #[test]
@@ -425,14 +448,17 @@ fn control_of_a_client_that_is_gone_is_free_and_what_it_had_enqueued_goes_on() {
     let mailbox = rig.mailbox(FIRST);
     let mut first = rig.client(mailbox);
     let (gone, other) = (first.open(SOON).unwrap(), second.open(SOON).unwrap());
-    assert_eq!(first.control(gone, false, SOON).unwrap(), gone);
+    first.take_control(gone, false, SOON).unwrap();
     assert_eq!(first.offer(of(gone, 1), b"wave", SOON).unwrap(), RUNS);
-    assert_eq!(second.control(other, false, SOON).unwrap(), gone);
+    let refused = second.take_control(other, false, SOON).unwrap_err();
+    assert_eq!(
+        refused,
+        ClientError::NotInControl(InControl::Session(gone)),
+        "{refused}"
+    );
     // What the arm has not looked at when its client ends, it does not take any more.
     rig.arm(|arm| arm.is_away = true);
-    let mut late = request(MotionOperation::Offer, gone, 2);
-    late.length = 3;
-    assert_eq!(rig.raw(mailbox, &late).code, Code::Pending as u32);
+    assert_eq!(rig.raw(mailbox, &offer(gone, 2)), MotionResponse::Pending);
     rig.system.kill(FIRST);
     rig.arm(|arm| arm.is_away = false);
     assert_eq!(second.look(of(gone, 1), SOON).unwrap().answer, RUNS);
@@ -444,7 +470,7 @@ fn control_of_a_client_that_is_gone_is_free_and_what_it_had_enqueued_goes_on() {
         rig.arm(|arm| arm.news.clone()),
         [MotionsEvent::Taken(gone), MotionsEvent::Gone(gone)]
     );
-    assert_eq!(second.control(other, false, SOON).unwrap(), other);
+    second.take_control(other, false, SOON).unwrap();
     rig.arm(|arm| {
         arm.server
             .end(RequestState::Done, RefusalReason::None)
@@ -453,7 +479,7 @@ fn control_of_a_client_that_is_gone_is_free_and_what_it_had_enqueued_goes_on() {
     // Its next incarnation cannot use the session.
     let mailbox = rig.mailbox(FIRST);
     let mut first = rig.client(mailbox);
-    let control = first.control(gone, true, SOON);
+    let control = first.take_control(gone, true, SOON);
     assert!(matches!(control, Err(ClientError::NotYours)), "{control:?}");
     assert_eq!(first.look(of(gone, 1), SOON).unwrap().answer, DONE);
     let again = first.offer(of(gone, 2), b"wave", SOON).unwrap();
@@ -466,22 +492,20 @@ fn one_client_leaves_room_for_others() {
     let (first, second) = (rig.mailbox(FIRST), rig.mailbox(SECOND));
     let sessions = [first, second].map(|it| rig.client(it).open(SOON).unwrap());
     rig.arm(|arm| arm.is_away = true);
-    let (pending, busy) = (Code::Pending as u32, Code::Busy as u32);
-    let code = |mailbox, operation, session: usize, number| {
-        rig.raw(mailbox, &request(operation, sessions[session], number))
-            .code
-    };
-    assert_eq!(code(first, MotionOperation::Offer, 0, 1), pending);
-    assert_eq!(code(first, MotionOperation::Offer, 0, 2), busy);
-    assert_eq!(code(first, MotionOperation::Offer, 0, 1), pending);
-    assert_eq!(code(second, MotionOperation::Offer, 1, 1), pending);
+    let (pending, busy) = (MotionResponse::Pending, MotionResponse::Busy);
+    let [one, two] = sessions;
+    assert_eq!(rig.raw(first, &offer(one, 1)), pending);
+    assert_eq!(rig.raw(first, &offer(one, 2)), busy);
+    assert_eq!(rig.raw(first, &offer(one, 1)), pending);
+    assert_eq!(rig.raw(second, &offer(two, 1)), pending);
     // Whoever asks about one of them is not told that it is new.
-    assert_eq!(code(second, MotionOperation::Look, 0, 1), pending);
+    assert_eq!(rig.raw(second, &look(one, 1)), pending);
     // Sessions are opened in turn, whoever asks more often.
+    let open = MotionRequest::Open;
     for _ in 0..3 {
-        assert_eq!(code(first, MotionOperation::Open, 0, 0), pending);
+        assert_eq!(rig.raw(first, &open), pending);
     }
-    assert_eq!(code(second, MotionOperation::Open, 0, 0), pending);
+    assert_eq!(rig.raw(second, &open), pending);
     let mut served = Vec::new();
     for _ in 0..4 {
         rig.arm(|arm| {
@@ -490,10 +514,10 @@ fn one_client_leaves_room_for_others() {
             arm.is_away = true;
         });
         for (number, mailbox) in [(1, first), (2, second)] {
-            if code(mailbox, MotionOperation::Open, 0, 0) == Code::Done as u32 {
+            if matches!(rig.raw(mailbox, &open), MotionResponse::Opened(_)) {
                 served.push(number);
             }
-            code(mailbox, MotionOperation::Open, 0, 0);
+            rig.raw(mailbox, &open);
         }
     }
     assert_eq!(served, [1, 2, 1, 2]);
@@ -503,13 +527,13 @@ fn one_client_leaves_room_for_others() {
 fn a_session_that_was_taken_away_is_not_given() {
     let rig = Rig::new();
     let (first, second) = (rig.mailbox(FIRST), rig.mailbox(SECOND));
-    let open = request(MotionOperation::Open, 0, 0);
-    assert_eq!(rig.raw(first, &open).code, Code::Pending as u32);
+    let open = MotionRequest::Open;
+    assert_eq!(rig.raw(first, &open), MotionResponse::Pending);
     let mut other = rig.client(second);
     // Of all others there are requests that have not ended.
     let newer = [(); 3].map(|()| {
         let session = other.open(SOON).unwrap();
-        other.control(session, true, SOON).unwrap();
+        other.take_control(session, true, SOON).unwrap();
         other.offer(of(session, 1), b"wave", SOON).unwrap();
         session
     });
@@ -519,7 +543,7 @@ fn a_session_that_was_taken_away_is_not_given() {
         rig.arm(|arm| arm.server.look(|queue| queue.owner(taken))),
         Some(None)
     );
-    assert_eq!(rig.raw(first, &open).code, Code::Pending as u32);
+    assert_eq!(rig.raw(first, &open), MotionResponse::Pending);
     assert!(rig.client(first).open(SOON).unwrap() > newer[2]);
 }
 
@@ -539,7 +563,7 @@ fn a_ledger_that_fails_is_told_once_and_delays_everything_but_loses_nothing() {
     assert_eq!(errors, ["Write(Now)"]);
     fails(false);
     let session = client.open(SOON).unwrap();
-    client.control(session, false, SOON).unwrap();
+    client.take_control(session, false, SOON).unwrap();
     client.offer(of(session, 1), b"wave", SOON).unwrap();
     // The end of a motion is written as soon as that is possible, and before the next one begins.
     fails(true);
@@ -598,7 +622,7 @@ fn busy(rig: &Rig) -> (&'static SimMailbox<'static, 3>, Client, u32) {
     let mailbox = rig.mailbox(FIRST);
     let mut client = rig.client(mailbox);
     let session = client.open(SOON).unwrap();
-    client.control(session, false, SOON).unwrap();
+    client.take_control(session, false, SOON).unwrap();
     client.offer(of(session, 1), b"wave", SOON).unwrap();
     client.offer(of(session, 2), b"nod", SOON).unwrap();
     (mailbox, client, session)
@@ -639,15 +663,15 @@ fn nothing_begins_after_an_abort_that_the_controller_has_not_seen() {
     // The second motion is being prepared.
     let next = rig.arm(|arm| arm.server.next_request());
     assert_eq!(next.map(|it| it.0), Some(of(session, 2)));
-    let abort = request(MotionOperation::Abort, session, 0);
-    let (pending, done) = (Code::Pending as u32, Code::Done as u32);
-    assert_eq!(rig.raw(mailbox, &abort).code, pending);
+    let abort = MotionRequest::Abort { session };
+    let (pending, done) = (MotionResponse::Pending, MotionResponse::Done);
+    assert_eq!(rig.raw(mailbox, &abort), pending);
     assert_eq!(rig.arm(|arm| arm.server.begin()), Ok(false));
     assert_eq!(rig.arm(|arm| arm.server.next_request()), None);
-    assert_eq!(rig.raw(mailbox, &abort).code, pending);
+    assert_eq!(rig.raw(mailbox, &abort), pending);
     rig.arm(|arm| arm.is_away = false);
     mailbox.serve(Duration::from_millis(10)).unwrap();
-    assert_eq!(rig.raw(mailbox, &abort).code, done);
+    assert_eq!(rig.raw(mailbox, &abort), done);
     let seen = client.look(of(session, 2), SOON).unwrap();
     assert_eq!(
         seen.answer,
@@ -656,27 +680,28 @@ fn nothing_begins_after_an_abort_that_the_controller_has_not_seen() {
     // The end of what moves later is asked for anew.
     client.offer(of(session, 3), b"wave", SOON).unwrap();
     rig.arm(|arm| arm.is_away = true);
-    assert_eq!(rig.raw(mailbox, &abort).code, pending);
+    assert_eq!(rig.raw(mailbox, &abort), pending);
 }
 
 #[test]
 fn an_offer_is_pending_until_the_queue_has_it_or_an_abort_comes() {
     let rig = Rig::new();
     let (mailbox, _, session) = busy(&rig);
-    let code = |operation, number| rig.raw(mailbox, &request(operation, session, number)).code;
-    let pending = Code::Pending as u32;
-    let asked_while_deciding = |number, operation| {
+    let asked_while_deciding = |number, request| {
         rig.arm(|arm| arm.is_away = true);
-        assert_eq!(code(MotionOperation::Offer, number), pending);
+        let offered = rig.raw(mailbox, &offer(session, number));
+        assert_eq!(offered, MotionResponse::Pending);
         rig.arm(|arm| (arm.is_away, arm.serves_late) = (false, true));
-        assert_eq!(code(operation, number), pending);
+        assert_eq!(rig.raw(mailbox, &request), MotionResponse::Pending);
         rig.arm(|arm| arm.serves_late = false);
-        code(MotionOperation::Look, number)
+        match rig.raw(mailbox, &look(session, number)) {
+            MotionResponse::Request(seen) => seen.answer,
+            other => panic!("{other:?}"),
+        }
     };
-    let known = Code::Known as u32;
-    assert_eq!(asked_while_deciding(3, MotionOperation::Look), known);
-    let new = Code::New as u32;
-    assert_eq!(asked_while_deciding(4, MotionOperation::Abort), new);
+    assert_eq!(asked_while_deciding(3, look(session, 3)), WAITS);
+    let abort = MotionRequest::Abort { session };
+    assert_eq!(asked_while_deciding(4, abort), QueueAnswer::New);
 }
 
 #[test]
@@ -685,23 +710,26 @@ fn whoever_is_in_control_ends_everything() {
     let (first, second) = (rig.mailbox(FIRST), rig.mailbox(SECOND));
     let (mut first, mut second) = (rig.client(first), rig.client(second));
     let [mine, other] = [&mut first, &mut second].map(|it| it.open(SOON).unwrap());
-    first.control(mine, false, SOON).unwrap();
+    first.take_control(mine, false, SOON).unwrap();
     for number in 1..=3 {
         first.offer(of(mine, number), b"wave", SOON).unwrap();
     }
-    assert_eq!(second.abort(other, SOON).unwrap(), mine);
+    assert_eq!(
+        second.abort(other, SOON),
+        Err(ClientError::NotInControl(InControl::Session(mine)))
+    );
     assert_eq!(first.look(of(mine, 1), SOON).unwrap().answer, RUNS);
-    assert_eq!(first.abort(mine, SOON).unwrap(), mine);
+    first.abort(mine, SOON).unwrap();
     let aborted = QueueAnswer::Known(RequestState::Aborted, RefusalReason::Command);
     for number in 1..=3 {
         assert_eq!(first.look(of(mine, number), SOON).unwrap().answer, aborted);
     }
     // Of a client that has lost control again before the arm has looked, nobody is told.
     rig.arm(|arm| arm.is_away = true);
-    assert_eq!(second.control(other, true, SOON).unwrap(), other);
+    second.take_control(other, true, SOON).unwrap();
     second.give_up_control(other, SOON).unwrap();
     rig.arm(|arm| arm.is_away = false);
-    assert_eq!(first.control(mine, false, SOON).unwrap(), mine);
+    first.take_control(mine, false, SOON).unwrap();
     first.look(of(mine, 1), SOON).unwrap();
     let news = rig.arm(|arm| arm.news.clone());
     assert_eq!(
@@ -735,7 +763,7 @@ fn a_stream_takes_points_of_its_client_until_it_ends() {
     let (first, second) = (rig.mailbox(FIRST), rig.mailbox(SECOND));
     let (mut client, mut other) = (rig.client(first), rig.client(second));
     let session = client.open(SOON).unwrap();
-    client.control(session, false, SOON).unwrap();
+    client.take_control(session, false, SOON).unwrap();
     let none = client.stream(of(session, 1), 4, SOON).unwrap();
     assert_eq!(
         none,
@@ -812,34 +840,66 @@ fn whatever_a_peer_writes_is_answered() {
     let (first, second) = (rig.mailbox(FIRST), rig.mailbox(SECOND));
     rig.client(first).open(SOON).unwrap();
     rig.arm(|arm| arm.is_quick = true);
-    let operation = prop_oneof![1 => Just(1_u32), 12 => 2..9_u32, 1 => any::<u32>()];
-    let version = prop_oneof![9 => Just(VERSION), 1 => any::<u32>()];
-    let number = prop_oneof![4 => 0..20_u32, 1 => any::<u32>()];
-    let length = prop_oneof![9 => 0..=480_u32, 1 => any::<u32>()];
-    let words = (version, operation, number, length);
-    let of = prop::option::weighted(0.2, 0..20_u32);
-    let body = prop::collection::vec(any::<u8>(), 0..480);
     let counts = [const { AtomicU32::new(0) }; 12];
-    proptest!(|(words in words, of in of, body in body, own in any::<bool>())| {
-        let (version, operation, number, length) = words;
+    let number = || prop_oneof![4 => 0..20_u32, 1 => any::<u32>()];
+    let session = prop::option::weighted(0.2, number());
+    let bytes = prop::collection::vec(any::<u8>(), 0..480);
+    let numbers = prop::collection::vec(any::<f64>(), 0..58);
+    let errors = prop::collection::vec((0..500_u32, any::<u8>()), 0..2);
+    proptest!(|(
+        kind in 0..10_u8,
+        session in session,
+        number in number(),
+        bytes in bytes,
+        numbers in numbers,
+        errors in errors,
+        flag in any::<bool>(),
+        own in any::<bool>(),
+    )| {
         let newest = rig.arm(|arm| {
             let of_first = |(_, owner): &(u32, SessionOwner)| owner.processor == u32::from(FIRST.0);
             let session = |queue: &Queue| queue.sessions().filter(of_first).map(|it| it.0).max();
             arm.server.look(session).flatten()
         });
-        let mut request = MotionRequest {
-            version,
-            operation,
-            session: of.or(newest).unwrap_or(0),
-            number,
-            length,
-            body: [0; 480],
+        let session = session.or(newest).unwrap_or(0);
+        let motions = || Offer::Motions(bytes.as_slice().try_into().unwrap());
+        let request = match kind {
+            0 => MotionRequest::Open,
+            1 => MotionRequest::GiveUp { session },
+            2 => MotionRequest::Abort { session },
+            3 | 4 => MotionRequest::Control { session, from_other: flag },
+            5 => MotionRequest::Look(of(session, number)),
+            6 | 7 => MotionRequest::Offer(of(session, number), motions()),
+            8 => MotionRequest::Offer(of(session, number), Offer::Stream(number)),
+            _ => MotionRequest::Points(of(session, number), PackedBatch {
+                sequence: number,
+                is_last: flag,
+                numbers: numbers.into_iter().collect(),
+            }),
         };
-        request.body[..body.len()].copy_from_slice(&body);
+        let mut packet = RequestPacket::new(&request).unwrap();
+        for (place, byte) in &errors {
+            packet.as_mut_bytes()[*place as usize] = *byte;
+        }
         let sender = if own { first } else { second };
-        let code = rig.raw(sender, &request).code;
-        prop_assert!((1..12).contains(&code), "{}", code);
-        counts[code as usize].fetch_add(1, Ordering::Relaxed);
+        let region = rig.region(sender.number());
+        let mut exchange = rig.blocks.client(sender, &region).unwrap();
+        let response: ResponsePacket = exchange.call(ARM, MOTIONS, &packet, SOON).unwrap();
+        let place = match response.value() {
+            Err(_) => {
+                prop_assert!(!errors.is_empty(), "{:?}", request);
+                0
+            }
+            Ok(MotionResponse::Busy) => 1,
+            Ok(MotionResponse::Pending) => 2,
+            Ok(MotionResponse::Done) => 3,
+            Ok(MotionResponse::Opened(_)) => 4,
+            Ok(MotionResponse::InControl(_)) => 5,
+            Ok(MotionResponse::Request(_)) => 6,
+            Ok(MotionResponse::NotYours) => 7,
+            Ok(_) => 8,
+        };
+        counts[place].fetch_add(1, Ordering::Relaxed);
         rig.arm(Arm::tick);
     });
     let counts = counts.map(AtomicU32::into_inner);
@@ -847,8 +907,7 @@ fn whatever_a_peer_writes_is_answered() {
     assert!(seen > 6, "{counts:?}");
     // The arm serves all the same.
     let session = rig.client(second).open(SOON).unwrap();
-    assert_eq!(
-        rig.client(second).control(session, true, SOON).unwrap(),
-        session
-    );
+    rig.client(second)
+        .take_control(session, true, SOON)
+        .unwrap();
 }

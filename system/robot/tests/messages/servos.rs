@@ -7,10 +7,6 @@ use std::time::Duration;
 use condor_hand::config::Hand;
 use condor_hand::controller::FingerController;
 use condor_hand::kinematics::PlanarFinger;
-use condor_hand::message::{
-    ALL_JOINTS, ClientError, HandIdentity, HandLoop, REQUEST_WORDS, SERVO, ServoClient,
-    ServoLayout, ServoObject, ServoOperation,
-};
 use condor_hand::servo::{FingerReadings, JointTarget, ServoMode, ServoRefusal, TargetQuantity};
 use condor_hand::tendon::Pair;
 use condor_hand::tendon::fault::{FaultCode, FaultSite};
@@ -18,9 +14,14 @@ use condor_hand::trajectory::{SetPoint, StopGuard};
 use condor_mbox::exchange::ExchangeError;
 use condor_mbox::sim::{SimMailbox, SimSystem, SimWindow};
 use condor_mbox::{
-    Allocator, Call, CriticalSection, MailboxError, MemoryWindow, Messenger, Processor, Region,
-    SingleContext, Vector,
+    Allocator, Call, CriticalSection, MailboxError, MemoryWindow, Messenger, Offset, Processor,
+    Region, SingleContext, Vector,
 };
+use condor_robot::message::{
+    ClientError, HandIdentity, HandLoop, OrderPart, RequestPacket, ResponsePacket, SERVO,
+    ServoClient, ServoLayout, ServoObject, ServoRequest, ServoResponse,
+};
+use condor_robot::packet;
 use nalgebra::{Vector3, Vector4};
 use proptest::prelude::*;
 
@@ -34,7 +35,7 @@ type Servos = HandLoop<'static, PlanarFinger, SimWindow, 2, 4>;
 type Client<'m> = ServoClient<'m, SimMailbox<'static, 2>, SimWindow, 2, 4>;
 
 fn hand() -> Hand<4, 4> {
-    let text = include_str!("../../hands/utah-mit.toml");
+    let text = include_str!("../../../../condor-hand/hands/utah-mit.toml");
     let mut hand = Hand::from_toml(text, "hands/utah-mit.toml").unwrap();
     // The sensors of these tests stay where they are.
     hand.faults.frozen_rad = 10.0;
@@ -78,7 +79,7 @@ impl Rig {
         let names = [&hand.fingers[0].name, &hand.fingers[1].name];
         let identity = HandIdentity::new(
             &hand.name,
-            names.map(condor_hand::config::ShortName::as_str),
+            names.map(condor_hand::config::Name::as_str),
             hand.servo_hz,
         );
         let controllers = [0, 1].map(|finger| {
@@ -126,16 +127,11 @@ impl Rig {
         ServoClient::new(&self.master, REMOTE, &self.ram(), self.layout).unwrap()
     }
 
-    /// Words that no client sends, and what comes back: the reply and the response.
-    fn raw(&self, words: &[u32]) -> (u32, [u32; REQUEST_WORDS]) {
-        let (ram, block) = (self.ram(), self.layout.block(MASTER).unwrap());
-        for (word, offset) in words.iter().zip((block..).step_by(4)) {
-            ram.set_word(offset, *word).unwrap();
-        }
-        let reply = self.master.send_with_reply(REMOTE, SERVO, block, SECOND);
-        let response = block + 4 * REQUEST_WORDS as u32;
-        let words = core::array::from_fn(|word| ram.word(response + 4 * word as u32).unwrap());
-        (reply.unwrap(), words)
+    /// A request that no client sends, and what comes back.
+    fn raw(&self, request: ServoRequest) -> ServoResponse<4> {
+        let blocks = self.layout.blocks();
+        let mut exchange = blocks.client(&self.master, &self.ram()).unwrap();
+        packet::ask(&mut exchange, REMOTE, SERVO, &request, SECOND).unwrap()
     }
 
     fn modes(&self, finger: usize) -> [ServoMode; 4] {
@@ -184,7 +180,10 @@ fn servos_are_enabled_and_disabled() {
     client.disable(1, Some(0), SECOND).unwrap();
     let status = client.status(1, SECOND).unwrap();
     let position = ServoMode::Position;
-    assert_eq!(status.modes, [ServoMode::Off, position, position, position]);
+    assert_eq!(
+        status.modes.as_slice(),
+        [ServoMode::Off, position, position, position]
+    );
     assert_eq!((status.fault, status.is_resting), (None, false));
     let before = status.ticks;
     rig.ticks(10);
@@ -288,7 +287,7 @@ fn a_fault_is_told_and_cleared_and_does_not_come_back_to_life() {
     assert_eq!(fault.code, FaultCode::NotFinite);
     assert_eq!(fault.site, FaultSite::Joint(3));
     assert!(status.is_resting);
-    assert_eq!(status.modes, [ServoMode::Off; 4]);
+    assert_eq!(status.modes.as_slice(), [ServoMode::Off; 4]);
     assert_eq!(client.status(1, SECOND).unwrap().fault, None);
 
     let refused = client.enable(0, None, ServoMode::Torque, SECOND);
@@ -296,9 +295,10 @@ fn a_fault_is_told_and_cleared_and_does_not_come_back_to_life() {
     rig.fingers.lock().unwrap().1[0].position[3] = 0.7;
     // Two restarts between two ticks are one clearing, and count twice.
     rig.ticking.store(false, Ordering::Relaxed);
-    let restart = [ServoOperation::Restart as u32, 0];
-    assert_eq!(rig.raw(&restart).1[0], 0);
-    assert_eq!(rig.raw(&restart).1[0], 0);
+    for _ in 0..2 {
+        let restart = rig.raw(ServoRequest::Restart { finger: 0 });
+        assert!(matches!(restart, ServoResponse::Ordered(_)), "{restart:?}");
+    }
     rig.ticks(1);
     rig.ticking.store(true, Ordering::Relaxed);
     assert_eq!(client.status(0, SECOND).unwrap().restarts, 2);
@@ -308,7 +308,7 @@ fn a_fault_is_told_and_cleared_and_does_not_come_back_to_life() {
     assert_eq!((status.fault, status.is_resting), (None, false));
     assert_eq!(status.restarts, 3);
     // What was refused is not done later.
-    assert_eq!(status.modes, [ServoMode::Off; 4]);
+    assert_eq!(status.modes.as_slice(), [ServoMode::Off; 4]);
     client.enable(0, None, ServoMode::Torque, SECOND).unwrap();
 }
 
@@ -316,24 +316,35 @@ fn a_fault_is_told_and_cleared_and_does_not_come_back_to_life() {
 fn an_order_that_another_one_replaced_says_so() {
     let rig = Rig::in_virtual_time();
     rig.ticking.store(false, Ordering::Relaxed);
-    let mode = |joint: u32, mode: ServoMode| {
-        rig.raw(&[ServoOperation::Mode as u32, 0, joint, mode as u32])
-            .1
+    let finger = 0;
+    let order = |joint, mode| {
+        let mode = ServoRequest::Mode {
+            finger,
+            joint,
+            mode,
+        };
+        match rig.raw(mode) {
+            ServoResponse::Ordered(number) => number,
+            other => panic!("{other:?}"),
+        }
     };
-    let outcome = |joint, number| {
-        rig.raw(&[ServoOperation::Outcome as u32, 0, joint, number, 0])
-            .1[0]
+    let outcome = |joint, order| {
+        let part = OrderPart::Drive(joint);
+        rig.raw(ServoRequest::Outcome {
+            finger,
+            part,
+            order,
+        })
     };
-    let [0, first, ..] = mode(1, ServoMode::Torque) else {
-        panic!("refused");
-    };
-    let [0, second, ..] = mode(ALL_JOINTS, ServoMode::Tension) else {
-        panic!("refused");
-    };
+    let first = order(Some(1), ServoMode::Torque);
+    let second = order(None, ServoMode::Tension);
     assert_eq!(second, first + 1);
-    assert_eq!((outcome(1, first), outcome(1, second)), (2, 2));
+    for number in [first, second] {
+        assert_eq!(outcome(Some(1), number), ServoResponse::Pending);
+    }
     rig.ticks(1);
-    assert_eq!((outcome(1, first), outcome(ALL_JOINTS, second)), (3, 0));
+    assert_eq!(outcome(Some(1), first), ServoResponse::Superseded);
+    assert_eq!(outcome(None, second), ServoResponse::Done);
     assert_eq!(rig.modes(0), [ServoMode::Tension; 4]);
 }
 
@@ -382,15 +393,15 @@ fn set_points_that_are_not_finite_are_refused_and_counted() {
     }
     let status = client.status(1, SECOND).unwrap();
     assert_eq!(status.refused_set_points, 3);
-    assert_eq!(status.modes, [ServoMode::Position; 4]);
+    assert_eq!(status.modes.as_slice(), [ServoMode::Position; 4]);
 }
 
 #[test]
 fn a_message_with_another_offset_is_refused() {
     let rig = Rig::in_virtual_time();
-    let mine = rig.layout.block(MASTER).unwrap();
-    let others = rig.layout.block(REMOTE).unwrap();
-    assert_eq!(rig.layout.block(Processor(2)), None);
+    let mine = rig.layout.blocks().block(MASTER).unwrap();
+    let others = rig.layout.blocks().block(REMOTE).unwrap();
+    assert_eq!(rig.layout.blocks().block(Processor(2)), None);
     for offset in [0, mine - 4, mine + 1, others, DATA_BYTES, u32::MAX] {
         let reply = rig.master.send_with_reply(REMOTE, SERVO, offset, SECOND);
         assert_eq!(reply, Ok(0), "{offset:#x}");
@@ -442,13 +453,53 @@ fn a_processor_without_servos_is_an_error_with_its_number() {
     );
 }
 
-/// Words that are often nearly right.
-fn word() -> impl Strategy<Value = u32> {
+/// Requests that are often nearly right.
+fn request() -> impl Strategy<Value = ServoRequest> {
+    let number = || prop_oneof![4 => 0..6_u32, 1 => any::<u32>()];
+    let joint = || prop::option::of(number());
+    let mode = prop::sample::select(&ServoMode::ALL);
+    let size = || prop_oneof![2 => -1.0..10.0, 1 => any::<f64>()];
+    let target = (size(), size(), size()).prop_flat_map(|(a, b, c)| {
+        prop::sample::select(vec![
+            JointTarget::Off,
+            JointTarget::Torque(a),
+            JointTarget::Grasp(a),
+            JointTarget::Tension(Pair {
+                flexor: a,
+                extensor: b,
+            }),
+            JointTarget::Position(SetPoint {
+                position: a,
+                velocity: b,
+                acceleration: c,
+            }),
+            JointTarget::Impedance {
+                position: a,
+                stiffness: b,
+                damping: c,
+            },
+        ])
+    });
+    let part = prop_oneof![Just(OrderPart::Faults), joint().prop_map(OrderPart::Drive)];
     prop_oneof![
-        4 => 0_u32..6,
-        1 => Just(ALL_JOINTS),
-        1 => any::<u32>(),
-        1 => any::<f64>().prop_map(|number| (number.to_bits() >> 32) as u32),
+        number().prop_map(|finger| ServoRequest::Hello { finger }),
+        number().prop_map(|finger| ServoRequest::Status { finger }),
+        number().prop_map(|finger| ServoRequest::Restart { finger }),
+        (number(), joint(), mode).prop_map(|(finger, joint, mode)| ServoRequest::Mode {
+            finger,
+            joint,
+            mode,
+        }),
+        (number(), joint(), target).prop_map(|(finger, joint, target)| ServoRequest::Target {
+            finger,
+            joint,
+            target,
+        }),
+        (number(), part, number()).prop_map(|(finger, part, order)| ServoRequest::Outcome {
+            finger,
+            part,
+            order,
+        }),
     ]
 }
 
@@ -457,9 +508,17 @@ fn whatever_a_peer_writes_the_servos_stay_valid() {
     let rig = Rig::in_virtual_time();
     let refused = AtomicU32::new(0);
     let ram = rig.ram();
-    let words = prop::collection::vec(word(), REQUEST_WORDS);
+    let block = rig.layout.blocks().block(MASTER).unwrap();
+    let word = || prop_oneof![2 => 0..6_u32, 1 => any::<u32>()];
     let points = prop::collection::vec((0..DATA_BYTES / 4, word()), 0..40);
-    proptest!(|(words in words, data in points, own in any::<bool>(), offset in any::<u32>())| {
+    let errors = prop::collection::vec((0..12_u32, any::<u32>()), 0..2);
+    proptest!(|(
+        request in request(),
+        errors in errors,
+        data in points,
+        own in any::<bool>(),
+        offset in any::<u32>(),
+    )| {
         let before = [rig.modes(0), rig.modes(1)];
         rig.ticking.store(false, Ordering::Relaxed);
         // Anybody writes anything anywhere in the data of everybody, the set-points included.
@@ -467,9 +526,17 @@ fn whatever_a_peer_writes_the_servos_stay_valid() {
             ram.set_word(4 * place, *word).unwrap();
         }
         if own {
-            let (reply, response) = rig.raw(&words);
-            prop_assert_eq!(reply, 1);
-            if response[0] >= 16 {
+            let packet = RequestPacket::new(&request).unwrap();
+            ram.set(Offset::at(block), &packet).unwrap();
+            for (place, word) in &errors {
+                ram.set_word(block + 4 * place, *word).unwrap();
+            }
+            let reply = rig.master.send_with_reply(REMOTE, SERVO, block, SECOND);
+            prop_assert_eq!(reply, Ok(1));
+            let response: ResponsePacket<4> = ram.get(Offset::at(block + 64)).unwrap();
+            let response = response.value();
+            if !matches!(response, Ok(ServoResponse::Ordered(_))) {
+                prop_assert!(response.is_ok() || !errors.is_empty());
                 refused.fetch_add(1, Ordering::Relaxed);
                 rig.ticks(1);
                 // The set-points alone may have made a fault, which switches the finger off.
@@ -518,7 +585,7 @@ fn threads_give_orders_while_the_loop_runs() {
                     [ServoMode::Torque, ServoMode::Tension, ServoMode::Off][round as usize % 3];
                 client.enable(round % 2, None, mode, LONG).unwrap();
                 let status = client.status(round % 2, LONG).unwrap();
-                assert_eq!(status.modes, [mode; 4]);
+                assert_eq!(status.modes.as_slice(), [mode; 4]);
             }
         }));
         done.store(true, Ordering::Relaxed);

@@ -1,8 +1,9 @@
 use core::fmt;
 
+use condor_hand::ImageError;
 use crc::{CRC_32_ISO_HDLC, Crc};
-
-use crate::ImageError;
+use serde::{Deserialize, Serialize};
+use zerocopy::{Immutable, IntoBytes, TryFromBytes};
 
 /// The size of a row of a [`Ledger`], in bytes.
 pub const ROW_BYTES: usize = 32;
@@ -19,7 +20,7 @@ const CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
 
 /// The identity of a request: the session of its client, and the number of the request in that
 /// session. The queue runs no identity twice.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub struct RequestIdentity {
     /// The number of the session, which the queue has assigned to the client.
     pub session: u32,
@@ -45,7 +46,19 @@ pub struct SessionOwner {
 }
 
 /// The state of a request in a queue: it waits, it runs, or it has ended in one of several ways.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(
+    Clone,
+    Copy,
+    Debug,
+    PartialEq,
+    Eq,
+    Hash,
+    Serialize,
+    Deserialize,
+    TryFromBytes,
+    IntoBytes,
+    Immutable,
+)]
 #[repr(u32)]
 #[non_exhaustive]
 pub enum RequestState {
@@ -83,17 +96,6 @@ impl fmt::Display for RequestState {
 }
 
 impl RequestState {
-    const ALL: [Self; 8] = [
-        Self::Accepted,
-        Self::Started,
-        Self::Done,
-        Self::Stopped,
-        Self::Aborted,
-        Self::Refused,
-        Self::Lost,
-        Self::BrokenOff,
-    ];
-
     /// Returns the name of the state in lower case, such as `broken-off`, for programs to print and
     /// to compare.
     #[must_use]
@@ -108,12 +110,6 @@ impl RequestState {
             Self::Lost => "lost",
             Self::BrokenOff => "broken-off",
         }
-    }
-
-    /// Returns the state with this number in messages and ledgers; `None` if no state has it.
-    #[must_use]
-    pub fn from_number(number: u32) -> Option<Self> {
-        Self::ALL.into_iter().find(|state| *state as u32 == number)
     }
 
     /// Returns true if the state is final: the request neither waits nor runs.
@@ -133,7 +129,9 @@ impl RequestState {
 }
 
 /// The reason why a request was refused or aborted; other requests have [`RefusalReason::None`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(
+    Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, TryFromBytes, IntoBytes, Immutable,
+)]
 #[repr(u32)]
 #[non_exhaustive]
 pub enum RefusalReason {
@@ -157,27 +155,6 @@ pub enum RefusalReason {
     FromHere = 8,
     /// The points of a stream did not come in time.
     Starved = 9,
-}
-
-impl RefusalReason {
-    const ALL: [Self; 10] = [
-        Self::None,
-        Self::Full,
-        Self::NotInControl,
-        Self::NoMotion,
-        Self::Limits,
-        Self::NotReady,
-        Self::Command,
-        Self::Failure,
-        Self::FromHere,
-        Self::Starved,
-    ];
-
-    /// Returns the reason with this number in messages and ledgers; `None` if no reason has it.
-    #[must_use]
-    pub fn from_number(number: u32) -> Option<Self> {
-        Self::ALL.into_iter().find(|it| *it as u32 == number)
-    }
 }
 
 impl fmt::Display for RefusalReason {
@@ -633,11 +610,16 @@ impl Request {
         };
         Some(Self {
             identity: RequestIdentity { session, number },
-            state: RequestState::from_number(state)?,
-            reason: RefusalReason::from_number(reason)?,
+            state: known(state)?,
+            reason: known(reason)?,
             entered: whole(low, high),
         })
     }
+}
+
+/// Returns the value of this number; `None` if no value has it.
+fn known<E: TryFromBytes>(number: u32) -> Option<E> {
+    E::try_read_from_bytes(number.as_bytes()).ok()
 }
 
 /// Returns a number of 64 bits as two words, the low one first.

@@ -1,15 +1,18 @@
 //! The private memory through which the two parts of a servo object pass states to each other.
 
+use condor_hand::servo::{JointTarget, ServoMode, ServoRefusal};
+use condor_mbox::published::PublishedReadError;
 use condor_mbox::{Published, Region, StaticMemory, StaticWindow};
+use serde::{Deserialize, Serialize};
 
-use super::refusal;
-use super::status::Report;
+use super::ServoStatus;
+use crate::packet::Packet;
 
 /// The memory of one finger that both ends share.
 #[derive(Debug)]
 pub(super) struct FingerMemory<const N: usize> {
     words: StaticMemory<16>,
-    report: StaticMemory<{ Published::<Report>::BYTES as usize / 4 }>,
+    report: StaticMemory<REPORT_WORDS>,
     pub(super) joints: [JointMemory; N],
     /// The number of joints that the finger has; the places after them are empty.
     pub(super) count: usize,
@@ -22,16 +25,42 @@ pub(super) struct JointMemory {
     outcome: StaticMemory<{ Published::<Outcome>::BYTES as usize / 4 }>,
 }
 
-/// The order to a joint: its number, a [`kind`], mode and three numbers.
-pub(super) type Order = [u32; 9];
+/// The last report of the loop about a finger.
+pub(super) type Report<const N: usize> = Packet<ServoStatus<N>, 0, REPORT_BYTES>;
+/// The last order to a joint.
+pub(super) type Order = Packet<JointOrder, 0, 48>;
+/// The outcome of an order.
+pub(super) type Outcome = Packet<JointOutcome, 0, 48>;
 
-/// The outcome of an order: the number of the order and a refusal.
-pub(super) type Outcome = [u32; 1 + refusal::WORDS];
+const REPORT_BYTES: usize = 112;
+const REPORT_WORDS: usize = Published::<Packet<(), 0, REPORT_BYTES>>::BYTES as usize / 4;
 
-/// The kinds of a joint's orders.
-pub(super) mod kind {
-    pub(in super::super) const MODE: u32 = 1;
-    pub(in super::super) const TARGET: u32 = 2;
+/// An order to a joint. Number 0 is that of none.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+pub(super) struct JointOrder {
+    pub(super) number: u32,
+    pub(super) drive: JointDrive,
+}
+
+/// What an order asks of a joint.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+pub(super) enum JointDrive {
+    Mode(ServoMode),
+    Target(JointTarget),
+}
+
+/// What the loop has done with an order.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+pub(super) struct JointOutcome {
+    pub(super) number: u32,
+    pub(super) refusal: Option<ServoRefusal>,
+}
+
+impl JointOrder {
+    pub(super) const NONE: Self = Self {
+        number: 0,
+        drive: JointDrive::Mode(ServoMode::Off),
+    };
 }
 
 /// Words of a finger, by byte offset.
@@ -42,6 +71,13 @@ pub(super) mod word {
     pub(in super::super) const RESTARTS: u32 = 4;
     /// The ticks of the loop.
     pub(in super::super) const TICKS: u32 = 8;
+}
+
+impl JointOutcome {
+    pub(super) const NONE: Self = Self {
+        number: 0,
+        refusal: None,
+    };
 }
 
 impl<const N: usize> FingerMemory<N> {
@@ -58,7 +94,7 @@ impl<const N: usize> FingerMemory<N> {
         Region::whole(self.words.window())
     }
 
-    pub(super) fn report(&self) -> (Published<Report>, StaticWindow<'_>) {
+    pub(super) fn report(&self) -> (Published<Report<N>>, StaticWindow<'_>) {
         (Published::at(0), self.report.window())
     }
 }
@@ -79,14 +115,12 @@ impl JointMemory {
         (Published::at(0), self.outcome.window())
     }
 
-    /// The last order; zeros before the first. None while it cannot be read whole.
-    pub(super) fn last_order(&self) -> Option<Order> {
+    /// The last order; `None` while it cannot be read whole.
+    pub(super) fn last_order(&self) -> Option<JointOrder> {
         let (cell, window) = self.order();
         match cell.subscriber(window).ok()?.read() {
-            Ok(latest) => Some(latest.value),
-            Err(condor_mbox::published::PublishedReadError::Unpublished) => {
-                Some([0; size_of::<Order>() / 4])
-            }
+            Ok(latest) => latest.value.value().ok(),
+            Err(PublishedReadError::Unpublished) => Some(JointOrder::NONE),
             Err(_) => None,
         }
     }

@@ -1,11 +1,11 @@
+use condor_hand::controller::FingerController;
+use condor_hand::dynamics::Dynamics;
 use condor_mbox::{AccessError, Exclusion, MemoryWindow, Region, StaticMemory};
 
 use super::handler::{HandIdentity, ServoHandler};
 use super::layout::ServoLayout;
 use super::memory::FingerMemory;
 use super::servo_loop::HandLoop;
-use crate::controller::FingerController;
-use crate::dynamics::Dynamics;
 
 /// The fingers that one processor serves, as an object that answers messages. The hand has `F` fingers of `N` joints.
 ///
@@ -18,15 +18,15 @@ use crate::dynamics::Dynamics;
 /// # use condor_mbox::{Call, CriticalSection, MemoryWindow, Messenger, Allocator, Processor, Region};
 /// use condor_hand::config::Hand;
 /// use condor_hand::controller::FingerController;
-/// use condor_hand::message::{HandIdentity, SERVO, ServoClient, ServoObject, ServoLayout};
 /// use condor_hand::servo::{ServoMode, FingerReadings};
+/// use condor_robot::message::{HandIdentity, SERVO, ServoClient, ServoObject, ServoLayout};
 /// # use condor_hand::tendon::Pair;
 ///
 /// # const MASTER: Processor = Processor(0);
 /// # const REMOTE: Processor = Processor(1);
 /// # let system = SimSystem::<2>::in_real_time(4096);
 /// # let [_, windows] = system.windows(REMOTE);
-/// # let text = include_str!("../../hands/utah-mit.toml");
+/// # let text = include_str!("../../../../condor-hand/hands/utah-mit.toml");
 /// let hand = Hand::<4, 4>::from_toml(text, "utah-mit.toml")?;
 /// let finger = &hand.fingers[0];
 ///

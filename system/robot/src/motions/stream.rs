@@ -1,6 +1,7 @@
-use super::{Batch, Code, MotionRequest, MotionResponse, StreamRefusal, VERSION};
+use condor_hand::trajectory::{JointStream, JointStreamError};
+
+use super::{MotionResponse, PackedBatch};
 use crate::queue::{RequestIdentity, SessionOwner};
-use crate::trajectory::{JointStream, JointStreamError};
 
 /// The stream of a request that runs, with the checks for its points, which come by message. The
 /// stream has room for N points of J joints that are ahead of its time.
@@ -27,37 +28,31 @@ impl<const J: usize, const N: usize> StreamRequest<J, N> {
         }
     }
 
-    /// Takes the points in `request`, if they belong to this stream and come from its owner, and
-    /// returns the answer for the client. Returns `None` if the request is for another stream. Call
-    /// it in the closure of [`MotionsPost::answer`](super::MotionsPost::answer).
+    /// Takes the points in `batch`, if they belong to this stream and come from its owner, and returns the answer for
+    /// the client. Returns `None` if they are for another stream. Call it in the closure of
+    /// [`MotionsPost::answer`](super::MotionsPost::answer).
     pub fn take(
         &mut self,
         sender: SessionOwner,
-        request: &MotionRequest,
+        identity: RequestIdentity,
+        batch: &PackedBatch,
     ) -> Option<MotionResponse> {
-        if request.version != VERSION || request.identity() != self.identity || self.owner != sender
-        {
+        if identity != self.identity || self.owner != sender {
             return None;
         }
         let stream = &mut self.stream;
-        let body = request.body();
-        let Some(batch) = body.and_then(|body| Batch::read(stream.mask(), body)) else {
-            return Some(MotionResponse::new(Code::Wrong, 0));
+        let Some(batch) = batch.unpack(stream.mask()) else {
+            return Some(MotionResponse::Invalid);
         };
         let pushed = stream.push(batch.sequence, &batch.points, batch.is_last);
         #[allow(clippy::cast_sign_loss, reason = "times are not below zero")]
         let until = (stream.until() * 1000.0) as u32;
         Some(match pushed {
-            Ok(()) => MotionResponse::new(Code::Done, until),
-            Err(JointStreamError::Full { .. }) => MotionResponse::new(Code::Busy, until),
+            Ok(()) => MotionResponse::Points(until),
+            Err(JointStreamError::Full { .. }) => MotionResponse::Busy,
             // The queue will soon know how the stream has ended.
-            Err(JointStreamError::Ended) if stream.has_ended() => {
-                MotionResponse::new(Code::Pending, until)
-            }
-            Err(error) => MotionResponse {
-                refusal: StreamRefusal::of(error),
-                ..MotionResponse::new(Code::Refused, 0)
-            },
+            Err(JointStreamError::Ended) if stream.has_ended() => MotionResponse::Pending,
+            Err(error) => MotionResponse::Refused(error),
         })
     }
 }

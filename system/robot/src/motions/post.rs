@@ -4,21 +4,14 @@ use condor_mbox::{Call, MemoryWindow, Processor, Region};
 use critical_section::Mutex;
 use heapless::Deque;
 
-use super::{Code, MotionOperation, MotionRequest, MotionResponse, MotionsBlocks, VERSION};
-use crate::queue::{MotionQueue, QueueAnswer, RefusalReason, RequestState, SessionOwner};
+use super::{MotionRequest, MotionResponse, MotionsBlocks, Offer, PackedBatch, RequestProgress};
+use crate::packet;
+use crate::queue::{
+    InControl, MotionQueue, OWN, QueueAnswer, RequestIdentity, RequestState, SessionOwner,
+};
 
 /// The greatest number of offers that wait for the background, each of another processor.
 const INBOX: usize = 8;
-
-/// The motions or the stream that a client offers to the queue, as the controller gets them.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Offer<'a> {
-    /// Motions, in bytes that the controller reads.
-    Motions(&'a [u8]),
-    /// A stream of the joints in this mask: bit *i* is joint *i*. The mask is not checked: the robot may not
-    /// have these joints.
-    Stream(u32),
-}
 
 /// The motion queue and the open requests of a controller, which the handler of [`MOTIONS`](super::MOTIONS) and the
 /// [`MotionsServer`](super::MotionsServer) in the background share.
@@ -61,7 +54,7 @@ pub(super) struct MotionsState<P, const N: usize> {
     /// `None` while the background works on it.
     pub(super) queue: Option<MotionQueue<P, N>>,
     /// At most one offer of each processor.
-    pub(super) inbox: Deque<(SessionOwner, MotionRequest), INBOX>,
+    pub(super) inbox: Deque<(SessionOwner, RequestIdentity, Offer), INBOX>,
     /// For each processor that has asked for a session, the one that was opened for it, or 0 if none is open
     /// yet.
     opened: [Option<u32>; Processor::MAX_COUNT],
@@ -70,8 +63,8 @@ pub(super) struct MotionsState<P, const N: usize> {
     /// The session that took control, until the controller has been told.
     pub(super) taken_by: Option<u32>,
     pub(super) abort: Abort,
-    /// The progress of the request that runs, as in [`MotionResponse::progress`].
-    pub(super) progress: u32,
+    /// The progress of the request that runs, as in [`RequestProgress::progress`].
+    pub(super) progress: Option<f64>,
 }
 
 impl<P, const N: usize> MotionsPost<P, N> {
@@ -87,34 +80,35 @@ impl<P, const N: usize> MotionsPost<P, N> {
             next: 0,
             taken_by: None,
             abort: Abort::No,
-            progress: 0,
+            progress: None,
         })))
     }
 
     /// Answers a message of a client, and returns the reply. Register a handler for the vector
     /// [`MOTIONS`](super::MOTIONS) that calls this and does nothing else.
     ///
-    /// `own` is the users' region of the controller's own `data`, in which `blocks` are. `points` gets the requests
-    /// that contain points of a stream: pass them to [`StreamRequest::take`](super::StreamRequest::take), and return
+    /// `own` is the users' region of the controller's own `data`, in which `blocks` are. `points` gets the points of
+    /// streams, with their sender: pass them to [`StreamRequest::take`](super::StreamRequest::take), and return
     /// its result, or `None` if no stream runs.
     pub fn answer<W: MemoryWindow>(
         &self,
         call: &Call<'_>,
         blocks: &MotionsBlocks,
         own: &Region<W>,
-        points: impl FnOnce(SessionOwner, &MotionRequest) -> Option<MotionResponse>,
+        points: impl FnOnce(SessionOwner, RequestIdentity, &PackedBatch) -> Option<MotionResponse>,
     ) -> u32 {
         let sender = SessionOwner {
             processor: call.sender().0.into(),
             incarnation: call.sender_incarnation(),
         };
-        blocks.answer(call, own, |request: MotionRequest| {
-            let taken = (request.operation == MotionOperation::Points as u32)
-                .then(|| points(sender, &request))
-                .flatten();
+        packet::answer(*blocks, call, own, |request| {
+            let taken = match &request {
+                MotionRequest::Points(identity, batch) => points(sender, *identity, batch),
+                _ => None,
+            };
             taken
-                .or_else(|| self.with(|desk| desk.receive(sender, &request)))
-                .unwrap_or(MotionResponse::busy())
+                .or_else(|| self.with(|desk| desk.receive(sender, request)))
+                .unwrap_or(MotionResponse::Busy)
         })
     }
 
@@ -130,26 +124,6 @@ impl<P, const N: usize> MotionsPost<P, N> {
 impl<P, const N: usize> Default for MotionsPost<P, N> {
     fn default() -> Self {
         Self::new()
-    }
-}
-
-impl MotionResponse {
-    /// Returns an answer with [`Code::Busy`]: the controller has no time now, and the client must ask again.
-    #[must_use]
-    pub fn busy() -> Self {
-        Self::new(Code::Busy, 0)
-    }
-}
-
-impl MotionRequest {
-    /// Returns the content of an offer.
-    pub(super) fn offer(&self) -> Result<Offer<'_>, RefusalReason> {
-        let body = self.body().ok_or(RefusalReason::NoMotion)?;
-        if self.operation != MotionOperation::Stream as u32 {
-            return Ok(Offer::Motions(body));
-        }
-        let mask = body.first_chunk().ok_or(RefusalReason::NoMotion)?;
-        Ok(Offer::Stream(u32::from_le_bytes(*mask)))
     }
 }
 
@@ -171,110 +145,121 @@ impl<P, const N: usize> MotionsState<P, N> {
     }
 
     /// Answers a request that can be answered at once, and keeps any other for the background.
-    fn receive(&mut self, sender: SessionOwner, request: &MotionRequest) -> MotionResponse {
+    fn receive(&mut self, sender: SessionOwner, request: MotionRequest) -> MotionResponse {
         let Some(queue) = &mut self.queue else {
-            return MotionResponse::busy();
+            return MotionResponse::Busy;
         };
-        let (identity, session) = (request.identity(), request.session);
-        let done = |session: Option<u32>| MotionResponse::new(Code::Done, session.unwrap_or(0));
         let is_of_sender = |queue: &MotionQueue<P, N>, session| {
             queue.owner(session) == Some(sender) && !queue.is_closed(session)
         };
         // False for a session that is gone: the queue answers that it is.
-        let is_of_other = queue.owner(session).is_some() && !is_of_sender(queue, session);
-        let answer = |code| MotionResponse::new(code, 0);
-        let (not_yours, pending) = (answer(Code::NotYours), answer(Code::Pending));
-        let operation = MotionOperation::from_number(request.operation);
-        match operation.filter(|_| request.version == VERSION) {
-            Some(MotionOperation::Open) => {
+        let is_of_other = request.session().is_some_and(|session| {
+            session == OWN || queue.owner(session).is_some() && !is_of_sender(queue, session)
+        });
+        match request {
+            MotionRequest::Open => {
                 let Some(opened) = self.opened.get_mut(sender.processor as usize) else {
-                    return MotionResponse::new(Code::Wrong, 0);
+                    return MotionResponse::Invalid;
                 };
                 match opened.take() {
                     Some(session) if session != 0 && is_of_sender(queue, session) => {
-                        done(Some(session))
+                        MotionResponse::Opened(session)
                     }
-                    _ if queue.is_exhausted() => MotionResponse::new(Code::Exhausted, 0),
+                    _ if queue.is_exhausted() => MotionResponse::Exhausted,
                     _ => {
                         *opened = Some(0);
-                        pending
+                        MotionResponse::Pending
                     }
                 }
             }
-            Some(MotionOperation::Control | MotionOperation::Abort | MotionOperation::GiveUp)
+            MotionRequest::Control { .. }
+            | MotionRequest::Abort { .. }
+            | MotionRequest::GiveUp { .. }
                 if is_of_other =>
             {
-                not_yours
+                MotionResponse::NotYours
             }
-            Some(MotionOperation::Control) => {
+            MotionRequest::Control {
+                session,
+                from_other,
+            } => {
                 let before = queue.in_control();
-                queue.take_control(session, request.number == 1);
+                let is_taken = queue.take_control(session, from_other);
                 let now = queue.in_control();
                 if now != before {
-                    self.taken_by = now;
+                    self.taken_by = Some(session);
                     // The session that was in control before may have moved the robot by other means.
                     self.abort = self.abort.over();
                 }
-                done(now)
-            }
-            Some(MotionOperation::Offer | MotionOperation::Stream | MotionOperation::Look)
-                if request.number == 0 =>
-            {
-                MotionResponse::new(Code::Wrong, 0)
-            }
-            Some(MotionOperation::Offer | MotionOperation::Stream | MotionOperation::Look) => {
-                let answer = queue.answer(identity);
-                if !matches!(answer, QueueAnswer::New | QueueAnswer::Never) {
-                    let runs = matches!(answer, QueueAnswer::Known(RequestState::Started, _));
-                    MotionResponse {
-                        value: queue.before(identity).unwrap_or(0) as u32,
-                        progress: if runs { self.progress } else { 0 },
-                        ..MotionResponse::of(answer)
-                    }
-                } else if self.inbox.iter().any(|(_, it)| it.identity() == identity) {
-                    pending
-                } else if operation == Some(MotionOperation::Look) || answer == QueueAnswer::Never {
-                    MotionResponse::of(answer)
-                } else if is_of_other {
-                    not_yours
-                } else if request.body().is_none() {
-                    MotionResponse::new(Code::Wrong, 0)
-                } else if self
-                    .inbox
-                    .iter()
-                    .all(|(from, _)| from.processor != sender.processor)
-                    && self.inbox.push_back((sender, *request)).is_ok()
-                {
-                    pending
+                if is_taken {
+                    MotionResponse::Done
                 } else {
-                    MotionResponse::busy()
+                    MotionResponse::InControl(now)
                 }
             }
-            Some(MotionOperation::Abort) => {
+            MotionRequest::Look(RequestIdentity { number: 0, .. })
+            | MotionRequest::Offer(RequestIdentity { number: 0, .. }, _) => MotionResponse::Invalid,
+            MotionRequest::Look(identity) => match queue.answer(identity) {
+                QueueAnswer::New if self.has(identity) => MotionResponse::Pending,
+                answer => self.state(identity, answer),
+            },
+            MotionRequest::Offer(identity, offer) => match queue.answer(identity) {
+                QueueAnswer::New if self.has(identity) => MotionResponse::Pending,
+                QueueAnswer::New if is_of_other => MotionResponse::NotYours,
+                QueueAnswer::New => {
+                    let mut waiting = self.inbox.iter();
+                    let is_first = waiting.all(|(from, ..)| from.processor != sender.processor);
+                    let offer = (sender, identity, offer);
+                    if is_first && self.inbox.push_back(offer).is_ok() {
+                        MotionResponse::Pending
+                    } else {
+                        MotionResponse::Busy
+                    }
+                }
+                answer => self.state(identity, answer),
+            },
+            MotionRequest::Abort { session } => {
                 let in_control = queue.in_control();
-                if in_control != Some(session) {
-                    return done(in_control);
+                if in_control != InControl::Session(session) {
+                    return MotionResponse::InControl(in_control);
                 }
                 if self.abort == Abort::Done {
                     self.abort = Abort::No;
-                    return done(in_control);
+                    return MotionResponse::Done;
                 }
                 self.abort = Abort::Asked;
                 // Offers that are not decided count as new again.
                 self.inbox.clear();
-                pending
+                MotionResponse::Pending
             }
             // The points of a stream that runs do not come here: `answer` passes them to the stream.
-            Some(MotionOperation::Points) => match queue.answer(identity) {
-                _ if is_of_other => not_yours,
-                QueueAnswer::Known(RequestState::Accepted | RequestState::Started, _) => pending,
-                answer => MotionResponse::of(answer),
+            MotionRequest::Points(identity, _) => match queue.answer(identity) {
+                _ if is_of_other => MotionResponse::NotYours,
+                QueueAnswer::Known(RequestState::Accepted | RequestState::Started, _) => {
+                    MotionResponse::Pending
+                }
+                answer => MotionResponse::Request(RequestProgress::of(answer)),
             },
-            Some(MotionOperation::GiveUp) => {
+            MotionRequest::GiveUp { session } => {
                 queue.give_up_control(session);
-                done(None)
+                MotionResponse::Done
             }
-            None => MotionResponse::new(Code::Wrong, 0),
         }
+    }
+
+    /// Returns true if the background has not decided about a request that has come.
+    fn has(&self, identity: RequestIdentity) -> bool {
+        self.inbox.iter().any(|(_, it, _)| *it == identity)
+    }
+
+    /// Returns the queue's answer about a request, with how far the request is.
+    fn state(&self, identity: RequestIdentity, answer: QueueAnswer) -> MotionResponse {
+        let before = self.queue.as_ref().and_then(|it| it.before(identity));
+        let runs = matches!(answer, QueueAnswer::Known(RequestState::Started, _));
+        MotionResponse::Request(RequestProgress {
+            answer,
+            before: before.unwrap_or(0) as u32,
+            progress: self.progress.filter(|_| runs),
+        })
     }
 }

@@ -1,15 +1,58 @@
+use condor_hand::trajectory::{SetPoint, StopGuard};
 use condor_mbox::exchange::Blocks;
 use condor_mbox::published::{Publisher, Subscriber};
-use condor_mbox::{AccessError, Allocator, MemoryWindow, Processor, Published, Region};
+use condor_mbox::{AccessError, Allocator, MemoryWindow, Published, Region};
+use zerocopy::{FromBytes, Immutable, IntoBytes};
 
-use super::values::{WANTED, put_wanted, take_wanted};
-use super::words::{WordReader, WordWriter};
-use super::{BLOCK_BYTES, Request, Response};
-use crate::trajectory::{SetPoint, StopGuard};
+use super::ServoBlocks;
 
-/// The record that the master publishes in each tick: for each joint its set-point, the number of its
-/// motion, and the conditions that stop the motion.
-pub(super) type Points<const N: usize> = [[u32; WANTED]; N];
+/// The record that the master publishes in each tick.
+pub(super) type Points<const N: usize> = [JointPoint; N];
+
+/// What the master wants of a joint: its set-point, the number of its motion, and the conditions that stop the motion.
+#[derive(Clone, Copy, Debug, PartialEq, FromBytes, IntoBytes, Immutable)]
+#[repr(C)]
+pub(super) struct JointPoint {
+    position: f64,
+    velocity: f64,
+    acceleration: f64,
+    motion: u32,
+    /// 1 if a contact stops the motion, otherwise 0.
+    contact: u32,
+    torque: f64,
+    tension: f64,
+}
+
+impl JointPoint {
+    fn new(point: &SetPoint<f64>, guard: &StopGuard) -> Self {
+        Self {
+            position: point.position,
+            velocity: point.velocity,
+            acceleration: point.acceleration,
+            motion: guard.motion,
+            contact: guard.contact.into(),
+            torque: guard.torque,
+            tension: guard.tension,
+        }
+    }
+
+    pub(super) const fn point(&self) -> SetPoint<f64> {
+        SetPoint {
+            position: self.position,
+            velocity: self.velocity,
+            acceleration: self.acceleration,
+        }
+    }
+
+    pub(super) const fn guard(&self) -> StopGuard {
+        StopGuard {
+            motion: self.motion,
+            torque: self.torque,
+            tension: self.tension,
+            contact: self.contact != 0,
+        }
+    }
+}
 
 /// The places of the servos' request blocks and set-points in the `data` of their processor.
 ///
@@ -18,7 +61,7 @@ pub(super) type Points<const N: usize> = [[u32; WANTED]; N];
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ServoLayout<const F: usize, const N: usize> {
     points: u32,
-    pub(super) blocks: Blocks<Request, Response>,
+    pub(super) blocks: ServoBlocks<N>,
 }
 
 impl<const F: usize, const N: usize> ServoLayout<F, N> {
@@ -38,12 +81,10 @@ impl<const F: usize, const N: usize> ServoLayout<F, N> {
         }
     }
 
-    /// Returns the offset of the block into which the processor `sender` writes its requests, in
-    /// bytes from the beginning of the users' region; `None` if there is no block for that
-    /// processor.
+    /// Returns the blocks through which other processors ask the servos.
     #[must_use]
-    pub fn block(&self, sender: Processor) -> Option<u32> {
-        self.blocks.block(sender)
+    pub const fn blocks(&self) -> ServoBlocks<N> {
+        self.blocks
     }
 
     /// Makes the writer of the set-points of finger number `finger`, for the master. There must be
@@ -78,7 +119,6 @@ impl<const F: usize, const N: usize> ServoLayout<F, N> {
 
     /// The cell of a finger; outside of every window for one that there is not.
     fn points(&self, finger: usize) -> Published<Points<N>> {
-        const { assert!(BLOCK_BYTES as usize == size_of::<Request>() + size_of::<Response>()) };
         Published::at(if finger < F {
             self.points
                 .wrapping_add(finger as u32 * Published::<Points<N>>::BYTES)
@@ -107,22 +147,11 @@ impl<W: MemoryWindow, const N: usize> SetPoints<W, N> {
         points: &[SetPoint<f64>; N],
         guards: &[StopGuard; N],
     ) -> Result<u32, AccessError> {
-        let mut record = [[0; WANTED]; N];
-        for ((words, point), guard) in record.iter_mut().zip(points).zip(guards) {
-            put_wanted(point, guard, &mut WordWriter::into(words));
-        }
-        self.publisher.publish(&record)
+        let mut both = points.iter().zip(guards);
+        let rest = (&SetPoint::rest(0.0), &StopGuard::NONE);
+        self.publisher.publish(&core::array::from_fn(|_| {
+            let (point, guard) = both.next().unwrap_or(rest);
+            JointPoint::new(point, guard)
+        }))
     }
-}
-
-/// The set-points and guards in a record.
-pub(super) fn take_points<const N: usize>(
-    record: &Points<N>,
-) -> ([SetPoint<f64>; N], [StopGuard; N]) {
-    let mut points = [SetPoint::rest(0.0); N];
-    let mut guards = [StopGuard::NONE; N];
-    for ((words, point), guard) in record.iter().zip(&mut points).zip(&mut guards) {
-        (*point, *guard) = take_wanted(&mut WordReader::from(words));
-    }
-    (points, guards)
 }

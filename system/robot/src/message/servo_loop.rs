@@ -1,16 +1,17 @@
+use condor_hand::controller::{FingerController, FingerTick};
+use condor_hand::dynamics::Dynamics;
+use condor_hand::grasp::distributed::FingerControllers;
+use condor_hand::servo::{FingerReadings, ServoMode, ServoRefusal};
 use condor_mbox::published::{Publisher, Subscriber};
 use condor_mbox::{AccessError, MemoryWindow, Region, StaticWindow};
 use nalgebra::Vector3;
 
-use super::layout::{Points, ServoLayout, take_points};
-use super::memory::{FingerMemory, JointMemory, Order, Outcome, kind, word};
-use super::status::Report;
-use super::values::take_target;
-use super::words::{WordReader, WordWriter};
+use super::layout::{JointPoint, Points, ServoLayout};
+use super::memory::{
+    FingerMemory, JointDrive, JointMemory, JointOrder, JointOutcome, Report, word,
+};
 use super::{FingerRequest, ServoStatus};
-use crate::controller::{FingerController, FingerTick};
-use crate::dynamics::Dynamics;
-use crate::servo::{FingerReadings, ServoMode, ServoRefusal};
+use crate::packet::Packet;
 
 /// The part of a [`ServoObject`](super::ServoObject) that runs in the servo loop: it carries out the requests of
 /// clients and the set-points of the master with the controllers of the fingers.
@@ -34,8 +35,9 @@ struct FingerLoop<'o, M, W, const N: usize> {
     refused_set_points: u32,
     restarts: u32,
     ticks: u32,
-    report: Publisher<Report, StaticWindow<'o>>,
-    reported: Report,
+    report: Publisher<Report<N>, StaticWindow<'o>>,
+    /// What was reported last; without ticks.
+    reported: Option<ServoStatus<N>>,
 }
 
 impl<'o, M: Dynamics<f64, N>, W: MemoryWindow + Clone, const F: usize, const N: usize>
@@ -126,7 +128,7 @@ impl<'o, M: Dynamics<f64, N>, W: MemoryWindow, const N: usize> FingerLoop<'o, M,
             restarts_asked: words.word(word::RESTARTS)?,
             done: core::array::from_fn(|joint| {
                 let order = memory.joints.get(joint).and_then(JointMemory::last_order);
-                order.map_or(0, |[number, ..]| number)
+                order.map_or(0, |order| order.number)
             }),
             points_seen: points.read().map_or(0, |latest| latest.sequence),
             points,
@@ -134,17 +136,15 @@ impl<'o, M: Dynamics<f64, N>, W: MemoryWindow, const N: usize> FingerLoop<'o, M,
             restarts: 0,
             ticks: 0,
             report: cell.publisher(window)?,
-            reported: Report::default(),
+            reported: None,
             controller,
             memory,
             words,
         };
         for joint in &memory.joints {
-            let (cell, window) = joint.outcome();
-            cell.publisher(window)?.publish(&Outcome::default())?;
+            joint.settle(&JointOutcome::NONE)?;
         }
-        this.reported = this.status(0).words();
-        this.report.publish(&this.reported)?;
+        this.tell_status(0)?;
         Ok(this)
     }
 
@@ -190,43 +190,34 @@ impl<'o, M: Dynamics<f64, N>, W: MemoryWindow, const N: usize> FingerLoop<'o, M,
         &mut self,
         number: usize,
         joint: &JointMemory,
-        order: &Order,
+        order: &JointOrder,
         tell: &mut impl FnMut(&FingerRequest<N>),
     ) -> Option<()> {
-        let mut taken = WordReader::from(order);
-        let order = taken.word();
         let done = self.done.get_mut(number)?;
-        if order == *done {
+        if order.number == *done {
             return Some(());
         }
-        *done = order;
-        let refusal = self.drive(number, &mut taken, tell).err();
-        let mut outcome = Outcome::default();
-        let mut put = WordWriter::into(&mut outcome);
-        put.word(order);
-        if let Some(refusal) = refusal {
-            refusal.put(&mut put);
-        }
-        let (cell, window) = joint.outcome();
-        cell.publisher(window).ok()?.publish(&outcome).ok()?;
-        Some(())
+        *done = order.number;
+        let refusal = self.drive(number, order.drive, tell).err();
+        let number = order.number;
+        joint.settle(&JointOutcome { number, refusal }).ok()
     }
 
     fn drive(
         &mut self,
         joint: usize,
-        order: &mut WordReader<'_>,
+        drive: JointDrive,
         tell: &mut impl FnMut(&FingerRequest<N>),
     ) -> Result<(), ServoRefusal> {
-        let (kind, mode) = (order.word(), order.word());
-        if kind == kind::MODE {
-            let mode = ServoMode::from_number(mode).ok_or(ServoRefusal::Mode { mode })?;
-            tell(&FingerRequest::Mode { joint, mode });
-            self.controller.set_mode(joint, mode)
-        } else {
-            let target = take_target(mode, order)?;
-            tell(&FingerRequest::Target { joint, target });
-            self.controller.set_target(joint, target)
+        match drive {
+            JointDrive::Mode(mode) => {
+                tell(&FingerRequest::Mode { joint, mode });
+                self.controller.set_mode(joint, mode)
+            }
+            JointDrive::Target(target) => {
+                tell(&FingerRequest::Target { joint, target });
+                self.controller.set_target(joint, target)
+            }
         }
     }
 
@@ -237,26 +228,12 @@ impl<'o, M: Dynamics<f64, N>, W: MemoryWindow, const N: usize> FingerLoop<'o, M,
             && latest.sequence != self.points_seen
         {
             self.points_seen = latest.sequence;
-            let (points, guards) = take_points(&latest.value);
+            let points = latest.value.each_ref().map(JointPoint::point);
+            let guards = latest.value.each_ref().map(JointPoint::guard);
             tell(&FingerRequest::Follow { points, guards });
             if self.controller.follow(&points, &guards).is_err() {
                 self.refused_set_points = self.refused_set_points.wrapping_add(1);
             }
-        }
-    }
-
-    fn status(&self, saturated: u32) -> ServoStatus<N> {
-        ServoStatus {
-            modes: core::array::from_fn(|joint| {
-                self.controller.mode(joint).unwrap_or(ServoMode::Off)
-            }),
-            saturated,
-            fault: self.controller.fault(),
-            is_resting: self.controller.is_resting(),
-            restarts: self.restarts,
-            settled: self.settled,
-            refused_set_points: self.refused_set_points,
-            ticks: self.ticks,
         }
     }
 
@@ -266,9 +243,47 @@ impl<'o, M: Dynamics<f64, N>, W: MemoryWindow, const N: usize> FingerLoop<'o, M,
         self.ticks = self.ticks.wrapping_add(1);
         // Memory of the object's own is always there.
         let _ = self.words.set_word(word::TICKS, self.ticks);
-        let report = self.status(tick.output.saturated).words();
-        if report != self.reported && self.report.publish(&report).is_ok() {
-            self.reported = report;
+        let _ = self.tell_status(tick.output.saturated);
+    }
+
+    fn tell_status(&mut self, saturated: u32) -> Result<(), AccessError> {
+        let joints = 0..self.controller.joints();
+        let modes = joints.map(|joint| self.controller.mode(joint).unwrap_or(ServoMode::Off));
+        let status = ServoStatus {
+            modes: modes.collect(),
+            saturated,
+            fault: self.controller.fault(),
+            is_resting: self.controller.is_resting(),
+            restarts: self.restarts,
+            settled: self.settled,
+            refused_set_points: self.refused_set_points,
+            ticks: 0,
+        };
+        if self.reported.as_ref() != Some(&status) {
+            // There is room for the longest one.
+            self.report
+                .publish(&Packet::new(&status).unwrap_or(Packet::EMPTY))?;
+            self.reported = Some(status);
         }
+        Ok(())
+    }
+}
+
+impl JointMemory {
+    fn settle(&self, outcome: &JointOutcome) -> Result<(), AccessError> {
+        let (cell, window) = self.outcome();
+        // There is room for the longest one.
+        let outcome = Packet::new(outcome).unwrap_or(Packet::EMPTY);
+        cell.publisher(window)?.publish(&outcome).map(|_| ())
+    }
+}
+
+impl<M, W, const F: usize, const N: usize> FingerControllers<M, N> for HandLoop<'_, M, W, F, N>
+where
+    M: Dynamics<f64, N>,
+    W: MemoryWindow,
+{
+    fn of_finger(&mut self, finger: usize) -> Option<&mut FingerController<M, N>> {
+        self.controller_mut(finger)
     }
 }

@@ -1,5 +1,5 @@
-//! A queue of motions for several clients, in which no request runs twice. With the feature `mbox`,
-//! `message::motions` serves it by message.
+//! A queue of motions for several clients, in which no request runs twice. [`motions`](crate::motions)
+//! serves it by message.
 //!
 //! A client opens a session, and assigns each request a [`RequestIdentity`]: the session and a number that
 //! counts up. If a message is lost, the client sends the same request again until it gets an answer. The queue
@@ -29,7 +29,7 @@
 //! can announce.
 //!
 //! ```
-//! use condor_hand::queue::{
+//! use condor_robot::queue::{
 //!     LedgerRow, MotionQueue, QueueAnswer, RefusalReason, RequestIdentity, RequestState, SessionOwner,
 //! };
 //!
@@ -65,4 +65,4 @@ mod requests;
 pub use ledger::{
     Ledger, LedgerRow, ROW_BYTES, RefusalReason, RequestIdentity, RequestState, SessionOwner,
 };
-pub use requests::{MotionQueue, QueueAnswer, RestoreError};
+pub use requests::{InControl, MotionQueue, OWN, QueueAnswer, RestoreError};

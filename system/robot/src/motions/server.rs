@@ -2,10 +2,10 @@ use core::time::Duration;
 
 use condor_mbox::Instant;
 
-use super::WHOLE;
-use super::post::{Abort, MotionsPost, MotionsState, Offer};
+use super::Offer;
+use super::post::{Abort, MotionsPost, MotionsState};
 use crate::queue::{
-    LedgerRow, MotionQueue, RefusalReason, RequestIdentity, RequestState, RestoreError,
+    InControl, LedgerRow, MotionQueue, RefusalReason, RequestIdentity, RequestState, RestoreError,
     SessionOwner,
 };
 
@@ -121,7 +121,7 @@ impl<'p, P, L: LedgerStore, const N: usize> MotionsServer<'p, P, L, N> {
         &mut self,
         now: Instant,
         incarnation: impl Fn(u32) -> Option<u32>,
-        make: impl FnOnce(Offer<'_>) -> Result<P, RefusalReason>,
+        make: impl FnOnce(Offer) -> Result<P, RefusalReason>,
     ) -> Result<Option<MotionsEvent>, RestoreError<L::Error>> {
         self.mend(now)?;
         if self.aborting.is_none() && self.post.with(|desk| desk.abort) == Some(Abort::Asked) {
@@ -139,10 +139,9 @@ impl<'p, P, L: LedgerStore, const N: usize> MotionsServer<'p, P, L, N> {
         let taken = || {
             let taken = self.post.with(|desk| {
                 let taken = desk.taken_by.take();
-                taken.filter(|_| {
-                    desk.queue
-                        .as_ref()
-                        .is_some_and(|it| it.in_control() == taken)
+                taken.filter(|&session| {
+                    let queue = desk.queue.as_ref();
+                    queue.is_some_and(|it| it.in_control() == InControl::Session(session))
                 })
             });
             taken.flatten().map(MotionsEvent::Taken)
@@ -154,7 +153,7 @@ impl<'p, P, L: LedgerStore, const N: usize> MotionsServer<'p, P, L, N> {
     fn decide(
         &mut self,
         incarnation: &impl Fn(u32) -> Option<u32>,
-        make: impl FnOnce(Offer<'_>) -> Result<P, RefusalReason>,
+        make: impl FnOnce(Offer) -> Result<P, RefusalReason>,
     ) -> Result<(), L::Error> {
         let asks = self.post.with(MotionsState::next_to_open).flatten();
         if let Some(asks) = asks
@@ -168,12 +167,13 @@ impl<'p, P, L: LedgerStore, const N: usize> MotionsServer<'p, P, L, N> {
             self.post.with(|desk| desk.open(asks, opened.flatten()));
         }
         // The offer stays in the inbox until the queue has it, so that it never counts as new in between.
-        let offered = self.post.with(|desk| desk.inbox.front().copied());
-        if let Some(offered) = offered.flatten() {
-            let (sender, request) = offered;
-            let identity = request.identity();
+        let offered = self.post.with(|desk| desk.inbox.front().cloned());
+        if let Some((sender, identity, offer)) = offered.flatten() {
             let (post, incarnation) = (self.post, incarnation(sender.processor));
-            let is_there = |desk: &MotionsState<P, N>| desk.inbox.front() == Some(&offered);
+            let is_there = |desk: &MotionsState<P, N>| {
+                let front = desk.inbox.front();
+                front.is_some_and(|(from, it, _)| (from, it) == (&sender, &identity))
+            };
             let decided = self.change(|queue, write| {
                 if post.with(|desk| is_there(desk)) != Some(true) {
                     // An abort has come meanwhile.
@@ -182,8 +182,7 @@ impl<'p, P, L: LedgerStore, const N: usize> MotionsServer<'p, P, L, N> {
                 let is_of_sender = queue.owner(identity.session) == Some(sender);
                 // An offer of an incarnation that has ended since then is dropped.
                 if is_of_sender && incarnation == Some(sender.incarnation) {
-                    let make = || make(request.offer()?);
-                    queue.offer(identity, write, make).map(drop)
+                    queue.offer(identity, write, || make(offer)).map(drop)
                 } else {
                     Ok(())
                 }
@@ -348,9 +347,7 @@ impl<'p, P, L: LedgerStore, const N: usize> MotionsServer<'p, P, L, N> {
     /// Sets the part of the running request that is done, 0 to 1, which clients can read; `None` if the controller does
     /// not know it.
     pub fn tell_progress(&self, done: Option<f64>) {
-        let greatest = f64::from(WHOLE);
-        #[allow(clippy::cast_sign_loss, reason = "a number below zero becomes zero")]
-        let progress = done.map_or(0, |done| ((done * greatest) as u32).clamp(1, WHOLE));
+        let progress = done.map(|done| done.clamp(0.0, 1.0));
         self.post.with(|desk| desk.progress = progress);
     }
 

@@ -3,9 +3,9 @@
 use std::collections::HashMap;
 
 use condor_hand::ImageError;
-use condor_hand::queue::{
-    LedgerRow, MotionQueue, QueueAnswer, ROW_BYTES, RefusalReason, RequestIdentity, RequestState,
-    RestoreError, SessionOwner,
+use condor_robot::queue::{
+    InControl, LedgerRow, MotionQueue, QueueAnswer, ROW_BYTES, RefusalReason, RequestIdentity,
+    RequestState, RestoreError, SessionOwner,
 };
 use proptest::prelude::*;
 
@@ -128,7 +128,7 @@ impl<const N: usize> World<N> {
                 self.queue.waiting(),
                 self.queue.in_control()
             ),
-            (None, 0, None)
+            (None, 0, InControl::Nobody)
         );
     }
 
@@ -151,13 +151,13 @@ impl<const N: usize> World<N> {
             Step::Leave(client) => {
                 if let Some(RequestIdentity { session, .. }) = self.clients[client] {
                     self.queue.close(session, write)?;
-                    assert_ne!(self.queue.in_control(), Some(session));
+                    assert_ne!(self.queue.in_control(), InControl::Session(session));
                 }
             }
             Step::Control(client, from_other) => {
                 if let Some(RequestIdentity { session, .. }) = self.clients[client] {
                     let has = self.queue.take_control(session, from_other);
-                    assert_eq!(has, self.queue.in_control() == Some(session));
+                    assert_eq!(has, self.queue.in_control() == InControl::Session(session));
                 }
             }
             Step::Offer(client, more, is_good) => {
@@ -340,7 +340,7 @@ fn the_ledger_of_something_else_is_refused_with_what_was_found() {
             .err()
             .map(|error| match error {
                 RestoreError::Ledger(error) => error.to_string(),
-                error => panic!("{error:?}"),
+                error @ RestoreError::Write(_) => panic!("{error:?}"),
             })
             .unwrap(),
         "the image is for 4 sessions, this program for 2"
@@ -364,9 +364,9 @@ fn control_is_taken_from_another_only_if_that_is_asked_for() {
     assert!(!queue.take_control(99, true), "no such session");
     assert!(queue.take_control(second, true));
     queue.give_up_control(first);
-    assert_eq!(queue.in_control(), Some(second));
+    assert_eq!(queue.in_control(), InControl::Session(second));
     queue.give_up_control(second);
-    assert_eq!(queue.in_control(), None);
+    assert_eq!(queue.in_control(), InControl::Nobody);
     // The one in control does not end for a new one.
     assert!(queue.take_control(first, false));
     let store = &mut world.store;

@@ -1,19 +1,17 @@
 use core::time::Duration;
 
+use condor_hand::servo::{JointTarget, ServoMode};
 use condor_mbox::exchange::ExchangeError;
 use condor_mbox::{
     AccessError, Exchange, Instant, MailboxError, MemoryWindow, Messenger, Processor, Region,
 };
 
 use super::layout::ServoLayout;
-use super::values::put_target;
-use super::words::{WordReader, WordWriter};
 use super::{
-    ALL_JOINTS, ClientError, Part, REQUEST_WORDS, Request, Response, SERVO, ServoOperation,
-    ServoStatus, VERSION, state,
+    ClientError, Hello, OrderPart, RequestPacket, ResponsePacket, SERVO, ServoRequest,
+    ServoResponse, ServoStatus,
 };
-use crate::config::ShortName;
-use crate::servo::{JointTarget, ServoMode, ServoRefusal};
+use crate::packet;
 
 /// The pause between two questions to a servo processor that has not processed an order: an order is done at
 /// the next tick of its loop.
@@ -26,25 +24,9 @@ const PAUSE: Duration = Duration::from_micros(200);
 /// without an error, the servo loop has carried it out.
 #[derive(Debug)]
 pub struct ServoClient<'m, M: Messenger + ?Sized, W, const F: usize, const N: usize> {
-    exchange: Exchange<'m, M, Region<W>, Request, Response>,
+    exchange: Exchange<'m, M, Region<W>, RequestPacket, ResponsePacket<N>>,
     messenger: &'m M,
     to: Processor,
-}
-
-/// The answer of a servo processor to [`ServoClient::hello`]: the names of the hand and the finger,
-/// and the properties of the servos.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Hello {
-    /// The name of the hand.
-    pub hand: ShortName,
-    /// The name of the finger.
-    pub finger: ShortName,
-    /// The fingers of the hand that the processor serves: bit *i* stands for finger *i*.
-    pub served: u32,
-    /// The number of joints of a finger.
-    pub joints: u32,
-    /// Servo ticks in a second, Hz.
-    pub servo_hz: u32,
 }
 
 impl<'m, M, W, const F: usize, const N: usize> ServoClient<'m, M, W, F, N>
@@ -82,24 +64,10 @@ where
     /// the processor does not serve the finger; [`ClientError::Exchange`], [`ClientError::TimedOut`] or
     /// [`ClientError::Protocol`] if there is no valid response.
     pub fn hello(&mut self, finger: u32, timeout: Duration) -> Result<Hello, ClientError> {
-        let response = self.ask(&request(ServoOperation::Hello, finger, 0, 0), timeout)?;
-        let mut taken = self.check(&response)?;
-        let found = taken.word();
-        if found != VERSION {
-            return Err(ClientError::Version {
-                to: self.to,
-                found,
-                wanted: VERSION,
-            });
+        match self.ask(ServoRequest::Hello { finger }, timeout)? {
+            ServoResponse::Hello(hello) => Ok(hello),
+            _ => Err(self.protocol()),
         }
-        let (served, joints, servo_hz) = (taken.word(), taken.word(), taken.word());
-        Ok(Hello {
-            hand: self.name(&mut taken)?,
-            finger: self.name(&mut taken)?,
-            served,
-            joints,
-            servo_hz,
-        })
     }
 
     /// Switches one joint, or all joints of the finger if `joint` is `None`, to another mode. The present positions,
@@ -117,9 +85,12 @@ where
         mode: ServoMode,
         timeout: Duration,
     ) -> Result<(), ClientError> {
-        let joint = joint.unwrap_or(ALL_JOINTS);
-        let request = request(ServoOperation::Mode, finger, joint, mode as u32);
-        self.order(&request, Part::Drive, timeout)
+        let request = ServoRequest::Mode {
+            finger,
+            joint,
+            mode,
+        };
+        self.order(request, OrderPart::Drive(joint), timeout)
     }
 
     /// Switches one joint, or all joints of the finger if `joint` is `None`, off. A joint that is off has its least
@@ -148,10 +119,13 @@ where
         target: &JointTarget<f64>,
         timeout: Duration,
     ) -> Result<(), ClientError> {
-        let mut request = request(ServoOperation::Target, finger, joint, 0);
-        let (_, words) = request.split_at_mut(ARGUMENT);
-        put_target(target, &mut WordWriter::into(words));
-        self.order(&request, Part::Drive, timeout)
+        let (joint, target) = (Some(joint), *target);
+        let request = ServoRequest::Target {
+            finger,
+            joint,
+            target,
+        };
+        self.order(request, OrderPart::Drive(joint), timeout)
     }
 
     /// Returns the state of a finger, such as its modes and its fault, as the servo loop last reported it.
@@ -165,11 +139,10 @@ where
         finger: u32,
         timeout: Duration,
     ) -> Result<ServoStatus<N>, ClientError> {
-        let response = self.ask(&request(ServoOperation::Status, finger, 0, 0), timeout)?;
-        self.check(&response)?;
-        let words = response.get(1..17).unwrap_or(&[]);
-        let ticks = response.get(17).copied().unwrap_or(0);
-        ServoStatus::take(words, ticks).map_err(|word| self.protocol(word))
+        match self.ask(ServoRequest::Status { finger }, timeout)? {
+            ServoResponse::Status(status) => Ok(status),
+            _ => Err(self.protocol()),
+        }
     }
 
     /// Clears the latched faults of a finger. Its joints can be switched to another mode once the finger
@@ -178,28 +151,28 @@ where
     /// # Errors
     /// Returns the same variants as [`enable`](Self::enable) if the servo does not carry out the request.
     pub fn restart(&mut self, finger: u32, timeout: Duration) -> Result<(), ClientError> {
-        let request = request(ServoOperation::Restart, finger, ALL_JOINTS, 0);
-        self.order(&request, Part::Restart, timeout)
+        self.order(ServoRequest::Restart { finger }, OrderPart::Faults, timeout)
     }
 
     /// Sends an order, and asks for its outcome until the loop has processed it.
     fn order(
         &mut self,
-        request: &Request,
-        part: Part,
+        request: ServoRequest,
+        part: OrderPart,
         timeout: Duration,
     ) -> Result<(), ClientError> {
         let deadline = self.messenger.now().after(timeout);
-        let response = self.ask(request, timeout)?;
-        let number = self.check(&response)?.word();
-        let [_, finger, joint, ..] = *request;
-        let mut question = self::request(ServoOperation::Outcome, finger, joint, number);
-        if let Some(word) = question.get_mut(NUMBERS) {
-            *word = part as u32;
-        }
+        let ServoResponse::Ordered(order) = self.ask(request, timeout)? else {
+            return Err(self.protocol());
+        };
+        let question = ServoRequest::Outcome {
+            finger: request.finger(),
+            part,
+            order,
+        };
         let not_done = ClientError::NotDone {
             to: self.to,
-            number,
+            number: order,
             timeout,
         };
         loop {
@@ -207,35 +180,40 @@ where
             if left.is_zero() {
                 return Err(not_done);
             }
-            match self.ask(&question, left) {
+            match self.ask(question, left) {
                 Err(ClientError::Exchange(ExchangeError::Mailbox(MailboxError::TimedOut {
                     ..
                 }))) => {
                     return Err(not_done);
                 }
                 Err(error) => return Err(error),
-                Ok([state::PENDING, ..]) => self.pause(deadline)?,
-                Ok([state::SUPERSEDED, ..]) => return Err(ClientError::Superseded { number }),
-                Ok(response) => return self.check(&response).map(|_| ()),
+                Ok(ServoResponse::Pending) => self.pause(deadline)?,
+                Ok(ServoResponse::Done) => return Ok(()),
+                Ok(ServoResponse::Superseded) => {
+                    return Err(ClientError::Superseded { number: order });
+                }
+                Ok(_) => return Err(self.protocol()),
             }
         }
     }
 
     /// One request, again while another one is being answered.
-    fn ask(&mut self, request: &Request, timeout: Duration) -> Result<Response, ClientError> {
+    fn ask(
+        &mut self,
+        request: ServoRequest,
+        timeout: Duration,
+    ) -> Result<ServoResponse<N>, ClientError> {
+        let to = self.to;
         let deadline = self.messenger.now().after(timeout);
         loop {
             let left = self.left(deadline);
-            let response = self.exchange.call(self.to, SERVO, request, left)?;
-            match response {
-                [state::BUSY, ..] if left.is_zero() => {
-                    return Err(ClientError::TimedOut {
-                        to: self.to,
-                        timeout,
-                    });
+            match packet::ask(&mut self.exchange, to, SERVO, &request, left)? {
+                ServoResponse::Busy if left.is_zero() => {
+                    return Err(ClientError::TimedOut { to, timeout });
                 }
-                [state::BUSY, ..] => self.pause(deadline)?,
-                _ => return Ok(response),
+                ServoResponse::Busy => self.pause(deadline)?,
+                ServoResponse::Refused(refusal) => return Err(refusal.into()),
+                response => return Ok(response),
             }
         }
     }
@@ -251,40 +229,8 @@ where
         Ok(())
     }
 
-    /// Returns the words after the state in a response without a refusal.
-    fn check<'r>(&self, response: &'r Response) -> Result<WordReader<'r>, ClientError> {
-        let (&[state], rest) = response.split_at(1) else {
-            return Err(self.protocol(0));
-        };
-        match state {
-            state::DONE => Ok(WordReader::from(rest)),
-            other => Err(ServoRefusal::take(&mut WordReader::from(response))
-                .map_or_else(|| self.protocol(other), ClientError::Refused)),
-        }
+    /// The error that the processor has answered with another kind of response.
+    const fn protocol(&self) -> ClientError {
+        ClientError::Protocol { to: self.to }
     }
-
-    fn name(&self, taken: &mut WordReader<'_>) -> Result<ShortName, ClientError> {
-        let mut bytes = [0; 16];
-        for part in bytes.chunks_mut(4) {
-            part.copy_from_slice(&taken.word().to_le_bytes());
-        }
-        let text = bytes.split(|&byte| byte == 0).next().unwrap_or(&[]);
-        let [first, ..] = bytes;
-        let name = core::str::from_utf8(text).ok();
-        name.and_then(|text| ShortName::try_from(text).ok())
-            .ok_or_else(|| self.protocol(u32::from(first)))
-    }
-
-    fn protocol(&self, word: u32) -> ClientError {
-        ClientError::Protocol { to: self.to, word }
-    }
-}
-
-const ARGUMENT: usize = 3;
-const NUMBERS: usize = 4;
-
-fn request(operation: ServoOperation, finger: u32, joint: u32, argument: u32) -> Request {
-    let mut request = [0; REQUEST_WORDS];
-    WordWriter::into(&mut request).words(&[operation as u32, finger, joint, argument]);
-    request
 }

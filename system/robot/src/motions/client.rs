@@ -2,31 +2,20 @@ use core::time::Duration;
 
 use condor_mbox::exchange::ExchangeError;
 use condor_mbox::{AccessError, Exchange, MemoryWindow, Messenger, Processor, Region};
+use heapless::Vec;
 
-use super::super::ClientError;
 use super::{
-    BODY_BYTES, Batch, Code, MOTIONS, MotionOperation, MotionRequest, MotionResponse,
-    MotionsBlocks, VERSION, WHOLE,
+    BODY_BYTES, Batch, MOTIONS, MotionRequest, MotionResponse, MotionsBlocks, Offer, RequestPacket,
+    RequestProgress, ResponsePacket,
 };
-use crate::queue::{QueueAnswer, RequestIdentity, RequestState};
+use crate::message::ClientError;
+use crate::packet;
+use crate::queue::{QueueAnswer, RequestIdentity};
 
 /// The time after which a client asks again.
 const PAUSE: Duration = Duration::from_millis(2);
 /// The longest time that one request waits for its answer. A controller that is busy for longer is asked again.
 const ANSWER: Duration = Duration::from_millis(500);
-
-/// The state of a request in the queue, and the part of its motion that is done.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct RequestProgress {
-    /// The queue's answer about the request.
-    pub answer: QueueAnswer,
-    /// The number of requests that run or wait before it, while it waits.
-    pub before: u32,
-    /// The part of the request that is done, in 0..=1; `None` if the request does not run, or if the controller
-    /// does not know the part. It does not for a stream: only the client knows how many points are still to
-    /// come.
-    pub progress: Option<f64>,
-}
 
 /// The outcome of [`MotionsClient::points`], which sends points of a stream.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -43,7 +32,7 @@ pub enum SentPoints {
 pub struct MotionsClient<'m, M: Messenger + ?Sized, W: MemoryWindow> {
     messenger: &'m M,
     to: Processor,
-    exchange: Exchange<'m, M, Region<W>, MotionRequest, MotionResponse>,
+    exchange: Exchange<'m, M, Region<W>, RequestPacket, ResponsePacket>,
 }
 
 impl<'m, M: Messenger + ?Sized, W: MemoryWindow + Clone> MotionsClient<'m, M, W> {
@@ -77,24 +66,29 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow + Clone> MotionsClient<'m, M, W>
     /// decided within `timeout`, [`ClientError::Version`] if it has another version, and [`ClientError::Protocol`]
     /// if the answer is invalid. The session may be open all the same; then the next call returns it, or opens another.
     pub fn open(&mut self, timeout: Duration) -> Result<u32, ClientError> {
-        self.done(&MotionRequest::new(MotionOperation::Open, 0, 0), timeout)
+        match self.ask(&MotionRequest::Open, timeout)? {
+            MotionResponse::Opened(session) => Ok(session),
+            _ => Err(self.protocol()),
+        }
     }
 
-    /// Asks for control of the queue, so that this session can enqueue motions. If another session is in control, it
+    /// Takes control of the queue, so that this session can enqueue motions. If another session is in control, it
     /// stays so, unless `from_other` is true.
     ///
-    /// Returns the number of the session that is in control after the call, or 0 if none is.
-    ///
     /// # Errors
-    /// Returns [`ClientError::NotYours`] if the session is of another processor or incarnation, and the errors of
+    /// Returns [`ClientError::NotInControl`] if another session stays in control, or if the session is gone;
+    /// [`ClientError::NotYours`] if the session is of another processor or incarnation; and the errors of
     /// all calls (see [`open`](Self::open)).
-    pub fn control(
+    pub fn take_control(
         &mut self,
         session: u32,
         from_other: bool,
         timeout: Duration,
-    ) -> Result<u32, ClientError> {
-        let request = MotionRequest::new(MotionOperation::Control, session, from_other.into());
+    ) -> Result<(), ClientError> {
+        let request = MotionRequest::Control {
+            session,
+            from_other,
+        };
         self.done(&request, timeout)
     }
 
@@ -114,7 +108,10 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow + Clone> MotionsClient<'m, M, W>
         motions: &[u8],
         timeout: Duration,
     ) -> Result<QueueAnswer, ClientError> {
-        self.offer_as(MotionOperation::Offer, identity, motions, timeout)
+        let motions = Vec::from_slice(motions);
+        let motions = motions.map_err(|_| ClientError::Length { most: BODY_BYTES })?;
+        let request = MotionRequest::Offer(identity, Offer::Motions(motions));
+        Ok(self.request(&request, timeout)?.answer)
     }
 
     /// Offers a stream of the joints in `mask` (bit *i* is joint *i*) to the queue, and waits until it is accepted or
@@ -130,12 +127,8 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow + Clone> MotionsClient<'m, M, W>
         mask: u32,
         timeout: Duration,
     ) -> Result<QueueAnswer, ClientError> {
-        self.offer_as(
-            MotionOperation::Stream,
-            identity,
-            &mask.to_le_bytes(),
-            timeout,
-        )
+        let request = MotionRequest::Offer(identity, Offer::Stream(mask));
+        Ok(self.request(&request, timeout)?.answer)
     }
 
     /// Sends a batch of points of a stream. Waits until the stream has begun and the controller has room for the
@@ -157,24 +150,15 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow + Clone> MotionsClient<'m, M, W>
         batch: &Batch<J>,
         timeout: Duration,
     ) -> Result<SentPoints, ClientError> {
-        let RequestIdentity { session, number } = identity;
-        let mut request = MotionRequest::new(MotionOperation::Points, session, number);
-        let length = batch.write(mask, &mut request.body);
-        let length = length.ok_or(ClientError::Length {
-            length: batch.points.len() * (8 + 16 * mask.count_ones() as usize),
-            most: BODY_BYTES,
-        })?;
-        request.length = length as u32;
-        let response = self.ask(&request, timeout)?;
-        match Code::from_number(response.code) {
-            Some(Code::Done) => Ok(SentPoints::Until(Duration::from_millis(
-                response.value.into(),
-            ))),
-            Some(Code::Refused) => Err(match response.refusal.error() {
-                Some(error) => ClientError::Points(error),
-                None => self.strange(&response),
-            }),
-            _ => self.answer(&response).map(SentPoints::Ended),
+        let batch = batch.pack(mask);
+        let batch = batch.ok_or(ClientError::Length { most: BODY_BYTES })?;
+        match self.ask(&MotionRequest::Points(identity, batch), timeout)? {
+            MotionResponse::Points(until) => {
+                Ok(SentPoints::Until(Duration::from_millis(until.into())))
+            }
+            MotionResponse::Refused(error) => Err(error.into()),
+            MotionResponse::Request(ended) => Ok(SentPoints::Ended(ended.answer)),
+            _ => Err(self.protocol()),
         }
     }
 
@@ -188,34 +172,17 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow + Clone> MotionsClient<'m, M, W>
         identity: RequestIdentity,
         timeout: Duration,
     ) -> Result<RequestProgress, ClientError> {
-        let RequestIdentity { session, number } = identity;
-        let response = self.ask(
-            &MotionRequest::new(MotionOperation::Look, session, number),
-            timeout,
-        )?;
-        let (answer, progress) = (self.answer(&response)?, response.progress.min(WHOLE));
-        let runs = matches!(answer, QueueAnswer::Known(RequestState::Started, _));
-        Ok(RequestProgress {
-            answer,
-            before: response.value,
-            progress: (runs && progress > 0).then(|| f64::from(progress) / f64::from(WHOLE)),
-        })
+        self.request(&MotionRequest::Look(identity), timeout)
     }
 
-    /// Ends all motion of the controller, and waits until that is done. Nothing happens unless the session is in
-    /// control.
-    ///
-    /// Returns the number of the session that is in control, or 0 if none is.
+    /// Ends all motion of the controller, and waits until that is done.
     ///
     /// # Errors
-    /// Returns [`ClientError::NotYours`] if the session is of another processor or incarnation, and the errors
-    /// of all calls (see [`open`](Self::open)). The controller ends all motion all the same once it has the
-    /// request; call again to learn that it has.
-    pub fn abort(&mut self, session: u32, timeout: Duration) -> Result<u32, ClientError> {
-        self.done(
-            &MotionRequest::new(MotionOperation::Abort, session, 0),
-            timeout,
-        )
+    /// Returns [`ClientError::NotInControl`] if the session is not in control, [`ClientError::NotYours`] if it is of
+    /// another processor or incarnation, and the errors of all calls (see [`open`](Self::open)). The controller may end
+    /// all motion all the same once it has the request; call again to learn that it has.
+    pub fn abort(&mut self, session: u32, timeout: Duration) -> Result<(), ClientError> {
+        self.done(&MotionRequest::Abort { session }, timeout)
     }
 
     /// Ends the control of the session, if it is in control, so that any other session can take control.
@@ -224,41 +191,26 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow + Clone> MotionsClient<'m, M, W>
     /// Returns [`ClientError::NotYours`] if the session is of another processor or incarnation, and the errors of
     /// all calls (see [`open`](Self::open)).
     pub fn give_up_control(&mut self, session: u32, timeout: Duration) -> Result<(), ClientError> {
-        self.done(
-            &MotionRequest::new(MotionOperation::GiveUp, session, 0),
-            timeout,
-        )
-        .map(drop)
+        self.done(&MotionRequest::GiveUp { session }, timeout)
     }
 
-    fn offer_as(
+    /// Sends a request until the controller has carried it out.
+    fn done(&mut self, request: &MotionRequest, timeout: Duration) -> Result<(), ClientError> {
+        match self.ask(request, timeout)? {
+            MotionResponse::Done => Ok(()),
+            _ => Err(self.protocol()),
+        }
+    }
+
+    /// Sends a request about a request in the queue, until the controller has decided.
+    fn request(
         &mut self,
-        operation: MotionOperation,
-        identity: RequestIdentity,
-        body: &[u8],
+        request: &MotionRequest,
         timeout: Duration,
-    ) -> Result<QueueAnswer, ClientError> {
-        let (length, RequestIdentity { session, number }) = (body.len(), identity);
-        let mut request = MotionRequest::new(operation, session, number);
-        let place = request.body.get_mut(..length);
-        let place = place.ok_or(ClientError::Length {
-            length,
-            most: BODY_BYTES,
-        })?;
-        place.copy_from_slice(body);
-        request.length = length as u32;
-        let response = self.ask(&request, timeout)?;
-        self.answer(&response)
-    }
-
-    /// Sends a request until the controller has decided, and returns the value of the answer.
-    fn done(&mut self, request: &MotionRequest, timeout: Duration) -> Result<u32, ClientError> {
-        let response = self.ask(request, timeout)?;
-        match Code::from_number(response.code) {
-            Some(Code::Done) => Ok(response.value),
-            Some(Code::NotYours) => Err(ClientError::NotYours),
-            Some(Code::Exhausted) => Err(ClientError::Exhausted),
-            _ => Err(self.strange(&response)),
+    ) -> Result<RequestProgress, ClientError> {
+        match self.ask(request, timeout)? {
+            MotionResponse::Request(progress) => Ok(progress),
+            _ => Err(self.protocol()),
         }
     }
 
@@ -268,52 +220,31 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow + Clone> MotionsClient<'m, M, W>
         request: &MotionRequest,
         timeout: Duration,
     ) -> Result<MotionResponse, ClientError> {
+        let to = self.to;
         let deadline = self.messenger.now().after(timeout);
         loop {
             let left = Duration::from_nanos(deadline.ns_since(self.messenger.now()));
-            let answer = (self.exchange).call(self.to, MOTIONS, request, ANSWER.min(left));
+            let answer = packet::ask(&mut self.exchange, to, MOTIONS, request, ANSWER.min(left));
             let left = Duration::from_nanos(deadline.ns_since(self.messenger.now()));
             match answer {
-                Ok(response) if response.version != VERSION => {
-                    let found = response.version;
-                    return Err(ClientError::Version {
-                        to: self.to,
-                        found,
-                        wanted: VERSION,
-                    });
+                Ok(MotionResponse::Busy | MotionResponse::Pending) if left <= PAUSE => {
+                    return Err(ClientError::TimedOut { to, timeout });
                 }
-                Ok(response) if !is_open(&response) => return Ok(response),
-                Ok(_) if left <= PAUSE => {
-                    return Err(ClientError::TimedOut {
-                        to: self.to,
-                        timeout,
-                    });
-                }
-                Err(error) if left <= PAUSE => return Err(error.into()),
+                Ok(MotionResponse::Busy | MotionResponse::Pending) => {}
+                Ok(MotionResponse::NotYours) => return Err(ClientError::NotYours),
+                Ok(MotionResponse::Exhausted) => return Err(ClientError::Exhausted),
+                Ok(MotionResponse::InControl(who)) => return Err(ClientError::NotInControl(who)),
+                Ok(response) => return Ok(response),
                 // A controller whose program has ended may start again.
-                Ok(_) | Err(_) => {}
+                Err(ClientError::Exchange(_)) if left > PAUSE => {}
+                Err(error) => return Err(error),
             }
             self.messenger.serve(PAUSE).map_err(ExchangeError::from)?;
         }
     }
-    /// Returns the answer of the queue.
-    fn answer(&self, response: &MotionResponse) -> Result<QueueAnswer, ClientError> {
-        match Code::from_number(response.code) {
-            Some(Code::NotYours) => Err(ClientError::NotYours),
-            _ => response.answer().ok_or(self.strange(response)),
-        }
-    }
 
-    fn strange(&self, response: &MotionResponse) -> ClientError {
-        ClientError::Protocol {
-            to: self.to,
-            word: response.code,
-        }
+    /// The error that the controller has answered with another kind of response.
+    const fn protocol(&self) -> ClientError {
+        ClientError::Protocol { to: self.to }
     }
-}
-
-/// Returns true if the request must be sent again.
-fn is_open(response: &MotionResponse) -> bool {
-    let code = Code::from_number(response.code);
-    matches!(code, Some(Code::Pending | Code::Busy))
 }

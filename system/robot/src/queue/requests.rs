@@ -1,13 +1,41 @@
 use core::fmt;
 
+use condor_hand::ImageError;
 use heapless::Deque;
+use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use super::{Ledger, LedgerRow, RefusalReason, RequestIdentity, RequestState, SessionOwner};
-use crate::ImageError;
+
+/// The session of the program itself. No client can have it, and its requests are not in the ledger: nobody can ask for
+/// them after the program has ended.
+pub const OWN: u32 = 0;
+
+/// The session that is in control of a [`MotionQueue`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum InControl {
+    /// No session is in control.
+    Nobody,
+    /// The program that has the queue is in control, such as by its terminal.
+    Program,
+    /// The session of this number is in control.
+    Session(u32),
+}
+
+impl fmt::Display for InControl {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Nobody => f.write_str("the session is closed, and nobody is in control"),
+            Self::Program => f.write_str("the terminal of the robot is in control"),
+            Self::Session(session) => {
+                write!(f, "another program is in control, by session {session}")
+            }
+        }
+    }
+}
 
 /// The answer of a [`MotionQueue`] to the question what has become of a request.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum QueueAnswer {
     /// The request has this state, for this reason.
     Known(RequestState, RefusalReason),
@@ -38,7 +66,6 @@ impl fmt::Display for QueueAnswer {
 
 /// The reason why a queue cannot be restored.
 #[derive(Debug, Error)]
-#[non_exhaustive]
 pub enum RestoreError<E> {
     /// The bytes are not those of the queue's ledger.
     #[error("cannot use the ledger of motions: {0}")]
@@ -62,6 +89,8 @@ pub struct MotionQueue<P, const N: usize> {
     waiting: Deque<(RequestIdentity, P), N>,
     running: Option<RequestIdentity>,
     in_control: Option<u32>,
+    /// The number of the last request of the program itself.
+    own: u32,
 }
 
 impl<P, const N: usize> MotionQueue<P, N> {
@@ -90,6 +119,7 @@ impl<P, const N: usize> MotionQueue<P, N> {
             waiting: Deque::new(),
             running: None,
             in_control: None,
+            own: 0,
         })
     }
 
@@ -124,12 +154,14 @@ impl<P, const N: usize> MotionQueue<P, N> {
     }
 
     /// Puts `session` in control, if no other session is in control or if `from_other` is true. Returns true if
-    /// `session` is in control after the call; a session that is closed or does not exist cannot be.
+    /// `session` is in control after the call; a session that is closed or does not exist cannot be. The program
+    /// itself can always be, by [`OWN`].
     ///
     /// Requests that another session has enqueued stay; see [`abort`](Self::abort).
     pub fn take_control(&mut self, session: u32, from_other: bool) -> bool {
         let is_free = self.in_control.is_none_or(|it| it == session) || from_other;
-        if is_free && self.ledger.has_session(session) && !self.ledger.is_closed(session) {
+        let is_open = self.ledger.has_session(session) && !self.ledger.is_closed(session);
+        if is_free && (is_open || session == OWN) {
             self.in_control = Some(session);
         }
         self.in_control == Some(session)
@@ -174,10 +206,14 @@ impl<P, const N: usize> MotionQueue<P, N> {
         Ok(was)
     }
 
-    /// Returns the number of the session that is in control; `None` if none is.
+    /// Returns who is in control.
     #[must_use]
-    pub fn in_control(&self) -> Option<u32> {
-        self.in_control
+    pub fn in_control(&self) -> InControl {
+        match self.in_control {
+            None => InControl::Nobody,
+            Some(OWN) => InControl::Program,
+            Some(session) => InControl::Session(session),
+        }
     }
 
     /// Returns the state of a request as far as the queue knows it, or why the queue does not know
@@ -224,24 +260,55 @@ impl<P, const N: usize> MotionQueue<P, N> {
             QueueAnswer::New => {}
             known => return Ok(known),
         }
-        let made = if self.in_control != Some(identity.session) {
+        let accepted = if self.in_control != Some(identity.session) {
             Err(RefusalReason::NotInControl)
         } else if self.waiting.is_full() {
             Err(RefusalReason::Full)
         } else {
             make()
         };
-        let (state, reason, made) = match made {
-            Ok(made) => (RequestState::Accepted, RefusalReason::None, Some(made)),
+        let (state, reason, work) = match accepted {
+            Ok(work) => (RequestState::Accepted, RefusalReason::None, Some(work)),
             Err(reason) => (RequestState::Refused, reason, None),
         };
-        // The ledger has a place: of 4 * N requests at most N + 1 have not ended.
-        self.ledger.set(identity, state, reason, &mut write)?;
-        if let Some(made) = made {
+        self.record(identity, state, reason, &mut write)?;
+        if let Some(work) = work {
             // The deque is not full: `make` was called only if it had room.
-            let _ = self.waiting.push_back((identity, made));
+            let _ = self.waiting.push_back((identity, work));
         }
         Ok(self.answer(identity))
+    }
+
+    /// Enqueues a request of the program itself, with this data. It is not in the ledger.
+    ///
+    /// # Errors
+    /// Returns [`RefusalReason::NotInControl`] if the program is not in control, [`RefusalReason::Full`] if the queue has
+    /// no room.
+    pub fn enqueue(&mut self, work: P) -> Result<(), RefusalReason> {
+        if self.in_control != Some(OWN) {
+            return Err(RefusalReason::NotInControl);
+        }
+        self.own = self.own.wrapping_add(1);
+        let identity = RequestIdentity {
+            session: OWN,
+            number: self.own,
+        };
+        (self.waiting.push_back((identity, work))).map_err(|_| RefusalReason::Full)
+    }
+
+    /// Records the state of a request in the ledger, unless it is one of the program itself.
+    fn record<E>(
+        &mut self,
+        identity: RequestIdentity,
+        state: RequestState,
+        reason: RefusalReason,
+        write: impl FnMut(usize, &LedgerRow) -> Result<(), E>,
+    ) -> Result<(), E> {
+        if identity.session == OWN {
+            return Ok(());
+        }
+        // The ledger has a place: of 4 * N requests at most N + 1 have not ended.
+        self.ledger.set(identity, state, reason, write).map(drop)
     }
 
     /// Returns the identity and the data of the request whose turn it is; `None` if no request
@@ -263,8 +330,7 @@ impl<P, const N: usize> MotionQueue<P, N> {
         write: impl FnMut(usize, &LedgerRow) -> Result<(), E>,
     ) -> Result<(), E> {
         if let Some(&(identity, _)) = self.waiting.front() {
-            self.ledger
-                .set(identity, RequestState::Refused, reason, write)?;
+            self.record(identity, RequestState::Refused, reason, write)?;
             self.waiting.pop_front();
         }
         Ok(())
@@ -282,8 +348,7 @@ impl<P, const N: usize> MotionQueue<P, N> {
         let Some(&(identity, _)) = self.waiting.front().filter(|_| self.running.is_none()) else {
             return Ok(None);
         };
-        self.ledger
-            .set(identity, RequestState::Started, RefusalReason::None, write)?;
+        self.record(identity, RequestState::Started, RefusalReason::None, write)?;
         self.running = Some(identity);
         Ok(self.waiting.pop_front())
     }
@@ -317,7 +382,7 @@ impl<P, const N: usize> MotionQueue<P, N> {
         write: impl FnMut(usize, &LedgerRow) -> Result<(), E>,
     ) -> Result<(), E> {
         if let Some(identity) = self.running {
-            self.ledger.set(identity, state, reason, write)?;
+            self.record(identity, state, reason, write)?;
             self.running = None;
         }
         Ok(())
@@ -333,8 +398,7 @@ impl<P, const N: usize> MotionQueue<P, N> {
         mut write: impl FnMut(usize, &LedgerRow) -> Result<(), E>,
     ) -> Result<(), E> {
         while let Some(&(identity, _)) = self.waiting.front() {
-            self.ledger
-                .set(identity, RequestState::Aborted, reason, &mut write)?;
+            self.record(identity, RequestState::Aborted, reason, &mut write)?;
             self.waiting.pop_front();
         }
         Ok(())

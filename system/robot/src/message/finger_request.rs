@@ -1,0 +1,170 @@
+use condor_hand::controller::FingerController;
+use condor_hand::dynamics::Dynamics;
+use condor_hand::servo::{JointGains, JointTarget, ServoMode};
+use condor_hand::trajectory::{SetPoint, StopGuard};
+use serde::{Deserialize, Serialize};
+use zerocopy::IntoBytes;
+
+/// A request that a servo loop passed to the controller of a finger, for recording and replay.
+///
+/// [`HandLoop::tick_telling`](super::HandLoop::tick_telling) reports these requests. A program that
+/// [repeats](Self::repeat) them in the same ticks, with the same readings of the sensors, gets the
+/// same behaviour of the finger.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub enum FingerRequest<const N: usize> {
+    /// Clears the latched faults.
+    Restart,
+    /// Sets another mode of a joint.
+    Mode {
+        /// The joint, from 0.
+        joint: usize,
+        /// The mode that was asked for.
+        mode: ServoMode,
+    },
+    /// Sets a target of a joint, and the mode of that target.
+    Target {
+        /// The joint, from 0.
+        joint: usize,
+        /// The target that was asked for.
+        target: JointTarget<f64>,
+    },
+    /// Sets other gains of a joint.
+    Gains {
+        /// The joint, from 0.
+        joint: usize,
+        /// The gains that were asked for.
+        gains: JointGains<f64>,
+    },
+    /// Sets what the master wants of the joints.
+    Follow {
+        /// The positions one tick of the master from now.
+        #[serde(with = "array")]
+        points: [SetPoint<f64>; N],
+        /// The motions, with what stops them.
+        #[serde(with = "array")]
+        guards: [StopGuard; N],
+    },
+}
+
+impl<const N: usize> FingerRequest<N> {
+    /// Passes the same request to another controller. If the first controller refused the request,
+    /// the other one refuses it, too; a refused request has no effect.
+    pub fn repeat<M: Dynamics<f64, N>>(&self, controller: &mut FingerController<M, N>) {
+        // The first controller has told whoever asked.
+        match *self {
+            Self::Restart => controller.clear(),
+            Self::Mode { joint, mode } => {
+                let _ = controller.set_mode(joint, mode);
+            }
+            Self::Target { joint, target } => {
+                let _ = controller.set_target(joint, target);
+            }
+            Self::Gains { joint, gains } => {
+                let _ = controller.set_gains(joint, &gains);
+            }
+            Self::Follow { points, guards } => {
+                let _ = controller.follow(&points, &guards);
+            }
+        }
+    }
+
+    /// Writes the request to the beginning of `words`, in the format of [postcard](https://postcard.jamesmunns.com) with
+    /// zeros up to a whole word. Returns the number of words that it used, or `None` if there is no room.
+    #[must_use]
+    pub fn put(&self, words: &mut [u32]) -> Option<usize> {
+        let used = postcard::to_slice(self, words.as_mut_bytes()).ok()?.len();
+        let count = used.div_ceil(size_of::<u32>());
+        let bytes = words.get_mut(..count)?.as_mut_bytes();
+        bytes.get_mut(used..)?.fill(0);
+        Some(count)
+    }
+
+    /// Reads a request from the words that [`put`](Self::put) wrote; returns `None` if the words
+    /// are not a request.
+    #[must_use]
+    pub fn take(words: &[u32]) -> Option<Self> {
+        let (request, rest) = postcard::take_from_bytes(words.as_bytes()).ok()?;
+        let is_padding = rest.len() < size_of::<u32>() && rest.iter().all(|&byte| byte == 0);
+        is_padding.then_some(request)
+    }
+}
+
+/// Arrays of any length.
+mod array {
+    use heapless::Vec;
+    use serde::de::{DeserializeOwned, Error};
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    pub(super) fn serialize<S: Serializer, T: Serialize + Clone, const N: usize>(
+        array: &[T; N],
+        to: S,
+    ) -> Result<S::Ok, S::Error> {
+        Vec::<T, N>::from_array(array.clone()).serialize(to)
+    }
+
+    pub(super) fn deserialize<'d, D: Deserializer<'d>, T: DeserializeOwned, const N: usize>(
+        from: D,
+    ) -> Result<[T; N], D::Error> {
+        let all = Vec::<T, N>::deserialize(from)?;
+        all.into_array()
+            .map_err(|it| D::Error::invalid_length(it.len(), &"a value for each joint"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use condor_hand::servo::PositionLaw;
+    use condor_hand::tendon::{Pair, TensionGains};
+
+    use super::*;
+
+    #[test]
+    fn words_say_what_was_asked() {
+        let tension = TensionGains {
+            kt: 1.0,
+            ki: 2.0,
+            kd: 3.0,
+            kv: 4.0,
+        };
+        let gains = JointGains {
+            law: PositionLaw::ComputedTorque {
+                bandwidth_hz: 5.0,
+                damping_ratio: 0.7,
+            },
+            k_torque: 0.5,
+            tension: Pair::both(tension),
+        };
+        let target = JointTarget::Tension(Pair {
+            flexor: 9.0,
+            extensor: 8.0,
+        });
+        let mode = ServoMode::Position;
+        let points = [1.0, -0.0, 3.0, 4.0].map(SetPoint::rest);
+        let mut guards = [StopGuard::NONE; 4];
+        guards[2] = StopGuard {
+            motion: 7,
+            torque: 0.1,
+            tension: 20.0,
+            contact: true,
+        };
+        for asked in [
+            FingerRequest::Restart,
+            FingerRequest::Mode { joint: 3, mode },
+            FingerRequest::Target { joint: 1, target },
+            FingerRequest::Gains { joint: 2, gains },
+            FingerRequest::Follow { points, guards },
+        ] {
+            let mut words = [7; 64];
+            let len = asked.put(&mut words).unwrap();
+            assert_eq!(FingerRequest::<4>::take(&words[..len]), Some(asked));
+            // Nothing of it is past its end.
+            assert!(words[len..].iter().all(|&word| word == 7));
+            assert_eq!(asked.put(&mut words[..len - 1]), None);
+            words[len] = 0;
+            assert_eq!(FingerRequest::<4>::take(&words[..=len]), None);
+        }
+        for wrong in [&[] as &[u32], &[5], &[1 | 9 << 16], &[3]] {
+            assert_eq!(FingerRequest::<4>::take(wrong), None);
+        }
+    }
+}
