@@ -33,7 +33,7 @@ pub enum ImageError<E = Infallible> {
         len: usize,
     },
     /// The number of bytes is not the one that the image itself states, or that all such images have.
-    #[error("the image has {needed} bytes, there are {len}; copy it as a whole")]
+    #[error("the image must have {needed} bytes, but there are {len}; copy it again, as a whole")]
     Length {
         /// The number of bytes that the image must have.
         needed: usize,

@@ -176,7 +176,7 @@ pub enum MailboxError {
         number: Processor,
     },
     /// The receiver has not joined, or has not yet noticed that the sender has.
-    #[error("{to} is not connected")]
+    #[error("{to} is not connected: its program has not joined the system, or has just begun")]
     NotConnected {
         /// The processor to which the message was sent.
         to: Processor,

@@ -116,7 +116,9 @@ pub enum TerminalReaderError {
         offset: u32,
     },
     /// The processor has made the terminal anew: attach again.
-    #[error("the terminal at offset {offset:#x} was made again, as incarnation {incarnation}")]
+    #[error(
+        "the terminal at offset {offset:#x} was made again, as incarnation {incarnation}: attach to it again"
+    )]
     Restarted {
         /// The offset of the terminal in the users' region, in bytes.
         offset: u32,
@@ -125,7 +127,8 @@ pub enum TerminalReaderError {
     },
     /// Another host has attached.
     #[error(
-        "another host is attached to the terminal at offset {offset:#x}: its mark is {attached:#x}"
+        "another host has attached to the terminal at offset {offset:#x}: its mark is {attached:#x}, of which the lowest 8 \
+         bits are the number of its processor, plus 1"
     )]
     Displaced {
         /// The offset of the terminal in the users' region, in bytes.

@@ -68,7 +68,7 @@ pub enum Problem {
     },
     /// A soft stop is so stiff that its joint would swing.
     #[error(
-        "is {}; above a limit the joint swings there instead of coming to rest: with its servo and its actuators, the limit is {}",
+        "is {}; a stop so stiff would make the joint swing at its limit instead of coming to rest: with its servo and its actuators, {} is the most",
         Decimal(*.bandwidth_hz),
         Decimal(*.most),
     )]
@@ -90,7 +90,7 @@ pub enum Problem {
     },
     /// A converter cannot represent a value that it needs.
     #[error(
-        "has {} counts for {}; its converter ends at {full_scale}",
+        "would need {} counts for {}, but its converter has only 0 to {full_scale}",
         Decimal(*.counts),
         Decimal(*.value),
     )]
@@ -104,7 +104,7 @@ pub enum Problem {
     },
     /// Axes are not orthogonal unit vectors, or are left-handed.
     #[error(
-        "is not a rotation: the products of its axes are wrong by {}, and its determinant is {}",
+        "is not a rotation: its axes differ by up to {} from orthogonal unit vectors, and its determinant, which must be 1, is {}",
         Decimal(*.error),
         Decimal(*.determinant),
     )]
@@ -127,7 +127,7 @@ pub enum Problem {
         number: u8,
     },
     /// A processor does another kind of work.
-    #[error("is {number}, which is a {kind}; it needs a {needed}")]
+    #[error("is {number}, which is a {kind} processor, but must be a {needed} processor")]
     WrongKind {
         /// The number of the processor.
         number: u8,
@@ -148,7 +148,7 @@ pub enum Problem {
         first: u8,
     },
     /// A rate is not a multiple of that of the trajectories.
-    #[error("is {rate_hz}, which is no multiple of {trajectory_hz}, the trajectories' rate")]
+    #[error("is {rate_hz}, which is not a multiple of {trajectory_hz}, the trajectories' rate")]
     Rate {
         /// The rate that was given, Hz.
         rate_hz: u32,

@@ -44,7 +44,7 @@ pub enum JointStreamError {
     #[error("the stream takes no more points: it has ended, is braking, or has its last point")]
     Ended,
     /// A batch before this one has not come.
-    #[error("batch {found} comes before batch {expected}")]
+    #[error("batch {found} has come, but batch {expected} must come first")]
     Sequence {
         /// The number of the batch.
         found: u32,

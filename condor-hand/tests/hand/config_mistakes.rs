@@ -38,7 +38,7 @@ macro_rules! cases {
 cases! {
     a_stop_in_which_the_joint_would_swing: UTAH,
         "bandwidth_hz = 8.0" => "bandwidth_hz = 80.0",
-        "hand.toml:117:16: `stop.bandwidth_hz` of joint `abduction` of finger `index` is 80; above a limit the joint swings there instead of coming to rest: with its servo and its actuators, the limit is 13.5545349121\n    80.0";
+        "hand.toml:117:16: `stop.bandwidth_hz` of joint `abduction` of finger `index` is 80; a stop so stiff would make the joint swing at its limit instead of coming to rest: with its servo and its actuators, 13.5545349121 is the most\n    80.0";
     no_toml: UTAH,
         "servo_hz = 400 " => "servo_hz = = 400 ",
         "hand.toml:10:12: extra `=`, expected nothing\n    =";
@@ -98,13 +98,13 @@ cases! {
         "hand.toml:271:30: the number 300 stands where a whole number from 0 to 255 should be\n    300";
     vector_too_short: UTAH,
         "gravity = [0.0, 0.0, -9.81]" => "gravity = [0.0, -9.81]",
-        "hand.toml:12:11: the length 2 is not that of an array of length 3\n    [0.0, -9.81]";
+        "hand.toml:12:11: the length is 2; it must be that of an array of length 3\n    [0.0, -9.81]";
     vector_too_long: UTAH,
         "gravity = [0.0, 0.0, -9.81]" => "gravity = [0.0, 0.0, 0.0, -9.81]",
-        "hand.toml:12:11: the length 4 is not that of 3 elements in sequence\n    [0.0, 0.0, 0.0, -9.81]";
+        "hand.toml:12:11: the length is 4; it must be that of 3 elements in sequence\n    [0.0, 0.0, 0.0, -9.81]";
     name_too_long: UTAH,
         "name = \"thumb\"" => "name = \"the-thumb-that-opposes-the-three-fingers-of-a-hand-and-has-four-joints\"",
-        "hand.toml:249:8: the length 70 is not that of a string no more than 64 bytes long\n    \"the-thumb-that-opposes-the-three-fingers-of-a-hand-and-has-four-joints\"";
+        "hand.toml:249:8: the length is 70; it must be that of a string no more than 64 bytes long\n    \"the-thumb-that-opposes-the-three-fingers-of-a-hand-and-has-four-joints\"";
     missing_name: UTAH,
         "name = \"thumb\"" => "#",
         "hand.toml:248:1: the key `name` is missing here\n    [[fingers]]";
@@ -149,10 +149,10 @@ cases! {
         "hand.toml:132:27: `flexor.dac.gain` of joint `abduction` of finger `index` is 0: all counts would mean the same\n    0.0";
     beyond_adc: UTAH,
         "offset = -1.0471975511965976" => "offset = 0.0",
-        "hand.toml:160:7: `adc` of joint `abduction` of finger `index` has -568.888888889 counts for -0.436332312999; its converter ends at 4095\n    { board = 0, channel = 0 }";
+        "hand.toml:160:7: `adc` of joint `abduction` of finger `index` would need -568.888888889 counts for -0.436332312999, but its converter has only 0 to 4095\n    { board = 0, channel = 0 }";
     beyond_dac: UTAH,
         "gain = 31.5 }   " => "gain = 32.5 }   ",
-        "hand.toml:161:52: `flexor.dac` of joint `abduction` of finger `index` has 4225 counts for 130; its converter ends at 4095\n    { board = 0, channel = 0 }";
+        "hand.toml:161:52: `flexor.dac` of joint `abduction` of finger `index` would need 4225 counts for 130, but its converter has only 0 to 4095\n    { board = 0, channel = 0 }";
     no_bits: UTAH,
         "adc = { bits = 12, gain = 7" => "adc = { bits = 0, gain = 7",
         "hand.toml:100:16: `adc.bits` of joint `abduction` of finger `index` is 0; it must be at least 1\n    0";
@@ -167,10 +167,10 @@ cases! {
         "hand.toml:42:102: `flexor.cutoff_hz` of joint `roll` of finger `a` is 1000; it must be below 1000\n    1000.0";
     not_rotation: UTAH,
         "[0.0, -1.0, 0.0], [0.0, 0.0, -1.0]" => "[0.0, -1.0, 0.1], [0.0, 0.0, -1.0]",
-        "hand.toml:251:57: `base.rotation` of finger `thumb` is not a rotation: the products of its axes are wrong by 0.1, and its determinant is 1\n    { rows = [[1.0, 0.0, 0.0], [0.0, -1.0, 0.1], [0.0, 0.0, -1.0]] }";
+        "hand.toml:251:57: `base.rotation` of finger `thumb` is not a rotation: its axes differ by up to 0.1 from orthogonal unit vectors, and its determinant, which must be 1, is 1\n    { rows = [[1.0, 0.0, 0.0], [0.0, -1.0, 0.1], [0.0, 0.0, -1.0]] }";
     reflection: UTAH,
         "[0.0, -1.0, 0.0], [0.0, 0.0, -1.0]" => "[0.0, 1.0, 0.0], [0.0, 0.0, -1.0]",
-        "hand.toml:251:57: `base.rotation` of finger `thumb` is not a rotation: the products of its axes are wrong by 0, and its determinant is -1\n    { rows = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, -1.0]] }";
+        "hand.toml:251:57: `base.rotation` of finger `thumb` is not a rotation: its axes differ by up to 0 from orthogonal unit vectors, and its determinant, which must be 1, is -1\n    { rows = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, -1.0]] }";
     not_unit: TRIPOD,
         "motion = { revolute = [0.0, 1.0, 0.0] }" => "motion = { revolute = [0.0, 2.0, 0.0] }",
         "hand.toml:63:100: `mount.motion.revolute` of joint `bend` of finger `a` has the length 2; an axis has the length 1\n    [0.0, 2.0, 0.0]";
@@ -212,19 +212,19 @@ cases! {
         "hand.toml:224:32: `processor` of joint `abduction` of finger `ring` is 9, which the hand does not have\n    9";
     wrong_kind: UTAH,
         "joint_defaults = { processor = 2 }" => "joint_defaults = { processor = 5 }",
-        "hand.toml:224:32: `processor` of joint `abduction` of finger `ring` is 5, which is a table; it needs a servo\n    5";
+        "hand.toml:224:32: `processor` of joint `abduction` of finger `ring` is 5, which is a table processor, but must be a servo processor\n    5";
     axis_on_a_servo: UTAH,
         "direction = [0.0, 1.0, 0.0]\nprocessor = 5" => "direction = [0.0, 1.0, 0.0]\nprocessor = 1",
-        "hand.toml:75:13: `processor` of axis `y` is 1, which is a servo; it needs a table\n    1";
+        "hand.toml:75:13: `processor` of axis `y` is 1, which is a servo processor, but must be a table processor\n    1";
     split_finger: UTAH,
         "adc = { board = 0, channel = 6 }" => "processor = 2\nadc = { board = 0, channel = 6 }",
         "hand.toml:211:13: `processor` of joint `middle` of finger `middle` is 2, and that of the finger's first joint is 1; tendons couple the joints of a finger, so one processor serves them all\n    2";
     rate: UTAH,
         "trajectory_hz = 50 " => "trajectory_hz = 60 ",
-        "hand.toml:10:12: `servo_hz` of the hand is 400, which is no multiple of 60, the trajectories' rate\n    400";
+        "hand.toml:10:12: `servo_hz` of the hand is 400, which is not a multiple of 60, the trajectories' rate\n    400";
     rate_of_a_processor: TRIPOD,
         "rate_hz = 2000" => "rate_hz = 1950",
-        "hand.toml:24:11: `rate_hz` of processor 7 is 1950, which is no multiple of 100, the trajectories' rate\n    1950";
+        "hand.toml:24:11: `rate_hz` of processor 7 is 1950, which is not a multiple of 100, the trajectories' rate\n    1950";
     rate_zero: UTAH,
         "trajectory_hz = 50 " => "trajectory_hz = 0 ",
         "hand.toml:11:17: `trajectory_hz` of the hand is 0; it must be above 0\n    0";

@@ -4,7 +4,7 @@ use core::error::Error;
 use core::fmt;
 use core::time::Duration;
 
-use condor_robot::message::ClientError;
+use condor_robot::packet::ClientError;
 use condor_host::control::ControlClientError;
 use condor_host::system::FindError;
 use condor_host::view::ViewError;

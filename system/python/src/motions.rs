@@ -5,7 +5,7 @@ use core::time::Duration;
 use condor_host::view::Post;
 use condor_mbox::Processor;
 use condor_mbox::linux::LinuxWindow;
-use condor_robot::message::ClientError;
+use condor_robot::packet::ClientError;
 use condor_robot::motions::{MotionsClient, RequestProgress};
 use condor_robot::objects;
 use condor_robot::queue::{QueueAnswer, RefusalReason, RequestIdentity, RequestState};

@@ -26,7 +26,6 @@
 //! rests after a fault. [`ServoRequest::Outcome`] asks for the result. An order that was refused is not tried again.
 
 mod client;
-mod error;
 mod finger_request;
 mod grasp;
 mod handler;
@@ -37,7 +36,6 @@ mod servo_loop;
 mod status;
 
 pub use client::ServoClient;
-pub use error::ClientError;
 pub use finger_request::FingerRequest;
 pub use grasp::{GraspEnd, GraspLayout};
 pub use handler::{HandIdentity, ServoHandler};
@@ -80,7 +78,7 @@ pub enum ServoRequest {
         finger: u32,
         /// The joint; `None` for all joints of the finger.
         joint: Option<u32>,
-        /// The mode.
+        /// The mode in which the joint is to be.
         mode: ServoMode,
     },
     /// Sets a target, and its mode.
@@ -89,7 +87,7 @@ pub enum ServoRequest {
         finger: u32,
         /// The joint; `None` for all joints of the finger.
         joint: Option<u32>,
-        /// The target.
+        /// The target that the joint is to have, in the units of its mode.
         target: JointTarget,
     },
     /// Clears the latched faults of a finger.

@@ -72,20 +72,20 @@ pub enum MotionRequest {
     /// Takes control. The answer is [`MotionResponse::Done`], or [`MotionResponse::InControl`] if another session is in
     /// control.
     Control {
-        /// The session.
+        /// The session for which the client takes control.
         session: u32,
         /// True to take control from another session, too.
         from_other: bool,
     },
     /// Ends the control of a session. The answer is [`MotionResponse::Done`].
     GiveUp {
-        /// The session.
+        /// The session whose control is to end.
         session: u32,
     },
     /// Ends all motion, if the session is in control. The answer is [`MotionResponse::Done`] when the controller has
     /// ended all motion and recorded it in the ledger, or [`MotionResponse::InControl`].
     Abort {
-        /// The session.
+        /// The session that is in control.
         session: u32,
     },
     /// Asks for the state of a request. The answer is [`MotionResponse::Request`].

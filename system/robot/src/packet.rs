@@ -11,7 +11,9 @@ use thiserror::Error;
 use zerocopy::little_endian::U32;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
-use crate::message::ClientError;
+mod error;
+
+pub use error::ClientError;
 
 /// A value of type `T` in the form in which it lies in shared memory: two words with the version of the protocol and
 /// the number of bytes, and then at most `BYTES` bytes in the format of [postcard](https://postcard.jamesmunns.com).
@@ -122,8 +124,8 @@ where
     response.value().map_err(wrong)
 }
 
-/// Answers the request of a call with the value that `respond` makes of it, as [`Blocks::answer`] does; what is no
-/// request, with an empty packet.
+/// Answers the request of a call with the value that `respond` makes of it, as [`Blocks::answer`] does. If the bytes are
+/// not a request, the answer is an empty packet.
 pub(crate) fn answer<W, Q, R, const VERSION: u32, const ASKED: usize, const TOLD: usize>(
     blocks: Blocks<Packet<Q, VERSION, ASKED>, Packet<R, VERSION, TOLD>>,
     call: &Call<'_>,

@@ -112,7 +112,7 @@ impl<'r, M: Machine> Replaying<'r, M> {
         }
         sink.close()?;
         self.background.print(format_args!(
-            "replayed {} ticks of processor {number}: {:016x}\n",
+            "replayed {} ticks of processor {number}: hash of the outputs {:016x}\n",
             rows.ticks(),
             hash.value(),
         ));

@@ -137,14 +137,14 @@ pub enum TableRequest {
     Status,
     /// Enables the table, which goes home.
     Home {
-        /// The speed.
+        /// The speed on the way home, as a fraction of the limits.
         speed: f64,
     },
     /// Goes to a position, after the motions before.
     Move {
         /// The targets of the axes, m; a target without an axis is ignored.
         to: [f64; AXES],
-        /// The speed.
+        /// The speed on the way, as a fraction of the limits.
         speed: f64,
     },
     /// Stops on the way, and forgets all motions.
@@ -255,7 +255,7 @@ impl<B: Boards> Program for Table<B> {
                 axes.tick(tick.due);
             })
             .background(|background| {
-                background.print(format_args!("moves the table at {rate_hz} Hz\n"));
+                background.print(format_args!("controls the table at {rate_hz} Hz\n"));
                 let mut before = TableStatus::Off;
                 start::attend(background, || {
                     let state = with(&shared, |table| table.controller.state());

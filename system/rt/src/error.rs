@@ -57,7 +57,7 @@ pub enum ProgramError {
     },
     /// The program set up a second part of a sort of which it can have only one, such as a
     /// terminal.
-    #[error("a program has one {what}, and this one asked for another")]
+    #[error("a program can have only one {what}, and this one sets up a second")]
     Twice {
         /// The name of that part, such as `console`.
         what: &'static str,
@@ -80,7 +80,9 @@ pub enum ProgramError {
     },
     /// A variable or parameter was added after the last loop. It belongs to no loop, so nothing
     /// shows it.
-    #[error("`{name}` is shown by no loop: add the servo after its variables and parameters")]
+    #[error(
+        "`{name}` belongs to no loop, so nobody can see it: set up the servo after its variables and parameters"
+    )]
     LeftOver {
         /// The name of the variable or parameter.
         name: ShortText<32>,

@@ -157,7 +157,7 @@ impl de::Error for Misreading {
                 problem,
             };
         }
-        format!("the length {length} is not that of {expected}").into()
+        format!("the length is {length}; it must be that of {expected}").into()
     }
 
     fn unknown_variant(word: &str, known: &'static [&'static str]) -> Self {

@@ -143,7 +143,10 @@ impl Tmux {
                 return Ok(());
             }
             if begun.elapsed() >= PATIENCE {
-                return Err(format!("there is no `{text}` in\n{seen}").into());
+                return Err(format!(
+                    "`{text}` does not appear on the terminal, which shows\n{seen}"
+                )
+                .into());
             }
             thread::sleep(Duration::from_millis(100));
         }

@@ -181,7 +181,7 @@ fn what_is_wrong_is_said() {
     assert_eq!(
         error(&bytes[..len - 1]),
         format!(
-            "the image has {len} bytes, there are {}; copy it as a whole",
+            "the image must have {len} bytes, but there are {}; copy it again, as a whole",
             len - 1
         )
     );

@@ -228,7 +228,10 @@ fn what_no_joint_can_do_is_refused_with_its_name() {
         assert_eq!(stream.until(), 0.0);
     }
     let error = stream.push(1, &[], false).unwrap_err();
-    assert_eq!(error.to_string(), "batch 1 comes before batch 0");
+    assert_eq!(
+        error.to_string(),
+        "batch 1 has come, but batch 0 must come first"
+    );
     let error = stream.push(0, &[point(0.5, 0.2, 0.1)], true).unwrap_err();
     assert_eq!(
         error.to_string(),

@@ -5,8 +5,8 @@ use std::time::Duration;
 
 use condor_hand::trajectory::image::append;
 use condor_hand::trajectory::{Pace, Primitive, Profile, StreamPoint, Target};
-use condor_robot::message::ClientError;
 use condor_robot::motions::{Batch, MotionsClient, SentPoints};
+use condor_robot::packet::ClientError;
 use condor_robot::queue::{InControl, QueueAnswer, RefusalReason, RequestIdentity, RequestState};
 
 use crate::typist::{MASTER, Typist, run};
@@ -633,7 +633,7 @@ fn a_stream_moves_the_hand_and_brakes_when_its_points_stay_away() {
         let late = send(typist, of(3), &batch(1, &[(0.5, 1.0, 0.0)], false));
         assert_eq!(
             late.unwrap_err().to_string(),
-            "batch 1 comes before batch 0"
+            "batch 1 has come, but batch 0 must come first"
         );
         send(typist, of(3), &batch(0, &[(0.3, 1.0, 1.0)], false)).unwrap();
         assert_eq!(end(typist, of(3)), (Aborted, Starved));

@@ -62,7 +62,7 @@ fn fingers_that_are_still_caught_do_not_count_for_a_motion() {
         typist.begin();
         typist.types("enable");
         typist.types("run wave");
-        typist.expect("wave: peak ", 30.0);
+        typist.expect("wave: largest tracking error ", 30.0);
         let [(wave, 1, peak_deg)] = &followed(typist)[..] else {
             panic!("{:?}", followed(typist));
         };

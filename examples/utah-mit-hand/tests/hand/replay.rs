@@ -230,7 +230,7 @@ fn what_is_replayed_is_what_was_put_out() {
     let said = replay(files, 1).unwrap();
     let first = fs::read(files.join("servo.out")).unwrap();
     let told = format!(
-        "replayed {TICKS} ticks of processor 1: {:016x}\r\n",
+        "replayed {TICKS} ticks of processor 1: hash of the outputs {:016x}\r\n",
         hash(&first)
     );
     assert_eq!(said, told);
@@ -257,7 +257,8 @@ fn the_shipped_recording_has_the_same_outputs_everywhere() {
     let files = files();
     fs::write(files.path().join("servo.mcap"), SHIPPED).unwrap();
     let said = replay(files.path(), 0).unwrap();
-    let told = format!("replayed {TICKS} ticks of processor 1: {HASH:016x}\r\n");
+    let told =
+        format!("replayed {TICKS} ticks of processor 1: hash of the outputs {HASH:016x}\r\n");
     assert_eq!(said, told);
 }
 

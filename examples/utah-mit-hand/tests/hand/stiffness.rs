@@ -145,7 +145,7 @@ fn a_ball_is_held_where_it_is_seen() {
         typist.runs("grasp");
         assert_eq!(
             typist.says("grasp firm"),
-            "processor 6 has not seen the object for 0.2 s\n"
+            "processor 6 has not seen the ball for 0.2 s\n"
         );
         let place = [0.118, -0.003, -0.0585];
         assert_eq!(typist.says("ball 0.016 0.05 0.118 -0.003 -0.0585"), "");
@@ -166,7 +166,7 @@ fn a_ball_is_held_where_it_is_seen() {
         typist.wait(0.5);
         assert_eq!(
             typist.says("grasp firm"),
-            "processor 6 has not seen the object for 0.2 s\n"
+            "processor 6 has not seen the ball for 0.2 s\n"
         );
     });
 }

@@ -10,9 +10,9 @@ use std::time::Duration;
 
 use condor_hand::trajectory::image::append;
 use condor_hand::trajectory::{Pace, Primitive, Profile, Target};
-use condor_robot::message::ClientError;
 use condor_robot::motions::MotionsClient;
 use condor_robot::objects;
+use condor_robot::packet::ClientError;
 use condor_robot::queue::{InControl, QueueAnswer, RefusalReason, RequestIdentity, RequestState};
 use condor_rt::{Background, Machine, MailboxOf, Program, ProgramError, Setup, users};
 use verdict::log::{CLIENTS, JOINTS, Line, MASTER, PLACE, read, target};

@@ -178,7 +178,7 @@ fn a_stopped_program_is_recorded_when_it_starts() {
     up.run(&["start", "b"]);
     recorder.wait_until_taken_of_b(50);
     let told = recorder.end();
-    let text = "b:servo: processor 1 is not connected; its rows begin when its program answers";
+    let text = "b:servo: processor 1 is not connected: its program has not joined the system, or has just begun; its rows begin when its program answers";
     assert!(told.contains(text), "{told}");
     let reader = RecordingReader::open(&up.path("run.mcap")).unwrap();
     check(&rows(&reader, "a", "servo"));

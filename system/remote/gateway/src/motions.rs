@@ -13,7 +13,7 @@ use condor_mbox::linux::LinuxWindow;
 use condor_remote::wire::{
     ClientRequest, Id, RemoteOutcome, RemoteRefusal, RemoteRequest, RemoteState,
 };
-use condor_robot::message::ClientError;
+use condor_robot::packet::ClientError;
 use condor_robot::motions::MotionsClient;
 use condor_robot::objects;
 use condor_robot::queue::{self, InControl, QueueAnswer, RefusalReason, RequestIdentity};
@@ -25,7 +25,7 @@ use crate::presence::Presence;
 /// The time that the queue may take to answer.
 const ANSWER: Duration = Duration::from_millis(500);
 
-/// What the gateway says of its session.
+/// The report that the session of the gateway is closed.
 const CLOSED: &str =
     "the master has closed the session in which the gateway asks for motions; try again";
 

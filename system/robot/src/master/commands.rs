@@ -11,8 +11,8 @@ use condor_rt::{Background, Machine, ProgramError};
 use super::drive::{SharedDrive, with};
 use super::follow::Follow;
 use super::others::{Ball, Others};
-use super::play::{Player, Title, check};
-use super::queue::{JointMove, MotionName, Requests, Work};
+use super::play::{MotionName, Player, Title, check};
+use super::queue::{JointMove, Requests, Work};
 use super::sequence::Store;
 use super::servos::Servos;
 use super::servos::are_all;
@@ -454,7 +454,7 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
         if let Some(resting @ 1..) = self.others.resting() {
             let boards = Boards(resting);
             self.say(format_args!(
-                "D/A boards at rest with the least tensions, since no values come: {boards}"
+                "D/A boards that get no values, and make the least tensions until some come: {boards}"
             ));
         }
         let failed = self.others.failed();

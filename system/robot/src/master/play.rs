@@ -10,13 +10,14 @@ use condor_hand::trajectory::{
 };
 
 use super::drive::{ALL, Drive, Motion, SharedDrive, with};
-use super::queue::MotionName;
 use super::sequence::Sequence;
 use super::words::{GuardText, Problem};
 use crate::RobotDescription;
 use crate::joints::{JointName, JointNumbers};
 use crate::queue::{RefusalReason, RequestState};
 
+/// The name of a motion's file, without its suffix.
+pub(super) type MotionName = heapless::String<24>;
 /// The title of a motion.
 pub(super) type Title = heapless::String<136>;
 /// Motions that the generator has, or that it has ended since it was asked last.
@@ -274,7 +275,7 @@ impl Player {
         None
     }
 
-    /// Gives the generator as many motions as it has room for.
+    /// Passes as many motions to the generator as it has room for.
     ///
     /// # Errors
     /// Returns the error of a motion that the generator refuses.

@@ -6,7 +6,7 @@ use condor_mbox::{Clock, PeerState, Processor};
 use condor_rt::{Background, FilesOf, Machine, MailboxOf};
 
 use super::drive::{ALL, Motion};
-use super::play::check;
+use super::play::{MotionName, check};
 use super::words::{Problem, is_name};
 use crate::RobotDescription;
 use crate::joints::JointNumbers;
@@ -28,9 +28,6 @@ type Queue = MotionQueue<Work, WAITING>;
 pub(super) type Post = MotionsPost<Work, WAITING>;
 type Server<'r, M> = MotionsServer<'r, Work, LedgerFile<'r, M>, WAITING>;
 
-/// The name of a motion.
-pub(super) type MotionName = heapless::String<24>;
-
 /// The work of a request.
 #[derive(Clone, Debug)]
 #[expect(
@@ -40,7 +37,7 @@ pub(super) type MotionName = heapless::String<24>;
 pub(super) enum Work {
     /// The motion of this name, in its file.
     Named(MotionName),
-    /// What is in memory, recorded or loaded, under this name.
+    /// The motions in memory, recorded or loaded, under this name.
     Kept(MotionName),
     /// One joint goes to a position.
     Joint(JointMove),
@@ -200,7 +197,7 @@ impl<'r, M: Machine> Requests<'r, M> {
             .flatten()
     }
 
-    /// Returns the number of requests that wait, and who is in control.
+    /// Returns the number of requests that wait, and the owner of control.
     pub(super) fn waiting(&self) -> (usize, InControl) {
         let seen = (self.server).look(|queue| (queue.waiting(), queue.in_control()));
         seen.unwrap_or((0, InControl::Nobody))

@@ -14,7 +14,8 @@ use super::drive::{FingerServos, Link, Motion, OfServos, ServoIncarnation, Share
 use super::words::Problem;
 use crate::failure::Failure;
 use crate::joints::JointNumbers;
-use crate::message::{ClientError, ServoClient, ServoStatus};
+use crate::message::{ServoClient, ServoStatus};
+use crate::packet::ClientError;
 use crate::servo::{self, Names};
 use crate::{FINGERS, JOINTS, RobotDescription, objects};
 

@@ -19,7 +19,7 @@ use condor_vars::{RequestError, VariableTableError};
 use thiserror::Error;
 
 use crate::RobotDescription;
-use crate::message::ClientError;
+use crate::packet::ClientError;
 use crate::queue::{InControl, RefusalReason};
 use crate::{JOINTS, plant, table};
 
@@ -142,7 +142,7 @@ pub(super) enum Problem<'l> {
     NoPlant,
     #[error("no processor measures the position of the ball")]
     NoCamera,
-    #[error("processor {0} has not seen the object for 0.2 s")]
+    #[error("processor {0} has not seen the ball for 0.2 s")]
     NotSeen(u8),
     #[error("the robot has no table: its configuration has no processor for one")]
     NoTable,

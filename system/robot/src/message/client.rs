@@ -8,10 +8,10 @@ use condor_mbox::{
 
 use super::layout::ServoLayout;
 use super::{
-    ClientError, Hello, OrderPart, RequestPacket, ResponsePacket, SERVO, ServoRequest,
-    ServoResponse, ServoStatus,
+    Hello, OrderPart, RequestPacket, ResponsePacket, SERVO, ServoRequest, ServoResponse,
+    ServoStatus,
 };
-use crate::packet;
+use crate::packet::{self, ClientError};
 
 /// The pause between two questions to a servo processor that has not processed an order: an order is done at
 /// the next tick of its loop.

@@ -9,7 +9,7 @@ use super::ServoBlocks;
 /// The record that the master publishes in each tick.
 pub(super) type Points<const N: usize> = [JointPoint; N];
 
-/// What the master wants of a joint: its set-point, the number of its motion, and the conditions that stop the motion.
+/// The set-point of a joint, the number of its motion, and the conditions that stop the motion.
 #[derive(Clone, Copy, Debug, PartialEq, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
 pub(super) struct JointPoint {

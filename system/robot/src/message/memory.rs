@@ -42,14 +42,14 @@ pub(super) struct JointOrder {
     pub(super) drive: JointDrive,
 }
 
-/// What an order asks of a joint.
+/// The change of a joint for which an order asks.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(super) enum JointDrive {
     Mode(ServoMode),
     Target(JointTarget),
 }
 
-/// What the loop has done with an order.
+/// The outcome of an order in the loop.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(super) struct JointOutcome {
     pub(super) number: u32,

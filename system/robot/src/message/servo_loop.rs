@@ -36,7 +36,7 @@ struct FingerLoop<'o, M, W, const N: usize> {
     restarts: u32,
     ticks: u32,
     report: Publisher<Report<N>, StaticWindow<'o>>,
-    /// What was reported last; without ticks.
+    /// The last report, without its ticks.
     reported: Option<ServoStatus<N>>,
 }
 

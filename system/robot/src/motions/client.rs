@@ -8,8 +8,7 @@ use super::{
     BODY_BYTES, Batch, MOTIONS, MotionRequest, MotionResponse, MotionsBlocks, Offer, RequestPacket,
     RequestProgress, ResponsePacket,
 };
-use crate::message::ClientError;
-use crate::packet;
+use crate::packet::{self, ClientError};
 use crate::queue::{QueueAnswer, RequestIdentity};
 
 /// The time after which a client asks again.

@@ -17,7 +17,7 @@ pub enum PlantRequest {
     },
     /// Pushes a fingertip until the next such push.
     PushTip {
-        /// The finger.
+        /// The finger whose tip is pushed.
         finger: u32,
         /// The force on its tip, N.
         force: [f64; 3],
@@ -42,18 +42,18 @@ pub enum PlantRequest {
     RemoveBall,
     /// Makes a sensor stay as it is.
     StickSensor {
-        /// The finger.
+        /// The finger that has the sensor.
         finger: u32,
-        /// The joint of the finger.
+        /// The joint that has the sensor.
         joint: u32,
         /// The sensor.
         which: PlantTarget,
     },
     /// Breaks a tendon.
     CutTendon {
-        /// The finger.
+        /// The finger that has the tendon.
         finger: u32,
-        /// The joint of the finger.
+        /// The joint that the tendon pulls.
         joint: u32,
         /// The tendon.
         which: PlantTarget,

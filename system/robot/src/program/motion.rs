@@ -12,8 +12,8 @@ use condor_platform::linux::read_text;
 
 use super::offers::Queue;
 use super::points::Points;
-use crate::message::ClientError;
 use crate::motions::{MotionsClient, RequestProgress, SentPoints};
+use crate::packet::ClientError;
 use crate::queue::{QueueAnswer, RequestIdentity, RequestState};
 
 pub(crate) const ABOUT: &str =

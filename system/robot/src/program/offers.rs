@@ -16,9 +16,9 @@ use condor_mbox::linux::LinuxWindow;
 use condor_platform::linux::WholeFile;
 
 use crate::compile::compile_motion;
-use crate::message::ClientError;
 use crate::motions::MotionsClient;
 use crate::objects;
+use crate::packet::ClientError;
 use crate::queue::{QueueAnswer, RefusalReason, RequestIdentity};
 
 /// The time in which the master must answer a person who waits at a page.

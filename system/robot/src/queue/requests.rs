@@ -206,7 +206,7 @@ impl<P, const N: usize> MotionQueue<P, N> {
         Ok(was)
     }
 
-    /// Returns who is in control.
+    /// Returns the session that is in control.
     #[must_use]
     pub fn in_control(&self) -> InControl {
         match self.in_control {

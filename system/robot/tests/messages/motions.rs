@@ -8,13 +8,12 @@ use std::time::Duration;
 use condor_hand::trajectory::{JointStream, ProfileLimits, StreamEnd, StreamPoint};
 use condor_mbox::sim::{SimMailbox, SimSystem, SimWindow};
 use condor_mbox::{Allocator, Call, MemoryWindow, Messenger, PeerState, Processor, Region};
-use condor_robot::message::ClientError;
 use condor_robot::motions::{
     Batch, LedgerStore, MOTIONS, MotionRequest, MotionResponse, MotionsBlocks, MotionsClient,
     MotionsEvent, MotionsPost, MotionsServer, Offer, PackedBatch, RequestPacket, RequestProgress,
     ResponsePacket, SentPoints, StreamRequest,
 };
-use condor_robot::packet;
+use condor_robot::packet::{self, ClientError};
 use condor_robot::queue::{
     InControl, LedgerRow, MotionQueue, OWN, QueueAnswer, RefusalReason, RequestIdentity,
     RequestState, SessionOwner,
@@ -791,7 +790,7 @@ fn a_stream_takes_points_of_its_client_until_it_ends() {
     let early = send(2, &batch(2, (0.4, 0.2, 0.0), true));
     assert_eq!(
         early.unwrap_err().to_string(),
-        "batch 2 comes before batch 1"
+        "batch 2 has come, but batch 1 must come first"
     );
     let late = send(2, &batch(1, (0.1, 0.1, 0.0), true));
     assert_eq!(

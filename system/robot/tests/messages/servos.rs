@@ -18,10 +18,10 @@ use condor_mbox::{
     Region, SingleContext, Vector,
 };
 use condor_robot::message::{
-    ClientError, HandIdentity, HandLoop, OrderPart, RequestPacket, ResponsePacket, SERVO,
-    ServoClient, ServoLayout, ServoObject, ServoRequest, ServoResponse,
+    HandIdentity, HandLoop, OrderPart, RequestPacket, ResponsePacket, SERVO, ServoClient,
+    ServoLayout, ServoObject, ServoRequest, ServoResponse,
 };
-use condor_robot::packet;
+use condor_robot::packet::{self, ClientError};
 use nalgebra::{Vector3, Vector4};
 use proptest::prelude::*;
 

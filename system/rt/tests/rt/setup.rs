@@ -371,7 +371,7 @@ fn what_is_wrong_with_a_setup_is_said_with_its_name() {
             .console()?
             .console()
             .map(|_| ())),
-        "a program has one console, and this one asked for another"
+        "a program can have only one console, and this one sets up a second"
     );
     assert_eq!(
         error(WINDOW_BYTES, |machine| {
@@ -413,7 +413,7 @@ fn what_is_wrong_with_a_setup_is_said_with_its_name() {
             setup.servo("servo", Rate::hz(1), &mut body);
             setup.watch(&spare).run()
         }),
-        "`spare` is shown by no loop: add the servo after its variables and parameters"
+        "`spare` belongs to no loop, so nobody can see it: set up the servo after its variables and parameters"
     );
     assert_eq!(
         error(WINDOW_BYTES, |machine| {

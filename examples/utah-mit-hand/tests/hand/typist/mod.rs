@@ -413,7 +413,7 @@ impl Typist<'_> {
         self.expect(&format!("{name} is done\n"), 20.0);
         let peak_deg = self.peak_rad.to_degrees();
         // How well it was followed.
-        self.expect(&format!("{name}: peak "), 1.0);
+        self.expect(&format!("{name}: largest tracking error "), 1.0);
         peak_deg
     }
 

@@ -7,7 +7,7 @@ use condor_mbox::Processor;
 use condor_mbox::exchange::ExchangeError;
 use thiserror::Error;
 
-use crate::packet::PacketError;
+use super::PacketError;
 use crate::queue::InControl;
 
 /// The reason why a client of another processor has no answer, or one that refuses its request.
