@@ -18,7 +18,7 @@
 //! answer. The [`GraspReport`] of its processor contains the reason.
 //!
 //! A [`DistributedGrasp`] does not depend on how processors exchange joints, orders and reports.
-//! With the feature `mbox`, `message::GraspLayout` passes orders and reports in shared memory.
+//! The programs of condor-robot pass them in shared memory.
 
 mod law;
 mod order;

@@ -64,6 +64,7 @@ pub enum ServoRefusal {
         value: f64,
     },
     /// No joint can have a gain. No message asks for gains, so none has this refusal.
+    // The last one: serde counts it when it writes, and not when it reads.
     #[error(transparent)]
     #[serde(skip)]
     Gain(#[from] NumberError),

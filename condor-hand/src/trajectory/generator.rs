@@ -142,7 +142,7 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
     }
 
     /// Adds primitives at the end of the queue, and their tickets to `tickets`, as long as both
-    /// have room.
+    /// have room. No more of them are taken than are added, but for one that is refused.
     ///
     /// Returns the number of primitives that were added. If a primitive is refused, the call ends
     /// there and also returns the error; a full queue is not an error.
@@ -152,17 +152,17 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
         tickets: &mut heapless::Vec<MotionTicket, N>,
     ) -> (u32, Result<(), MotionError>) {
         let mut fed = 0;
-        for primitive in primitives {
-            if tickets.is_full() {
+        let mut primitives = primitives.into_iter();
+        while !tickets.is_full() && !self.queue.is_full() {
+            let Some(primitive) = primitives.next() else {
                 break;
-            }
+            };
             match self.enqueue(primitive) {
                 Ok(ticket) => {
                     // There is room.
                     let _ = tickets.push(ticket);
                     fed += 1;
                 }
-                Err(MotionError::Full { .. }) => break,
                 Err(error) => return (fed, Err(error)),
             }
         }

@@ -4,11 +4,11 @@ use core::error::Error;
 use core::fmt;
 use core::time::Duration;
 
-use condor_robot::packet::ClientError;
 use condor_host::control::ControlClientError;
 use condor_host::system::FindError;
 use condor_host::view::ViewError;
 use condor_mbox::exchange::ExchangeError;
+use condor_robot::packet::ClientError;
 use condor_toml::{TextError, TextErrors};
 use condor_vars::RequestError;
 use pyo3::exceptions::PyRuntimeError;
@@ -89,9 +89,14 @@ fn kind_of(error: &(dyn Error + 'static)) -> Kind {
     let exchange = match error.downcast_ref() {
         Some(ClientError::Exchange(exchange)) => Some(exchange),
         Some(ClientError::TimedOut { .. }) => return Kind::TimedOut,
-        Some(ClientError::Length { .. } | ClientError::NotYours | ClientError::Points(_)) => {
-            return Kind::Refused;
-        }
+        Some(
+            ClientError::Length { .. }
+            | ClientError::NotYours
+            | ClientError::NotInControl(_)
+            | ClientError::Exhausted
+            | ClientError::Refused(_)
+            | ClientError::Points(_),
+        ) => return Kind::Refused,
         _ => exchange,
     };
     let mailbox = match (exchange, error.downcast_ref()) {

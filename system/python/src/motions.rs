@@ -5,10 +5,10 @@ use core::time::Duration;
 use condor_host::view::Post;
 use condor_mbox::Processor;
 use condor_mbox::linux::LinuxWindow;
-use condor_robot::packet::ClientError;
 use condor_robot::motions::{MotionsClient, RequestProgress};
 use condor_robot::objects;
-use condor_robot::queue::{QueueAnswer, RefusalReason, RequestIdentity, RequestState};
+use condor_robot::packet::ClientError;
+use condor_robot::queue::{InControl, QueueAnswer, RefusalReason, RequestIdentity, RequestState};
 
 use crate::failure::Failure;
 use crate::system_worker::{Session, WorkerState};
@@ -47,9 +47,10 @@ impl<'v> WorkerState<'v> {
         timeout: Duration,
     ) -> Result<u32, Failure> {
         if let Some(session) = self.session.number {
-            let number = self.session.last.max(1);
+            let number = self.session.last + 1;
             let seen = queue.look(RequestIdentity { session, number }, timeout)?;
-            if !matches!(seen.answer, QueueAnswer::NoSession) {
+            // A closed session answers that the request never runs.
+            if !matches!(seen.answer, QueueAnswer::NoSession | QueueAnswer::Never) {
                 return Ok(session);
             }
         }
@@ -140,9 +141,9 @@ fn take_control(
     timeout: Duration,
 ) -> Result<(), Failure> {
     match queue.take_control(session, from_other, timeout) {
-        Err(ClientError::NotInControl(who)) => Err(Failure::refused(format!(
-            "{who}; `take_control=True` takes control from it"
-        ))),
+        Err(ClientError::NotInControl(who)) if who != InControl::Nobody => Err(Failure::refused(
+            format!("{who}; `take_control=True` takes control from it"),
+        )),
         done => Ok(done?),
     }
 }

@@ -23,7 +23,7 @@ pub(crate) use partner::{Partner, PartnerState, TickTime};
 pub type HandGraspLayout = crate::message::GraspLayout;
 
 /// The name of the object with the [`HandGraspLayout`] in the object table of a servo processor.
-pub const NAME: &str = "grasp";
+pub const NAME: &str = "grasp-2";
 /// The name of the published [`Joints`] in the object table of a servo processor.
 pub const JOINTS_NAME: &str = "joints";
 

@@ -173,3 +173,87 @@ pub type ServoBlocks<const N: usize> = Blocks<RequestPacket, ResponsePacket<N>>;
 pub type RequestPacket = Packet<ServoRequest, VERSION, 56>;
 /// A response in a block.
 pub type ResponsePacket<const N: usize> = Packet<ServoResponse<N>, VERSION, 184>;
+
+#[cfg(test)]
+mod tests {
+    use condor_hand::servo::TargetQuantity;
+    use condor_hand::tendon::fault::{FaultCode, FaultSite, FingerFault};
+    use condor_hand::trajectory::SetPoint;
+
+    use super::*;
+
+    const MOST: u32 = u32::MAX;
+
+    fn longest_status() -> ServoStatus<32> {
+        ServoStatus {
+            modes: [ServoMode::Impedance; 32].into_iter().collect(),
+            saturated: MOST,
+            fault: Some(FingerFault {
+                code: FaultCode::Jump,
+                site: FaultSite::Extensor(usize::MAX),
+                value: 1.0,
+            }),
+            is_resting: true,
+            restarts: MOST,
+            settled: MOST,
+            refused_set_points: MOST,
+            ticks: MOST,
+        }
+    }
+
+    #[test]
+    fn the_longest_messages_fit_into_their_packets() {
+        let joint = Some(MOST);
+        let target = JointTarget::Position(SetPoint::rest(1.0));
+        for request in [
+            ServoRequest::Target {
+                finger: MOST,
+                joint,
+                target,
+            },
+            ServoRequest::Outcome {
+                finger: MOST,
+                part: OrderPart::Drive(joint),
+                order: MOST,
+            },
+        ] {
+            let packet = RequestPacket::new(&request).unwrap();
+            assert_eq!(packet.value(), Ok(request));
+        }
+        let name: Name = "n".repeat(64).as_str().try_into().unwrap();
+        let refusal = ServoRefusal::Target {
+            joint: MOST,
+            quantity: TargetQuantity::Acceleration,
+            value: 1.0,
+            low: 1.0,
+            high: 1.0,
+        };
+        for response in [
+            ServoResponse::Hello(Hello {
+                hand: name.clone(),
+                finger: name,
+                served: MOST,
+                joints: MOST,
+                servo_hz: MOST,
+            }),
+            ServoResponse::Status(longest_status()),
+            ServoResponse::Refused(refusal),
+        ] {
+            let packet = ResponsePacket::<32>::new(&response).unwrap();
+            assert_eq!(packet.value(), Ok(response));
+        }
+        let report = memory::Report::<32>::new(&longest_status()).unwrap();
+        assert_eq!(report.value(), Ok(longest_status()));
+        let drive = memory::JointDrive::Target(target);
+        let order = memory::JointOrder {
+            number: MOST,
+            drive,
+        };
+        assert!(memory::Order::new(&order).unwrap().value().is_ok());
+        let outcome = memory::JointOutcome {
+            number: MOST,
+            refusal: Some(refusal),
+        };
+        assert!(memory::Outcome::new(&outcome).unwrap().value().is_ok());
+    }
+}

@@ -178,3 +178,51 @@ impl RequestProgress {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use condor_hand::Requirement;
+    use condor_hand::trajectory::StreamQuantity;
+
+    use super::*;
+    use crate::queue::{RefusalReason, RequestState};
+
+    #[test]
+    fn the_longest_messages_fit_into_their_packets() {
+        let identity = RequestIdentity {
+            session: u32::MAX,
+            number: u32::MAX,
+        };
+        for request in [
+            MotionRequest::Offer(identity, Offer::Motions([7; BODY_BYTES].into())),
+            MotionRequest::Points(
+                identity,
+                PackedBatch {
+                    sequence: u32::MAX,
+                    is_last: true,
+                    numbers: [1.0; BODY_BYTES / 8].into(),
+                },
+            ),
+        ] {
+            let packet = RequestPacket::new(&request).unwrap();
+            assert_eq!(packet.value(), Ok(request));
+        }
+        for response in [
+            MotionResponse::Refused(JointStreamError::Joint {
+                joint: usize::MAX,
+                time: 1.0,
+                quantity: StreamQuantity::RepeatedVelocity,
+                value: 1.0,
+                must: Requirement::Within(1.0, 2.0),
+            }),
+            MotionResponse::Request(RequestProgress {
+                answer: QueueAnswer::Known(RequestState::BrokenOff, RefusalReason::Starved),
+                before: u32::MAX,
+                progress: Some(1.0),
+            }),
+        ] {
+            let packet = ResponsePacket::new(&response).unwrap();
+            assert_eq!(packet.value(), Ok(response));
+        }
+    }
+}

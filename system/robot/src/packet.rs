@@ -28,6 +28,9 @@ pub struct Packet<T, const VERSION: u32, const BYTES: usize> {
     of: PhantomData<fn() -> T>,
 }
 
+/// A [`Packet`] of a short request or response, as those to the table and the simulated robot are.
+pub type ShortPacket<T> = Packet<T, 1, 56>;
+
 /// The reason why a [`Packet`] has no value, or a value no packet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 #[non_exhaustive]
@@ -70,11 +73,14 @@ impl<T: Serialize + DeserializeOwned, const VERSION: u32, const BYTES: usize>
     /// Makes the packet of a value.
     ///
     /// # Errors
-    /// Returns [`PacketError::Length`] if the value does not fit.
+    /// Returns [`PacketError::Length`] if the value does not fit, [`PacketError::Malformed`] if serde refuses it.
     pub fn new(value: &T) -> Result<Self, PacketError> {
         let mut packet = Self::EMPTY;
         let used = postcard::to_slice(value, &mut packet.bytes);
-        let used = used.map_err(|_| PacketError::Length { most: BYTES })?;
+        let used = used.map_err(|error| match error {
+            postcard::Error::SerializeBufferFull => PacketError::Length { most: BYTES },
+            _ => PacketError::Malformed,
+        })?;
         packet.length = (used.len() as u32).into();
         Ok(packet)
     }
@@ -146,6 +152,8 @@ where
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::plant::PlantRequest;
+    use crate::table::TableRequest;
 
     type Short = Packet<(u32, bool), 7, 6>;
 
@@ -156,6 +164,21 @@ mod tests {
         }
         let long = Packet::<u64, 7, 6>::new(&u64::MAX);
         assert_eq!(long.unwrap_err(), PacketError::Length { most: 6 });
+    }
+
+    #[test]
+    fn the_longest_short_requests_fit() {
+        let push = PlantRequest::PushTip {
+            finger: u32::MAX,
+            force: [1.0; 3],
+            moment: [1.0; 3],
+        };
+        assert_eq!(ShortPacket::new(&push).unwrap().value(), Ok(push));
+        let go = TableRequest::Move {
+            to: [1.0; 3],
+            speed: 1.0,
+        };
+        assert_eq!(ShortPacket::new(&go).unwrap().value(), Ok(go));
     }
 
     #[test]

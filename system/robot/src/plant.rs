@@ -43,7 +43,7 @@ use critical_section::Mutex;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 use crate::boards::SimBoards;
-use crate::packet::{self, Packet};
+use crate::packet::{self, ShortPacket};
 use crate::{FINGERS, Failure, JOINTS, start};
 
 mod arguments;
@@ -63,7 +63,7 @@ use robot::{Robot, WORKSPACE_M};
 /// The vector of messages with requests to the simulated robot: see [`PlantRequest`].
 pub const PLANT: Vector = Vector(4);
 /// The blocks by which other processors ask the simulated robot.
-pub type PlantBlocks = Blocks<Packet<PlantRequest, 1, 56>, Packet<PlantResponse, 1, 56>>;
+pub type PlantBlocks = Blocks<ShortPacket<PlantRequest>, ShortPacket<PlantResponse>>;
 /// The name of the blocks for requests to the simulated robot in its processor's object table.
 pub const NAME: &str = "plant";
 /// The name of the published [`TrueState`] in the object table of the robot's processor.

@@ -34,7 +34,7 @@ use zerocopy::{FromBytes, Immutable, IntoBytes};
 use crate::boards::{Boards, Wires};
 use crate::failure::Failure;
 use crate::grasp::TickTime;
-use crate::packet::{self, Packet};
+use crate::packet::{self, ShortPacket};
 use crate::{RobotDescription, start};
 
 /// The vector of messages with requests to the table: see [`TableRequest`].
@@ -55,7 +55,7 @@ pub struct Palm {
     pub position: [f64; AXES],
     /// The desired positions of the axes, m.
     pub target: [f64; AXES],
-    /// The number of a [`TableStatus`].
+    /// The state of the table: 0 off, 1 going home, 2 stopped on its way home, 3 ready, 4 failed.
     pub state: u64,
     /// When the tick was due, ns of the processor's clock.
     pub due_ns: u64,
@@ -159,7 +159,7 @@ pub enum TableRequest {
 pub type TableResponse = Result<TableStatus, TableRefusal>;
 
 /// The blocks by which other processors ask the table.
-pub type TableBlocks = Blocks<Packet<TableRequest, 1, 56>, Packet<TableResponse, 1, 56>>;
+pub type TableBlocks = Blocks<ShortPacket<TableRequest>, ShortPacket<TableResponse>>;
 
 /// The reason why the table refuses a [`TableRequest`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]

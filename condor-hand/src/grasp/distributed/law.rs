@@ -16,7 +16,7 @@ const PATIENCE_S: f64 = 0.25;
 /// Access to the controllers of the fingers that a processor serves, for a [`DistributedGrasp`].
 ///
 /// An array `[Option<FingerController>; F]` implements this trait, and so does the `HandLoop` of
-/// the feature `mbox`.
+/// condor-robot.
 pub trait FingerControllers<M, const N: usize> {
     /// Returns the controller of a finger of the hand; `None` if the processor does not serve it.
     fn of_finger(&mut self, finger: usize) -> Option<&mut FingerController<M, N>>;

@@ -174,7 +174,7 @@ fn a_client_in_control_moves_the_hand_and_others_look() {
         let long = ask!(typist, client, client.offer(of(second, 2), &[0; 481], SOON));
         assert_eq!(
             long.unwrap_err().to_string(),
-            "the motions have more than the 480 bytes that fit into a request"
+            "the request has more than the 480 bytes for which there is room"
         );
         assert_eq!(look(typist, of(99, 1)), QueueAnswer::NoSession);
         assert_eq!(look(typist, of(second, 2)), QueueAnswer::New);
@@ -486,7 +486,7 @@ fn a_ledger_that_is_deleted_or_cut_is_made_anew_and_nothing_runs_again() {
         typist.cut_file("motions.ledger", Some(len - 32));
         typist.shown.clear();
         restarted(typist);
-        let complaint = "motions.ledger: the image has ";
+        let complaint = "motions.ledger: the image must have ";
         typist.expect(complaint, 5.0);
         // However often it tries, it says so once.
         typist.wait(5.0);

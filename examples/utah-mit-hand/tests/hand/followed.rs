@@ -33,7 +33,11 @@ fn what_is_between_motions_or_broken_off_counts_for_none() {
         typist.wait(0.3);
         typist.types("abort");
         typist.wait(0.5);
-        assert!(!typist.shown.contains("fist: peak"), "{}", typist.shown);
+        assert!(
+            !typist.shown.contains("fist: largest tracking error"),
+            "{}",
+            typist.shown
+        );
         let second = typist.runs("open");
         let wave = typist.runs("wave");
         let found = followed(typist);

@@ -34,7 +34,7 @@ fn a_it_loads_and_saves_entire_sequences_of_motions_in_files_of_the_host() {
         typist.shown.clear();
         typist.types("run");
         typist.expect("mine is done\n", 20.0);
-        typist.expect("mine: peak", 5.0);
+        typist.expect("mine: largest tracking error", 5.0);
         typist.wait(0.2);
         let middle = typist.truth().position[0][2];
         assert!((middle - 0.9).abs() < 0.02, "{middle} rad");

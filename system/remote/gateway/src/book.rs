@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use condor_robot::queue::RequestIdentity;
 use condor_remote::wire::{Id, RemoteOutcome, RemoteRefusal, RemoteState};
+use condor_robot::queue::RequestIdentity;
 
 use crate::journal::{Journal, JournalError, JournalRecord};
 

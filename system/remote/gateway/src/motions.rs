@@ -13,9 +13,9 @@ use condor_mbox::linux::LinuxWindow;
 use condor_remote::wire::{
     ClientRequest, Id, RemoteOutcome, RemoteRefusal, RemoteRequest, RemoteState,
 };
-use condor_robot::packet::ClientError;
 use condor_robot::motions::MotionsClient;
 use condor_robot::objects;
+use condor_robot::packet::ClientError;
 use condor_robot::queue::{self, InControl, QueueAnswer, RefusalReason, RequestIdentity};
 
 use crate::book::{Book, digest};
@@ -260,7 +260,11 @@ impl Motions {
         if answer == QueueAnswer::New
             && let Some((_, motion, takes_control)) = self.undecided.get(&key)
         {
-            let control = asks.take_control(request.session, *takes_control, ANSWER);
+            let control = match asks.take_control(request.session, *takes_control, ANSWER) {
+                // The queue refuses the motion, for good.
+                Err(ClientError::NotInControl(_)) => Ok(()),
+                taken => taken,
+            };
             answer = match control.and_then(|()| asks.offer(request, motion, ANSWER)) {
                 Ok(answer) => answer,
                 // The session is closed: the queue will say that the motion never runs.
@@ -349,7 +353,7 @@ impl Motions {
             None => self.session.insert((asks.open(ANSWER)?, 0)).0,
         };
         match asks.take_control(session, true, ANSWER) {
-            Err(ClientError::NotInControl(_)) => {
+            Err(ClientError::NotYours | ClientError::NotInControl(_)) => {
                 self.session = None;
                 return Err(CLOSED.into());
             }

@@ -174,6 +174,11 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
             Ok(_) => {}
             Err(problem) => say(format_args!("{problem}")),
         }
+        if let Some(problem) = self.requests.take_refused() {
+            say(format_args!(
+                "a motion of another program is refused: {problem}"
+            ));
+        }
         if let Some((title, mut state, mut reason)) = self.player.play(self.hand, self.shared, &say)
         {
             // One that holds at its end does not hold the next one.

@@ -10,22 +10,21 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 use super::words::Problem;
-use crate::packet::{self, Packet};
+use crate::packet::{self, ShortPacket};
 use crate::plant::CameraObject;
 use crate::{RobotDescription, objects, plant, table};
 
 /// The time in which the table or the robot must answer.
 const ANSWER: Duration = Duration::from_millis(500);
 
-/// A request or a response of the table or the robot.
-type Short<T> = Packet<T, 1, 56>;
-
 type FoundServers<M, Q, R> =
-    fn(&Region<<M as Machine>::Window>) -> Result<Option<Blocks<Short<Q>, Short<R>>>, AccessError>;
+    fn(
+        &Region<<M as Machine>::Window>,
+    ) -> Result<Option<Blocks<ShortPacket<Q>, ShortPacket<R>>>, AccessError>;
 
 /// The exchange of a processor that asks.
 type End<'r, M, Q, R> =
-    Exchange<'r, MailboxOf<'r, M>, Region<<M as Machine>::Window>, Short<Q>, Short<R>>;
+    Exchange<'r, MailboxOf<'r, M>, Region<<M as Machine>::Window>, ShortPacket<Q>, ShortPacket<R>>;
 
 /// A processor that answers requests.
 struct Remote<'r, M: Machine, Q, R> {

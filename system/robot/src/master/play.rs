@@ -11,13 +11,13 @@ use condor_hand::trajectory::{
 
 use super::drive::{ALL, Drive, Motion, SharedDrive, with};
 use super::sequence::Sequence;
-use super::words::{GuardText, Problem};
+use super::words::{GuardText, NAME_BYTES, Problem};
 use crate::RobotDescription;
 use crate::joints::{JointName, JointNumbers};
 use crate::queue::{RefusalReason, RequestState};
 
 /// The name of a motion's file, without its suffix.
-pub(super) type MotionName = heapless::String<24>;
+pub(super) type MotionName = heapless::String<NAME_BYTES>;
 /// The title of a motion.
 pub(super) type Title = heapless::String<136>;
 /// Motions that the generator has, or that it has ended since it was asked last.
@@ -31,10 +31,10 @@ pub(super) struct Player {
     title: Option<Title>,
     /// The number of the first motion that the generator does not have yet.
     next: u32,
-    /// That motion, if it was read and the generator had no room for it.
-    pending: Option<Motion>,
-    /// The place of the motion after that in the sequence.
+    /// The place of that motion in the sequence.
     place: usize,
+    /// A motion that runs alone, until the generator has it.
+    single: Option<Motion>,
     count: u32,
     /// Motions that the generator has and has not ended.
     tickets: heapless::Vec<MotionTicket, GIVEN>,
@@ -62,8 +62,8 @@ impl Player {
             running: Sequence::new(joints),
             title: None,
             next: 0,
-            pending: None,
             place: 0,
+            single: None,
             count: 0,
             tickets: heapless::Vec::new(),
             is_stream: false,
@@ -111,7 +111,7 @@ impl Player {
     pub(super) fn stop(&mut self) {
         self.title = None;
         (self.next, self.count, self.place) = (0, 0, 0);
-        self.pending = None;
+        self.single = None;
         self.tickets.clear();
         (self.is_stream, self.fingers) = (false, 0);
     }
@@ -132,7 +132,7 @@ impl Player {
     pub(super) fn put(&mut self, motion: Motion) {
         self.stop();
         self.running.clear();
-        self.pending = Some(motion);
+        self.single = Some(motion);
     }
 
     /// Returns the fingers that the sequence in [`room`](Self::room) moves, a bit for each.
@@ -157,12 +157,12 @@ impl Player {
         title: Title,
         fingers: u32,
     ) -> Result<(), ImageError<MotionError>> {
-        self.count = match &self.pending {
+        self.count = match &self.single {
             Some(_) => 1,
             None => self.running.motions()?.len(),
         };
         if self.is_recording {
-            if let Some(motion) = &self.pending {
+            if let Some(motion) = &self.single {
                 self.kept.push(motion)?;
             }
             for motion in self.running.motions().iter().flat_map(MotionSequence::iter) {
@@ -284,30 +284,24 @@ impl Player {
         hand: &RobotDescription,
         shared: &SharedDrive<'_, W>,
     ) -> Result<(), MotionError> {
-        while self.title.is_some() && self.next < self.count && !self.tickets.is_full() {
-            let motion = self.pending.take().or_else(|| {
-                let motions = self.running.motions().ok()?;
-                motions.read(&mut self.place)
-            });
-            let Some(mut motion) = motion else {
-                // The sequence was checked, so there is one.
-                return Ok(());
-            };
-            hand.rest_between_stops(&mut motion);
-            match with(shared, |drive| drive.generator.enqueue(motion.clone())) {
-                Some(Ok(ticket)) => {
-                    // There is room.
-                    let _ = self.tickets.push(ticket);
-                    self.next += 1;
-                }
-                Some(Err(MotionError::Full { .. })) | None => {
-                    self.pending = Some(motion);
-                    break;
-                }
-                Some(Err(error)) => return Err(error),
-            }
+        if self.title.is_none() || self.next >= self.count {
+            return Ok(());
         }
-        Ok(())
+        let motions = self.running.motions().ok();
+        let (single, place) = (&mut self.single, &mut self.place);
+        let tickets = &mut self.tickets;
+        let fed = with(shared, |drive| {
+            let next = || {
+                let next = single.take();
+                let mut motion = next.or_else(|| motions.as_ref()?.read(place))?;
+                hand.rest_between_stops(&mut motion);
+                Some(motion)
+            };
+            drive.generator.feed(core::iter::from_fn(next), tickets)
+        });
+        let (fed, result) = fed.unwrap_or((0, Ok(())));
+        self.next += fed;
+        result
     }
 
     /// Stops what runs, for a reason.

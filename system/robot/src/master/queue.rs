@@ -11,9 +11,7 @@ use super::words::{Problem, is_name};
 use crate::RobotDescription;
 use crate::joints::JointNumbers;
 use crate::motions::{BODY_BYTES, MotionsEvent, MotionsPost, MotionsServer, Offer};
-use crate::queue::{
-    InControl, MotionQueue, OWN, RefusalReason, RequestIdentity, RestoreError, SessionOwner,
-};
+use crate::queue::{InControl, MotionQueue, OWN, RequestIdentity, RestoreError, SessionOwner};
 
 mod ledger;
 
@@ -66,24 +64,25 @@ impl JointMove {
 
 impl Work {
     /// Makes the work of what a client offers, and checks it.
-    fn of(offer: Offer, hand: &RobotDescription) -> Result<Self, RefusalReason> {
+    fn of(offer: Offer, hand: &RobotDescription) -> Result<Self, Problem<'static>> {
         let numbers = JointNumbers::of(hand);
         match offer {
             Offer::Motions(bytes) => {
                 let name = core::str::from_utf8(&bytes).ok();
                 if let Some(name) = name.filter(|name| is_name(name)) {
-                    let name = MotionName::try_from(name);
-                    return name.map(Self::Named).map_err(|_| RefusalReason::NoMotion);
+                    // Names are short enough.
+                    return Ok(Self::Named(MotionName::try_from(name).unwrap_or_default()));
                 }
                 let motions = MotionSequence::<ALL>::for_joints(numbers.count(), &bytes);
-                let motions = motions.map_err(|_| RefusalReason::NoMotion)?;
-                let fingers = check(hand, motions.iter()).map_err(|problem| problem.reason())?;
+                let fingers = check(hand, motions.map_err(Problem::Offered)?.iter())?;
                 Ok(Self::Motions(bytes, fingers))
             }
-            Offer::Stream(mask) if mask != 0 && numbers.check(mask).is_ok() => {
+            Offer::Stream(0) => Err(Problem::Nothing),
+            Offer::Stream(mask) => {
+                let missing = |joint| Problem::NoSuchJoint { joint };
+                numbers.check(mask).map_err(missing)?;
                 Ok(Self::Stream(mask))
             }
-            Offer::Stream(_) => Err(RefusalReason::NoMotion),
         }
     }
 }
@@ -95,6 +94,8 @@ pub(super) struct Requests<'r, M: Machine> {
     hand: &'r RobotDescription,
     /// Whether somebody has typed that the terminal is in control: then it stays so.
     keeps_control: bool,
+    /// The reason why the last offer of a client is refused, until it is told.
+    refused: Option<Problem<'static>>,
 }
 
 impl<'r, M: Machine> Requests<'r, M> {
@@ -110,6 +111,7 @@ impl<'r, M: Machine> Requests<'r, M> {
             mailbox: background.mailbox(),
             hand,
             keeps_control: false,
+            refused: None,
         }
     }
 
@@ -124,7 +126,14 @@ impl<'r, M: Machine> Requests<'r, M> {
             }
         };
         let now = mailbox.doorbell().now();
-        let make = |offer| Work::of(offer, hand);
+        let refused = &mut self.refused;
+        let make = |offer| {
+            Work::of(offer, hand).map_err(|problem| {
+                let reason = problem.reason();
+                *refused = Some(problem);
+                reason
+            })
+        };
         let news = self.server.attend(now, incarnation, make);
         let news = news.map_err(|error| match error {
             RestoreError::Ledger(error) => Problem::Ledger(error),
@@ -142,6 +151,11 @@ impl<'r, M: Machine> Requests<'r, M> {
             })?;
         }
         Ok(news)
+    }
+
+    /// Returns the reason why the last offer of a client is refused, once.
+    pub(super) fn take_refused(&mut self) -> Option<Problem<'static>> {
+        self.refused.take()
     }
 
     /// Enqueues what was typed.

@@ -520,7 +520,7 @@ fn follows(status: &ServoStatus<JOINTS>) -> bool {
 
 /// Returns true if all joints of a finger are in a mode.
 pub(super) fn are_all(status: &ServoStatus<JOINTS>, mode: ServoMode) -> bool {
-    status.modes.iter().all(|&it| it == mode)
+    !status.modes.is_empty() && status.modes.iter().all(|&it| it == mode)
 }
 
 /// Returns true if a finger gives up without set-points.

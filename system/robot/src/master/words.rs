@@ -117,6 +117,10 @@ pub(super) enum Problem<'l> {
     Ledger(ImageError),
     #[error("no motion is recorded or loaded: give the name of a motion")]
     Nothing,
+    #[error("cannot read the motions: {0}")]
+    Offered(ImageError<MotionError>),
+    #[error("the motion moves joint {joint}, which the robot does not have")]
+    NoSuchJoint { joint: u32 },
     #[error("motion {number} is to stop at contact, but {finger} has no tactile sensor")]
     Guard { number: u32, finger: Name },
     #[error(
@@ -215,9 +219,11 @@ impl Problem<'_> {
     /// Returns the reason why a motion that cannot run is refused.
     pub(super) const fn reason(&self) -> RefusalReason {
         match self {
-            Self::File { .. } | Self::Image { .. } | Self::Nothing | Self::Recording(_) => {
-                RefusalReason::NoMotion
-            }
+            Self::File { .. }
+            | Self::Image { .. }
+            | Self::Nothing
+            | Self::Offered(_)
+            | Self::Recording(_) => RefusalReason::NoMotion,
             Self::NotEnabled(_) | Self::InGrasp(_) | Self::OtherMode { .. } => {
                 RefusalReason::NotReady
             }

@@ -47,6 +47,14 @@ pub enum FingerRequest<const N: usize> {
 }
 
 impl<const N: usize> FingerRequest<N> {
+    /// The greatest number of words that [`put`](Self::put) needs: gains take up to 116 bytes, and set-points up to 46 for
+    /// each joint, behind 3.
+    pub const WORDS: usize = {
+        let (gains, points) = (116, 3 + 46 * N);
+        let bytes: usize = if gains > points { gains } else { points };
+        bytes.div_ceil(size_of::<u32>())
+    };
+
     /// Passes the same request to another controller. If the first controller refused the request,
     /// the other one refuses it, too; a refused request has no effect.
     pub fn repeat<M: Dynamics<f64, N>>(&self, controller: &mut FingerController<M, N>) {

@@ -70,8 +70,9 @@ impl GraspLayout {
     /// Reads the last report that the servo loop has published.
     ///
     /// # Errors
-    /// [`PublishedReadError::Unpublished`] if there is no report yet, or one that this program cannot read, [`PublishedReadError::Contended`] if the servo
-    /// loop writes too fast, [`PublishedReadError::Access`] if the memory cannot be accessed.
+    /// [`PublishedReadError::Unpublished`] if there is no report that this program can read,
+    /// [`PublishedReadError::Contended`] if the servo loop writes too fast, [`PublishedReadError::Access`] if the memory
+    /// cannot be accessed.
     pub fn report<W: MemoryWindow>(
         &self,
         region: &Region<W>,

@@ -2,11 +2,13 @@ use condor_hand::trajectory::StreamPoint;
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
+use super::BODY_BYTES;
+
 /// The greatest number of points that a [`Batch`] can have.
 pub const BATCH: usize = 16;
 
-/// The greatest number of numbers in a batch.
-const NUMBERS: usize = 58;
+/// The greatest number of numbers in a batch: as many as take the room of motions.
+const NUMBERS: usize = BODY_BYTES / size_of::<f64>();
 
 /// Successive points of a stream, which a client sends in one message. The robot has J joints.
 #[derive(Clone, Debug, PartialEq)]
@@ -21,7 +23,7 @@ pub struct Batch<const J: usize> {
 
 impl<const J: usize> Batch<J> {
     /// Returns the greatest number of points that one batch can have, in a stream of the joints in `mask` (bit *i* is
-    /// joint *i*).
+    /// joint *i*); 0 for 30 joints or more.
     #[must_use]
     pub const fn room(mask: u32) -> usize {
         let room = NUMBERS / numbers(mask);

@@ -9,7 +9,7 @@ use super::{
     RequestProgress, ResponsePacket,
 };
 use crate::packet::{self, ClientError};
-use crate::queue::{QueueAnswer, RequestIdentity};
+use crate::queue::{QueueAnswer, RequestIdentity, RequestState};
 
 /// The time after which a client asks again.
 const PAUSE: Duration = Duration::from_millis(2);
@@ -208,7 +208,15 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow + Clone> MotionsClient<'m, M, W>
         timeout: Duration,
     ) -> Result<RequestProgress, ClientError> {
         match self.ask(request, timeout)? {
-            MotionResponse::Request(progress) => Ok(progress),
+            MotionResponse::Request(mut progress) => {
+                let runs = matches!(
+                    progress.answer,
+                    QueueAnswer::Known(RequestState::Started, _)
+                );
+                let done = progress.progress.filter(|it| (0.0..=1.0).contains(it));
+                progress.progress = done.filter(|_| runs);
+                Ok(progress)
+            }
             _ => Err(self.protocol()),
         }
     }

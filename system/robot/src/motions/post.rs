@@ -254,12 +254,15 @@ impl<P, const N: usize> MotionsState<P, N> {
 
     /// Returns the queue's answer about a request, with how far the request is.
     fn state(&self, identity: RequestIdentity, answer: QueueAnswer) -> MotionResponse {
-        let before = self.queue.as_ref().and_then(|it| it.before(identity));
-        let runs = matches!(answer, QueueAnswer::Known(RequestState::Started, _));
-        MotionResponse::Request(RequestProgress {
-            answer,
-            before: before.unwrap_or(0) as u32,
-            progress: self.progress.filter(|_| runs),
-        })
+        let mut progress = RequestProgress::of(answer);
+        match answer {
+            QueueAnswer::Known(RequestState::Accepted, _) => {
+                let before = self.queue.as_ref().and_then(|it| it.before(identity));
+                progress.before = before.unwrap_or(0) as u32;
+            }
+            QueueAnswer::Known(RequestState::Started, _) => progress.progress = self.progress,
+            _ => {}
+        }
+        MotionResponse::Request(progress)
     }
 }

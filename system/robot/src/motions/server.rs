@@ -170,10 +170,8 @@ impl<'p, P, L: LedgerStore, const N: usize> MotionsServer<'p, P, L, N> {
         let offered = self.post.with(|desk| desk.inbox.front().cloned());
         if let Some((sender, identity, offer)) = offered.flatten() {
             let (post, incarnation) = (self.post, incarnation(sender.processor));
-            let is_there = |desk: &MotionsState<P, N>| {
-                let front = desk.inbox.front();
-                front.is_some_and(|(from, it, _)| (from, it) == (&sender, &identity))
-            };
+            let offered = (sender, identity, offer.clone());
+            let is_there = |desk: &MotionsState<P, N>| desk.inbox.front() == Some(&offered);
             let decided = self.change(|queue, write| {
                 if post.with(|desk| is_there(desk)) != Some(true) {
                     // An abort has come meanwhile.
@@ -347,6 +345,7 @@ impl<'p, P, L: LedgerStore, const N: usize> MotionsServer<'p, P, L, N> {
     /// Sets the part of the running request that is done, 0 to 1, which clients can read; `None` if the controller does
     /// not know it.
     pub fn tell_progress(&self, done: Option<f64>) {
+        let done = done.filter(|done| done.is_finite());
         let progress = done.map(|done| done.clamp(0.0, 1.0));
         self.post.with(|desk| desk.progress = progress);
     }

@@ -67,8 +67,8 @@ pub enum ClientError {
         /// The timeout of the call.
         timeout: Duration,
     },
-    /// The motions, or the points of a stream, do not fit into one request.
-    #[error("the motions have more than the {most} bytes that fit into a request")]
+    /// The content does not fit into one request.
+    #[error("the request has more than the {most} bytes for which there is room")]
     Length {
         /// The greatest number of bytes.
         most: usize,

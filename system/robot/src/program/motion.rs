@@ -14,7 +14,7 @@ use super::offers::Queue;
 use super::points::Points;
 use crate::motions::{MotionsClient, RequestProgress, SentPoints};
 use crate::packet::ClientError;
-use crate::queue::{QueueAnswer, RequestIdentity, RequestState};
+use crate::queue::{InControl, QueueAnswer, RequestIdentity, RequestState};
 
 pub(crate) const ABOUT: &str =
     "Enqueues motions at the master of a running hand, and waits for their end";
@@ -101,7 +101,7 @@ fn enqueue(asked: &MotionArguments) -> Result<bool, AnyError> {
     client
         .take_control(session, asked.from_other, ANSWER)
         .map_err(|error| match error {
-            ClientError::NotInControl(who) => {
+            ClientError::NotInControl(who) if who != InControl::Nobody => {
                 format!("{who}; `--control` takes control from it").into()
             }
             error => AnyError::from(error),

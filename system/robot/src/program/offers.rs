@@ -169,9 +169,9 @@ impl MotionSender for Offers {
                 session: own,
                 number,
             };
-            // Other clients may have taken its place.
+            // Other clients may have taken its place, or it is closed.
             session = match client.look(identity, ANSWER)?.answer {
-                QueueAnswer::NoSession => None,
+                QueueAnswer::NoSession | QueueAnswer::Never => None,
                 _ => Some(own),
             };
         }

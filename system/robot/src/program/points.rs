@@ -78,7 +78,10 @@ impl Points {
 
     /// Returns the points as batches that fit into requests.
     pub(crate) fn batches(&self) -> Vec<Batch<ALL>> {
-        let parts: Vec<_> = self.points.chunks(Batch::<ALL>::room(self.mask)).collect();
+        let parts: Vec<_> = self
+            .points
+            .chunks(Batch::<ALL>::room(self.mask).max(1))
+            .collect();
         let count = parts.len();
         let batch = |(index, points): (usize, &[StreamPoint<ALL>])| Batch {
             sequence: index as u32,

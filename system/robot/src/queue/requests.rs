@@ -25,7 +25,7 @@ pub enum InControl {
 impl fmt::Display for InControl {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Nobody => f.write_str("the session is closed, and nobody is in control"),
+            Self::Nobody => f.write_str("nobody is in control"),
             Self::Program => f.write_str("the terminal of the robot is in control"),
             Self::Session(session) => {
                 write!(f, "another program is in control, by session {session}")
@@ -119,7 +119,8 @@ impl<P, const N: usize> MotionQueue<P, N> {
             waiting: Deque::new(),
             running: None,
             in_control: None,
-            own: 0,
+            // Servos tell motions apart by their numbers: those of the next incarnation are others.
+            own: least,
         })
     }
 

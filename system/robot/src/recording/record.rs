@@ -10,9 +10,6 @@ use crate::JOINTS;
 use crate::grasp::Joints;
 use crate::message::FingerRequest;
 
-/// Words of the longest [`FingerRequest`] of a finger.
-const ASKED_WORDS: usize = 1 + 12 * JOINTS;
-
 /// The state of a ring of [`BYTES`](Self::BYTES), between the loop, which fills it, and the
 /// background, which empties it.
 ///
@@ -135,7 +132,7 @@ impl<'r, W: MemoryWindow> Recorder<'r, W> {
         if !self.is_running() {
             return;
         }
-        let mut words = [0; ASKED_WORDS];
+        let mut words = [0; FingerRequest::<JOINTS>::WORDS];
         // There is room for the longest one.
         let len = request.put(&mut words).unwrap_or(0);
         let words = words.get(..len).unwrap_or(&[]);

@@ -358,7 +358,7 @@ fn a_motion_that_is_offered_again_and_again_runs_once() {
     let long = client.offer(of(session, 5), &[0; 481], SOON).unwrap_err();
     assert_eq!(
         long.to_string(),
-        "the motions have more than the 480 bytes that fit into a request"
+        "the request has more than the 480 bytes for which there is room"
     );
     assert_eq!(
         client.look(of(99, 1), SOON).unwrap().answer,

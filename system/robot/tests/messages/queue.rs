@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use condor_hand::ImageError;
 use condor_robot::queue::{
-    InControl, LedgerRow, MotionQueue, QueueAnswer, ROW_BYTES, RefusalReason, RequestIdentity,
+    InControl, LedgerRow, MotionQueue, OWN, QueueAnswer, ROW_BYTES, RefusalReason, RequestIdentity,
     RequestState, RestoreError, SessionOwner,
 };
 use proptest::prelude::*;
@@ -566,4 +566,28 @@ fn changes_are_counted_beyond_32_bits() {
             "{number}"
         );
     }
+}
+
+#[test]
+fn requests_of_the_program_itself_run_and_leave_no_row() {
+    let none = |_: usize, _: &LedgerRow| -> Result<(), Ended> { panic!("a row is written") };
+    let mut queue = MotionQueue::<u32, 1>::restore(&[], 1000, |_, _| Ok::<_, Ended>(())).unwrap();
+    let before: Vec<_> = queue.rows().collect();
+    assert_eq!(queue.enqueue(1), Err(RefusalReason::NotInControl));
+    assert!(queue.take_control(OWN, false));
+    assert_eq!(queue.in_control(), InControl::Program);
+    queue.enqueue(1).unwrap();
+    assert_eq!(queue.enqueue(2), Err(RefusalReason::Full));
+    let (identity, work) = queue.start(none).unwrap().unwrap();
+    assert_eq!((identity.session, work), (OWN, 1));
+    // The numbers of another incarnation, a second later, are others.
+    assert!(identity.number > 1000);
+    queue.enqueue(2).unwrap();
+    queue.abort(RefusalReason::Command, none).unwrap();
+    queue
+        .end(RequestState::Done, RefusalReason::None, none)
+        .unwrap();
+    assert_eq!((queue.running(), queue.waiting()), (None, 0));
+    assert_eq!(queue.answer(identity), QueueAnswer::NoSession);
+    assert_eq!(queue.rows().collect::<Vec<_>>(), before);
 }

@@ -8,11 +8,11 @@ use std::array;
 use condor_hand::config::{Channel, Finger};
 use condor_hand::controller::{FingerController, FingerTick, read_finger, write_finger};
 use condor_hand::kinematics::PlanarFinger;
-use condor_robot::message::{HandIdentity, HandLoop, ServoLayout, ServoObject, SetPoints};
 use condor_hand::servo::ServoMode;
 use condor_hand::trajectory::{SetPoint, StopGuard};
 use condor_mbox::published::Publisher;
 use condor_mbox::{Exclusion, MemoryWindow, Published, Region};
+use condor_robot::message::{HandIdentity, HandLoop, ServoLayout, ServoObject, SetPoints};
 use nalgebra::Vector3;
 
 use crate::Result;

@@ -3,11 +3,11 @@
 use std::path::Path;
 use std::time::Duration;
 
-use condor_robot::message::{ServoLayout, ServoObject};
 use condor_mbox::{
     Allocator, Clock as _, MemoryWindow, Messenger, Processor, Published, Region, Windows,
 };
 use condor_mos::{LoopId, Overrun, Rate, Statistics};
+use condor_robot::message::{ServoLayout, ServoObject};
 use condor_rt::linux::{Environment, LinuxProcess, LoopContext};
 use condor_rt::loops::LoopReport;
 use condor_rt::objects::ObjectTable;
