@@ -132,19 +132,20 @@ pub(crate) fn with_mechanisms<'r>(
     })
 }
 
+/// Returns a robot with fingers of two, four and one joints, and none in the fourth place.
+#[cfg(test)]
+pub(crate) fn short() -> RobotDescription {
+    let text = include_str!("../../../condor-hand/hands/utah-mit.toml");
+    let mut robot = RobotDescription::from_toml(text, "utah-mit.toml").unwrap();
+    robot.fingers.pop();
+    robot.fingers[0].joints.truncate(2);
+    robot.fingers[2].joints.truncate(1);
+    robot
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    /// Fingers of two, four and one joints, and none in the fourth place.
-    fn short() -> RobotDescription {
-        let text = include_str!("../../../condor-hand/hands/utah-mit.toml");
-        let mut robot = RobotDescription::from_toml(text, "utah-mit.toml").unwrap();
-        robot.fingers.pop();
-        robot.fingers[0].joints.truncate(2);
-        robot.fingers[2].joints.truncate(1);
-        robot
-    }
 
     #[test]
     fn joints_are_numbered_without_gaps() {

@@ -168,11 +168,11 @@ pub struct Hello {
 }
 
 /// The blocks in the `data` of a servo processor through which other processors ask its servos, one for each processor.
-pub type ServoBlocks<const N: usize> = Blocks<RequestPacket, ResponsePacket<N>>;
+pub type ServoBlocks<const N: usize> = Blocks<ServoRequestPacket, ServoResponsePacket<N>>;
 /// A request in a block.
-pub type RequestPacket = Packet<ServoRequest, VERSION, 56>;
+pub type ServoRequestPacket = Packet<ServoRequest, VERSION, 56>;
 /// A response in a block.
-pub type ResponsePacket<const N: usize> = Packet<ServoResponse<N>, VERSION, 184>;
+pub type ServoResponsePacket<const N: usize> = Packet<ServoResponse<N>, VERSION, 184>;
 
 #[cfg(test)]
 mod tests {
@@ -217,7 +217,7 @@ mod tests {
                 order: MOST,
             },
         ] {
-            let packet = RequestPacket::new(&request).unwrap();
+            let packet = ServoRequestPacket::new(&request).unwrap();
             assert_eq!(packet.value(), Ok(request));
         }
         let name: Name = "n".repeat(64).as_str().try_into().unwrap();
@@ -239,7 +239,7 @@ mod tests {
             ServoResponse::Status(longest_status()),
             ServoResponse::Refused(refusal),
         ] {
-            let packet = ResponsePacket::<32>::new(&response).unwrap();
+            let packet = ServoResponsePacket::<32>::new(&response).unwrap();
             assert_eq!(packet.value(), Ok(response));
         }
         let report = memory::Report::<32>::new(&longest_status()).unwrap();

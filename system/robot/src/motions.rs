@@ -57,11 +57,11 @@ pub const BODY_BYTES: usize = 480;
 
 /// The blocks in the `data` of a controller through which clients send their requests and get the
 /// answers; one for each processor.
-pub type MotionsBlocks = Blocks<RequestPacket, ResponsePacket>;
+pub type MotionsBlocks = Blocks<MotionRequestPacket, MotionResponsePacket>;
 /// A request in a block.
-pub type RequestPacket = Packet<MotionRequest, VERSION, 504>;
+pub type MotionRequestPacket = Packet<MotionRequest, VERSION, 504>;
 /// A response in a block.
-pub type ResponsePacket = Packet<MotionResponse, VERSION, 56>;
+pub type MotionResponsePacket = Packet<MotionResponse, VERSION, 56>;
 
 /// A request to a motion queue.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -204,7 +204,7 @@ mod tests {
                 },
             ),
         ] {
-            let packet = RequestPacket::new(&request).unwrap();
+            let packet = MotionRequestPacket::new(&request).unwrap();
             assert_eq!(packet.value(), Ok(request));
         }
         for response in [
@@ -221,7 +221,7 @@ mod tests {
                 progress: Some(1.0),
             }),
         ] {
-            let packet = ResponsePacket::new(&response).unwrap();
+            let packet = MotionResponsePacket::new(&response).unwrap();
             assert_eq!(packet.value(), Ok(response));
         }
     }

@@ -8,7 +8,7 @@ use condor_mbox::{
 
 use super::layout::ServoLayout;
 use super::{
-    Hello, OrderPart, RequestPacket, ResponsePacket, SERVO, ServoRequest, ServoResponse,
+    Hello, OrderPart, SERVO, ServoRequest, ServoRequestPacket, ServoResponse, ServoResponsePacket,
     ServoStatus,
 };
 use crate::packet::{self, ClientError};
@@ -24,7 +24,7 @@ const PAUSE: Duration = Duration::from_micros(200);
 /// without an error, the servo loop has carried it out.
 #[derive(Debug)]
 pub struct ServoClient<'m, M: Messenger + ?Sized, W, const F: usize, const N: usize> {
-    exchange: Exchange<'m, M, Region<W>, RequestPacket, ResponsePacket<N>>,
+    exchange: Exchange<'m, M, Region<W>, ServoRequestPacket, ServoResponsePacket<N>>,
     messenger: &'m M,
     to: Processor,
 }

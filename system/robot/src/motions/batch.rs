@@ -99,7 +99,7 @@ fn joints<const J: usize>(mask: u32) -> impl Iterator<Item = usize> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{MotionRequest, RequestPacket};
+    use super::super::{MotionRequest, MotionRequestPacket};
     use super::*;
     use crate::queue::RequestIdentity;
 
@@ -132,7 +132,10 @@ mod tests {
             let mut packed = batch.pack(mask).unwrap();
             assert_eq!(packed.unpack::<16>(mask), Some(batch.clone()));
             let request = MotionRequest::Points(IDENTITY, packed.clone());
-            assert_eq!(RequestPacket::new(&request).unwrap().value(), Ok(request));
+            assert_eq!(
+                MotionRequestPacket::new(&request).unwrap().value(),
+                Ok(request)
+            );
             packed.numbers.pop();
             assert_eq!(packed.unpack::<16>(mask), None);
         }

@@ -5,8 +5,8 @@ use condor_mbox::{AccessError, Exchange, MemoryWindow, Messenger, Processor, Reg
 use heapless::Vec;
 
 use super::{
-    BODY_BYTES, Batch, MOTIONS, MotionRequest, MotionResponse, MotionsBlocks, Offer, RequestPacket,
-    RequestProgress, ResponsePacket,
+    BODY_BYTES, Batch, MOTIONS, MotionRequest, MotionRequestPacket, MotionResponse,
+    MotionResponsePacket, MotionsBlocks, Offer, RequestProgress,
 };
 use crate::packet::{self, ClientError};
 use crate::queue::{QueueAnswer, RequestIdentity, RequestState};
@@ -31,7 +31,7 @@ pub enum SentPoints {
 pub struct MotionsClient<'m, M: Messenger + ?Sized, W: MemoryWindow> {
     messenger: &'m M,
     to: Processor,
-    exchange: Exchange<'m, M, Region<W>, RequestPacket, ResponsePacket>,
+    exchange: Exchange<'m, M, Region<W>, MotionRequestPacket, MotionResponsePacket>,
 }
 
 impl<'m, M: Messenger + ?Sized, W: MemoryWindow + Clone> MotionsClient<'m, M, W> {

@@ -372,4 +372,32 @@ mod tests {
         assert_eq!(gains.of(FINGERS, 0), None);
         assert_eq!(gains.laws.words().len(), 2 * JOINTS);
     }
+
+    #[test]
+    fn short_fingers_have_gains_of_their_joints_alone() {
+        let robot = crate::joints::short();
+        let of = |finger: usize, joint: usize| JointGains {
+            law: PositionLaw::ComputedTorque {
+                bandwidth_hz: 10.0,
+                damping_ratio: 1.0,
+            },
+            k_torque: f64::from((10 * finger + joint) as u8),
+            tension: Pair::both(TensionGains::default()),
+        };
+        let fingers = super::super::fingers_on(&robot, 1);
+        let gains = Gains::new(&fingers, |finger, joint| Some(of(finger, joint)));
+        for (place, joints) in [2, 4].into_iter().enumerate() {
+            for joint in 0..joints {
+                let found = gains.of(place, joint).unwrap().k_torque;
+                assert!((found - of(place, joint).k_torque).abs() < f64::EPSILON);
+            }
+            assert!(gains.of(place, joints).is_none());
+        }
+        assert!(gains.of(2, 0).is_none());
+        let mut name = String::new();
+        gains.laws.name(2, &mut name).unwrap();
+        assert_eq!(name, "middle.abduction.law");
+        assert!(gains.laws.name(6, &mut name).is_err());
+        assert_eq!(gains.laws.words().len(), 6);
+    }
 }

@@ -194,4 +194,38 @@ mod tests {
         assert!((1..names.len()).all(|index| !names[..index].contains(&names[index])));
         assert!(variables.describe(names.len()).is_none());
     }
+
+    #[test]
+    fn short_fingers_have_variables_of_their_joints_alone() {
+        let robot = crate::joints::short();
+        let (joint, finger) = (JOINT.len(), FINGER.len());
+        for (processor, names) in [
+            (
+                1,
+                &[
+                    (0, "index.abduction.position"),
+                    (2 * joint, "index.touch"),
+                    (2 * joint + finger, "middle.abduction.position"),
+                    (6 * joint + 2 * finger - 1, "middle.fault"),
+                ][..],
+            ),
+            (
+                2,
+                &[
+                    (0, "ring.abduction.position"),
+                    (joint + finger - 1, "ring.fault"),
+                ],
+            ),
+        ] {
+            let variables = Variables::new(super::super::fingers_on(&robot, processor));
+            for &(index, expected) in names {
+                let mut name = String::new();
+                variables.name(index, &mut name).unwrap();
+                assert_eq!(name, expected);
+            }
+            let last = names.last().map(|(index, _)| index + 1);
+            assert_eq!(Some(variables.words().len()), last);
+            assert!(variables.describe(variables.words().len()).is_none());
+        }
+    }
 }

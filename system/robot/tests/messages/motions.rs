@@ -9,9 +9,9 @@ use condor_hand::trajectory::{JointStream, ProfileLimits, StreamEnd, StreamPoint
 use condor_mbox::sim::{SimMailbox, SimSystem, SimWindow};
 use condor_mbox::{Allocator, Call, MemoryWindow, Messenger, PeerState, Processor, Region};
 use condor_robot::motions::{
-    Batch, LedgerStore, MOTIONS, MotionRequest, MotionResponse, MotionsBlocks, MotionsClient,
-    MotionsEvent, MotionsPost, MotionsServer, Offer, PackedBatch, RequestPacket, RequestProgress,
-    ResponsePacket, SentPoints, StreamRequest,
+    Batch, LedgerStore, MOTIONS, MotionRequest, MotionRequestPacket, MotionResponse,
+    MotionResponsePacket, MotionsBlocks, MotionsClient, MotionsEvent, MotionsPost, MotionsServer,
+    Offer, PackedBatch, RequestProgress, SentPoints, StreamRequest,
 };
 use condor_robot::packet::{self, ClientError};
 use condor_robot::queue::{
@@ -876,14 +876,14 @@ fn whatever_a_peer_writes_is_answered() {
                 numbers: numbers.into_iter().collect(),
             }),
         };
-        let mut packet = RequestPacket::new(&request).unwrap();
+        let mut packet = MotionRequestPacket::new(&request).unwrap();
         for (place, byte) in &errors {
             packet.as_mut_bytes()[*place as usize] = *byte;
         }
         let sender = if own { first } else { second };
         let region = rig.region(sender.number());
         let mut exchange = rig.blocks.client(sender, &region).unwrap();
-        let response: ResponsePacket = exchange.call(ARM, MOTIONS, &packet, SOON).unwrap();
+        let response: MotionResponsePacket = exchange.call(ARM, MOTIONS, &packet, SOON).unwrap();
         let place = match response.value() {
             Err(_) => {
                 prop_assert!(!errors.is_empty(), "{:?}", request);

@@ -18,8 +18,8 @@ use condor_mbox::{
     Region, SingleContext, Vector,
 };
 use condor_robot::message::{
-    HandIdentity, HandLoop, OrderPart, RequestPacket, ResponsePacket, SERVO, ServoClient,
-    ServoLayout, ServoObject, ServoRequest, ServoResponse,
+    HandIdentity, HandLoop, OrderPart, SERVO, ServoClient, ServoLayout, ServoObject, ServoRequest,
+    ServoRequestPacket, ServoResponse, ServoResponsePacket,
 };
 use condor_robot::packet::{self, ClientError};
 use nalgebra::{Vector3, Vector4};
@@ -526,14 +526,14 @@ fn whatever_a_peer_writes_the_servos_stay_valid() {
             ram.set_word(4 * place, *word).unwrap();
         }
         if own {
-            let packet = RequestPacket::new(&request).unwrap();
+            let packet = ServoRequestPacket::new(&request).unwrap();
             ram.set(Offset::at(block), &packet).unwrap();
             for (place, word) in &errors {
                 ram.set_word(block + 4 * place, *word).unwrap();
             }
             let reply = rig.master.send_with_reply(REMOTE, SERVO, block, SECOND);
             prop_assert_eq!(reply, Ok(1));
-            let response: ResponsePacket<4> = ram.get(Offset::at(block + 64)).unwrap();
+            let response: ServoResponsePacket<4> = ram.get(Offset::at(block + 64)).unwrap();
             let response = response.value();
             if !matches!(response, Ok(ServoResponse::Ordered(_))) {
                 prop_assert!(response.is_ok() || !errors.is_empty());
