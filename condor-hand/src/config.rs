@@ -26,7 +26,7 @@
 //! let hand = UtahMit::from_image(&image[..len]).unwrap();
 //! for (index, finger) in hand.fingers_on(2) {
 //!     let arms = finger.moment_arms().unwrap();
-//!     println!("finger {index} is the {}: {:?}", finger.name, arms.rows()[3]);
+//!     println!("finger {index}, {}: moment arms {:?} m", finger.name, arms.rows()[3]);
 //! }
 //! # }
 //! ```

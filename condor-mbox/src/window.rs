@@ -80,7 +80,7 @@ pub trait WindowError: Debug {
 /// The error of an access to a [`Region`](crate::Region) or another window, with the offending
 /// values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{len} bytes at offset {offset:#x} of {size:#x} bytes: {kind}")]
+#[error("cannot access {len} bytes at offset {offset:#x} of a memory of {size:#x} bytes: {kind}")]
 pub struct AccessError {
     /// The offset of the access in bytes, from the beginning of the region or window.
     pub offset: u32,

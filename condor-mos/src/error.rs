@@ -136,7 +136,10 @@ pub enum StartError {
 #[non_exhaustive]
 pub enum ConnectError {
     /// The platform is connected already, or the thread is connected with another platform.
-    #[error("the thread or the platform already has a handler of the timer's interrupt")]
+    #[error(
+        "the interrupt of the timer already has a handler, from this thread or from another call for this platform; only one is \
+         possible"
+    )]
     Connected,
     /// There is no real-time signal of this number.
     #[error("there is no real-time signal {signal}")]

@@ -17,7 +17,7 @@ use crate::rate::Rate;
 /// # let processor = SimPlatform::new(Rate::hz(1_000_000));
 /// let scheduler = Scheduler::<_, 1, 1>::with_rates(processor, &[Rate::hz(400)])?;
 /// let servo = scheduler.statistics(LoopId(0))?;
-/// println!("{servo}: {:.1} % of the time", 100.0 * servo.utilisation());
+/// println!("{servo}: uses {:.1} % of the processor's time", 100.0 * servo.utilisation());
 /// assert_eq!(servo.released, 0);
 /// # Ok::<_, Box<dyn std::error::Error>>(())
 /// ```

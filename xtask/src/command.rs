@@ -117,7 +117,10 @@ impl Line {
         let mut kept = 0;
         self.watch(|line| kept += u32::from(line == "kept"))?;
         if kept == 0 {
-            return Err(format!("`{self}` reported no check").into());
+            return Err(format!(
+                "`{self}` succeeded, but printed no line `kept`: it has checked nothing"
+            )
+            .into());
         }
         Ok(kept)
     }

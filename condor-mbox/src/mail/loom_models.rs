@@ -34,7 +34,7 @@ fn race(entries: &'static [(u32, Entry)], wanted: u32, check: fn(Option<Entry>))
         check(mail(&window).get(AT, wanted));
         thread.join().unwrap();
     });
-    println!("{executions:?} executions");
+    println!("loom has run the model {executions:?} times");
 }
 
 const OLD: Entry = Entry {

@@ -97,7 +97,7 @@ fn the_error_tells_the_access() {
     assert_eq!((error.offset, error.len, error.size), (60, 8, 64));
     assert_eq!(
         error.to_string(),
-        "8 bytes at offset 0x3c of 0x40 bytes: the range is not wholly inside the window"
+        "cannot access 8 bytes at offset 0x3c of a memory of 0x40 bytes: the range is not wholly inside the window"
     );
 }
 

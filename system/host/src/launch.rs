@@ -176,7 +176,7 @@ pub enum LaunchError {
     #[error("no program has been loaded yet; `load` loads one")]
     NotLoaded,
     /// The previous program still runs.
-    #[error("its program is still running")]
+    #[error("the program of the processor is still running; stop it first")]
     Runs,
     /// An error of an extension.
     #[error(transparent)]

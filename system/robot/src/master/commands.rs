@@ -487,7 +487,7 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
                     "motion {title}: {next} of {count} begun{paused}"
                 ));
             }
-            None => self.say(format_args!("no motion{paused}")),
+            None => self.say(format_args!("no motion runs{paused}")),
         }
         let (waiting, in_control) = self.requests.waiting();
         if waiting > 0 {

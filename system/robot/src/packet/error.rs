@@ -78,7 +78,7 @@ pub enum ClientError {
     NotInControl(InControl),
     /// The session is that of another processor, or of an earlier incarnation of this one: open another.
     #[error(
-        "the session was opened by another processor, or in an earlier incarnation of this one; open another"
+        "the session was opened by another processor, or before this one was restarted; open another session"
     )]
     NotYours,
     /// The ledger of the controller of motions has the last number that a session can have.

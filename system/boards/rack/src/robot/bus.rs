@@ -23,7 +23,9 @@ pub struct RackBus<B> {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum RackBusError<E: BusError> {
     /// The board belongs to another processor, or there is none.
-    #[error("this processor cannot access a board at bus address {address:#x}")]
+    #[error(
+        "this processor has no board at bus address {address:#x}: none is there, or it belongs to another processor"
+    )]
     Hidden {
         /// The address on the bus.
         address: usize,
