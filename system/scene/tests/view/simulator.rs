@@ -449,7 +449,7 @@ fn a_hand_with_fewer_fingers_and_joints_is_simulated_alike() {
     let text = include_str!("../../../../condor-hand/tests/hands/tripod.toml");
     let [first, second] = {
         let small = HandView::new(&Hand::<3, 3>::from_toml(text, "tripod.toml").unwrap());
-        let large = HandView::new(&Hand::<5, 6>::from_toml(text, "tripod.toml").unwrap());
+        let large = HandView::new(&Hand::<4, 4>::from_toml(text, "tripod.toml").unwrap());
         [Box::new(small) as Box<dyn Robot>, Box::new(large)]
     };
     let [first, second] = [&first, &second].map(|robot| robot.simulator().unwrap());
