@@ -127,8 +127,7 @@ pub enum TerminalReaderError {
     },
     /// Another host has attached.
     #[error(
-        "another host has attached to the terminal at offset {offset:#x}: its mark is {attached:#x}, of which the lowest 8 \
-         bits are the number of its processor, plus 1"
+        "another host has attached to the terminal at offset {offset:#x}: its mark is {attached:#x}"
     )]
     Displaced {
         /// The offset of the terminal in the users' region, in bytes.

@@ -4,6 +4,7 @@ use condor_hand::grasp::distributed::FingerControllers;
 use condor_hand::servo::{FingerReadings, ServoMode, ServoRefusal};
 use condor_mbox::published::{Publisher, Subscriber};
 use condor_mbox::{AccessError, MemoryWindow, Region, StaticWindow};
+use heapless::Vec;
 use nalgebra::Vector3;
 
 use super::layout::{JointPoint, Points, ServoLayout};
@@ -247,10 +248,13 @@ impl<'o, M: Dynamics<f64, N>, W: MemoryWindow, const N: usize> FingerLoop<'o, M,
     }
 
     fn tell_status(&mut self, saturated: u32) -> Result<(), AccessError> {
-        let joints = 0..self.controller.joints();
-        let modes = joints.map(|joint| self.controller.mode(joint).unwrap_or(ServoMode::Off));
+        let mut modes = Vec::new();
+        for joint in 0..self.controller.joints() {
+            // A finger has at most N joints.
+            let _ = modes.push(self.controller.mode(joint).unwrap_or(ServoMode::Off));
+        }
         let status = ServoStatus {
-            modes: modes.collect(),
+            modes,
             saturated,
             fault: self.controller.fault(),
             is_resting: self.controller.is_resting(),

@@ -72,7 +72,7 @@ pub(crate) fn errors(checks: &mut Checks<'_>) {
                 offset,
                 incarnation,
             },
-            "as incarnation 2",
+            "as incarnation 2: attach to it again",
         ),
         (
             &TerminalReaderError::Displaced { offset, attached },
