@@ -81,7 +81,7 @@ pub enum ProgramError {
     /// A variable or parameter was added after the last loop. It belongs to no loop, so nothing
     /// shows it.
     #[error(
-        "the variable or parameter `{name}` belongs to no loop, so nobody can see it: set up the servo after its variables and parameters"
+        "the variable or parameter `{name}` belongs to no servo loop, so nobody can see it: call `servo` after `watch` and `tune`"
     )]
     LeftOver {
         /// The name of the variable or parameter.

@@ -413,7 +413,7 @@ fn what_is_wrong_with_a_setup_is_said_with_its_name() {
             setup.servo("servo", Rate::hz(1), &mut body);
             setup.watch(&spare).run()
         }),
-        "the variable or parameter `spare` belongs to no loop, so nobody can see it: set up the servo after its variables and parameters"
+        "the variable or parameter `spare` belongs to no servo loop, so nobody can see it: call `servo` after `watch` and `tune`"
     );
     assert_eq!(
         error(WINDOW_BYTES, |machine| {
