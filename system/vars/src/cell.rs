@@ -49,7 +49,7 @@ pub struct CellField {
 
 impl CellField {
     /// Describes the field `name`, of the type `kind`, at `offset` bytes from the beginning of the
-    /// struct; `offset_of!` returns this offset. `name` has at most 64 bytes. `unit` has at most 32
+    /// struct; `offset_of!` returns this offset. `name` has at most 96 bytes. `unit` has at most 32
     /// bytes, and may be empty.
     #[must_use]
     pub const fn new(

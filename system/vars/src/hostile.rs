@@ -201,7 +201,11 @@ fn play(
 fn look<W: MemoryWindow>(script: &Script<'_>, table: &VariableTable<W>) {
     let number = script.word() % (table.len() + 1);
     if let Ok(entry) = table.entry(number) {
-        assert!(entry.name.len() <= 64 && entry.unit.len() <= 32 && entry.about.len() <= 128);
+        assert!(
+            entry.name.len() <= crate::layout::NAME_BYTES
+                && entry.unit.len() <= 32
+                && entry.about.len() <= 128
+        );
         let _ = table.label(&entry, script.word());
     }
     let _ = table.find("param");

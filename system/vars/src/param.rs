@@ -85,7 +85,7 @@ pub enum ParamRefusal {
 
 impl<T: Scalar> Param<T> {
     const_unless_loom! {
-        /// Makes a parameter called `name`, of at most 64 bytes, with an initial value and bounds.
+        /// Makes a parameter called `name`, of at most 96 bytes, with an initial value and bounds.
         /// `unit` has at most 32 bytes, and may be empty.
         ///
         /// If the initial value is not within the bounds,
@@ -125,7 +125,7 @@ impl<T: Scalar> Param<T> {
 
 impl<T: Scalar, const N: usize> Params<T, N> {
     const_unless_loom! {
-        /// Makes `N` parameters with the names `names`, of at most 64 bytes each, and with these
+        /// Makes `N` parameters with the names `names`, of at most 96 bytes each, and with these
         /// initial values. All have the same bounds and the same unit, which has at most 32 bytes
         /// and may be empty.
         ///

@@ -21,7 +21,7 @@ use crate::scalar::{Scalar, Storage};
 pub type Var<T> = Vars<T, 1>;
 
 impl<T: Scalar> Var<T> {
-    /// Makes a variable called `name`, of at most 64 bytes. `unit` has at most 32 bytes, and may be empty. The value is
+    /// Makes a variable called `name`, of at most 96 bytes. `unit` has at most 32 bytes, and may be empty. The value is
     /// the default of `T`, such as 0, until it is set.
     #[must_use]
     pub const fn new(name: &'static str, unit: &'static str) -> Self {
@@ -82,7 +82,7 @@ impl<const N: usize> Names<N> {
 }
 
 impl<T: Scalar, const N: usize> Vars<T, N> {
-    /// Makes `N` variables with the names `names`, of at most 64 bytes each, and a common unit of
+    /// Makes `N` variables with the names `names`, of at most 96 bytes each, and a common unit of
     /// at most 32 bytes. Their value is the default of `T`, such as 0, until it is set.
     #[must_use]
     pub const fn named(names: &'static [&'static str; N], unit: &'static str) -> Self {
@@ -158,7 +158,7 @@ pub trait Watch: Sync {
     /// Returns the description of the variable `index`; `None` after the last.
     fn describe(&self, index: usize) -> Option<VarDescription<'_>>;
 
-    /// Writes the name of the variable `index`, at most 64 bytes.
+    /// Writes the name of the variable `index`, at most 96 bytes.
     ///
     /// # Errors
     /// Returns [`fmt::Error`] if `to` returns it.

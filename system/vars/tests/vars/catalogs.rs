@@ -7,12 +7,13 @@ use condor_mbox::{
     Allocator, CriticalSection, Instant, MemoryWindow, Processor, Region, StaticMemory,
     StaticWindow,
 };
+use condor_vars::layout::NAME_BYTES;
 use condor_vars::{
     Catalog, CatalogError, Param, Respond, Selections, Tune, ValueKind, Var, VarDescription,
     VariableSettings, VariableTable, Vars, Watch,
 };
 
-const LONG: &str = "a name of more than sixty-four bytes, which is longer than any table can hold";
+const LONG: &str = "a name of more than ninety-six bytes, which is longer than any that a table of variables can ever hold";
 
 fn refusal(watched: &[&dyn Watch], params: &[&dyn Tune]) -> CatalogError {
     Catalog::new(watched, params).bytes(1, 2).unwrap_err()
@@ -25,7 +26,7 @@ fn what_a_table_cannot_hold_is_refused() {
     let expected = CatalogError::TooLong {
         entry: 1,
         what: "the name",
-        most: 64,
+        most: NAME_BYTES,
     };
     assert_eq!(refusal(&[&short, &long], &[]), expected);
     let unit = Var::<u32>::new("", LONG);
