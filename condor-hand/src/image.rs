@@ -27,7 +27,9 @@ pub(crate) struct Format {
 #[non_exhaustive]
 pub enum ImageError<E = Infallible> {
     /// The buffer is too short for the image.
-    #[error("the image does not fit into {len} bytes")]
+    #[error(
+        "the compiled file (the image) does not fit into {len} bytes; make the text shorter, or the buffer longer"
+    )]
     BufferTooShort {
         /// The length of the buffer, bytes.
         len: usize,

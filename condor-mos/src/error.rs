@@ -11,8 +11,8 @@ use crate::rate::Rate;
 pub enum RateError {
     /// A period is shorter than a tick, or is not a whole number of ticks in any countable time.
     #[error(
-        "the rate {rate} does not fit ticks of {frequency}: a period is shorter than a tick, or no number of \
-             periods is a whole number of ticks"
+        "the rate {rate} does not suit a clock of {frequency}: its period is shorter than a tick of the clock, or has \
+             too fine a fraction of one; choose a lower or a rounder rate"
     )]
     TooFast {
         /// The rate that has no schedule.

@@ -23,7 +23,9 @@ pub enum TerminalError {
     },
     /// The terminal's block would begin at an offset that messages cannot express: not a multiple
     /// of [`ALIGNMENT`] below 1 GiB.
-    #[error("offset {offset:#x} is not a multiple of {ALIGNMENT} below 2^30")]
+    #[error(
+        "a terminal cannot begin at offset {offset:#x}: the offset must be a multiple of {ALIGNMENT}, and below 2^30"
+    )]
     Offset {
         /// The offset of the terminal's block in the users' region, in bytes.
         offset: u32,

@@ -180,7 +180,9 @@ pub enum Problem {
         problem: &'static str,
     },
     /// A planar finger does not have four joints.
-    #[error("is planar and has {joints} joints; the closed form is of 4")]
+    #[error(
+        "is planar and has {joints} joints, but a planar finger must have 4; give it the form of a chain"
+    )]
     PlanarJoints {
         /// The number of its joints.
         joints: usize,

@@ -127,8 +127,8 @@ pub enum GraspError {
         mirrored: f64,
     },
     /// A matrix of gains has a negative eigenvalue: it would push the object away.
-    #[error("the gains have a negative eigenvalue, which would push the object away: pivot {} of axis {axis}, of 0 to \
-     2 along and 3 to 5 about x, y, z", Decimal(*.pivot))]
+    #[error("the gains have a negative eigenvalue, which would push the object away: axis {axis} (0 to 2 along \
+     x, y, z; 3 to 5 about them) has the pivot {}; raise the gain of this axis on the diagonal", Decimal(*.pivot))]
     NotSemidefinite {
         /// The axis whose pivot shows it: 0 to 2 along, 3 to 5 about x, y, z.
         axis: usize,

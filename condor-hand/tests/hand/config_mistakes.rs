@@ -257,7 +257,7 @@ cases! {
         "hand.toml:188:11: `crosses` of joint `distal` of finger `index` names joint `proximal`, which an entry before names too\n    [";
     planar_joints: TRIPOD,
         "form = { chain = { tip = [0.02, 0.0, 0.0] } }" => "form = { planar = { lengths = [0.0, 0.03, 0.03, 0.02] } }",
-        "hand.toml:46:1: finger `a` is planar and has 3 joints; the closed form is of 4\n    [[fingers]]";
+        "hand.toml:46:1: finger `a` is planar and has 3 joints, but a planar finger must have 4; give it the form of a chain\n    [[fingers]]";
     off_axis: UTAH,
         "center = [0.0216, 0.0, 0.0]" => "center = [0.0216, 0.001, 0.0]",
         "hand.toml:167:35: `body.center` of joint `proximal` of finger `index` is not on the x axis; a planar finger's links are\n    [0.0216, 0.001, 0.0]";

@@ -66,7 +66,7 @@ enum Command {
     Send(commands::Send),
     /// Shows the vectors (numbered message handlers) of processors, and counts of messages
     Vectors(commands::Vectors),
-    /// Shows variables of servo loops and fields of published cells; shows and sets parameters
+    /// Shows variables of servo loops and fields of published cells (values that programs share); shows and sets parameters
     #[command(subcommand)]
     Vars(commands::Vars),
     /// Shows a running system in browsers, and in viewers such as Foxglove and Lichtblick
@@ -106,7 +106,7 @@ enum Command {
 /// The arguments of a command of the application.
 const ARGUMENTS: &str = "arguments";
 
-/// Runs `condor` with what `application` adds: the command that the arguments of this process name. Returns the exit
+/// Runs the command that the arguments of this process name: one of `condor`, or one that `application` adds. Returns the exit
 /// status of the process: 0 for success, 1 for failure, 2 for arguments that cannot be understood. A command that
 /// `application` adds returns its own.
 pub fn main(application: &dyn Application) -> ExitCode {
@@ -144,7 +144,7 @@ pub fn main(application: &dyn Application) -> ExitCode {
     }
 }
 
-/// Returns the command line, which calls itself as this program was called.
+/// Returns the command line; its help and errors use the name by which this program was called.
 fn named() -> clap::Command {
     let me = me();
     let remote =

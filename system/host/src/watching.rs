@@ -18,7 +18,7 @@
 //! let positions = known.matching(&["*.position".to_owned()])?;
 //! let mut rows = Rows::of(&view, &positions, 1)?;
 //! loop {
-//!     rows.read(|source, row| println!("{source}: tick {}, {} lost", row.tick, row.lost))?;
+//!     rows.read(|source, row| println!("{source}: tick {}, {} rows lost", row.tick, row.lost))?;
 //!     rows.pause()?;
 //! }
 //! # }

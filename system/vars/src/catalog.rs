@@ -38,7 +38,7 @@ pub enum CatalogError {
     },
     /// The variables that a [`Watch`] describes need more or fewer words than [`Watch::words`] has.
     #[error(
-        "block {block}, counted from 0, has {words} words, but its variables need more or fewer"
+        "the variables of block {block}, counted from 0, do not fill exactly its {words} words; correct their types and counts"
     )]
     Block {
         /// The index of the `Watch` in the catalog: variables first, then parameters.

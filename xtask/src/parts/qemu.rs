@@ -167,7 +167,7 @@ fn noise() -> impl Iterator<Item = u8> {
 /// Returns the number of checks that passed, if all did and the firmware said so itself.
 fn judge(output: &str, ended: Option<ExitStatus>) -> Result<u32> {
     let Some(status) = ended else {
-        return Err(format!("it was not done after {} s", LIMIT.as_secs()).into());
+        return Err(format!("the firmware had not ended after {} s", LIMIT.as_secs()).into());
     };
     let last = output.lines().last().unwrap_or("it printed nothing").trim();
     let passed = match last.split_once(" passed, ") {

@@ -30,7 +30,7 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
         uses += counted.values().sum::<usize>();
     }
     if uses == 0 {
-        return Err("no library has a file with `unsafe`".into());
+        return Err("found no use of `unsafe` in any library, so the search is broken".into());
     }
     Ok(Summary::of(format!("{uses} uses in {libraries} libraries")))
 }

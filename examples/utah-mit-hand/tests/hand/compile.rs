@@ -97,7 +97,10 @@ fn what_is_wrong_is_said_with_its_file_and_line() {
     // More than the master has room for.
     fs::write(&path, good.repeat(400)).unwrap();
     let error = compile_motions(directory.path(), &out, &names).unwrap_err();
-    let expected = format!("{}: the image does not fit into 8192 bytes", path.display());
+    let expected = format!(
+        "{}: the compiled file (the image) does not fit into 8192 bytes; make the text shorter, or the buffer longer",
+        path.display()
+    );
     assert_eq!(error.to_string(), expected);
     let nowhere = directory.path().join("nowhere");
     let error = compile_motions(&nowhere, &out, &names).unwrap_err();

@@ -60,7 +60,7 @@ pub(super) struct NewArguments {
     /// The directory with Condor's source tree; the project depends on the crates there
     #[arg(long, value_name = "CONDOR")]
     path: PathBuf,
-    /// Begins with a robot that a file describes, instead of two processors with programs
+    /// Makes a project for a robot: a finger that its file describes, instead of two processors with programs
     #[arg(long)]
     robot: bool,
 }

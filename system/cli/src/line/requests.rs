@@ -26,7 +26,7 @@ pub(super) struct Load {
     /// The program: a path, a name that is looked for as in the description (beside it, beside this binary and in
     /// PATH), or `self` for one that this binary contains
     program: String,
-    /// The arguments of the program; after `self`, the first is the name of the program
+    /// The arguments of the program; if PROGRAM is `self`, the first one names a program of this binary
     #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
     arguments: Vec<String>,
     #[command(flatten)]

@@ -40,7 +40,7 @@ pub(super) struct How {
     /// A person can type, although the supervisor is headless: at the user interface that started it
     #[arg(long, hide = true, requires = "headless")]
     attended: bool,
-    /// The parent of this process is its keeper
+    /// This process is the supervisor; its parent waits for it, and ends what it leaves behind
     #[arg(long, hide = true)]
     kept: bool,
     /// Stops the system after this time, such as 10s or 2m

@@ -56,7 +56,7 @@ impl MotionsLink {
             }
         }
         Err(format!(
-            "no running processor of `{}` accepts motions: start the processor of the master",
+            "no running processor of `{}` accepts motions: start the one whose program is the master",
             status.system
         )
         .into())

@@ -443,7 +443,7 @@ fn what_is_wrong_with_a_setup_is_said_with_its_name() {
             setup.servo("quick", Rate::fraction(u32::MAX, 2), &mut body);
             setup.run()
         }),
-        "the rate 4294967295/2 Hz does not fit ticks of 1000000000 Hz: a period is shorter than a tick, or no number \
-         of periods is a whole number of ticks"
+        "the rate 4294967295/2 Hz does not suit a clock of 1000000000 Hz: its period is shorter than a tick of the \
+         clock, or has too fine a fraction of one; choose a lower or a rounder rate"
     );
 }

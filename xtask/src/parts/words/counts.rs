@@ -83,7 +83,7 @@ pub(super) fn recorded(
         let came: usize = new.iter().map(|path| found[path].sum()).sum();
         if !old.is_empty() {
             return Err(format!(
-                "--record raises no count, and these files have more findings than before: {}",
+                "these files have more findings than before, and --record only lowers counts; mend the new findings: {}",
                 old.join(", ")
             )
             .into());
