@@ -27,7 +27,9 @@ pub struct Catalog<'e> {
 #[non_exhaustive]
 pub enum CatalogError {
     /// A text is too long.
-    #[error("{what} of entry {entry} is too long: {most} bytes, or labels in a list, are the most")]
+    #[error(
+        "{what} of entry {entry}, counted from 0, is too long: there is room for {most} bytes, or for {most} labels in a list"
+    )]
     TooLong {
         /// The number of the variable or parameter.
         entry: u32,

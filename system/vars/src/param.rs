@@ -73,7 +73,8 @@ pub enum ParamRefusal {
     OutOfBounds,
     /// The parameter does not have the expected value: another context or program has changed it.
     #[error(
-        "the parameter was not set: its present value is not the expected one, but the words {:#x} and {:#x}",
+        "the parameter was not set: somebody has changed it, and the words of its present value are {:#x} (lower) and \
+         {:#x} (upper); read the value and try again",
         .present[0],
         .present[1],
     )]

@@ -59,7 +59,10 @@ fn check(context: &Context, outside: &Path) -> Result<&'static str> {
             .count();
     }
     if lines > ROBOT_LINES {
-        return Err(format!("the robot has {lines} lines, and may have {ROBOT_LINES}").into());
+        return Err(format!(
+            "the new project of a robot has {lines} lines, and may have {ROBOT_LINES}"
+        )
+        .into());
     }
     robot.cargo("cargo test --offline").run()?;
     let project = make(context, outside, NAME, &[])?;

@@ -162,7 +162,7 @@ fn b_the_status_of_the_hand_at_any_given_moment_can_be_ascertained() {
         typist.types("run wave");
         typist.wait(0.6);
         let moving = typist.says("status");
-        assert!(moving.contains("motion wave: "), "{moving}");
+        assert!(moving.contains("motion wave runs: "), "{moving}");
         typist.types("fault ring.middle flexor");
         typist.expect("ring gave up: ", 5.0);
         let failed = typist.says("status");

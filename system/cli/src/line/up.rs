@@ -37,7 +37,7 @@ pub(super) struct How {
     /// Runs without the user interface, for scripts, and prints a summary at the end
     #[arg(long)]
     headless: bool,
-    /// A person can type, although the supervisor is headless: at the user interface that started it
+    /// The user interface started this supervisor: a person types there, and no lines come from the description
     #[arg(long, hide = true, requires = "headless")]
     attended: bool,
     /// This process is the supervisor; its parent waits for it, and ends what it leaves behind

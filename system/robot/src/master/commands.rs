@@ -483,9 +483,15 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
         match self.player.title() {
             Some(title) => {
                 let (next, count) = self.player.progress();
-                self.say(format_args!(
-                    "motion {title}: {next} of {count} begun{paused}"
-                ));
+                if count == 0 {
+                    self.say(format_args!(
+                        "motion {title} runs: a stream of points{paused}"
+                    ));
+                } else {
+                    self.say(format_args!(
+                        "motion {title} runs: {next} of its {count} steps have begun{paused}"
+                    ));
+                }
             }
             None => self.say(format_args!("no motion runs{paused}")),
         }
