@@ -1,7 +1,7 @@
 //! A grasp of the hand by [`DistributedGrasp`](condor_hand::grasp::distributed::DistributedGrasp): where
 //! its processors find each other's joints, orders and reports.
 //!
-//! The master writes the same `GraspOrder` for each servo processor, into [`HandGraspLayout`] in the object
+//! The master writes the same `GraspOrder` for each servo processor, into [`GraspLayout`](crate::message::GraspLayout) in the object
 //! named [`NAME`] of its object table; [`tips`] computes the present places of the tips. Each servo
 //! processor publishes its [`Joints`] in every tick. A master that dies does not end a grasp.
 
@@ -18,11 +18,7 @@ mod partner;
 
 pub(crate) use partner::{Partner, PartnerState, TickTime};
 
-/// The [layout](crate::message::GraspLayout), for the fingers of this robot, of the memory by which a servo
-/// processor takes orders for a grasp and reports on them.
-pub type HandGraspLayout = crate::message::GraspLayout;
-
-/// The name of the object with the [`HandGraspLayout`] in the object table of a servo processor.
+/// The name of the object with the [`GraspLayout`](crate::message::GraspLayout) in the object table of a servo processor.
 pub const NAME: &str = "grasp-2";
 /// The name of the published [`Joints`] in the object table of a servo processor.
 pub const JOINTS_NAME: &str = "joints";

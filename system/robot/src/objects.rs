@@ -11,9 +11,9 @@ use condor_rt::PROCESSORS;
 use condor_rt::objects::{self, ObjectKind, SharedObject};
 
 use crate::desired::{DesiredPositions, WANTED_NAME};
-use crate::grasp::{self, HandGraspLayout, Joints};
+use crate::grasp::{self, Joints};
 use crate::guards::{self, Felt, Stops};
-use crate::message::ServoLayout;
+use crate::message::{GraspLayout, ServoLayout};
 use crate::motions::MotionsBlocks;
 use crate::plant::{self, TrueState};
 use crate::servo::{self, Tracking};
@@ -83,9 +83,9 @@ pub fn tracking<W: MemoryWindow>(
 ///
 /// # Errors
 /// Returns [`AccessError`] if the memory cannot be accessed.
-pub fn grasp<W: MemoryWindow>(region: &Region<W>) -> Result<Option<HandGraspLayout>, AccessError> {
+pub fn grasp<W: MemoryWindow>(region: &Region<W>) -> Result<Option<GraspLayout>, AccessError> {
     let object = objects::find(region, grasp::NAME, ObjectKind::Other)?;
-    Ok(object.map(|object| HandGraspLayout::at(object.offset)))
+    Ok(object.map(|object| GraspLayout::at(object.offset)))
 }
 
 /// Finds the blocks by which requests are sent to the table. `region` is the users' region of the `data` of the table's

@@ -85,6 +85,11 @@ impl<T: Serialize + DeserializeOwned, const VERSION: u32, const BYTES: usize>
         Ok(packet)
     }
 
+    /// Makes the packet of a value, or an empty one if the value does not fit.
+    pub(crate) fn of(value: &T) -> Self {
+        Self::new(value).unwrap_or(Self::EMPTY)
+    }
+
     /// Returns the value of the packet.
     ///
     /// # Errors
@@ -144,8 +149,8 @@ where
     R: Serialize + DeserializeOwned,
 {
     blocks.answer(call, own, |request: Packet<Q, VERSION, ASKED>| {
-        let response = request.value().and_then(|it| Packet::new(&respond(it)));
-        response.unwrap_or(Packet::EMPTY)
+        let request = request.value();
+        request.map_or(Packet::EMPTY, |request| Packet::of(&respond(request)))
     })
 }
 

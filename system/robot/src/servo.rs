@@ -25,7 +25,7 @@
 //! | `joints` | a published [`Joints`](crate::grasp::Joints) |
 //! | `tracking-2` | a published [`Tracking`] |
 //! | `felt`, `stops` | a published [`Felt`](crate::guards::Felt) and [`Stops`](crate::guards::Stops) |
-//! | `grasp` | [`HandGraspLayout`] |
+//! | `grasp-2` | [`GraspLayout`] |
 //! | `recording` | the ring of a recording |
 //!
 //! When it ends it leaves its board of outputs open: the watchdog of that takes the tensions to the
@@ -50,9 +50,9 @@ use crate::arguments::Record;
 use crate::boards::{Boards, Wires};
 use crate::desired::WANTED_NAME;
 use crate::failure::Failure;
-use crate::grasp::{HandGraspLayout, JOINTS_NAME, NAME, Partner, PartnerState};
+use crate::grasp::{JOINTS_NAME, NAME, Partner, PartnerState};
 use crate::guards::{FELT_NAME, STOPS_NAME};
-use crate::message::{HandIdentity, SERVO, ServoLayout, ServoObject};
+use crate::message::{GraspLayout, HandIdentity, SERVO, ServoLayout, ServoObject};
 use crate::recording::{Head, Recorder, Ring, ServoRecordingError, Tape, TapeState};
 use crate::{FINGERS, JOINTS, RobotDescription, start, table};
 
@@ -141,7 +141,7 @@ fn serve<M: Machine>(
     let variables = Variables::new(entries.clone());
 
     let partners = Partners::new(machine, hand, number)?;
-    let grasp = setup.place(NAME, ObjectKind::Other, HandGraspLayout::new)?;
+    let grasp = setup.place(NAME, ObjectKind::Other, GraspLayout::new)?;
     let mut news_cell = Latest::new(LoopNews::NOTHING);
     let (writer, mut reader) = news_cell.split_mut();
     let clock = machine.doorbell();

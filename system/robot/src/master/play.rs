@@ -157,15 +157,14 @@ impl Player {
         title: Title,
         fingers: u32,
     ) -> Result<(), ImageError<MotionError>> {
-        self.count = match &self.single {
-            Some(_) => 1,
-            None => self.running.motions()?.len(),
+        let motions = match &self.single {
+            Some(_) => None,
+            None => Some(self.running.motions()?),
         };
+        self.count = motions.as_ref().map_or(1, MotionSequence::len);
         if self.is_recording {
-            if let Some(motion) = &self.single {
-                self.kept.push(motion)?;
-            }
-            for motion in self.running.motions().iter().flat_map(MotionSequence::iter) {
+            let sequence = motions.iter().flat_map(MotionSequence::iter);
+            for motion in self.single.iter().cloned().chain(sequence) {
                 self.kept.push(&motion)?;
             }
         }

@@ -141,8 +141,7 @@ impl<W: MemoryWindow> GraspEnd<W> {
         if is_news || self.quiet >= REPORT_TICKS {
             self.quiet = 0;
             // There is room for it. If it fails, readers get the report before.
-            let report = Packet::new(report).unwrap_or(Packet::EMPTY);
-            let _: Result<u32, AccessError> = self.reports.publish(&report);
+            let _: Result<u32, AccessError> = self.reports.publish(&Packet::of(report));
         }
     }
 }

@@ -265,8 +265,7 @@ impl<'o, M: Dynamics<f64, N>, W: MemoryWindow, const N: usize> FingerLoop<'o, M,
         };
         if self.reported.as_ref() != Some(&status) {
             // There is room for the longest one.
-            self.report
-                .publish(&Packet::new(&status).unwrap_or(Packet::EMPTY))?;
+            self.report.publish(&Packet::of(&status))?;
             self.reported = Some(status);
         }
         Ok(())
@@ -277,7 +276,7 @@ impl JointMemory {
     fn settle(&self, outcome: &JointOutcome) -> Result<(), AccessError> {
         let (cell, window) = self.outcome();
         // There is room for the longest one.
-        let outcome = Packet::new(outcome).unwrap_or(Packet::EMPTY);
+        let outcome = Packet::of(outcome);
         cell.publisher(window)?.publish(&outcome).map(|_| ())
     }
 }

@@ -168,9 +168,9 @@ impl<'p, P, L: LedgerStore, const N: usize> MotionsServer<'p, P, L, N> {
         }
         // The offer stays in the inbox until the queue has it, so that it never counts as new in between.
         let offered = self.post.with(|desk| desk.inbox.front().cloned());
-        if let Some((sender, identity, offer)) = offered.flatten() {
+        if let Some(offered) = offered.flatten() {
+            let (sender, identity, ref offer) = offered;
             let (post, incarnation) = (self.post, incarnation(sender.processor));
-            let offered = (sender, identity, offer.clone());
             let is_there = |desk: &MotionsState<P, N>| desk.inbox.front() == Some(&offered);
             let decided = self.change(|queue, write| {
                 if post.with(|desk| is_there(desk)) != Some(true) {
@@ -180,7 +180,9 @@ impl<'p, P, L: LedgerStore, const N: usize> MotionsServer<'p, P, L, N> {
                 let is_of_sender = queue.owner(identity.session) == Some(sender);
                 // An offer of an incarnation that has ended since then is dropped.
                 if is_of_sender && incarnation == Some(sender.incarnation) {
-                    queue.offer(identity, write, || make(offer)).map(drop)
+                    queue
+                        .offer(identity, write, || make(offer.clone()))
+                        .map(drop)
                 } else {
                     Ok(())
                 }

@@ -1,4 +1,4 @@
-//! What the memory for orders and reports of a grasp promises.
+//! Tests of the memory through which orders and reports of a grasp pass.
 
 use condor_hand::grasp::distributed::{GraspOrder, GraspReason, GraspReport, GraspState};
 use condor_mbox::{Allocator, MemoryWindow, Region, StaticMemory};

@@ -1,4 +1,4 @@
-//! What the messages between processors promise. One program: what all of these share is compiled once.
+//! Tests of the messages between processors. They are one program, so that what they share is compiled once.
 
 mod grasps;
 mod motions;

@@ -1,4 +1,4 @@
-//! What a motion queue promises to whoever asks it by message.
+//! Tests of a motion queue that is asked by message.
 
 use std::convert::Infallible;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
@@ -33,7 +33,7 @@ type Client = MotionsClient<'static, SimMailbox<'static, 3>, SimWindow>;
 type Post = MotionsPost<Work, 2>;
 type Server = MotionsServer<'static, Work, Rows, 2>;
 
-/// What the arm is to do.
+/// The motion or stream of a request.
 #[derive(Clone, Debug, PartialEq)]
 enum Work {
     Motion(Vec<u8>),
@@ -58,7 +58,7 @@ struct Rows {
     fails: Arc<AtomicBool>,
 }
 
-/// Why rows cannot be read or written.
+/// The reason why rows cannot be read or written.
 #[derive(Debug, PartialEq)]
 enum Failed {
     Now,
@@ -99,16 +99,16 @@ struct Arm {
     server: Server,
     mailbox: SimMailbox<'static, 3>,
     news: Vec<MotionsEvent>,
-    /// What could not be done.
+    /// The errors of the server.
     errors: Vec<String>,
-    /// What has run, in this order.
+    /// The requests that have begun, in this order.
     begun: Vec<(RequestIdentity, Work)>,
     stream: &'static Mutex<Option<StreamRequest<2, 8>>>,
-    /// Whether motions end in the turn in which they begin.
+    /// True if motions end in the turn in which they begin.
     is_quick: bool,
-    /// Whether only the handler works.
+    /// True if only the handler works.
     is_away: bool,
-    /// Whether the handler works only while the background looks for the incarnation of a client.
+    /// True if the handler works only while the background looks for the incarnation of a client.
     serves_late: bool,
 }
 

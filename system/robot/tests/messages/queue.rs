@@ -20,7 +20,7 @@ struct Ended;
 struct Store {
     bytes: Vec<u8>,
     left: u32,
-    /// Whether the last write is done when the program ends.
+    /// True if the last write is done when the program ends.
     last_is_done: bool,
 }
 
@@ -97,7 +97,7 @@ struct World<const N: usize = 1> {
     told: HashMap<RequestIdentity, (RequestState, RefusalReason)>,
     /// Requests that were told that they never run.
     never: Vec<RequestIdentity>,
-    /// Whether the program ends at the next write that fails.
+    /// True if the program ends at the next write that fails.
     ends: bool,
 }
 
@@ -214,7 +214,7 @@ impl<const N: usize> World<N> {
         Ok(())
     }
 
-    /// What all clients are told now agrees with what they were told before.
+    /// Checks that all clients get the same answers as before, or later states of their requests.
     fn ask(&mut self) {
         for identity in self.clients.iter().flatten() {
             for number in 1..=identity.number {

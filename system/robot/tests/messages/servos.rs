@@ -1,4 +1,4 @@
-//! What servos promise to whoever sends them messages.
+//! Tests of servos that are asked by message.
 
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::{Arc, Mutex};
