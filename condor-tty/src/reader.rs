@@ -127,7 +127,7 @@ pub enum TerminalReaderError {
     },
     /// Another host has attached.
     #[error(
-        "another host has attached to the terminal at offset {offset:#x}: its mark is {attached:#x}"
+        "another host has attached to the terminal at offset {offset:#x} (its word there is {attached:#x}): attach again to take it back"
     )]
     Displaced {
         /// The offset of the terminal in the users' region, in bytes.

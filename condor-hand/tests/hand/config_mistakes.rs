@@ -98,13 +98,13 @@ cases! {
         "hand.toml:271:30: the number 300 stands where a whole number from 0 to 255 should be\n    300";
     vector_too_short: UTAH,
         "gravity = [0.0, 0.0, -9.81]" => "gravity = [0.0, -9.81]",
-        "hand.toml:12:11: the length is 2; it must be that of an array of length 3\n    [0.0, -9.81]";
+        "hand.toml:12:11: the list must have 3 entries, not 2\n    [0.0, -9.81]";
     vector_too_long: UTAH,
         "gravity = [0.0, 0.0, -9.81]" => "gravity = [0.0, 0.0, 0.0, -9.81]",
-        "hand.toml:12:11: the length is 4; it must be that of 3 elements in sequence\n    [0.0, 0.0, 0.0, -9.81]";
+        "hand.toml:12:11: the list must have 3 entries, not 4\n    [0.0, 0.0, 0.0, -9.81]";
     name_too_long: UTAH,
         "name = \"thumb\"" => "name = \"the-thumb-that-opposes-the-three-fingers-of-a-hand-and-has-four-joints\"",
-        "hand.toml:249:8: the length is 70; it must be that of a string no more than 64 bytes long\n    \"the-thumb-that-opposes-the-three-fingers-of-a-hand-and-has-four-joints\"";
+        "hand.toml:249:8: the text has 70 bytes and may have at most 64\n    \"the-thumb-that-opposes-the-three-fingers-of-a-hand-and-has-four-joints\"";
     missing_name: UTAH,
         "name = \"thumb\"" => "#",
         "hand.toml:248:1: the key `name` is missing here\n    [[fingers]]";

@@ -224,7 +224,7 @@ fn run(line: Line, application: &dyn Application) -> Result<ExitCode, AnyError> 
     Ok(ExitCode::SUCCESS)
 }
 
-/// The description that is meant.
+/// Returns the path of the description: `file`, else that of the application, else `condor.toml`.
 fn description(file: Option<PathBuf>, application: &dyn Application) -> PathBuf {
     file.or_else(|| application.description())
         .unwrap_or_else(|| "condor.toml".into())

@@ -157,7 +157,18 @@ impl de::Error for Misreading {
                 problem,
             };
         }
-        format!("the length is {length}; it must be that of {expected}").into()
+        // The number in a text such as "an array of length 3" or "a string no more than 64 bytes long".
+        let number = expected
+            .split(' ')
+            .find_map(|word| word.parse::<usize>().ok());
+        match number {
+            Some(most) if expected.starts_with("a string") => {
+                format!("the text has {length} bytes and may have at most {most}")
+            }
+            Some(number) => format!("the list must have {number} entries, not {length}"),
+            None => format!("{length} entries stand where {expected} should be"),
+        }
+        .into()
     }
 
     fn unknown_variant(word: &str, known: &'static [&'static str]) -> Self {

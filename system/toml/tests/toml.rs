@@ -135,7 +135,7 @@ fn what_is_wrong_is_told_with_its_place() {
         (
             ", 0x10",
             "",
-            "f:3:27: the length is 1; it must be that of an array of length 2\n    [1.0]",
+            "f:3:27: the list must have 2 entries, not 1\n    [1.0]",
         ),
         (
             "2 }",

@@ -164,7 +164,9 @@ pub enum CellError {
     #[error(transparent)]
     Table(#[from] VariableTableError),
     /// The table is that of a loop, not of a cell.
-    #[error("the table describes the variables of a loop, not the fields of a published cell")]
+    #[error(
+        "these are the variables of a servo loop, not the fields of a published cell: read them as a loop's"
+    )]
     NoCell,
     /// The buffer is too short for the value.
     #[error("the value has {bytes} bytes, but there is room for {room}")]

@@ -76,7 +76,7 @@ pub(crate) fn errors(checks: &mut Checks<'_>) {
         ),
         (
             &TerminalReaderError::Displaced { offset, attached },
-            "at offset 0x40: its mark is 0x102",
+            "(its word there is 0x102): attach again to take it back",
         ),
         (
             &TerminalReaderError::Broken {
