@@ -68,7 +68,12 @@ impl<E: Into<Box<dyn Error>>> From<E> for Failure {
 
 /// Returns the class of exception for `error`, without regard to its source.
 fn kind_of(error: &(dyn Error + 'static)) -> Kind {
-    if error.is::<FindError>() {
+    if error.is::<FindError>()
+        || matches!(
+            error.downcast_ref(),
+            Some(condor_robot::host::ConnectError::NoQueue { .. })
+        )
+    {
         return Kind::NotFound;
     }
     if error.is::<TextError>() || error.is::<TextErrors>() {

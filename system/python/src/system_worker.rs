@@ -10,6 +10,7 @@ use condor_host::system::SystemDirectory;
 use condor_host::view::View;
 use condor_host::watching::{Clients, Rows, VariableCatalog};
 use condor_mbox::Messenger as _;
+use condor_robot::host::QueueSession;
 use pyo3::prelude::*;
 
 use crate::failure::Failure;
@@ -34,19 +35,11 @@ pub(crate) struct SystemWorker {
 pub(crate) struct WorkerState<'v> {
     pub(crate) status: SystemStatus,
     pub(crate) view: &'v View,
-    pub(crate) session: Session,
+    pub(crate) session: QueueSession,
     watches: Vec<(Arc<WatchState>, Rows<'v>)>,
     /// Clients that are not in use. They are kept because each has blocks of the visitor's memory that are never
     /// returned.
     spare: Vec<Clients<'v>>,
-}
-
-/// The session of this visitor with a queue of motions.
-#[derive(Default)]
-pub(crate) struct Session {
-    pub(crate) number: Option<u32>,
-    /// The number of the last request in this session; 0 before the first.
-    pub(crate) last: u32,
 }
 
 impl SystemWorker {
@@ -159,7 +152,7 @@ impl<'v> WorkerState<'v> {
         Self {
             status,
             view,
-            session: Session::default(),
+            session: QueueSession::default(),
             watches: Vec::new(),
             spare: Vec::new(),
         }

@@ -30,6 +30,10 @@ pub mod table;
 #[cfg(feature = "std")]
 pub mod compile;
 
+// The motion queue of a running system.
+#[cfg(feature = "host")]
+pub mod host;
+
 // The programs as processes.
 #[cfg(feature = "linux")]
 pub mod processes;

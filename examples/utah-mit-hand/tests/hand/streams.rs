@@ -8,8 +8,8 @@ use std::time::{Duration, Instant};
 use condor_host::control::{ControlClient, ControlRequest};
 use condor_host::view::View;
 use condor_mbox::Processor;
+use condor_robot::host::{self, QueueSession};
 use condor_robot::master::DesiredPositions;
-use condor_robot::motions::MotionsClient;
 use condor_robot::objects;
 use condor_robot::queue::{QueueAnswer, RefusalReason, RequestIdentity, RequestState};
 
@@ -154,9 +154,7 @@ fn a_hand_whose_points_stay_away_brakes_and_says_why() {
         ((is - wanted).abs() < 0.02).then_some(is)
     });
     println!("at {is} rad, {} rad from where it began", is - from);
-    let region = view.region(MASTER).unwrap();
-    let blocks = objects::motions(&region).unwrap().unwrap();
-    let mut client = MotionsClient::new(view.post(), MASTER, &blocks, &region).unwrap();
+    let mut client = host::connect(&view, &up.status()).unwrap();
     let stream = RequestIdentity { session, number: 1 };
     let answer = client.look(stream, DEADLINE).unwrap().answer;
     assert_eq!(
@@ -189,4 +187,43 @@ fn a_motion_in_paused_time_says_why_it_waits() {
     let (is_done, text) = outcome(child);
     assert!(is_done, "{text}");
     assert_eq!(text, "pinch: done\n");
+}
+
+#[test]
+fn a_session_that_gave_way_to_others_is_opened_again() {
+    let (up, view) = open("sessions");
+    let mut queue = host::connect(&view, &up.status()).unwrap();
+    let mut session = QueueSession::default();
+    let first = session.take_control(&mut queue, false, DEADLINE).unwrap();
+    assert_eq!(first.number, 1);
+    let answer = host::offer(&mut queue, first, b"open", DEADLINE).unwrap();
+    assert_eq!(answer.reason(), None, "{answer}");
+    until(|| {
+        let seen = queue.look(first, DEADLINE).unwrap();
+        seen.answer.is_final().then_some(())
+    });
+    let second = session.take_control(&mut queue, false, DEADLINE).unwrap();
+    assert_eq!((second.session, second.number), (first.session, 2));
+    queue.give_up_control(second.session, DEADLINE).unwrap();
+    // So many that no place is left.
+    for _ in 0..32 {
+        queue.open(DEADLINE).unwrap();
+    }
+    let other = session.take_control(&mut queue, false, DEADLINE).unwrap();
+    assert!(other.session > first.session, "{other:?}");
+    assert_eq!(other.number, 1);
+    let answer = host::offer(&mut queue, other, b"open", DEADLINE).unwrap();
+    assert!(matches!(answer, QueueAnswer::Known(..)), "{answer}");
+    session.abort(&mut queue, false, DEADLINE).unwrap();
+    let seen = until(|| {
+        let seen = queue.look(other, DEADLINE).unwrap();
+        seen.answer.is_final().then_some(seen.answer)
+    });
+    assert!(
+        matches!(
+            seen,
+            QueueAnswer::Known(RequestState::Aborted | RequestState::Done, _)
+        ),
+        "{seen}"
+    );
 }

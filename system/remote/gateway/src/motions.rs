@@ -7,16 +7,13 @@ use std::time::{Duration, Instant};
 use condor_host::control::SystemStatus;
 use condor_host::error::AnyError;
 use condor_host::system::SystemDirectory;
-use condor_host::view::{Post, View};
-use condor_mbox::Processor;
-use condor_mbox::linux::LinuxWindow;
+use condor_host::view::View;
 use condor_remote::wire::{
     ClientRequest, Id, RemoteOutcome, RemoteRefusal, RemoteRequest, RemoteState,
 };
-use condor_robot::motions::MotionsClient;
-use condor_robot::objects;
+use condor_robot::host::{self, QueueClient, QueueSession};
 use condor_robot::packet::ClientError;
-use condor_robot::queue::{self, InControl, QueueAnswer, RefusalReason, RequestIdentity};
+use condor_robot::queue::{InControl, QueueAnswer, RequestIdentity, RequestState};
 
 use crate::book::{Book, digest};
 use crate::log;
@@ -25,53 +22,25 @@ use crate::presence::Presence;
 /// The time that the queue may take to answer.
 const ANSWER: Duration = Duration::from_millis(500);
 
-/// The report that the session of the gateway is closed.
-const CLOSED: &str =
-    "the master has closed the session in which the gateway asks for motions; try again";
-
-/// The queue of motions of a running system.
+/// The way to the motion queue of a running system.
 pub(crate) struct MotionsLink {
     view: View,
-    master: Processor,
+    status: SystemStatus,
 }
 
-/// A client of the queue, of which there is one at a time.
-type Asks<'v> = MotionsClient<'v, Post, LinuxWindow>;
-
 impl MotionsLink {
-    /// Finds the processor that serves a queue of motions.
+    /// Joins the system, and looks whether a program of it serves a motion queue.
     ///
     /// # Errors
     /// An error that says that there is none, or why the system cannot be asked.
     pub(crate) fn find(
         directory: &SystemDirectory,
-        status: &SystemStatus,
+        status: SystemStatus,
     ) -> Result<Self, AnyError> {
         let mut view = View::open(directory, status.window_bytes)?;
         view.join()?;
-        for member in &status.processors {
-            let master = Processor(member.number);
-            if objects::motions(&view.region(master)?)?.is_some() {
-                return Ok(Self { view, master });
-            }
-        }
-        Err(format!(
-            "no running processor of `{}` accepts motions: start the one whose program is the master",
-            status.system
-        )
-        .into())
-    }
-
-    fn asks(&self) -> Result<Asks<'_>, AnyError> {
-        let region = self.view.region(self.master)?;
-        let blocks = objects::motions(&region)?;
-        let blocks = blocks.ok_or("the program that serves motions has ended")?;
-        Ok(MotionsClient::new(
-            self.view.post(),
-            self.master,
-            &blocks,
-            &region,
-        )?)
+        host::connect(&view, &status)?;
+        Ok(Self { view, status })
     }
 }
 
@@ -79,8 +48,7 @@ impl MotionsLink {
 pub(crate) struct Motions {
     book: Book,
     way: Option<MotionsLink>,
-    /// The session of this incarnation, and the number of its last request.
-    session: Option<(u32, u32)>,
+    session: QueueSession,
     /// The bytes of motions that were offered in this incarnation, until the queue has decided.
     undecided: BTreeMap<(String, Id), (RequestIdentity, Vec<u8>, bool)>,
     presence: Arc<Mutex<Presence>>,
@@ -90,11 +58,11 @@ pub(crate) struct Motions {
 impl Motions {
     /// Makes it with what is known of former incarnations.
     #[must_use]
-    pub(crate) const fn new(book: Book, presence: Arc<Mutex<Presence>>) -> Self {
+    pub(crate) fn new(book: Book, presence: Arc<Mutex<Presence>>) -> Self {
         Self {
             book,
             way: None,
-            session: None,
+            session: QueueSession::default(),
             undecided: BTreeMap::new(),
             presence,
             stopped: None,
@@ -104,7 +72,7 @@ impl Motions {
     /// Sets the way to the system, which is another one after a restart.
     pub(crate) fn set_way(&mut self, way: Option<MotionsLink>) {
         self.way = way;
-        self.session = None;
+        self.session = QueueSession::default();
         // The queue has closed the session of these, or will: what it has not got by then never runs.
         self.undecided.clear();
     }
@@ -219,29 +187,16 @@ impl Motions {
 
     /// Takes control, and returns the next identity of the session.
     fn next_request(&mut self, takes_control: bool) -> Result<RequestIdentity, AnyError> {
-        let way = self.way.as_ref().ok_or("the system is not running")?;
-        let mut asks = way.asks()?;
-        let (session, last) = match self.session {
-            Some(session) => session,
-            None => *self.session.insert((asks.open(ANSWER)?, 0)),
-        };
-        match asks.take_control(session, takes_control, ANSWER) {
-            Ok(()) => {}
-            // The session is gone.
-            Err(ClientError::NotYours | ClientError::NotInControl(InControl::Nobody)) => {
-                self.session = None;
-                return Err(CLOSED.into());
-            }
-            Err(ClientError::NotInControl(who)) => {
-                return Err(format!("{who}; `--control` takes control from it").into());
-            }
-            Err(error) => return Err(error.into()),
-        }
-        self.session = Some((session, last + 1));
-        Ok(RequestIdentity {
-            session,
-            number: last + 1,
-        })
+        let mut queue = connect(self.way.as_ref())?;
+        let session = &mut self.session;
+        session
+            .take_control(&mut queue, takes_control, ANSWER)
+            .map_err(|error| match error {
+                ClientError::NotInControl(who) if who != InControl::Nobody => {
+                    format!("{who}; `--control` takes control from it").into()
+                }
+                error => error.into(),
+            })
     }
 
     /// Asks the queue what has become of a motion, and notes its end. Offers it again if the queue has not got it, and
@@ -252,41 +207,28 @@ impl Motions {
         id: Id,
         request: RequestIdentity,
     ) -> Result<RemoteOutcome, AnyError> {
-        let way = self.way.as_ref().ok_or("the system is not running")?;
-        let mut asks = way.asks()?;
-        let seen = asks.look(request, ANSWER)?;
+        let mut queue = connect(self.way.as_ref())?;
+        let seen = queue.look(request, ANSWER)?;
         let (mut answer, progress) = (seen.answer, seen.progress);
         let key = (client.to_owned(), id);
         if answer == QueueAnswer::New
             && let Some((_, motion, takes_control)) = self.undecided.get(&key)
         {
-            let control = match asks.take_control(request.session, *takes_control, ANSWER) {
+            let control = match queue.take_control(request.session, *takes_control, ANSWER) {
                 // The queue refuses the motion, for good.
                 Err(ClientError::NotInControl(_)) => Ok(()),
                 taken => taken,
             };
-            answer = match control.and_then(|()| asks.offer(request, motion, ANSWER)) {
+            let offered = control.and_then(|()| host::offer(&mut queue, request, motion, ANSWER));
+            answer = match offered {
                 Ok(answer) => answer,
                 // The session is closed: the queue will say that the motion never runs.
                 Err(ClientError::NotYours) => QueueAnswer::New,
                 Err(error) => return Err(error.into()),
             };
-            // The accepted motion runs all the same, and others need not take control away. If this fails,
-            // control is released with the next motion.
-            let _ = asks.give_up_control(request.session, ANSWER);
         }
-        let (state, reason) = match answer {
-            QueueAnswer::Known(state, reason) => (state_of(state), reason),
-            QueueAnswer::New => (RemoteState::Offered, RefusalReason::None),
-            QueueAnswer::Never => (RemoteState::Never, RefusalReason::None),
-            QueueAnswer::Forgotten | QueueAnswer::NoSession => {
-                (RemoteState::Forgotten, RefusalReason::None)
-            }
-        };
-        let reason = match reason {
-            RefusalReason::None => String::new(),
-            reason => reason.to_string(),
-        };
+        let state = state_of(answer);
+        let reason = answer.reason().map(|it| it.to_string()).unwrap_or_default();
         if state != RemoteState::Offered {
             self.undecided.remove(&key);
         }
@@ -346,35 +288,32 @@ impl Motions {
 
     /// Ends all motion.
     fn stop(&mut self) -> Result<(), AnyError> {
-        let way = self.way.as_ref().ok_or("the system is not running")?;
-        let mut asks = way.asks()?;
-        let session = match self.session {
-            Some((session, _)) => session,
-            None => self.session.insert((asks.open(ANSWER)?, 0)).0,
-        };
-        match asks.take_control(session, true, ANSWER) {
-            Err(ClientError::NotYours | ClientError::NotInControl(_)) => {
-                self.session = None;
-                return Err(CLOSED.into());
-            }
-            taken => taken?,
-        }
-        asks.abort(session, ANSWER)?;
-        Ok(asks.give_up_control(session, ANSWER)?)
+        let mut queue = connect(self.way.as_ref())?;
+        Ok(self.session.abort(&mut queue, true, ANSWER)?)
     }
 }
 
-fn state_of(state: queue::RequestState) -> RemoteState {
-    match state {
-        queue::RequestState::Accepted => RemoteState::Accepted,
-        queue::RequestState::Started => RemoteState::Started,
-        queue::RequestState::Done => RemoteState::Done,
-        queue::RequestState::Stopped => RemoteState::Stopped,
-        queue::RequestState::Aborted => RemoteState::Aborted,
-        queue::RequestState::Refused => RemoteState::Refused,
-        queue::RequestState::Lost => RemoteState::Lost,
-        queue::RequestState::BrokenOff => RemoteState::BrokenOff,
-        // Of a later version: it is not final, so nobody is told that it has ended.
-        _ => RemoteState::Offered,
+fn connect(way: Option<&MotionsLink>) -> Result<QueueClient<'_>, AnyError> {
+    let MotionsLink { view, status } = way.ok_or("the system is not running")?;
+    Ok(host::connect(view, status)?)
+}
+
+fn state_of(answer: QueueAnswer) -> RemoteState {
+    match answer {
+        QueueAnswer::New => RemoteState::Offered,
+        QueueAnswer::Never => RemoteState::Never,
+        QueueAnswer::Forgotten | QueueAnswer::NoSession => RemoteState::Forgotten,
+        QueueAnswer::Known(state, _) => match state {
+            RequestState::Accepted => RemoteState::Accepted,
+            RequestState::Started => RemoteState::Started,
+            RequestState::Done => RemoteState::Done,
+            RequestState::Stopped => RemoteState::Stopped,
+            RequestState::Aborted => RemoteState::Aborted,
+            RequestState::Refused => RemoteState::Refused,
+            RequestState::Lost => RemoteState::Lost,
+            RequestState::BrokenOff => RemoteState::BrokenOff,
+            // Of a later version: it is not final, so nobody is told that it has ended.
+            _ => RemoteState::Offered,
+        },
     }
 }

@@ -209,7 +209,8 @@ fn keep(mut keeper: Motions, which: &SystemChoice, jobs: &Receiver<Job>) {
         if !keeper.has_way() && looked.is_none_or(|at| at.elapsed() >= AGAIN) {
             looked = Some(Instant::now());
             let there = which.find();
-            let way = there.and_then(|it| Ok((MotionsLink::find(&it.directory, &it.status)?, it)));
+            let way =
+                there.and_then(|it| Ok((MotionsLink::find(&it.directory, it.status.clone())?, it)));
             // The client is told that the system does not run.
             if let Ok((way, there)) = way {
                 keeper.set_way(Some(way));

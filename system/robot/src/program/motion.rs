@@ -10,8 +10,9 @@ use condor_host::system::{self, SystemDirectory};
 use condor_mbox::{MemoryWindow, Messenger};
 use condor_platform::linux::read_text;
 
-use super::offers::Queue;
+use super::offers::join;
 use super::points::Points;
+use crate::host;
 use crate::motions::{MotionsClient, RequestProgress, SentPoints};
 use crate::packet::ClientError;
 use crate::queue::{InControl, QueueAnswer, RequestIdentity, RequestState};
@@ -95,8 +96,8 @@ fn enqueue(asked: &MotionArguments) -> Result<bool, AnyError> {
     };
     let directory = system::find(asked.system.as_deref())?;
     tell_if_paused(&directory)?;
-    let queue = Queue::find(&directory)?;
-    let mut client = queue.client()?;
+    let (view, status) = join(&directory)?;
+    let mut client = host::connect(&view, &status)?;
     let session = client.open(ANSWER)?;
     client
         .take_control(session, asked.from_other, ANSWER)
@@ -107,8 +108,8 @@ fn enqueue(asked: &MotionArguments) -> Result<bool, AnyError> {
             error => AnyError::from(error),
         })?;
     let outcome = match &points {
-        Some(points) => run_stream(&mut client, queue.post(), session, points),
-        None => run_all(&mut client, queue.post(), session, &asked.motions),
+        Some(points) => run_stream(&mut client, view.post(), session, points),
+        None => run_all(&mut client, view.post(), session, &asked.motions),
     };
     client.give_up_control(session, ANSWER)?;
     outcome

@@ -1,25 +1,21 @@
-//! [`Queue`]: the motion queue of a running master, as programs of the host ask it; and [`Offers`]: motions that people
-//! have composed, for that queue.
+//! [`Offers`]: motions that people have composed, for the motion queue of a running master.
 
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use condor_host::control::ControlClient;
+use condor_host::control::{ControlClient, SystemStatus};
 use condor_host::error::AnyError;
 use condor_host::robot::{MotionOutcome, MotionSender};
 use condor_host::system::SystemDirectory;
-use condor_host::view::{Post, View};
-use condor_mbox::Processor;
-use condor_mbox::linux::LinuxWindow;
+use condor_host::view::View;
 use condor_platform::linux::WholeFile;
 
 use crate::compile::compile_motion;
-use crate::motions::MotionsClient;
-use crate::objects;
-use crate::packet::ClientError;
-use crate::queue::{QueueAnswer, RefusalReason, RequestIdentity};
+use crate::host::{self, QueueSession};
+use crate::motions::RequestProgress;
+use crate::queue::RequestIdentity;
 
 /// The time in which the master must answer a person who waits at a page.
 const ANSWER: Duration = Duration::from_secs(5);
@@ -28,46 +24,12 @@ const PREFIX: &str = "view-";
 /// The greatest number of composed motions whose outcomes are told.
 const REMEMBERED: usize = 32;
 
-/// The queue of the master of a running system.
-pub(crate) struct Queue {
-    view: View,
-    master: Processor,
-}
-
-impl Queue {
-    /// Finds the master.
-    pub(crate) fn find(directory: &SystemDirectory) -> Result<Self, AnyError> {
-        let status = ControlClient::connect(directory)?.status()?;
-        let mut view = View::open(directory, status.window_bytes)?;
-        view.join()?;
-        for member in &status.processors {
-            let master = Processor(member.number);
-            if objects::motions(&view.region(master)?)?.is_some() {
-                return Ok(Self { view, master });
-            }
-        }
-        Err(format!(
-            "no running processor of `{}` is a master: start the processor of the master",
-            status.system
-        )
-        .into())
-    }
-
-    pub(crate) const fn post(&self) -> &Post {
-        self.view.post()
-    }
-
-    /// Makes the client, of which there may be one at a time.
-    pub(crate) fn client(&self) -> Result<MotionsClient<'_, Post, LinuxWindow>, AnyError> {
-        let region = self.view.region(self.master)?;
-        let blocks = objects::motions(&region)?.ok_or("the program of the master has ended")?;
-        Ok(MotionsClient::new(
-            self.post(),
-            self.master,
-            &blocks,
-            &region,
-        )?)
-    }
+/// Joins a system; returns what a client of its motion queue needs.
+pub(crate) fn join(directory: &SystemDirectory) -> Result<(View, SystemStatus), AnyError> {
+    let status = ControlClient::connect(directory)?.status()?;
+    let mut view = View::open(directory, status.window_bytes)?;
+    view.join()?;
+    Ok((view, status))
 }
 
 /// Composed motions that are offered to the master, each as a file among the compiled motions.
@@ -76,9 +38,9 @@ pub(crate) struct Offers {
     /// The directory of the compiled motions.
     files: PathBuf,
     joints: Vec<String>,
-    /// Found when it is first needed.
-    queue: Option<Queue>,
-    session: Option<u32>,
+    /// The way to the system, which is found when it is first needed.
+    way: Option<(View, SystemStatus)>,
+    session: QueueSession,
     requests: BTreeMap<u64, Request>,
     last: u64,
 }
@@ -95,8 +57,8 @@ impl Offers {
             directory: directory.clone(),
             files: files.join("motions"),
             joints,
-            queue: None,
-            session: None,
+            way: None,
+            session: QueueSession::default(),
             requests: BTreeMap::new(),
             last: 0,
         }
@@ -104,24 +66,20 @@ impl Offers {
 
     /// Looks what has become of a motion.
     fn look(&mut self, id: u64) -> Result<MotionOutcome, AnyError> {
-        let (Some(request), Some(queue)) = (self.requests.get_mut(&id), &self.queue) else {
+        let (Some(request), Some((view, status))) = (self.requests.get_mut(&id), &self.way) else {
             return Err(format!("the master does not know motion {id}, or no longer").into());
         };
-        let seen = queue.client()?.look(request.identity, ANSWER)?;
-        let (state, reason, is_final) = match seen.answer {
-            QueueAnswer::Known(state, reason) => (state.word(), Some(reason), state.is_final()),
-            QueueAnswer::New => ("unknown", None, false),
-            QueueAnswer::Never => ("refused", None, true),
-            QueueAnswer::Forgotten | QueueAnswer::NoSession => ("forgotten", None, true),
-        };
+        let RequestProgress {
+            answer, progress, ..
+        } = host::connect(view, status)?.look(request.identity, ANSWER)?;
+        let is_final = answer.is_final();
         if is_final {
             request.remove();
         }
-        let reason = reason.filter(|it| *it != RefusalReason::None);
         Ok(MotionOutcome {
-            state: state.into(),
-            reason: reason.map(|it| it.to_string()),
-            progress: seen.progress,
+            state: answer.word().into(),
+            reason: answer.reason().map(|it| it.to_string()),
+            progress,
             is_final,
         })
     }
@@ -156,50 +114,29 @@ impl MotionSender for Offers {
     fn enqueue(&mut self, text: &str, takes_control: bool) -> Result<u64, AnyError> {
         let image = compile_motion(text, Path::new("motion"), &self.joints)?;
         self.tidy();
-        let queue = match self.queue.take() {
-            Some(queue) => queue,
-            None => Queue::find(&self.directory)?,
+        let way = match self.way.take() {
+            Some(way) => way,
+            None => join(&self.directory)?,
         };
-        let queue = self.queue.insert(queue);
-        let mut client = queue.client()?;
-        let number = u32::try_from(self.last + 1)?;
-        let mut session = self.session;
-        if let Some(own) = session {
-            let identity = RequestIdentity {
-                session: own,
-                number,
-            };
-            // Other clients may have taken its place, or it is closed.
-            session = match client.look(identity, ANSWER)?.answer {
-                QueueAnswer::NoSession | QueueAnswer::Never => None,
-                _ => Some(own),
-            };
-        }
-        let session = match session {
-            Some(session) => session,
-            None => client.open(ANSWER)?,
-        };
-        self.session = Some(session);
-        let identity = RequestIdentity { session, number };
-        let name = format!("{PREFIX}{session}-{number}");
+        let (view, status) = self.way.insert(way);
+        let mut client = host::connect(view, status)?;
+        let identity = self
+            .session
+            .take_control(&mut client, takes_control, ANSWER)?;
+        let name = format!("{PREFIX}{}-{}", identity.session, identity.number);
         let file = self.files.join(format!("{name}.motion"));
-        WholeFile::write(&file, &image).map_err(|error| format!("{}: {error}", file.display()))?;
-        self.last = number.into();
-        let mut request = Request {
+        if let Err(error) = WholeFile::write(&file, &image) {
+            client.give_up_control(identity.session, ANSWER)?;
+            return Err(format!("{}: {error}", file.display()).into());
+        }
+        self.last += 1;
+        let request = Request {
             identity,
             file: Some(file),
         };
-        if let Err(error) = client.take_control(session, takes_control, ANSWER) {
-            request.remove();
-            return Err(error.into());
-        }
         self.requests.insert(self.last, request);
-        let offered = client.offer(identity, name.as_bytes(), ANSWER);
-        // An accepted motion runs all the same, and others need not take control away.
-        let given_up = client.give_up_control(session, ANSWER);
-        let uncertain = |error: ClientError| format!("{error}; the motion may run nevertheless");
-        offered.map_err(uncertain)?;
-        given_up?;
+        host::offer(&mut client, identity, name.as_bytes(), ANSWER)
+            .map_err(|error| format!("{error}; the motion may run nevertheless"))?;
         Ok(self.last)
     }
 

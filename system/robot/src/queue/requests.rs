@@ -51,6 +51,39 @@ pub enum QueueAnswer {
     NoSession,
 }
 
+impl QueueAnswer {
+    /// Returns the answer in a word, for programs that read it: that of the [`RequestState`], `unknown` if the queue
+    /// does not have the request, `refused` if it never runs, `forgotten` if nobody knows.
+    #[must_use]
+    pub const fn word(self) -> &'static str {
+        match self {
+            Self::Known(state, _) => state.word(),
+            Self::New => "unknown",
+            Self::Never => "refused",
+            Self::Forgotten | Self::NoSession => "forgotten",
+        }
+    }
+
+    /// Returns the reason why the request was refused or has ended early, if there is one.
+    #[must_use]
+    pub fn reason(self) -> Option<RefusalReason> {
+        match self {
+            Self::Known(_, reason) => Some(reason).filter(|it| *it != RefusalReason::None),
+            _ => None,
+        }
+    }
+
+    /// Returns true if the answer does not change any more: the request has ended, or never runs.
+    #[must_use]
+    pub const fn is_final(self) -> bool {
+        match self {
+            Self::Known(state, _) => state.is_final(),
+            Self::New => false,
+            Self::Never | Self::Forgotten | Self::NoSession => true,
+        }
+    }
+}
+
 impl fmt::Display for QueueAnswer {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
