@@ -137,7 +137,7 @@ pub enum Attention {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum DeviceError<E> {
     /// The board has nothing to read, or no room, at this moment.
-    #[error("the device is not ready")]
+    #[error("the device has nothing to read, or no room, at this moment; try again")]
     WouldBlock,
     /// The board does not transfer this many bytes at a time, or in its present configuration.
     #[error(

@@ -39,7 +39,7 @@ pub enum OpenError<'n> {
         presence: Presence,
     },
     /// The device cannot be opened in a direction of the mode, or the mode has no direction.
-    #[error("{name} cannot be opened for {mode}")]
+    #[error("{name} cannot be opened for {mode}; ask for reading or writing, as it allows")]
     Direction {
         /// The device.
         name: &'n str,
@@ -82,7 +82,7 @@ pub enum IoError<E> {
     #[error(transparent)]
     Fd(#[from] FdError),
     /// The device has nothing to read, or no room, at this moment.
-    #[error("the device is not ready")]
+    #[error("the device has nothing to read, or no room, at this moment; try again")]
     WouldBlock,
     /// There is nothing more to read, as at the end of a file. Devices never return it; a
     /// [`DeviceStream`](crate::stream::DeviceStream) reads 0 bytes.

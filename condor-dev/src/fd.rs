@@ -108,7 +108,7 @@ pub enum FdError {
         wanted: &'static str,
     },
     /// The descriptor cannot be closed, because a [`Device`](crate::Device) of it is held.
-    #[error("descriptor {fd} cannot be closed: its device is in use")]
+    #[error("descriptor {fd} cannot be closed while a `Device` of it is held; drop that first")]
     InUse {
         /// The descriptor.
         fd: Fd,

@@ -28,7 +28,7 @@ pub(crate) struct Format {
 pub enum ImageError<E = Infallible> {
     /// The buffer is too short for the image.
     #[error(
-        "the compiled file (the image) does not fit into {len} bytes; make the text shorter, or the buffer longer"
+        "the compiled file (the image) does not fit into {len} bytes; shorten its source file, or lengthen the buffer"
     )]
     BufferTooShort {
         /// The length of the buffer, bytes.
@@ -75,7 +75,9 @@ pub enum ImageError<E = Infallible> {
         computed: u32,
     },
     /// The image has another number of parts than the program, or more than it has room for.
-    #[error("the image is for {found} {of}, this program for {wanted}")]
+    #[error(
+        "the image (the binary file) is for {found} {of}, but this program for {wanted}; build both for the same number"
+    )]
     Count {
         /// The kind of part.
         of: &'static str,

@@ -110,7 +110,7 @@ impl fmt::Display for SendProgress {
 #[non_exhaustive]
 pub enum MailboxError {
     /// The number is not below the number of processors of the system.
-    #[error("{number} does not exist: the system has {processors} processors")]
+    #[error("{number} does not exist: the system has {processors} processors, numbered from 0")]
     NoSuchProcessor {
         /// The number that was given.
         number: Processor,
@@ -118,7 +118,7 @@ pub enum MailboxError {
         processors: u8,
     },
     /// The vector's number is not below [`Vector::COUNT`].
-    #[error("{vector} does not exist: a processor has {count} vectors", count = Vector::COUNT)]
+    #[error("{vector} does not exist: a processor has {count} vectors, numbered from 0", count = Vector::COUNT)]
     NoSuchVector {
         /// The vector that was given.
         vector: Vector,
@@ -146,7 +146,7 @@ pub enum MailboxError {
         vector: Vector,
     },
     /// The receiver's handler did not return: it panicked.
-    #[error("the handler of {to} for {vector} failed")]
+    #[error("the handler of {to} for {vector} panicked")]
     HandlerFailed {
         /// The processor to which the message was sent.
         to: Processor,
@@ -170,7 +170,7 @@ pub enum MailboxError {
         number: Processor,
     },
     /// A mailbox was told to listen to its own number. It gets the messages to that number anyway.
-    #[error("{number} cannot listen to its own number: its messages arrive anyway")]
+    #[error("{number} cannot listen to its own number: it gets the messages to that number anyway")]
     ListensToItself {
         /// The mailbox's own number.
         number: Processor,
@@ -184,8 +184,8 @@ pub enum MailboxError {
     /// The receiver, or an earlier program with the sender's number, was built for another system:
     /// a word of its memory's layout differs.
     #[error(
-        "the {field} in the {object} of {processor} is {found:#x}, expected {expected:#x}: it was built for another \
-         system"
+        "the {field} in the {object} of {processor} is {found:#x}, expected {expected:#x}: its program was built \
+         for another system or layout"
     )]
     Layout {
         /// The processor whose window it is.

@@ -101,7 +101,9 @@ pub enum ExchangeError {
     )]
     InDoubt,
     /// The receiver could not access the block.
-    #[error("{to} could not reach the block at offset {offset:#x}")]
+    #[error(
+        "{to} could not access the block of the request, at offset {offset:#x} of the sender's memory"
+    )]
     Refused {
         /// The processor to which the request was sent.
         to: Processor,

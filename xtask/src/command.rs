@@ -118,7 +118,8 @@ impl Line {
         self.watch(|line| kept += u32::from(line == "kept"))?;
         if kept == 0 {
             return Err(format!(
-                "`{self}` succeeded, but printed no line `kept`: it has checked nothing"
+                "`{self}` succeeded, but has checked nothing: it printed no line `kept`, which it \
+                 prints for each check that holds"
             )
             .into());
         }

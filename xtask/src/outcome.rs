@@ -216,7 +216,10 @@ fn run(context: &Context, part: &Part) -> Record {
         steps: command::take_times(),
     };
     if let Err(problem) = record.write(context) {
-        eprintln!("xtask: cannot keep the record of {}: {problem}", part.name);
+        eprintln!(
+            "xtask: cannot write the outcome of {} to its file: {problem}",
+            part.name
+        );
     }
     record
 }

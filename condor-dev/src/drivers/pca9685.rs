@@ -54,7 +54,7 @@ pub enum ClockError<E> {
     /// The call named the internal oscillator, but the chip runs on its external clock.
     #[error(
         "the PCA9685 runs on its external clock, which an earlier program selected; switch its power off and on, or \
-         state the frequency of that clock"
+         pass `ChipClock::External` with the frequency of that clock"
     )]
     External,
     /// The bus returned this error.

@@ -33,8 +33,8 @@ pub enum MapAccess {
 pub enum BusMapError {
     /// The bus address or the offset in the file is not a multiple of four, or the length is zero.
     #[error(
-        "cannot map {len:#x} bytes at offset {offset:#x} to bus address {base:#x}: the length must not be 0, and \
-             both numbers must be multiples of 4"
+        "cannot map {len:#x} bytes at offset {offset:#x} to bus address {base:#x}: the length must not be 0, \
+         and the offset and the bus address must be multiples of 4"
     )]
     Misaligned {
         /// The beginning of the range in the file, in bytes.

@@ -8,11 +8,15 @@ use embedded_io::ErrorKind;
 pub enum StdioError {
     /// The program has set no standard input or output, or its input or output has no reader or
     /// writer yet.
-    #[error("the program has no standard input or output")]
+    #[error(
+        "standard input or output is not open: set it by `set_input` or `set_output`, or give it a reader or writer"
+    )]
     NotOpen,
     /// The interrupted context, or another thread, is reading or writing; it will also write the
     /// bytes in an output's ring.
-    #[error("standard input or output is in use")]
+    #[error(
+        "standard input or output is in use by another thread, or by the interrupted context; try again later"
+    )]
     InUse,
     /// The reader or writer failed; the bytes in an output's ring stay there.
     #[error("standard input or output failed: {0}")]

@@ -33,7 +33,7 @@ pub enum FileError {
     },
     /// The server has not answered an earlier request in time: an operation in doubt, or the
     /// closing of a dropped file. The operation of this call was not begun, and will not be.
-    #[error("the file server, {server}, has not answered the previous request in time{}", Cause(.cause))]
+    #[error("nothing was done: the file server, {server}, has not answered the previous request in time{}", Cause(.cause))]
     NotBegun {
         /// The number of the server.
         server: Processor,

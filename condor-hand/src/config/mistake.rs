@@ -138,8 +138,8 @@ pub enum Problem {
     },
     /// Two processors would serve one finger.
     #[error(
-        "is {number}, and that of the finger's first joint is {first}; tendons couple the joints of \
-         a finger, so one processor serves them all"
+        "is {number}, but the finger's first joint has processor {first}; tendons couple the joints of a finger, so give \
+         them all one processor"
     )]
     SplitFinger {
         /// The processor of the joint.
@@ -156,7 +156,11 @@ pub enum Problem {
         trajectory_hz: u32,
     },
     /// A processor has more work than its budget allows.
-    #[error("is {}; the processor would be busy for {} of its time", Decimal(*.budget), Decimal(*.load))]
+    #[error(
+        "is {}, but the loop of the processor would take {} of its time; give it fewer joints or axes, or a lower rate",
+        Decimal(*.budget),
+        Decimal(*.load),
+    )]
     Load {
         /// The fraction of its time that its loop takes.
         load: f64,
@@ -181,7 +185,8 @@ pub enum Problem {
     },
     /// A planar finger does not have four joints.
     #[error(
-        "is planar and has {joints} joints, but a planar finger must have 4; give it the form of a chain"
+        "is planar and has {joints} joints, but a planar finger must have 4; for another number write \
+         `form = {{ chain = … }}`"
     )]
     PlanarJoints {
         /// The number of its joints.

@@ -97,8 +97,8 @@ pub enum GraspError {
     },
     /// A squeeze is along an edge, a pair of contacts, that does not exist, or would pull.
     #[error(
-        "a squeeze of {force} N between contacts {first} and {second} of {contacts}; it must push, and be between \
-         contacts that exist",
+        "a squeeze of {force} N between contacts {first} and {second}: the force must be at least 0, and the contacts two \
+         different ones of the {contacts}, counted from 0",
         force = Decimal(*.force),
     )]
     SqueezeEdge {

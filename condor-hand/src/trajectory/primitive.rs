@@ -360,7 +360,7 @@ pub enum MotionError {
         joints: usize,
     },
     /// The joint does not exist.
-    #[error("joint {joint} does not exist: there are {joints}")]
+    #[error("joint {joint} does not exist: there are {joints}, numbered from 0")]
     NoJoint {
         /// The joint that was named.
         joint: usize,
@@ -377,10 +377,8 @@ pub enum MotionError {
         /// The profile that was given.
         profile: Profile,
     },
-    /// The parts that the motion moves are not ready.
-    #[error(
-        "the parts that the motion moves are not ready; clear their failures, and bring them home"
-    )]
+    /// The table has failed, or has not been home.
+    #[error("the table is not ready to move; clear its failure if it has one, and bring it home")]
     NotReady,
 }
 

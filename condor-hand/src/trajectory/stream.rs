@@ -52,7 +52,11 @@ pub enum JointStreamError {
         expected: u32,
     },
     /// A point is before the one that must come before it.
-    #[error("a point at {} s is not after {} s", Decimal(*.time), Decimal(*.after))]
+    #[error(
+        "a point at {} s is not after the point before it, or the start, at {} s",
+        Decimal(*.time),
+        Decimal(*.after)
+    )]
     Time {
         /// The time of the point, s.
         time: f64,

@@ -218,7 +218,7 @@ cases! {
         "hand.toml:75:13: `processor` of axis `y` is 1, which is a servo processor, but must be a table processor\n    1";
     split_finger: UTAH,
         "adc = { board = 0, channel = 6 }" => "processor = 2\nadc = { board = 0, channel = 6 }",
-        "hand.toml:211:13: `processor` of joint `middle` of finger `middle` is 2, and that of the finger's first joint is 1; tendons couple the joints of a finger, so one processor serves them all\n    2";
+        "hand.toml:211:13: `processor` of joint `middle` of finger `middle` is 2, but the finger's first joint has processor 1; tendons couple the joints of a finger, so give them all one processor\n    2";
     rate: UTAH,
         "trajectory_hz = 50 " => "trajectory_hz = 60 ",
         "hand.toml:10:12: `servo_hz` of the hand is 400, which is not a multiple of 60, the trajectories' rate\n    400";
@@ -230,7 +230,7 @@ cases! {
         "hand.toml:11:17: `trajectory_hz` of the hand is 0; it must be above 0\n    0";
     load: UTAH,
         "joint_us = 100.0" => "joint_us = 240.0",
-        "hand.toml:43:10: `budget` of processor 1 is 0.8; the processor would be busy for 0.828 of its time\n    0.8";
+        "hand.toml:43:10: `budget` of processor 1 is 0.8, but the loop of the processor would take 0.828 of its time; give it fewer joints or axes, or a lower rate\n    0.8";
     same_adc_channel: UTAH,
         "adc = { board = 0, channel = 13 }" => "adc = { board = 0, channel = 2 }",
         "hand.toml:261:30: `adc.channel` of joint `proximal` of finger `thumb` is A/D channel 2 of board 0, which joint `middle` of finger `index` has already; a channel has one wire\n    2";
@@ -257,7 +257,7 @@ cases! {
         "hand.toml:188:11: `crosses` of joint `distal` of finger `index` names joint `proximal`, which an entry before names too\n    [";
     planar_joints: TRIPOD,
         "form = { chain = { tip = [0.02, 0.0, 0.0] } }" => "form = { planar = { lengths = [0.0, 0.03, 0.03, 0.02] } }",
-        "hand.toml:46:1: finger `a` is planar and has 3 joints, but a planar finger must have 4; give it the form of a chain\n    [[fingers]]";
+        "hand.toml:46:1: finger `a` is planar and has 3 joints, but a planar finger must have 4; for another number write `form = { chain = … }`\n    [[fingers]]";
     off_axis: UTAH,
         "center = [0.0216, 0.0, 0.0]" => "center = [0.0216, 0.001, 0.0]",
         "hand.toml:167:35: `body.center` of joint `proximal` of finger `index` is not on the x axis; a planar finger's links are\n    [0.0216, 0.001, 0.0]";

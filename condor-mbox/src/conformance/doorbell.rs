@@ -8,7 +8,12 @@ use crate::time::Instant;
 
 /// The error of [`doorbell()`]: a rule that the checked doorbell breaks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("the doorbell breaks a rule: {check}; its clock was at {} ns, and the limit of the check {} ns", .now.as_ns(), .until.as_ns())]
+#[error(
+    "the doorbell breaks a rule: {check}; its clock was at {} ns; the wait's deadline, or the clock's earlier reading, \
+     was {} ns",
+    .now.as_ns(),
+    .until.as_ns()
+)]
 pub struct DoorbellFailure {
     /// The rule that is broken.
     pub check: &'static str,

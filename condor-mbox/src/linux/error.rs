@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use super::window::WindowMapError;
 use crate::id::Processor;
+use crate::layout::BELL_BYTES;
 
 /// The kind of a file: the one that was found, or the one that is required.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -56,7 +57,10 @@ pub enum SystemError {
     },
     /// The size of the users' region of `data` is not a multiple of four, or does not fit in 32
     /// bits together with the doorbell's line before it.
-    #[error("the data size of {user_bytes} bytes is not a multiple of 4, or is too large")]
+    #[error(
+        "the users' region of `data` cannot have {user_bytes} bytes: it must be a multiple of 4, and at most {most}",
+        most = (u32::MAX - BELL_BYTES) / 4 * 4
+    )]
     BadDataSize {
         /// The size that was given, in bytes.
         user_bytes: u32,
@@ -93,7 +97,7 @@ pub enum SystemError {
         expected: u32,
     },
     /// The number is not below the number of processors of the system.
-    #[error("{number} does not exist: the system has {processors} processors")]
+    #[error("{number} does not exist: the system has {processors} processors, numbered from 0")]
     NoSuchProcessor {
         /// The number that was given.
         number: Processor,
@@ -117,8 +121,8 @@ pub enum SystemError {
     /// The environment variable `CONDOR_SYSTEM`, by which a parent passes a system, does not
     /// describe one of this type.
     #[error(
-        "the environment variable CONDOR_SYSTEM is {description:?}, which does not describe a system of this \
-     kind: {reason}"
+        "the environment variable CONDOR_SYSTEM is {description:?}, which does not describe a system that this \
+     program can join: {reason}"
     )]
     BadDescription {
         /// The description that was passed.
@@ -160,7 +164,8 @@ pub enum SystemError {
     },
     /// The directory of the system was removed again and again while a number was being claimed.
     #[error(
-        "{path:?} was removed {times} times by other programs while this one claimed a number; try again"
+        "{path:?} was removed {times} times by other programs while this one claimed the number of a processor; \
+         try again"
     )]
     Unsteady {
         /// The directory.

@@ -38,7 +38,7 @@ enum Command {
     New(new::NewArguments),
     /// Checks the description of a system (a TOML file) and explains every mistake
     Check {
-        /// The file of the description; by default the one that belongs to this program, or else `condor.toml`
+        /// The file of the description; by default the one for which this program was built, or else `condor.toml`
         file: Option<PathBuf>,
     },
     /// Starts a system: its services and the programs of its processors
@@ -75,16 +75,16 @@ enum Command {
     Record(commands::Record),
     /// Writes variables of a recording as a table (CSV) or as a drawing (SVG)
     Export(commands::Export),
-    /// Draws variables over time on this terminal, and the robot as lines
+    /// Draws variables over time on this terminal; with --robot also the robot, as a figure of lines
     Plot(commands::Plot),
-    /// Shows a robot in browsers from its configuration alone, to try postures and motions; or checks a motion:
-    /// limits, torques, tensions, collisions
+    /// Shows a robot in browsers from its configuration alone, to try postures and motions; with --check checks a
+    /// motion instead: limits, torques, tensions, collisions
     Sim(commands::Sim),
     /// Connects this terminal to the terminal of a processor
     Tty(commands::Tty),
     /// Prints static variables of a running program, by their names in its debug information
     Print(commands::Print),
-    /// Starts GDB on the program of a processor: on a hart through a gateway, on a process directly
+    /// Starts GDB on the program of a processor: a process of this machine, or a hart (a core of a RISC-V machine)
     Gdb(commands::Gdb),
     /// Serves GDB's protocol for the programs of harts, so that an editor can debug them
     Debug(commands::Debug),

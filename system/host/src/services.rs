@@ -84,7 +84,9 @@ pub(crate) fn words(name: &str, settings: &impl Serialize) -> serde_json::Result
 /// Reads the settings that [`words`] wrote after the name.
 fn settings<T: DeserializeOwned>(arguments: &[String]) -> Result<T, AnyError> {
     let [settings] = arguments else {
-        return Err("expected the settings of the service, as one argument".into());
+        return Err(
+            "a service takes one argument, its settings in JSON; `condor up` starts services and passes it".into(),
+        );
     };
     Ok(serde_json::from_str(settings)?)
 }

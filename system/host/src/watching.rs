@@ -1,8 +1,9 @@
 //! The variables of a running system: their names, and their values while programs run.
 //!
 //! [`VariableCatalog`] finds names, and [`NewPrograms`] those of programs that come later. [`Rows`] reads the
-//! rows that loops write for this visitor, and the values of published cells. [`Clients`] gets and sets
-//! parameters. The commands `vars`, `plot`, `record` and `view` are made of these.
+//! rows that loops write for this visitor (the values of variables at one tick), and the values of
+//! published cells. [`Clients`] gets and sets parameters. The commands `vars`, `plot`, `record` and `view` are
+//! made of these.
 //!
 //! ```no_run
 //! use condor_host::control::ControlClient;

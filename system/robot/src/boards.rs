@@ -140,8 +140,8 @@ pub enum BoardError {
     },
     /// Counts do not fit into a register.
     #[error(
-        "{} board {} channel {} has {bits} bits, with {zero} counts at zero, which do not fit into its register; \
-         correct its converter in the configuration",
+        "the register of {} board {} channel {} cannot hold {bits} bits with zero at {zero} counts; correct the \
+         configuration",
         channel.converter, channel.board, channel.channel
     )]
     Bits {

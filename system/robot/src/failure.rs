@@ -61,7 +61,9 @@ pub enum Failure {
         error: NumberError,
     },
     /// The configuration has no table.
-    #[error("the configuration of the robot has no `[[table.axes]]`: there is no table to control")]
+    #[error(
+        "the configuration has no `[[table.axes]]`, so there is no table to control; add them, or leave out this program"
+    )]
     NoTable,
     /// The table, the trajectories or the simulated robot cannot have a number of the configuration.
     #[error(transparent)]

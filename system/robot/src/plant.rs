@@ -253,7 +253,7 @@ impl<B: SimBoards> Program for Plant<B> {
                         let ms = arguments.watchdog_ms;
                         if is_new && now >> board & 1 != 0 {
                             background.print(format_args!(
-                                "D/A board {board} takes its outputs to rest: no values came for {ms} ms\n"
+                                "D/A board {board} takes its outputs to the least tensions: no values came for {ms} ms\n"
                             ));
                         } else if is_new {
                             background.print(format_args!("D/A board {board} works again\n"));

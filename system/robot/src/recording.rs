@@ -165,7 +165,8 @@ pub enum ServoRecordingError {
     },
     /// A message has an unknown channel, a wrong place or a wrong length.
     #[error(
-        "after {ticks} ticks there is an unexpected message, of channel {channel} with {bytes} bytes"
+        "after {ticks} ticks there is an unexpected message, of channel {channel} with {bytes} bytes: \
+         record again"
     )]
     Message {
         /// The number of whole ticks before the message.
@@ -176,7 +177,9 @@ pub enum ServoRecordingError {
         bytes: usize,
     },
     /// Ticks came faster than the file service wrote them.
-    #[error("the recording ended early, after {ticks} ticks: the file service wrote too slowly")]
+    #[error(
+        "the recording ended early, after {ticks} ticks: the file service wrote too slowly for this loop"
+    )]
     Behind {
         /// The number of whole ticks that are in the file.
         ticks: u32,

@@ -76,7 +76,10 @@ pub struct RowMessage<'m> {
 #[non_exhaustive]
 pub enum LayoutError {
     /// A line of a schema is not one that a layout has.
-    #[error("line {line} of the schema does not describe a field of a row: `{text}`")]
+    #[error(
+        "line {line} of the schema is not one that `Layout::schema` writes, such as `float64 NAME # VARIABLE`, with tabs \
+         before the unit and the description: `{text}`"
+    )]
     Schema {
         /// The number of the line, from 1.
         line: usize,
@@ -84,7 +87,9 @@ pub enum LayoutError {
         text: String,
     },
     /// A row has more or fewer words than its fields need.
-    #[error("a row has {found} words, but its fields need {expected}")]
+    #[error(
+        "the row has {found} words of 32 bits, but the fields of its layout need {expected}; pass exactly those"
+    )]
     Words {
         /// The number of words of the row.
         found: usize,

@@ -190,8 +190,8 @@ pub enum SupervisorError {
     /// The supervisor does not know the request: a later request, or one of an earlier incarnation of this
     /// program, has taken its place, or the answer has an unknown state.
     #[error(
-        "the supervisor has no request of this number any more: a later one took its place, or it was restarted (state \
-         {state}); make the request again"
+        "the supervisor does not know the request any more, which may have been carried out: a later one took its place, \
+         or this program was restarted (state {state} in the answer); make the request again"
     )]
     Unknown {
         /// The state in the answer.

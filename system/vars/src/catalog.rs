@@ -22,13 +22,17 @@ pub struct Catalog<'e> {
     params: &'e [&'e dyn Tune],
 }
 
+/// The labels of an enum, as [`CatalogError::TooLong`] names them.
+const LABELS: &str = "the list of labels";
+
 /// The reason why the table of a loop's variables, or of a cell's fields, cannot be made.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum CatalogError {
     /// A text is too long.
     #[error(
-        "{what} of entry {entry}, counted from 0, is too long: there is room for {most} bytes, or for {most} labels in a list"
+        "{what} of entry {entry}, counted from 0, is too long: at most {most} {unit} are possible",
+        unit = if *.what == LABELS { "labels" } else { "bytes" }
     )]
     TooLong {
         /// The number of the variable or parameter.
@@ -50,7 +54,7 @@ pub enum CatalogError {
     },
     /// The initial value of a parameter, or of one of a block of parameters, is not within its
     /// bounds.
-    #[error("the initial value of parameter {parameter} is out of bounds")]
+    #[error("the initial value of parameter {parameter}, counted from 0, is out of its bounds")]
     Initial {
         /// The index of the parameter, or block, among all parameters of the catalog.
         parameter: usize,
@@ -210,7 +214,7 @@ pub(crate) fn measure(
             bytes += text.len().next_multiple_of(4);
         }
         if labels.len() > 255 {
-            let (what, most) = ("the list of labels", 255);
+            let (what, most) = (LABELS, 255);
             return Err(CatalogError::TooLong { entry, what, most });
         }
         shape.text_bytes = shape.text_bytes.saturating_add(bytes as u32);

@@ -165,11 +165,12 @@ pub enum CellError {
     Table(#[from] VariableTableError),
     /// The table is that of a loop, not of a cell.
     #[error(
-        "these are the variables of a servo loop, not the fields of a published cell: read them as a loop's"
+        "the table has the variables of a servo loop, not the fields of a published cell: read them by a \
+         `Watcher`, which `VariableClient` makes"
     )]
     NoCell,
     /// The buffer is too short for the value.
-    #[error("the value has {bytes} bytes, but there is room for {room}")]
+    #[error("the value has {bytes} bytes, but the buffer has {room}; pass a longer one")]
     Room {
         /// The size of the value, in bytes.
         bytes: usize,

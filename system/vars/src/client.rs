@@ -118,7 +118,9 @@ pub enum RequestError {
         greatest: AnyValue,
     },
     /// The parameter does not have the expected value: another program has changed it.
-    #[error("the parameter was not set: its present value is {present}, not the expected one")]
+    #[error(
+        "the parameter was not set: its present value is {present}, not the one that the caller expected"
+    )]
     Conflict {
         /// The value that was accepted last.
         present: AnyValue,

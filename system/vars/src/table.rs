@@ -85,7 +85,9 @@ pub enum VariableTableError {
         bytes: u32,
     },
     /// An entry of the table is invalid.
-    #[error("entry {number} of the table of variables is invalid")]
+    #[error(
+        "entry {number} of the table of variables, counted from 0, is damaged: a text or the type in it is invalid"
+    )]
     Entry {
         /// The number of the entry.
         number: u32,

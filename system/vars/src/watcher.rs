@@ -81,7 +81,7 @@ pub enum WatchError {
     #[error("no variable is selected")]
     Unselected,
     /// The buffer is too short for the values.
-    #[error("a row has {words} words, but there is room for {room}")]
+    #[error("a row has {words} words, but the buffer has {room}; pass a longer one")]
     Room {
         /// The number of words of a row's values.
         words: usize,

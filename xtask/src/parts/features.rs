@@ -53,7 +53,7 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
         }
     }
     if combinations == 0 {
-        return Err("no package has features".into());
+        return Err("nothing was checked: no package has features".into());
     }
     let summary = Summary::of(format!("{combinations} combinations, Rust {msrv}"));
     Ok(match left_out {

@@ -30,11 +30,12 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
     }
     let files = packages.files();
     if files == 0 {
-        return Err("no package has a source file".into());
+        return Err("nothing was checked: no package has a source file".into());
     }
     if !found.is_empty() {
         return Err(format!(
-            "{} faults in {files} files: cycles of imports, or files of other packages by a path",
+            "{} faults in {files} files, printed above: imports in a circle, or files of another package that a \
+             path includes",
             found.len()
         )
         .into());

@@ -48,7 +48,7 @@ fn search(context: &Context, packages: &[&str], target: &str, profile: &str) -> 
         .unwrap_or_default();
     if !found.iter().any(|origin| origin.what.contains(ON_PURPOSE)) {
         return Err(format!(
-            "{control} for {target}: the search does not find the panic in `{ON_PURPOSE}`, but {}",
+            "the search for panics misses one: {control} for {target} panics in `{ON_PURPOSE}` on purpose, but it found {}",
             list(&found)
         )
         .into());

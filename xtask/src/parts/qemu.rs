@@ -146,10 +146,15 @@ fn exchange(
         .zip(&back)
         .position(|(sent, came)| sent != came)
     {
-        Some(at) => Err(format!("byte {at} of {count} came back changed").into()),
-        None if back.len() < count => {
-            Err(format!("{} of {count} bytes came back", back.len()).into())
-        }
+        Some(at) => Err(format!(
+            "byte {at}, counted from 0, of the {count} bytes that were sent came back changed"
+        )
+        .into()),
+        None if back.len() < count => Err(format!(
+            "only {} of the {count} bytes that were sent came back",
+            back.len()
+        )
+        .into()),
         None => Ok(()),
     }
 }

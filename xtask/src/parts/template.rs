@@ -99,7 +99,7 @@ fn make<'c>(
         .current_dir(outside)
         .status()?;
     if !made.success() {
-        return Err(format!("`condor new {name}`: {made}").into());
+        return Err(format!("`condor new {name}` failed: {made}").into());
     }
     let directory = outside.join(name);
     // Kept from run to run.

@@ -95,7 +95,8 @@ fn judge(listed: &Table, counts: &Table, found: &Findings) -> Result<()> {
     }
     let (fewer, more) = (remedies.len() - more.len(), more.len());
     Err(format!(
-        "{more} files have too many findings, and {fewer} have fewer than xtask/words.toml says"
+        "{more} files have more findings than xtask/words.toml allows: mend their texts; {fewer} have fewer: run \
+         `cargo xtask words --record`"
     )
     .into())
 }

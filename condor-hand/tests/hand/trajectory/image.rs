@@ -255,7 +255,7 @@ fn a_tool_writes_for_a_number_of_joints_that_it_learns_later() {
     let error = encode_for(J + 1, &[last(3)], &mut bytes).unwrap_err();
     assert_eq!(
         error.to_string(),
-        "the image is for 7 joints, this program for 6"
+        "the image (the binary file) is for 7 joints, but this program for 6; build both for the same number"
     );
     // And a program that learns it later reads and appends.
     let len = append_for(4, &last(2), &mut bytes, len).unwrap();

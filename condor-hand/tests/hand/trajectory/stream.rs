@@ -215,7 +215,10 @@ fn what_no_joint_can_do_is_refused_with_its_name() {
             point(0.1, 0.0, 0.0),
             "joint 0 at 0.1 s: the acceleration, rad/s², is 60; it must be at most 40",
         ),
-        (point(-0.1, 0.1, 0.0), "a point at -0.1 s is not after 0 s"),
+        (
+            point(-0.1, 0.1, 0.0),
+            "a point at -0.1 s is not after the point before it, or the start, at 0 s",
+        ),
         (
             point(0.0, 0.2, 0.0),
             "joint 0 at 0 s: the position at the time of the point before, rad, is 0.2; it must be at most 0.1",

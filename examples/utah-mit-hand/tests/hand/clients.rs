@@ -310,7 +310,7 @@ fn what_is_typed_waits_like_all_requests_and_ends_no_other() {
         typist.wait(0.3);
         assert_eq!(
             typist.says("to thumb.middle 0.9 0.4"),
-            "the motion waits: 1 in the queue\n"
+            "the motion waits: it is number 1 in the queue\n"
         );
         // Nothing else moves the hand meanwhile.
         let busy = "a motion runs or waits: type `abort` first\n";

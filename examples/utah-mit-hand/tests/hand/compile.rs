@@ -98,7 +98,7 @@ fn what_is_wrong_is_said_with_its_file_and_line() {
     fs::write(&path, good.repeat(400)).unwrap();
     let error = compile_motions(directory.path(), &out, &names).unwrap_err();
     let expected = format!(
-        "{}: the compiled file (the image) does not fit into 8192 bytes; make the text shorter, or the buffer longer",
+        "{}: the compiled file (the image) does not fit into 8192 bytes; shorten its source file, or lengthen the buffer",
         path.display()
     );
     assert_eq!(error.to_string(), expected);

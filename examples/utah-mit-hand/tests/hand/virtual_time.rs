@@ -123,7 +123,7 @@ fn a_servo_that_ends_leaves_its_fingers_to_the_watchdog_and_no_others() {
         }
     });
     assert!(
-        seen.said[3].contains("D/A board 3 takes its outputs to rest"),
+        seen.said[3].contains("D/A board 3 takes its outputs to the least tensions"),
         "{:?}",
         seen.said
     );

@@ -31,7 +31,8 @@ pub(super) struct At {
     /// The port at which clients connect; 0 picks a free one
     #[arg(long, default_value_t = 8765)]
     port: u16,
-    /// The address of this machine at which clients connect; everybody who can reach it may look
+    /// The address of this machine at which clients connect; everybody who can reach it may see what is shown, but
+    /// changes need the token that is printed
     #[arg(long, value_name = "ADDRESS", default_value_t = IpAddr::V4(Ipv4Addr::LOCALHOST))]
     listen: IpAddr,
     /// Lets pages of this origin connect, such as `https://app.example`, or applications of the desktop,

@@ -22,8 +22,8 @@ pub(super) struct ClockOptions {
     /// Runs a simulated clock at this speed: a multiple of the real time, or `max`
     #[arg(long, value_name = "SPEED")]
     speed: Option<ClockSpeed>,
-    /// Repeats what was typed in an earlier run, at the same simulated times: the file `typing` in the
-    /// directory of that system
+    /// Types again what was typed in an earlier run, at the same simulated times; FILE is the file `typing` in
+    /// the directory of the system of that run
     #[arg(long, value_name = "FILE")]
     typing: Option<PathBuf>,
 }

@@ -60,7 +60,7 @@ pub(super) struct NewArguments {
     /// The directory with Condor's source tree; the project depends on the crates there
     #[arg(long, value_name = "CONDOR")]
     path: PathBuf,
-    /// Makes a project for a robot: a finger that its file describes, instead of two processors with programs
+    /// Makes a project for a robot with one finger, which a file describes, instead of programs for two processors
     #[arg(long)]
     robot: bool,
 }

@@ -22,7 +22,7 @@ use condor_host::system::SystemDirectory;
 
 #[derive(Debug, Args)]
 pub(super) struct Up {
-    /// The file of the description; by default that of this program, or else `condor.toml`
+    /// The file of the description; by default the one for which this program was built, or else `condor.toml`
     pub(super) file: Option<PathBuf>,
     #[command(flatten)]
     pub(super) how: How,
@@ -37,13 +37,14 @@ pub(super) struct How {
     /// Runs without the user interface, for scripts, and prints a summary at the end
     #[arg(long)]
     headless: bool,
-    /// The user interface started this supervisor: a person types there, and no lines come from the description
+    /// Only the user interface uses this option: a person types there, and no lines come from the description
     #[arg(long, hide = true, requires = "headless")]
     attended: bool,
-    /// This process is the supervisor; its parent waits for it, and ends what it leaves behind
+    /// Only `up` itself uses this option: this process is the supervisor; its parent waits for it, and ends what it
+    /// leaves behind
     #[arg(long, hide = true)]
     kept: bool,
-    /// Stops the system after this time, such as 10s or 2m
+    /// Stops the system after this time, such as 10s or 2m: simulated time if the clock is simulated
     #[arg(long = "for", value_name = "TIME", value_parser = duration)]
     duration: Option<Duration>,
     /// Prints the summary as JSON; needs --headless
@@ -148,7 +149,10 @@ pub(super) fn run(
                 print_answers(&description, directory);
             }
             if let Err(error) = application.summarize(&description, directory) {
-                eprintln!("{}: cannot summarize the programs: {error}", me());
+                eprintln!(
+                    "{}: cannot print the summary of the programs: {error}",
+                    me()
+                );
             }
         },
     )?;

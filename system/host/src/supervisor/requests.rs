@@ -107,7 +107,7 @@ impl Supervisor<'_> {
 
     fn change_clock(&self, change: &Change) -> Result<Option<ControlAnswer>, String> {
         if self.down.is_some() {
-            return Err("the system is going down".into());
+            return Err("the system is going down, so the clock was not changed".into());
         }
         if !self.is_up {
             return Err("time has not begun: not all programs run yet".into());

@@ -176,7 +176,7 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
         }
         if let Some(problem) = self.requests.take_refused() {
             say(format_args!(
-                "a motion of another program is refused: {problem}"
+                "a motion that another program has sent is refused: {problem}"
             ));
         }
         if let Some((title, mut state, mut reason)) = self.player.play(self.hand, self.shared, &say)
@@ -470,8 +470,8 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
         }
         if let Some(failed @ 1..) = failed {
             self.say(format_args!(
-                "the simulated robot has failed in {failed} ticks, as its terminal explains; `clear` puts it back to \
-                 its start"
+                "the simulation of the robot has failed in {failed} ticks; the terminal of its processor says why, and \
+                 `clear` puts the robot back to its start"
             ));
         }
         let is_paused = with(self.shared, |drive| drive.generator.is_paused());
@@ -485,7 +485,7 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
                 let (next, count) = self.player.progress();
                 if count == 0 {
                     self.say(format_args!(
-                        "motion {title} runs: a stream of points{paused}"
+                        "motion {title} runs: it follows the points that a program sends{paused}"
                     ));
                 } else {
                     self.say(format_args!(
@@ -624,7 +624,9 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
             return self.begin_next();
         }
         let (waiting, _) = self.requests.waiting();
-        self.say(format_args!("the motion waits: {waiting} in the queue"));
+        self.say(format_args!(
+            "the motion waits: it is number {waiting} in the queue"
+        ));
         Ok(())
     }
 

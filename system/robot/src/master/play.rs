@@ -232,14 +232,14 @@ impl Player {
             let reason = match event.happening {
                 Happening::Refused(error) => {
                     say(format_args!(
-                        "a motion is not possible from this position: {error}"
+                        "a motion of the sequence is not possible from the present position: {error}"
                     ));
                     RefusalReason::FromHere
                 }
                 Happening::Ended(MotionEnd::Stopped(guard)) => {
                     if guard == MotionGuard::Time {
                         say(format_args!(
-                            "a motion was stopped because its time is over"
+                            "a motion of the sequence was stopped at its time limit"
                         ));
                     }
                     self.end.0 = RequestState::Stopped;

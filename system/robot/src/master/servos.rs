@@ -269,7 +269,9 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
         }
         if status.refused_set_points != refused {
             let count = status.refused_set_points.wrapping_sub(refused);
-            say(format_args!("{name} refused {count} set-points"));
+            say(format_args!(
+                "{name} refused set-points {count} times, because a number in them was not finite or too far away"
+            ));
         }
         *kept = Some(status);
     }

@@ -100,7 +100,7 @@ pub(super) enum Problem<'l> {
     #[error("{finger} has a fault: {fault}")]
     Fault { finger: Name, fault: FingerFault },
     #[error(
-        "the fault of {0} is cleared, but the finger has not left its state of rest yet; try again"
+        "the fault of {0} is cleared, but the finger still goes to its least tensions or stays there; try again"
     )]
     Resting(Name),
     #[error("a motion runs or waits: type `abort` first")]
@@ -136,11 +136,15 @@ pub(super) enum Problem<'l> {
         low: f64,
         high: f64,
     },
-    #[error("the supervisor has not carried out `{0}` yet; try again")]
+    #[error(
+        "the supervisor still carries out `{0}`, which was typed before; try again when it is done"
+    )]
     Ordered(heapless::String<48>),
     #[error(transparent)]
     Supervisor(#[from] SupervisorError),
-    #[error("processor {0} does not run the program that this command needs")]
+    #[error(
+        "processor {0} does not run its part of the robot (servos, table or simulation), which this command needs"
+    )]
     Absent(u8),
     #[error("no processor simulates the robot, which this command needs")]
     NoPlant,
@@ -150,11 +154,14 @@ pub(super) enum Problem<'l> {
     NotSeen(u8),
     #[error("the robot has no table: its configuration has no processor for one")]
     NoTable,
-    #[error("the robot refused: {0}")]
+    #[error("the simulated robot refused the request: {0}")]
     Plant(plant::PlantRefusal),
-    #[error("the table refused: {0}")]
+    #[error("the table refused the request: {0}")]
     Table(table::TableRefusal),
-    #[error("processor {processor} does not hold the ball: {reason}", reason = .reason.as_str())]
+    #[error(
+        "the fingers of processor {processor} have not carried out the grasp order: {reason}",
+        reason = .reason.as_str()
+    )]
     Grasp { processor: u8, reason: GraspReason },
     #[error("{name}: {error}")]
     File { name: Path, error: FileError },

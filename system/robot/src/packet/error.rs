@@ -49,7 +49,9 @@ pub enum ClientError {
     #[error(transparent)]
     Refused(#[from] ServoRefusal),
     /// A later order of another sender replaced this one, before or after it was carried out.
-    #[error("another order took the place of order {number}")]
+    #[error(
+        "a later order of another sender replaced order {number}, which may have been carried out before"
+    )]
     Superseded {
         /// The number of the order.
         number: u32,
@@ -78,13 +80,13 @@ pub enum ClientError {
     NotInControl(InControl),
     /// The session is that of another processor, or of an earlier incarnation of this one: open another.
     #[error(
-        "the session was opened by another processor, or before this one was restarted; open another session"
+        "the session belongs to another processor, or was opened before this processor restarted; open a new session"
     )]
     NotYours,
     /// The ledger of the controller of motions has the last number that a session can have.
     #[error(
-        "the controller's ledger has the last number that a session can have; stop the controller's program, remove \
-         its ledger, and start the program again"
+        "the ledger of the motion controller (its file motions.ledger) has the last number that a session can have; stop \
+         the controller's program, remove the file, and start the program again"
     )]
     Exhausted,
     /// All points of the batch are refused.

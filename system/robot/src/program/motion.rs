@@ -185,7 +185,7 @@ fn run_stream<M: Messenger, W: MemoryWindow + Clone>(
             Ok(SentPoints::Ended(_)) => break,
             Err(error) => {
                 let first = batch.points.first().map_or(0.0, |point| point.time);
-                return Err(format!("the points from {first} s on: {error}").into());
+                return Err(format!("cannot send the points from {first} s on: {error}").into());
             }
         }
     }

@@ -59,7 +59,7 @@ impl LoopNews {
         if self.failures != before.failures {
             let failures = self.failures.wrapping_sub(before.failures);
             say(format_args!(
-                "{failures} transfers from or to converter boards failed"
+                "{failures} more transfers from or to the A/D and D/A boards failed"
             ));
         }
     }

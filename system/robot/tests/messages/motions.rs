@@ -795,7 +795,7 @@ fn a_stream_takes_points_of_its_client_until_it_ends() {
     let late = send(2, &batch(1, (0.1, 0.1, 0.0), true));
     assert_eq!(
         late.unwrap_err().to_string(),
-        "a point at 0.1 s is not after 0.2 s"
+        "a point at 0.1 s is not after the point before it, or the start, at 0.2 s"
     );
     let seen = rig.client(first).look(of(session, 2), SOON).unwrap();
     assert_eq!(

@@ -343,7 +343,7 @@ fn the_ledger_of_something_else_is_refused_with_what_was_found() {
                 error @ RestoreError::Write(_) => panic!("{error:?}"),
             })
             .unwrap(),
-        "the image is for 4 sessions, this program for 2"
+        "the image (the binary file) is for 4 sessions, but this program for 2; build both for the same number"
     );
 }
 

@@ -45,7 +45,7 @@ pub enum ProcessError {
         source: io::Error,
     },
     /// The bus could not be mapped.
-    #[error("cannot map the bus {path:?}: {source}")]
+    #[error("cannot map the bus, the device registers in {path:?}: {source}")]
     MapBus {
         /// The path of the file.
         path: PathBuf,
@@ -62,8 +62,11 @@ pub enum ProcessError {
         /// The reason.
         source: condor_mbox::linux::WindowMapError,
     },
-    /// The page of the simulated clock does not fit into the file at this offset.
-    #[error("{path:?} has no room for the page of a simulated clock at offset {offset:#x}")]
+    /// The page of the simulated clock does not fit into the file at this offset, or the offset is not a multiple of 64.
+    #[error(
+        "{path:?} cannot have the page of a simulated clock at offset {offset:#x}: the offset must be a multiple of 64, \
+         and the whole page in the file"
+    )]
     ClockPlace {
         /// The path of the file.
         path: PathBuf,

@@ -182,7 +182,10 @@ impl LinuxProcess {
     /// Says on standard error what the kernel has refused.
     fn tell(&self, privileges: &Privileges) {
         for (what, error) in privileges.refused() {
-            eprintln!("{}: the kernel refuses {what}: {error}", self.number);
+            eprintln!(
+                "{}: the kernel refuses {what}: {error}; the program runs without it",
+                self.number
+            );
         }
     }
 }

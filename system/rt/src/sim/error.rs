@@ -19,7 +19,7 @@ pub enum SimError {
     #[error(transparent)]
     System(#[from] SystemError),
     /// The system has no processor with this number.
-    #[error("{number} does not exist: a system has {PROCESSORS} processors")]
+    #[error("{number} does not exist: a system has {PROCESSORS} processors, numbered from 0")]
     NoSuchProcessor {
         /// The number that was given.
         number: Processor,

@@ -272,7 +272,7 @@ fn numbers_are_checked() {
     let error = system.host(Processor(32), idle).unwrap_err();
     assert_eq!(
         error.to_string(),
-        "processor 32 does not exist: a system has 32 processors"
+        "processor 32 does not exist: a system has 32 processors, numbered from 0"
     );
     assert_eq!(system.run().unwrap(), 0);
 }

@@ -56,7 +56,7 @@ pub(crate) fn descriptors<'p>(
             "fs/run",
             0,
             OpenMode::empty(),
-            "fs/run cannot be opened for nothing",
+            "fs/run cannot be opened for nothing; ask for reading or writing, as it allows",
         ),
     ] {
         let error = switch.open(name, board, mode).err();

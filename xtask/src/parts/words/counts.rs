@@ -90,7 +90,10 @@ pub(super) fn recorded(
         }
         if came > gone {
             let new = new.join(", ");
-            return Err(format!("these files are new and have findings: {new}").into());
+            return Err(format!(
+                "these files are new and have findings, which --record does not allow; mend the texts: {new}"
+            )
+            .into());
         }
     }
     let rules = text.split(HEADING).next().unwrap_or(text).trim_end();

@@ -121,7 +121,11 @@ impl Extension for Harts {
 
     fn serve(&self, arguments: &[String]) -> Result<(), AnyError> {
         let [memory, link, command, monitor, options @ ..] = arguments else {
-            return Err("expected MEMORY LINK QEMU MONITOR OPTIONS…".into());
+            return Err(
+                "give the arguments MEMORY LINK QEMU MONITOR OPTIONS…: the file of the machine's memory, the path of \
+                 the socket to make, the command of QEMU, the ELF file of the monitor, further options of QEMU"
+                    .into(),
+            );
         };
         let qemu = Qemu {
             command: command.into(),

@@ -22,16 +22,18 @@ type AnyError = Box<dyn std::error::Error>;
 #[derive(Debug, Parser)]
 #[command(name = "condor-remote", version)]
 struct Line {
-    /// The name of the robot; needed only if the file of robots has several
+    /// The name of the robot; needed only if the file of robots (see --robots) has several
     #[arg(long, global = true)]
     robot: Option<String>,
-    /// The address of its gateway or of a router, such as tcp/192.168.0.2:7447; by default from the file of robots
+    /// The address of the robot's gateway or of a router of zenoh, such as tcp/192.168.0.2:7447; by default from the
+    /// file of robots
     #[arg(long, global = true, value_name = "PLACE")]
     connect: Vec<String>,
-    /// The name of this client; by default from the file of robots
+    /// The name of this client, by which robots tell the motions of clients apart; by default from the file of robots
     #[arg(long, global = true, value_name = "NAME")]
     client: Option<String>,
-    /// The file of robots; by default condor/remote.toml in the directory of this user's configurations
+    /// The file of robots (TOML): their names and addresses, and the name of this client; by default
+    /// condor/remote.toml in ~/.config, or in $XDG_CONFIG_HOME if that is set
     #[arg(long, global = true, value_name = "FILE")]
     robots: Option<PathBuf>,
     /// The longest time to wait for an answer, in seconds
@@ -70,7 +72,7 @@ enum Command {
         processor: String,
         /// The name or the number of the vector
         vector: String,
-        /// The data: a whole number of 32 bits
+        /// The data of the message: a whole number from 0 to 4294967295
         data: u32,
     },
     /// Runs motions one after another, and waits until each has ended
@@ -88,7 +90,7 @@ enum Command {
         #[arg(value_parser = identity)]
         id: Id,
     },
-    /// Prevents a motion from running if the gateway has not received it yet
+    /// Withdraws a motion: if the gateway has not received it yet, it never runs. Prints the state of the motion
     Withdraw {
         /// The identity of the motion, such as 1.3; `run` prints it
         #[arg(value_parser = identity)]
@@ -105,7 +107,7 @@ enum Vars {
         /// The name of a processor; all of them by default
         processor: Option<String>,
     },
-    /// Shows the present values of variables, parameters and fields
+    /// Shows the present values of variables, parameters and fields of published cells (values that programs share)
     Get {
         /// The names of variables, parameters or fields
         #[arg(required = true)]
