@@ -23,7 +23,8 @@
 //! A session belongs to the processor that opened it, and to its incarnation: other processors get
 //! [`MotionResponse::NotYours`], except for `Look`, and for an `Offer` of a request that the controller has already.
 //! When that incarnation ends, the controller closes the session, and its control with it; the next incarnation of
-//! the processor cannot use it even before that. The session's requests in the queue go on. A request that the
+//! the processor cannot use it even before that. The session's requests in the queue go on, unless the client has bound
+//! them to the session; then all motion ends. A request that the
 //! controller has not received by then never runs ([`QueueAnswer::Never`]). When the controller's program ends, the
 //! requests that it had accepted are lost or broken off; the sessions stay.
 
@@ -51,7 +52,7 @@ use crate::queue::{InControl, QueueAnswer, RequestIdentity};
 /// The vector of the messages that carry requests to the motion queue of a controller.
 pub const MOTIONS: Vector = Vector(33);
 /// The version of this protocol of motions.
-pub const VERSION: u32 = 4;
+pub const VERSION: u32 = 5;
 /// The greatest number of bytes of the motions of one request.
 pub const BODY_BYTES: usize = 480;
 
@@ -88,11 +89,19 @@ pub enum MotionRequest {
         /// The session that is in control.
         session: u32,
     },
+    /// Binds the requests of a session to it: if the session is closed, since its client has ended, while one of them
+    /// waits or runs, all motion ends. The answer is [`MotionResponse::Done`].
+    Bind {
+        /// The session of the requests.
+        session: u32,
+    },
     /// Asks for the state of a request. The answer is [`MotionResponse::Request`].
     Look(RequestIdentity),
     /// Enqueues motions or a stream. The answer is [`MotionResponse::Request`] when the queue has accepted or refused
     /// it.
     Offer(RequestIdentity, Offer),
+    /// Withdraws a request: if the queue does not have it yet, it never runs. The answer is [`MotionResponse::Request`].
+    Withdraw(RequestIdentity),
     /// Sends points of a stream. The answer is [`MotionResponse::Points`], [`MotionResponse::Refused`], or
     /// [`MotionResponse::Request`] once the stream has ended.
     Points(RequestIdentity, PackedBatch),
@@ -106,8 +115,10 @@ impl MotionRequest {
             Self::Control { session, .. }
             | Self::GiveUp { session }
             | Self::Abort { session }
+            | Self::Bind { session }
             | Self::Look(RequestIdentity { session, .. })
             | Self::Offer(RequestIdentity { session, .. }, _)
+            | Self::Withdraw(RequestIdentity { session, .. })
             | Self::Points(RequestIdentity { session, .. }, _) => *session,
         })
     }

@@ -113,6 +113,31 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow + Clone> MotionsClient<'m, M, W>
         Ok(self.request(&request, timeout)?.answer)
     }
 
+    /// Withdraws a request: if the queue does not have it yet, it never runs, even if it comes later. Otherwise nothing
+    /// changes. Returns the queue's answer, which is never [`QueueAnswer::New`].
+    ///
+    /// # Errors
+    /// Returns [`ClientError::NotYours`] if the session is of another processor or incarnation, and the errors of all
+    /// calls (see [`open`](Self::open)).
+    pub fn withdraw(
+        &mut self,
+        identity: RequestIdentity,
+        timeout: Duration,
+    ) -> Result<QueueAnswer, ClientError> {
+        let request = MotionRequest::Withdraw(identity);
+        Ok(self.request(&request, timeout)?.answer)
+    }
+
+    /// Binds the requests of a session to it, until the controller's program ends: if this processor's incarnation ends
+    /// while one of them waits or runs, the controller ends all motion. Otherwise they run on.
+    ///
+    /// # Errors
+    /// Returns [`ClientError::NotYours`] if the session is of another processor or incarnation, and the errors of all
+    /// calls (see [`open`](Self::open)).
+    pub fn bind(&mut self, session: u32, timeout: Duration) -> Result<(), ClientError> {
+        self.done(&MotionRequest::Bind { session }, timeout)
+    }
+
     /// Offers a stream of the joints in `mask` (bit *i* is joint *i*) to the queue, and waits until it is accepted or
     /// refused. Returns the queue's answer. Then send the points of the stream with [`points`](Self::points).
     ///

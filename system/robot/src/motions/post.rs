@@ -53,8 +53,8 @@ impl Abort {
 pub(super) struct MotionsState<P, const N: usize> {
     /// `None` while the background works on it.
     pub(super) queue: Option<MotionQueue<P, N>>,
-    /// At most one offer of each processor.
-    pub(super) inbox: Deque<(SessionOwner, RequestIdentity, Offer), INBOX>,
+    /// At most one offer of each processor; `None` withdraws the request.
+    pub(super) inbox: Deque<(SessionOwner, RequestIdentity, Option<Offer>), INBOX>,
     /// For each processor that has asked for a session, the one that was opened for it, or 0 if none is open
     /// yet.
     opened: [Option<u32>; Processor::MAX_COUNT],
@@ -175,6 +175,7 @@ impl<P, const N: usize> MotionsState<P, N> {
             MotionRequest::Control { .. }
             | MotionRequest::Abort { .. }
             | MotionRequest::GiveUp { .. }
+            | MotionRequest::Bind { .. }
                 if is_of_other =>
             {
                 MotionResponse::NotYours
@@ -198,26 +199,16 @@ impl<P, const N: usize> MotionsState<P, N> {
                 }
             }
             MotionRequest::Look(RequestIdentity { number: 0, .. })
-            | MotionRequest::Offer(RequestIdentity { number: 0, .. }, _) => MotionResponse::Invalid,
+            | MotionRequest::Offer(RequestIdentity { number: 0, .. }, _)
+            | MotionRequest::Withdraw(RequestIdentity { number: 0, .. }) => MotionResponse::Invalid,
             MotionRequest::Look(identity) => match queue.answer(identity) {
                 QueueAnswer::New if self.has(identity) => MotionResponse::Pending,
                 answer => self.state(identity, answer),
             },
-            MotionRequest::Offer(identity, offer) => match queue.answer(identity) {
-                QueueAnswer::New if self.has(identity) => MotionResponse::Pending,
-                QueueAnswer::New if is_of_other => MotionResponse::NotYours,
-                QueueAnswer::New => {
-                    let mut waiting = self.inbox.iter();
-                    let is_first = waiting.all(|(from, ..)| from.processor != sender.processor);
-                    let offer = (sender, identity, offer);
-                    if is_first && self.inbox.push_back(offer).is_ok() {
-                        MotionResponse::Pending
-                    } else {
-                        MotionResponse::Busy
-                    }
-                }
-                answer => self.state(identity, answer),
-            },
+            MotionRequest::Offer(identity, offer) => {
+                self.enter(sender, is_of_other, identity, Some(offer))
+            }
+            MotionRequest::Withdraw(identity) => self.enter(sender, is_of_other, identity, None),
             MotionRequest::Abort { session } => {
                 let in_control = queue.in_control();
                 if in_control != InControl::Session(session) {
@@ -240,10 +231,39 @@ impl<P, const N: usize> MotionsState<P, N> {
                 }
                 answer => MotionResponse::Request(RequestProgress::of(answer)),
             },
+            MotionRequest::Bind { session } => {
+                queue.bind(session);
+                MotionResponse::Done
+            }
             MotionRequest::GiveUp { session } => {
                 queue.give_up_control(session);
                 MotionResponse::Done
             }
+        }
+    }
+
+    /// Has the background decide about an offer, or a request that is withdrawn, if the queue does not have it.
+    fn enter(
+        &mut self,
+        sender: SessionOwner,
+        is_of_other: bool,
+        identity: RequestIdentity,
+        offer: Option<Offer>,
+    ) -> MotionResponse {
+        let answer = self.queue.as_ref().map(|queue| queue.answer(identity));
+        match answer.unwrap_or(QueueAnswer::New) {
+            QueueAnswer::New if self.has(identity) => MotionResponse::Pending,
+            QueueAnswer::New if is_of_other => MotionResponse::NotYours,
+            QueueAnswer::New => {
+                let mut waiting = self.inbox.iter();
+                let is_first = waiting.all(|(from, ..)| from.processor != sender.processor);
+                if is_first && self.inbox.push_back((sender, identity, offer)).is_ok() {
+                    MotionResponse::Pending
+                } else {
+                    MotionResponse::Busy
+                }
+            }
+            answer => self.state(identity, answer),
         }
     }
 

@@ -50,7 +50,8 @@ pub trait LedgerStore {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum MotionsEvent {
-    /// A client has ended all motion: stop the robot, then call [`MotionsServer::abort`].
+    /// A client has ended all motion, or is gone and its motions are bound to it: stop the robot, then call
+    /// [`MotionsServer::abort`].
     Aborted,
     /// A client has taken control with this session.
     Taken(u32),
@@ -179,12 +180,14 @@ impl<'p, P, L: LedgerStore, const N: usize> MotionsServer<'p, P, L, N> {
                 }
                 let is_of_sender = queue.owner(identity.session) == Some(sender);
                 // An offer of an incarnation that has ended since then is dropped.
-                if is_of_sender && incarnation == Some(sender.incarnation) {
-                    queue
+                if !is_of_sender || incarnation != Some(sender.incarnation) {
+                    return Ok(());
+                }
+                match offer {
+                    None => queue.withdraw(identity, write).map(drop),
+                    Some(offer) => queue
                         .offer(identity, write, || make(offer.clone()))
-                        .map(drop)
-                } else {
-                    Ok(())
+                        .map(drop),
                 }
             })?;
             if decided.is_some() {
@@ -198,8 +201,8 @@ impl<'p, P, L: LedgerStore, const N: usize> MotionsServer<'p, P, L, N> {
         Ok(())
     }
 
-    /// Closes the session of a client whose incarnation has ended, if there is one. Returns it if it was in
-    /// control.
+    /// Closes the session of a client whose incarnation has ended, if there is one, and has all motion end if requests
+    /// are bound to it. Returns it if it was in control.
     fn close_gone(
         &mut self,
         incarnation: &impl Fn(u32) -> Option<u32>,
@@ -211,7 +214,15 @@ impl<'p, P, L: LedgerStore, const N: usize> MotionsServer<'p, P, L, N> {
         let Some((session, _)) = gone.flatten() else {
             return Ok(None);
         };
-        let was_in_control = self.change(|queue, write| queue.close(session, write))?;
+        let post = self.post;
+        let was_in_control = self.change(|queue, write| {
+            let ends_motion = queue.has_bound_requests(session);
+            let was_in_control = queue.close(session, write)?;
+            if ends_motion {
+                post.with(|desk| desk.abort = Abort::Asked);
+            }
+            Ok(was_in_control)
+        })?;
         Ok((was_in_control == Some(true)).then_some(session))
     }
 

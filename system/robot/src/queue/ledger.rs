@@ -155,6 +155,8 @@ pub enum RefusalReason {
     FromHere = 8,
     /// The points of a stream did not come in time.
     Starved = 9,
+    /// The client has withdrawn the request before it came.
+    Withdrawn = 10,
 }
 
 impl fmt::Display for RefusalReason {
@@ -170,6 +172,7 @@ impl fmt::Display for RefusalReason {
             Self::Failure => "a part that it moves has failed",
             Self::FromHere => "it is not possible from where the robot was",
             Self::Starved => "its points did not come in time",
+            Self::Withdrawn => "it was withdrawn",
         })
     }
 }
@@ -185,6 +188,8 @@ struct Session {
     owner: SessionOwner,
     /// True if the owner is gone, so that no request can come any more.
     is_closed: bool,
+    /// True if its requests end with it. This is not stored, since none outlives the program.
+    is_bound: bool,
 }
 
 /// A request, as its row records it.
@@ -300,6 +305,7 @@ impl<const N: usize> Ledger<N> {
                             incarnation,
                         },
                         is_closed: kind == CLOSED,
+                        is_bound: false,
                     };
                     ledger.changes = ledger.changes.max(place.used);
                 }
@@ -389,6 +395,7 @@ impl<const N: usize> Ledger<N> {
             used: self.changes.wrapping_add(1),
             owner,
             is_closed: false,
+            is_bound: false,
         };
         self.put_session(place, session, write)?;
         Ok(Some(number))
@@ -450,6 +457,22 @@ impl<const N: usize> Ledger<N> {
             )?;
         }
         Ok(())
+    }
+
+    /// Binds the requests of session number `session` to it, until the program ends.
+    pub fn bind(&mut self, session: u32) {
+        let mut sessions = self.sessions.as_flattened_mut().iter_mut();
+        if let Some(it) = sessions.find(|it| session != 0 && it.number == session) {
+            it.is_bound = true;
+        }
+    }
+
+    /// Returns true if session number `session` is [bound](Self::bind), and a request of it waits or runs.
+    #[must_use]
+    pub fn has_bound_requests(&self, session: u32) -> bool {
+        let is_bound = self.session(session).is_some_and(|(_, it)| it.is_bound);
+        let mut requests = self.requests.as_flattened().iter().flatten();
+        is_bound && requests.any(|it| it.identity.session == session && !it.state.is_final())
     }
 
     /// Returns true if session number `session` was closed; false also if there is no such session.

@@ -224,6 +224,18 @@ impl<P, const N: usize> MotionQueue<P, N> {
         self.ledger.is_closed(session)
     }
 
+    /// Binds the requests of a session to it, until the program ends: if the session is [closed](Self::close) while one
+    /// of them waits or runs, all motion must end. Before that, [`has_bound_requests`](Self::has_bound_requests) tells so.
+    pub fn bind(&mut self, session: u32) {
+        self.ledger.bind(session);
+    }
+
+    /// Returns true if a session is [bound](Self::bind), and a request of it waits or runs.
+    #[must_use]
+    pub fn has_bound_requests(&self, session: u32) -> bool {
+        self.ledger.has_bound_requests(session)
+    }
+
     /// Closes a session whose owner has ended: the session can offer no more requests, and is not in control any more.
     /// Its requests in the queue stay. Returns true if the session was in control.
     ///
@@ -309,6 +321,23 @@ impl<P, const N: usize> MotionQueue<P, N> {
         if let Some(work) = work {
             // The deque is not full: `make` was called only if it had room.
             let _ = self.waiting.push_back((identity, work));
+        }
+        Ok(self.answer(identity))
+    }
+
+    /// Refuses a request that its client has withdrawn, if the queue does not have it yet: it never runs, even if it
+    /// comes later. Otherwise nothing changes. Returns the answer for the client.
+    ///
+    /// # Errors
+    /// Returns the error of `write` if a row cannot be written; the request can still come then.
+    pub fn withdraw<E>(
+        &mut self,
+        identity: RequestIdentity,
+        write: impl FnMut(usize, &LedgerRow) -> Result<(), E>,
+    ) -> Result<QueueAnswer, E> {
+        if self.answer(identity) == QueueAnswer::New {
+            let (state, reason) = (RequestState::Refused, RefusalReason::Withdrawn);
+            self.record(identity, state, reason, write)?;
         }
         Ok(self.answer(identity))
     }

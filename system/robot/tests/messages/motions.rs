@@ -386,6 +386,7 @@ fn a_session_is_used_by_its_owner_alone() {
             control(session),
             MotionRequest::Abort { session },
             MotionRequest::GiveUp { session },
+            MotionRequest::Bind { session },
             points(session, 1),
         ] {
             let answer = rig.raw(second, &request);
@@ -483,6 +484,64 @@ fn control_of_a_client_that_is_gone_is_free_and_what_it_had_enqueued_goes_on() {
     assert_eq!(first.look(of(gone, 1), SOON).unwrap().answer, DONE);
     let again = first.offer(of(gone, 2), b"wave", SOON).unwrap();
     assert_eq!(again, QueueAnswer::Never);
+}
+
+#[test]
+fn motion_that_is_bound_to_a_client_ends_with_it() {
+    let rig = Rig::new();
+    let second = rig.mailbox(SECOND);
+    let mut second = rig.client(second);
+    let other = second.open(SOON).unwrap();
+    for is_bound in [false, true] {
+        let mailbox = rig.mailbox(FIRST);
+        let mut first = rig.client(mailbox);
+        let gone = first.open(SOON).unwrap();
+        if is_bound {
+            first.bind(gone, SOON).unwrap();
+        }
+        first.take_control(gone, false, SOON).unwrap();
+        assert_eq!(first.offer(of(gone, 1), b"wave", SOON).unwrap(), RUNS);
+        first.give_up_control(gone, SOON).unwrap();
+        rig.system.kill(FIRST);
+        // The session is closed in one turn, and all motion ends in the next one.
+        rig.arm(|arm| [(); 2].map(|()| arm.turn()));
+        let aborted = QueueAnswer::Known(RequestState::Aborted, RefusalReason::Command);
+        let expected = if is_bound { aborted } else { RUNS };
+        assert_eq!(second.look(of(gone, 1), SOON).unwrap().answer, expected);
+        second.take_control(other, true, SOON).unwrap();
+        second.abort(other, SOON).unwrap();
+    }
+    // A bound client that has nothing to do ends nothing.
+    let mailbox = rig.mailbox(FIRST);
+    let mut first = rig.client(mailbox);
+    let idle = first.open(SOON).unwrap();
+    first.bind(idle, SOON).unwrap();
+    let offered = second.offer(of(other, 1), b"wave", SOON).unwrap();
+    assert_eq!(offered, RUNS);
+    rig.system.kill(FIRST);
+    rig.arm(|arm| [(); 2].map(|()| arm.turn()));
+    let closed = second.look(of(idle, 1), SOON).unwrap().answer;
+    assert_eq!(closed, QueueAnswer::Never);
+    assert_eq!(second.look(of(other, 1), SOON).unwrap().answer, RUNS);
+}
+
+#[test]
+fn a_request_that_was_withdrawn_never_runs() {
+    let rig = Rig::new();
+    let mailbox = rig.mailbox(FIRST);
+    let mut client = rig.client(mailbox);
+    let session = client.open(SOON).unwrap();
+    let withdrawn = QueueAnswer::Known(RequestState::Refused, RefusalReason::Withdrawn);
+    // Without control, too: nothing moves.
+    let answer = client.withdraw(of(session, 1), SOON).unwrap();
+    assert_eq!(answer, withdrawn);
+    client.take_control(session, false, SOON).unwrap();
+    let late = client.offer(of(session, 1), b"wave", SOON).unwrap();
+    assert_eq!(late, withdrawn);
+    // What runs already is not changed.
+    client.offer(of(session, 2), b"wave", SOON).unwrap();
+    assert_eq!(client.withdraw(of(session, 2), SOON).unwrap(), RUNS);
+    assert_eq!(rig.arm(|arm| arm.begun.len()), 1);
 }
 
 #[test]
@@ -846,7 +905,7 @@ fn whatever_a_peer_writes_is_answered() {
     let numbers = prop::collection::vec(any::<f64>(), 0..58);
     let errors = prop::collection::vec((0..500_u32, any::<u8>()), 0..2);
     proptest!(|(
-        kind in 0..10_u8,
+        kind in 0..12_u8,
         session in session,
         number in number(),
         bytes in bytes,
@@ -870,6 +929,8 @@ fn whatever_a_peer_writes_is_answered() {
             5 => MotionRequest::Look(of(session, number)),
             6 | 7 => MotionRequest::Offer(of(session, number), motions()),
             8 => MotionRequest::Offer(of(session, number), Offer::Stream(number)),
+            9 => MotionRequest::Withdraw(of(session, number)),
+            10 => MotionRequest::Bind { session },
             _ => MotionRequest::Points(of(session, number), PackedBatch {
                 sequence: number,
                 is_last: flag,

@@ -58,6 +58,8 @@ enum Step {
     Control(usize, bool),
     /// A client's request, counted from its last one: 0 sends that again.
     Offer(usize, u32, bool),
+    /// The same for a request that the client withdraws.
+    Withdraw(usize, u32),
     Start,
     End(bool),
     Abort,
@@ -75,8 +77,9 @@ fn steps() -> impl Strategy<Value = Vec<Step>> {
         2 => client.clone().prop_map(Step::Open),
         1 => client.clone().prop_map(Step::Leave),
         2 => (client.clone(), any::<bool>()).prop_map(|(client, other)| Step::Control(client, other)),
-        6 => (client, 0..3_u32, prop::bool::weighted(0.8))
+        6 => (client.clone(), 0..3_u32, prop::bool::weighted(0.8))
             .prop_map(|(client, more, is_good)| Step::Offer(client, more, is_good)),
+        1 => (client, 0..3_u32).prop_map(|(client, more)| Step::Withdraw(client, more)),
         3 => Just(Step::Start),
         3 => any::<bool>().prop_map(Step::End),
         1 => Just(Step::Abort),
@@ -178,6 +181,21 @@ impl<const N: usize> World<N> {
                     ) => {}
                     (before, answer) => assert_eq!(before, answer),
                 }
+            }
+            Step::Withdraw(client, more) => {
+                let Some(last) = &mut self.clients[client] else {
+                    return Ok(());
+                };
+                last.number += more;
+                let identity = *last;
+                let before = self.queue.answer(identity);
+                let answer = self.queue.withdraw(identity, write)?;
+                let withdrawn = QueueAnswer::Known(RequestState::Refused, RefusalReason::Withdrawn);
+                let expected = match before {
+                    QueueAnswer::New => withdrawn,
+                    before => before,
+                };
+                assert_eq!(answer, expected);
             }
             Step::Start => {
                 if let Some((identity, number)) = self.queue.start(write)? {
