@@ -1,7 +1,6 @@
 //! [`Remote`]: a robot, as a client reaches it.
 
 use std::hash::{BuildHasher as _, Hasher as _, RandomState};
-use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -15,9 +14,7 @@ use zenoh::query::{QueryTarget, Reply};
 use crate::error::RemoteError;
 use crate::network::Network;
 use crate::stream::RemoteStream;
-use crate::wire::{
-    self, Id, RemoteOutcome, RemoteRefusal, RemoteRequest, RemoteState, RemoteTopic,
-};
+use crate::wire::{self, Id, RemoteOutcome, RemoteRefusal, RemoteRequest, RemoteTopic};
 
 /// The longest time of one query: what is lost on the way is asked for again after it.
 const QUERY: Duration = Duration::from_secs(1);
@@ -28,15 +25,13 @@ const QUERY: Duration = Duration::from_secs(1);
 pub struct Remote {
     network: Network,
     robot: String,
-    /// The number of this incarnation of the client, once it was needed.
-    incarnation: Mutex<Option<u64>>,
-    last: AtomicU64,
+    /// The last identity of a motion.
+    last: Mutex<Option<Id>>,
     _here: LivelinessToken,
 }
 
 impl Remote {
-    /// Makes the access to the robot called `robot`, for a new incarnation of the client. It does not wait for the
-    /// robot.
+    /// Makes the access to the robot called `robot`. It does not wait for the robot.
     ///
     /// # Errors
     /// Returns [`RemoteError::Name`] if `robot` is not a valid name; [`RemoteError::Zenoh`] if zenoh fails.
@@ -49,8 +44,7 @@ impl Remote {
         Ok(Self {
             network: network.clone(),
             robot: robot.into(),
-            incarnation: Mutex::new(None),
-            last: AtomicU64::new(0),
+            last: Mutex::new(None),
             _here: here,
         })
     }
@@ -142,26 +136,19 @@ impl Remote {
         self.ask(&request, &[], timeout)
     }
 
-    /// Returns a new identity for a motion to [`offer`](Self::offer). The first call asks the gateway for a number of
-    /// this incarnation of the client, and waits for the answer, `timeout` at most. Later calls do not ask.
+    /// Returns a new identity for a motion to [`offer`](Self::offer). Waits for the gateway, `timeout` at most.
     ///
     /// # Errors
     /// [`RemoteError::Refused`] if the gateway refuses; [`RemoteError::NoAnswer`] if no answer comes within
     /// `timeout`; [`RemoteError::Strange`] if the answer cannot be read; [`RemoteError::Zenoh`] if zenoh
     /// fails.
     pub fn next_id(&self, timeout: Duration) -> Result<Id, RemoteError> {
-        let mut known = self
-            .incarnation
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner);
-        let incarnation = match *known {
-            Some(incarnation) => incarnation,
-            None => *known.insert(self.ask_until(&RemoteRequest::Join {}, &[], timeout)?),
-        };
-        Ok(Id {
-            incarnation,
-            number: self.last.fetch_add(1, Ordering::Relaxed) + 1,
-        })
+        // No other thread may get the same one.
+        let mut last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
+        let request = RemoteRequest::NextId { last: *last };
+        let next = self.ask_until(&request, &[], timeout)?;
+        *last = Some(next);
+        Ok(next)
     }
 
     /// Enqueues a motion, and waits until the robot has accepted or refused it, `timeout` at most. `motion` are the
@@ -185,13 +172,11 @@ impl Remote {
         timeout: Duration,
     ) -> Result<RemoteOutcome, RemoteError> {
         let request = RemoteRequest::Offer { id, takes_control };
-        self.until_decided(&request, motion, timeout, |state| {
-            state != RemoteState::Offered
-        })
+        self.ask_until(&request, motion, timeout)
     }
 
-    /// Returns the present state of the motion `id` of this client, which an earlier incarnation of the client may have
-    /// offered. Waits for the answer, `timeout` at most.
+    /// Returns the present state of the motion `id`, which an earlier incarnation of the client may have offered. Waits
+    /// for the answer, `timeout` at most.
     ///
     /// # Errors
     /// [`RemoteError::Refused`] if the gateway refuses; [`RemoteError::NoAnswer`] if no answer comes within
@@ -201,7 +186,7 @@ impl Remote {
         self.ask_until(&RemoteRequest::Outcome { id }, &[], timeout)
     }
 
-    /// Withdraws the motion `id`: if the gateway has not received it yet, it never runs. Returns the state of the
+    /// Withdraws the motion `id`: if the robot has not received it yet, it never runs. Returns the state of the
     /// motion, which may be running if it was received. Call this after an error of [`offer`](Self::offer), if the
     /// motion is not wanted any more.
     ///
@@ -221,12 +206,18 @@ impl Remote {
     /// `timeout`; [`RemoteError::Strange`] if the answer cannot be read; [`RemoteError::Zenoh`] if zenoh
     /// fails. [`RemoteError::NoAnswer`] also if the motion has not ended within `timeout`.
     pub fn wait(&self, id: Id, timeout: Duration) -> Result<RemoteOutcome, RemoteError> {
-        self.until_decided(
-            &RemoteRequest::Outcome { id },
-            &[],
-            timeout,
-            RemoteState::is_final,
-        )
+        let deadline = Instant::now() + timeout;
+        loop {
+            let left = deadline.saturating_duration_since(Instant::now());
+            let outcome = self.outcome(id, left)?;
+            if outcome.state.is_final() {
+                return Ok(outcome);
+            }
+            if Instant::now() >= deadline {
+                return Err(self.no_answer(timeout));
+            }
+            std::thread::sleep(crate::PAUSE);
+        }
     }
 
     /// Offers a motion under a new identity, and waits for its end, `timeout` at most for both. `motion` are the bytes
@@ -279,28 +270,6 @@ impl Remote {
             }
         };
         RemoteStream::open(&self.network, &self.robot, topic)
-    }
-
-    /// Asks again until the state of the answer is good.
-    fn until_decided(
-        &self,
-        request: &RemoteRequest,
-        motion: &[u8],
-        timeout: Duration,
-        is_good: impl Fn(RemoteState) -> bool,
-    ) -> Result<RemoteOutcome, RemoteError> {
-        let deadline = Instant::now() + timeout;
-        loop {
-            let left = deadline.saturating_duration_since(Instant::now());
-            let outcome: RemoteOutcome = self.ask_until(request, motion, left)?;
-            if is_good(outcome.state) {
-                return Ok(outcome);
-            }
-            if Instant::now() >= deadline {
-                return Err(self.no_answer(timeout));
-            }
-            std::thread::sleep(crate::PAUSE);
-        }
     }
 
     /// Asks again until there is an answer that stays. Only for requests that may be carried out twice.

@@ -7,7 +7,7 @@
 //! | key | is |
 //! |---|---|
 //! | `condor/ROBOT/alive` | a liveliness token, as long as the gateway runs |
-//! | `condor/ROBOT/here/CLIENT/INCARNATION` | a liveliness token, as long as the client is there |
+//! | `condor/ROBOT/here/CLIENT/TOKEN` | a liveliness token, as long as the client is there |
 //! | `condor/ROBOT/by/CLIENT/RIGHT` | takes queries: requests of the client |
 //! | `condor/ROBOT/streams/…` | has the messages of a topic, each with a [`StreamPosition`] as attachment |
 
@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value as Json;
 
 /// The version of the protocol between clients and gateways. A gateway refuses requests of another version.
-pub const VERSION: u32 = 1;
+pub const VERSION: u32 = 2;
 /// The greatest length of the JSON text of a request, in bytes.
 pub const REQUEST_BYTES: usize = 4096;
 /// The greatest length of the bytes of a motion that a client sends, in bytes.
@@ -53,19 +53,18 @@ impl Right {
     }
 }
 
-/// The identity of a motion among all motions of one client. The client never uses it for another motion.
+/// The identity of a motion among all motions of one robot, which its queue assigns. It is never used for another motion.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub struct Id {
-    /// The incarnation of the client: a number that the gateway assigns to each incarnation of the client,
-    /// greater than all earlier ones. See [`RemoteRequest::Join`].
-    pub incarnation: u64,
-    /// The number of the request in this incarnation of the client.
-    pub number: u64,
+    /// The number of the session with the robot's queue, which the gateway has opened for the client.
+    pub session: u32,
+    /// The number of the request in this session, from 1 on.
+    pub number: u32,
 }
 
 impl core::fmt::Display for Id {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        write!(f, "{}.{}", self.incarnation, self.number)
+        write!(f, "{}.{}", self.session, self.number)
     }
 }
 
@@ -109,9 +108,13 @@ pub enum RemoteRequest {
         /// The word of data that the handler of the vector gets.
         data: u32,
     },
-    /// Asks for the incarnation of a client that begins; returns a number that is greater than all earlier
-    /// ones.
-    Join {},
+    /// Asks for the identity of the client's next motion; returns an [`Id`].
+    NextId {
+        /// The last identity that the client had: the next one is of the same session, if that is still open. `null`
+        /// opens a session.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        last: Option<Id>,
+    },
     /// Enqueues a motion, unless this request was received before; returns a [`RemoteOutcome`].
     Offer {
         /// The identity of the motion.
@@ -146,7 +149,7 @@ impl RemoteRequest {
             Self::Outcome { .. } => Right::Look,
             Self::Set { .. } => Right::Tune,
             Self::Send { .. }
-            | Self::Join {}
+            | Self::NextId { .. }
             | Self::Offer { .. }
             | Self::Withdraw { .. }
             | Self::Stop {} => Right::Move,
@@ -261,16 +264,13 @@ impl RemoteRefusal {
     }
 }
 
-/// The state of a motion that a client has offered, as the gateway knows it.
+/// The state of a motion that a client has offered, as the robot's queue knows it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum RemoteState {
-    /// The gateway has not received the motion. A request that is still on its way may arrive; see
+    /// The robot has not received the motion. A request that is still on its way may arrive; see
     /// [`RemoteRequest::Withdraw`].
     New,
-    /// The gateway has sent the motion to the robot, and does not know yet whether the robot has accepted
-    /// it.
-    Offered,
     /// The motion waits for its turn.
     Accepted,
     /// The motion runs.
@@ -281,7 +281,7 @@ pub enum RemoteState {
     Stopped,
     /// The motion waited or ran, and was ended by a command, a failure, or the absence of its client.
     Aborted,
-    /// The robot refused the motion: it did not run.
+    /// The robot refused the motion, or the client withdrew it before the robot received it: it did not run.
     Refused,
     /// The robot's program ended before the turn of the motion came: it did not run.
     Lost,
@@ -289,10 +289,6 @@ pub enum RemoteState {
     BrokenOff,
     /// The gateway ended before the robot had the motion: it did not run.
     Never,
-    /// The client withdrew the motion before it was received: it did not run.
-    Withdrawn,
-    /// A later incarnation of the client began before the motion was received: it did not run.
-    Superseded,
     /// The motion will not run any more, and no record tells whether it did.
     Forgotten,
 }
@@ -301,17 +297,13 @@ impl RemoteState {
     /// Returns true if the state does not change any more: the motion has ended, or will never run.
     #[must_use]
     pub const fn is_final(self) -> bool {
-        !matches!(
-            self,
-            Self::New | Self::Offered | Self::Accepted | Self::Started
-        )
+        !matches!(self, Self::New | Self::Accepted | Self::Started)
     }
 
     /// Returns true if it is certain that the motion has not run, and never will.
     #[must_use]
     pub const fn did_not_run(self) -> bool {
-        use RemoteState::{Lost, Never, Refused, Superseded, Withdrawn};
-        matches!(self, Refused | Lost | Never | Withdrawn | Superseded)
+        matches!(self, Self::Refused | Self::Lost | Self::Never)
     }
 }
 
@@ -483,7 +475,7 @@ mod tests {
     #[test]
     fn a_request_is_read_as_it_was_written() {
         let id = Id {
-            incarnation: 7,
+            session: 7,
             number: 3,
         };
         let requests = [
@@ -504,7 +496,8 @@ mod tests {
                 b"wave",
             ),
             (RemoteRequest::Withdraw { id }, b""),
-            (RemoteRequest::Join {}, b""),
+            (RemoteRequest::NextId { last: None }, b""),
+            (RemoteRequest::NextId { last: Some(id) }, b""),
         ];
         for (request, motion) in requests {
             let key = by("hand", "lab", request.right().word());
@@ -548,19 +541,19 @@ mod tests {
             (&key, b"{}", b"", "no `version`"),
             (
                 &key,
-                br#"{"version":2,"do":"status"}"#,
+                br#"{"version":1,"do":"status"}"#,
                 b"",
-                "version 2; this gateway reads 1",
+                "version 1; this gateway reads 2",
             ),
             (
                 &key,
-                br#"{"version":1,"do":"fly"}"#,
+                br#"{"version":2,"do":"fly"}"#,
                 b"",
                 "unknown variant `fly`",
             ),
             (
                 &key,
-                br#"{"version":1,"do":"status","x":1}"#,
+                br#"{"version":2,"do":"status","x":1}"#,
                 b"",
                 "unknown field `x`",
             ),

@@ -13,12 +13,11 @@ Every call has a deadline. Keys, requests and answers are those of the Rust crat
 
 from __future__ import annotations
 
-import itertools
 import json
 import secrets
 import struct
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from types import TracebackType
 from typing import Any, NamedTuple, Optional, Union
@@ -30,7 +29,7 @@ except ImportError as error:
 
 from . import errors
 
-_VERSION = 1
+_VERSION = 2
 _PAUSE_S = 0.02
 _QUERY_S = 1.0
 _KEPT = 1024
@@ -62,8 +61,8 @@ class NoAnswer(errors.TimedOut):
 class Identity(NamedTuple):
     """The identity of a motion: it runs at most once."""
 
-    incarnation: int
-    """That of the client."""
+    session: int
+    """The number of the client's session with the queue of the robot."""
     number: int
 
 
@@ -72,8 +71,8 @@ class Outcome:
     """What has become of a motion."""
 
     state: str
-    """`new`, `offered`, `accepted`, `started`, `done`, `stopped`, `aborted`, `refused`, `lost`, `broken-off`, `never`,
-    `withdrawn`, `superseded` or `forgotten`, as the README of condor-remote says."""
+    """`new`, `accepted`, `started`, `done`, `stopped`, `aborted`, `refused`, `lost`, `broken-off`, `never` or
+    `forgotten`, as the README of condor-remote says."""
     reason: str = ""
     """Why it was refused or has ended early; empty without a reason."""
     progress: Optional[float] = None
@@ -82,7 +81,7 @@ class Outcome:
     @property
     def is_final(self) -> bool:
         """Whether nothing changes any more."""
-        return self.state not in ("new", "offered", "accepted", "started")
+        return self.state not in ("new", "accepted", "started")
 
     @property
     def is_done(self) -> bool:
@@ -92,7 +91,7 @@ class Outcome:
     @property
     def did_not_run(self) -> bool:
         """Whether it is certain that it has not run, and never will."""
-        return self.state in ("refused", "lost", "never", "withdrawn", "superseded")
+        return self.state in ("refused", "lost", "never")
 
 
 class Remote:
@@ -131,8 +130,7 @@ class Remote:
         if tls and "certificate" in tls:
             put("transport/link/tls/enable_mtls", True)
         self.robot, self.client, self.timeout = robot, client, timeout
-        self._incarnation: Optional[int] = None
-        self._numbers = itertools.count(1)
+        self._last: Optional[Identity] = None
         try:
             self._session = zenoh.open(config)
         except zenoh.ZError as error:
@@ -185,10 +183,10 @@ class Remote:
         return int(self._ask("move", request, self.timeout))
 
     def next_id(self) -> Identity:
-        """Returns the identity for the next motion. The first call asks the gateway for the incarnation of this client."""
-        if self._incarnation is None:
-            self._incarnation = int(self._until("move", {"do": "join"}))
-        return Identity(self._incarnation, next(self._numbers))
+        """Returns the identity for the next motion."""
+        last = None if self._last is None else self._last._asdict()
+        self._last = Identity(**self._until("move", {"do": "next-id", "last": last}))
+        return self._last
 
     def offer(
         self, id: Identity, motion: Union[str, bytes], takes_control: bool = False, timeout: Optional[float] = None
@@ -199,20 +197,27 @@ class Remote:
         """
         image = motion.encode() if isinstance(motion, str) else motion
         request = {"do": "offer", "id": id._asdict(), "takes_control": takes_control}
-        return self._decided("move", request, image, lambda outcome: outcome.state != "offered", timeout)
+        return _outcome(self._until("move", request, image, timeout))
 
     def outcome(self, id: Identity) -> Outcome:
         """Returns what has become of a motion."""
         return _outcome(self._until("look", {"do": "outcome", "id": id._asdict()}))
 
     def withdraw(self, id: Identity) -> Outcome:
-        """Makes sure that a motion never runs which the gateway has not received; returns what has become of it."""
+        """Makes sure that a motion never runs which the robot has not received; returns what has become of it."""
         return _outcome(self._until("move", {"do": "withdraw", "id": id._asdict()}))
 
     def wait(self, id: Identity, timeout: Optional[float] = None) -> Outcome:
         """Waits until nothing changes any more about a motion that was offered."""
         request = {"do": "outcome", "id": id._asdict()}
-        return self._decided("look", request, None, lambda outcome: outcome.is_final, timeout)
+        deadline = time.monotonic() + (self.timeout if timeout is None else timeout)
+        while True:
+            outcome = _outcome(self._until("look", request, None, deadline - time.monotonic()))
+            if outcome.is_final:
+                return outcome
+            if time.monotonic() >= deadline:
+                raise NoAnswer(f"the motion is {outcome.state}")
+            time.sleep(_PAUSE_S)
 
     def run(self, motion: Union[str, bytes], timeout: float = 60.0) -> Outcome:
         """Has a motion run, and waits for its end."""
@@ -231,23 +236,6 @@ class Remote:
         if len(found) != 1:
             raise errors.NotFound(f"there is no topic `{name}`; there are {', '.join(it['name'] for it in topics)}")
         return Stream(self._session, self.robot, found[0], self.timeout)
-
-    def _decided(
-        self,
-        right: str,
-        request: dict[str, Any],
-        motion: Optional[bytes],
-        is_good: Callable[[Outcome], bool],
-        timeout: Optional[float],
-    ) -> Outcome:
-        deadline = time.monotonic() + (self.timeout if timeout is None else timeout)
-        while True:
-            outcome = _outcome(self._until(right, request, motion, deadline - time.monotonic()))
-            if is_good(outcome):
-                return outcome
-            if time.monotonic() >= deadline:
-                raise NoAnswer(f"the motion is {outcome.state}")
-            time.sleep(_PAUSE_S)
 
     def _until(
         self, right: str, request: dict[str, Any], motion: Optional[bytes] = None, timeout: Optional[float] = None

@@ -19,8 +19,6 @@ use serde_json::{Value as Json, json};
 pub struct Config {
     /// The name of the robot in the network.
     pub robot: String,
-    /// The file of the journal of motions.
-    pub journal: PathBuf,
     /// The places where clients connect, as zenoh writes them, such as `tcp/0.0.0.0:7447`.
     #[serde(default)]
     pub listen: Vec<String>,
@@ -131,7 +129,6 @@ impl Config {
         let config = Self::parse(&text).map_err(|error| format!("{shown}: {error}"))?;
         let beside = |file: &mut PathBuf| *file = path.with_file_name("").join(&*file);
         let mut config = config;
-        beside(&mut config.journal);
         config.passwords.iter_mut().for_each(beside);
         if let Some(tls) = &mut config.tls {
             beside(&mut tls.certificate);
@@ -420,7 +417,6 @@ mod tests {
 
     const TEXT: &str = r#"
         robot = "hand"
-        journal = "motions.journal"
         listen = ["tcp/127.0.0.1:7447"]
         [[clients]]
         name = "lab"

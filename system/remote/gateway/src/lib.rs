@@ -1,10 +1,8 @@
 #![doc = include_str!("../README.md")]
 
-pub mod book;
 pub mod config;
 mod feed;
 mod job;
-pub mod journal;
 mod log;
 mod motions;
 mod parameter_worker;

@@ -1,4 +1,4 @@
-//! [`Motions`]: has the motions of clients enqueued, each at most once.
+//! [`Motions`]: the requests of clients about motions, for the queue of the robot, which runs each at most once.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -14,13 +14,15 @@ use condor_remote::wire::{
 use condor_robot::host::{self, QueueClient, QueueSession};
 use condor_robot::packet::ClientError;
 use condor_robot::queue::{InControl, QueueAnswer, RequestIdentity, RequestState};
+use serde_json::{Value as Json, json};
 
-use crate::book::{Book, digest};
 use crate::log;
 use crate::presence::Presence;
 
 /// The time that the queue may take to answer.
 const ANSWER: Duration = Duration::from_millis(500);
+/// The greatest number of sessions, and of motions that have not ended, that are remembered: more than the queue has.
+const SESSIONS: usize = 64;
 
 /// The way to the motion queue of a running system.
 pub(crate) struct MotionsLink {
@@ -45,25 +47,28 @@ impl MotionsLink {
 }
 
 /// The requests of clients about motions. One thread carries them out.
+///
+/// Nothing that the queue knows is kept here: a motion has the identity that the queue knows it by.
 pub(crate) struct Motions {
-    book: Book,
     way: Option<MotionsLink>,
-    session: QueueSession,
-    /// The bytes of motions that were offered in this incarnation, until the queue has decided.
-    undecided: BTreeMap<(String, Id), (RequestIdentity, Vec<u8>, bool)>,
+    /// The sessions that were opened for clients, with their names.
+    sessions: BTreeMap<u32, String>,
+    /// The motions that were offered and have not ended, with the names of their clients.
+    open: BTreeMap<Id, String>,
+    /// The session in which all motion is stopped.
+    own: QueueSession,
     presence: Arc<Mutex<Presence>>,
     stopped: Option<Instant>,
 }
 
 impl Motions {
-    /// Makes it with what is known of former incarnations.
     #[must_use]
-    pub(crate) fn new(book: Book, presence: Arc<Mutex<Presence>>) -> Self {
+    pub(crate) fn new(presence: Arc<Mutex<Presence>>) -> Self {
         Self {
-            book,
             way: None,
-            session: QueueSession::default(),
-            undecided: BTreeMap::new(),
+            sessions: BTreeMap::new(),
+            open: BTreeMap::new(),
+            own: QueueSession::default(),
             presence,
             stopped: None,
         }
@@ -72,9 +77,10 @@ impl Motions {
     /// Sets the way to the system, which is another one after a restart.
     pub(crate) fn set_way(&mut self, way: Option<MotionsLink>) {
         self.way = way;
-        self.session = QueueSession::default();
-        // The queue has closed the session of these, or will: what it has not got by then never runs.
-        self.undecided.clear();
+        // The queue has closed these sessions, or will: what it has not got by then never runs.
+        self.sessions.clear();
+        self.open.clear();
+        self.own = QueueSession::default();
     }
 
     /// Returns true if there is a way to the system.
@@ -83,41 +89,26 @@ impl Motions {
         self.way.is_some()
     }
 
-    /// Returns the incarnation of a client that begins.
-    ///
-    /// # Errors
-    /// A refusal if there is none left, or if the journal cannot be written.
-    pub(crate) fn join(&mut self, client: &str) -> Result<u64, RemoteRefusal> {
-        self.book.join(client)
-    }
-
     /// Answers a request about motions.
     ///
     /// # Errors
     /// A refusal that says why it is not carried out.
-    pub(crate) fn answer(
-        &mut self,
-        asked: &ClientRequest,
-    ) -> Result<Option<RemoteOutcome>, RemoteRefusal> {
+    pub(crate) fn answer(&mut self, asked: &ClientRequest) -> Result<Json, RemoteRefusal> {
         let client = asked.client.as_str();
         match asked.request {
-            RemoteRequest::Offer { id, takes_control } => self
-                .offer(client, id, &asked.motion, takes_control)
-                .map(Some),
-            RemoteRequest::Outcome { id } => self.outcome(client, id, None).map(Some),
-            RemoteRequest::Withdraw { id } => {
-                let outcome = self.outcome(client, id, None)?;
-                if outcome.state != RemoteState::New {
-                    return Ok(Some(outcome));
-                }
-                self.book
-                    .end(client, id, RemoteState::Withdrawn, String::new())?;
-                Ok(Some(RemoteState::Withdrawn.into()))
-            }
+            RemoteRequest::NextId { last } => Ok(json!(self.next_id(client, last)?)),
+            RemoteRequest::Offer { id, takes_control } => Ok(json!(self.offer(
+                client,
+                id,
+                &asked.motion,
+                takes_control
+            )?)),
+            RemoteRequest::Outcome { id } => Ok(json!(self.look(id)?)),
+            RemoteRequest::Withdraw { id } => Ok(json!(self.withdraw(client, id)?)),
             RemoteRequest::Stop {} => {
                 let stopped = self.stop();
-                stopped.map_err(|error| RemoteRefusal::new(error.to_string(), true))?;
-                Ok(None)
+                log::tell(client, &format!("stops all motion: {}", how(&stopped)));
+                Ok(json!(stopped?))
             }
             _ => Err(RemoteRefusal::new(
                 "the request is not about motions",
@@ -126,22 +117,40 @@ impl Motions {
         }
     }
 
-    fn outcome(
-        &mut self,
-        client: &str,
-        id: Id,
-        digest: Option<u64>,
-    ) -> Result<RemoteOutcome, RemoteRefusal> {
-        if let Some(outcome) = self.book.look(client, id, digest)? {
-            return Ok(outcome);
+    /// Returns the identity of a client's next motion, in the session of its last one if that is still open.
+    fn next_id(&mut self, client: &str, last: Option<Id>) -> Result<Id, Again> {
+        let mut queue = connect(self.way.as_ref())?;
+        let next = last.and_then(|last| {
+            let number = last.number.checked_add(1)?;
+            (self.sessions.get(&last.session)? == client).then_some(Id { number, ..last })
+        });
+        if let Some(next) = next
+            && queue.look(request(next), ANSWER)?.answer == QueueAnswer::New
+        {
+            return Ok(next);
         }
-        let request = self.book.request(client, id);
-        let request = request.ok_or_else(|| {
-            RemoteRefusal::new("the journal has lost the record of this motion", false)
-        })?;
-        // The motion has come, whatever the queue says; if it says nothing, nobody knows more.
-        let settled = self.settle(client, id, request);
-        settled.map_err(|error| RemoteRefusal::new(error.to_string(), true))
+        let session = queue.open(ANSWER)?;
+        self.sessions.insert(session, client.into());
+        if self.sessions.len() > SESSIONS {
+            self.sessions.pop_first();
+        }
+        Ok(Id { session, number: 1 })
+    }
+
+    /// Checks that a client uses a session of its own.
+    fn check_session(&self, client: &str, id: Id) -> Result<(), RemoteRefusal> {
+        match self.sessions.get(&id.session) {
+            Some(owner) if owner == client => Ok(()),
+            Some(_) => Err(RemoteRefusal::new(
+                format!("motion {id} is one of another client"),
+                false,
+            )),
+            // Once the queue has closed the session, it says that the motion never runs.
+            None => Err(RemoteRefusal::new(
+                format!("the session of motion {id} is about to be closed: ask again"),
+                true,
+            )),
+        }
     }
 
     fn offer(
@@ -151,134 +160,110 @@ impl Motions {
         motion: &[u8],
         takes_control: bool,
     ) -> Result<RemoteOutcome, RemoteRefusal> {
-        let digest = digest(motion);
-        let outcome = self.outcome(client, id, Some(digest))?;
+        let outcome = self.look(id)?;
         if outcome.state != RemoteState::New {
             return Ok(outcome);
         }
-        if !self.presence(|it| it.may_begin(client)) {
+        self.check_session(client, id)?;
+        let (may_begin, stops) = self.presence(|it| (it.may_begin(client), it.stops(client)));
+        if !may_begin {
             let error = "motions of this client stop when it disconnects, and the gateway does not see it connected";
             return Err(RemoteRefusal::new(error, true));
         }
-        // The queue takes requests in the order of their numbers.
-        if let Some(((client, id), (request, ..))) = self.undecided.first_key_value() {
-            let (client, id, request) = (client.clone(), *id, *request);
-            let settled = self.settle(&client, id, request);
-            settled.map_err(|error| RemoteRefusal::new(error.to_string(), true))?;
-            if !self.undecided.is_empty() {
-                return Err(RemoteRefusal::new(
-                    "the queue has not answered for an earlier motion yet; try again",
-                    true,
-                ));
+        if self.open.insert(id, client.into()).is_none() {
+            log::tell(client, &format!("offers motion {id}"));
+        }
+        if self.open.len() > SESSIONS {
+            self.open.pop_first();
+        }
+        let answer = self.enqueue(id, motion, takes_control, stops)?;
+        Ok(self.outcome(id, answer, None))
+    }
+
+    fn enqueue(
+        &self,
+        id: Id,
+        motion: &[u8],
+        takes_control: bool,
+        stops: bool,
+    ) -> Result<QueueAnswer, Again> {
+        let mut queue = connect(self.way.as_ref())?;
+        if stops {
+            // A master that was started again does not know it any more.
+            queue.bind(id.session, ANSWER)?;
+        }
+        match queue.take_control(id.session, takes_control, ANSWER) {
+            Err(ClientError::NotInControl(who)) if who != InControl::Nobody => {
+                Err(format!("{who}; `--control` takes control from it").into())
+            }
+            taken => {
+                taken?;
+                Ok(host::offer(&mut queue, request(id), motion, ANSWER)?)
             }
         }
-        let refused = |error: AnyError| RemoteRefusal::new(error.to_string(), true);
-        let request = self.next_request(takes_control).map_err(refused)?;
-        self.book.offer(client, id, digest, request)?;
-        log::tell(client, &format!("offers motion {id}"));
-        let kept = (request, motion.to_vec(), takes_control);
-        self.undecided.insert((client.into(), id), kept);
-        match self.settle(client, id, request) {
-            Ok(outcome) => Ok(outcome),
-            // The queue is asked again in the next turn.
-            Err(_) => Ok(RemoteState::Offered.into()),
-        }
     }
 
-    /// Takes control, and returns the next identity of the session.
-    fn next_request(&mut self, takes_control: bool) -> Result<RequestIdentity, AnyError> {
-        let mut queue = connect(self.way.as_ref())?;
-        let session = &mut self.session;
-        session
-            .take_control(&mut queue, takes_control, ANSWER)
-            .map_err(|error| match error {
-                ClientError::NotInControl(who) if who != InControl::Nobody => {
-                    format!("{who}; `--control` takes control from it").into()
-                }
-                error => error.into(),
-            })
+    fn withdraw(&mut self, client: &str, id: Id) -> Result<RemoteOutcome, RemoteRefusal> {
+        let mut outcome = self.look(id)?;
+        if outcome.state == RemoteState::New {
+            self.check_session(client, id)?;
+            let withdrawn = connect(self.way.as_ref())
+                .and_then(|mut queue| Ok(queue.withdraw(request(id), ANSWER)?));
+            outcome = self.outcome(id, withdrawn?, None);
+        }
+        log::tell(client, &format!("withdraws motion {id}: {}", outcome.state));
+        Ok(outcome)
     }
 
-    /// Asks the queue what has become of a motion, and notes its end. Offers it again if the queue has not got it, and
-    /// the motion is one of this incarnation.
-    fn settle(
-        &mut self,
-        client: &str,
-        id: Id,
-        request: RequestIdentity,
-    ) -> Result<RemoteOutcome, AnyError> {
-        let mut queue = connect(self.way.as_ref())?;
-        let seen = queue.look(request, ANSWER)?;
-        let (mut answer, progress) = (seen.answer, seen.progress);
-        let key = (client.to_owned(), id);
-        if answer == QueueAnswer::New
-            && let Some((_, motion, takes_control)) = self.undecided.get(&key)
-        {
-            let control = match queue.take_control(request.session, *takes_control, ANSWER) {
-                // The queue refuses the motion, for good.
-                Err(ClientError::NotInControl(_)) => Ok(()),
-                taken => taken,
-            };
-            let offered = control.and_then(|()| host::offer(&mut queue, request, motion, ANSWER));
-            answer = match offered {
-                Ok(answer) => answer,
-                // The session is closed: the queue will say that the motion never runs.
-                Err(ClientError::NotYours) => QueueAnswer::New,
-                Err(error) => return Err(error.into()),
-            };
-        }
+    /// Asks the queue what has become of a motion.
+    fn look(&mut self, id: Id) -> Result<RemoteOutcome, Again> {
+        let seen = connect(self.way.as_ref())?.look(request(id), ANSWER)?;
+        Ok(self.outcome(id, seen.answer, seen.progress))
+    }
+
+    /// The outcome of a motion, by the answer of the queue; its end is logged once.
+    fn outcome(&mut self, id: Id, answer: QueueAnswer, progress: Option<f64>) -> RemoteOutcome {
         let state = state_of(answer);
-        let reason = answer.reason().map(|it| it.to_string()).unwrap_or_default();
-        if state != RemoteState::Offered {
-            self.undecided.remove(&key);
+        let reason = answer.reason().map(|it| it.to_string());
+        let reason = reason.unwrap_or_default();
+        if state.is_final()
+            && let Some(client) = self.open.remove(&id)
+        {
+            let comma = if reason.is_empty() { "" } else { ", " };
+            log::tell(&client, &format!("motion {id}: {state}{comma}{reason}"));
         }
-        if state.is_final() {
-            self.book.end(client, id, state, reason.clone())?;
-            log::tell(
-                client,
-                &format!(
-                    "motion {id}: {state}{}{reason}",
-                    if reason.is_empty() { "" } else { ", " }
-                ),
-            );
-        }
-        Ok(RemoteOutcome {
+        RemoteOutcome {
             state,
             reason,
             progress,
-        })
+        }
     }
 
     /// Finds out what has become of all motions that have not ended, and stops those whose client is gone.
     pub(crate) fn turn(&mut self) {
         let now = Instant::now();
-        let open: Vec<_> = self
-            .book
-            .open_motions()
-            .map(|(client, id, request)| (client.to_owned(), id, request))
-            .collect();
-        let mut gone = None;
-        for (client, id, request) in open {
+        let open: Vec<_> = self.open.iter().map(|it| (*it.0, it.1.clone())).collect();
+        for (id, client) in open {
             // The client that asks is told what is wrong.
-            let Ok(outcome) = self.settle(&client, id, request) else {
+            let Ok(outcome) = self.look(id) else {
                 continue;
             };
-            if !outcome.state.is_final() && self.presence(|it| it.must_stop(&client, now)) {
-                gone = Some((client, id));
+            if outcome.state.is_final() || !self.presence(|it| it.must_stop(&client, now)) {
+                continue;
             }
-        }
-        if let Some((client, id)) = gone
-            && self.stopped.is_none_or(|at| now - at >= ANSWER)
-        {
-            self.stopped = Some(now);
-            let how = match self.stop() {
-                Ok(()) => "all motion stops".into(),
-                Err(error) => format!("the motion cannot be stopped: {error}"),
-            };
-            log::tell(
-                &client,
-                &format!("has disconnected, and motion {id} must stop then: {how}"),
-            );
+            if outcome.state == RemoteState::New {
+                // It did not come through. If this fails, the next turn tries it again.
+                let _ = self.withdraw(&client, id);
+            } else if self.stopped.is_none_or(|at| now - at >= ANSWER) {
+                self.stopped = Some(now);
+                let how = how(&self.stop());
+                log::tell(
+                    &client,
+                    &format!(
+                        "has disconnected, and motion {id} must stop then: all motion stops: {how}"
+                    ),
+                );
+            }
         }
     }
 
@@ -287,24 +272,50 @@ impl Motions {
     }
 
     /// Ends all motion.
-    fn stop(&mut self) -> Result<(), AnyError> {
+    fn stop(&mut self) -> Result<(), Again> {
         let mut queue = connect(self.way.as_ref())?;
-        Ok(self.session.abort(&mut queue, true, ANSWER)?)
+        Ok(self.own.abort(&mut queue, true, ANSWER)?)
     }
 }
 
-fn connect(way: Option<&MotionsLink>) -> Result<QueueClient<'_>, AnyError> {
+/// An error after which the same request may succeed later.
+struct Again(AnyError);
+
+impl<E: Into<AnyError>> From<E> for Again {
+    fn from(error: E) -> Self {
+        Self(error.into())
+    }
+}
+
+impl From<Again> for RemoteRefusal {
+    fn from(Again(error): Again) -> Self {
+        Self::new(error.to_string(), true)
+    }
+}
+
+fn how(stopped: &Result<(), Again>) -> String {
+    match stopped {
+        Ok(()) => "done".into(),
+        Err(Again(error)) => error.to_string(),
+    }
+}
+
+/// The identity of a motion, as the queue has it.
+const fn request(Id { session, number }: Id) -> RequestIdentity {
+    RequestIdentity { session, number }
+}
+
+fn connect(way: Option<&MotionsLink>) -> Result<QueueClient<'_>, Again> {
     let MotionsLink { view, status } = way.ok_or("the system is not running")?;
     Ok(host::connect(view, status)?)
 }
 
 fn state_of(answer: QueueAnswer) -> RemoteState {
     match answer {
-        QueueAnswer::New => RemoteState::Offered,
+        QueueAnswer::New => RemoteState::New,
         QueueAnswer::Never => RemoteState::Never,
         QueueAnswer::Forgotten | QueueAnswer::NoSession => RemoteState::Forgotten,
         QueueAnswer::Known(state, _) => match state {
-            RequestState::Accepted => RemoteState::Accepted,
             RequestState::Started => RemoteState::Started,
             RequestState::Done => RemoteState::Done,
             RequestState::Stopped => RemoteState::Stopped,
@@ -312,8 +323,8 @@ fn state_of(answer: QueueAnswer) -> RemoteState {
             RequestState::Refused => RemoteState::Refused,
             RequestState::Lost => RemoteState::Lost,
             RequestState::BrokenOff => RemoteState::BrokenOff,
-            // Of a later version: it is not final, so nobody is told that it has ended.
-            _ => RemoteState::Offered,
+            // Accepted; or of a later version: nobody is told that it has ended.
+            _ => RemoteState::Accepted,
         },
     }
 }

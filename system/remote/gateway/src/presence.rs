@@ -44,6 +44,12 @@ impl Presence {
         }
     }
 
+    /// Returns true if motions of the client stop when it is gone.
+    #[must_use]
+    pub(crate) fn stops(&self, client: &str) -> bool {
+        self.stops.contains(client)
+    }
+
     /// Returns true if a motion of the client may begin.
     #[must_use]
     pub(crate) fn may_begin(&self, client: &str) -> bool {

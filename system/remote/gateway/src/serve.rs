@@ -10,13 +10,11 @@ use condor_host::error::AnyError;
 use condor_remote::wire::{
     ClientRequest, RemoteRefusal, RemoteRequest, alive, all_here, by, client_of,
 };
-use serde_json::json;
 use zenoh::liveliness::LivelinessToken;
 use zenoh::query::Query;
 use zenoh::sample::SampleKind;
 use zenoh::{Session, Wait};
 
-use crate::book::Book;
 use crate::config::Config;
 use crate::feed::Feed;
 use crate::job::{Job, refuse};
@@ -42,13 +40,12 @@ pub struct Gateway {
 }
 
 impl Gateway {
-    /// Starts a gateway with the configuration `config` for the system `which`: opens the journal and the session of
+    /// Starts a gateway with the configuration `config` for the system `which`: opens the session of
     /// zenoh, and starts the threads that serve clients. It does not wait for the system.
     ///
     /// # Errors
-    /// Returns an error if the journal or the session of zenoh cannot be opened; the text says which, and why.
+    /// Returns an error if the session of zenoh cannot be opened; the text says why.
     pub fn start(config: &Config, which: &SystemChoice) -> Result<Self, AnyError> {
-        let book = Book::open(&config.journal)?;
         let presence = Presence::new(config.stops(), config.grace(), Instant::now());
         let presence = Arc::new(Mutex::new(presence));
         let session = zenoh::open(config.zenoh()?).wait();
@@ -56,7 +53,7 @@ impl Gateway {
         let gateway = Self::declare(config, which, session, &presence);
         let (gateway, motions) = gateway.map_err(|error| error.to_string())?;
         let which = which.clone();
-        thread::spawn(move || keep(Motions::new(book, presence), &which, &motions));
+        thread::spawn(move || keep(Motions::new(presence), &which, &motions));
         Ok(gateway)
     }
 
@@ -163,7 +160,7 @@ impl Door {
             Err(refusal) => return refuse(&query, &refusal),
         };
         let to = match job.asked.request {
-            RemoteRequest::Join {}
+            RemoteRequest::NextId { .. }
             | RemoteRequest::Offer { .. }
             | RemoteRequest::Outcome { .. }
             | RemoteRequest::Withdraw { .. }
@@ -218,26 +215,7 @@ fn keep(mut keeper: Motions, which: &SystemChoice, jobs: &Receiver<Job>) {
             }
         }
         match jobs.recv_timeout(LOOK) {
-            Ok(job) if job.asked.request == (RemoteRequest::Join {}) => {
-                let incarnation = keeper.join(&job.asked.client);
-                job.answer(incarnation.map(|it| json!(it)));
-            }
-            Ok(job) => {
-                let answer = keeper.answer(&job.asked);
-                if let RemoteRequest::Stop {} | RemoteRequest::Withdraw { .. } = job.asked.request {
-                    let how = match &answer {
-                        Ok(Some(outcome)) => outcome.state.to_string(),
-                        Ok(None) => "done".into(),
-                        Err(refusal) => refusal.error.clone(),
-                    };
-                    let what = match job.asked.request {
-                        RemoteRequest::Withdraw { id } => format!("withdraws motion {id}: {how}"),
-                        _ => format!("stops all motion: {how}"),
-                    };
-                    log::tell(&job.asked.client, &what);
-                }
-                job.answer(answer.map(|outcome| json!(outcome)));
-            }
+            Ok(job) => job.answer(keeper.answer(&job.asked)),
             Err(RecvTimeoutError::Timeout) => keeper.turn(),
             Err(RecvTimeoutError::Disconnected) => return,
         }

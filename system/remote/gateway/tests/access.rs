@@ -126,7 +126,6 @@ fn the_name_of_a_client_is_that_of_its_certificate() {
     let text = format!(
         r#"
         robot = "hand"
-        journal = "journal"
         listen = ["tls/127.0.0.1:{port}"]
         tls = {{ certificate = "hand.pem", private_key = "hand.key", authority = "ca.pem" }}
         [[clients]]
@@ -168,7 +167,7 @@ fn without_a_proof_the_list_of_clients_decides() {
     let directory = tempfile::tempdir().expect("a directory");
     let (file, port) = (directory.path().join("gateway.toml"), free_port());
     let text = format!(
-        "robot = \"hand\"\njournal = \"journal\"\nlisten = [\"tcp/127.0.0.1:{port}\"]\n\
+        "robot = \"hand\"\nlisten = [\"tcp/127.0.0.1:{port}\"]\n\
          [[clients]]\nname = \"desk\"\nmay = [\"look\"]\n"
     );
     fs::write(&file, text).expect("room");
@@ -197,7 +196,7 @@ fn behind_router(place: &Path, port: u16, robot: &str, clients: &[&str]) -> (Gat
         .map(|name| format!("[[clients]]\nname = {name:?}\nmay = [\"look\", \"move\"]\n"));
     let clients = clients.collect::<Vec<_>>().concat();
     let text = format!(
-        "robot = {robot:?}\njournal = \"{robot}.journal\"\n\
+        "robot = {robot:?}\n\
          routers = {{ connect = [\"tcp/127.0.0.1:{port}\"], password = \"of-{robot}\" }}\n{clients}"
     );
     let file = place.join(format!("{robot}.toml"));

@@ -510,12 +510,14 @@ fn motion_that_is_bound_to_a_client_ends_with_it() {
         assert_eq!(second.look(of(gone, 1), SOON).unwrap().answer, expected);
         second.take_control(other, true, SOON).unwrap();
         second.abort(other, SOON).unwrap();
+        second.give_up_control(other, SOON).unwrap();
     }
     // A bound client that has nothing to do ends nothing.
     let mailbox = rig.mailbox(FIRST);
     let mut first = rig.client(mailbox);
     let idle = first.open(SOON).unwrap();
     first.bind(idle, SOON).unwrap();
+    second.take_control(other, false, SOON).unwrap();
     let offered = second.offer(of(other, 1), b"wave", SOON).unwrap();
     assert_eq!(offered, RUNS);
     rig.system.kill(FIRST);

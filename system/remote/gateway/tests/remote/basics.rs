@@ -25,7 +25,6 @@ pub(crate) fn run() -> Outcome<()> {
     let config = format!(
         r#"
         robot = "{ROBOT}"
-        journal = "motions.journal"
         listen = ["{place}"]
         passwords = "passwords"
         variables = ["index.proximal.position", "index.proximal.flexor.kt"]
@@ -206,14 +205,6 @@ fn moves(up: &mut Up, lab: &Remote) -> Outcome<()> {
     let id = until_done(up, lab, b"open")?;
     let again = lab.offer(id, b"open", false, SOON)?;
     check(again.state == RemoteState::Done, format!("{again:?}"))?;
-    let error = lab
-        .offer(id, b"fist", false, SOON)
-        .err()
-        .ok_or("another motion")?;
-    check(
-        error.to_string().contains("another motion"),
-        error.to_string(),
-    )?;
     let unknown = lab.run(b"no-such-motion", SOON)?;
     check(
         unknown.state == RemoteState::Refused && unknown.state.did_not_run(),
@@ -226,18 +217,18 @@ fn moves(up: &mut Up, lab: &Remote) -> Outcome<()> {
         "it is not new".into(),
     )?;
     check(
-        lab.withdraw(id, SOON)?.state == RemoteState::Withdrawn,
+        lab.withdraw(id, SOON)?.state == RemoteState::Refused,
         "it is not withdrawn".into(),
     )?;
     let late = lab.offer(id, b"fist", false, SOON)?;
-    check(late.state == RemoteState::Withdrawn, format!("{late:?}"))?;
-    // One of an earlier incarnation, too.
+    check(late.reason == "it was withdrawn", format!("{late:?}"))?;
+    // One of a session that does not exist.
     let early = Id {
-        incarnation: id.incarnation - 1,
+        session: 1,
         number: 1,
     };
     check(
-        lab.offer(early, b"fist", false, SOON)?.state == RemoteState::Superseded,
+        lab.offer(early, b"fist", false, SOON)?.state == RemoteState::Forgotten,
         "an early one".into(),
     )?;
     let id = lab.next_id(SOON)?;
@@ -381,6 +372,12 @@ fn dies(up: &mut Up, place: &str, lab: Remote, network: Network) -> Outcome<()> 
     until_done(up, &night, &motion(2, 0.6, 0.2)?)?;
     let id = night.next_id(SOON)?;
     night.offer(id, &motion(2, 0.9, 4.0)?, false, SOON)?;
+    let error = lab.offer(night.next_id(SOON)?, b"fist", false, SOON);
+    let error = error.err().ok_or("lab has used a session of night")?;
+    check(
+        error.to_string().contains("one of another client"),
+        error.to_string(),
+    )?;
     drop((night, night_network));
     let night_network = open(place, "night", "third")?;
     let night = Remote::new(&night_network, ROBOT)?;
@@ -404,7 +401,19 @@ fn dies(up: &mut Up, place: &str, lab: Remote, network: Network) -> Outcome<()> 
     drop(remote);
     // Its end waits for nobody.
     proxy.cut();
-    Ok(())
+
+    // The gateway itself goes: nobody is left to see whether the client is there.
+    let network = open(place, "lab", "secret")?;
+    let lab = Remote::new(&network, ROBOT)?;
+    let id = begin(&lab)?;
+    up.kill("gateway")?;
+    let outcome = lab.wait(id, SOON)?;
+    check(
+        outcome.state == RemoteState::Aborted,
+        format!("the gateway was away: {outcome:?}"),
+    )?;
+    let next = lab.next_id(SOON)?;
+    check(next.session > id.session, format!("{next} after {id}"))
 }
 
 /// Begins a motion that does not end by itself.

@@ -83,14 +83,9 @@ pub(crate) fn run(arguments: &[String]) -> system::Outcome<()> {
     let (mut open, mut next) = (Vec::new(), 0);
     for line in lines {
         match line {
-            Line::Offers(index, incarnation, number) => {
-                open.push((
-                    index,
-                    Id {
-                        incarnation,
-                        number,
-                    },
-                ));
+            Line::Offers(index, session, number) => {
+                let (session, number) = (session.try_into()?, number.try_into()?);
+                open.push((index, Id { session, number }));
                 next = index + 1;
             }
             Line::Told(index, _) => open.retain(|(it, _)| *it != index),
@@ -103,11 +98,7 @@ pub(crate) fn run(arguments: &[String]) -> system::Outcome<()> {
     }
     for index in next..all {
         let id = until(|| worker.remote.next_id(ANSWER));
-        writeln!(
-            worker.log,
-            "offers {index} {} {}",
-            id.incarnation, id.number
-        )?;
+        writeln!(worker.log, "offers {index} {} {}", id.session, id.number)?;
         let motion = motion(worker.joint, target(index), 0.12)?;
         // Some are sent twice at once, and of some the client does not wait for the answer.
         let remote = &worker.remote;
@@ -144,12 +135,12 @@ impl Worker {
         let RemoteOutcome { state, reason, .. } = until(|| self.remote.wait(id, ANSWER));
         let word = match state {
             // In the words of the verdict.
-            RemoteState::Withdrawn | RemoteState::Superseded => "Never".to_owned(),
+            RemoteState::Refused if reason == "it was withdrawn" => "Never".to_owned(),
             state => format!("{state:?}"),
         };
         let why = if reason.is_empty() { "None" } else { &reason };
         writeln!(self.log, "told {index} {word} {why}")?;
-        if state == RemoteState::Refused {
+        if word == "Refused" {
             // Until somebody has enabled the hand, which takes long on a machine that has much else to do.
             std::thread::sleep(ENABLED * (1 << self.refused.min(4)));
             self.refused += 1;

@@ -130,7 +130,7 @@ fn config(between: &Between) -> String {
         .concat();
     let (place, password) = (between.place(Host::Robot), password(ROBOT));
     format!(
-        "robot = {ROBOT:?}\njournal = \"motions.journal\"\nrouters = {{ connect = [{place:?}], password = {password:?} \
+        "robot = {ROBOT:?}\nrouters = {{ connect = [{place:?}], password = {password:?} \
          }}\n{clients}"
     )
 }
@@ -223,7 +223,6 @@ fn run(mut between: Between) -> Outcome<()> {
     if wrong.is_empty() {
         return Ok(());
     }
-    let journal = fs::read_to_string(up.place().join("motions.journal"))?;
-    wrong.extend([up.told(), journal]);
+    wrong.push(up.told());
     Err(wrong.join("\n").into())
 }

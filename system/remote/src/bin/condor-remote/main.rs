@@ -33,7 +33,7 @@ struct Line {
     #[arg(long, global = true, value_name = "NAME")]
     client: Option<String>,
     /// The file of robots (TOML): their names and addresses, and the name of this client; by default
-    /// condor/remote.toml in ~/.config, or in $XDG_CONFIG_HOME if that is set
+    /// `~/.config/condor/remote.toml`
     #[arg(long, global = true, value_name = "FILE")]
     robots: Option<PathBuf>,
     /// The longest time to wait for an answer, in seconds
@@ -90,7 +90,7 @@ enum Command {
         #[arg(value_parser = identity)]
         id: Id,
     },
-    /// Withdraws a motion: if the gateway has not received it yet, it never runs. Prints the state of the motion
+    /// Withdraws a motion: if the robot has not received it yet, it never runs. Prints the state of the motion
     Withdraw {
         /// The identity of the motion, such as 1.3; `run` prints it
         #[arg(value_parser = identity)]
@@ -140,9 +140,9 @@ enum Vars {
 
 fn identity(text: &str) -> Result<Id, String> {
     let parts = text.split_once('.');
-    let id = parts.and_then(|(incarnation, number)| {
+    let id = parts.and_then(|(session, number)| {
         Some(Id {
-            incarnation: incarnation.parse().ok()?,
+            session: session.parse().ok()?,
             number: number.parse().ok()?,
         })
     });
