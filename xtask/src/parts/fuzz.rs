@@ -23,12 +23,9 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
         .run()?;
     let mut runs = Vec::new();
     for target in &targets {
-        // libFuzzer adds to the first directory and only reads the second.
+        // libFuzzer adds to the first directory and only reads the second, to which the target writes its seeds.
         std::fs::create_dir_all(context.root.join("fuzz/corpus").join(target))?;
-        let mut inputs = format!("fuzz/corpus/{target}");
-        if context.root.join("fuzz/seeds").join(target).is_dir() {
-            inputs = format!("{inputs} fuzz/seeds/{target}");
-        }
+        let inputs = format!("fuzz/corpus/{target} fuzz/target/seeds/{target}");
         let line = format!(
             "cargo +nightly fuzz run --fuzz-dir fuzz {target} {inputs} -- \
              -max_total_time={seconds} -timeout=10 -verbosity=0 -print_final_stats=1"

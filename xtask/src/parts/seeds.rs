@@ -5,11 +5,8 @@ use crate::tests_run;
 
 pub(crate) fn run(context: &Context) -> Result<Summary> {
     let tests = context
-        .command("cargo test --bins")
+        .command("cargo test --lib --bins")
         .dir("fuzz")
         .sharing_target();
-    Ok(Summary::of(format!(
-        "{} targets",
-        tests_run::count(&tests)?
-    )))
+    Ok(Summary::of(format!("{} tests", tests_run::count(&tests)?)))
 }
