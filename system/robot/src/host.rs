@@ -90,7 +90,7 @@ impl QueueSession {
             )
         {
             match client.take_control(next.session, from_other, timeout) {
-                // It was closed just now, or the queue has a new ledger, where it is the session of another client.
+                // The session was closed just now, or the queue has a new ledger, where another client has it.
                 Err(ClientError::NotYours | ClientError::NotInControl(InControl::Nobody)) => {}
                 taken => {
                     taken?;
