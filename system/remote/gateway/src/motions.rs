@@ -252,7 +252,7 @@ impl Motions {
                 continue;
             }
             if outcome.state == RemoteState::New {
-                // It did not come through. If this fails, the next turn tries it again.
+                // The motion did not come through. If this fails, the next turn tries it again.
                 let _ = self.withdraw(&client, id);
             } else if self.stopped.is_none_or(|at| now - at >= ANSWER) {
                 self.stopped = Some(now);
