@@ -38,7 +38,7 @@ fn a_processor_restarts_and_loads_what_the_description_lets_it() {
         asks(&up, "restart b", "done: restart b");
         let after = up.status();
         assert_ne!(after.processors[0].pid, before.processors[0].pid);
-        assert_eq!(after.processors[0].state, MemberState::Running);
+        assert_eq!(running::state(&after.processors[0]), MemberState::Running);
         assert_eq!(after.processors[0].restarts, 0, "it was asked for");
         assert_eq!(after.processors[1].pid, before.processors[1].pid);
 

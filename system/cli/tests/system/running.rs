@@ -10,7 +10,8 @@ use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 
 use condor_host::control::{
-    ControlClient, ControlClientError, ControlEvents, ControlRequest, MemberState, SystemStatus,
+    ControlClient, ControlClientError, ControlEvents, ControlRequest, Member, MemberState,
+    SystemStatus,
 };
 use condor_host::system::SystemDirectory;
 use rustix::event::{PollFd, PollFlags, Timespec};
@@ -283,6 +284,14 @@ fn spawn(
         }
     });
     (child, Mutex::new(told))
+}
+
+/// The state of a processor or service. One whose heart stands still for a moment, on a loaded machine, runs.
+pub(crate) fn state(member: &Member) -> MemberState {
+    match member.state {
+        MemberState::Stalled => MemberState::Running,
+        state => state,
+    }
 }
 
 /// Waits until a processor has come into a state.

@@ -157,8 +157,11 @@ impl SupervisorMailbox<'_> {
 
     /// Whether somebody has paused the simulated time, and it stands for that.
     pub(super) fn is_paused(&self) -> bool {
-        self.clock()
-            .is_some_and(|clock| clock.page().standing(clock.handover()) == Obstacle::Limit)
+        self.clock().is_some_and(|clock| {
+            let page = clock.page();
+            // At the limit itself, somebody may still have the turn.
+            page.now() >= page.limit() || page.standing(clock.handover()) == Obstacle::Limit
+        })
     }
 
     /// Whether the limits of a processor count: always by the real clock, and in simulated time only
