@@ -32,7 +32,7 @@ pub enum RateError {
         capacity: usize,
     },
     /// A loop's phase, the time of its first release, is not within its first period.
-    #[error("the phase of {phase} ticks is not less than the period of the rate {rate}")]
+    #[error("the phase is {phase} ticks; it must be less than the period of the rate {rate}")]
     Phase {
         /// The loop's rate.
         rate: Rate,

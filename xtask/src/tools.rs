@@ -111,7 +111,7 @@ pub(crate) fn need_python(context: &Context, dir: &str, packages: &str) -> Resul
         let venv = context.command(&format!("python3 -m venv --clear {dir}"));
         if let Err(problem) = venv.run() {
             // Debian has what is missing in a package of its own.
-            eprintln!("{problem}; trying again with python3-venv");
+            eprintln!("{problem}; installing the package python3-venv, then trying again");
             debian(context, "python3-venv")?;
             install(&venv)?;
         }

@@ -53,7 +53,7 @@ pub enum BusMapError {
         len: usize,
     },
     /// The file ends before the range does.
-    #[error("the registers need a file of {needed:#x} bytes, but it has {found:#x}")]
+    #[error("the file of the registers has {found:#x} bytes, but needs {needed:#x}")]
     TooShort {
         /// The end of the range, in bytes from the beginning of the file.
         needed: u64,

@@ -17,7 +17,7 @@ pub enum ServoRefusal {
         served: u32,
     },
     /// The finger does not have the joint, or the request allows only one joint.
-    #[error("there is no joint {joint}; the finger has {joints}, from 0")]
+    #[error("there is no joint {joint}; the finger has {joints}, numbered from 0")]
     NoJoint {
         /// The joint that was named.
         joint: u32,

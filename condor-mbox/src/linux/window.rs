@@ -52,7 +52,7 @@ pub enum WindowMapError {
         len: u64,
     },
     /// The file ends before the window does.
-    #[error("the window needs a file of {needed:#x} bytes, but it has {found:#x}")]
+    #[error("the file of the window has {found:#x} bytes, but needs {needed:#x}")]
     TooShort {
         /// The end of the window, in bytes from the beginning of the file.
         needed: u64,

@@ -80,7 +80,7 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
     tests.retain(|program| program.name == "harts");
     let passed = programs::run(&tests, &["--ignored"])?;
     if passed == 0 {
-        return Err("no test program `harts` ran a test".into());
+        return Err("the programs of tests called `harts` ran no test".into());
     }
     Ok(Summary::of(format!(
         "{} on harts for {HAND_SECONDS} s, {EXACT_SECONDS} s of exact stress, {passed} tests",

@@ -141,8 +141,12 @@ impl Gdb {
     /// Starts the debugger of this machine on a process.
     fn process(&self, member: &Member) -> Result<(), AnyError> {
         if self.start {
-            let text = "--start is for harts only; to debug a process from its start, let its program be `gdbserver`";
-            return Err(format!("{} is a process: {text}", member.name).into());
+            return Err(format!(
+                "--start is for harts only, and {} is a process: to debug it from its start, let its program be \
+                 `gdbserver`",
+                member.name
+            )
+            .into());
         }
         let pid = member
             .pid

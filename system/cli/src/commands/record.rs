@@ -97,7 +97,7 @@ impl Record {
         if let Some(mut former) = former {
             if let Some(trouble) = former.trouble.take() {
                 eprintln!(
-                    "condor: the earlier recording cannot be completed, and is kept as it is: {trouble}"
+                    "condor: the earlier recording was broken off and cannot be repaired; it is kept as it is: {trouble}"
                 );
             }
             let kept = former.keep()?;

@@ -148,7 +148,7 @@ pub(super) enum Problem<'l> {
     Absent(u8),
     #[error("no processor simulates the robot, which this command needs")]
     NoPlant,
-    #[error("no processor measures the position of the ball")]
+    #[error("nobody knows where the ball is: no processor measures its position")]
     NoCamera,
     #[error("processor {0} has not seen the ball for 0.2 s")]
     NotSeen(u8),
