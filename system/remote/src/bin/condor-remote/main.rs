@@ -267,7 +267,7 @@ fn run_one(
     timeout: Duration,
 ) -> Result<RemoteState, AnyError> {
     let id = remote.next_id(timeout)?;
-    eprintln!("{motion}: its identity is {id}");
+    eprintln!("{motion}: `outcome {id}` shows what has become of it");
     let uncertain = |error: RemoteError| {
         format!(
             "{error}; the motion may run: `outcome {id}` shows its state, `withdraw {id}` prevents it if it has \
