@@ -20,6 +20,8 @@ use super::window::WindowAccess;
 
 /// More than any text of a system has.
 const MOST_TEXT: u64 = 16 * 1024;
+/// The number of attempts to delete a directory in which claims that are under way still make files.
+const BURIALS: u32 = 1000;
 
 /// An open directory of a system.
 #[derive(Debug)]
@@ -430,15 +432,21 @@ fn identity(stat: &Stat) -> (u64, u64) {
 
 /// Deletes the directory at `grave`, which is open and to which no path of a system leads.
 fn bury(directory: impl AsFd, grave: &Path, names: &[String]) -> Result<(), SystemError> {
-    for name in names {
-        match rustix::fs::unlinkat(&directory, name, AtFlags::empty()) {
-            Ok(()) | Err(Errno::NOENT) => {}
-            Err(errno) => return Err(SystemError::os("delete", grave.join(name))(errno)),
+    let mut attempts = 0;
+    loop {
+        for name in names {
+            match rustix::fs::unlinkat(&directory, name, AtFlags::empty()) {
+                Ok(()) | Err(Errno::NOENT) => {}
+                Err(errno) => return Err(SystemError::os("delete", grave.join(name))(errno)),
+            }
         }
-    }
-    match rustix::fs::rmdir(grave) {
-        Ok(()) | Err(Errno::NOENT) => Ok(()),
-        Err(errno) => Err(SystemError::os("delete", grave)(errno)),
+        attempts += 1;
+        match rustix::fs::rmdir(grave) {
+            Ok(()) | Err(Errno::NOENT) => return Ok(()),
+            // A claim that opened the directory before makes a file there, and then sees that the path leads elsewhere.
+            Err(Errno::NOTEMPTY) if attempts < BURIALS => {}
+            Err(errno) => return Err(SystemError::os("delete", grave)(errno)),
+        }
     }
 }
 

@@ -251,7 +251,7 @@ fn descriptions_that_are_wrong_are_refused() {
         ("2 256 family 1 2 3", "three descriptors"),
         ("2 256 family 1 2 3 4 5 -1", "three descriptors"),
         ("2 256 family 900 901 902 903 904 905", "cannot open"),
-        ("2 254 family 1 2 3 4 5 6", "not a multiple of 4"),
+        ("2 254 family 1 2 3 4 5 6", "must be a multiple of 4"),
         ("2 256 at /nowhere/at/all", "cannot create"),
     ];
     for (description, expected) in cases {

@@ -110,8 +110,8 @@ pub enum RemoteRequest {
     },
     /// Asks for the identity of the client's next motion; returns an [`Id`].
     NextId {
-        /// The last identity that the client had: the next one is of the same session, if that is still open. `null`
-        /// opens a session.
+        /// The last identity that the client had: the next one is of the same session, if that is still open. Without
+        /// it, the gateway opens a session.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         last: Option<Id>,
     },
@@ -216,6 +216,14 @@ impl ClientRequest {
         let request: Result<RemoteRequest, _> = serde_json::from_value(json.into());
         let request =
             request.map_err(|error| wrong(format!("cannot understand the request: {error}")))?;
+        if let RemoteRequest::Offer { id, .. }
+        | RemoteRequest::Outcome { id }
+        | RemoteRequest::Withdraw { id } = &request
+            && id.number == 0
+        {
+            let text = format!("there is no motion {id}: the numbers of a session begin with 1");
+            return Err(wrong(text));
+        }
         if request.right().word() != word {
             let right = request.right().word();
             return Err(wrong(format!(
@@ -287,7 +295,7 @@ pub enum RemoteState {
     Lost,
     /// The robot's program ended while the motion ran.
     BrokenOff,
-    /// The gateway ended before the robot had the motion: it did not run.
+    /// The gateway ended before the robot had the motion, or a later one of the session came first: it did not run.
     Never,
     /// The motion will not run any more, and no record tells whether it did.
     Forgotten,

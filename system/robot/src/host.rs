@@ -92,6 +92,7 @@ impl QueueSession {
             match client.take_control(next.session, from_other, timeout) {
                 // The session was closed just now, or the queue has a new ledger, where another client has it.
                 Err(ClientError::NotYours | ClientError::NotInControl(InControl::Nobody)) => {}
+                Err(ClientError::NotInControl(_)) if from_other => {}
                 taken => {
                     taken?;
                     self.last = Some(next);

@@ -532,7 +532,7 @@ fn a_ledger_with_the_last_session_says_that_it_must_be_removed() {
         let refused = opened.unwrap_err();
         assert_eq!(refused, ClientError::Exhausted);
         let said = refused.to_string();
-        assert!(said.contains("remove its ledger"), "{said}");
+        assert!(said.contains("remove the file"), "{said}");
         // The terminal goes on without a session.
         enable(typist);
         typist.runs("open");

@@ -16,6 +16,7 @@ from __future__ import annotations
 import json
 import secrets
 import struct
+import threading
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -64,6 +65,7 @@ class Identity(NamedTuple):
     session: int
     """The number of the client's session with the queue of the robot."""
     number: int
+    """The number of the motion in the session, from 1 on."""
 
 
 @dataclass(frozen=True)
@@ -131,6 +133,7 @@ class Remote:
             put("transport/link/tls/enable_mtls", True)
         self.robot, self.client, self.timeout = robot, client, timeout
         self._last: Optional[Identity] = None
+        self._next = threading.Lock()
         try:
             self._session = zenoh.open(config)
         except zenoh.ZError as error:
@@ -184,9 +187,11 @@ class Remote:
 
     def next_id(self) -> Identity:
         """Returns the identity for the next motion."""
-        last = None if self._last is None else self._last._asdict()
-        self._last = Identity(**self._until("move", {"do": "next-id", "last": last}))
-        return self._last
+        # No other thread may get the same one.
+        with self._next:
+            last = None if self._last is None else self._last._asdict()
+            self._last = Identity(**self._until("move", {"do": "next-id", "last": last}))
+            return self._last
 
     def offer(
         self, id: Identity, motion: Union[str, bytes], takes_control: bool = False, timeout: Optional[float] = None
@@ -204,7 +209,7 @@ class Remote:
         return _outcome(self._until("look", {"do": "outcome", "id": id._asdict()}))
 
     def withdraw(self, id: Identity) -> Outcome:
-        """Makes sure that a motion never runs which the robot has not received; returns what has become of it."""
+        """Withdraws a motion: if the robot has not received it yet, it never runs. Returns what has become of it."""
         return _outcome(self._until("move", {"do": "withdraw", "id": id._asdict()}))
 
     def wait(self, id: Identity, timeout: Optional[float] = None) -> Outcome:

@@ -21,7 +21,7 @@ use crate::presence::Presence;
 
 /// The time that the queue may take to answer.
 const ANSWER: Duration = Duration::from_millis(500);
-/// The greatest number of sessions, and of motions that have not ended, that are remembered: more than the queue has.
+/// The number of sessions of clients above which those that the queue has ended are removed.
 const SESSIONS: usize = 64;
 
 /// The way to the motion queue of a running system.
@@ -48,7 +48,7 @@ impl MotionsLink {
 
 /// The requests of clients about motions. One thread carries them out.
 ///
-/// Nothing that the queue knows is kept here: a motion has the identity that the queue knows it by.
+/// Nothing here must outlive the gateway: a motion has the identity by which the queue knows it.
 pub(crate) struct Motions {
     way: Option<MotionsLink>,
     /// The sessions that were opened for clients, with their names.
@@ -132,7 +132,11 @@ impl Motions {
         let session = queue.open(ANSWER)?;
         self.sessions.insert(session, client.into());
         if self.sessions.len() > SESSIONS {
-            self.sessions.pop_first();
+            // The queue has fewer, and has ended the others.
+            self.sessions.retain(|&session, _| {
+                let seen = queue.look(RequestIdentity { session, number: 1 }, ANSWER);
+                !matches!(seen, Ok(seen) if seen.answer == QueueAnswer::NoSession)
+            });
         }
         Ok(Id { session, number: 1 })
     }
@@ -170,37 +174,33 @@ impl Motions {
             let error = "motions of this client stop when it disconnects, and the gateway does not see it connected";
             return Err(RemoteRefusal::new(error, true));
         }
-        if self.open.insert(id, client.into()).is_none() {
-            log::tell(client, &format!("offers motion {id}"));
-        }
-        if self.open.len() > SESSIONS {
-            self.open.pop_first();
-        }
-        let answer = self.enqueue(id, motion, takes_control, stops)?;
+        let answer = self.enqueue(client, id, motion, takes_control, stops)?;
         Ok(self.outcome(id, answer, None))
     }
 
     fn enqueue(
-        &self,
+        &mut self,
+        client: &str,
         id: Id,
         motion: &[u8],
         takes_control: bool,
         stops: bool,
     ) -> Result<QueueAnswer, Again> {
         let mut queue = connect(self.way.as_ref())?;
-        if stops {
-            // A master that was started again does not know it any more.
-            queue.bind(id.session, ANSWER)?;
-        }
         match queue.take_control(id.session, takes_control, ANSWER) {
             Err(ClientError::NotInControl(who)) if who != InControl::Nobody => {
-                Err(format!("{who}; `--control` takes control from it").into())
+                return Err(format!("{who}; `--control` takes control from it").into());
             }
-            taken => {
-                taken?;
-                Ok(host::offer(&mut queue, request(id), motion, ANSWER)?)
-            }
+            taken => taken?,
         }
+        if stops {
+            // A master that was started again after this gives control to nobody, and refuses the motion.
+            queue.bind(id.session, ANSWER)?;
+        }
+        if self.open.insert(id, client.into()).is_none() {
+            log::tell(client, &format!("offers motion {id}"));
+        }
+        Ok(host::offer(&mut queue, request(id), motion, ANSWER)?)
     }
 
     fn withdraw(&mut self, client: &str, id: Id) -> Result<RemoteOutcome, RemoteRefusal> {
@@ -244,25 +244,24 @@ impl Motions {
         let now = Instant::now();
         let open: Vec<_> = self.open.iter().map(|it| (*it.0, it.1.clone())).collect();
         for (id, client) in open {
-            // The client that asks is told what is wrong.
-            let Ok(outcome) = self.look(id) else {
-                continue;
-            };
-            if outcome.state.is_final() || !self.presence(|it| it.must_stop(&client, now)) {
-                continue;
-            }
-            if outcome.state == RemoteState::New {
-                // The motion did not come through. If this fails, the next turn tries it again.
-                let _ = self.withdraw(&client, id);
-            } else if self.stopped.is_none_or(|at| now - at >= ANSWER) {
-                self.stopped = Some(now);
-                let how = how(&self.stop());
-                log::tell(
-                    &client,
-                    &format!(
-                        "has disconnected, and motion {id} must stop then: all motion stops: {how}"
-                    ),
-                );
+            match self.look(id) {
+                Ok(outcome) if outcome.state.is_final() => {}
+                Ok(outcome) if outcome.state == RemoteState::New => {
+                    // The offer did not come through: the client sends it again, or it never runs.
+                    self.open.remove(&id);
+                }
+                _ if !self.presence(|it| it.must_stop(&client, now)) => {}
+                _ if self.stopped.is_some_and(|at| now - at < ANSWER) => {}
+                _ => {
+                    self.stopped = Some(now);
+                    let how = how(&self.stop());
+                    log::tell(
+                        &client,
+                        &format!(
+                            "has disconnected, and motion {id} must stop then: all motion stops: {how}"
+                        ),
+                    );
+                }
             }
         }
     }

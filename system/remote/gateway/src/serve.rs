@@ -195,7 +195,13 @@ impl Door {
 fn keep(mut keeper: Motions, which: &SystemChoice, jobs: &Receiver<Job>) {
     let mut found = None;
     let mut looked: Option<Instant> = None;
+    let mut turned = Instant::now();
     loop {
+        // However much is asked for: clients may be gone whose motions must stop.
+        if turned.elapsed() >= LOOK {
+            keeper.turn();
+            turned = Instant::now();
+        }
         if found
             .as_mut()
             .is_some_and(|it: &mut crate::system::RunningSystem| !it.is_there())
@@ -214,9 +220,9 @@ fn keep(mut keeper: Motions, which: &SystemChoice, jobs: &Receiver<Job>) {
                 found = Some(there);
             }
         }
-        match jobs.recv_timeout(LOOK) {
+        match jobs.recv_timeout(LOOK.saturating_sub(turned.elapsed())) {
             Ok(job) => job.answer(keeper.answer(&job.asked)),
-            Err(RecvTimeoutError::Timeout) => keeper.turn(),
+            Err(RecvTimeoutError::Timeout) => {}
             Err(RecvTimeoutError::Disconnected) => return,
         }
     }

@@ -10,7 +10,7 @@ use crate::queue::{
     InControl, MotionQueue, OWN, QueueAnswer, RequestIdentity, RequestState, SessionOwner,
 };
 
-/// The greatest number of offers that wait for the background, each of another processor.
+/// The greatest number of offers and withdrawals that wait for the background, each of another processor.
 const INBOX: usize = 8;
 
 /// The motion queue and the open requests of a controller, which the handler of [`MOTIONS`](super::MOTIONS) and the
@@ -20,7 +20,7 @@ const INBOX: usize = 8;
 #[derive(Debug)]
 pub struct MotionsPost<P, const N: usize>(Mutex<RefCell<MotionsState<P, N>>>);
 
-/// The state of the abort for which the session in control has asked.
+/// The state of the abort for which the session in control has asked, or that a client causes that is gone.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Abort {
     No,

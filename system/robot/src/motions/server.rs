@@ -106,8 +106,8 @@ impl<'p, P, L: LedgerStore, const N: usize> MotionsServer<'p, P, L, N> {
         }
     }
 
-    /// Handles the requests that have come by message: opens sessions, and accepts or refuses offers. Call it
-    /// periodically. Returns the next event that the controller must act on or announce; `None` if there is none.
+    /// Handles the requests that have come by message: opens sessions, and accepts, refuses or withdraws requests.
+    /// Closes the sessions of clients that are gone. Call it periodically. Returns the next event that the controller must act on or announce; `None` if there is none.
     ///
     /// * `now`: the present time, with which failed writes of the ledger are tried again.
     /// * `incarnation` returns the present [incarnation](SessionOwner::incarnation) of a processor, or `None` if the
@@ -124,6 +124,16 @@ impl<'p, P, L: LedgerStore, const N: usize> MotionsServer<'p, P, L, N> {
         incarnation: impl Fn(u32) -> Option<u32>,
         make: impl FnOnce(Offer) -> Result<P, RefusalReason>,
     ) -> Result<Option<MotionsEvent>, RestoreError<L::Error>> {
+        // Motion ends whether the ledger can be written or not.
+        let ends_motion = self.look(|queue| {
+            queue.sessions().any(|(session, owner)| {
+                queue.has_bound_requests(session)
+                    && incarnation(owner.processor) != Some(owner.incarnation)
+            })
+        });
+        if ends_motion == Some(true) {
+            self.post.with(|desk| desk.abort = Abort::Asked);
+        }
         self.mend(now)?;
         if self.aborting.is_none() && self.post.with(|desk| desk.abort) == Some(Abort::Asked) {
             return Ok(Some(MotionsEvent::Aborted));
@@ -201,8 +211,8 @@ impl<'p, P, L: LedgerStore, const N: usize> MotionsServer<'p, P, L, N> {
         Ok(())
     }
 
-    /// Closes the session of a client whose incarnation has ended, if there is one, and has all motion end if requests
-    /// are bound to it. Returns it if it was in control.
+    /// Closes the session of a client whose incarnation has ended, if there is one. Returns it if it was in
+    /// control.
     fn close_gone(
         &mut self,
         incarnation: &impl Fn(u32) -> Option<u32>,
@@ -214,15 +224,7 @@ impl<'p, P, L: LedgerStore, const N: usize> MotionsServer<'p, P, L, N> {
         let Some((session, _)) = gone.flatten() else {
             return Ok(None);
         };
-        let post = self.post;
-        let was_in_control = self.change(|queue, write| {
-            let ends_motion = queue.has_bound_requests(session);
-            let was_in_control = queue.close(session, write)?;
-            if ends_motion {
-                post.with(|desk| desk.abort = Abort::Asked);
-            }
-            Ok(was_in_control)
-        })?;
+        let was_in_control = self.change(|queue, write| queue.close(session, write))?;
         Ok((was_in_control == Some(true)).then_some(session))
     }
 

@@ -118,6 +118,8 @@ impl MotionSender for Offers {
             Some(way) => way,
             None => join(&self.directory)?,
         };
+        // After an error the system is looked for anew.
+        host::connect(&way.0, &way.1)?;
         let (view, status) = self.way.insert(way);
         let mut client = host::connect(view, status)?;
         let identity = self

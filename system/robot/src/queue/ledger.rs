@@ -496,6 +496,13 @@ impl<const N: usize> Ledger<N> {
         request.next().map(|it| (it.state, it.reason))
     }
 
+    /// Returns the number up to which requests of a session may have had rows that others have taken; 0 if there are
+    /// none.
+    #[must_use]
+    pub fn forgotten(&self, session: u32) -> u32 {
+        self.session(session).map_or(0, |(_, it)| it.answered)
+    }
+
     /// Returns the greatest number of all requests of a session that the ledger has or once had; 0 if there are none.
     ///
     /// A request up to this number that has no row is never run: either it was answered and forgotten, or the client

@@ -41,11 +41,10 @@ pub enum QueueAnswer {
     Known(RequestState, RefusalReason),
     /// The queue does not have the request: it has not run, and can be sent.
     New,
-    /// The request was answered, and the answer is forgotten, or it was passed over by one with a greater
-    /// number. It will not run.
+    /// The request was answered or passed over by one with a greater number, and nobody knows which. It will not run.
     Forgotten,
-    /// The owner of the session was gone before the queue had the request: it has not run, and
-    /// never will.
+    /// The owner of the session was gone before the queue had the request, or one with a greater number came first: it
+    /// has not run, and never will.
     Never,
     /// The session does not exist, or no longer exists.
     NoSession,
@@ -271,10 +270,14 @@ impl<P, const N: usize> MotionQueue<P, N> {
         }
         match self.ledger.state(identity) {
             Some((state, reason)) => QueueAnswer::Known(state, reason),
-            None if identity.number <= self.ledger.answered(identity.session) => {
+            None if identity.number <= self.ledger.forgotten(identity.session) => {
                 QueueAnswer::Forgotten
             }
-            None if self.ledger.is_closed(identity.session) => QueueAnswer::Never,
+            None if identity.number <= self.ledger.answered(identity.session)
+                || self.ledger.is_closed(identity.session) =>
+            {
+                QueueAnswer::Never
+            }
             None => QueueAnswer::New,
         }
     }

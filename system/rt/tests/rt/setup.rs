@@ -423,7 +423,7 @@ fn what_is_wrong_with_a_setup_is_said_with_its_name() {
                 .servo("servo", Rate::hz(1), &mut |_| ())
                 .run()
         }),
-        "cannot show the variables of `servo`: the initial value of parameter 0 is out of bounds"
+        "cannot show the variables of `servo`: the initial value of parameter 0, counted from 0, is out of its bounds"
     );
     assert_eq!(
         error(WINDOW_BYTES, |machine| {

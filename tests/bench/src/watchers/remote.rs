@@ -98,7 +98,7 @@ impl Programs {
             .concat();
         let config = place.join("gateway.toml");
         let text = format!(
-            "robot = \"hand\"\njournal = \"journal\"\nlisten = [{at:?}]\nvariables = {VARIABLES:?}\n{clients}"
+            "robot = \"hand\"\nlisten = [{at:?}]\nvariables = {VARIABLES:?}\n{clients}"
         );
         fs::write(&config, text)?;
         Ok(Self {
