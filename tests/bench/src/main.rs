@@ -19,7 +19,6 @@ mod race;
 mod results;
 mod riscv_instructions;
 mod rounds;
-mod shuffle;
 mod simulated;
 mod swing;
 mod system;

@@ -9,6 +9,8 @@ use std::path::{Path, PathBuf};
 use std::thread;
 use std::time::{Duration, Instant};
 
+use fastrand::Rng;
+
 use process::System;
 
 use crate::Result;
@@ -16,7 +18,6 @@ use crate::build::programs;
 use crate::measure::{Estimate, Goal};
 use crate::options::Options;
 use crate::rounds;
-use crate::shuffle::Shuffle;
 
 /// The time for which everything runs before it is measured.
 const WARM_UP: Duration = Duration::from_secs(1);
@@ -60,7 +61,7 @@ impl<F: Default> Round<F> {
     fn play<W: Watchers<Figures = F>>(
         system: &System,
         seconds: u64,
-        order: &mut Shuffle,
+        order: &mut Rng,
         start: impl Fn(&System) -> Result<W>,
     ) -> Result<Self> {
         let mut ways = [Way::Nobody, Way::NobodyAgain, Way::Watchers];
@@ -107,7 +108,7 @@ impl<F: Default> Played<F> {
         let place = tempfile::tempdir()?;
         let description = tree.join("examples/utah-mit-hand/system.toml");
         let system = System::start(&program, &description, place.path())?;
-        let mut order = Shuffle(0);
+        let mut order = Rng::with_seed(0);
         let round = |_| Round::play(&system, seconds, &mut order, &start);
         Ok(Self(rounds::play(options.rounds(7, 7), round)?))
     }
