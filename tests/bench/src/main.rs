@@ -2,11 +2,10 @@
 //!
 //! `cargo run --release --manifest-path tests/bench/Cargo.toml -- COMMAND [--rounds N] [--quick]`
 
+mod build;
 mod callgrind;
 mod clock;
-mod debugger;
 mod dev;
-mod firmware;
 mod fs;
 mod hand;
 mod machine;
@@ -20,11 +19,9 @@ mod race;
 mod results;
 mod riscv_instructions;
 mod rounds;
-mod shuffle;
 mod simulated;
 mod swing;
 mod system;
-mod tty;
 mod vars;
 mod watchers;
 
@@ -47,11 +44,6 @@ struct Command {
 }
 
 const COMMANDS: &[Command] = &[
-    Command {
-        name: "debugger",
-        about: "GDB on a hart by condor-debug and by QEMU's stub, and on a process by gdbserver",
-        run: debugger::run,
-    },
     Command {
         name: "dev",
         about: "instructions of a device's write by condor-dev, trait objects, vm-device, write(2)",
@@ -108,19 +100,9 @@ const COMMANDS: &[Command] = &[
         run: watchers::remote::run,
     },
     Command {
-        name: "tty",
-        about: "blocks of condor-tty into memory beside memcpy, and into a pty beside write(2)",
-        run: tty::run,
-    },
-    Command {
         name: "vars",
         about: "rows of condor-vars beside memcpy, and instructions of a tick that nobody watches",
         run: vars::run,
-    },
-    Command {
-        name: "watchers",
-        about: "what a recorder, plots and the live server take, and what they cost a loop of 1 kHz",
-        run: watchers::run,
     },
 ];
 
@@ -149,13 +131,6 @@ fn measure(options: &Options) -> Result<()> {
 
 fn main() -> ExitCode {
     let mut arguments = std::env::args().skip(1).peekable();
-    if arguments
-        .next_if(|name| name == debugger::DEBUGGEE)
-        .is_some()
-    {
-        debugger::be_traced();
-        return ExitCode::SUCCESS;
-    }
     let done = match arguments.next_if(|name| name == callgrind::PATH) {
         Some(_) => go_down_one_path(arguments),
         None => measure(&Options::parse()),

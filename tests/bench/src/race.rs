@@ -2,10 +2,11 @@
 
 use std::time::Instant;
 
+use fastrand::Rng;
+
 use crate::Result;
 use crate::measure::quantile;
 use crate::rounds::{self, Column, Tables};
-use crate::shuffle::Shuffle;
 
 /// The length of a turn, ns: long beside the reading of the clock, short beside the time slice that a
 /// scheduler grants to another program.
@@ -82,7 +83,7 @@ impl<'r> Race<'r> {
     /// Returns the error of the first turn that fails.
     pub(crate) fn run(mut self, rounds: usize) -> Result<Tables> {
         let calls = self.calls()?;
-        let mut order = Shuffle(0);
+        let mut order = Rng::with_seed(0);
         let played = rounds::play(rounds, |_| self.round(&calls, &mut order))?;
         self.tables.fill(played);
         Ok(self.tables)
@@ -94,7 +95,7 @@ impl<'r> Race<'r> {
     /// Returns the error of the first turn that fails.
     pub(crate) fn once(mut self, seed: u64) -> Result<Vec<f64>> {
         let calls = self.calls()?;
-        self.round(&calls, &mut Shuffle(seed))
+        self.round(&calls, &mut Rng::with_seed(seed))
     }
 
     /// Returns the number of calls that fill a turn of each contestant.
@@ -102,7 +103,7 @@ impl<'r> Race<'r> {
         self.turns.iter_mut().map(calls_of_a_turn).collect()
     }
 
-    fn round(&mut self, calls: &[usize], order: &mut Shuffle) -> Result<Vec<f64>> {
+    fn round(&mut self, calls: &[usize], order: &mut Rng) -> Result<Vec<f64>> {
         let mut lanes: Vec<usize> = (0..self.turns.len()).collect();
         let mut times = vec![Vec::new(); lanes.len()];
         for _ in 0..TURNS {

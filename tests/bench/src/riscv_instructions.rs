@@ -12,7 +12,7 @@ use drills::alone::Alone;
 use drills::instructions::{Counts, NAME};
 
 use crate::Result;
-use crate::firmware;
+use crate::build;
 use crate::measure::Report;
 use crate::options::Options;
 
@@ -28,7 +28,7 @@ const PATIENCE: Duration = Duration::from_secs(120);
 /// as something else, or if its two counts differ.
 pub(crate) fn run(_: &Options) -> Result<Report> {
     let dir = Path::new(env!("CARGO_MANIFEST_DIR")).join("../firmware");
-    let images = firmware::build(&dir, TARGET, &["monitor", "drills-hart"])?;
+    let images = build::images(&dir, TARGET, &["monitor", "drills-hart"])?;
     let counts = count(&images)?;
     check(&counts)?;
     let again = count(&images)?;

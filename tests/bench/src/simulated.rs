@@ -5,7 +5,7 @@ use std::process::Command;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
 use crate::Result;
-use crate::firmware::tool;
+use crate::build::programs;
 use crate::measure::{Estimate, Goal, Report};
 use crate::options::Options;
 use crate::rounds;
@@ -20,14 +20,7 @@ pub(crate) fn run(options: &Options) -> Result<Report> {
     let rounds = options.rounds(7, 7);
     let span = if options.quick { "10s" } else { "60s" };
     let tree = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
-    let build = ["build", "--release", "--locked", "-p", "utah-mit-hand"];
-    let status = tool("cargo", "it comes with Rust: https://rustup.rs", |cargo| {
-        cargo.args(build).current_dir(&tree).status()
-    })?;
-    if !status.success() {
-        return Err("the hand does not build".into());
-    }
-    let program = tree.join("target/release/utah-mit-hand");
+    let program = programs(&tree, &["-p", "utah-mit-hand"])?.join("utah-mit-hand");
     let played = rounds::play(rounds, |_| {
         Ok([factor(&program, span)?, beside_busy_loops(&program, span)?])
     })?;

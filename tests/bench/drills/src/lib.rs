@@ -3,7 +3,6 @@
 //! * [`Stress`]: everybody sends to everybody, nested, from loops, handlers and backgrounds, and counts.
 //! * [`Order`]: what comes when, in one simulated time for all.
 //! * [`Table`]: how long a message takes, with and without reply; with [`Echo`] at its other end.
-//! * [`Variables`]: a loop that shows 2 500 variables, to be recorded and drawn.
 //!
 //! What harts alone can run is in the image `tests/bench/drills/hart`; what it leaves behind is here:
 //! [`instructions`], [`stack`].
@@ -17,7 +16,6 @@ pub mod order;
 pub mod stack;
 pub mod stress;
 pub mod table;
-pub mod variables;
 
 mod arguments;
 mod published;
@@ -26,7 +24,6 @@ pub use order::Order;
 pub use published::published;
 pub use stress::Stress;
 pub use table::{Echo, Table};
-pub use variables::Variables;
 
 /// The error text of a drill that has counted something wrong.
 pub const WRONG: &str = "something is wrong; see the counts";

@@ -16,7 +16,7 @@ use condor_host::description::SystemDescription;
 use condor_host::extension::Extension;
 use condor_host::system::SystemDirectory;
 use condor_rt::linux;
-use drills::{Echo, Order, Stress, Table, Variables};
+use drills::{Echo, Order, Stress, Table};
 use qemu_virt_host::HARTS;
 
 struct Drills;
@@ -29,10 +29,6 @@ const PROGRAMS: Programs<'static> = Programs::new(&[
         unsafe { linux::run_allowing_signals(&Stress(|| 0), arguments) }
     }),
     ("table", |arguments| linux::run(&Table, arguments)),
-    ("variables", |arguments| {
-        // SAFETY: its loop sets variables, and calls nothing else.
-        unsafe { linux::run_allowing_signals(&Variables, arguments) }
-    }),
 ]);
 
 impl Application for Drills {

@@ -4,12 +4,12 @@ use std::hint::black_box;
 
 use condor_hand::grasp::{Contacts, GraspError, Wrench};
 use condor_hand::kinematics::Kinematics as _;
+use fastrand::Rng;
 use nalgebra::{SMatrix, SVector, Vector3, Vector6};
 
 use super::subject::{FINGERS, Subject, agree};
 use crate::Result;
 use crate::race::Race;
-use crate::shuffle::Shuffle;
 
 /// Grasps that calls go through in turn.
 const GRASPS: usize = 64;
@@ -50,14 +50,14 @@ pub(super) fn enter(race: &mut Race<'_>, subject: &'static Subject) -> Result<[f
 fn grasps<const M: usize>(
     subject: &Subject,
     fingers: [usize; M],
-    chance: &mut Shuffle,
+    chance: &mut Rng,
 ) -> [Grasp<M>; GRASPS] {
     std::array::from_fn(|grasp| {
         let state = subject.state(grasp);
         let tips: [_; FINGERS] =
             std::array::from_fn(|finger| subject.planar[finger].tip(&state.q[finger]).position);
         let tips = fingers.map(|finger| tips[finger]);
-        let mut vector = |size: f64| Vector3::from_fn(|_, _| size * chance.between(-1.0, 1.0));
+        let mut vector = |size: f64| Vector3::from_fn(|_, _| size * (2.0 * chance.f64() - 1.0));
         let (force, moment, beside) = (vector(5.0), vector(0.1), vector(0.01));
         Grasp {
             tips,
@@ -117,7 +117,7 @@ macro_rules! with_peers {
                 svd.solve(&grasp.wrench, least).ok()
             }
 
-            let mut chance = Shuffle($fingers);
+            let mut chance = Rng::with_seed($fingers);
             let pool: &'static [_; GRASPS] =
                 Box::leak(Box::new(grasps(subject, fingers, &mut chance)));
             let none = "no forces by the peer";

@@ -4,10 +4,10 @@ use std::fmt::Write as _;
 
 use condor_hand::config;
 use condor_hand::kinematics::PlanarFinger;
+use fastrand::Rng;
 use nalgebra::{Matrix3, SVector, Vector3};
 
 use crate::Result;
-use crate::shuffle::Shuffle;
 
 pub(super) const FINGERS: usize = 4;
 pub(super) const JOINTS: usize = 4;
@@ -66,17 +66,17 @@ impl Subject {
             .try_into()
             .map_err(|_| "the hand has another number of fingers")?;
         let limits: Vec<_> = config.fingers.iter().map(config::Finger::limits).collect();
-        let mut chance = Shuffle(7);
+        let mut chance = Rng::with_seed(7);
         let states = std::array::from_fn(|_| {
             let mut each = |size: f64| -> Joints {
-                std::array::from_fn(|_| SVector::from_fn(|_, _| size * chance.between(-1.0, 1.0)))
+                std::array::from_fn(|_| SVector::from_fn(|_, _| size * (2.0 * chance.f64() - 1.0)))
             };
             let (qd, qdd, torque) = (each(3.0), each(50.0), each(0.2));
             let q = std::array::from_fn(|finger| {
                 let limits = &limits[finger];
                 limits
                     .low
-                    .zip_map(&limits.high, |low, high| chance.between(low, high))
+                    .zip_map(&limits.high, |low, high| low + (high - low) * chance.f64())
             });
             State { q, qd, qdd, torque }
         });

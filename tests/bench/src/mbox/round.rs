@@ -5,13 +5,14 @@ use std::os::unix::net::UnixStream;
 use std::path::Path;
 use std::time::Duration;
 
+use fastrand::Rng;
+
 use super::contestant::{Client, Cores, Ends, Entry, Setup, Values};
 use super::mapping::Mapping;
 use super::samples::{Samples, Slice};
 use crate::Result;
 use crate::clock::Calibration;
 use crate::process::{Child, CorePair, pin};
-use crate::shuffle::Shuffle;
 
 /// The length of a round, and its cores.
 #[derive(Clone, Copy, Debug)]
@@ -159,7 +160,7 @@ fn compete<'a>(
         turn.slice = Slice::lasting(plan.half_ns, call_ns);
         turn.samples = Samples::default();
     }
-    let mut order = Shuffle(seed);
+    let mut order = Rng::with_seed(seed);
     for _ in 0..plan.slices {
         order.shuffle(&mut turns);
         for turn in &mut turns {

@@ -13,6 +13,7 @@ mod turn;
 
 use std::time::Duration;
 
+use fastrand::Rng;
 use round::{Entry, Plan};
 use system::Rank;
 
@@ -21,7 +22,6 @@ use crate::measure::{Estimate, Goal, Report};
 use crate::options::Options;
 use crate::process::CorePair;
 use crate::rounds::{self, Column, Tables};
-use crate::shuffle::Shuffle;
 
 const HEAD: &str = "400, 100 and 50 Hz";
 
@@ -65,7 +65,7 @@ pub(crate) fn run(options: &Options) -> Result<Report> {
     for entry in &entries {
         tables.row(HEAD, entry.name);
     }
-    let mut order = Shuffle(0);
+    let mut order = Rng::with_seed(0);
     tables.fill(rounds::play(rounds, |_| {
         // SAFETY: nothing before this has started a thread.
         unsafe { round::play(&entries, &plan, &mut order) }

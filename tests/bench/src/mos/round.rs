@@ -2,13 +2,14 @@
 
 use std::time::Duration;
 
+use fastrand::Rng;
+
 use super::system::{Rank, be_fifo};
 use super::turn::Turn;
 use crate::Result;
 use crate::clock::Calibration;
 use crate::measure::Estimate;
 use crate::process::{Child, pin};
-use crate::shuffle::Shuffle;
 
 /// A contestant.
 pub(super) struct Entry {
@@ -40,7 +41,7 @@ const GRACE: Duration = Duration::from_secs(10);
 ///
 /// # Safety
 /// The calling process must have one thread only, since it is forked.
-pub(super) unsafe fn play(entries: &[Entry], plan: &Plan, order: &mut Shuffle) -> Result<Vec<f64>> {
+pub(super) unsafe fn play(entries: &[Entry], plan: &Plan, order: &mut Rng) -> Result<Vec<f64>> {
     let mut indices: Vec<usize> = (0..entries.len()).collect();
     let mut turns = vec![Vec::new(); entries.len()];
     for _ in 0..plan.turns {

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::process::Stdio;
 
 use crate::Result;
-use crate::firmware::{self, tool};
+use crate::build::{self, tool};
 
 const TARGET: &str = "thumbv7m-none-eabi";
 const QEMU: &str = "qemu-system-arm";
@@ -25,7 +25,7 @@ impl Workspace {
     /// Returns an error if a tool is missing, or if a firmware does not build.
     pub(crate) fn build() -> Result<Self> {
         let dir = Path::new(env!("CARGO_MANIFEST_DIR")).join("../firmware");
-        let images = firmware::build(&dir, TARGET, &["calibration", "condor-loops", "rtic-loops"])?;
+        let images = build::images(&dir, TARGET, &["calibration", "condor-loops", "rtic-loops"])?;
         Ok(Self { images })
     }
 

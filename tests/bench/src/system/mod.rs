@@ -14,6 +14,7 @@ use std::path::Path;
 use std::thread;
 use std::time::{Duration, Instant};
 
+use fastrand::Rng;
 use turn::{Counts, Load, Turn, Way};
 use walk::Walk;
 
@@ -21,7 +22,6 @@ use crate::Result;
 use crate::measure::{Estimate, Goal, Report};
 use crate::options::Options;
 use crate::process::CorePair;
-use crate::shuffle::Shuffle;
 
 /// Releases at a rate, in all rounds together.
 const RELEASES: u32 = 100_000;
@@ -113,7 +113,7 @@ fn rounds(rate_hz: u32, least: usize) -> (usize, u32) {
 struct Stage<'s> {
     core: usize,
     system: &'s Path,
-    order: Shuffle,
+    order: Rng,
     least_rounds: usize,
     deadline: Instant,
 }
@@ -179,7 +179,7 @@ pub(crate) fn run(options: &Options) -> Result<Report> {
         let mut stage = Stage {
             core,
             system: windows.path(),
-            order: Shuffle(0),
+            order: Rng::with_seed(0),
             least_rounds: least,
             deadline: Instant::now()
                 + if options.quick {

@@ -8,12 +8,12 @@ use condor_mbox::{Allocator, CriticalSection, Instant, MemoryWindow as _, Proces
 use condor_vars::{
     Catalog, Sampler, Scalar, Selections, Var, VariableSettings, VariableTable, Vars, Watch,
 };
+use fastrand::Rng;
 
 use crate::Result;
 use crate::clock::{Calibration, ticks};
 use crate::measure::quantile;
 use crate::rounds;
-use crate::shuffle::Shuffle;
 
 /// The ways that are compared.
 pub(super) const WAYS: [&str; 5] = [
@@ -89,7 +89,7 @@ pub(super) fn play<T: Scalar>(rounds: usize) -> Result<Vec<Figures>> {
     let calibration = Calibration::begin();
     rounds::play(rounds, |round| {
         let mut samples: [Vec<f64>; WAYS.len()] = [const { Vec::new() }; WAYS.len()];
-        let mut order = Shuffle(round as u64);
+        let mut order = Rng::with_seed(round as u64);
         let mut ways = [0, 1, 2, 3, 4];
         for tick in 0..TICKS as u64 {
             order.shuffle(&mut ways);

@@ -1,46 +1,23 @@
 //! The processes: the system, and what looks at it.
 
 use std::fs::{self, File};
-use std::io::{BufRead as _, BufReader, Read as _};
+use std::io::{BufRead as _, BufReader};
 use std::path::{Path, PathBuf};
-use std::process::{Child, ChildStderr, ChildStdin, ChildStdout, Command, Stdio};
+use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
 use rustix::process::{Pid, Signal, kill_process};
-use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
-use rustix::termios::{Winsize, tcsetwinsize};
 use serde_json::{Value, json};
 use tungstenite::Message;
 use tungstenite::client::IntoClientRequest as _;
 
 use crate::Result;
-use crate::firmware::tool;
 
 /// The time that anything may take to come up.
 const PATIENCE: Duration = Duration::from_secs(30);
 /// The time between two looks whether it has.
 const LOOK: Duration = Duration::from_millis(20);
-
-/// Builds a package; returns its program.
-pub(super) fn build(tree: &Path, package: &str) -> Result<PathBuf> {
-    let release = build_in(tree, "", &["-p", package])?;
-    Ok(release.join(package))
-}
-
-/// Builds what some arguments name of a workspace of the tree; returns the directory of the programs.
-pub(super) fn build_in(tree: &Path, workspace: &str, what: &[&str]) -> Result<PathBuf> {
-    let target = tree.join("target");
-    let status = tool("cargo", "it comes with Rust: https://rustup.rs", |cargo| {
-        cargo.args(["build", "--release", "--locked"]).args(what);
-        cargo.arg("--target-dir").arg(&target);
-        cargo.current_dir(tree.join(workspace)).status()
-    })?;
-    if !status.success() {
-        return Err(format!("cargo build {} fails", what.join(" ")).into());
-    }
-    Ok(target.join("release"))
-}
 
 /// A system on the real clock.
 pub(super) struct System {
@@ -55,17 +32,6 @@ pub(super) struct Running {
     child: Child,
     /// Counts what the process serves.
     client: Option<JoinHandle<f64>>,
-}
-
-/// The totals of the watchers at the end of a turn.
-#[derive(Clone, Copy, Default)]
-pub(super) struct Ended {
-    /// Rows of the recording.
-    pub(super) rows: f64,
-    /// Rows that are not in it.
-    pub(super) lost: f64,
-    /// Samples that the live server's client got.
-    pub(super) samples: f64,
 }
 
 impl System {
@@ -132,53 +98,11 @@ impl System {
         sum.ok_or_else(|| format!("a loop without overruns: {answer}").into())
     }
 
-    /// Plots on a terminal of 200 x 50 that nobody looks at.
-    pub(super) fn plots(&self, names: &[&str]) -> Result<Running> {
-        let host = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY)?;
-        grantpt(&host)?;
-        unlockpt(&host)?;
-        let name = ptsname(&host, Vec::new())?;
-        let terminal = File::options()
-            .read(true)
-            .write(true)
-            .open(name.to_str()?)?;
-        tcsetwinsize(
-            &terminal,
-            Winsize {
-                ws_row: 50,
-                ws_col: 200,
-                ws_xpixel: 0,
-                ws_ypixel: 0,
-            },
-        )?;
-        let mut command = self.command(&["plot"]);
-        command.args(names).env("TERM", "xterm-256color");
-        command
-            .stdin(terminal.try_clone()?)
-            .stdout(terminal.try_clone()?);
-        let mut running = Running::of(command.stderr(terminal))?;
-        let mut screen = File::from(host);
-        running.client = Some(thread::spawn(move || {
-            let (mut taken, mut room) = (0.0, [0; 4096]);
-            // The end of the program is an error of the terminal.
-            while let Ok(count @ 1..) = screen.read(&mut room) {
-                taken += count as f64;
-            }
-            taken
-        }));
-        Ok(running)
-    }
-
     /// Starts the live server with a client that takes the channels for which `is_taken` returns true, at a
     /// pace.
-    pub(super) fn server(
-        &self,
-        names: &[&str],
-        query: &str,
-        is_taken: impl Fn(&Value) -> bool,
-    ) -> Result<Running> {
+    pub(super) fn server(&self, query: &str, is_taken: impl Fn(&Value) -> bool) -> Result<Running> {
         let mut command = self.command(&["view", "--port", "0"]);
-        command.args(names).stderr(Stdio::null());
+        command.stderr(Stdio::null());
         let mut running = Running::of(command.stdout(Stdio::piped()))?;
         let told = running.child.stdout.take().ok_or("no standard output")?;
         let mut line = String::new();
@@ -280,59 +204,6 @@ impl Drop for Running {
         if matches!(self.child.try_wait(), Ok(None)) && self.interrupt().is_ok() {
             // The process has ended, whatever its status is.
             let _ = self.child.wait();
-        }
-    }
-}
-
-/// A recorder of all variables.
-pub(super) struct Recorder<'s> {
-    system: &'s System,
-    running: Running,
-    told: ChildStderr,
-}
-
-impl<'s> Recorder<'s> {
-    pub(super) fn start(system: &'s System) -> Result<Self> {
-        let file = system.place.join("recording.mcap");
-        let mut command = system.command(&["record"]);
-        let mut running = Running::of(command.arg(&file).stderr(Stdio::piped()))?;
-        let told = running.child.stderr.take().ok_or("no standard error")?;
-        system.await_it("the recorder", || file.exists())?;
-        Ok(Self {
-            system,
-            running,
-            told,
-        })
-    }
-
-    pub(super) fn cpu(&self) -> Result<f64> {
-        self.running.cpu()
-    }
-
-    /// Ends it, removes its file, and returns what it says of the rows.
-    pub(super) fn end(self) -> Result<Ended> {
-        let Self {
-            system,
-            running,
-            mut told,
-        } = self;
-        running.end()?;
-        let mut text = String::new();
-        told.read_to_string(&mut text)?;
-        fs::remove_file(system.place.join("recording.mcap"))?;
-        let line = text
-            .lines()
-            .find_map(|line| line.strip_prefix("/a/servo: "));
-        let mut words = line.unwrap_or_default().split(' ');
-        let (rows, lost) = (words.next(), words.nth(1));
-        let number = |word: Option<&str>| word.and_then(|word| word.parse().ok());
-        match (number(rows), number(lost)) {
-            (Some(rows), Some(lost)) => Ok(Ended {
-                rows,
-                lost,
-                samples: 0.0,
-            }),
-            _ => Err(format!("the recorder does not say what it has:\n{text}").into()),
         }
     }
 }

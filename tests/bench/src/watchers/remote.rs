@@ -5,18 +5,15 @@ use std::io::{BufRead as _, BufReader, Write as _};
 use std::net::TcpListener;
 use std::path::{Path, PathBuf};
 use std::process::{ChildStdin, ChildStdout, Stdio};
-use std::thread;
-use std::time::{Duration, Instant};
 
 use serde_json::Value;
 
-use super::WARM_UP;
-use super::process::{Running, System, build, build_in};
+use super::process::{Running, System};
+use super::{Played, Watchers, Way, tree};
 use crate::Result;
-use crate::measure::{Estimate, Goal, Report};
+use crate::build::programs;
+use crate::measure::{Goal, Report};
 use crate::options::Options;
-use crate::rounds;
-use crate::shuffle::Shuffle;
 
 /// The clients, each a process.
 const CLIENTS: [&str; 3] = ["lab", "desk", "night"];
@@ -32,24 +29,9 @@ const VARIABLES: [&str; 6] = [
 /// The line that a client prints when it receives its streams.
 const TAKEN: &str = "2 streams of 100 variables\n";
 
-/// The watchers of the hand in a turn.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Way {
-    Nobody,
-    NobodyAgain,
-    Clients,
-}
-
-/// The results of a round.
-#[derive(Clone, Copy, Default)]
-struct Round {
-    /// Overruns of the turns in the order of [`Way`].
-    overruns: [f64; 3],
-    /// Percents of a core of the system's processes, in the same order.
-    system: [f64; 3],
-    /// Percents of a core: of the gateway, and of a client.
-    gateway: f64,
-    client: f64,
+/// The figures of the clients in a turn.
+#[derive(Default)]
+struct Figures {
     /// Rows a second that a client gets, and those that were lost of all.
     rows: f64,
     lost: f64,
@@ -68,23 +50,15 @@ struct Programs {
 
 /// Runs the sub-command.
 pub(crate) fn run(options: &Options) -> Result<Report> {
-    let rounds = options.rounds(7, 7);
     let seconds = if options.quick { 1 } else { 5 };
-    let tree = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
-    let program = build(&tree, "utah-mit-hand")?;
-    build_in(
-        &tree,
-        "system/remote",
-        &["-p", "condor-remote", "--example", "latency"],
-    )?;
+    let workspace = tree().join("system/remote");
+    programs(&workspace, &["-p", "condor-remote", "--example", "latency"])?;
     let gateway = ["-p", "condor-gateway", "--bin", "condor-gateway"];
-    let release = build_in(&tree, "system/remote", &gateway)?;
+    let release = programs(&workspace, &gateway)?;
     let place = tempfile::tempdir()?;
     let programs = Programs::new(&release, place.path())?;
-    let description = tree.join("examples/utah-mit-hand/system.toml");
-    let system = System::start(&program, &description, place.path())?;
-    let mut order = Shuffle(0);
-    let played = rounds::play(rounds, |_| round(&system, &programs, seconds, &mut order))?;
+    let start = |system: &System| Remote::start(system, &programs);
+    let played = Played::new(options, seconds, start)?;
     Ok(report(&played, seconds))
 }
 
@@ -108,34 +82,6 @@ impl Programs {
             place: at,
         })
     }
-}
-
-fn round(system: &System, programs: &Programs, seconds: u64, order: &mut Shuffle) -> Result<Round> {
-    let mut ways = [Way::Nobody, Way::NobodyAgain, Way::Clients];
-    order.shuffle(&mut ways);
-    let mut round = Round::default();
-    for way in ways {
-        let remote = (way == Way::Clients).then(|| Remote::start(system, programs));
-        let mut remote = remote.transpose()?;
-        let cpu = |remote: &Option<Remote>| remote.as_ref().map_or(Ok([0.0; 2]), Remote::cpu);
-        thread::sleep(WARM_UP);
-        if let Some(remote) = &mut remote {
-            remote.count()?;
-        }
-        let (begun, overruns) = (Instant::now(), system.overruns()?);
-        let (of_system, before) = (system.cpu()?, cpu(&remote)?);
-        thread::sleep(Duration::from_secs(seconds));
-        let (after, all) = (cpu(&remote)?, system.cpu()? - of_system);
-        round.overruns[way as usize] = system.overruns()? - overruns;
-        let real = begun.elapsed().as_secs_f64();
-        round.system[way as usize] = 100.0 * all / real;
-        if let Some(remote) = remote {
-            round.gateway = 100.0 * (after[0] - before[0]) / real;
-            round.client = 100.0 * (after[1] - before[1]) / real / CLIENTS.len() as f64;
-            remote.end(&mut round, real)?;
-        }
-    }
-    Ok(round)
 }
 
 /// The gateway with its clients.
@@ -172,8 +118,11 @@ impl Remote {
         }
         Ok(Self { gateway, clients })
     }
+}
 
-    /// Has the clients begin to count.
+impl Watchers for Remote {
+    type Figures = Figures;
+
     fn count(&mut self) -> Result<()> {
         for client in &mut self.clients {
             client.go.write_all(b"\n")?;
@@ -181,14 +130,13 @@ impl Remote {
         Ok(())
     }
 
-    /// Returns the time on a core that the gateway and all clients have had, in s.
     fn cpu(&self) -> Result<[f64; 2]> {
         let clients = self.clients.iter().map(|it| it.running.cpu());
         Ok([self.gateway.cpu()?, clients.sum::<Result<f64>>()?])
     }
 
-    /// Ends it after so many seconds, and adds what the clients had.
-    fn end(self, round: &mut Round, seconds: f64) -> Result<()> {
+    fn end(self, seconds: f64) -> Result<Figures> {
+        let mut all = Figures::default();
         for client in self.clients {
             let Client {
                 running,
@@ -205,57 +153,42 @@ impl Remote {
                     .ok_or_else(|| format!("no {key}: {line}"))
             };
             let share = 1.0 / CLIENTS.len() as f64;
-            round.rows += share * number("rows")? / seconds;
-            round.lost += number("lost")?;
-            round.median += share * number("median_us")? / 1000.0;
-            round.p99 = round.p99.max(number("p99_us")? / 1000.0);
+            all.rows += share * number("rows")? / seconds;
+            all.lost += number("lost")?;
+            all.median += share * number("median_us")? / 1000.0;
+            all.p99 = all.p99.max(number("p99_us")? / 1000.0);
             drop(running);
         }
-        self.gateway.end().map(drop)
+        self.gateway.end()?;
+        Ok(all)
     }
 }
 
-fn report(played: &[Round], seconds: u64) -> Report {
-    let of = |figure: &dyn Fn(&Round) -> f64| Estimate::of(played.iter().map(figure));
-    let overruns = |way: Way| move |it: &Round| it.overruns[way as usize];
-    let sum = |way: Way| played.iter().map(overruns(way)).sum::<f64>();
-    let more = |way: Way| of(&move |it| overruns(way)(it) - overruns(Way::Nobody)(it));
-    let (clients, control) = (more(Way::Clients), more(Way::NobodyAgain));
-    let system = |way: Way| of(&move |it: &Round| it.system[way as usize]);
-    let lost = of(&|it| it.lost);
+fn report(played: &Played<Figures>, seconds: u64) -> Report {
+    let system = |way: Way| played.of(|it| it.system[way as usize]);
+    let lost = played.of(|it| it.watchers.lost);
     let text = format!(
         "{} rounds of three turns of {seconds} s, in an order that changes: the Utah/MIT hand on the real\n\
          clock, with nobody, with nobody again, and with a gateway that streams 100 variables at 400 Hz to\n\
          three clients over zenoh, by TCP on this machine. The age of a row is the time from the release\n\
          of the tick to the row's arrival in the client.\n\n\
-         overruns of all loops: nobody {:.0}, nobody again {:.0}, clients {:.0}\n\
-         more than with nobody, in a round:    {clients}\n\
-         nobody again, more than nobody:       {control}\n\
+         {}\
          rows a second at a client:            {:.0}, lost {lost:.0}\n\
          age of a row, median, ms:             {}\n\
          age of a row, 99th percentile, ms:    {}\n\
          the system, percent of a core:        {}, with nobody {}\n\
          the gateway, percent of a core:       {}\n\
          a client, percent of a core:          {}\n",
-        played.len(),
-        sum(Way::Nobody),
-        sum(Way::NobodyAgain),
-        sum(Way::Clients),
-        of(&|it| it.rows),
-        of(&|it| it.median),
-        of(&|it| it.p99),
-        system(Way::Clients),
+        played.0.len(),
+        played.overruns("clients"),
+        played.of(|it| it.watchers.rows),
+        played.of(|it| it.watchers.median),
+        played.of(|it| it.watchers.p99),
+        system(Way::Watchers),
         system(Way::Nobody),
-        of(&|it| it.gateway),
-        of(&|it| it.client),
+        played.of(|it| it.cpu[0]),
+        played.of(|it| it.cpu[1] / CLIENTS.len() as f64),
     );
-    let goals = vec![
-        Goal::most(
-            "more_overruns_than_control_has",
-            clients,
-            control.high.max(0.0),
-        ),
-        Goal::most("rows_lost", lost, 0.0),
-    ];
+    let goals = vec![played.goal(), Goal::most("rows_lost", lost, 0.0)];
     Report { text, goals }
 }
