@@ -7,7 +7,6 @@ use crate::Result;
 use crate::context::Context;
 use crate::parts::Summary;
 use crate::parts::test;
-use crate::programs;
 use crate::tools::{is_root, need_debian};
 
 /// The place where a small disk is mounted.
@@ -36,7 +35,7 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
             )));
         }
     }
-    let built = programs::build(&context.command(&test::build_line()))?;
+    let built = test::build(context)?;
     // Twenty minutes together; else one run of each.
     let enough = Duration::from_secs(if context.whole { 400 } else { 0 });
     let mut runs = 0;
