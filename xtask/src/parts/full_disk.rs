@@ -37,7 +37,7 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
     }
     let built = test::build(context)?;
     // Twenty minutes together; else one run of each.
-    let enough = Duration::from_secs(if context.whole { 400 } else { 0 });
+    let enough = Duration::from_secs(if context.options.whole { 400 } else { 0 });
     let mut runs = 0;
     for (package, kind, place, told) in TESTS {
         let mut tests = built.iter();

@@ -17,7 +17,7 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
     if targets.is_empty() {
         return Err("fuzz/src/bin has no target".into());
     }
-    let seconds = context.fuzz_seconds;
+    let seconds = context.options.fuzz_seconds;
     context
         .command("cargo +nightly fuzz build --fuzz-dir fuzz")
         .run()?;

@@ -11,7 +11,7 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
     let python = need_python(context, "target/recordings", packages)?;
     test::build(context)?;
     // Of the hand's own time.
-    let seconds = if context.whole { 60 } else { 5 };
+    let seconds = if context.options.whole { 60 } else { 5 };
     let line = format!(
         "{python} examples/utah-mit-hand/tests/recordings.py target/debug/utah-mit-hand {seconds}"
     );

@@ -14,7 +14,7 @@ const ALL: &str = "--workspace --all-features";
 pub(crate) fn run(context: &Context) -> Result<Summary> {
     // The time that each unit takes to compile is reported in `target/cargo-timings`.
     let programs = programs::build(&context.command(&format!("{} --timings", build_line())))?;
-    if let Some(rounds) = context.again {
+    if let Some(rounds) = context.options.again {
         return again(&programs, rounds);
     }
     let passed = programs::run(&programs, &[])?;

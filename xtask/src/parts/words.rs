@@ -32,7 +32,7 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
     let file = context.root.join("xtask/words.toml");
     let written = fs::read_to_string(&file)?;
     let rules = Rules::parse(&written).map_err(|error| format!("xtask/words.toml: {error}"))?;
-    let options = &context.words;
+    let options = &context.options.words;
     if !options.path.is_empty() {
         return sample::run(context, &rules);
     }
