@@ -7,6 +7,10 @@ use serde_json::Value;
 use crate::Result;
 use crate::command::Line;
 
+/// The workspaces for the host besides the root, relative to it.
+pub(crate) const OTHER_WORKSPACES: [&str; 4] =
+    ["fuzz", "system/python", "system/remote", "tests/bench"];
+
 /// The settings that every part gets.
 pub(crate) struct Context {
     /// The directory of the root manifest.
@@ -63,14 +67,6 @@ impl Context {
     /// Makes a command whose words are separated by blanks, to run in the root of the workspace.
     pub(crate) fn command(&self, line: &str) -> Line {
         Line::new(line, &self.root)
-    }
-
-    /// Returns the directories of the other workspaces that are here, relative to the root.
-    pub(crate) fn other_workspaces(&self) -> Vec<&'static str> {
-        ["fuzz", "system/python", "system/remote", "tests/bench"]
-            .into_iter()
-            .filter(|dir| self.root.join(dir).join("Cargo.toml").is_file())
-            .collect()
     }
 
     /// Returns the directory in which cargo builds.

@@ -1,5 +1,5 @@
 use crate::Result;
-use crate::command::together;
+use crate::command::{Line, side_by_side};
 use crate::context::Context;
 use crate::parts::Summary;
 use crate::sources;
@@ -32,7 +32,7 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
         );
         runs.push(context.command(&line));
     }
-    together(&runs)?;
+    side_by_side(&runs, Line::collect)?;
     Ok(Summary::of(format!(
         "{} targets, {seconds} s each",
         targets.len()
