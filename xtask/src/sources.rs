@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use syn::{Attribute, Meta};
+use syn::{Attribute, Item, Meta};
 
 use crate::Result;
 
@@ -33,6 +33,21 @@ fn add(folder: &Path, is_left_out: &dyn Fn(&Path) -> bool, found: &mut Vec<PathB
         }
     }
     Ok(())
+}
+
+/// Returns the attributes of an item of a kind that can be for tests alone.
+pub(crate) fn attributes(item: &Item) -> &[Attribute] {
+    match item {
+        Item::Const(item) => &item.attrs,
+        Item::Enum(item) => &item.attrs,
+        Item::Fn(item) => &item.attrs,
+        Item::Impl(item) => &item.attrs,
+        Item::Mod(item) => &item.attrs,
+        Item::Static(item) => &item.attrs,
+        Item::Struct(item) => &item.attrs,
+        Item::Use(item) => &item.attrs,
+        _ => &[],
+    }
 }
 
 /// Returns the condition of each `#[cfg(…)]` among the attributes.
