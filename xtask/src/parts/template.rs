@@ -116,10 +116,7 @@ fn lines(directory: &Path) -> Result<usize> {
         if code.contains("unsafe") {
             return Err(format!("{} has unsafe code", path.display()).into());
         }
-        let code = code.lines().map(str::trim);
-        count += code
-            .filter(|line| !line.is_empty() && !line.starts_with("//"))
-            .count();
+        count += sources::lines_of_code(&code);
     }
     Ok(count)
 }

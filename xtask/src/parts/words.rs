@@ -57,10 +57,10 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
     let table = counted(&found);
     if options.record {
         let paths = found.keys().cloned().collect();
-        let text = counts::recorded(&written, rules.table.as_ref(), &table, &paths)?;
+        let text = counts::recorded(&written, &rules.table, &table, &paths)?;
         fs::write(&file, text)?;
     } else {
-        judge(&rules.table.unwrap_or_default(), &table, &found)?;
+        judge(&rules.table, &table, &found)?;
     }
     let (public, private) = table.values().fold((0, 0), |(public, private), count| {
         (public + count.public, private + count.private)
