@@ -178,15 +178,6 @@ impl Line {
     }
 }
 
-/// Runs lines that each keep one core busy, as many at a time as there are cores, and returns what each
-/// printed to its standard output, in their order.
-///
-/// # Errors
-/// Returns the error of the first line that fails, as [`Line::run`] does; all are run.
-pub(crate) fn together(lines: &[Line]) -> Result<Vec<String>> {
-    side_by_side(lines, Line::collect)
-}
-
 /// Does `work` for each item, for as many at a time as there are cores, and returns the results in the
 /// order of the items. What `work` runs it [collects](Line::collect), or else the log is in no order.
 ///

@@ -7,19 +7,33 @@ use serde_json::Value;
 use crate::Result;
 use crate::command::Line;
 
+/// The workspaces for the host besides the root, relative to it.
+pub(crate) const OTHER_WORKSPACES: [&str; 4] =
+    ["fuzz", "system/python", "system/remote", "tests/bench"];
+
 /// The settings that every part gets.
 pub(crate) struct Context {
     /// The directory of the root manifest.
     pub root: PathBuf,
-    /// The time for which each fuzz target runs, in seconds.
+    pub options: Options,
+}
+
+/// The options of single parts.
+#[derive(clap::Args)]
+pub(crate) struct Options {
+    /// The time for which each fuzz target runs, in seconds
+    #[arg(long, default_value_t = 60)]
     pub fuzz_seconds: u32,
-    /// True if the suites run for as long as it takes to trust them.
+    /// Makes `suites` and `full-disk` run in full, for ten and twenty minutes, instead of a short run of each
+    #[arg(long)]
     pub whole: bool,
-    /// The number of times that `test` runs the programs of the tests beside busy loops, instead of once without.
+    /// Makes `test` run the programs of all tests N times beside busy loops, to find those that fail by chance
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub again: Option<u32>,
-    /// True if `imports` prints the floors of the packages.
+    /// Makes `imports` print packages in layers, from bottom to top: a package depends only on lower layers
+    #[arg(long)]
     pub picture: bool,
-    /// The options of `words`.
+    #[command(flatten)]
     pub words: Words,
 }
 
@@ -42,35 +56,17 @@ pub(crate) struct Words {
 }
 
 impl Context {
-    pub(crate) fn new(
-        fuzz_seconds: u32,
-        whole: bool,
-        again: Option<u32>,
-        picture: bool,
-        words: Words,
-    ) -> Self {
+    pub(crate) fn new(options: Options) -> Self {
         let xtask = Path::new(env!("CARGO_MANIFEST_DIR"));
         Self {
             root: xtask.parent().unwrap_or(xtask).to_owned(),
-            fuzz_seconds,
-            whole,
-            again,
-            picture,
-            words,
+            options,
         }
     }
 
     /// Makes a command whose words are separated by blanks, to run in the root of the workspace.
     pub(crate) fn command(&self, line: &str) -> Line {
         Line::new(line, &self.root)
-    }
-
-    /// Returns the directories of the other workspaces that are here, relative to the root.
-    pub(crate) fn other_workspaces(&self) -> Vec<&'static str> {
-        ["fuzz", "system/python", "system/remote", "tests/bench"]
-            .into_iter()
-            .filter(|dir| self.root.join(dir).join("Cargo.toml").is_file())
-            .collect()
     }
 
     /// Returns the directory in which cargo builds.

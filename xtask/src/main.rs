@@ -24,13 +24,7 @@ type Result<T, E = Box<dyn std::error::Error>> = std::result::Result<T, E>;
 
 fn main() -> ExitCode {
     let request = Request::parse();
-    let context = Context::new(
-        request.fuzz_seconds,
-        request.whole,
-        request.again,
-        request.picture,
-        request.words,
-    );
+    let context = Context::new(request.options);
     let mut parts = Vec::new();
     for asked in request.parts {
         match asked {

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use clap::Parser;
 
-use crate::context::Words;
+use crate::context::Options;
 use crate::parts::{PARTS, Part};
 
 /// The checks of the workspace
@@ -17,20 +17,8 @@ pub(crate) struct Request {
     /// With `verify`: does not repeat a part whose result of an earlier call is in target/checks
     #[arg(long)]
     pub rest: bool,
-    /// The time for which each fuzz target runs, in seconds
-    #[arg(long, default_value_t = 60)]
-    pub fuzz_seconds: u32,
-    /// Makes `suites` and `full-disk` run in full, for ten and twenty minutes, instead of a short run of each
-    #[arg(long)]
-    pub whole: bool,
-    /// Makes `test` run the programs of all tests N times beside busy loops, to find those that fail by chance
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
-    pub again: Option<u32>,
-    /// Makes `imports` print packages in layers, from bottom to top: a package depends only on lower layers
-    #[arg(long)]
-    pub picture: bool,
     #[command(flatten)]
-    pub words: Words,
+    pub options: Options,
 }
 
 /// All parts, or one.

@@ -3,36 +3,66 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use syn::{Attribute, Meta};
+use syn::{Attribute, Item, Meta};
 
 use crate::Result;
 
-/// Returns the Rust files in `folder` and below, in order. Folders that cargo has built, that are hidden, or that
-/// `is_left_out` names are not entered.
+/// Returns the Rust files in `folder` and below, in order, without those in folders that `is_left_out` names.
 ///
 /// # Errors
 /// Returns the error of a folder that cannot be read, with its path.
 pub(crate) fn below(folder: &Path, is_left_out: &dyn Fn(&Path) -> bool) -> Result<Vec<PathBuf>> {
-    let mut found = Vec::new();
-    add(folder, is_left_out, &mut found)?;
+    let mut files = files(folder, is_left_out)?;
+    files.retain(|file| file.extension().is_some_and(|it| it == "rs"));
+    Ok(files)
+}
+
+/// Returns the files in `folder` and below, in order. Folders that cargo has built, that are hidden, or that
+/// `is_left_out` names are not entered.
+///
+/// # Errors
+/// Returns the error of a folder that cannot be read, with its path.
+pub(crate) fn files(folder: &Path, is_left_out: &dyn Fn(&Path) -> bool) -> Result<Vec<PathBuf>> {
+    let (mut found, mut folders) = (Vec::new(), vec![folder.to_owned()]);
+    while let Some(folder) = folders.pop() {
+        let entries = fs::read_dir(&folder);
+        for entry in entries.map_err(|error| format!("{}: {error}", folder.display()))? {
+            let entry = entry?;
+            let path = entry.path();
+            let name = path.file_name().unwrap_or_default();
+            if !entry.file_type()?.is_dir() {
+                found.push(path);
+            } else if name != "target"
+                && !name.as_encoded_bytes().starts_with(b".")
+                && !is_left_out(&path)
+            {
+                folders.push(path);
+            }
+        }
+    }
     found.sort();
     Ok(found)
 }
 
-fn add(folder: &Path, is_left_out: &dyn Fn(&Path) -> bool, found: &mut Vec<PathBuf>) -> Result<()> {
-    for entry in fs::read_dir(folder).map_err(|error| format!("{}: {error}", folder.display()))? {
-        let path = entry?.path();
-        let name = path.file_name().unwrap_or_default();
-        if path.is_dir() {
-            let is_built = name == "target" || name.as_encoded_bytes().starts_with(b".");
-            if !is_built && !is_left_out(&path) {
-                add(&path, is_left_out, found)?;
-            }
-        } else if path.extension().is_some_and(|it| it == "rs") {
-            found.push(path);
-        }
+/// Returns the number of lines that are neither empty nor a comment.
+pub(crate) fn lines_of_code(source: &str) -> usize {
+    let code = |line: &&str| !line.is_empty() && !line.starts_with("//");
+    source.lines().map(str::trim).filter(code).count()
+}
+
+/// Returns the attributes of an item of a kind that can be for tests alone.
+pub(crate) fn attributes(item: &Item) -> &[Attribute] {
+    match item {
+        Item::Const(item) => &item.attrs,
+        Item::Enum(item) => &item.attrs,
+        Item::Fn(item) => &item.attrs,
+        Item::Impl(item) => &item.attrs,
+        Item::Mod(item) => &item.attrs,
+        Item::Static(item) => &item.attrs,
+        Item::Struct(item) => &item.attrs,
+        Item::Use(item) => &item.attrs,
+        _ => &[],
     }
-    Ok(())
 }
 
 /// Returns the condition of each `#[cfg(…)]` among the attributes.

@@ -1,7 +1,7 @@
 //! The number of tests that a run of libtest has made.
 
 use crate::Result;
-use crate::command::{Line, together};
+use crate::command::{Line, side_by_side};
 
 /// Runs a `cargo test` command and returns the number of tests that passed in it.
 ///
@@ -10,26 +10,25 @@ use crate::command::{Line, together};
 pub(crate) fn count(tests: &Line) -> Result<u32> {
     let mut passed = 0;
     tests.watch(|line| passed += passed_in(line).unwrap_or(0))?;
-    if passed == 0 {
-        return Err(format!("`{tests}` ran no test").into());
-    }
-    Ok(passed)
+    some(passed, tests)
 }
 
 /// Counts the tests of lines that each keep one core busy, as [`count`] does.
 ///
 /// # Errors
-/// Returns the error of the first line that fails.
+/// Returns the error of the first line that fails; all are run.
 pub(crate) fn count_together(tests: &[Line]) -> Result<u32> {
-    let mut all = 0;
-    for (line, printed) in tests.iter().zip(together(tests)?) {
-        let passed: u32 = printed.lines().filter_map(passed_in).sum();
-        if passed == 0 {
-            return Err(format!("`{line}` ran no test").into());
-        }
-        all += passed;
+    let passed = side_by_side(tests, |line| {
+        some(line.collect()?.lines().filter_map(passed_in).sum(), line)
+    })?;
+    Ok(passed.iter().sum())
+}
+
+fn some(passed: u32, tests: &Line) -> Result<u32> {
+    if passed == 0 {
+        return Err(format!("`{tests}` ran no test").into());
     }
-    Ok(all)
+    Ok(passed)
 }
 
 /// Returns the number in libtest's `test result: ok. 12 passed; 0 failed; …`.

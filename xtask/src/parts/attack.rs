@@ -5,7 +5,7 @@ use crate::context::Context;
 use crate::parts::Summary;
 
 pub(crate) fn run(context: &Context) -> Result<Summary> {
-    let rounds = if context.whole { "100" } else { "10" };
+    let rounds = if context.options.whole { "100" } else { "10" };
     for clock in ["simulated", "real"] {
         context
             .command("cargo test --workspace --all-features --test queue")

@@ -8,23 +8,16 @@ const PYTHON: &str = "system/python";
 
 pub(crate) fn run(context: &Context) -> Result<Summary> {
     need_cargo_tool(context, "cargo-deny")?;
-    context
-        .command("cargo deny check licenses bans sources")
-        .run()?;
-    context
-        .command("cargo deny check licenses bans sources")
-        .dir(PYTHON)
-        .run()?;
+    let check = |what: &str| {
+        let line = context.command(&format!("cargo deny check {what}"));
+        line.run().and_then(|()| line.dir(PYTHON).run())
+    };
+    check("licenses bans sources")?;
     // A machine without a network cannot know of advisories, which says nothing about the crates.
     if let Err(problem) = context.command("cargo deny fetch db").run() {
         return Ok(Summary::of("licenses, bans, sources")
             .leaving_out(format!("ADVISORIES, no database: {problem}")));
     }
-    for dir in ["", PYTHON] {
-        context
-            .command("cargo deny check advisories")
-            .dir(dir)
-            .run()?;
-    }
+    check("advisories")?;
     Ok(Summary::of("licenses, bans, sources, advisories"))
 }

@@ -7,7 +7,6 @@ use crate::Result;
 use crate::context::Context;
 use crate::parts::Summary;
 use crate::parts::test;
-use crate::programs;
 use crate::tools::{is_root, need_debian};
 
 /// The place where a small disk is mounted.
@@ -36,9 +35,9 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
             )));
         }
     }
-    let built = programs::build(&context.command(&test::build_line()))?;
+    let built = test::build(context)?;
     // Twenty minutes together; else one run of each.
-    let enough = Duration::from_secs(if context.whole { 400 } else { 0 });
+    let enough = Duration::from_secs(if context.options.whole { 400 } else { 0 });
     let mut runs = 0;
     for (package, kind, place, told) in TESTS {
         let mut tests = built.iter();

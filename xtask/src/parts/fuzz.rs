@@ -1,5 +1,5 @@
 use crate::Result;
-use crate::command::together;
+use crate::command::{Line, side_by_side};
 use crate::context::Context;
 use crate::parts::Summary;
 use crate::sources;
@@ -17,7 +17,7 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
     if targets.is_empty() {
         return Err("fuzz/src/bin has no target".into());
     }
-    let seconds = context.fuzz_seconds;
+    let seconds = context.options.fuzz_seconds;
     context
         .command("cargo +nightly fuzz build --fuzz-dir fuzz")
         .run()?;
@@ -32,7 +32,7 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
         );
         runs.push(context.command(&line));
     }
-    together(&runs)?;
+    side_by_side(&runs, Line::collect)?;
     Ok(Summary::of(format!(
         "{} targets, {seconds} s each",
         targets.len()

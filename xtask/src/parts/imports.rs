@@ -40,7 +40,7 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
         )
         .into());
     }
-    if context.picture {
+    if context.options.picture {
         print!("{}", picture(&packages));
     }
     Ok(Summary::of(format!(

@@ -1,5 +1,5 @@
 use crate::Result;
-use crate::context::Context;
+use crate::context::{Context, OTHER_WORKSPACES};
 use crate::firmware;
 use crate::parts::Summary;
 use crate::parts::loom;
@@ -18,8 +18,7 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
     let models = loom::packages(context)?;
     let line = format!("cargo clippy {models} --lib --test loom -- -D warnings");
     loom::under_loom(context.command(&line)).run()?;
-    let others = context.other_workspaces();
-    for dir in &others {
+    for dir in OTHER_WORKSPACES {
         context
             .command("cargo clippy --workspace --all-targets -- -D warnings")
             .dir(dir)
@@ -44,14 +43,10 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
         let line = context.command(&line).dir(firmware::WORKSPACE);
         line.sharing_target().run()?;
     }
-    let mut checked = format!(
-        "{} feature sets, loom models, {} groups of firmwares",
+    Ok(Summary::of(format!(
+        "{} feature sets, loom models, {} groups of firmwares, {}",
         FEATURE_SETS.len(),
-        groups.len()
-    );
-    for dir in others {
-        checked += ", ";
-        checked += dir;
-    }
-    Ok(Summary::of(checked))
+        groups.len(),
+        OTHER_WORKSPACES.join(", ")
+    )))
 }

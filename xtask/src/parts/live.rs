@@ -4,14 +4,12 @@ use crate::Result;
 use crate::context::Context;
 use crate::parts::Summary;
 use crate::parts::test;
-use crate::programs;
 use crate::tools::need_python;
 
 pub(crate) fn run(context: &Context) -> Result<Summary> {
     let packages = "websockets==17.4 mcap==1.6.0 mcap-ros2-support==0.6.0";
     let python = need_python(context, "target/live", packages)?;
-    // Programs are built with the tests.
-    programs::build(&context.command(&test::build_line()))?;
+    test::build(context)?;
     let line = format!(
         "{python} system/cli/examples/viewer.py target/debug/utah-mit-hand \
          /servo_a/servo index.proximal.kp"

@@ -4,13 +4,11 @@ use crate::Result;
 use crate::context::Context;
 use crate::parts::Summary;
 use crate::parts::test;
-use crate::programs;
 use crate::tools::need_python;
 
 pub(crate) fn run(context: &Context) -> Result<Summary> {
     let python = need_python(context, "target/mujoco", "mujoco numpy")?;
-    // Examples are built with the tests.
-    programs::build(&context.command(&test::build_line()))?;
+    test::build(context)?;
     let line = format!(
         "target/debug/examples/closed_loop {python} condor-hand/examples/closed_loop/mujoco_hand.py"
     );

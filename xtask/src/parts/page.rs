@@ -3,7 +3,6 @@
 use crate::Result;
 use crate::context::Context;
 use crate::parts::{Summary, test};
-use crate::programs;
 use crate::tools::need_debian;
 
 /// The accessibility checks: one file, which is in no package of Debian.
@@ -11,7 +10,7 @@ const AXE: &str = "axe-core@4.10.3";
 const PLACE: &str = "target/page";
 
 pub(crate) fn run(context: &Context) -> Result<Summary> {
-    programs::build(&context.command(&test::build_line()))?;
+    test::build(context)?;
     let kept = look(context, "target/debug/utah-mit-hand", PLACE)?;
     Ok(Summary::of(format!(
         "{kept} checks of the page in Chromium"

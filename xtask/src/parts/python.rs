@@ -6,7 +6,6 @@ use crate::Result;
 use crate::context::Context;
 use crate::parts::Summary;
 use crate::parts::test;
-use crate::programs;
 use crate::tools::need_python;
 
 /// The folder of its Python.
@@ -15,8 +14,7 @@ const PLACE: &str = "target/python";
 pub(crate) fn run(context: &Context) -> Result<Summary> {
     let packages = "maturin==1.16.0 mypy==2.4.1 numpy==2.4.6 eclipse-zenoh==1.10.2 matplotlib==3.11.2 mujoco==4.0.0";
     let python = need_python(context, PLACE, packages)?;
-    // Programs are built with the tests.
-    programs::build(&context.command(&test::build_line()))?;
+    test::build(context)?;
     let target = context.target()?;
     let path = env::var("PATH").unwrap_or_default();
     // With what is installed above, and what is compiled already: unoptimized.

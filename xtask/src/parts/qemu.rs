@@ -27,16 +27,18 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
         need_qemu(context, firmware.qemu())?;
         need_target(context, firmware.target)?;
     }
+    let mut images = Vec::new();
     for group in firmware::groups() {
-        build(context, &group)?;
+        let folder = build(context, &group)?;
+        images.extend(group.into_iter().map(|it| (it, folder.join(it.package))));
     }
-    let checked = side_by_side(&FIRMWARES, |firmware| {
-        timed(&firmware.package, || check(context, firmware))
+    let checked = side_by_side(&images, |(firmware, image)| {
+        timed(&firmware.package, || check(firmware, image))
     })?;
     Ok(Summary::of(checked.join(", ")))
 }
 
-/// Builds firmwares that are linked alike, with every check.
+/// Builds firmwares that are linked alike, with every check, and returns the folder of their images.
 fn build(context: &Context, group: &[&Firmware]) -> Result<PathBuf> {
     let packages: Vec<_> = group.iter().map(|firmware| firmware.package).collect();
     let features = packages.iter().flat_map(|package| {
@@ -48,12 +50,11 @@ fn build(context: &Context, group: &[&Firmware]) -> Result<PathBuf> {
 }
 
 /// Runs a firmware, and tells how many checks it has made.
-fn check(context: &Context, firmware: &Firmware) -> Result<String> {
+fn check(firmware: &Firmware, image: &Path) -> Result<String> {
     let Firmware {
         package, target, ..
     } = firmware;
-    let images = format!("{}/target/{target}/{PROFILE}", firmware::WORKSPACE);
-    let (output, ended) = emulate(firmware, &context.root.join(images).join(package))?;
+    let (output, ended) = emulate(firmware, image)?;
     match judge(&output, ended) {
         Ok(passed) => Ok(format!("{package} for {target} with {passed} checks")),
         Err(problem) => {

@@ -4,15 +4,14 @@ use crate::Result;
 use crate::context::Context;
 use crate::parts::Summary;
 use crate::parts::test;
-use crate::programs;
 use crate::tools::need_python;
 
 pub(crate) fn run(context: &Context) -> Result<Summary> {
     let packages = "mcap-ros2-support==0.6.0 rosbags==0.11.9";
     let python = need_python(context, "target/recordings", packages)?;
-    programs::build(&context.command(&test::build_line()))?;
+    test::build(context)?;
     // Of the hand's own time.
-    let seconds = if context.whole { 60 } else { 5 };
+    let seconds = if context.options.whole { 60 } else { 5 };
     let line = format!(
         "{python} examples/utah-mit-hand/tests/recordings.py target/debug/utah-mit-hand {seconds}"
     );

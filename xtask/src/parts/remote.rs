@@ -14,7 +14,7 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
         let command = context.command(line).dir(WORKSPACE);
         command.sharing_target()
     };
-    let motions = if context.whole { "2000" } else { "40" };
+    let motions = if context.options.whole { "2000" } else { "40" };
     let tests = command("cargo test --workspace --lib --bins --test access");
     let passed = tests_run::count(&tests)?;
     let python = need_python(context, "target/remote", "eclipse-zenoh==1.10.2")?;

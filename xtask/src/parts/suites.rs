@@ -34,7 +34,7 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
         // Nobody debugs them.
         .env("CARGO_PROFILE_DEV_DEBUG", "0")
         .run()?;
-    let (seeds, operations) = if context.whole {
+    let (seeds, operations) = if context.options.whole {
         (10, 5_000)
     } else {
         (1, 3_000)

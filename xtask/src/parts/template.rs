@@ -18,7 +18,6 @@ use crate::image::Image;
 use crate::parts::Summary;
 use crate::parts::panics::{self, PANICKED};
 use crate::parts::test;
-use crate::programs;
 use crate::sources;
 use crate::tools::{need_qemu, need_target};
 
@@ -39,7 +38,7 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
         return Err(format!("the template has {lines} lines of Rust, and may have {LINES}").into());
     }
     // `condor` is one of the programs of `test`.
-    programs::build(&context.command(&test::build_line()))?;
+    test::build(context)?;
     let outside = env::temp_dir().join(format!("condor-{}", std::process::id()));
     fs::create_dir_all(&outside)?;
     let outcome = check(context, &outside);
@@ -117,10 +116,7 @@ fn lines(directory: &Path) -> Result<usize> {
         if code.contains("unsafe") {
             return Err(format!("{} has unsafe code", path.display()).into());
         }
-        let code = code.lines().map(str::trim);
-        count += code
-            .filter(|line| !line.is_empty() && !line.starts_with("//"))
-            .count();
+        count += sources::lines_of_code(&code);
     }
     Ok(count)
 }

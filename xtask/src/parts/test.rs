@@ -13,9 +13,8 @@ const ALL: &str = "--workspace --all-features";
 
 pub(crate) fn run(context: &Context) -> Result<Summary> {
     // The time that each unit takes to compile is reported in `target/cargo-timings`.
-    let line = format!("{} --timings", build_line());
-    let programs = programs::build(&context.command(&line))?;
-    if let Some(rounds) = context.again {
+    let programs = programs::build(&context.command(&format!("{} --timings", build_line())))?;
+    if let Some(rounds) = context.options.again {
         return again(&programs, rounds);
     }
     let passed = programs::run(&programs, &[])?;
@@ -57,9 +56,13 @@ fn again(programs: &[Program], rounds: u32) -> Result<Summary> {
     Err(failed.join("; ").into())
 }
 
-/// Builds all tests, examples and programs. Whoever runs one builds them all by this line: a part of them would
-/// be compiled with features of its own.
-pub(crate) fn build_line() -> String {
+/// Builds all tests, examples and programs, and returns those that have tests. A part that runs one of them builds
+/// them all: some alone would be compiled with features of their own.
+pub(crate) fn build(context: &Context) -> Result<Vec<Program>> {
+    programs::build(&context.command(&build_line()))
+}
+
+fn build_line() -> String {
     format!("cargo test {ALL} --no-run --message-format json-render-diagnostics")
 }
 

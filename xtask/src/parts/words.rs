@@ -32,7 +32,7 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
     let file = context.root.join("xtask/words.toml");
     let written = fs::read_to_string(&file)?;
     let rules = Rules::parse(&written).map_err(|error| format!("xtask/words.toml: {error}"))?;
-    let options = &context.words;
+    let options = &context.options.words;
     if !options.path.is_empty() {
         return sample::run(context, &rules);
     }
@@ -57,10 +57,10 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
     let table = counted(&found);
     if options.record {
         let paths = found.keys().cloned().collect();
-        let text = counts::recorded(&written, rules.table.as_ref(), &table, &paths)?;
+        let text = counts::recorded(&written, &rules.table, &table, &paths)?;
         fs::write(&file, text)?;
     } else {
-        judge(&rules.table.unwrap_or_default(), &table, &found)?;
+        judge(&rules.table, &table, &found)?;
     }
     let (public, private) = table.values().fold((0, 0), |(public, private), count| {
         (public + count.public, private + count.private)

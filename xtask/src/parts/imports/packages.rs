@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use serde_json::Value;
 
@@ -10,6 +10,7 @@ use super::{Modules, reaches};
 use crate::Result;
 use crate::command::Line;
 use crate::context::{list, text};
+use crate::sources;
 
 /// The names of the folders that lead to a package, from the root of the repository.
 type Directory = Vec<String>;
@@ -39,10 +40,13 @@ impl Packages {
     /// Reads the packages of all workspaces below `root`.
     pub(super) fn read(root: &Path) -> Result<Self> {
         let root = root.canonicalize()?;
-        let mut manifests = Vec::new();
-        find(&root, &mut manifests)?;
-        let mut all = BTreeMap::new();
-        for manifest in &manifests {
+        let (mut all, mut workspaces) = (BTreeMap::new(), 0);
+        for manifest in sources::files(&root, &|_| false)? {
+            if !manifest.ends_with("Cargo.toml") || !has_workspace(&fs::read_to_string(&manifest)?)
+            {
+                continue;
+            }
+            workspaces += 1;
             let line = format!(
                 "cargo metadata --format-version 1 --no-deps --manifest-path {}",
                 manifest.strip_prefix(&root)?.display()
@@ -54,10 +58,7 @@ impl Packages {
                 all.insert(place(&root, directory), Package::read(&root, package)?);
             }
         }
-        Ok(Self {
-            all,
-            workspaces: manifests.len(),
-        })
+        Ok(Self { all, workspaces })
     }
 
     pub(super) fn files(&self) -> usize {
@@ -92,9 +93,7 @@ impl Package {
         let files: BTreeSet<&Path> = crates.iter().flat_map(Modules::files).collect();
         let mut lines = 0;
         for file in &files {
-            let source = fs::read_to_string(file)?;
-            let code = |line: &&str| !line.is_empty() && !line.starts_with("//");
-            lines += source.lines().map(str::trim).filter(code).count();
+            lines += sources::lines_of_code(&fs::read_to_string(file)?);
         }
         let dependencies = list(&package["dependencies"]).iter();
         let normal = dependencies.filter(|dependency| dependency["kind"].is_null());
@@ -110,25 +109,8 @@ impl Package {
     }
 }
 
-/// Finds the manifests of workspaces in `directory` and below, but for what cargo has built and what is hidden.
-fn find(directory: &Path, manifests: &mut Vec<PathBuf>) -> Result<()> {
-    let mut directories = Vec::new();
-    for entry in fs::read_dir(directory)? {
-        let entry = entry?;
-        let name = entry.file_name();
-        if entry.file_type()?.is_dir() {
-            if name != "target" && !name.as_encoded_bytes().starts_with(b".") {
-                directories.push(entry.path());
-            }
-        } else if name == "Cargo.toml" {
-            let manifest = fs::read_to_string(entry.path())?;
-            if manifest.lines().any(|line| line.trim() == "[workspace]") {
-                manifests.push(entry.path());
-            }
-        }
-    }
-    directories.sort();
-    directories.iter().try_for_each(|it| find(it, manifests))
+fn has_workspace(manifest: &str) -> bool {
+    manifest.lines().any(|line| line.trim() == "[workspace]")
 }
 
 fn place(root: &Path, directory: &Path) -> Directory {

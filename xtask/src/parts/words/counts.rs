@@ -62,39 +62,37 @@ pub(super) fn compare(listed: &Table, found: &Table) -> (Vec<String>, Vec<String
     (more, remedies)
 }
 
-/// Returns the text of `words.toml` with the counts of `found`. A file without counts takes any.
+/// Returns the text of `words.toml` with the counts of `found`.
 ///
 /// # Errors
 /// Returns an error that names the files whose count would rise. New paths may have as many findings as
 /// those that are not in `files` any more.
 pub(super) fn recorded(
     text: &str,
-    listed: Option<&Table>,
+    listed: &Table,
     found: &Table,
     files: &BTreeSet<String>,
 ) -> Result<String> {
-    if let Some(listed) = listed {
-        let (new, old): (Vec<_>, Vec<_>) = compare(listed, found)
-            .0
-            .into_iter()
-            .partition(|path| !listed.contains_key(path));
-        let gone = listed.iter().filter(|(path, _)| !files.contains(*path));
-        let gone: usize = gone.map(|(_, count)| count.sum()).sum();
-        let came: usize = new.iter().map(|path| found[path].sum()).sum();
-        if !old.is_empty() {
-            return Err(format!(
-                "these files have more findings than before, and --record only lowers counts; mend the new findings: {}",
-                old.join(", ")
-            )
-            .into());
-        }
-        if came > gone {
-            let new = new.join(", ");
-            return Err(format!(
-                "these files are new and have findings, which --record does not allow; mend the texts: {new}"
-            )
-            .into());
-        }
+    let (new, old): (Vec<_>, Vec<_>) = compare(listed, found)
+        .0
+        .into_iter()
+        .partition(|path| !listed.contains_key(path));
+    let gone = listed.iter().filter(|(path, _)| !files.contains(*path));
+    let gone: usize = gone.map(|(_, count)| count.sum()).sum();
+    let came: usize = new.iter().map(|path| found[path].sum()).sum();
+    if !old.is_empty() {
+        return Err(format!(
+            "these files have more findings than before, and --record only lowers counts; mend the new findings: {}",
+            old.join(", ")
+        )
+        .into());
+    }
+    if came > gone {
+        let new = new.join(", ");
+        return Err(format!(
+            "these files are new and have findings, which --record does not allow; mend the texts: {new}"
+        )
+        .into());
     }
     let rules = text.split(HEADING).next().unwrap_or(text).trim_end();
     let mut text = format!("{rules}\n\n{HEADING}");
@@ -134,19 +132,18 @@ mod tests {
         let files = |files: &[&str]| files.iter().map(ToString::to_string).collect();
         let record = |found: &[(&str, usize, usize)]| {
             let paths: Vec<_> = found.iter().map(|(path, ..)| *path).collect();
-            recorded(text, Some(&listed), &table(found), &files(&paths))
+            recorded(text, &listed, &table(found), &files(&paths))
         };
         assert!(record(&[("a", 3, 0)]).is_err());
         assert!(record(&[("a", 2, 1)]).is_err());
         assert!(record(&[("a", 2, 0), ("b", 1, 0), ("c", 0, 1)]).is_err());
         let mended = table(&[("a", 2, 0), ("c", 0, 1)]);
-        assert!(recorded(text, Some(&listed), &mended, &files(&["a", "b", "c"])).is_err());
+        assert!(recorded(text, &listed, &mended, &files(&["a", "b", "c"])).is_err());
         let moved = record(&[("a", 1, 0), ("c/b", 1, 0)]).unwrap();
         assert_eq!(
             moved,
             "# Rules.\n\n[findings]\n\"a\" = { public = 1, private = 0 }\n\
              \"c/b\" = { public = 1, private = 0 }\n"
         );
-        assert!(recorded("# Rules.\n", None, &table(&[("a", 9, 9)]), &files(&["a"])).is_ok());
     }
 }

@@ -19,7 +19,8 @@ struct File {
     list: Vec<List>,
     #[serde(default)]
     exception: Vec<Exception>,
-    findings: Option<Table>,
+    #[serde(default)]
+    findings: Table,
 }
 
 #[derive(Deserialize)]
@@ -108,7 +109,7 @@ pub(super) struct Rules {
     echo_remedy: String,
     lists: Vec<Compiled>,
     pub exceptions: Vec<Exception>,
-    pub table: Option<Table>,
+    pub table: Table,
 }
 
 struct Compiled {

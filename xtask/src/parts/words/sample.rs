@@ -15,7 +15,7 @@ use crate::sources;
 
 pub(super) fn run(context: &Context, rules: &Rules) -> Result<Summary> {
     let (mut checked, mut refused, mut unread) = (0, 0, 0);
-    for folder in &context.words.path {
+    for folder in &context.options.words.path {
         let folder = folder
             .canonicalize()
             .map_err(|error| format!("{}: {error}", folder.display()))?;
@@ -34,8 +34,8 @@ pub(super) fn run(context: &Context, rules: &Rules) -> Result<Summary> {
                 Err(_) => unread += 1,
             }
         }
-        if let Some(size) = context.words.sample {
-            texts = drawn(texts, size, context.words.seed);
+        if let Some(size) = context.options.words.sample {
+            texts = drawn(texts, size, context.options.words.seed);
         }
         for (path, text) in &texts {
             let found = check(rules, path, std::slice::from_ref(text));

@@ -2,11 +2,11 @@
 
 use proc_macro2::{LineColumn, TokenStream, TokenTree};
 use syn::visit::{self, Visit};
-use syn::{Attribute, Expr, Lit, LitStr, Meta, Visibility};
+use syn::{Attribute, Expr, Ident, Lit, LitStr, Meta, Visibility};
 
 use super::text::{Kind, Text};
 use crate::Result;
-use crate::sources::is_for_tests;
+use crate::sources::{attributes, is_for_tests};
 
 /// Returns the texts of a file, in which what is for tests alone is left out.
 pub(super) fn read(source: &str) -> Result<Vec<Text>> {
@@ -19,7 +19,7 @@ pub(super) fn read(source: &str) -> Result<Vec<Text>> {
     let mut comments = Comments::new(source);
     comments.read(tokens);
     comments.gap(source.len());
-    let comments = comments.done().into_iter().filter(|comment| {
+    let comments = comments.found.into_iter().filter(|comment| {
         let lines = &reader.for_tests;
         !lines
             .iter()
@@ -118,7 +118,17 @@ impl Reader {
         (self.public, self.help) = outer;
     }
 
-    fn value(&mut self, attributes: &[Attribute], name: Option<&syn::Ident>, public: bool) {
+    fn item(
+        &mut self,
+        attributes: &[Attribute],
+        kind: Kind,
+        name: &Ident,
+        visibility: &Visibility,
+    ) {
+        self.doc(attributes, kind, &name.to_string(), is_public(visibility));
+    }
+
+    fn value(&mut self, attributes: &[Attribute], name: Option<&Ident>, public: bool) {
         let name = name.map(ToString::to_string).unwrap_or_default();
         self.doc(attributes, Kind::Value, &name, public);
     }
@@ -131,17 +141,7 @@ impl<'ast> Visit<'ast> for Reader {
     }
 
     fn visit_item(&mut self, item: &'ast syn::Item) {
-        let attributes = match item {
-            syn::Item::Const(it) => &it.attrs,
-            syn::Item::Fn(it) => &it.attrs,
-            syn::Item::Impl(it) => &it.attrs,
-            syn::Item::Mod(it) => &it.attrs,
-            syn::Item::Static(it) => &it.attrs,
-            syn::Item::Struct(it) => &it.attrs,
-            syn::Item::Enum(it) => &it.attrs,
-            _ => &Vec::new(),
-        };
-        if is_for_tests(attributes) {
+        if is_for_tests(attributes(item)) {
             if let syn::Item::Mod(module) = item
                 && let Some((braces, _)) = &module.content
             {
@@ -155,14 +155,12 @@ impl<'ast> Visit<'ast> for Reader {
     }
 
     fn visit_item_mod(&mut self, item: &'ast syn::ItemMod) {
-        let name = item.ident.to_string();
-        self.doc(&item.attrs, Kind::Module, &name, is_public(&item.vis));
+        self.item(&item.attrs, Kind::Module, &item.ident, &item.vis);
         visit::visit_item_mod(self, item);
     }
 
     fn visit_item_fn(&mut self, item: &'ast syn::ItemFn) {
-        let name = item.sig.ident.to_string();
-        self.doc(&item.attrs, Kind::Function, &name, is_public(&item.vis));
+        self.item(&item.attrs, Kind::Function, &item.sig.ident, &item.vis);
         self.inside(false, false, |reader| visit::visit_item_fn(reader, item));
     }
 
@@ -191,22 +189,20 @@ impl<'ast> Visit<'ast> for Reader {
     }
 
     fn visit_item_union(&mut self, item: &'ast syn::ItemUnion) {
-        let (name, public) = (item.ident.to_string(), is_public(&item.vis));
-        self.doc(&item.attrs, Kind::Type, &name, public);
+        self.item(&item.attrs, Kind::Type, &item.ident, &item.vis);
     }
 
     fn visit_item_type(&mut self, item: &'ast syn::ItemType) {
-        let (name, public) = (item.ident.to_string(), is_public(&item.vis));
-        self.doc(&item.attrs, Kind::Type, &name, public);
+        self.item(&item.attrs, Kind::Type, &item.ident, &item.vis);
     }
 
     fn visit_item_const(&mut self, item: &'ast syn::ItemConst) {
-        self.value(&item.attrs, Some(&item.ident), is_public(&item.vis));
+        self.item(&item.attrs, Kind::Value, &item.ident, &item.vis);
         visit::visit_item_const(self, item);
     }
 
     fn visit_item_static(&mut self, item: &'ast syn::ItemStatic) {
-        self.value(&item.attrs, Some(&item.ident), is_public(&item.vis));
+        self.item(&item.attrs, Kind::Value, &item.ident, &item.vis);
         visit::visit_item_static(self, item);
     }
 
@@ -256,13 +252,12 @@ impl<'ast> Visit<'ast> for Reader {
         if is_for_tests(&item.attrs) {
             return;
         }
-        let name = item.sig.ident.to_string();
-        self.doc(&item.attrs, Kind::Function, &name, is_public(&item.vis));
+        self.item(&item.attrs, Kind::Function, &item.sig.ident, &item.vis);
         visit::visit_impl_item_fn(self, item);
     }
 
     fn visit_impl_item_const(&mut self, item: &'ast syn::ImplItemConst) {
-        self.value(&item.attrs, Some(&item.ident), is_public(&item.vis));
+        self.item(&item.attrs, Kind::Value, &item.ident, &item.vis);
     }
 
     fn visit_macro(&mut self, call: &'ast syn::Macro) {
@@ -286,10 +281,10 @@ impl<'ast> Visit<'ast> for Reader {
 
 fn literal(value: &Expr) -> Option<&LitStr> {
     match value {
-        Expr::Lit(it) => match &it.lit {
-            Lit::Str(text) => Some(text),
-            _ => None,
-        },
+        Expr::Lit(syn::ExprLit {
+            lit: Lit::Str(text),
+            ..
+        }) => Some(text),
         _ => None,
     }
 }
@@ -413,9 +408,5 @@ impl<'s> Comments<'s> {
                 body: text.to_owned(),
             }),
         }
-    }
-
-    fn done(self) -> Vec<Text> {
-        self.found
     }
 }

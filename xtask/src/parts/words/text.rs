@@ -1,5 +1,14 @@
 //! [`Text`]: a piece of words, and where it stands.
 
+use std::sync::LazyLock;
+
+use regex::{Captures, Regex};
+
+/// A piece of code, or a link from the end of its text to that of its target.
+static SPANS: LazyLock<Regex> = LazyLock::new(|| {
+    Regex::new(r"`[^`]*`|\]\([^)]*").expect("the pattern is a regular expression")
+});
+
 /// A doc, a comment, a paragraph or a message.
 #[derive(Debug, Clone)]
 pub(super) struct Text {
@@ -65,9 +74,12 @@ impl Text {
             }
             fence ^= is_fence;
         }
-        cover(&mut covered, '`', '`');
-        cover_targets(&mut covered);
-        covered
+        let cover = |found: &Captures<'_>| {
+            let is_code = found[0].starts_with('`');
+            let (open, close) = if is_code { ("`", "`") } else { ("](", "") };
+            format!("{open}{}{close}", "_".repeat(found[0].len() - 2))
+        };
+        SPANS.replace_all(&covered, cover).into_owned()
     }
 
     /// Returns the first paragraph, in one line.
@@ -81,37 +93,4 @@ impl Text {
     pub(super) fn line_of(&self, offset: usize) -> usize {
         self.line + self.body[..offset].matches('\n').count()
     }
-}
-
-/// Covers what lies between pairs of the two characters.
-fn cover(text: &mut String, open: char, close: char) {
-    let mut result = String::with_capacity(text.len());
-    let mut rest = text.as_str();
-    while let Some((before, after)) = rest.split_once(open) {
-        let Some((inside, after)) = after.split_once(close) else {
-            break;
-        };
-        result.push_str(before);
-        result.push(open);
-        result.extend(std::iter::repeat_n('_', inside.len()));
-        result.push(close);
-        rest = after;
-    }
-    result.push_str(rest);
-    *text = result;
-}
-
-/// Covers the targets of links, `](…)`.
-fn cover_targets(text: &mut String) {
-    let mut result = String::with_capacity(text.len());
-    let mut rest = text.as_str();
-    while let Some((before, after)) = rest.split_once("](") {
-        let end = after.find(')').unwrap_or(after.len());
-        result.push_str(before);
-        result.push_str("](");
-        result.extend(std::iter::repeat_n('_', end));
-        rest = &after[end..];
-    }
-    result.push_str(rest);
-    *text = result;
 }
