@@ -14,7 +14,7 @@ pub enum RemoteError {
     /// No answer has come: the robot cannot be reached, or the client is not allowed to ask. What was asked for may
     /// have been done.
     #[error(
-        "the robot `{robot}` has not answered within {timeout:?}: its gateway cannot be reached, or this client has \
+        "the robot `{robot}` has not answered within {timeout:.1?}: its gateway cannot be reached, or this client has \
          no right to ask"
     )]
     NoAnswer {

@@ -194,7 +194,7 @@ impl Motions {
             taken => taken?,
         }
         if stops {
-            // A master that was started again after this gives control to nobody, and refuses the motion.
+            // If the master is started again after this, nobody is in control, and it refuses the motion.
             queue.bind(id.session, ANSWER)?;
         }
         if self.open.insert(id, client.into()).is_none() {

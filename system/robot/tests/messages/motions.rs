@@ -131,7 +131,9 @@ impl Arm {
         match self.server.attend(mailbox.now(), incarnation, Work::of) {
             Ok(Some(MotionsEvent::Aborted)) => {
                 *self.stream.lock().unwrap() = None;
-                self.server.abort(RefusalReason::Command).unwrap();
+                if let Err(error) = self.server.abort(RefusalReason::Command) {
+                    self.errors.push(format!("{error:?}"));
+                }
                 self.news.push(MotionsEvent::Aborted);
             }
             Ok(news) => self.news.extend(news),
@@ -512,6 +514,22 @@ fn motion_that_is_bound_to_a_client_ends_with_it() {
         second.abort(other, SOON).unwrap();
         second.give_up_control(other, SOON).unwrap();
     }
+    // Whether the ledger can be written or not.
+    let mailbox = rig.mailbox(FIRST);
+    let mut first = rig.client(mailbox);
+    let gone = first.open(SOON).unwrap();
+    first.take_control(gone, false, SOON).unwrap();
+    first.bind(gone, SOON).unwrap();
+    assert_eq!(first.offer(of(gone, 1), b"wave", SOON).unwrap(), RUNS);
+    let before = rig.arm(|arm| arm.news.len());
+    rig.rows.fails.store(true, Ordering::Relaxed);
+    rig.system.kill(FIRST);
+    rig.arm(Arm::turn);
+    assert_eq!(
+        rig.arm(|arm| arm.news[before..].to_vec()),
+        [MotionsEvent::Aborted]
+    );
+    rig.rows.fails.store(false, Ordering::Relaxed);
     // A bound client that has nothing to do ends nothing.
     let mailbox = rig.mailbox(FIRST);
     let mut first = rig.client(mailbox);
