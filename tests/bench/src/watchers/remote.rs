@@ -71,9 +71,8 @@ impl Programs {
             .map(|name| format!("[[clients]]\nname = {name:?}\nmay = [\"look\"]\n"))
             .concat();
         let config = place.join("gateway.toml");
-        let text = format!(
-            "robot = \"hand\"\nlisten = [{at:?}]\nvariables = {VARIABLES:?}\n{clients}"
-        );
+        let text =
+            format!("robot = \"hand\"\nlisten = [{at:?}]\nvariables = {VARIABLES:?}\n{clients}");
         fs::write(&config, text)?;
         Ok(Self {
             gateway: release.join("condor-gateway"),
