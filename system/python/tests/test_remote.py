@@ -40,7 +40,7 @@ class RemoteTest(unittest.TestCase):
         self.assertTrue(done.is_done and done.is_final and not done.did_not_run)
         never = remote._outcome({"state": "never", "reason": "gone"})
         self.assertTrue(never.is_final and never.did_not_run)
-        self.assertFalse(remote._outcome({"state": "offered"}).is_final)
+        self.assertFalse(remote._outcome({"state": "accepted"}).is_final)
 
     def test_exceptions_are_those_of_the_package(self) -> None:
         self.assertTrue(issubclass(remote.Refused, condor.Refused) and issubclass(remote.NoAnswer, condor.TimedOut))
