@@ -336,16 +336,6 @@ pub struct RemoteOutcome {
     pub progress: Option<f64>,
 }
 
-impl From<RemoteState> for RemoteOutcome {
-    fn from(state: RemoteState) -> Self {
-        Self {
-            state,
-            reason: String::new(),
-            progress: None,
-        }
-    }
-}
-
 /// A topic whose messages a client can receive as a stream.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct RemoteTopic {

@@ -258,7 +258,7 @@ impl Motions {
                     log::tell(
                         &client,
                         &format!(
-                            "has disconnected, and motion {id} must stop then: all motion stops: {how}"
+                            "has disconnected, and motion {id} must stop then: the gateway stops all motion: {how}"
                         ),
                     );
                 }
