@@ -1,6 +1,7 @@
 //! The command line of `condor`, and of programs that are `condor` with programs of their own.
 
 mod clock;
+mod help;
 mod new;
 mod requests;
 mod summary;
@@ -13,6 +14,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::{Arg, CommandFactory, FromArgMatches, Parser, Subcommand};
+use clap_complete::Shell;
 
 use crate::commands::{self, SystemChoice};
 use condor_host::application::Application;
@@ -22,7 +24,7 @@ use condor_host::gateway::INSTALL;
 use condor_host::plain::plain_lines;
 use condor_host::services;
 
-/// Starts the programs of a robot whose processors share memory with this machine, and watches them.
+/// Starts a robot's programs, on processors that share memory, and watches them.
 #[derive(Debug, Parser)]
 #[command(name = "condor", version, args_conflicts_with_subcommands = true)]
 struct Line {
@@ -36,60 +38,89 @@ struct Line {
 enum Command {
     /// Makes a new project: programs for two processors, or a robot
     New(new::NewArguments),
-    /// Checks the description of a system (a TOML file) and explains every mistake
+    /// Checks the description of a system and explains every mistake
     Check {
         /// The file of the description; by default the one for which this program was built, or else `condor.toml`
         file: Option<PathBuf>,
     },
     /// Starts a system: its services and the programs of its processors
     Up(up::Up),
-    /// Stops the program of a processor, or stops a service
+    /// Stops the program of a processor, or a service
     Stop(requests::OneProcessor),
-    /// Starts a processor's program, or a service, that has been stopped or has failed
+    /// Starts a program or service that was stopped or has failed
     Start(requests::OneProcessor),
-    /// Stops a processor's program, or a service, if it runs, and starts it again
+    /// Stops a program or service, and starts it again
     Restart(requests::OneProcessor),
-    /// Stops the program of a processor and starts another one there
+    /// Replaces the program of a processor by another one
     Load(requests::Load),
-    /// Stops all programs and services of a running system, within 10 s; kills and names those that do not end when
-    /// asked
+    /// Stops a system: all its programs and services
+    ///
+    /// It takes 10 s at most. Programs and services that do not end when they are asked to are killed, and named.
     Down(SystemChoice),
-    /// Shows a running system on this terminal: terminals, loops, messages, log
+    /// Shows a running system on this terminal
+    ///
+    /// It shows the terminals of processors, servo loops, messages, plots and the log. F1 explains the keys.
     Ui(ui::Ui),
-    /// Shows the state of the processors and services of a running system
+    /// Shows the state of processors and services
     Ps(commands::Ps),
-    /// Shows the servo loops of a running system: rates, run times, overruns
+    /// Shows servo loops: rates, run times, overruns; Ctrl-C ends it
     Top(commands::Top),
-    /// Shows the simulated clock of a running system; pauses, steps and resumes it, and sets its speed
+    /// Shows, pauses, steps or resumes the simulated clock
     Clock(clock::Clock),
-    /// Sends a message to a vector (a numbered handler) of a processor
+    /// Sends a message to a vector (a numbered message handler)
     Send(commands::Send),
-    /// Shows the vectors (numbered message handlers) of processors, and counts of messages
+    /// Shows vectors (numbered message handlers), counts messages
     Vectors(commands::Vectors),
-    /// Shows variables of servo loops and fields of published cells (values that programs share); shows and sets parameters
+    /// Shows variables and parameters, and sets parameters
+    ///
+    /// Variables are values of servo loops, and fields of published cells: values that programs share. Parameters are
+    /// values that can be set while loops run.
     #[command(subcommand)]
     Vars(commands::Vars),
-    /// Shows a running system in browsers, and in viewers such as Foxglove and Lichtblick
+    /// Shows a running system in browsers
+    ///
+    /// Viewers such as Foxglove and Lichtblick can connect, too.
     View(commands::View),
-    /// Records variables and events into an MCAP file, until Ctrl-C
+    /// Records variables and events into an MCAP file
+    ///
+    /// Ctrl-C ends the recording.
     Record(commands::Record),
-    /// Writes variables of a recording as a table (CSV) or as a drawing (SVG)
+    /// Writes a recording as a table (CSV) or as a drawing (SVG)
     Export(commands::Export),
-    /// Draws variables over time on this terminal; with --robot also the robot, as a figure of lines
+    /// Draws variables over time on this terminal, and the robot
     Plot(commands::Plot),
-    /// Shows a robot in browsers from its configuration alone, to try postures and motions; with --check checks a
-    /// motion instead: limits, torques, tensions, collisions
+    /// Tries postures and motions of a robot that does not run
+    ///
+    /// A page for browsers shows the robot as its configuration describes it. With --check, a motion is checked
+    /// instead: limits, torques, tensions, collisions.
     Sim(commands::Sim),
-    /// Connects this terminal to the terminal of a processor
+    /// Connects this terminal to that of a processor; Ctrl-] leaves
+    ///
+    /// With piped input, all of it is typed, and the command ends when the terminal has been quiet for 2 s, or 30 s
+    /// after the input at most; with --for, after that time.
     Tty(commands::Tty),
-    /// Prints static variables of a running program, by their names in its debug information
+    /// Prints static variables of a running program
+    ///
+    /// They are found by their names in the debug information of the program.
     Print(commands::Print),
-    /// Starts GDB on the program of a processor: a process of this machine, or a hart (a core of a RISC-V machine)
+    /// Starts GDB on the program of a processor
+    ///
+    /// A processor is a process of this machine, or a hart (a core of a RISC-V machine).
     Gdb(commands::Gdb),
-    /// Serves GDB's protocol for the programs of harts, so that an editor can debug them
+    /// Serves GDB's protocol, so that an editor can debug harts
     Debug(commands::Debug),
     /// Shows the log of a running system
     Log(requests::Log),
+    /// Prints a script by which a shell completes commands
+    Completions {
+        /// The shell
+        shell: Shell,
+    },
+    /// Writes manual pages, one for each command
+    Man {
+        /// The directory to write to
+        directory: PathBuf,
+    },
     #[command(hide = true, disable_help_flag = true)]
     Service {
         #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
@@ -114,17 +145,8 @@ pub fn main(application: &dyn Application) -> ExitCode {
     if words.next().is_some_and(|word| word == "--remote") {
         return remote(words.collect());
     }
-    let mut command = named();
-    for (name, about, _) in application.commands() {
-        let arguments = Arg::new(ARGUMENTS)
-            .num_args(0..)
-            .trailing_var_arg(true)
-            .allow_hyphen_values(true);
-        let own = clap::Command::new(name).about(about).arg(arguments);
-        command = command.subcommand(own.disable_help_flag(true));
-    }
     // clap exits by itself, with 2, if the arguments cannot be understood.
-    let matches = command.get_matches();
+    let matches = command(application).get_matches();
     if let Some((name, own)) = matches.subcommand()
         && let Some((.., run)) = application.commands().into_iter().find(|it| it.0 == name)
     {
@@ -144,12 +166,24 @@ pub fn main(application: &dyn Application) -> ExitCode {
     }
 }
 
-/// Returns the command line; its help and errors use the name by which this program was called.
-fn named() -> clap::Command {
+/// Returns the command line with the commands of an application. Its help and errors use the name by which this program
+/// was called.
+fn command(application: &dyn Application) -> clap::Command {
     let me = me();
+    let mut command = Line::command();
+    for (name, about, _) in application.commands() {
+        let arguments = Arg::new(ARGUMENTS)
+            .num_args(0..)
+            .trailing_var_arg(true)
+            .allow_hyphen_values(true);
+        let own = clap::Command::new(name).about(about).arg(arguments);
+        command = command.subcommand(own.disable_help_flag(true));
+    }
     let remote =
         format!("`{me} --remote ROBOT COMMAND` runs a command for a robot that is elsewhere.");
-    Line::command().bin_name(me).after_help(remote)
+    help::with_help(command, &me)
+        .bin_name(me)
+        .after_help(remote)
 }
 
 /// Runs a command of `condor-remote`, which takes the place of this process, for the robot that the first word names.
@@ -183,7 +217,7 @@ fn is_broken_pipe(error: &(dyn core::error::Error + 'static)) -> bool {
 fn run(line: Line, application: &dyn Application) -> Result<ExitCode, AnyError> {
     match line.command {
         None if application.description().is_none() => {
-            named().print_help()?;
+            command(application).print_help()?;
             return Ok(ExitCode::from(2));
         }
         None => return up::run(None, &line.up, application),
@@ -196,6 +230,14 @@ fn run(line: Line, application: &dyn Application) -> Result<ExitCode, AnyError> 
         Some(Command::Load(load)) => requests::load(load)?,
         Some(Command::Down(which)) => requests::down(&which)?,
         Some(Command::Log(log)) => requests::log(&log)?,
+        Some(Command::Completions { shell }) => {
+            let mut command = command(application);
+            clap_complete::generate(shell, &mut command, me(), &mut std::io::stdout());
+        }
+        Some(Command::Man { directory }) => {
+            clap_mangen::generate_to(command(application).display_name(me()), &directory)
+                .map_err(|error| format!("{}: {error}", directory.display()))?;
+        }
         Some(Command::Ui(ui)) => ui.run(application)?,
         Some(Command::Ps(ps)) => ps.run()?,
         Some(Command::Top(top)) => top.run()?,

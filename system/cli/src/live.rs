@@ -23,9 +23,10 @@ use std::net::{Ipv4Addr, SocketAddr};
 use std::thread::Scope;
 use std::time::{Duration, Instant};
 
+use crate::commands::tell;
 use crate::listening::{Rules, Token};
 use condor_host::control::SystemStatus;
-use condor_host::error::AnyError;
+use condor_host::error::{AnyError, me};
 use condor_host::events::EventCollector;
 use condor_host::messages::wall_ns;
 use condor_host::names::VariableName;
@@ -213,7 +214,7 @@ impl<'s> Live<'s> {
         self.rows
             .read(|source, row| feeds.row(source, row, &wanted, |sample| server.push(&sample)))?;
         for change in self.rows.changes() {
-            eprintln!("condor: {}", plain(&change.text));
+            tell(plain(&change.text));
             server.tell(&change.text);
         }
         let at_ns = self.view.now().as_ns();
@@ -260,10 +261,13 @@ impl<'s> Live<'s> {
         let channels = self.feeds.add(first, sources, &columns);
         self.server.advertise(channels);
         if ones.iter().any(CatalogEntry::can_be_set) {
-            let text = "parameters of programs that started later can be set by `condor vars set`, or here after \
-                        `condor view` is started again";
-            eprintln!("condor: {text}");
-            self.server.tell(text);
+            let me = me();
+            let text = format!(
+                "parameters of programs that started later can be set by `{me} vars set`, or here after `{me} view` is \
+                 started again"
+            );
+            tell(&text);
+            self.server.tell(&text);
         }
     }
 

@@ -6,9 +6,8 @@ use jiff::SignedDuration;
 
 /// A time of the command line.
 pub(crate) fn duration(text: &str) -> Result<Duration, String> {
-    let span: SignedDuration = text
-        .parse()
-        .map_err(|error| format!("{error}; write a time such as 10s or 500ms"))?;
+    let wrong = |_| format!("`{text}` is not a time: write one such as 500ms, 10s or 2m");
+    let span: SignedDuration = text.parse().map_err(wrong)?;
     span.try_into()
-        .map_err(|_| "a time must not be negative".into())
+        .map_err(|_| format!("`{text}` is a negative time: write one such as 500ms, 10s or 2m"))
 }

@@ -11,7 +11,7 @@ use serde_json::json;
 
 use super::number::duration;
 use super::running::Running;
-use super::{How, print, print_json};
+use super::{How, print, print_json, tell};
 use crate::recording::{
     self, AttachedFile, Damage, Former, Origin, RecordedTopic, RecordingError, TopicCounts, Writer,
 };
@@ -96,13 +96,13 @@ impl Record {
         let rows = Rows::of(view, &columns, self.every)?;
         if let Some(mut former) = former {
             if let Some(trouble) = former.trouble.take() {
-                eprintln!(
-                    "condor: the earlier recording was broken off and cannot be repaired; it is kept as it is: {trouble}"
-                );
+                tell(format_args!(
+                    "the earlier recording was broken off and cannot be repaired; it is kept as it is: {trouble}"
+                ));
             }
             let kept = former.keep()?;
             let (file, kept) = (self.file.display(), kept.display());
-            eprintln!("condor: the earlier {file} was renamed to {kept}");
+            tell(format_args!("the earlier {file} was renamed to {kept}"));
         }
         let ahead_ns = wall_ns().wrapping_sub(view.now().as_ns());
         let origin = Origin {
@@ -264,18 +264,18 @@ fn configuration(
                 .into_owned(),
             content,
         }),
-        Err(error) => eprintln!(
-            "condor: cannot attach {} to the recording: {error}",
+        Err(error) => tell(format_args!(
+            "cannot attach {} to the recording: {error}",
             path.display()
-        ),
+        )),
     };
     attach(file);
     let robot = match SystemDescription::read(file, application) {
         Ok(description) => description.robot,
         Err(error) => {
-            eprintln!(
-                "condor: the recording will lack joints, frames and the robot's configuration: {error}"
-            );
+            tell(format_args!(
+                "the recording will lack joints, frames and the robot's configuration: {error}"
+            ));
             None
         }
     };
@@ -284,7 +284,9 @@ fn configuration(
     };
     attach(&path);
     let robot = application.robot(&path).unwrap_or_else(|error| {
-        eprintln!("condor: the recording will lack joints and frames: {error}");
+        tell(format_args!(
+            "the recording will lack joints and frames: {error}"
+        ));
         None
     });
     (robot, attached)
@@ -351,7 +353,7 @@ impl Recorder<'_> {
                 return Ok(());
             }
             if !is_alive {
-                eprintln!("condor: the system has ended");
+                tell("the system has ended");
                 return Ok(());
             }
             self.rows.pause()?;
@@ -389,7 +391,7 @@ impl Recorder<'_> {
         });
         let now = self.view.now().as_ns();
         for change in self.rows.changes() {
-            eprintln!("condor: {}", plain(&change.text));
+            tell(plain(&change.text));
             self.writer.event(now, Level::Warn, "record", &change.text);
         }
         let writer = &mut self.writer;

@@ -29,11 +29,6 @@ const ROOM: Duration = Duration::from_millis(20);
 const PENDING: usize = 64 * 1024;
 
 #[derive(Debug, Args)]
-#[command(
-    after_help = "Ctrl-] disconnects. With piped input, all of it is typed, and the command ends when the \
-                  terminal has been quiet for 2 s, or 30 s after the input at most; with --for, after that \
-                  time. Example: echo status | condor tty master"
-)]
 pub(crate) struct Tty {
     /// The name or the number of the processor
     processor: String,

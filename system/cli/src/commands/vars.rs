@@ -36,7 +36,8 @@ pub(crate) struct List {
 
 #[derive(Debug, Args)]
 pub(crate) struct Get {
-    /// The names of variables; if several are equal, put PROCESSOR: or PROCESSOR:LOOP: before the name
+    /// The names of variables; if several are equal, put PROCESSOR: or PROCESSOR:LOOP: before the name. In a name,
+    /// * stands for any characters, and ? for one
     #[arg(required = true)]
     names: Vec<String>,
     #[command(flatten)]
@@ -104,8 +105,7 @@ impl Get {
         let mut view = running.view()?;
         view.join()?;
         let known = VariableCatalog::all(&view, &running.status.processors)?;
-        let chosen: Result<Vec<_>, _> = self.names.iter().map(|name| known.find(name)).collect();
-        let chosen = chosen?;
+        let chosen = known.matching(&self.names)?;
         let values = values(&mut Clients::new(&view), &chosen)?;
         show(chosen.into_iter().zip(values), &running, &self.how)
     }

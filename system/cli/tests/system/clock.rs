@@ -152,7 +152,7 @@ fn a_real_clock_cannot_be_changed() {
             "\"0\" is not a speed: a speed is a number from 0.001 to 1000, or `max`",
         ),
         (&["speed", "fast"], "\"fast\" is not a speed"),
-        (&["step", "soon"], "write a time such as 10s or 500ms"),
+        (&["step", "soon"], "write one such as 500ms, 10s or 2m"),
     ] {
         let wrong = complaint(&up, &[&["clock"], change].concat());
         assert!(wrong.contains(expected), "{change:?}: {wrong}");

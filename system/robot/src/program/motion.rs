@@ -17,8 +17,7 @@ use crate::motions::{MotionsClient, RequestProgress, SentPoints};
 use crate::packet::ClientError;
 use crate::queue::{InControl, QueueAnswer, RequestIdentity, RequestState};
 
-pub(crate) const ABOUT: &str =
-    "Enqueues motions at the master of a running hand, and waits for their end";
+pub(crate) const ABOUT: &str = "Runs motions at the master of a robot, and waits for their end";
 
 const USAGE: &str = "\
 Usage: PROGRAM motion [--system NAME] [--control] MOTION...

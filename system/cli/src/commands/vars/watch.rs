@@ -9,7 +9,7 @@ use serde_json::{Map, Value as Json, json};
 
 use crate::commands::number::duration;
 use crate::commands::running::Running;
-use crate::commands::{How, print};
+use crate::commands::{How, print, tell};
 use condor_host::error::AnyError;
 use condor_host::plain::{plain, plain_json};
 use condor_host::signals;
@@ -77,14 +77,14 @@ impl Watch {
                 merge.push(source, row.released, Sample::of(row, lines.columns.len()));
             });
             for change in rows.changes() {
-                eprintln!("condor: {}", plain(&change.text));
+                tell(plain(&change.text));
             }
             // Its columns are fixed.
             for place in watching::places(&newcomers.look(view)) {
                 let place = plain(&place);
-                eprintln!(
-                    "condor: {place} started later and is not shown; run the command again to watch it"
-                );
+                tell(format_args!(
+                    "{place} started later and is not shown; run the command again to watch it"
+                ));
             }
             let mut ready: Vec<_> = core::iter::from_fn(|| merge.pop()).collect();
             if is_end || read.is_err() {
