@@ -17,7 +17,10 @@ use ratatui::text::Line;
 use ratatui::widgets::{Block, BorderType, Clear, Padding, Paragraph, Widget};
 use ratatui::{Frame, Terminal};
 
+use tui_input::Input;
+
 use crate::guard::Guard;
+use condor_host::plain::plain;
 
 /// This terminal, taken over; restored when it is dropped, before a panic is told, and by a guard if
 /// this process is killed.
@@ -119,6 +122,14 @@ pub(crate) fn popup(
         .padding(Padding::horizontal(1));
     Clear.render(area, buffer);
     Paragraph::new(lines).block(block).render(area, buffer);
+}
+
+/// A text that is being typed, with its cursor.
+pub(crate) fn field(typed: &Input) -> Line<'static> {
+    let letters = || typed.value().chars();
+    let before: String = letters().take(typed.cursor()).collect();
+    let behind: String = letters().skip(typed.cursor()).collect();
+    Line::raw(format!("{}▏{}", plain(&before), plain(&behind)))
 }
 
 /// Returns true if the person wants colours: the environment variable `NO_COLOR` is not set, or empty.

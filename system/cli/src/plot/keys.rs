@@ -1,6 +1,7 @@
 //! The actions of keys on a [`Plot`].
 
-use crossterm::event::{KeyCode, KeyEvent, KeyModifiers};
+use crossterm::event::{Event, KeyCode, KeyEvent, KeyModifiers};
+use tui_input::backend::crossterm::EventHandler as _;
 
 use super::curve::Pane;
 use super::draw::seen;
@@ -28,7 +29,7 @@ pub(crate) fn press(plot: &mut Plot, key: &KeyEvent) -> Option<PlotRequest> {
             plot.prompt = None;
             None
         }
-        Some(prompt) => in_prompt(plot, prompt, key.code),
+        Some(prompt) => in_prompt(plot, prompt, key),
         None => in_plot(plot, key),
     }
 }
@@ -116,7 +117,7 @@ fn next_place(plot: &mut Plot) -> Option<PlotRequest> {
 }
 
 fn open(plot: &mut Plot, prompt: Prompt) -> Option<PlotRequest> {
-    plot.typed = match prompt {
+    let typed = match prompt {
         Prompt::Names => plot
             .panes
             .get(plot.focus)
@@ -128,17 +129,14 @@ fn open(plot: &mut Plot, prompt: Prompt) -> Option<PlotRequest> {
             .unwrap_or_default(),
         Prompt::NewPane | Prompt::Help => String::new(),
     };
+    plot.typed = typed.into();
     plot.prompt = Some(prompt);
     // The answer tells which names there are.
     plot.known.is_empty().then_some(PlotRequest::Fetch)
 }
 
-fn in_prompt(plot: &mut Plot, prompt: Prompt, key: KeyCode) -> Option<PlotRequest> {
-    match key {
-        KeyCode::Char(letter) => plot.typed.push(letter),
-        KeyCode::Backspace => {
-            plot.typed.pop();
-        }
+fn in_prompt(plot: &mut Plot, prompt: Prompt, key: &KeyEvent) -> Option<PlotRequest> {
+    match key.code {
         KeyCode::Tab => plot.complete(),
         KeyCode::Esc => plot.prompt = None,
         KeyCode::Enter => {
@@ -150,7 +148,9 @@ fn in_prompt(plot: &mut Plot, prompt: Prompt, key: KeyCode) -> Option<PlotReques
             plot.prompt = None;
             return Some(PlotRequest::Fetch);
         }
-        _ => {}
+        _ => {
+            plot.typed.handle_event(&Event::Key(*key));
+        }
     }
     None
 }

@@ -3,6 +3,8 @@
 use core::fmt::Write as _;
 use core::time::Duration;
 
+use tui_input::Input;
+
 use super::curve::{ChosenCurves, Curve, Pane, Range, Sample, Wish};
 use super::feed_event::FeedEvent;
 use super::figure::Figure;
@@ -52,7 +54,7 @@ pub(crate) struct Plot {
     pub(crate) figure: Option<Figure>,
     pub(crate) place: RobotPane,
     pub(crate) prompt: Option<Prompt>,
-    pub(crate) typed: String,
+    pub(crate) typed: Input,
     /// The names that may be typed.
     pub(crate) known: Vec<String>,
     /// The description of the last failure, until the next key. It is drawn with the text that is typed, or
@@ -88,7 +90,7 @@ impl Plot {
             figure,
             place: RobotPane::Hidden,
             prompt: None,
-            typed: String::new(),
+            typed: Input::default(),
             known: Vec::new(),
             notice: None,
             has_colors,

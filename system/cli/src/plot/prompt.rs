@@ -5,7 +5,7 @@ use super::model::{Plot, Prompt};
 impl Plot {
     /// Returns the names that contain the word that is being typed; none without a word.
     pub(crate) fn fitting(&self) -> Vec<&str> {
-        let word = word(&self.typed);
+        let word = word(self.typed.value());
         let names = self.known.iter().map(String::as_str);
         let fits = |name: &&str| !word.is_empty() && name.contains(word) && *name != word;
         names.filter(fits).collect()
@@ -14,7 +14,7 @@ impl Plot {
     /// Completes the word that is being typed as far as all names that begin with it agree; if none
     /// does, with the only name that contains it.
     pub(crate) fn complete(&mut self) {
-        let word = word(&self.typed);
+        let word = word(self.typed.value());
         let fitting = self.fitting();
         let begun = fitting.iter().filter(|name| name.starts_with(word));
         let common = begun.copied().reduce(|common, name| {
@@ -28,16 +28,16 @@ impl Plot {
             _ => None,
         };
         if let Some(whole) = common.or(only).map(str::to_owned) {
-            let kept = self.typed.len() - word.len();
-            self.typed.truncate(kept);
-            self.typed += &whole;
+            let before = self.typed.value().strip_suffix(word).unwrap_or_default();
+            self.typed = format!("{before}{whole}").into();
         }
     }
 
     /// Does what was typed.
     pub(crate) fn take_typed(&mut self, prompt: Prompt) -> Result<(), String> {
         let typed = core::mem::take(&mut self.typed);
-        let names: Vec<String> = typed.split_whitespace().map(String::from).collect();
+        let names = typed.value().split_whitespace();
+        let names: Vec<String> = names.map(String::from).collect();
         match prompt {
             Prompt::Names => {
                 if let Some(pane) = self.panes.get_mut(self.focus) {
@@ -47,7 +47,7 @@ impl Plot {
             }
             Prompt::NewPane => self.add_pane(names),
             Prompt::Trigger if names.is_empty() => self.arm(None),
-            Prompt::Trigger => match typed.parse() {
+            Prompt::Trigger => match typed.value().parse() {
                 Ok(condition) => self.arm(Some(condition)),
                 Err(error) => {
                     self.typed = typed;

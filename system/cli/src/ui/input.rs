@@ -59,9 +59,11 @@ pub(super) enum Action {
         entries: isize,
     },
     MenuDo,
-    /// A letter, and one less, of the program that is typed.
-    Letter(char),
-    Erase,
+    /// A key, and a text that is pasted, for what is typed into a popup.
+    Edit(KeyEvent),
+    Insert(String),
+    /// The order that was asked about is to be carried out.
+    Confirm,
     /// The program that was typed is to run.
     Load,
     /// The clock is to go on for the time that was typed.
@@ -80,8 +82,14 @@ pub(super) fn action(situation: &Situation, event: &Event) -> Option<Action> {
         Event::Key(key) if key.kind != KeyEventKind::Release => self::key(situation, key),
         Event::Mouse(mouse) => self::mouse(situation, *mouse),
         Event::Paste(text) => {
-            let is_typed = situation.popup.is_none() && matches!(situation.focus, Page::Window(_));
-            is_typed.then(|| Action::Type(text.replace('\n', "\r").into_bytes()))
+            let typed = || Action::Type(text.replace('\n', "\r").into_bytes());
+            match (situation.popup, situation.focus) {
+                (Some(Popup::Program { .. } | Popup::Step), _) => {
+                    Some(Action::Insert(text.clone()))
+                }
+                (None, Page::Window(_)) => Some(typed()),
+                _ => None,
+            }
         }
         Event::Resize(..) => Some(Action::Draw),
         _ => None,
@@ -90,7 +98,7 @@ pub(super) fn action(situation: &Situation, event: &Event) -> Option<Action> {
 
 fn key(situation: &Situation, key: &KeyEvent) -> Option<Action> {
     if let Some(popup) = situation.popup {
-        return in_popup(popup, key.code);
+        return in_popup(popup, key);
     }
     let action = match key.code {
         KeyCode::F(1) if situation.focus != Page::Plots => Action::Show(Popup::Help),
@@ -133,25 +141,23 @@ fn in_page(situation: &Situation, key: &KeyEvent) -> Option<Action> {
     })
 }
 
-fn in_popup(popup: Popup, code: KeyCode) -> Option<Action> {
+fn in_popup(popup: Popup, key: &KeyEvent) -> Option<Action> {
     let menu = |members, entries| Some(Action::MenuMove { members, entries });
-    match (popup, code) {
+    match (popup, key.code) {
         (Popup::Menu { .. }, KeyCode::Up) => menu(0, -1),
         (Popup::Menu { .. }, KeyCode::Down) => menu(0, 1),
         (Popup::Menu { .. }, KeyCode::Left) => menu(-1, 0),
         (Popup::Menu { .. }, KeyCode::Right) => menu(1, 0),
         (Popup::Menu { .. }, KeyCode::Enter) => Some(Action::MenuDo),
-        (Popup::Program { .. } | Popup::Step, KeyCode::Char(letter)) => {
-            Some(Action::Letter(letter))
-        }
-        (Popup::Program { .. } | Popup::Step, KeyCode::Backspace) => Some(Action::Erase),
         (Popup::Step, KeyCode::Enter) => Some(Action::StepClock),
         (Popup::Program { .. }, KeyCode::Enter) => Some(Action::Load),
         (Popup::Leave, KeyCode::Char('l') | KeyCode::Enter) => {
             Some(Action::Leave(Leaving::Running))
         }
         (Popup::Leave, KeyCode::Char('d')) => Some(Action::Leave(Leaving::Down)),
+        (Popup::Confirm { .. }, KeyCode::Char('y')) => Some(Action::Confirm),
         (_, KeyCode::Esc | KeyCode::F(_)) | (Popup::Help, _) => Some(Action::ClosePopup),
+        (Popup::Program { .. } | Popup::Step, _) => Some(Action::Edit(*key)),
         _ => None,
     }
 }

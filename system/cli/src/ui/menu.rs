@@ -3,6 +3,10 @@
 use std::sync::mpsc::Sender;
 use std::thread;
 
+use crossterm::event::Event;
+use tui_input::InputRequest;
+use tui_input::backend::crossterm::EventHandler as _;
+
 use super::feed::UiEvent;
 use super::input::Action;
 use super::layout::layout;
@@ -12,13 +16,16 @@ use super::tool::{self, Tool};
 use crate::commands::number::duration;
 use crate::counts::note_of_loops;
 use crate::plot::{self, PlotRequest};
-use condor_host::control::{ControlClient, ControlClientError, ControlRequest, from_here};
+use condor_host::control::{
+    ControlClient, ControlClientError, ControlRequest, Member, MemberState, from_here,
+};
 use condor_host::error::me;
 use condor_host::extension::Extension;
 use condor_host::system::SystemDirectory;
 
-/// The actions on a processor, which come before those on the clock and the tools.
-const ORDERS: [&str; 4] = ["stop", "start", "restart", LOAD];
+/// The actions on a processor whose program has ended, and on one whose program runs; they come behind those on the
+/// clock and the tools, which end nothing.
+const ORDERS: [&[&str]; 2] = [&["start", LOAD], &["restart", "stop", LOAD]];
 /// Another program, which is typed.
 const LOAD: &str = "load …";
 
@@ -36,16 +43,19 @@ pub(super) enum Entry {
     Tool(Tool),
 }
 
-/// The entries of the menu.
-pub(super) fn entries(model: &Model) -> impl Iterator<Item = Entry> {
+/// The entries of the menu for a processor.
+pub(super) fn entries(model: &Model, member: &Member) -> impl Iterator<Item = Entry> {
     let clock = match &model.clock {
         None => &[][..],
         Some(clock) if clock.paused => &[Entry::Resume, Entry::Step],
         Some(_) => &[Entry::Pause, Entry::Step],
     };
-    let orders = ORDERS.map(Entry::Order).into_iter();
+    let has_ended = matches!(member.state, MemberState::Failed | MemberState::Stopped);
+    let [of_ended, of_running] = ORDERS;
+    let orders = if has_ended { of_ended } else { of_running };
+    let orders = orders.iter().copied().map(Entry::Order);
     let tools = model.tools.iter().cloned().map(Entry::Tool);
-    orders.chain(clock.iter().cloned()).chain(tools)
+    tools.chain(clock.iter().cloned()).chain(orders)
 }
 
 /// The clock, in what is said of an order to it.
@@ -129,9 +139,18 @@ pub(super) fn act(model: &mut Model, action: Action, doer: &Doer) -> Option<Leav
         Action::ClosePopup => model.popup = None,
         Action::MenuMove { members, entries } => move_by(model, members, entries),
         Action::MenuDo => carry_out(model, doer),
-        Action::Letter(letter) => model.typed.push(letter),
-        Action::Erase => {
-            model.typed.pop();
+        Action::Edit(key) => {
+            model.typed.handle_event(&Event::Key(key));
+        }
+        Action::Insert(text) => {
+            for letter in text.chars() {
+                model.typed.handle(InputRequest::InsertChar(letter));
+            }
+        }
+        Action::Confirm => {
+            if let Some(Popup::Confirm { member, order }) = model.popup.take() {
+                give(model, doer, member, order);
+            }
         }
         Action::Load => load(model, doer),
         Action::StepClock => step_clock(model, doer),
@@ -201,11 +220,16 @@ fn type_in(model: &mut Model, bytes: &[u8]) {
 }
 
 fn move_by(model: &mut Model, members: isize, lines: isize) {
-    let (member_count, entry_count) = (model.members.len(), entries(model).count());
-    if let Some(Popup::Menu { member, entry }) = &mut model.popup {
-        *member = turned(*member, members, member_count);
-        *entry = turned(*entry, lines, entry_count);
-    }
+    let Some(Popup::Menu { member, entry }) = model.popup else {
+        return;
+    };
+    let member = turned(member, members, model.members.len());
+    let of_member = model.members.get(member);
+    let entries = of_member.map_or(0, |it| entries(model, it).count());
+    // Another processor may have fewer.
+    let entry = entry.min(entries.saturating_sub(1));
+    let entry = turned(entry, lines, entries);
+    model.popup = Some(Popup::Menu { member, entry });
 }
 
 /// A place of `count`, so many further on, and round again.
@@ -225,22 +249,26 @@ fn carry_out(model: &mut Model, doer: &Doer) {
     let Some(member) = model.members.get(place).cloned() else {
         return;
     };
-    let entry = entries(model).nth(entry);
+    let entry = entries(model, &member).nth(entry);
     let tool = match entry {
         Some(Entry::Order(LOAD)) => {
             let words = [core::slice::from_ref(&member.program), &member.arguments].concat();
-            model.typed = words.join(" ");
+            model.typed = words.join(" ").into();
             model.popup = Some(Popup::Program { member: place });
             return;
         }
+        Some(Entry::Order("start")) => return give(model, doer, place, "start"),
         Some(Entry::Order(order)) => {
-            model.notice = Some(format!("{}: {order} …", member.name));
-            return doer.order(order, &member.name, request(order, &member.name));
+            model.popup = Some(Popup::Confirm {
+                member: place,
+                order,
+            });
+            return;
         }
         Some(Entry::Pause) => return doer.order("pause", CLOCK, ControlRequest::Pause {}),
         Some(Entry::Resume) => return doer.order("resume", CLOCK, ControlRequest::Resume {}),
         Some(Entry::Step) => {
-            model.typed.clear();
+            model.typed.reset();
             model.popup = Some(Popup::Step);
             return;
         }
@@ -267,6 +295,14 @@ fn carry_out(model: &mut Model, doer: &Doer) {
     }
 }
 
+/// Gives an order to the processor of this place.
+fn give(model: &mut Model, doer: &Doer, member: usize, order: &'static str) {
+    if let Some(member) = model.members.get(member) {
+        model.notice = Some(format!("{}: {order} …", member.name));
+        doer.order(order, &member.name, request(order, &member.name));
+    }
+}
+
 /// Has a processor run the program that was typed: its file, then its arguments.
 fn load(model: &mut Model, doer: &Doer) {
     let Some(Popup::Program { member }) = model.popup.take() else {
@@ -275,7 +311,8 @@ fn load(model: &mut Model, doer: &Doer) {
     let Some(member) = model.members.get(member) else {
         return;
     };
-    let mut words = model.typed.split_whitespace().map(String::from);
+    let words = model.typed.value().split_whitespace();
+    let mut words = words.map(String::from);
     let program = match words.next().map(from_here).transpose() {
         Ok(Some(program)) => program,
         Ok(None) => return,
@@ -296,7 +333,7 @@ fn load(model: &mut Model, doer: &Doer) {
 /// Has the simulated clock go on for the time that was typed.
 fn step_clock(model: &mut Model, doer: &Doer) {
     model.popup = None;
-    let time = duration(model.typed.trim());
+    let time = duration(model.typed.value().trim());
     let ns = time.and_then(|time| u64::try_from(time.as_nanos()).map_err(|_| "too long".into()));
     match ns {
         Ok(ns) => doer.order("step", CLOCK, ControlRequest::Step { ns }),

@@ -4,6 +4,7 @@ use std::collections::VecDeque;
 use std::time::Duration;
 
 use ratatui::layout::Rect;
+use tui_input::Input;
 
 use super::feed::UiEvent;
 use super::tool::Tool;
@@ -50,6 +51,11 @@ pub(super) enum Popup {
     },
     /// The length of a step of the simulated clock is being typed.
     Step,
+    /// The processor of this place is about to be given an order that ends its program.
+    Confirm {
+        member: usize,
+        order: &'static str,
+    },
     Leave,
 }
 
@@ -93,7 +99,7 @@ pub(super) struct Model {
     pub(super) popup: Option<Popup>,
     pub(super) notice: Option<String>,
     /// The text that is typed into the popup in front.
-    pub(super) typed: String,
+    pub(super) typed: Input,
     /// The number of lines by which each table is scrolled.
     pub(super) scrolled: [usize; 4],
     pub(super) tools: Vec<Tool>,
@@ -123,7 +129,7 @@ impl Model {
             zoomed: false,
             popup: None,
             notice: None,
-            typed: String::new(),
+            typed: Input::default(),
             scrolled: [0; 4],
             tools,
             plot: Plot::new(PLOTTED, None, true),

@@ -6,7 +6,7 @@ use ratatui::style::Stylize;
 use ratatui::text::Line;
 
 use crate::plot::model::{Plot, Prompt};
-use crate::screen::popup;
+use crate::screen::{field, popup};
 use condor_host::plain::plain;
 
 /// The least columns of what is in front.
@@ -44,10 +44,7 @@ pub(super) fn draw(plot: &Plot, area: Rect, buffer: &mut Buffer) {
         Some(Prompt::NewPane) => (" A further pane ", "names, or patterns with * and ?"),
         Some(Prompt::Trigger) => (" Trigger ", "NAME>LEVEL or NAME<LEVEL; ~WIDTH: hysteresis"),
     };
-    let mut lines = vec![
-        Line::raw(about).dim(),
-        Line::raw(format!("{}▏", plain(&plot.typed))),
-    ];
+    let mut lines = vec![Line::raw(about).dim(), field(&plot.typed)];
     let fitting = plot.fitting();
     lines.extend(
         fitting

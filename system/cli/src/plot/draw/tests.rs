@@ -368,6 +368,29 @@ fn names_are_typed_and_completed() {
 }
 
 #[test]
+fn what_is_typed_can_be_changed_by_the_usual_keys() {
+    let mut plot = plot();
+    let control = |plot: &mut Plot, letter| {
+        let key = KeyEvent::new(KeyCode::Char(letter), KeyModifiers::CONTROL);
+        assert_eq!(press(plot, &key), None);
+    };
+    key(&mut plot, KeyCode::Char('n'));
+    for letter in " mode".chars() {
+        key(&mut plot, KeyCode::Char(letter));
+    }
+    expect(&picture(&plot, SMALL), &["║ elbow.tension mode▏"]);
+    control(&mut plot, 'w');
+    control(&mut plot, 'a');
+    key(&mut plot, KeyCode::Char('*'));
+    expect(&picture(&plot, SMALL), &["║ *▏elbow.tension "]);
+    control(&mut plot, 'e');
+    key(&mut plot, KeyCode::Char('x'));
+    expect(&picture(&plot, SMALL), &["║ *elbow.tension x▏"]);
+    control(&mut plot, 'u');
+    expect(&picture(&plot, SMALL), &["║ ▏"]);
+}
+
+#[test]
 fn help_fits_a_small_terminal() {
     let mut plot = plot();
     key(&mut plot, KeyCode::F(1));

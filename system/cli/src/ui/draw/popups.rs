@@ -4,18 +4,17 @@ use ratatui::Frame;
 use ratatui::style::Stylize;
 use ratatui::text::Line;
 
-use crate::screen::popup;
+use crate::screen::{field, popup};
 use crate::ui::menu::{Entry, entries};
 use crate::ui::model::{Model, Popup};
 use condor_host::error::me;
-use condor_host::plain::plain;
 
 const HELP: &str = "\
 What you type goes to the window in front, except
 
  F1          this help; also ? in tables
- F2          actions: stop, start, restart, load, tools,
-             and the simulated clock
+ F2          actions: tools, the simulated clock; start,
+             restart, stop or load a program
  F3  F4      window to the left, to the right
  Alt-1 …     window of this number
  F5          show this window alone, or all again
@@ -56,10 +55,19 @@ pub(super) fn draw(frame: &mut Frame<'_>, model: &Model, popup: Popup) {
         }
         Popup::Menu { member, entry } => menu(frame, model, member, entry),
         Popup::Program { member } => program(frame, model, member),
+        Popup::Confirm { member, order } => {
+            let member = model.members.get(member);
+            let name = member.map_or("", |member| &member.name);
+            let lines = vec![
+                Line::raw(format!("y  {order} `{name}`; its program ends now")),
+                Line::raw("Esc  keep it running"),
+            ];
+            show(frame, &format!(" {order}? "), lines);
+        }
         Popup::Step => {
             let lines = vec![
                 Line::raw("Type how much time passes, such as 2500us or 10s").bold(),
-                Line::raw(format!("{}▏", plain(&model.typed))),
+                field(&model.typed),
                 Line::raw("Enter: step, then stop the time; Esc: cancel").dim(),
             ];
             show(frame, " Step ", lines);
@@ -77,12 +85,12 @@ fn menu(frame: &mut Frame<'_>, model: &Model, member: usize, entry: usize) {
         Entry::Resume => "resume the clock".to_owned(),
         Entry::Step => "step the clock …".to_owned(),
         Entry::Tool(tool) => {
-            let command = tool.filled("condor", &model.system, member);
+            let command = tool.filled(&me(), &model.system, member);
             format!("{}: {}", tool.name, command.as_deref().unwrap_or("-"))
         }
     };
     let mut lines = vec![Line::raw(format!("{} is {}", member.name, member.state)).bold()];
-    for (place, text) in entries(model).map(text).enumerate() {
+    for (place, text) in entries(model, member).map(text).enumerate() {
         let line = Line::raw(format!(" {text} "));
         lines.push(if place == entry {
             line.reversed()
@@ -105,7 +113,7 @@ fn program(frame: &mut Frame<'_>, model: &Model, member: usize) {
             member.name
         ))
         .bold(),
-        Line::raw(format!("{}▏", plain(&model.typed))),
+        field(&model.typed),
         Line::raw("Enter: load and start it; Esc: cancel").dim(),
     ];
     show(frame, " Load ", lines);

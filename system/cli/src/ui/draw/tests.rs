@@ -11,6 +11,7 @@ use crate::ui::menu::scroll;
 use crate::ui::model::{FileServiceState, Popup};
 use crate::ui::window::WindowId;
 use condor_host::control::{ClockStatus, Member, SystemStatus};
+use condor_host::error::me;
 use condor_host::view::{LoopRates, VectorCounts};
 
 const SMALL: (u16, u16) = (80, 24);
@@ -195,7 +196,7 @@ fn help_actions_and_the_way_out_fit_a_small_terminal() {
     expect(
         &lines,
         &[
-            "F2          actions: stop, start, restart, load, tools,",
+            "F2          actions: tools, the simulated clock; start,",
             "Any key closes",
         ],
     );
@@ -204,13 +205,19 @@ fn help_actions_and_the_way_out_fit_a_small_terminal() {
         entry: 3,
     });
     let lines = picture(&mut model, SMALL);
-    let seen = [
-        "servo-a is running",
-        "restart",
-        "load …",
-        "debugger: condor gdb 1 --system",
-    ];
+    let debugger = format!("debugger: {} gdb 1", me());
+    let seen = ["servo-a is running", &debugger, "restart", "stop", "load …"];
     expect(&lines, &seen);
+    model.members[3].state = MemberState::Stopped;
+    let lines = picture(&mut model, SMALL);
+    expect(&lines, &["servo-a is stopped", "start"]);
+    assert!(!lines.iter().any(|line| line.contains("restart")));
+    model.popup = Some(Popup::Confirm {
+        member: 3,
+        order: "stop",
+    });
+    let asks = ["y  stop `servo-a`; its program ends now", "Esc  keep it"];
+    expect(&picture(&mut model, SMALL), &asks);
     model.popup = Some(Popup::Program { member: 3 });
     model.typed = "self servo".into();
     let lines = picture(&mut model, SMALL);
@@ -251,7 +258,7 @@ fn a_simulated_clock_is_seen_and_can_be_stopped() {
         entry: 4,
     };
     model.popup = Some(menu);
-    let entries = ["load …", "pause the clock", "step the clock …", "debugger:"];
+    let entries = ["debugger:", "pause the clock", "step the clock …", "load …"];
     expect(&picture(&mut model, SMALL), &entries);
     (clock.paused, clock.speed) = (true, Some(0.5));
     model.clock = Some(clock);

@@ -104,12 +104,24 @@ fn what_is_in_front_takes_all_keys() {
     });
     assert_eq!(asked(&here, KeyCode::Enter), Some(Action::MenuDo));
     here.popup = Some(Popup::Program { member: 0 });
-    assert_eq!(asked(&here, KeyCode::Char('x')), Some(Action::Letter('x')));
-    assert_eq!(asked(&here, KeyCode::Backspace), Some(Action::Erase));
+    let end = press(KeyCode::Char('u'), KeyModifiers::CONTROL);
+    let Event::Key(key) = end else { unreachable!() };
+    assert_eq!(action(&here, &end), Some(Action::Edit(key)));
+    let pasted = action(&here, &Event::Paste("a b".into()));
+    assert_eq!(pasted, Some(Action::Insert("a b".into())));
     assert_eq!(asked(&here, KeyCode::Enter), Some(Action::Load));
     here.popup = Some(Popup::Step);
-    assert_eq!(asked(&here, KeyCode::Char('5')), Some(Action::Letter('5')));
+    assert!(matches!(
+        asked(&here, KeyCode::Char('5')),
+        Some(Action::Edit(_))
+    ));
     assert_eq!(asked(&here, KeyCode::Enter), Some(Action::StepClock));
+    here.popup = Some(Popup::Confirm {
+        member: 0,
+        order: "stop",
+    });
+    assert_eq!(asked(&here, KeyCode::Enter), None);
+    assert_eq!(asked(&here, KeyCode::Char('y')), Some(Action::Confirm));
     here.popup = Some(Popup::Help);
     assert_eq!(asked(&here, KeyCode::Char('x')), Some(Action::ClosePopup));
 }
