@@ -1,6 +1,6 @@
 //! [`Screen`]: this terminal, taken over by a picture.
 
-use std::io::{self, Stdout};
+use std::io::{self, IsTerminal as _, Stdout};
 use std::sync::Once;
 
 use crossterm::event::{
@@ -28,6 +28,13 @@ pub(crate) struct Screen {
     terminal: Terminal<CrosstermBackend<Stdout>>,
     has_colors: bool,
     _guard: Option<Guard>,
+}
+
+/// Returns true if this process has a terminal on which a picture can be drawn: not one of which `TERM` says that it is
+/// `dumb`, as in some editors.
+pub(crate) fn is_possible() -> bool {
+    let is_dumb = std::env::var_os("TERM").is_some_and(|term| term == "dumb");
+    io::stdin().is_terminal() && io::stdout().is_terminal() && !is_dumb
 }
 
 impl Screen {

@@ -1,6 +1,6 @@
 //! `condor plot`.
 
-use std::io::{self, IsTerminal};
+use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, channel};
@@ -18,7 +18,7 @@ use super::number::duration;
 use super::running::Running;
 use crate::plot::{self, Condition, FeedEvent, Figure, PlotFeed, PlotRequest, Prompt, press};
 use crate::recording::RecordingReader;
-use crate::screen::{Screen, has_colors, keyboard};
+use crate::screen::{self, Screen, has_colors, keyboard};
 use condor_host::application::Application;
 use condor_host::error::AnyError;
 use condor_host::plain::plain;
@@ -70,8 +70,11 @@ enum PlotEvent {
 
 impl Plot {
     pub(crate) fn run(&self, application: &dyn Application) -> Result<(), AnyError> {
-        if !(io::stdin().is_terminal() && io::stdout().is_terminal()) {
-            return Err("plots need a terminal; without one, use `vars watch`".into());
+        if !screen::is_possible() {
+            return Err(
+                "plots need a terminal, and TERM must not be `dumb`; without one, use `vars watch`"
+                    .into(),
+            );
         }
         let (recording, names) = self.split();
         let end = signals::flag()?;

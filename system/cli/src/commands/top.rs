@@ -1,6 +1,5 @@
 //! `condor top`.
 
-use std::io::IsTerminal;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
@@ -11,6 +10,7 @@ use super::number::duration;
 use super::running::Running;
 use super::{How, print, print_json};
 use crate::counts::{LastLook, Row, note_of_loops, table_of_loops};
+use crate::screen;
 use condor_host::control::ClockStatus;
 use condor_host::error::AnyError;
 use condor_host::signals;
@@ -40,7 +40,7 @@ impl Top {
         let running = Running::find(&self.how.which)?;
         let view = running.view()?;
         let end = signals::flag()?;
-        let repaint = !self.once && !self.how.json && std::io::stdout().is_terminal();
+        let repaint = !self.once && !self.how.json && screen::is_possible();
         let (mut last, processors) = (LastLook::default(), &running.status.processors);
         last.since(&view, processors)?;
         loop {

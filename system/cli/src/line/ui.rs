@@ -2,7 +2,6 @@
 
 use std::ffi::OsString;
 use std::fs::File;
-use std::io::IsTerminal;
 use std::path::Path;
 use std::process::{Child, Command, ExitCode, Stdio};
 use std::time::Duration;
@@ -11,6 +10,7 @@ use clap::Args;
 
 use super::{AnyError, Application, code};
 use crate::commands::SystemChoice;
+use crate::screen;
 use crate::ui::{self, Tool};
 use condor_host::control::ControlClient;
 use condor_host::error::me;
@@ -52,9 +52,10 @@ impl Tools {
 impl Ui {
     pub(super) fn run(&self, application: &dyn Application) -> Result<(), AnyError> {
         let directory = system::find(self.which.system.as_deref())?;
-        if !is_possible() {
+        if !screen::is_possible() {
             return Err(
-                "the user interface needs a terminal; without one, use `ps` and `top`".into(),
+                "the user interface needs a terminal, and TERM must not be `dumb`; without one, use `ps` and `top`"
+                    .into(),
             );
         }
         let status = ControlClient::connect(&directory)?.status()?;
@@ -66,11 +67,6 @@ impl Ui {
             application.extensions(),
         )?)
     }
-}
-
-/// Whether this process has a terminal for a user interface.
-pub(super) fn is_possible() -> bool {
-    std::io::stdin().is_terminal() && std::io::stdout().is_terminal()
 }
 
 /// Starts the supervisor in a process of its own, which outlives this one, and shows the system.

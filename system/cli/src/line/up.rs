@@ -12,6 +12,7 @@ use super::clock::ClockOptions;
 use super::summary::Summary;
 use super::{AnyError, Application, code, description};
 use crate::commands::number::duration;
+use crate::screen;
 use condor_host::description::{ProcessorEntry, SystemDescription};
 use condor_host::error::me;
 use condor_host::plain::plain_lines;
@@ -93,7 +94,7 @@ pub(super) fn run(
     };
     how.clock.apply(&mut description.clock)?;
     let typing = how.clock.script(&description)?;
-    if !how.headless && !how.kept && super::ui::is_possible() {
+    if !how.headless && !how.kept && screen::is_possible() {
         let words = how.clock.words();
         let robot = robot_of(&file, application)?;
         let name = &description.name;
