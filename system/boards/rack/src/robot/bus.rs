@@ -108,25 +108,3 @@ impl<B: Bus> Bus for RackBus<B> {
         bus.write(address, width, value).map_err(RackBusError::Bus)
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn boards_are_told_apart_by_their_addresses() {
-        let all = (0..4)
-            .flat_map(|number| [Board::Adc(number), Board::Dac(number)])
-            .chain([Board::Encoder]);
-        for one in all.clone() {
-            let mut boards = BoardSet::default();
-            boards.insert(one);
-            for other in all.clone() {
-                assert_eq!(boards.contains(other), one == other);
-            }
-        }
-        let mut boards = BoardSet::default();
-        boards.insert(Board::Adc(4));
-        assert_eq!(boards, BoardSet::default());
-    }
-}
