@@ -107,7 +107,8 @@ impl<'p, P, L: LedgerStore, const N: usize> MotionsServer<'p, P, L, N> {
     }
 
     /// Handles the requests that have come by message: opens sessions, and accepts, refuses or withdraws requests.
-    /// Closes the sessions of clients that are gone. Call it periodically. Returns the next event that the controller must act on or announce; `None` if there is none.
+    /// Closes the sessions of clients that are gone. Call it periodically. Returns the next event that the controller
+    /// must act on or announce; `None` if there is none.
     ///
     /// * `now`: the present time, with which failed writes of the ledger are tried again.
     /// * `incarnation` returns the present [incarnation](SessionOwner::incarnation) of a processor, or `None` if the
@@ -126,10 +127,8 @@ impl<'p, P, L: LedgerStore, const N: usize> MotionsServer<'p, P, L, N> {
     ) -> Result<Option<MotionsEvent>, RestoreError<L::Error>> {
         // Motion ends whether the ledger can be written or not.
         let ends_motion = self.look(|queue| {
-            queue.sessions().any(|(session, owner)| {
-                queue.has_bound_requests(session)
-                    && incarnation(owner.processor) != Some(owner.incarnation)
-            })
+            let mut owners = queue.bound_requests();
+            owners.any(|owner| incarnation(owner.processor) != Some(owner.incarnation))
         });
         if ends_motion == Some(true) {
             self.post.with(|desk| desk.abort = Abort::Asked);

@@ -467,12 +467,12 @@ impl<const N: usize> Ledger<N> {
         }
     }
 
-    /// Returns true if session number `session` is [bound](Self::bind), and a request of it waits or runs.
-    #[must_use]
-    pub fn has_bound_requests(&self, session: u32) -> bool {
-        let is_bound = self.session(session).is_some_and(|(_, it)| it.is_bound);
-        let mut requests = self.requests.as_flattened().iter().flatten();
-        is_bound && requests.any(|it| it.identity.session == session && !it.state.is_final())
+    /// Iterates over the requests of [bound](Self::bind) sessions that wait or run; each item is the session's owner.
+    pub fn bound_requests(&self) -> impl Iterator<Item = SessionOwner> + '_ {
+        let requests = self.requests.as_flattened().iter().flatten();
+        let unfinished = requests.filter(|it| !it.state.is_final());
+        let sessions = unfinished.filter_map(|it| self.session(it.identity.session));
+        sessions.filter_map(|(_, it)| it.is_bound.then_some(it.owner))
     }
 
     /// Returns true if session number `session` was closed; false also if there is no such session.
@@ -519,8 +519,9 @@ impl<const N: usize> Ledger<N> {
 
     /// Records the state of a request, and the reason for it. `write` stores a row.
     ///
-    /// A request that has no row yet takes a free row, or else the row of the oldest refused request, or else that of
-    /// the request that ended first. Returns `false` if none of these exists.
+    /// A request that has no row yet takes a free row, or else that of the request that ended first; if more than half
+    /// of the rows are of refused requests, that of the oldest of these, so that somebody who is refused again and
+    /// again cannot have the others forgotten. Returns `false` if there is no such row.
     ///
     /// # Errors
     /// Returns the error of `write` if a row cannot be written; the state of the request is not changed then.
@@ -534,10 +535,14 @@ impl<const N: usize> Ledger<N> {
         let mut places = self.requests.as_flattened().iter().enumerate();
         let known = places.find(|(_, it)| it.is_some_and(|it| it.identity == identity));
         let place = known.or_else(|| {
-            let places = self.requests.as_flattened().iter().enumerate();
-            places
+            let rows = self.requests.as_flattened();
+            let is_refused = |it: &Request| it.state == RequestState::Refused;
+            let refused = rows.iter().flatten().filter(|it| is_refused(it)).count();
+            let are_first = refused > rows.len() / 2;
+            let ended = rows.iter().enumerate();
+            ended
                 .filter(|(_, it)| it.is_none_or(|it| it.state.is_final()))
-                .min_by_key(|(_, it)| it.map(|it| (it.state != RequestState::Refused, it.entered)))
+                .min_by_key(|(_, it)| it.map(|it| (are_first && !is_refused(&it), it.entered)))
         });
         let Some((place, &former)) = place else {
             return Ok(false);

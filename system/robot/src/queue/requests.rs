@@ -224,15 +224,14 @@ impl<P, const N: usize> MotionQueue<P, N> {
     }
 
     /// Binds the requests of a session to it, until the program ends: if the session is [closed](Self::close) while one
-    /// of them waits or runs, all motion must end. Before that, [`has_bound_requests`](Self::has_bound_requests) tells so.
+    /// of them waits or runs, all motion must end. Before that, [`bound_requests`](Self::bound_requests) names them.
     pub fn bind(&mut self, session: u32) {
         self.ledger.bind(session);
     }
 
-    /// Returns true if a session is [bound](Self::bind), and a request of it waits or runs.
-    #[must_use]
-    pub fn has_bound_requests(&self, session: u32) -> bool {
-        self.ledger.has_bound_requests(session)
+    /// Iterates over the requests of [bound](Self::bind) sessions that wait or run; each item is the session's owner.
+    pub fn bound_requests(&self) -> impl Iterator<Item = SessionOwner> + '_ {
+        self.ledger.bound_requests()
     }
 
     /// Closes a session whose owner has ended: the session can offer no more requests, and is not in control any more.
