@@ -42,12 +42,6 @@ impl<T: Real> Elapsed<T> {
     }
 }
 
-/// Returns true if all values are finite; false also where their sum overflows.
-#[inline(always)]
-pub(crate) fn sum_is_finite<T: Real, const L: usize>(values: &[T; L]) -> bool {
-    is_finite(values.iter().fold(T::zero(), |sum, &value| sum + value))
-}
-
 #[cfg(test)]
 mod tests {
     use super::Elapsed;

@@ -4,11 +4,8 @@
 //! that is not finite, or that would overflow the filter, does not change the filter: the output is
 //! the last one again (zero if there is none). States below 1e-30 become zero, because some
 //! processors take a hundred times longer for denormal numbers.
-//!
-//! Nearly always all signals have samples that are finite: then one test serves for all, and the
-//! arithmetic is that of vectors. The answers are those of each signal by itself.
 
-use super::elapsed::{Elapsed, sum_is_finite};
+use super::elapsed::Elapsed;
 use crate::math::{Real, abs, exp, is_finite, min, real};
 use crate::number::{NumberError, Requirement, check, positive};
 
@@ -39,13 +36,9 @@ fn lag<T: Real>(relative: f64) -> T {
 /// with the sample x and the output y. A signal whose cutoff is `None` is not filtered.
 #[derive(Clone, Copy, Debug)]
 pub struct LowPass<T: Real, const L: usize> {
-    alpha: [T; L],
-    output: [T; L],
-    exists: [bool; L],
-    primed: [bool; L],
-    /// The number of filters that exist; `running` is true once all L of them have had a sample.
-    count: usize,
-    running: bool,
+    alpha: [Option<T>; L],
+    /// The last outputs; `None` before the first samples.
+    output: [Option<T>; L],
 }
 
 impl<T: Real, const L: usize> LowPass<T, L> {
@@ -59,72 +52,44 @@ impl<T: Real, const L: usize> LowPass<T, L> {
     /// [`NumberError`] if a cutoff is outside of 0..`sample_hz / 2`, or the sample rate is not
     /// positive.
     pub fn new(cutoff_hz: [Option<T>; L], sample_hz: T) -> Result<Self, NumberError> {
-        let exists = cutoff_hz.map(|cutoff_hz| cutoff_hz.is_some());
-        let mut alpha = [T::zero(); L];
+        let mut alpha = [None; L];
         for (alpha, cutoff_hz) in alpha.iter_mut().zip(cutoff_hz) {
             if let Some(cutoff_hz) = cutoff_hz {
-                *alpha = lag(relative(cutoff_hz, sample_hz)?);
+                *alpha = Some(lag(relative(cutoff_hz, sample_hz)?));
             }
         }
-        Ok(Self {
-            alpha,
-            output: [T::zero(); L],
-            exists,
-            primed: [false; L],
-            count: exists.into_iter().filter(|&exists| exists).count(),
-            running: false,
-        })
+        let output = [None; L];
+        Ok(Self { alpha, output })
     }
 
     /// Takes the next sample of each signal, and returns the filtered signals. A sample that is not
     /// finite is ignored: the last output of its filter is repeated.
-    #[inline(always)]
     pub fn update(&mut self, samples: &[T; L]) -> [T; L] {
-        if self.count == 0 {
-            return *samples;
-        }
-        if self.running {
-            let mut outputs = self.output;
-            for lane in 0..L {
-                outputs[lane] += self.alpha[lane] * (samples[lane] - outputs[lane]);
-            }
-            if sum_is_finite(&outputs) {
-                self.output = outputs.map(flush);
-                return self.output;
-            }
-        }
-        self.update_each(samples, &[true; L])
+        self.update_seen(samples, &[true; L])
     }
 
-    /// The same for those that have a sample; the others answer with what was given for them.
-    #[cold]
-    #[inline(never)]
-    pub(crate) fn update_each(&mut self, samples: &[T; L], sampled: &[bool; L]) -> [T; L] {
+    /// The same for signals that have a sample; the others answer with what was given for them.
+    pub(crate) fn update_seen(&mut self, samples: &[T; L], sampled: &[bool; L]) -> [T; L] {
         let mut outputs = *samples;
         for (lane, output) in outputs.iter_mut().enumerate() {
-            if !(self.exists[lane] && sampled[lane]) {
+            let (true, Some(alpha)) = (sampled[lane], self.alpha[lane]) else {
                 continue;
-            }
-            let last = self.output[lane];
-            let next = if self.primed[lane] {
-                last + self.alpha[lane] * (*output - last)
-            } else {
-                *output
+            };
+            let next = match self.output[lane] {
+                Some(last) => last + alpha * (*output - last),
+                None => *output,
             };
             if is_finite(next) {
-                self.output[lane] = flush(next);
-                self.primed[lane] = true;
+                self.output[lane] = Some(flush(next));
             }
-            *output = self.output[lane];
+            *output = self.output[lane].unwrap_or(T::zero());
         }
-        self.running = self.count == L && self.primed.iter().all(|&primed| primed);
         outputs
     }
 
     /// Begins anew with the next samples.
     pub(crate) fn forget(&mut self) {
-        self.primed = [false; L];
-        self.running = false;
+        self.output = [None; L];
     }
 }
 
@@ -138,12 +103,10 @@ pub struct Derivative<T: Real, const L: usize> {
     alpha: [T; L],
     sample_hz: T,
     last: [T; L],
-    /// Periods since `last`, with the next sample if it is in time.
-    intervals: [T; L],
+    /// Periods since `last` in which no sample was finite.
+    waited: [T; L],
     rate: [T; L],
     primed: [bool; L],
-    /// All have a rate for one period.
-    running: bool,
 }
 
 impl<T: Real, const L: usize> Derivative<T, L> {
@@ -162,10 +125,9 @@ impl<T: Real, const L: usize> Derivative<T, L> {
             alpha,
             sample_hz,
             last: [T::zero(); L],
-            intervals: [T::one(); L],
+            waited: [T::zero(); L],
             rate: [T::zero(); L],
             primed: [false; L],
-            running: false,
         })
     }
 
@@ -185,10 +147,8 @@ impl<T: Real, const L: usize> Derivative<T, L> {
     ) {
         for lane in 0..L {
             if let Some((rate, seconds)) = unseen[lane] {
-                self.running = false;
-                let before = (seconds - elapsed.seconds) * self.sample_hz;
                 self.begin(lane, samples[lane] - rate * seconds, rate);
-                self.intervals[lane] = before + T::one();
+                self.waited[lane] = (seconds - elapsed.seconds) * self.sample_hz;
             }
         }
     }
@@ -197,40 +157,19 @@ impl<T: Real, const L: usize> Derivative<T, L> {
     fn begin(&mut self, lane: usize, last: T, rate: T) {
         self.last[lane] = last;
         self.rate[lane] = rate;
-        self.intervals[lane] = T::one();
+        self.waited[lane] = T::zero();
         self.primed[lane] = true;
     }
 
     /// Takes the next sample of each signal, and returns the rates of change: units of the signal
     /// per second.
-    #[inline]
     pub fn update(&mut self, samples: &[T; L]) -> [T; L] {
-        self.update_after(samples, Elapsed::period(self.sample_hz))
+        self.update_after(samples, &[true; L], Elapsed::period(self.sample_hz))
     }
 
-    /// The same at samples so long after the last ones.
-    #[inline(always)]
-    pub(crate) fn update_after(&mut self, samples: &[T; L], elapsed: Elapsed<T>) -> [T; L] {
-        if self.running {
-            let mut rates = self.rate;
-            for lane in 0..L {
-                let slope = (samples[lane] - self.last[lane]) * elapsed.hz;
-                rates[lane] += self.alpha[lane] * elapsed.weight * (slope - rates[lane]);
-            }
-            if sum_is_finite(&rates) {
-                self.rate = rates.map(flush);
-                self.last = *samples;
-                return self.rate;
-            }
-        }
-        self.update_each(samples, &[true; L], elapsed)
-    }
-
-    /// The same for those that have a sample; the others have no rate. One that is not finite leaves
-    /// the rate as it is.
-    #[cold]
-    #[inline(never)]
-    pub(crate) fn update_each(
+    /// The same at samples so long after the last ones, for signals that have a sample; the others have no
+    /// rate. A sample that is not finite leaves the rate as it is.
+    pub(crate) fn update_after(
         &mut self,
         samples: &[T; L],
         sampled: &[bool; L],
@@ -243,24 +182,22 @@ impl<T: Real, const L: usize> Derivative<T, L> {
             }
             let sample = samples[lane];
             if self.primed[lane] {
-                self.intervals[lane] += elapsed.periods - T::one();
-                let (before, intervals) = (self.rate[lane], self.intervals[lane]);
-                let slope = (sample - self.last[lane]) * (self.sample_hz / intervals);
+                let periods = self.waited[lane] + elapsed.periods;
+                let before = self.rate[lane];
+                let slope = (sample - self.last[lane]) * (self.sample_hz / periods);
                 // One that comes early says less.
-                let weight = min(intervals, T::one());
+                let weight = min(periods, T::one());
                 let rate = before + self.alpha[lane] * weight * (slope - before);
                 if is_finite(rate) {
                     self.begin(lane, sample, flush(rate));
                 } else {
-                    self.intervals[lane] += T::one();
+                    self.waited[lane] = periods;
                 }
             } else if is_finite(sample) {
                 self.begin(lane, sample, T::zero());
             }
             rates[lane] = self.rate[lane];
         }
-        let in_time = |lane: usize| self.primed[lane] && self.intervals[lane] == T::one();
-        self.running = (0..L).all(in_time);
         rates
     }
 
@@ -268,7 +205,6 @@ impl<T: Real, const L: usize> Derivative<T, L> {
     pub(crate) fn forget(&mut self) {
         self.rate = [T::zero(); L];
         self.primed = [false; L];
-        self.running = false;
     }
 }
 
@@ -278,64 +214,15 @@ mod tests {
 
     const HZ: f64 = 400.0;
 
-    /// Samples with what sensors can say amiss.
-    fn sample(tick: usize, lane: usize) -> f64 {
-        match (tick, lane) {
-            (5, 0) => f64::NAN,
-            (9, 1) => f64::INFINITY,
-            (12, 2) => -0.0,
-            (20 | 22, 0) => f64::MAX,
-            (21, 0) => f64::MIN,
-            (30..=60, 1) => 1e-29,
-            _ => f64::from(((tick * (3 + lane)) % 17) as u32) - 8.0,
-        }
-    }
-
-    #[test]
-    fn filters_side_by_side_answer_as_each_by_itself() {
-        for exists in [[true; 3], [false; 3], [true, false, true]] {
-            let cutoffs = exists.map(|exists| exists.then_some(20.0));
-            let mut alone = cutoffs.map(|cutoff| LowPass::new([cutoff], HZ).unwrap());
-            let mut together = LowPass::new(cutoffs, HZ).unwrap();
-            for tick in 0..200 {
-                let samples = [0, 1, 2].map(|lane| sample(tick, lane));
-                let outputs = together.update(&samples);
-                for ((alone, sample), output) in alone.iter_mut().zip(samples).zip(outputs) {
-                    let [expected] = alone.update_each(&[sample], &[true]);
-                    assert_eq!(output.to_bits(), expected.to_bits(), "tick {tick}");
-                }
-            }
-            assert_eq!(together.running, exists == [true; 3]);
-        }
-    }
-
-    #[test]
-    fn rates_side_by_side_answer_as_each_by_itself() {
-        let cutoffs = [20.0, 30.0, 40.0];
-        let mut alone = cutoffs.map(|cutoff| Derivative::new([cutoff], HZ).unwrap());
-        let mut together = Derivative::new(cutoffs, HZ).unwrap();
-        for tick in 0..200 {
-            let samples = [0, 1, 2].map(|lane| sample(tick, lane));
-            // Late now and then, and early.
-            let elapsed = Elapsed::new([1.0, 1.0, 0.9, 1.3, 7.0][tick % 5] / HZ, HZ);
-            let rates = together.update_after(&samples, elapsed);
-            for ((alone, sample), rate) in alone.iter_mut().zip(samples).zip(rates) {
-                let [expected] = alone.update_each(&[sample], &[true], elapsed);
-                assert_eq!(rate.to_bits(), expected.to_bits(), "tick {tick}");
-            }
-        }
-        assert!(together.running);
-    }
-
     #[test]
     fn a_lane_without_a_sample_stays_as_it_is() {
         let mut filters = LowPass::new([Some(20.0); 2], HZ).unwrap();
-        assert_eq!(filters.update_each(&[1.0, 2.0], &[true, false]), [1.0, 2.0]);
+        assert_eq!(filters.update_seen(&[1.0, 2.0], &[true, false]), [1.0, 2.0]);
         // The second has its first sample now, and begins with it.
         assert_eq!(filters.update(&[1.0, 5.0]), [1.0, 5.0]);
         let mut derivatives = Derivative::new([20.0; 2], HZ).unwrap();
         let period = Elapsed::period(HZ);
-        let first = derivatives.update_each(&[1.0, 2.0], &[true, false], period);
+        let first = derivatives.update_after(&[1.0, 2.0], &[true, false], period);
         assert_eq!(first, [0.0; 2]);
         let rates = derivatives.update(&[2.0, 5.0]);
         assert!(rates[0] > 0.0);
@@ -350,7 +237,7 @@ mod tests {
         for tick in 0..200 {
             let period = [1.0, 0.7, 1.2, 80.0][tick % 4] / HZ;
             time += period;
-            let [rate] = derivative.update_after(&[3.0 * time], Elapsed::new(period, HZ));
+            let [rate] = derivative.update_after(&[3.0 * time], &[true], Elapsed::new(period, HZ));
             assert!(rate <= 3.0 + 1e-9, "tick {tick}: {rate}");
             assert!(tick < 100 || rate > 3.0 - 1e-9, "tick {tick}: {rate}");
         }
@@ -366,8 +253,15 @@ mod tests {
         for _ in 0..5000 {
             filter.update(&[0.0]);
             derivative.update(&[2.0]);
-            assert!(!filter.output[0].is_subnormal() && !derivative.rate[0].is_subnormal());
+            assert!(
+                filter
+                    .output
+                    .iter()
+                    .flatten()
+                    .all(|output| !output.is_subnormal())
+            );
+            assert!(!derivative.rate[0].is_subnormal());
         }
-        assert_eq!((filter.output, derivative.rate), ([0.0], [0.0]));
+        assert_eq!((filter.output, derivative.rate), ([Some(0.0)], [0.0]));
     }
 }

@@ -24,11 +24,6 @@ impl<T: Real> Integrator<T> {
         Ok(Self { term, limit })
     }
 
-    /// A term that is within its limit.
-    pub(crate) const fn at(term: T, limit: T) -> Self {
-        Self { term, limit }
-    }
-
     /// Adds `increment` to the integral term, and returns the output of the law: `rest` (the other
     /// terms of the law) plus the integral term, limited to `low..=high`.
     ///

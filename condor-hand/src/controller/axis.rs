@@ -58,7 +58,7 @@ impl AxisServo {
             self.last.0 = position;
         }
         let (position, point) = self.last;
-        let [velocity] = self.velocity.update_each(&[position], &[true], elapsed);
+        let [velocity] = self.velocity.update_after(&[position], &[true], elapsed);
         let error = point.position - position;
         let (axis, servo) = (&self.axis, &self.axis.servo);
         let rest = servo.kp * error
@@ -80,7 +80,7 @@ impl AxisServo {
             self.last = (position, SetPoint::rest(position));
         }
         let elapsed = Elapsed::new(period_s, self.sample_hz);
-        self.velocity.update_each(&[self.last.0], &[true], elapsed);
+        self.velocity.update_after(&[self.last.0], &[true], elapsed);
     }
 
     /// The last position that was finite, m.

@@ -65,8 +65,6 @@ pub struct FingerServo<M, T: Real, const N: usize> {
     velocities: Derivative<T, N>,
     sample_hz: T,
     readings: Readings<T, N>,
-    /// All positions have been numbers once.
-    all_seen: bool,
     /// A change of modes or gains that the next tick smooths.
     changed: bool,
     /// Joints that hold what they have in another mode from the next tick on.
@@ -128,7 +126,6 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
             velocities: Derivative::new(velocity_cutoffs_hz, sample_hz)?,
             sample_hz,
             readings: Readings::new(&settings.joints),
-            all_seen: false,
             changed: false,
             holds: [None; N],
             desired,
@@ -264,7 +261,6 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
         for servo in &mut self.joints {
             servo.seen = false;
         }
-        self.all_seen = false;
         self.readings.forget();
         self.position_filters.forget();
         self.velocities.forget();
@@ -362,50 +358,25 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
     }
 
     /// Returns the filtered positions that the sensors measure, and their rates.
-    #[inline(always)]
     fn sense_positions(
         &mut self,
         sensed: &SVector<T, N>,
         elapsed: Elapsed<T>,
     ) -> (SVector<T, N>, SVector<T, N>) {
-        let [positions] = sensed.data.0;
-        let mut targets = positions;
-        for (target, servo) in targets.iter_mut().zip(&self.joints) {
-            *target = servo.target_position();
-        }
-        let rates = self.velocities.rates();
-        if !(self.all_seen && self.readings.take(&positions, rates, &targets, elapsed)) {
-            return self.sense_each(positions, &targets, elapsed);
-        }
-        let positions = self.position_filters.update(&positions);
-        let velocities = self.velocities.update_after(&positions, elapsed);
-        (positions.into(), velocities.into())
-    }
-
-    /// Returns the same positions and rates if a reading is not finite or not believed, or was so in the last
-    /// tick.
-    #[cold]
-    #[inline(never)]
-    fn sense_each(
-        &mut self,
-        mut positions: [T; N],
-        targets: &[T; N],
-        elapsed: Elapsed<T>,
-    ) -> (SVector<T, N>, SVector<T, N>) {
-        let mut seen = [false; N];
-        for (seen, servo) in seen.iter_mut().zip(&self.joints) {
-            *seen = servo.seen;
+        let [mut positions] = sensed.data.0;
+        let (mut targets, mut seen) = (positions, [false; N]);
+        for ((target, seen), servo) in targets.iter_mut().zip(&mut seen).zip(&self.joints) {
+            (*target, *seen) = (servo.target_position(), servo.seen);
         }
         let rates = *self.velocities.rates();
         let readings = &mut self.readings;
-        let unseen = readings.take_each(&mut positions, &mut seen, &rates, targets, elapsed);
+        let unseen = readings.take(&mut positions, &mut seen, &rates, &targets, elapsed);
         let lost = readings.lost;
         for (servo, &seen) in self.joints.iter_mut().zip(&seen) {
             self.changed |= seen != servo.seen;
             servo.seen = seen;
         }
-        self.all_seen = seen.iter().all(|&seen| seen);
-        let positions = self.position_filters.update_each(&positions, &seen);
+        let positions = self.position_filters.update_seen(&positions, &seen);
         self.velocities.go_on_unseen(&unseen, &positions, elapsed);
         let mut rated = positions;
         for (lane, position) in rated.iter_mut().enumerate() {
@@ -413,12 +384,11 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
                 *position = T::zero() / T::zero();
             }
         }
-        let velocities = self.velocities.update_each(&rated, &seen, elapsed);
+        let velocities = self.velocities.update_after(&rated, &seen, elapsed);
         (positions.into(), velocities.into())
     }
 
     /// The tensions that the sensors say, filtered.
-    #[inline(always)]
     fn sense_tensions(&mut self, sensed: &TendonPairs<T, N>) -> TendonPairs<T, N> {
         let mut tensions = *sensed;
         for ((servo, tension), last) in self
@@ -427,39 +397,25 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
             .zip(&mut tensions)
             .zip(&mut self.last)
         {
-            if is_finite(tension.flexor + tension.extensor) {
-                *last = *tension;
-            } else {
-                keep(&mut tension.flexor, &mut last.flexor);
-                keep(&mut tension.extensor, &mut last.extensor);
-            }
-            let [flexor, extensor] = servo.tension_filter.update(&tension.lanes());
+            keep(tension.flexor, &mut last.flexor);
+            keep(tension.extensor, &mut last.extensor);
+            let [flexor, extensor] = servo.tension_filter.update(&last.lanes());
             *tension = Pair { flexor, extensor };
         }
         tensions
     }
 
-    /// Joints that change their mode take over what they have. Returns the tensions, N, from which the
-    /// finger goes on then: the last ones, or the means where a joint keeps its tensions or torque.
-    #[inline(always)]
+    /// Joints that change their mode take over what they have. Returns the tensions, N, from which the finger goes
+    /// on then: the last ones, or the means where a joint keeps its tensions or torque; `None` if no joint does.
     fn take_holds(
         &mut self,
         position: &SVector<T, N>,
         velocity: &SVector<T, N>,
         gravity: &Vector3<T>,
     ) -> Option<TendonPairs<T, N>> {
-        let some = self.holds.iter().any(Option::is_some);
-        some.then(|| self.take_each(position, velocity, gravity))
-    }
-
-    /// The same if one changes it.
-    #[cold]
-    fn take_each(
-        &mut self,
-        position: &SVector<T, N>,
-        velocity: &SVector<T, N>,
-        gravity: &Vector3<T>,
-    ) -> TendonPairs<T, N> {
+        if self.holds.iter().all(Option::is_none) {
+            return None;
+        }
         let mut means = self.desired;
         for (mean, servo) in means.iter_mut().zip(&self.joints) {
             if servo.given_tensions().is_none() {
@@ -470,29 +426,21 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
         let loads =
             self.mechanism.gravity_torque(position, gravity) + self.stops(position, velocity);
         let mut kept = self.desired;
-        for ((((((servo, hold), &position), &mean), kept), &torque), &loads) in self
-            .joints
-            .iter_mut()
-            .zip(&mut self.holds)
-            .zip(position)
-            .zip(&means)
-            .zip(&mut kept)
-            .zip(&torque)
-            .zip(&loads)
-        {
+        for (joint, (servo, hold)) in self.joints.iter_mut().zip(&mut self.holds).enumerate() {
             // There is no position to hold yet.
             if matches!(hold, Some(ServoMode::Position | ServoMode::Impedance)) && !servo.seen {
                 continue;
             }
             if let Some(mode) = hold.take() {
-                servo.take(servo.hold(mode, position, mean, torque, loads));
+                let mean = means[joint];
+                servo.take(servo.hold(mode, position[joint], mean, torque[joint], loads[joint]));
                 self.changed = true;
                 if !matches!(mode, ServoMode::Off | ServoMode::Position) {
-                    *kept = mean;
+                    kept[joint] = mean;
                 }
             }
         }
-        kept
+        Some(kept)
     }
 
     /// The torques of the laws of all joints, N m.
@@ -507,18 +455,13 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
     ) -> SVector<T, N> {
         // Terms that no law asks for are not computed.
         let (mut computed, mut falls, mut moves, mut turns) = (false, false, false, false);
-        let mut acceleration = SVector::<T, N>::zeros();
-        let mut asked = SVector::<T, N>::zeros();
-        let motion = position.iter().zip(velocity);
-        let wanted = acceleration.iter_mut().zip(asked.iter_mut());
-        for ((servo, (&position, &velocity)), (acceleration, asked)) in
-            self.joints.iter().zip(motion).zip(wanted)
-        {
+        let (mut acceleration, mut asked) = ([T::zero(); N], [T::zero(); N]);
+        for (joint, servo) in self.joints.iter().enumerate() {
             match (servo.target, servo.gains.law) {
                 (JointTarget::Position(point), law) => {
                     moves = true;
-                    *asked = point.velocity;
-                    *acceleration = servo.acceleration(position, velocity);
+                    asked[joint] = point.velocity;
+                    acceleration[joint] = servo.acceleration(position[joint], velocity[joint]);
                     match law {
                         PositionLaw::ComputedTorque { .. } => computed = true,
                         PositionLaw::Pd { .. } => falls = true,
@@ -529,6 +472,7 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
                 (JointTarget::Off | JointTarget::Tension(_), _) => {}
             }
         }
+        let (acceleration, asked) = (SVector::from(acceleration), SVector::from(asked));
         let zero = SVector::zeros();
         let inverse = if computed {
             self.mechanism
@@ -556,21 +500,15 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
         let stop = self.stops(position, velocity);
 
         let mut torque = zero;
-        let felt = position.iter().zip(velocity).zip(&measured);
-        let fed = inverse.iter().zip(&weight).zip(&friction).zip(&stop);
-        for (
-            ((torque, servo), ((&position, &rate), &measured)),
-            (((&inverse, &gravity), &friction), &stop),
-        ) in torque.iter_mut().zip(&mut self.joints).zip(felt).zip(fed)
-        {
-            *torque = servo.torque(&Felt {
-                position,
-                rate,
-                torque: measured,
-                inverse,
-                gravity,
-                friction,
-                stop,
+        for (joint, servo) in self.joints.iter_mut().enumerate() {
+            torque[joint] = servo.torque(&Felt {
+                position: position[joint],
+                rate: velocity[joint],
+                torque: measured[joint],
+                inverse: inverse[joint],
+                gravity: weight[joint],
+                friction: friction[joint],
+                stop: stop[joint],
                 period,
             });
         }
@@ -581,11 +519,8 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
     #[inline(always)]
     fn stops(&self, position: &SVector<T, N>, velocity: &SVector<T, N>) -> SVector<T, N> {
         let mut inwards = SVector::<T, N>::zeros();
-        let motion = position.iter().zip(velocity);
-        for ((servo, (&position, &velocity)), inwards) in
-            self.joints.iter().zip(motion).zip(inwards.iter_mut())
-        {
-            *inwards = servo.stop(position, velocity);
+        for (joint, servo) in self.joints.iter().enumerate() {
+            inwards[joint] = servo.stop(position[joint], velocity[joint]);
         }
         let zero = SVector::zeros();
         if inwards == zero {
@@ -598,11 +533,9 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
     }
 }
 
-/// The last value that was finite, where one is not.
-#[inline(always)]
-fn keep<T: Real>(value: &mut T, last: &mut T) {
-    if is_finite(*value) {
-        *last = *value;
+/// Takes a value that is finite in place of the last one.
+fn keep<T: Real>(value: T, last: &mut T) {
+    if is_finite(value) {
+        *last = value;
     }
-    *value = *last;
 }

@@ -18,7 +18,7 @@ pub(super) struct Readings<T, const N: usize> {
     resolution: [T; N],
     frozen: [T; N],
     /// The last that were believed, rad.
-    pub(super) last: [T; N],
+    last: [T; N],
     /// The time since then, and since any number came, s; zero but for what is lost.
     away: [T; N],
     silent: [T; N],
@@ -53,46 +53,10 @@ impl<T: Real, const N: usize> Readings<T, N> {
         }
     }
 
-    /// Returns true if all readings are believed, after a tick in which all were; they are taken then.
-    /// `targets` are the desired positions, NaN for joints that follow nothing.
-    #[inline(always)]
-    #[allow(clippy::needless_bitwise_bool, reason = "lanes have no branches")]
+    /// Takes the believed readings of joints that were `seen` once, and replaces the others by the position that
+    /// the joint would have. `targets` are the desired positions, NaN for joints that follow nothing. Returns the
+    /// rates of joints whose sensors turn out to have stood.
     pub(super) fn take(
-        &mut self,
-        positions: &[T; N],
-        rates: &[T; N],
-        targets: &[T; N],
-        elapsed: Elapsed<T>,
-    ) -> bool {
-        let (mut still, mut going) = (self.still, self.going);
-        let (mut there, mut wanted) = (self.there, self.wanted);
-        let mut believed = self.lost == 0;
-        for lane in 0..N {
-            let (moved, way) = (
-                positions[lane] - self.last[lane],
-                rates[lane] * elapsed.seconds,
-            );
-            believed &= self.is_near(lane, moved, way, elapsed.seconds);
-            let since = still[lane] + elapsed.seconds;
-            let gone = positions[lane] - there[lane];
-            let stands = self.stands(lane, gone);
-            still[lane] = if stands { since } else { T::zero() };
-            going[lane] = if stands { going[lane] } else { gone / since };
-            there[lane] = if stands { there[lane] } else { positions[lane] };
-            wanted[lane] = if stands { wanted[lane] } else { targets[lane] };
-            believed &= abs(going[lane]) * still[lane] <= self.frozen[lane];
-        }
-        if believed {
-            self.last = *positions;
-            (self.still, self.going) = (still, going);
-            (self.there, self.wanted) = (there, wanted);
-        }
-        believed
-    }
-
-    /// Takes the believed readings, one by one, of joints that were `seen` once, and replaces the others by the
-    /// position that the joint would have. Returns the rates of joints whose sensors turn out to have stood.
-    pub(super) fn take_each(
         &mut self,
         positions: &mut [T; N],
         seen: &mut [bool; N],
@@ -185,15 +149,12 @@ impl<T: Real, const N: usize> Readings<T, N> {
 
     /// Returns true if a joint can have moved this far, or be this far from its way, in this time, s. False for
     /// numbers that are not finite.
-    #[inline(always)]
-    #[allow(clippy::needless_bitwise_bool, reason = "lanes have no branches")]
     fn is_near(&self, lane: usize, moved: T, way: T, seconds: T) -> bool {
         let reach = self.change[lane] * seconds + real::<T>(NOISE) * self.resolution[lane];
-        (abs(moved - way) <= reach) | (abs(moved) <= reach)
+        abs(moved - way) <= reach || abs(moved) <= reach
     }
 
     /// Returns true if the sensor shows the same as before.
-    #[inline(always)]
     fn stands(&self, lane: usize, gone: T) -> bool {
         abs(gone) < real::<T>(0.5) * self.resolution[lane]
     }

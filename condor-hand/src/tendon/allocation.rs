@@ -113,18 +113,6 @@ pub struct AllocatedTensions<T: Real, const N: usize> {
     pub not_finite: u32,
 }
 
-impl<T: Real, const N: usize> AllocatedTensions<T, N> {
-    #[inline(always)]
-    fn as_asked(tensions: TendonPairs<T, N>, torque: &SVector<T, N>) -> Self {
-        Self {
-            tensions,
-            torque: *torque,
-            saturated: 0,
-            not_finite: 0,
-        }
-    }
-}
-
 impl<T: Real, const N: usize> MomentArms<T, N> {
     /// Converts the joint torques of a finger (`torque`, N m) into tensions of its tendons.
     /// `allocation` has the rule for each joint.
@@ -132,16 +120,12 @@ impl<T: Real, const N: usize> MomentArms<T, N> {
     /// The tensions produce the torques up to rounding, unless a tendon would leave its limits. The
     /// torque of such a joint is the nearest possible one. The computation goes from the distal
     /// joint to the proximal one. A finger has at most 32 joints.
-    #[inline(always)]
     pub fn allocate(
         &self,
         torque: &SVector<T, N>,
         allocation: &[TensionAllocation<T>; N],
     ) -> AllocatedTensions<T, N> {
-        match self.within(torque, allocation) {
-            Some(tensions) => AllocatedTensions::as_asked(tensions, torque),
-            None => self.one_by_one(torque, allocation, &[None; N]),
-        }
+        self.allocate_around(torque, allocation, &[None; N])
     }
 
     /// Converts joint torques into tensions like [`allocate`](Self::allocate), but joints for which
@@ -149,31 +133,21 @@ impl<T: Real, const N: usize> MomentArms<T, N> {
     /// the torques of the joints proximal to it take that into account.
     ///
     /// Given tensions are limited to the range of their joint; a NaN becomes the minimum.
-    #[inline(always)]
+    #[allow(clippy::needless_range_loop, reason = "so it stays in registers")]
     pub fn allocate_around(
         &self,
         torque: &SVector<T, N>,
         allocation: &[TensionAllocation<T>; N],
         given: &[Option<Pair<T>>; N],
     ) -> AllocatedTensions<T, N> {
-        if given.iter().all(Option::is_none) {
-            self.allocate(torque, allocation)
-        } else {
-            self.one_by_one(torque, allocation, given)
-        }
-    }
-
-    /// The tensions where none is beyond its limits, which is nearly always so.
-    #[inline(always)]
-    #[allow(clippy::needless_bitwise_bool, reason = "no branches")]
-    #[allow(clippy::needless_range_loop, reason = "so it stays in registers")]
-    fn within(
-        &self,
-        torque: &SVector<T, N>,
-        allocation: &[TensionAllocation<T>; N],
-    ) -> Option<TendonPairs<T, N>> {
-        let mut tensions = [Pair::both(T::zero()); N];
-        let mut inside = true;
+        const { assert!(N <= 32, "a joint is a bit of 32") };
+        let mut allocated = AllocatedTensions {
+            tensions: [Pair::both(T::zero()); N],
+            torque: *torque,
+            saturated: 0,
+            not_finite: 0,
+        };
+        let mut fixed = 0;
         let [mut net] = torque.data.0;
         for joint in 0..N {
             let (own, (low, _)) = (&self.rows()[joint][joint], allocation[joint].limits());
@@ -184,94 +158,40 @@ impl<T: Real, const N: usize> MomentArms<T, N> {
             let (own, reciprocal) = (&self.rows()[joint][joint], &self.reciprocals()[joint]);
             let (low, high) = allocation.limits();
             let of_joint = net[joint];
-            let u = allocation.rectification.agonist(of_joint, low, own);
-            let pair = Pair {
-                flexor: low + u * reciprocal.flexor,
-                extensor: low - (u - of_joint) * reciprocal.extensor,
+            let pair = if let Some(pair) = given[joint] {
+                fixed |= 1 << joint;
+                pair.map(|tension| clamp(tension, low, high))
+            } else {
+                let u = allocation.rectification.agonist(of_joint, low, own);
+                let mut pair = Pair {
+                    flexor: low + u * reciprocal.flexor,
+                    extensor: low - (u - of_joint) * reciprocal.extensor,
+                };
+                // A NaN is not.
+                let inside = pair.flexor >= low
+                    && pair.flexor <= high
+                    && pair.extensor >= low
+                    && pair.extensor <= high;
+                if !inside {
+                    let reached;
+                    (pair, reached) = allocation.at_limit(u, of_joint, own, reciprocal);
+                    allocated.saturated |= u32::from(reached != of_joint) << joint;
+                    allocated.not_finite |= u32::from(!is_finite(of_joint)) << joint;
+                }
+                pair
             };
-            // A NaN is not.
-            inside &= (pair.flexor >= low)
-                & (pair.flexor <= high)
-                & (pair.extensor >= low)
-                & (pair.extensor <= high);
-            tensions[joint] = pair;
-            // As soon as they are known, while they are in registers.
+            allocated.tensions[joint] = pair;
+            // The nearest joint has been known for the shortest time, so it is the last.
             for proximal in 0..joint {
                 let arm = &self.rows()[proximal][joint];
                 net[proximal] -= arm.flexor * pair.flexor + arm.extensor * pair.extensor;
             }
         }
-        inside.then_some(tensions)
-    }
-
-    /// The same where tensions are given, or beyond their limits.
-    #[cold]
-    #[inline(never)]
-    fn one_by_one(
-        &self,
-        torque: &SVector<T, N>,
-        allocation: &[TensionAllocation<T>; N],
-        given: &[Option<Pair<T>>; N],
-    ) -> AllocatedTensions<T, N> {
-        const { assert!(N <= 32, "a joint is a bit of 32") };
-        let mut allocated = AllocatedTensions::as_asked([Pair::both(T::zero()); N], torque);
-        let mut fixed = 0;
-        for joint in (0..N).rev() {
-            let (Some(row), Some(reciprocal), Some(allocation), Some(&torque)) = (
-                self.rows().get(joint),
-                self.reciprocals().get(joint),
-                allocation.get(joint),
-                torque.get(joint),
-            ) else {
-                break;
-            };
-            let Some(own) = row.get(joint) else {
-                break;
-            };
-            let (low, high) = allocation.limits();
-            // The most distal first: the nearest has been known for the shortest time.
-            let mut net = torque - low * (own.flexor + own.extensor);
-            for (arm, tension) in row.iter().zip(&allocated.tensions).skip(joint + 1).rev() {
-                net -= arm.flexor * tension.flexor + arm.extensor * tension.extensor;
-            }
-            if let Some(&Some(pair)) = given.get(joint) {
-                if let Some(tension) = allocated.tensions.get_mut(joint) {
-                    *tension = pair.map(|tension| clamp(tension, low, high));
-                }
-                fixed |= 1 << joint;
-                continue;
-            }
-            let u = allocation.rectification.agonist(net, low, own);
-            let mut pair = Pair {
-                flexor: low + u * reciprocal.flexor,
-                extensor: low - (u - net) * reciprocal.extensor,
-            };
-            // A NaN is not.
-            let inside = (pair.flexor >= low)
-                && (pair.flexor <= high)
-                && (pair.extensor >= low)
-                && (pair.extensor <= high);
-            if !inside {
-                let reached;
-                (pair, reached) = allocation.at_limit(u, net, own, reciprocal);
-                if reached != net {
-                    allocated.saturated |= 1 << joint;
-                }
-                if !is_finite(net) {
-                    allocated.not_finite |= 1 << joint;
-                }
-            }
-            if let Some(tension) = allocated.tensions.get_mut(joint) {
-                *tension = pair;
-            }
-        }
+        let joints = allocated.saturated | fixed;
         if allocated.not_finite != 0 {
             self.at_rest(&mut allocated, torque, allocation);
-        } else {
-            let joints = allocated.saturated | fixed;
-            if joints != 0 {
-                self.reckon(&mut allocated, joints);
-            }
+        } else if joints != 0 {
+            self.reckon(&mut allocated, joints);
         }
         allocated
     }

@@ -9,7 +9,6 @@ mod finger;
 mod limits;
 mod ramp;
 pub(crate) mod sensor;
-mod usual;
 
 pub use crate::fault_code::FaultCode;
 pub use code::{FaultSite, FingerFault};

@@ -1,8 +1,10 @@
 use nalgebra::SVector;
 
-use super::sensor::{Joint, Latch, Run, Tendon};
-use super::usual::{SensorLanes, Usual, threshold};
-use super::{FaultCode, FaultLimits, FaultSite, FingerFault};
+use super::sensor::{Latch, Limits, Run, Sensor};
+use super::{
+    FaultCode, FaultLimits, FaultSite, FingerFault, JointFaultLimits, SensorFaultLimits,
+    TendonFaultLimits,
+};
 use crate::NumberError;
 use crate::math::{Real, is_finite};
 use crate::tendon::{Pair, TendonPairs};
@@ -36,28 +38,14 @@ pub struct Observation<'a, T: Real, const N: usize> {
 #[derive(Clone, Copy, Debug)]
 pub struct FingerMonitor<T: Real, const N: usize> {
     limits: FaultLimits<T, N>,
-    usual: AllUsual<T, N>,
     state: FingerState<T, N>,
-}
-
-/// The bounds within which a tick passes all checks.
-#[derive(Clone, Copy, Debug)]
-struct AllUsual<T, const N: usize> {
-    tendons: [Usual<T, 2>; N],
-    joints: Usual<T, N>,
-    period_s: T,
-    set_point_age_s: T,
 }
 
 /// All that `clear` forgets.
 #[derive(Clone, Copy, Debug)]
 struct FingerState<T, const N: usize> {
-    tendons: [Pair<Tendon>; N],
-    joints: [Joint; N],
-    tendon_places: [SensorLanes<T, 2>; N],
-    joint_places: SensorLanes<T, N>,
-    /// No check has failed in the last tick: nothing is being counted.
-    quiet: bool,
+    tendons: [Pair<Sensor<T, 2>>; N],
+    joints: [Sensor<T, 1>; N],
     period: Run,
     set_point: Run,
     first: Option<FingerFault>,
@@ -66,11 +54,8 @@ struct FingerState<T, const N: usize> {
 impl<T: Real, const N: usize> FingerState<T, N> {
     fn new() -> Self {
         Self {
-            tendons: [Pair::both(Tendon::default()); N],
-            joints: [Joint::default(); N],
-            tendon_places: [SensorLanes::never(); N],
-            joint_places: SensorLanes::never(),
-            quiet: true,
+            tendons: [Pair::both(Sensor::new()); N],
+            joints: [Sensor::new(); N],
             period: Run::default(),
             set_point: Run::default(),
             first: None,
@@ -86,12 +71,6 @@ impl<T: Real, const N: usize> FingerMonitor<T, N> {
     pub fn new(limits: FaultLimits<T, N>) -> Result<Self, NumberError> {
         limits.check()?;
         Ok(Self {
-            usual: AllUsual {
-                tendons: limits.tendons.each_ref().map(Usual::of_tendons),
-                joints: Usual::of_joints(&limits.joints),
-                period_s: threshold(&limits.period_s),
-                set_point_age_s: threshold(&limits.set_point_age_s),
-            },
             limits,
             state: FingerState::new(),
         })
@@ -99,112 +78,37 @@ impl<T: Real, const N: usize> FingerMonitor<T, N> {
 
     /// Checks the values of one tick. Returns the first fault since the last
     /// [`clear`](Self::clear), which may be an earlier one; `None` if there was none.
-    #[inline(always)]
     pub fn update(&mut self, observation: &Observation<'_, T, N>) -> Option<FingerFault> {
-        if observation.lost != 0 || !self.passes(observation) {
-            self.examine(observation);
-        }
-        self.state.first
-    }
-
-    /// Returns true if nothing is wrong in a tick after one in which nothing was.
-    #[inline(always)]
-    fn passes(&mut self, observation: &Observation<'_, T, N>) -> bool {
-        let (period_s, age_s) = (observation.period_s, observation.set_point_age_s);
-        let Self { usual, state, .. } = self;
-        let mut pass = state.quiet
-            && is_finite(period_s)
-            && period_s > T::zero()
-            && period_s <= usual.period_s
-            && is_finite(age_s)
-            && age_s <= usual.set_point_age_s;
-        for (((usual, places), desired), measured) in usual
-            .tendons
-            .iter()
-            .zip(&mut state.tendon_places)
-            .zip(observation.desired_tensions)
-            .zip(observation.tensions)
-        {
-            pass &= usual.pass(places, &desired.lanes(), &measured.lanes());
-        }
-        let desired = observation.desired_positions;
-        let [measured] = observation.positions.data.0;
-        let mut wanted = measured;
-        for (wanted, &desired) in wanted.iter_mut().zip(desired) {
-            *wanted = desired.unwrap_or(*wanted);
-        }
-        pass &= usual
-            .joints
-            .pass(&mut state.joint_places, &wanted, &measured);
-        // A joint without a set-point is not compared with its former position.
-        for (lane, desired) in desired.iter().enumerate() {
-            if pass && desired.is_none() {
-                state.joint_places.forget(lane);
-            }
-        }
-        pass
-    }
-
-    /// Makes the checks one by one.
-    #[cold]
-    #[inline(never)]
-    fn examine(&mut self, observation: &Observation<'_, T, N>) {
-        let Self { limits, state, .. } = self;
+        let Self { limits, state } = self;
         let first = &mut state.first;
-        let sites = state.tendons.iter_mut().zip(&mut state.tendon_places);
         let samples = observation
             .desired_tensions
             .iter()
             .zip(observation.tensions);
-        for (joint, (((tendons, places), limits), (desired, measured))) in
-            sites.zip(&limits.tendons).zip(samples).enumerate()
-        {
-            let Pair { flexor, extensor } = FaultSite::tendons(joint);
-            let both = [
-                (
-                    flexor,
-                    &mut tendons.flexor,
-                    &limits.flexor,
-                    desired.flexor,
-                    measured.flexor,
-                ),
-                (
-                    extensor,
-                    &mut tendons.extensor,
-                    &limits.extensor,
-                    desired.extensor,
-                    measured.extensor,
-                ),
-            ];
-            for (lane, (site, tendon, limits, desired, measured)) in both.into_iter().enumerate() {
-                let mut moved = places.of(lane);
-                let latch = &mut Latch { first, site };
-                tendon.update(limits, &mut moved, desired, measured, latch);
-                places.set(lane, moved);
-            }
+        let tendons = state.tendons.iter_mut().zip(&limits.tendons);
+        for (joint, ((checks, limits), (desired, measured))) in tendons.zip(samples).enumerate() {
+            let sites = FaultSite::tendons(joint);
+            let (site, desired_n, sample) = (sites.flexor, desired.flexor, (measured.flexor, true));
+            let latch = &mut Latch { first, site };
+            checks
+                .flexor
+                .update(&limits.flexor, Some(desired_n), sample, latch);
+            let (site, desired_n, sample) =
+                (sites.extensor, desired.extensor, (measured.extensor, true));
+            let latch = &mut Latch { first, site };
+            checks
+                .extensor
+                .update(&limits.extensor, Some(desired_n), sample, latch);
         }
         let samples = observation
             .desired_positions
             .iter()
-            .zip(observation.positions);
-        for (joint, ((checks, limits), (&desired, &measured))) in state
-            .joints
-            .iter_mut()
-            .zip(&limits.joints)
-            .zip(samples)
-            .enumerate()
-        {
-            let mut moved = state.joint_places.of(joint);
+            .zip(observation.positions.as_slice());
+        let joints = state.joints.iter_mut().zip(&limits.joints);
+        for (joint, ((checks, limits), (&desired, &measured))) in joints.zip(samples).enumerate() {
             let site = FaultSite::Joint(joint);
             let sample = (measured, observation.lost & 1 << joint == 0);
-            checks.update(
-                limits,
-                &mut moved,
-                desired,
-                sample,
-                &mut Latch { first, site },
-            );
-            state.joint_places.set(joint, moved);
+            checks.update(limits, desired, sample, &mut Latch { first, site });
         }
         let site = FaultSite::Finger;
         let mut latch = Latch { first, site };
@@ -217,11 +121,7 @@ impl<T: Real, const N: usize> FingerMonitor<T, N> {
         let is_old = !is_finite(age_s) || oldest.is_below(age_s);
         let is_stale = state.set_point.reaches(oldest.samples, is_old);
         latch.report(FaultCode::StaleSetPoint, is_stale, age_s);
-        state.quiet = state.period.is_over()
-            && state.set_point.is_over()
-            && state.joints.iter().all(Joint::is_quiet)
-            && (state.tendons.iter())
-                .all(|pair| pair.flexor.is_quiet() && pair.extensor.is_quiet());
+        state.first
     }
 
     /// Returns the first fault since the last [`clear`](Self::clear); `None` if there was none.
@@ -233,5 +133,37 @@ impl<T: Real, const N: usize> FingerMonitor<T, N> {
     /// Clears the latched fault, and all counts of samples; the monitor is then as it was when new.
     pub fn clear(&mut self) {
         self.state = FingerState::new();
+    }
+}
+
+impl<T: Real> Limits<T, 2> for TendonFaultLimits<T> {
+    fn sensor(&self) -> &SensorFaultLimits<T> {
+        &self.sensor
+    }
+
+    fn own(&self) -> [(FaultCode, u16); 2] {
+        let over = (FaultCode::OverTension, self.over_tension.samples);
+        [(FaultCode::Slack, self.slack.samples), over]
+    }
+
+    #[inline]
+    fn fails(&self, measured: T) -> [bool; 2] {
+        let over = self.over_tension.is_below(measured);
+        [measured < self.slack.value, over]
+    }
+}
+
+impl<T: Real> Limits<T, 1> for JointFaultLimits<T> {
+    fn sensor(&self) -> &SensorFaultLimits<T> {
+        &self.sensor
+    }
+
+    fn own(&self) -> [(FaultCode, u16); 1] {
+        [(FaultCode::JointLimit, self.limit.samples)]
+    }
+
+    #[inline]
+    fn fails(&self, measured: T) -> [bool; 1] {
+        [self.limit.excludes(measured)]
     }
 }

@@ -1,7 +1,4 @@
-use super::{
-    FaultCode, FaultRange, FaultSite, FingerFault, JointFaultLimits, SensorFaultLimits, Stuck,
-    TendonFaultLimits, Threshold,
-};
+use super::{FaultCode, FaultRange, FaultSite, FingerFault, SensorFaultLimits, Stuck, Threshold};
 use crate::math::{Real, abs, is_finite};
 
 /// Samples in a row.
@@ -10,7 +7,6 @@ pub(crate) struct Run(u16);
 
 impl Run {
     /// Returns true if `bad` has been true for this many samples in a row; never for none.
-    #[inline(always)]
     pub(super) fn reaches(&mut self, samples: u16, bad: bool) -> bool {
         self.adds(samples, u16::from(bad))
     }
@@ -30,7 +26,6 @@ impl Run {
     }
 
     /// Counts this sample as so many bad ones in a row; none end the row. Whether `samples` are reached.
-    #[inline(always)]
     fn adds(&mut self, samples: u16, bad: u16) -> bool {
         self.0 = if bad > 0 && samples > 0 {
             self.0.saturating_add(bad)
@@ -41,7 +36,7 @@ impl Run {
     }
 
     /// Returns true if the last sample that counts was good.
-    pub(super) const fn is_over(self) -> bool {
+    const fn is_over(self) -> bool {
         self.0 == 0
     }
 }
@@ -53,7 +48,7 @@ impl<T: Real> Threshold<T> {
 }
 
 impl<T: Real> FaultRange<T> {
-    fn excludes(&self, value: T) -> bool {
+    pub(super) fn excludes(&self, value: T) -> bool {
         value < self.low || value > self.high
     }
 }
@@ -73,72 +68,110 @@ impl Latch<'_> {
     }
 }
 
-/// The state of the checks of one sensor.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Sensor {
+/// The state of the checks of one sensor: the three that every sensor has, and `OWN` of its kind.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Sensor<T, const OWN: usize> {
+    moved: SensorMotion<T>,
     lost: Run,
-    range: Run,
-    stuck: Run,
-    tracking: Run,
+    runs: ([Run; 3], [Run; OWN]),
+    /// No check has failed in the last sample: nothing is being counted.
+    quiet: bool,
 }
 
-impl Sensor {
-    /// Judges a sample, which may be known not to be possible; false if it tells nothing else.
-    fn update<T: Real>(
+/// The limits of a kind of sensor.
+pub(super) trait Limits<T, const OWN: usize> {
+    /// The limits that every sensor has.
+    fn sensor(&self) -> &SensorFaultLimits<T>;
+    /// The faults that the checks of its kind find, and after how many samples.
+    fn own(&self) -> [(FaultCode, u16); OWN];
+    /// Whether a sample fails these checks.
+    fn fails(&self, measured: T) -> [bool; OWN];
+}
+
+impl<T: Real, const OWN: usize> Sensor<T, OWN> {
+    pub(super) fn new() -> Self {
+        Self {
+            moved: SensorMotion::never(),
+            lost: Run(0),
+            runs: ([Run(0); 3], [Run(0); OWN]),
+            quiet: true,
+        }
+    }
+
+    /// Judges a sample. One that is not finite, or not possible, does not count for the other checks.
+    #[inline]
+    pub(super) fn update(
         &mut self,
-        limits: &SensorFaultLimits<T>,
-        moved: &mut SensorMotion<T>,
+        limits: &impl Limits<T, OWN>,
         desired: Option<T>,
         (measured, is_possible): (T, bool),
         latch: &mut Latch<'_>,
-    ) -> bool {
-        let broken = if is_finite(measured) {
-            desired.filter(|&desired| !is_finite(desired))
-        } else {
-            Some(measured)
-        };
-        let is_lost = broken.is_some() || !is_possible;
-        let fault = self.lost.reaches(limits.lost_samples, is_lost);
-        if is_lost {
-            let code = match broken {
-                Some(_) => FaultCode::NotFinite,
-                None if abs(measured - moved.there) <= limits.stuck.band => FaultCode::Stuck,
-                None => FaultCode::Jump,
-            };
-            latch.report(code, fault, broken.unwrap_or(measured));
-            return false;
+    ) {
+        let of_all = limits.sensor();
+        let wanted = desired.unwrap_or(measured);
+        if !(is_possible && is_finite(measured) && is_finite(wanted)) {
+            return self.lose(of_all, wanted, measured, latch);
         }
-        let outside = limits.range.excludes(measured);
-        let fault = self.range.reaches(limits.range.samples, outside);
-        latch.report(FaultCode::OutOfRange, fault, measured);
-
-        let stays = moved.stays(&limits.stuck, desired, measured);
-        let fault = self.stuck.reaches(limits.stuck.samples, stays);
-        latch.report(FaultCode::Stuck, fault, measured);
-
-        let error = desired.map_or_else(T::zero, |desired| desired - measured);
-        let far = limits.tracking.is_below(abs(error));
-        let fault = self.tracking.reaches(limits.tracking.samples, far);
-        latch.report(FaultCode::Tracking, fault, error);
-        true
+        let stays = self.moved.stays(&of_all.stuck, desired, measured);
+        let error = wanted - measured;
+        let far = of_all.tracking.is_below(abs(error));
+        let fails = [of_all.range.excludes(measured), stays, far];
+        let own = limits.fails(measured);
+        if self.quiet && !fails.iter().chain(&own).any(|&fails| fails) {
+            return;
+        }
+        self.lost = Run(0);
+        let checks = [
+            (FaultCode::OutOfRange, of_all.range.samples),
+            (FaultCode::Stuck, of_all.stuck.samples),
+            (FaultCode::Tracking, of_all.tracking.samples),
+        ];
+        let values = [measured, measured, error];
+        let (runs, own_runs) = &mut self.runs;
+        for (((run, (code, samples)), fails), value) in
+            runs.iter_mut().zip(checks).zip(fails).zip(values)
+        {
+            latch.report(code, run.reaches(samples, fails), value);
+        }
+        for ((run, (code, samples)), fails) in own_runs.iter_mut().zip(limits.own()).zip(own) {
+            latch.report(code, run.reaches(samples, fails), measured);
+        }
+        self.quiet = runs.iter().chain(own_runs.iter()).all(|run| run.is_over());
     }
 
-    fn is_quiet(self) -> bool {
-        let runs = [self.lost, self.range, self.stuck, self.tracking];
-        runs.into_iter().all(Run::is_over)
+    /// Counts a sample that is not finite or not possible.
+    #[cold]
+    fn lose(
+        &mut self,
+        limits: &SensorFaultLimits<T>,
+        wanted: T,
+        measured: T,
+        latch: &mut Latch<'_>,
+    ) {
+        let (code, value) = if !is_finite(measured) {
+            (FaultCode::NotFinite, measured)
+        } else if !is_finite(wanted) {
+            (FaultCode::NotFinite, wanted)
+        } else if abs(measured - self.moved.there) <= limits.stuck.band {
+            (FaultCode::Stuck, measured)
+        } else {
+            (FaultCode::Jump, measured)
+        };
+        latch.report(code, self.lost.reaches(limits.lost_samples, true), value);
+        self.quiet = false;
     }
 }
 
 /// The measured and the desired value when a sensor moved last.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct SensorMotion<T> {
+struct SensorMotion<T> {
     /// NaN if it has never been seen, so that nothing is near it.
-    pub(super) there: T,
-    pub(super) wanted: T,
+    there: T,
+    wanted: T,
 }
 
 impl<T: Real> SensorMotion<T> {
-    pub(super) fn never() -> Self {
+    fn never() -> Self {
         Self {
             there: T::zero() / T::zero(),
             wanted: T::zero(),
@@ -146,6 +179,7 @@ impl<T: Real> SensorMotion<T> {
     }
 
     /// Returns true if the sensor stays while its set-point has gone.
+    #[inline]
     fn stays(&mut self, stuck: &Stuck<T>, desired: Option<T>, measured: T) -> bool {
         let Some(desired) = desired else {
             *self = Self::never();
@@ -159,75 +193,5 @@ impl<T: Real> SensorMotion<T> {
             wanted: desired,
         };
         false
-    }
-}
-
-/// The state of the checks of one tendon.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Tendon {
-    sensor: Sensor,
-    slack: Run,
-    over_tension: Run,
-}
-
-impl Tendon {
-    pub(super) fn update<T: Real>(
-        &mut self,
-        limits: &TendonFaultLimits<T>,
-        moved: &mut SensorMotion<T>,
-        desired: T,
-        measured: T,
-        latch: &mut Latch<'_>,
-    ) {
-        if !self.sensor.update(
-            &limits.sensor,
-            moved,
-            Some(desired),
-            (measured, true),
-            latch,
-        ) {
-            return;
-        }
-        let slack = measured < limits.slack.value;
-        let fault = self.slack.reaches(limits.slack.samples, slack);
-        latch.report(FaultCode::Slack, fault, measured);
-        let over = limits.over_tension.is_below(measured);
-        let fault = self.over_tension.reaches(limits.over_tension.samples, over);
-        latch.report(FaultCode::OverTension, fault, measured);
-    }
-
-    /// Returns true if all checks have passed in the last sample.
-    pub(super) fn is_quiet(&self) -> bool {
-        self.sensor.is_quiet() && self.slack.is_over() && self.over_tension.is_over()
-    }
-}
-
-/// The state of the checks of one joint.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Joint {
-    sensor: Sensor,
-    limit: Run,
-}
-
-impl Joint {
-    pub(super) fn update<T: Real>(
-        &mut self,
-        limits: &JointFaultLimits<T>,
-        moved: &mut SensorMotion<T>,
-        desired: Option<T>,
-        (measured, is_possible): (T, bool),
-        latch: &mut Latch<'_>,
-    ) {
-        let (sensor, sample) = (&mut self.sensor, (measured, is_possible));
-        if sensor.update(&limits.sensor, moved, desired, sample, latch) {
-            let past = limits.limit.excludes(measured);
-            let fault = self.limit.reaches(limits.limit.samples, past);
-            latch.report(FaultCode::JointLimit, fault, measured);
-        }
-    }
-
-    /// Returns true if all checks have passed in the last sample.
-    pub(super) fn is_quiet(&self) -> bool {
-        self.sensor.is_quiet() && self.limit.is_over()
     }
 }
