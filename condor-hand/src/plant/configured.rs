@@ -41,7 +41,7 @@ pub struct PlantModel {
     pub updates: u32,
     /// The radius of the sphere about each tip that can touch things, m.
     pub tip_radius: f64,
-    /// The surface between any two bodies; the configuration's friction replaces its friction, if
+    /// The surface between a tip and the object; the configuration's friction replaces its friction, if
     /// there is one.
     pub surface: SimSurface,
 }
@@ -159,8 +159,6 @@ impl PlantModel {
             gravity: Vector3::from(hand.gravity),
             tip_radius: self.tip_radius,
             tip_object: surface,
-            tip_ground: surface,
-            object_ground: surface,
         }
     }
 

@@ -90,7 +90,7 @@ fn a_hand_rubs_as_its_configuration_says() {
     assert_eq!(parameters.gravity, Vector3::new(0.0, 0.0, -9.81));
     hand.contact = None;
     let parameters = machine().hand_parameters(&hand);
-    assert_eq!(parameters.tip_ground.friction, 0.1);
+    assert_eq!(parameters.tip_object.friction, 0.1);
 }
 
 #[test]

@@ -194,7 +194,5 @@ pub(crate) fn hand_parameters(gravity: Vector3<f64>, friction: f64) -> HandParam
         gravity,
         tip_radius: 0.0,
         tip_object: surface(friction),
-        tip_ground: surface(friction),
-        object_ground: surface(friction),
     }
 }
