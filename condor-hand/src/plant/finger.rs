@@ -211,7 +211,7 @@ impl<M: Dynamics<f64, N>, const N: usize> SimFinger<M, N> {
     ) -> Result<SVector<f64, N>, NumberError> {
         let mut armature = *added;
         for (armature, joint) in armature.iter_mut().zip(&self.parameters.joints) {
-            *armature += joint.armature;
+            *armature += joint.friction.armature;
         }
         self.mechanism
             .forward_dynamics(&self.q, &self.qd, torque, gravity, &armature)

@@ -168,11 +168,8 @@ fn held<const F: usize>(stiffness: f64, squeeze: f64) -> SimHand<Slider, F, 3> {
         let angle = std::f64::consts::TAU * count(number) / count(F);
         let out = Vector3::new(libm::cos(angle), libm::sin(angle), 0.0);
         let base = out * (RADIUS - squeeze / stiffness);
-        let joint = JointParameters {
-            stiffness,
-            damping: 5.0,
-            ..free_joint()
-        };
+        let mut joint = free_joint();
+        (joint.stiffness, joint.friction.viscous) = (stiffness, 5.0);
         let mut finger = slider(base, joint);
         finger.reset(out * (squeeze / stiffness), NOTHING).unwrap();
         finger

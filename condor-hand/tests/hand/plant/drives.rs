@@ -15,7 +15,7 @@ const ROD: Pendulum = Pendulum {
 /// A joint too heavy to move.
 fn held(drive: SimDrive) -> SimFinger<Pendulum, 1> {
     let mut joint = free_joint();
-    joint.armature = 1e6;
+    joint.friction.armature = 1e6;
     finger(ROD, joint, drive)
 }
 
@@ -87,7 +87,7 @@ fn a_pneumatic_drive_settles_at_its_command_with_the_pole_of_its_chamber() {
 fn a_growing_chamber_loses_pressure() {
     // Drawn in at 0.5 m/s, against still.
     let mut joint = free_joint();
-    joint.armature = 1e6;
+    joint.friction.armature = 1e6;
     let mut moved = finger(ROD, joint, pneumatic());
     moved.reset(Vector1::zeros(), flexor(60.0)).unwrap();
     for update in 0..12_000 {
@@ -189,7 +189,7 @@ proptest! {
         joint.range = (-1.0, 1.0);
         joint.stop.stiffness = 50.0;
         joint.stop.damping = 0.05;
-        joint.armature = 1e-5;
+        joint.friction.armature = 1e-5;
         let mut finger = finger(ROD, joint, pneumatic());
         finger.reset(Vector1::new(start), flexor(4.0)).unwrap();
         for pair in commands.chunks(2) {
