@@ -31,7 +31,6 @@ mod squeeze;
 // The law, in one servo loop or in those of several processors.
 pub mod distributed;
 mod gain;
-mod joint_stiffness;
 mod law;
 mod limits;
 mod tuning;

@@ -5,9 +5,10 @@ use core::fmt::{self, Write};
 use nalgebra::Vector3;
 
 use crate::Requirement;
-use crate::config::mistake::{Allowed, Mistake, MistakePath, MistakePlace, MistakeValue};
-use crate::config::{ControlProcessor, Hand, InputChannel, Limits, Name, OutputChannel};
-use crate::config::{Converter, ProcessorKind};
+use crate::config::{
+    Allowed, ControlProcessor, Hand, InputChannel, Limits, Mistake, MistakePath, MistakePlace,
+    MistakeValue, Name, OutputChannel, ProcessorKind,
+};
 use crate::math::{abs, is_finite, max, min, sqrt};
 
 pub(super) const POSITIVE: Requirement = Requirement::Above(0.0);
@@ -232,7 +233,7 @@ impl At {
         let ends = [adc.value(0), adc.value(adc.full_scale())];
         let counts = seen.map(|value| adc.exact_counts(value));
         let numbers = (adc.bits, adc.gain, adc.offset, adc.full_scale());
-        self.converter(Converter::Adc, numbers, (seen, counts), ends)
+        self.table("adc").converter(numbers, (seen, counts), ends)
     }
 
     /// The converter of an actuator must have counts for the values between two.
@@ -240,32 +241,24 @@ impl At {
         let ends = [dac.value(0), dac.value(dac.full_scale())];
         let counts = made.map(|value| dac.gain * value + dac.offset);
         let numbers = (dac.bits, dac.gain, dac.offset, dac.full_scale());
-        self.converter(Converter::Dac, numbers, (made, counts), ends)
+        self.table("dac").converter(numbers, (made, counts), ends)
     }
 
     fn converter(
         &self,
-        converter: Converter,
         (bits, gain, offset, full_scale): (u8, f64, f64, u32),
         (values, counts): ([f64; 2], [f64; 2]),
         [first, last]: [f64; 2],
     ) -> Result<(), Mistake> {
-        let at = self.table(match converter {
-            Converter::Adc => "adc",
-            Converter::Dac => "dac",
-        });
-        at.numbers([
+        self.numbers([
             ("bits", f64::from(bits), Requirement::AtLeast(1.0)),
             ("bits", f64::from(bits), Requirement::AtMost(32.0)),
             ("gain", gain, Requirement::Finite),
             ("offset", offset, Requirement::Finite),
         ])?;
         if gain == 0.0 {
-            return Err(at.words(
-                "gain",
-                "0",
-                "all counts would mean the same, so give another",
-            ));
+            let rule = "all counts would mean the same, so give another";
+            return Err(self.words("gain", "0", rule));
         }
         for (value, counts) in values.into_iter().zip(counts) {
             // Half a count is what rounding may add.
@@ -273,7 +266,7 @@ impl At {
                 let must = Requirement::Within(min(first, last), max(first, last));
                 let reason = ", which its counts can mean; give it another gain or offset";
                 let quantity = ": a value that it must convert";
-                let wrong = at.off("", value, must, reason);
+                let wrong = self.off("", value, must, reason);
                 return Err(Mistake { quantity, ..wrong });
             }
         }

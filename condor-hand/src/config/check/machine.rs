@@ -2,8 +2,7 @@
 
 use super::at::{At, NOT_NEGATIVE, POSITIVE};
 use crate::Requirement;
-use crate::config::{Allowed, Axis, Converter, Hand, Mistake, MistakeValue};
-use crate::config::{ProcessorKind, Wire};
+use crate::config::{Allowed, Axis, Converter, Hand, Mistake, MistakeValue, ProcessorKind, Wire};
 use crate::number::is_within;
 
 impl<const F: usize, const J: usize> Hand<F, J> {
