@@ -95,7 +95,7 @@ pub use hand::{
     ProcessorKind, TableSettings,
 };
 pub use limits::{Limits, MotionLimits};
-pub use mistake::{Mistake, MistakeField, MistakeOwner, MistakePlace, Problem};
+pub use mistake::{Allowed, Mistake, MistakePath, MistakePlace, MistakeValue};
 pub use rotation::Rotation;
 pub use wiring::{Channel, Converter, InputChannel, OutputChannel, Wire};
 

@@ -31,14 +31,13 @@ mod squeeze;
 // The law, in one servo loop or in those of several processors.
 pub mod distributed;
 mod gain;
-mod joint_stiffness;
 mod law;
 mod limits;
 mod tuning;
 
 pub use contacts::{Contacts, FingerForces};
 pub use error::GraspError;
-use error::{quantity, too_large};
+use error::{coincident, off, quantity, too_few, too_large};
 pub use friction::{ContactFriction, SqueezeRange};
 pub use gain::SpatialGain;
 pub use law::{FingerState, GraspOutput, GraspStiffness};

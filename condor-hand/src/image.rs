@@ -4,6 +4,8 @@ use core::convert::Infallible;
 use core::fmt::{self, Write as _};
 
 use crc::{CRC_32_ISO_HDLC, Crc, Table};
+use serde::Serialize;
+use serde::de::DeserializeOwned;
 use thiserror::Error;
 
 use crate::Subject;
@@ -169,6 +171,31 @@ impl Format {
             return Err(ImageError::Checksum { stored, computed });
         }
         Ok((fields, body))
+    }
+
+    /// Writes the image of a value to the front of `buffer`, and returns its length in bytes.
+    pub(crate) fn write<E>(
+        &self,
+        fields: [u8; 6],
+        value: &impl Serialize,
+        buffer: &mut [u8],
+    ) -> Result<usize, ImageError<E>> {
+        let len = buffer.len();
+        let halves = buffer.split_first_chunk_mut::<HEADER_BYTES>();
+        let written = halves.and_then(|(header, body)| {
+            let body = postcard::to_slice(value, body).ok()?;
+            self.seal(fields, header, body);
+            Some(HEADER_BYTES + body.len())
+        });
+        written.ok_or(ImageError::BufferTooShort { len })
+    }
+
+    /// Reads a value from the body of an image.
+    pub(crate) fn value<E, T: DeserializeOwned>(body: &[u8]) -> Result<T, ImageError<E>> {
+        match postcard::take_from_bytes(body) {
+            Ok((value, [])) => Ok(value),
+            _ => Err(ImageError::Malformed { at: Subject::Whole }),
+        }
     }
 
     /// Fills in the header of a body.

@@ -1,11 +1,9 @@
-//! A simulated hand: fingers pulled by tendons, an object and a ground that they touch, and their
-//! sensors.
+//! A simulated hand: fingers pulled by tendons, and an object that they touch.
 //!
 //! A [`SimFinger`] is a mechanism with [`Kinematics`](crate::kinematics::Kinematics) and
 //! [`Dynamics`](crate::dynamics::Dynamics), [`JointParameters`] and one [`SimDrive`] for each tendon.
-//! A [`SimHand`] has fingers, a [`SimObject`] and a [`SimGround`] that their tips touch, and a [`SimTable`]
-//! that carries the palm. A [`SensorBank`] converts the state into the readings of converters, with
-//! noise and scripted [`SensorFault`]s.
+//! A [`SimHand`] has fingers, a [`SimObject`] that their tips touch, and a [`SimTable`] that carries the
+//! palm.
 //!
 //! A [`PlantModel`] makes all of that from a configuration, and adds parameters that a
 //! configuration does not have.
@@ -32,24 +30,22 @@ mod joint;
 mod noise;
 mod object;
 mod pneumatic;
-mod sensor;
 mod table;
 
 // Fingers.
 pub use drive::{DriveKind, SimDrive};
 pub use finger::{FingerParameters, SimFinger};
 pub use joint::{JointParameters, SimStop};
-pub use pneumatic::{Elastic, Pneumatic};
+pub use pneumatic::Pneumatic;
 
 // Hands from a configuration.
 pub use configured::PlantModel;
 
-// The objects that they touch, and the table that carries them.
-pub use contact::{SimContact, SimGround, SimSurface};
+// The object that they touch, and the table that carries them.
+pub use contact::{SimContact, SimSurface};
 pub use hand::{HandParameters, SimHand};
 pub use object::{ObjectParameters, SimObject};
 pub use table::{AxisParameters, SimTable};
 
-// Their sensors.
+// The noise of sensors.
 pub use noise::Noise;
-pub use sensor::{Sensor, SensorBank, SensorFault, SensorFaultKind};

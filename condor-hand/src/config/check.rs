@@ -1,13 +1,11 @@
 //! The rules that a hand keeps.
 
+mod at;
 mod finger;
 mod machine;
-mod place;
-mod shared;
 mod stop;
 
-pub(in crate::config) use place::Path;
-use place::{Examiner, Root};
+use at::At;
 
 use super::{Hand, Mistake};
 
@@ -21,21 +19,16 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
     /// Returns the first [`Mistake`] if the hand has one, in this order: the processors, each finger, the
     /// table, and the rules for several of them together, which are channels and load.
     pub fn check(&self) -> Result<(), Mistake> {
-        self.examine(&mut Path::new())
-    }
-
-    /// `check`, which leaves the way to the mistake in `path`.
-    pub(in crate::config) fn examine(&self, path: &mut Path) -> Result<(), Mistake> {
-        let mut examiner = Examiner::new(self, path);
-        examiner.rates()?;
-        examiner.constants()?;
-        examiner.processors()?;
-        examiner.not_empty(Root::Hand, "fingers", self.fingers.is_empty())?;
-        for (index, finger) in self.fingers.iter().enumerate() {
-            examiner.finger(index, finger)?;
+        let at = At::hand();
+        self.check_rates(&at)?;
+        self.check_constants(&at)?;
+        self.check_processors(&at)?;
+        at.not_empty("fingers", self.fingers.is_empty())?;
+        for index in 0..self.fingers.len() {
+            self.check_finger(index)?;
         }
-        examiner.axes()?;
-        examiner.channels()?;
-        examiner.load()
+        self.check_axes(&at)?;
+        self.check_channels()?;
+        self.check_load()
     }
 }

@@ -294,15 +294,3 @@ impl Placement {
         }
     }
 }
-
-impl Mount {
-    /// Returns the pose of the joint's frame in the frame of the link before it, while the joint is
-    /// at zero.
-    #[must_use]
-    pub fn placement(&self) -> Pose {
-        Pose {
-            rotation: self.rotation.matrix(),
-            position: Vector3::from(self.position),
-        }
-    }
-}

@@ -2,7 +2,7 @@
 
 use super::{Hand, Mistake, PROCESSORS};
 use crate::Subject;
-use crate::image::{Format, HEADER_BYTES, ImageError};
+use crate::image::{Format, ImageError};
 
 const FORMAT: Format = Format {
     magic: *b"CNDH",
@@ -21,14 +21,8 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
     /// short; its content is then useless.
     pub fn to_image(&self, buffer: &mut [u8]) -> Result<usize, ImageError<Mistake>> {
         self.check()?;
-        let too_short = ImageError::BufferTooShort { len: buffer.len() };
-        let Some((header, body)) = buffer.split_first_chunk_mut::<HEADER_BYTES>() else {
-            return Err(too_short);
-        };
-        let body = postcard::to_slice(self, body).map_err(|_| too_short)?;
         let [[f0, f1], [j0, j1], [p0, p1]] = self.counts().map(u16::to_le_bytes);
-        FORMAT.seal([f0, f1, j0, j1, p0, p1], header, body);
-        Ok(HEADER_BYTES + body.len())
+        FORMAT.write([f0, f1, j0, j1, p0, p1], self, buffer)
     }
 
     /// Reads a hand from an image that [`to_image`](Self::to_image) wrote, and checks the hand again. `image` must be
@@ -56,12 +50,9 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
                 });
             }
         }
-        let malformed = ImageError::Malformed { at: Subject::Whole };
-        let Ok((hand, [])) = postcard::take_from_bytes::<Self>(body) else {
-            return Err(malformed);
-        };
+        let hand: Self = Format::value(body)?;
         if hand.counts() != counts {
-            return Err(malformed);
+            return Err(ImageError::Malformed { at: Subject::Whole });
         }
         hand.check()?;
         Ok(hand)

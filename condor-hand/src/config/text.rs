@@ -2,13 +2,10 @@
 
 mod defaults;
 
-use std::string::String;
-
 use condor_toml::{Misreading, SourceText, Spanned, TextError};
 use toml::de::DeValue;
 
 use super::Hand;
-use super::check::Path;
 
 impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
     /// Reads a hand from the TOML text of a configuration file, and checks the hand.
@@ -22,16 +19,6 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
         let text = SourceText::new(file, text);
         read(text.parse()?).map_err(|fault| text.error(fault))
     }
-
-    /// Returns the hand as TOML text with all values written out, also those that have defaults.
-    /// [`from_toml`](Self::from_toml) reads the same hand from it.
-    ///
-    /// # Errors
-    /// Returns the error of the TOML serializer if it fails. No such case is known: TOML has a form for every
-    /// value of a hand.
-    pub fn to_toml(&self) -> Result<String, toml::ser::Error> {
-        toml::to_string(self)
-    }
 }
 
 fn read<const FINGERS: usize, const JOINTS: usize>(
@@ -39,10 +26,13 @@ fn read<const FINGERS: usize, const JOINTS: usize>(
 ) -> Result<Hand<FINGERS, JOINTS>, Misreading> {
     defaults::fill(&mut tree)?;
     let hand: Hand<FINGERS, JOINTS> = condor_toml::read(&tree)?;
-    let mut path = Path::new();
-    hand.examine(&mut path)
-        .map_err(|mistake| Misreading::at(&nearest(&tree, &path).span(), mistake))?;
-    Ok(hand)
+    match hand.check() {
+        Ok(()) => Ok(hand),
+        Err(mistake) => {
+            let span = nearest(&tree, &mistake.path).span();
+            Err(Misreading::at(&span, mistake))
+        }
+    }
 }
 
 /// The value at the end of a path such as `fingers[1].base`, or the last one on the way there.

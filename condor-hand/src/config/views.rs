@@ -4,7 +4,7 @@ use nalgebra::{Matrix3, SVector, Vector3};
 
 use super::{
     Channel, ControlProcessor, Finger, Form, Hand, InputChannel, Joint, JointMotion, LinkBody,
-    MotionLimits, OutputChannel, ProcessorKind, Shape, Tendon, Wire,
+    MotionLimits, OutputChannel, Placement, ProcessorKind, Shape, Tendon, Wire,
 };
 use crate::NumberError;
 use crate::Pose;
@@ -337,7 +337,11 @@ impl<const JOINTS: usize> Joint<JOINTS> {
             motion: kinematics::ChainMotion::Fixed,
         };
         self.mount.map_or(fixed, |mount| kinematics::ChainJoint {
-            placement: mount.placement(),
+            placement: Placement {
+                position: mount.position,
+                rotation: mount.rotation,
+            }
+            .pose(),
             motion: match mount.motion {
                 JointMotion::Revolute(axis) => {
                     kinematics::ChainMotion::Revolute(Vector3::from(axis))

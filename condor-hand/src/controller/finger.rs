@@ -1,7 +1,7 @@
 use nalgebra::{SVector, Vector3};
 
 use super::watch::{GuardStop, Watch};
-use crate::config::{Finger, Hand};
+use crate::config::{Finger, Hand, Limits};
 use crate::control::elapsed::Elapsed;
 use crate::dynamics::Dynamics;
 use crate::math::{clamp, max, round};
@@ -11,7 +11,7 @@ use crate::servo::{
 };
 use crate::tendon::fault::{FingerFault, FingerMonitor, Observation, SafeRamp};
 use crate::tendon::{MomentArms, Pair, TendonPairs};
-use crate::trajectory::{Interpolator, SetPoint, StopGuard};
+use crate::trajectory::{Bounds, Interpolator, SetPoint, StopGuard};
 
 /// Within so many ticks after a fault joints have the tensions with which they stand still.
 const SETTLING_TICKS: u32 = 4;
@@ -106,9 +106,16 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
         let fits = Requirement::Within(1.0, f64::from(u16::MAX));
         check(what, f64::from(substeps), fits)?;
         let settings = finger.settings(sample_hz, hand.transition_s);
-        let limits = finger.limits();
+        let limits: [Option<&Limits>; N] =
+            core::array::from_fn(|joint| Some(&finger.joints.get(joint)?.limits));
+        // Those with which a joint moves to set-points that it begins to follow.
+        let bounds = limits.map(|limits| Bounds {
+            velocity: limits.map_or(1.0, |limits| limits.velocity),
+            acceleration: limits.map_or(1.0, |limits| limits.acceleration),
+            jerk: None,
+        });
         let mut interpolator =
-            Interpolator::new(substeps as u16, 1.0 / master_hz, [0.0; N], finger.bounds())?;
+            Interpolator::new(substeps as u16, 1.0 / master_hz, [0.0; N], bounds)?;
         // The first tick of the master comes after a time without any.
         interpolator.step();
         let least = finger.least_tensions();
@@ -127,8 +134,8 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
             ramp: None,
             beside: ([Pair::both(0.0); N], 0),
             least,
-            low: Finger::array(&limits.low),
-            high: Finger::array(&limits.high),
+            low: limits.map(|limits| limits.map_or(0.0, |limits| limits.low)),
+            high: limits.map(|limits| limits.map_or(0.0, |limits| limits.high)),
             safe_s,
             sample_hz,
             desired: least,

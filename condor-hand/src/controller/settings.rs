@@ -1,5 +1,3 @@
-use nalgebra::SVector;
-
 use crate::config::{FaultPolicy, Finger, InputChannel, Joint, ServoLaw, Tendon};
 use crate::dynamics::DriveDynamics;
 use crate::servo::{FingerSettings, JointGains, JointSettings, PositionLaw, SoftStop};
@@ -8,7 +6,6 @@ use crate::tendon::fault::{
     Threshold,
 };
 use crate::tendon::{Pair, Rectification, TensionAllocation, TensionGains};
-use crate::trajectory::Bounds;
 
 /// A sensor of this many counts moves by noise.
 const NOISE_COUNTS: f64 = 1.5;
@@ -43,20 +40,6 @@ impl<const N: usize> Finger<N> {
             sample_hz,
             transition_s,
         }
-    }
-
-    /// Returns the bounds of velocity and acceleration with which each joint moves to set-points
-    /// that it begins to follow; elements without a joint are 1.
-    #[must_use]
-    pub fn bounds(&self) -> [Bounds<f64>; N] {
-        core::array::from_fn(|place| {
-            let limits = self.joints.get(place).map(|joint| joint.limits);
-            Bounds {
-                velocity: limits.map_or(1.0, |limits| limits.velocity),
-                acceleration: limits.map_or(1.0, |limits| limits.acceleration),
-                jerk: None,
-            }
-        })
     }
 
     /// Returns the limits beyond which the finger has a fault, from its configuration and from
@@ -129,11 +112,6 @@ impl<const N: usize> Finger<N> {
                     .map_or(0.0, |joint| joint.tension_range().0),
             )
         })
-    }
-
-    /// A vector of what each joint has, as an array.
-    pub(super) fn array(vector: &SVector<f64, N>) -> [f64; N] {
-        core::array::from_fn(|joint| vector.get(joint).copied().unwrap_or(0.0))
     }
 }
 

@@ -1,11 +1,11 @@
 use nalgebra::Vector3;
 
 use super::wrench::finite;
-use super::{GraspError, Twist, Wrench, quantity, too_large};
-use crate::Subject;
+use super::{GraspError, Twist, Wrench, coincident, off, quantity, too_few, too_large};
 use crate::control::linear::Symmetric3;
 use crate::math::{Real, abs, is_finite, max, real, sqrt};
 use crate::number::{self, NumberError};
+use crate::{Requirement, Subject};
 
 /// The points at which M fingers touch one object. From these points alone follow the forces that produce a wrench on
 /// the object, and the motion of the object that belongs to motions of the tips.
@@ -52,11 +52,6 @@ fn least_spread<T: Real>() -> T {
     relative * relative
 }
 
-#[inline(always)]
-pub(super) fn values<T: Real>(vector: &Vector3<T>) -> [f64; 3] {
-    [vector.x.to_f64(), vector.y.to_f64(), vector.z.to_f64()]
-}
-
 /// Refuses vectors with a component that is infinite or NaN.
 pub(super) fn check<T: Real, const M: usize>(
     vectors: &[Vector3<T>; M],
@@ -96,9 +91,8 @@ impl<T: Real, const M: usize> Contacts<T, M> {
     /// frame of the palm.
     ///
     /// # Errors
-    /// [`Number`](GraspError::Number) if a number is not finite,
-    /// [`Coincident`](GraspError::Coincident) if all contacts are one point, and for three or more
-    /// [`NearCollinear`](GraspError::NearCollinear) if they lie on a line.
+    /// [`Number`](GraspError::Number) if a number is not finite, if all contacts are one point, or if three or more
+    /// lie on a line.
     #[inline(always)]
     pub fn new(points: [Vector3<T>; M]) -> Result<Self, GraspError> {
         let centroid = sum(&points) * share::<T, M>();
@@ -176,8 +170,7 @@ impl<T: Real, const M: usize> Contacts<T, M> {
     ///
     /// # Errors
     /// [`Number`](GraspError::Number) if the wrench is not finite, or if the result exceeds the range of
-    /// the type; for one contact [`MomentAtOneContact`](GraspError::MomentAtOneContact) unless the wrench is a
-    /// force through it.
+    /// the type; for one contact unless the wrench is a force through it.
     #[inline(always)]
     pub fn forces(
         &self,
@@ -202,8 +195,8 @@ impl<T: Real, const M: usize> Contacts<T, M> {
                 // The moment is a difference of these.
                 let terms = wrench.moment.amax() + lever.amax() * wrench.force.amax();
                 if moment.amax() > terms * T::default_epsilon() * real(16.0) {
-                    let moment = values(&moment);
-                    return Err(GraspError::MomentAtOneContact { moment });
+                    let what = "the moment about a single contact, N m,";
+                    return Err(off(what, moment.amax(), Requirement::Equal(0.0)));
                 }
                 Vector3::zeros()
             }
@@ -283,8 +276,7 @@ pub(super) fn check_about<T: Real>(about: &Vector3<T>) -> Result<(), NumberError
 #[cold]
 fn explain<T: Real, const M: usize>(points: &[Vector3<T>; M]) -> GraspError {
     if M == 0 {
-        let (contacts, least) = (M, 1);
-        return GraspError::TooFewContacts { contacts, least };
+        return too_few(M, 1.0);
     }
     if let Err(error) = check(points, quantity::TIP) {
         return error.into();
@@ -305,19 +297,14 @@ fn explain<T: Real, const M: usize>(points: &[Vector3<T>; M]) -> GraspError {
     // Below this the inverse of the determinant is beyond the range of numbers.
     let inverse = T::one() / cube;
     if M >= 3 && trace > spread && is_finite(inverse) {
-        return GraspError::NearCollinear {
-            conditioning: (abs(determinant) / cube).to_f64(),
-            least: least_conditioning::<T>().to_f64(),
-        };
+        let what = "the conditioning of the contacts, which is 0 on a line,";
+        let least = least_conditioning::<T>().to_f64();
+        return off(what, abs(determinant) / cube, Requirement::Above(least));
     }
     let mut points = points.iter();
     let distance = match (points.next(), points.next()) {
         (Some(first), Some(second)) => sqrt((second - first).norm_squared()),
         _ => T::zero(),
     };
-    GraspError::Coincident {
-        first: 0,
-        second: 1,
-        distance: distance.to_f64(),
-    }
+    coincident(1, distance, sqrt(spread))
 }

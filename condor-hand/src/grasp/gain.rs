@@ -1,6 +1,7 @@
 use nalgebra::{Matrix6, Vector3, Vector6};
 
-use super::{GraspError, Twist, Wrench};
+use super::{GraspError, Twist, Wrench, off};
+use crate::Requirement;
 use crate::math::{Real, abs, max, real, sqrt};
 use crate::number::finite;
 
@@ -19,9 +20,9 @@ impl<T: Real> SpatialGain<T> {
     /// except for rounding. The result is exactly symmetric.
     ///
     /// # Errors
-    /// [`Number`](GraspError::Number) if an entry is not finite,
     /// [`NotSymmetric`](GraspError::NotSymmetric) if the matrix is not symmetric,
-    /// [`NotSemidefinite`](GraspError::NotSemidefinite) if it has a negative eigenvalue.
+    /// [`Number`](GraspError::Number) if an entry is not finite, or if the matrix has a negative eigenvalue: then the
+    /// number is the pivot of an axis in the factors L D Lᵀ.
     pub fn new(matrix: &Matrix6<T>) -> Result<Self, GraspError> {
         let tolerance = T::default_epsilon() * real(256.0);
         for row in 0..6 {
@@ -51,8 +52,7 @@ impl<T: Real> SpatialGain<T> {
     /// rotations about them.
     ///
     /// # Errors
-    /// [`Number`](GraspError::Number) if a gain is not finite,
-    /// [`NotSemidefinite`](GraspError::NotSemidefinite) if one is negative.
+    /// [`Number`](GraspError::Number) if a gain is not finite or negative.
     pub fn diagonal(gains: [T; 6]) -> Result<Self, GraspError> {
         Self::new(&Matrix6::from_diagonal(&Vector6::from(gains)))
     }
@@ -88,12 +88,22 @@ impl<T: Real> SpatialGain<T> {
     }
 }
 
+/// The pivots, as errors name them.
+const AXES: [&str; 6] = [
+    "the gain along x that the other axes leave",
+    "the gain along y that the other axes leave",
+    "the gain along z that the other axes leave",
+    "the gain about x that the other axes leave",
+    "the gain about y that the other axes leave",
+    "the gain about z that the other axes leave",
+];
+
 /// Factors into L D Lᵀ, in units that make the diagonal one so that metres and radians compare, and
 /// with the greatest pivot first, so that a singular matrix does not divide by its rounding.
 fn factorize<T: Real>(matrix: &Matrix6<T>, tolerance: T) -> Result<(), GraspError> {
-    let negative = |axis: usize, pivot: T| GraspError::NotSemidefinite {
-        axis,
-        pivot: pivot.to_f64(),
+    let negative = |axis: usize, pivot: T| {
+        let what = AXES.get(axis).copied().unwrap_or_default();
+        off(what, pivot, Requirement::AtLeast(0.0))
     };
     let mut roots = [T::zero(); 6];
     for (axis, root) in roots.iter_mut().enumerate() {

@@ -2,7 +2,9 @@ use nalgebra::{SVector, Vector3};
 
 use super::contacts::{check, check_list};
 use super::limits::fit;
-use super::{Contacts, GraspError, GraspTuning, TorqueExcess, Twist, Wrench, quantity, too_large};
+use super::{
+    Contacts, GraspError, GraspTuning, TorqueExcess, Twist, Wrench, quantity, too_few, too_large,
+};
 use crate::kinematics::{Jacobian, Kinematics};
 use crate::math::{Real, is_finite, real, sqrt};
 
@@ -138,7 +140,7 @@ impl<T: Real, const M: usize, const N: usize> GraspStiffness<T, M, N> {
     /// of `fingers` become the desired ones.
     ///
     /// # Errors
-    /// [`TooFewContacts`](GraspError::TooFewContacts) for fewer than three fingers; otherwise an
+    /// [`Number`](GraspError::Number) for fewer than three fingers; otherwise an
     /// error of [`Contacts::new`] about the tips, or of [`set_tuning`](Self::set_tuning) about the
     /// tuning.
     pub fn engage(
@@ -146,8 +148,7 @@ impl<T: Real, const M: usize, const N: usize> GraspStiffness<T, M, N> {
         tuning: GraspTuning<T, M, N>,
     ) -> Result<Self, GraspError> {
         if M < 3 {
-            let (contacts, least) = (M, 3);
-            return Err(GraspError::TooFewContacts { contacts, least });
+            return Err(too_few(M, 3.0));
         }
         tuning.check()?;
         for (finger, state) in fingers.iter().enumerate() {
@@ -206,9 +207,8 @@ impl<T: Real, const M: usize, const N: usize> GraspStiffness<T, M, N> {
     /// joint.
     ///
     /// # Errors
-    /// [`Number`](GraspError::Number) for wrong numbers; [`NearCollinear`](GraspError::NearCollinear) or
-    /// [`NoRotation`](GraspError::NoRotation) if the tips have come to lie on a line or determine
-    /// no rotation. There are no torques then.
+    /// [`Number`](GraspError::Number) for wrong numbers, and if the tips have come to lie on a line or determine no
+    /// rotation. There are no torques then.
     pub fn update(
         &self,
         fingers: &[FingerState<T, N>; M],

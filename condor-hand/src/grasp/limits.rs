@@ -65,32 +65,24 @@ pub(super) fn check_limits<T: Real, const M: usize, const N: usize>(
     for (finger, limits) in limits.iter().enumerate() {
         for (joint, (&low, &high)) in limits.low.iter().zip(limits.high.iter()).enumerate() {
             // An infinite limit is none.
-            for (limit, what, must, holds) in [
-                (
-                    low,
-                    "the lower limit of the torque, N m,",
-                    Requirement::AtMost(0.0),
-                    low <= T::zero(),
-                ),
-                (
-                    high,
-                    "the upper limit of the torque, N m,",
-                    Requirement::AtLeast(0.0),
-                    high >= T::zero(),
-                ),
-            ] {
-                if !holds {
-                    return Err(NumberError {
-                        at: Subject::FingerJoint {
-                            finger: finger as u16,
-                            joint: joint as u16,
-                        },
-                        what,
-                        value: limit.to_f64(),
-                        must,
-                    });
+            let (what, value, must) = match (low <= T::zero(), high >= T::zero()) {
+                (true, true) => continue,
+                (false, _) => {
+                    let what = "the lower limit of the torque, N m,";
+                    (what, low, Requirement::AtMost(0.0))
                 }
-            }
+                (true, false) => {
+                    let what = "the upper limit of the torque, N m,";
+                    (what, high, Requirement::AtLeast(0.0))
+                }
+            };
+            let (finger, joint) = (finger as u16, joint as u16);
+            return Err(NumberError {
+                at: Subject::FingerJoint { finger, joint },
+                what,
+                value: value.to_f64(),
+                must,
+            });
         }
     }
     Ok(())

@@ -2,7 +2,8 @@ use nalgebra::Vector3;
 
 use super::contacts::{check, check_about, share, sum};
 use super::quaternion::Rotation;
-use super::{Contacts, GraspError, Twist, quantity, too_large};
+use super::{Contacts, GraspError, Twist, off, quantity, too_few, too_large};
+use crate::Requirement;
 use crate::math::{Real, abs, is_finite, real, sqrt};
 
 /// Newton's steps to the greatest eigenvalue: two or three for a rigid object, more only where two
@@ -25,18 +26,15 @@ impl<T: Real, const M: usize> Contacts<T, M> {
     /// small rotations of what remains: for a rigid object the error is some units of rounding.
     ///
     /// # Errors
-    /// [`TooFewContacts`](GraspError::TooFewContacts) below three;
-    /// [`NoRotation`](GraspError::NoRotation) if the desired points lie on a line or are otherwise no
-    /// image of the contacts; [`Number`](GraspError::Number) if a point is not finite, or if the
-    /// result exceeds the range of the type.
+    /// [`Number`](GraspError::Number) below three contacts; if the desired points lie on a line or are otherwise no
+    /// image of the contacts; if a point is not finite, or if the result exceeds the range of the type.
     pub fn rigid_motion(
         &self,
         desired: &[Vector3<T>; M],
         about: &Vector3<T>,
     ) -> Result<Twist<T>, GraspError> {
         if M < 3 {
-            let (contacts, least) = (M, 3);
-            return Err(GraspError::TooFewContacts { contacts, least });
+            return Err(too_few(M, 3.0));
         }
         check(desired, quantity::DESIRED_TIP)?;
         check_about(about)?;
@@ -124,10 +122,8 @@ impl<T: Real, const M: usize> Contacts<T, M> {
             let [w, x, y, z] = best;
             return Ok(Rotation::normalized(w, Vector3::new(x, y, z)));
         }
-        Err(GraspError::NoRotation {
-            separation: trace.to_f64(),
-            least: least.to_f64(),
-        })
+        let what = "the separation of the fingertips, which is 0 at one point and on a line,";
+        Err(off(what, trace, Requirement::Above(least.to_f64())))
     }
 }
 

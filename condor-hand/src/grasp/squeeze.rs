@@ -1,7 +1,9 @@
 use nalgebra::Vector3;
 
-use super::{Contacts, GraspError, quantity, too_large};
-use crate::math::{Real, is_finite, max, real, sqrt};
+use super::{Contacts, GraspError, coincident, quantity, too_large};
+use crate::math::{Real, max, real, sqrt};
+use crate::number::{NumberError, count, not_negative};
+use crate::{Requirement, Subject};
 
 /// Internal forces of a grasp: each pair of fingers presses on the object from both ends of the line between the two
 /// tips, which is called an edge.
@@ -29,7 +31,7 @@ impl<T: Real, const M: usize> Squeeze<T, M> {
     /// Makes a squeeze in which every pair of fingers presses with the same `force`, N.
     ///
     /// # Errors
-    /// [`SqueezeEdge`](GraspError::SqueezeEdge) for a force below zero or not finite.
+    /// [`Number`](GraspError::Number) for a force below zero or not finite.
     pub fn equal(force: T) -> Result<Self, GraspError> {
         let mut squeeze = Self::none();
         for first in 0..M {
@@ -44,38 +46,27 @@ impl<T: Real, const M: usize> Squeeze<T, M> {
     /// counted from 0.
     ///
     /// # Errors
-    /// [`SqueezeEdge`](GraspError::SqueezeEdge) for a force below zero or not finite, and for an edge
-    /// that does not exist.
+    /// [`Number`](GraspError::Number) for a force below zero or not finite, and for an edge that does not exist.
     pub fn with_edge(mut self, first: usize, second: usize, force: T) -> Result<Self, GraspError> {
         self.set(first, second, force)?;
         Ok(self)
-    }
-
-    /// Returns the force on the edge between the contacts `first` and `second`, N; zero for an edge
-    /// that does not exist. The order of the two contacts does not matter.
-    #[must_use]
-    pub fn edge(&self, first: usize, second: usize) -> T {
-        let (low, high) = (first.min(second), first.max(second));
-        let row = self.edges.get(low);
-        row.and_then(|row| row.get(high))
-            .copied()
-            .unwrap_or(T::zero())
     }
 
     fn set(&mut self, first: usize, second: usize, force: T) -> Result<(), GraspError> {
         let (low, high) = (first.min(second), first.max(second));
         let row = self.edges.get_mut(low);
         match row.and_then(|row| row.get_mut(high)) {
-            Some(edge) if low != high && force >= T::zero() && is_finite(force) => {
+            Some(edge) if low != high => {
+                not_negative("the force of a squeeze, N,", force)?;
                 *edge = force;
                 Ok(())
             }
-            _ => Err(GraspError::SqueezeEdge {
-                first,
-                second,
-                contacts: M,
-                force: force.to_f64(),
-            }),
+            _ => Err(GraspError::Number(NumberError {
+                at: Subject::Contact(low as u16),
+                what: "the other contact of its edge",
+                value: count(high),
+                must: Requirement::Within(count(low + 1), count(M) - 1.0),
+            })),
         }
     }
 }
@@ -87,8 +78,8 @@ impl<T: Real, const M: usize> Contacts<T, M> {
     /// from i to j.
     ///
     /// # Errors
-    /// [`Coincident`](GraspError::Coincident) for contacts at one point with a squeeze between them;
-    /// [`Number`](GraspError::Number) if a result exceeds the range of the type.
+    /// [`Number`](GraspError::Number) for contacts at one point with a squeeze between them, or if a result exceeds the
+    /// range of the type.
     pub fn internal_forces(&self, squeeze: &Squeeze<T, M>) -> Result<[Vector3<T>; M], GraspError> {
         let mut forces = [Vector3::zeros(); M];
         for (first, row) in squeeze.edges.iter().enumerate() {
@@ -108,11 +99,7 @@ impl<T: Real, const M: usize> Contacts<T, M> {
                 let length = sqrt(span.norm_squared());
                 let shortest = max(start.amax(), end.amax()) * T::default_epsilon() * real(16.0);
                 if length <= shortest {
-                    return Err(GraspError::Coincident {
-                        first,
-                        second: first + 1 + step,
-                        distance: length.to_f64(),
-                    });
+                    return Err(coincident(first + 1 + step, length, shortest));
                 }
                 let push = span * (edge / length);
                 *force += push;

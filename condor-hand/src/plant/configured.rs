@@ -6,6 +6,7 @@ use super::{
     AxisParameters, DriveKind, FingerParameters, HandParameters, JointParameters, SimDrive,
     SimFinger, SimStop, SimSurface, SimTable,
 };
+use crate::config::JointFriction;
 use crate::dynamics::Dynamics;
 use crate::math::{abs, max};
 use crate::tendon::Pair;
@@ -41,7 +42,7 @@ pub struct PlantModel {
     pub updates: u32,
     /// The radius of the sphere about each tip that can touch things, m.
     pub tip_radius: f64,
-    /// The surface between any two bodies; the configuration's friction replaces its friction, if
+    /// The surface between a tip and the object; the configuration's friction replaces its friction, if
     /// there is one.
     pub surface: SimSurface,
 }
@@ -159,8 +160,6 @@ impl PlantModel {
             gravity: Vector3::from(hand.gravity),
             tip_radius: self.tip_radius,
             tip_object: surface,
-            tip_ground: surface,
-            object_ground: surface,
         }
     }
 
@@ -212,14 +211,12 @@ impl PlantModel {
     }
 
     fn joint<const N: usize>(&self, joint: &config::Joint<N>) -> JointParameters {
-        let friction = &joint.friction;
-        let fades = friction.coulomb_rate > 0.0;
+        let mut friction = joint.friction;
+        if friction.coulomb_rate == 0.0 {
+            friction.coulomb_rate = 1e-3;
+        }
         JointParameters {
-            armature: friction.armature,
-            damping: friction.viscous,
-            coulomb: friction.coulomb,
-            tendon_friction: friction.tendon,
-            fade: if fades { friction.coulomb_rate } else { 1e-3 },
+            friction,
             range: (joint.limits.low, joint.limits.high),
             ..self.nothing()
         }
@@ -228,11 +225,11 @@ impl PlantModel {
     /// A joint that stays where it is.
     fn nothing(&self) -> JointParameters {
         JointParameters {
-            armature: 1.0,
-            damping: 0.0,
-            coulomb: 0.0,
-            tendon_friction: 0.0,
-            fade: 1.0,
+            friction: JointFriction {
+                armature: 1.0,
+                coulomb_rate: 1.0,
+                ..JointFriction::default()
+            },
             stiffness: 0.0,
             rest: 0.0,
             range: (-1.0, 1.0),

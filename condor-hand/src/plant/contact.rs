@@ -1,7 +1,7 @@
 use nalgebra::Vector3;
 
 use crate::math::{max, sqrt};
-use crate::number::{NumberError, finite, not_negative, positive};
+use crate::number::{NumberError, not_negative, positive};
 
 /// The simulated surface between two bodies that touch: a spring and a damper along the normal, and
 /// a spring and a damper across it that stick up to Coulomb's limit.
@@ -22,14 +22,6 @@ pub struct SimSurface {
     pub friction: f64,
 }
 
-/// The simulated ground: a plane that does not move relative to the palm, which tips and the object
-/// can touch.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SimGround {
-    point: Vector3<f64>,
-    normal: Vector3<f64>,
-}
-
 /// The state of the contact between two simulated bodies in the last update: whether they touch,
 /// and with which force.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -40,8 +32,7 @@ pub struct SimContact {
     pub is_sliding: bool,
     /// The point of contact in the palm, m.
     pub point: Vector3<f64>,
-    /// The force on the first body, N: on the tip if a tip touches something, on the object if the
-    /// object touches the ground.
+    /// The force on the first body, the tip, N.
     pub force: Vector3<f64>,
     /// The part of that force along the normal of the surface, N; not negative.
     pub pressing: f64,
@@ -69,33 +60,6 @@ impl SimSurface {
         )?;
         not_negative("the shear damping of a contact, N s/m", self.shear_damping)?;
         not_negative("the friction of a contact", self.friction)
-    }
-}
-
-impl SimGround {
-    /// Makes the plane through `point` (m) that is perpendicular to `normal`. Bodies are on the
-    /// side to which `normal` points; its length does not matter.
-    ///
-    /// # Errors
-    /// [`NumberError`] if the normal has no length, or a number is not finite.
-    pub fn new(point: Vector3<f64>, normal: Vector3<f64>) -> Result<Self, NumberError> {
-        for &value in point.iter().chain(normal.iter()) {
-            finite("a coordinate of a plane", value)?;
-        }
-        let length = sqrt(normal.norm_squared());
-        positive("the length of a plane's normal", length)?;
-        let normal = normal / length;
-        Ok(Self { point, normal })
-    }
-
-    pub(super) fn overlap(&self, center: &Vector3<f64>, radius: f64) -> Overlap {
-        let height = (center - self.point).dot(&self.normal);
-        let depth = radius - height;
-        Overlap {
-            depth,
-            normal: self.normal,
-            point: center - self.normal * (radius - 0.5 * depth),
-        }
     }
 }
 

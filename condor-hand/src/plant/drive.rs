@@ -48,23 +48,17 @@ impl SimDrive {
         }
     }
 
-    /// At rest at a tension, on a tendon that the joints draw in by `excursion` (m).
-    pub(super) fn at(&self, tension: f64, excursion: f64) -> DriveState {
+    /// At rest at a tension.
+    pub(super) fn at(&self, tension: f64) -> DriveState {
         match &self.kind {
             DriveKind::Euler { .. } | DriveKind::Exact { .. } => DriveState::Tension(tension),
-            DriveKind::Pneumatic(pneumatic) => DriveState::Air(pneumatic.at(tension, excursion)),
+            DriveKind::Pneumatic(pneumatic) => DriveState::Air(pneumatic.at(tension)),
         }
     }
 
-    /// One update of `dt` seconds; returns the tension that acts on the joints during it.
-    pub(super) fn update(
-        &self,
-        state: &mut DriveState,
-        command: f64,
-        excursion: f64,
-        rate: f64,
-        dt: f64,
-    ) -> f64 {
+    /// One update of `dt` seconds, while the joints let the tendon in at `rate` (m/s); returns the tension that
+    /// acts on the joints during it.
+    pub(super) fn update(&self, state: &mut DriveState, command: f64, rate: f64, dt: f64) -> f64 {
         let command = clamp(command, 0.0, self.max_n);
         match (&self.kind, state) {
             (DriveKind::Euler { time_constant_s }, DriveState::Tension(tension)) => {
@@ -80,11 +74,11 @@ impl SimDrive {
                 command - error * gone / ratio
             }
             (DriveKind::Pneumatic(pneumatic), DriveState::Air(air)) => {
-                pneumatic.update(air, command, excursion, rate, dt)
+                pneumatic.update(air, command, rate, dt)
             }
             // A state is made by its own drive.
             (_, state) => {
-                *state = self.at(0.0, excursion);
+                *state = self.at(0.0);
                 0.0
             }
         }

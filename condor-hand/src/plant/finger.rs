@@ -99,16 +99,10 @@ impl<M: Dynamics<f64, N>, const N: usize> SimFinger<M, N> {
         self.q = q;
         self.qd = SVector::zeros();
         self.tensions = tensions;
-        let excursions = self.excursions(&q);
-        let drives = self
-            .parameters
-            .drives
-            .iter()
-            .zip(&tensions)
-            .zip(&excursions);
-        for (state, ((drive, tension), excursion)) in self.drives.iter_mut().zip(drives) {
-            state.flexor = drive.flexor.at(tension.flexor, excursion.flexor);
-            state.extensor = drive.extensor.at(tension.extensor, excursion.extensor);
+        let drives = self.parameters.drives.iter().zip(&tensions);
+        for (state, (drive, tension)) in self.drives.iter_mut().zip(drives) {
+            state.flexor = drive.flexor.at(tension.flexor);
+            state.extensor = drive.extensor.at(tension.extensor);
         }
         Ok(())
     }
@@ -186,36 +180,18 @@ impl<M: Dynamics<f64, N>, const N: usize> SimFinger<M, N> {
     ) -> (TendonPairs<DriveState, N>, TendonPairs<f64, N>) {
         let mut states = self.drives;
         let mut tensions = [Pair::both(0.0); N];
-        let excursions = self.excursions(&self.q);
-        let rates = self.excursions(&self.qd);
-        let inputs = self.parameters.drives.iter().zip(commands);
-        let inputs = inputs.zip(excursions.iter().zip(&rates));
-        for ((state, tension), ((drive, command), (at, rate))) in
-            states.iter_mut().zip(&mut tensions).zip(inputs)
-        {
-            tension.flexor = drive.flexor.update(
-                &mut state.flexor,
-                command.flexor,
-                at.flexor,
-                rate.flexor,
-                dt,
-            );
-            tension.extensor = drive.extensor.update(
-                &mut state.extensor,
-                command.extensor,
-                at.extensor,
-                rate.extensor,
-                dt,
-            );
+        // The rates at which the joints let the tendons in: the negative of those of their lengths.
+        let rates = self.parameters.arms.length_rates(&self.qd);
+        let inputs = self.parameters.drives.iter().zip(commands).zip(&rates);
+        let tendons = states.iter_mut().zip(&mut tensions).zip(inputs);
+        for ((state, tension), ((drive, command), rate)) in tendons {
+            let flexor = &mut state.flexor;
+            tension.flexor = (drive.flexor).update(flexor, command.flexor, -rate.flexor, dt);
+            let extensor = &mut state.extensor;
+            let (pull, rate) = (command.extensor, -rate.extensor);
+            tension.extensor = drive.extensor.update(extensor, pull, rate, dt);
         }
         (states, tensions)
-    }
-
-    /// The lengths by which the joints let the tendons in, m: the negative of their elongation, from all joints
-    /// at zero.
-    fn excursions(&self, q: &SVector<f64, N>) -> TendonPairs<f64, N> {
-        let lengths = self.parameters.arms.length_rates(q);
-        lengths.map(|pair| pair.map(|length| -length))
     }
 
     /// The torques of a joint's own tendons without their signs, N m.
@@ -235,7 +211,7 @@ impl<M: Dynamics<f64, N>, const N: usize> SimFinger<M, N> {
     ) -> Result<SVector<f64, N>, NumberError> {
         let mut armature = *added;
         for (armature, joint) in armature.iter_mut().zip(&self.parameters.joints) {
-            *armature += joint.armature;
+            *armature += joint.friction.armature;
         }
         self.mechanism
             .forward_dynamics(&self.q, &self.qd, torque, gravity, &armature)

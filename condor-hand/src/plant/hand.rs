@@ -1,7 +1,7 @@
 use nalgebra::Vector3;
 
 use super::check::all_finite;
-use super::contact::{SimContact, SimGround, SimSurface};
+use super::contact::{SimContact, SimSurface};
 use super::finger::SimFinger;
 use super::object::SimObject;
 use super::table::SimTable;
@@ -24,33 +24,26 @@ pub struct HandParameters {
     pub tip_radius: f64,
     /// The surface between a tip and the object.
     pub tip_object: SimSurface,
-    /// The surface between a tip and the ground.
-    pub tip_ground: SimSurface,
-    /// The surface between the object and the ground.
-    pub object_ground: SimSurface,
 }
 
-/// A simulated hand of F fingers of N joints. Optionally it has an object and a ground that the
-/// fingertips can touch, and a table that carries the palm.
+/// A simulated hand of F fingers of N joints. Optionally it has an object that the fingertips can
+/// touch, and a table that carries the palm.
 #[derive(Clone, Copy, Debug)]
 pub struct SimHand<M, const F: usize, const N: usize> {
     parameters: HandParameters,
     fingers: [SimFinger<M, N>; F],
     tips: [Tip; F],
     object: Option<SimObject>,
-    object_ground: SimContact,
     disturbance: Wrench,
-    ground: Option<SimGround>,
     table: Option<SimTable>,
     table_forces: Vector3<f64>,
     steps: u64,
 }
 
-/// The contacts of a tip, and the forces that push it besides.
+/// The contact of a tip, and the forces that push it besides.
 #[derive(Clone, Copy, Debug)]
 struct Tip {
     object: SimContact,
-    ground: SimContact,
     disturbance: Wrench,
 }
 
@@ -58,7 +51,7 @@ impl<M, const F: usize, const N: usize> SimHand<M, F, N>
 where
     M: Kinematics<f64, N> + Dynamics<f64, N>,
 {
-    /// Makes a hand without an object and without a ground, on a palm that does not move.
+    /// Makes a hand without an object, on a palm that does not move.
     ///
     /// # Errors
     /// [`NumberError`] for the first parameter that is wrong.
@@ -71,11 +64,8 @@ where
         all_finite("gravity, m/s²", parameters.gravity.iter())?;
         not_negative("the radius of a tip, m", parameters.tip_radius)?;
         parameters.tip_object.check()?;
-        parameters.tip_ground.check()?;
-        parameters.object_ground.check()?;
         let tip = Tip {
             object: SimContact::none(),
-            ground: SimContact::none(),
             disturbance: Wrench::zero(),
         };
         Ok(Self {
@@ -83,9 +73,7 @@ where
             fingers,
             tips: [tip; F],
             object: None,
-            object_ground: SimContact::none(),
             disturbance: Wrench::zero(),
-            ground: None,
             table: None,
             table_forces: Vector3::zeros(),
             steps: 0,
@@ -96,13 +84,6 @@ where
     #[must_use]
     pub fn with_object(mut self, object: SimObject) -> Self {
         self.object = Some(object);
-        self
-    }
-
-    /// Returns the hand with a ground, which the fingertips and the object can touch.
-    #[must_use]
-    pub fn with_ground(mut self, ground: SimGround) -> Self {
-        self.ground = Some(ground);
         self
     }
 
@@ -152,26 +133,11 @@ where
                 wrench.add_force(&force, &(overlap.point - pose.position));
                 on_object.add_force(&-force, &(overlap.point - object.pose().position));
             }
-            if let Some(ground) = &self.ground {
-                let overlap = ground.overlap(&pose.position, self.parameters.tip_radius);
-                let sliding = velocity_at(&overlap.point);
-                let surface = &self.parameters.tip_ground;
-                let force = tip.ground.update(surface, &overlap, &sliding, dt);
-                wrench.add_force(&force, &(overlap.point - pose.position));
-            }
             let torque = jacobian.fixed_rows::<3>(0).tr_mul(&wrench.force)
                 + jacobian.fixed_rows::<3>(3).tr_mul(&wrench.moment);
             finger.advance(dt, commands, &gravity, &torque)?;
         }
         if let Some(object) = &mut self.object {
-            if let Some(ground) = &self.ground {
-                let center = object.pose().position;
-                let overlap = ground.overlap(&center, object.parameters().radius);
-                let sliding = object.velocity_at(&overlap.point);
-                let surface = &self.parameters.object_ground;
-                let force = self.object_ground.update(surface, &overlap, &sliding, dt);
-                on_object.add_force(&force, &(overlap.point - center));
-            }
             object.advance(dt, &on_object, &gravity)?;
         }
         Ok(())
@@ -180,7 +146,6 @@ where
     /// Removes the object, or replaces it by `object`, which nothing touches yet.
     pub fn put_object(&mut self, object: Option<SimObject>) {
         self.object = object;
-        self.object_ground = SimContact::none();
         for tip in &mut self.tips {
             tip.object = SimContact::none();
         }
@@ -255,18 +220,6 @@ impl<M, const F: usize, const N: usize> SimHand<M, F, N> {
     #[must_use]
     pub fn object_contacts(&self) -> [SimContact; F] {
         self.tips.map(|tip| tip.object)
-    }
-
-    /// Returns for each finger the state of the contact between its tip and the ground.
-    #[must_use]
-    pub fn ground_contacts(&self) -> [SimContact; F] {
-        self.tips.map(|tip| tip.ground)
-    }
-
-    /// Returns the state of the contact between the object and the ground.
-    #[must_use]
-    pub fn object_ground_contact(&self) -> &SimContact {
-        &self.object_ground
     }
 
     /// Returns the simulated time since the hand was made, s.

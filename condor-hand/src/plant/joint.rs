@@ -1,4 +1,5 @@
 use super::check::ordered;
+use crate::config::JointFriction;
 use crate::math::tanh;
 use crate::number::{NumberError, finite, not_negative, positive};
 
@@ -6,17 +7,9 @@ use crate::number::{NumberError, finite, not_negative, positive};
 /// rotating joint; for a sliding joint read m for rad and N for N m.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct JointParameters {
-    /// The inertia of the drive as the joint feels it, kg m².
-    pub armature: f64,
-    /// Viscous friction, N m s/rad.
-    pub damping: f64,
-    /// Coulomb friction, N m.
-    pub coulomb: f64,
-    /// Coulomb friction caused by the joint's own tendons, as a share of the torque of each.
-    pub tendon_friction: f64,
-    /// The rate below which Coulomb friction fades to nothing, rad/s: it is
-    /// `coulomb tanh(rate / fade)`.
-    pub fade: f64,
+    /// The inertia of its drive, and its friction. Coulomb friction is `coulomb tanh(rate / coulomb_rate)`, where
+    /// `coulomb` includes that of the joint's own tendons.
+    pub friction: JointFriction,
     /// The stiffness of a spring to `rest`, N m/rad.
     pub stiffness: f64,
     /// The position at which that spring is slack, rad.
@@ -46,11 +39,16 @@ pub(super) struct Passive {
 
 impl JointParameters {
     pub(super) fn check(&self) -> Result<(), NumberError> {
-        not_negative("the armature of a joint, kg m²", self.armature)?;
-        not_negative("the viscous friction of a joint, N m s/rad", self.damping)?;
-        not_negative("the Coulomb friction of a joint, N m", self.coulomb)?;
-        not_negative("the friction of a tendon per torque", self.tendon_friction)?;
-        positive("the rate where Coulomb friction fades, rad/s", self.fade)?;
+        let friction = &self.friction;
+        not_negative("the armature of a joint, kg m²", friction.armature)?;
+        not_negative(
+            "the viscous friction of a joint, N m s/rad",
+            friction.viscous,
+        )?;
+        not_negative("the Coulomb friction of a joint, N m", friction.coulomb)?;
+        not_negative("the friction of a tendon per torque", friction.tendon)?;
+        let what = "the rate where Coulomb friction fades, rad/s";
+        positive(what, friction.coulomb_rate)?;
         not_negative("the spring of a joint, N m/rad", self.stiffness)?;
         finite("the rest of a joint's spring, rad", self.rest)?;
         ordered("the end of a joint's range, rad", self.range)?;
@@ -59,15 +57,13 @@ impl JointParameters {
 
     /// Returns the torques of springs, friction and stops; `load` is the pull of the joint's own tendons, N m.
     pub(super) fn passive(&self, q: f64, qd: f64, load: f64) -> Passive {
+        let friction = &self.friction;
         let mut passive = Passive {
-            torque: -self.stiffness * (q - self.rest) - self.damping * qd,
-            slope: self.damping,
+            torque: -self.stiffness * (q - self.rest) - friction.viscous * qd,
+            slope: friction.viscous,
         };
-        passive.add(coulomb(
-            self.coulomb + self.tendon_friction * load,
-            self.fade,
-            qd,
-        ));
+        let size = friction.coulomb + friction.tendon * load;
+        passive.add(coulomb(size, friction.coulomb_rate, qd));
         passive.add(self.stop.push(self.range, q, qd));
         passive
     }

@@ -42,24 +42,15 @@ pub struct MotionSequence<'a, const J: usize> {
 }
 
 impl<'a, const J: usize> MotionSequence<'a, J> {
-    /// Opens the image of a sequence, and checks every primitive in it. `image` must be exactly the bytes of the image,
-    /// without any after them.
+    /// Opens the image of a sequence for a program that has `joints` joints, at most `J`, and checks every primitive in
+    /// it. `image` must be exactly the bytes of the image, without any after them.
     ///
     /// # Errors
     /// [`ImageError::Length`], [`ImageError::Magic`], [`ImageError::Version`] or [`ImageError::Checksum`] if the
-    /// bytes are no image of motions, [`ImageError::Count`] if they are for another number of joints,
-    /// [`ImageError::Malformed`] or [`ImageError::Content`] if a primitive is wrong. No bytes make this panic.
-    pub fn new(image: &'a [u8]) -> Result<Self, ImageError<MotionError>> {
-        Self::for_joints(J, image)
-    }
-
-    /// Opens an image like [`new`](Self::new), but one for `joints` joints, at most `J`. It is for programs that learn
-    /// the number of joints only when they run.
-    ///
-    /// # Errors
-    /// [`ImageError::Count`] if the image is for another number of joints than `joints`, or `joints` is more than `J`;
-    /// otherwise the same variants as [`new`](Self::new).
-    pub fn for_joints(joints: usize, image: &'a [u8]) -> Result<Self, ImageError<MotionError>> {
+    /// bytes are no image of motions, [`ImageError::Count`] if they are for another number of joints or `joints` is
+    /// more than `J`, [`ImageError::Malformed`] or [`ImageError::Content`] if a primitive is wrong. No bytes make this
+    /// panic.
+    pub fn new(joints: usize, image: &'a [u8]) -> Result<Self, ImageError<MotionError>> {
         let this = Self::open(joints, image)?;
         let mut rest = this.body;
         for index in 0..this.count {
@@ -82,7 +73,7 @@ impl<'a, const J: usize> MotionSequence<'a, J> {
     /// Primitives that are malformed all the same end the sequence.
     ///
     /// # Errors
-    /// Returns the same variants as [`for_joints`](Self::for_joints), but for [`ImageError::Malformed`] and
+    /// Returns the same variants as [`new`](Self::new), but for [`ImageError::Malformed`] and
     /// [`ImageError::Content`].
     pub fn open(joints: usize, image: &'a [u8]) -> Result<Self, ImageError<MotionError>> {
         let ([j0, j1, count @ ..], body) = FORMAT.open(image)?;
@@ -125,26 +116,14 @@ impl<'a, const J: usize> MotionSequence<'a, J> {
     }
 }
 
-/// Writes the image of a sequence of primitives, which [`MotionSequence::new`] reads, to the front of `buffer`. Returns
-/// the length of the image in bytes.
+/// Writes the image of a sequence of primitives for a program that has `joints` joints, at most `J`, to the front of
+/// `buffer`; [`MotionSequence::new`] reads it. Returns the length of the image in bytes.
 ///
 /// # Errors
-/// [`ImageError::BufferTooShort`] if the buffer is too short; [`ImageError::Content`] if no generator can run a
-/// primitive. The content of the buffer is useless then.
+/// [`ImageError::BufferTooShort`] if the buffer is too short; [`ImageError::Count`] if `joints` is more than `J`;
+/// [`ImageError::Content`] if no generator can run a primitive, with [`MotionError::Mask`] if it moves a joint from
+/// `joints` on. The content of the buffer is useless then.
 pub fn encode<'m, const J: usize>(
-    motions: impl IntoIterator<Item = &'m Primitive<J>>,
-    buffer: &mut [u8],
-) -> Result<usize, ImageError<MotionError>> {
-    write(motions, buffer, HEADER_BYTES, 0, J)
-}
-
-/// Writes an image like [`encode`], but for a program that has `joints` joints, at most `J`. It is for tools that learn
-/// the number of joints only when they run. Returns the length of the image in bytes.
-///
-/// # Errors
-/// [`ImageError::Count`] if `joints` is more than `J`; [`ImageError::Content`] with [`MotionError::Mask`] if a
-/// primitive moves a joint from `joints` on; otherwise the same variants as [`encode`].
-pub fn encode_for<'m, const J: usize>(
     joints: usize,
     motions: impl IntoIterator<Item = &'m Primitive<J>>,
     buffer: &mut [u8],
@@ -156,36 +135,21 @@ pub fn encode_for<'m, const J: usize>(
     write(motions, buffer, HEADER_BYTES, 0, joints)
 }
 
-/// Appends a primitive to the image in the first `len` bytes of `buffer`; a `len` of 0 begins a new image. Returns the
-/// new length of the image in bytes.
+/// Appends a primitive to the image for `joints` joints in the first `len` bytes of `buffer`; a `len` of 0 begins a new
+/// image. Returns the new length of the image in bytes.
 ///
 /// # Errors
-/// [`ImageError::BufferTooShort`] if the buffer is too short; [`ImageError::Length`], [`ImageError::Magic`],
-/// [`ImageError::Version`] or [`ImageError::Checksum`] if it has no image in its first `len` bytes;
-/// [`ImageError::Count`] if that image is for another number of joints; [`ImageError::Content`] if no generator
-/// can run the primitive. The image does not change then.
+/// [`ImageError::Length`], [`ImageError::Magic`], [`ImageError::Version`] or [`ImageError::Checksum`] if `buffer` has no
+/// image in its first `len` bytes; [`ImageError::Count`] if that image is for another number of joints; otherwise the
+/// same variants as [`encode`]. The image does not change then.
 pub fn append<const J: usize>(
-    primitive: &Primitive<J>,
-    buffer: &mut [u8],
-    len: usize,
-) -> Result<usize, ImageError<MotionError>> {
-    append_for(J, primitive, buffer, len)
-}
-
-/// Appends a primitive like [`append`], but to an image for a program that has `joints` joints, at most `J`.
-///
-/// # Errors
-/// [`ImageError::Count`] if `joints` is more than `J`, or the image is for another number of joints;
-/// [`ImageError::Content`] with [`MotionError::Mask`] if the primitive moves a joint from `joints` on; otherwise the
-/// same variants as [`append`].
-pub fn append_for<const J: usize>(
     joints: usize,
     primitive: &Primitive<J>,
     buffer: &mut [u8],
     len: usize,
 ) -> Result<usize, ImageError<MotionError>> {
     if len == 0 {
-        return encode_for(joints, [primitive], buffer);
+        return encode(joints, [primitive], buffer);
     }
     let short = ImageError::BufferTooShort { len: buffer.len() };
     let image = buffer.get(..len).ok_or(short)?;

@@ -38,7 +38,7 @@ macro_rules! cases {
 cases! {
     a_stop_in_which_the_joint_would_swing: UTAH,
         "bandwidth_hz = 8.0" => "bandwidth_hz = 80.0",
-        "hand.toml:117:16: `stop.bandwidth_hz` of joint `abduction` of finger `index` is 80; a stop so stiff would make the joint swing at its limit instead of coming to rest: with its servo and its actuators, 13.5545349121 is the most\n    80.0";
+        "hand.toml:117:16: `stop.bandwidth_hz` of joint `abduction` of finger `index` is 80; it must be at most 13.5545349121; with its servo and its actuators the joint would swing on a stiffer stop instead of coming to rest\n    80.0";
     no_toml: UTAH,
         "servo_hz = 400 " => "servo_hz = = 400 ",
         "hand.toml:10:12: extra `=`, expected nothing\n    =";
@@ -146,13 +146,13 @@ cases! {
         "hand.toml:127:9: `flexor.max_n` of joint `abduction` of finger `index` is 130; it must be below `break_n`, which is 120\n    130.0";
     zero_gain: UTAH,
         "gain = 31.5 }   " => "gain = 0.0 }   ",
-        "hand.toml:132:27: `flexor.dac.gain` of joint `abduction` of finger `index` is 0: all counts would mean the same\n    0.0";
+        "hand.toml:132:27: `flexor.dac.gain` of joint `abduction` of finger `index` is 0; all counts would mean the same, so give another\n    0.0";
     beyond_adc: UTAH,
         "offset = -1.0471975511965976" => "offset = 0.0",
-        "hand.toml:160:7: `adc` of joint `abduction` of finger `index` would need -568.888888889 counts for -0.436332312999, but its converter has only 0 to 4095\n    { board = 0, channel = 0 }";
+        "hand.toml:160:7: `adc` of joint `abduction` of finger `index`: a value that it must convert is -0.436332312999; it must be from 0 to 3.1408256632, which its counts can mean; give it another gain or offset\n    { board = 0, channel = 0 }";
     beyond_dac: UTAH,
         "gain = 31.5 }   " => "gain = 32.5 }   ",
-        "hand.toml:161:52: `flexor.dac` of joint `abduction` of finger `index` would need 4225 counts for 130, but its converter has only 0 to 4095\n    { board = 0, channel = 0 }";
+        "hand.toml:161:52: `flexor.dac` of joint `abduction` of finger `index`: a value that it must convert is 130; it must be from 0 to 126, which its counts can mean; give it another gain or offset\n    { board = 0, channel = 0 }";
     no_bits: UTAH,
         "adc = { bits = 12, gain = 7" => "adc = { bits = 0, gain = 7",
         "hand.toml:100:16: `adc.bits` of joint `abduction` of finger `index` is 0; it must be at least 1\n    0";
@@ -167,76 +167,76 @@ cases! {
         "hand.toml:42:102: `flexor.cutoff_hz` of joint `roll` of finger `a` is 1000; it must be below 1000\n    1000.0";
     not_rotation: UTAH,
         "[0.0, -1.0, 0.0], [0.0, 0.0, -1.0]" => "[0.0, -1.0, 0.1], [0.0, 0.0, -1.0]",
-        "hand.toml:251:57: `base.rotation` of finger `thumb` is not a rotation: its axes differ by up to 0.1 from orthogonal unit vectors, and its determinant, which must be 1, is 1\n    { rows = [[1.0, 0.0, 0.0], [0.0, -1.0, 0.1], [0.0, 0.0, -1.0]] }";
+        "hand.toml:251:57: `base.rotation` of finger `thumb`: the greatest difference of its axes from orthogonal unit vectors is 0.1; it must be at most 0.000000001\n    { rows = [[1.0, 0.0, 0.0], [0.0, -1.0, 0.1], [0.0, 0.0, -1.0]] }";
     reflection: UTAH,
         "[0.0, -1.0, 0.0], [0.0, 0.0, -1.0]" => "[0.0, 1.0, 0.0], [0.0, 0.0, -1.0]",
-        "hand.toml:251:57: `base.rotation` of finger `thumb` is not a rotation: its axes differ by up to 0 from orthogonal unit vectors, and its determinant, which must be 1, is -1\n    { rows = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, -1.0]] }";
+        "hand.toml:251:57: `base.rotation` of finger `thumb`: its determinant is -1; it must be 1; a left-handed frame has -1\n    { rows = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, -1.0]] }";
     not_unit: TRIPOD,
         "motion = { revolute = [0.0, 1.0, 0.0] }" => "motion = { revolute = [0.0, 2.0, 0.0] }",
-        "hand.toml:63:100: `mount.motion.revolute` of joint `bend` of finger `a` has the length 2; an axis has the length 1\n    [0.0, 2.0, 0.0]";
+        "hand.toml:63:100: `mount.motion.revolute` of joint `bend` of finger `a`: its length is 2; it must be 1\n    [0.0, 2.0, 0.0]";
     direction: UTAH,
         "direction = [0.0, 1.0, 0.0]" => "direction = [0.0, 1.0, 1.0]",
-        "hand.toml:74:13: `direction` of axis `y` has the length 1.41421356237; an axis has the length 1\n    [0.0, 1.0, 1.0]";
+        "hand.toml:74:13: `direction` of axis `y`: its length is 1.41421356237; it must be 1\n    [0.0, 1.0, 1.0]";
     rotation_axis: TRIPOD,
         "axis = { axis = [0.0, 0.0, 1.0], angle = 2" => "axis = { axis = [0.0, 0.0, 0.0], angle = 2",
-        "hand.toml:83:85: `base.rotation.axis.axis` of finger `b` has the length 0; an axis has the length 1\n    [0.0, 0.0, 0.0]";
+        "hand.toml:83:85: `base.rotation.axis.axis` of finger `b`: its length is 0; it must be 1\n    [0.0, 0.0, 0.0]";
     not_inertia: TRIPOD,
         "moments = [2e-6, 3e-6, 4e-6]" => "moments = [1e-6, 1e-6, 4e-6]",
-        "hand.toml:55:87: `body.shape.inertia.moments` of joint `roll` of finger `a` is no inertia of a body\n    [1e-6, 1e-6, 4e-6]";
+        "hand.toml:55:87: `body.shape.inertia.moments` of joint `roll` of finger `a` is no inertia of a body; in any axes each moment must be above 0 and at most the sum of the two others\n    [1e-6, 1e-6, 4e-6]";
     products_too_large: TRIPOD,
         "products = [1e-7, 0.0, -1e-7]" => "products = [1e-5, 0.0, -1e-7]",
-        "hand.toml:55:87: `body.shape.inertia.moments` of joint `roll` of finger `a` is no inertia of a body\n    [2e-6, 3e-6, 4e-6]";
+        "hand.toml:55:87: `body.shape.inertia.moments` of joint `roll` of finger `a` is no inertia of a body; in any axes each moment must be above 0 and at most the sum of the two others\n    [2e-6, 3e-6, 4e-6]";
     flat_cuboid: UTAH,
         "cuboid = [0.033, 0.018, 0.02]" => "cuboid = [0.033, 0.018, 0.0]",
         "hand.toml:175:89: `body.shape.cuboid[2]` of joint `middle` of finger `index` is 0; it must be above 0\n    0.0";
     no_name: UTAH,
         "name = \"thumb\"" => "name = \" \"",
-        "hand.toml:249:8: `name` of finger ` ` is empty\n    \" \"";
+        "hand.toml:249:8: `name` of finger ` ` is empty; it must have letters\n    \" \"";
     finger_twice: UTAH,
         "name = \"thumb\"" => "name = \"ring\"",
-        "hand.toml:249:8: `name` of finger `ring` is taken already\n    \"ring\"";
+        "hand.toml:249:8: `name` of finger `ring` is taken already; give each its own\n    \"ring\"";
     joint_twice: TRIPOD,
         "name = \"bend\"" => "name = \"roll\"",
-        "hand.toml:61:8: `name` of joint `roll` of finger `a` is taken already\n    \"roll\"";
+        "hand.toml:61:8: `name` of joint `roll` of finger `a` is taken already; give each its own\n    \"roll\"";
     axis_twice: UTAH,
         "name = \"z\"" => "name = \"y\"",
-        "hand.toml:85:8: `name` of axis `y` is taken already\n    \"y\"";
+        "hand.toml:85:8: `name` of axis `y` is taken already; give each its own\n    \"y\"";
     no_joints: TRIPOD,
         "[[fingers]]\nname = \"b\"" => "[[fingers]]\nname = \"d\"\nbase = {}\nform = { chain = { tip = [0, 0, 0] } }\njoints = []\n\n[[fingers]]\nname = \"b\"",
-        "hand.toml:84:10: `joints` of finger `d` is empty\n    []";
+        "hand.toml:84:10: `joints` of finger `d` is empty; it must have one entry or more\n    []";
     processor_twice: UTAH,
         "number = 5" => "number = 2",
-        "hand.toml:53:10: `number` of processor 2 is taken already\n    2";
+        "hand.toml:53:10: `number` of processor 2 is taken already; give each its own\n    2";
     no_processor: UTAH,
         "joint_defaults = { processor = 2 }" => "joint_defaults = { processor = 9 }",
-        "hand.toml:224:32: `processor` of joint `abduction` of finger `ring` is 9, which the hand does not have\n    9";
+        "hand.toml:224:32: `processor` of joint `abduction` of finger `ring` is 9; it must be the number of a servo processor of the hand\n    9";
     wrong_kind: UTAH,
         "joint_defaults = { processor = 2 }" => "joint_defaults = { processor = 5 }",
-        "hand.toml:224:32: `processor` of joint `abduction` of finger `ring` is 5, which is a table processor, but must be a servo processor\n    5";
+        "hand.toml:224:32: `processor` of joint `abduction` of finger `ring` is 5; it must be the number of a servo processor of the hand\n    5";
     axis_on_a_servo: UTAH,
         "direction = [0.0, 1.0, 0.0]\nprocessor = 5" => "direction = [0.0, 1.0, 0.0]\nprocessor = 1",
-        "hand.toml:75:13: `processor` of axis `y` is 1, which is a servo processor, but must be a table processor\n    1";
+        "hand.toml:75:13: `processor` of axis `y` is 1; it must be the number of a table processor of the hand\n    1";
     split_finger: UTAH,
         "adc = { board = 0, channel = 6 }" => "processor = 2\nadc = { board = 0, channel = 6 }",
-        "hand.toml:211:13: `processor` of joint `middle` of finger `middle` is 2, but the finger's first joint has processor 1; tendons couple the joints of a finger, so give them all one processor\n    2";
+        "hand.toml:211:13: `processor` of joint `middle` of finger `middle` is 2; it must be 1 like that of the finger's first joint; tendons couple the joints of a finger, so give them all one processor\n    2";
     rate: UTAH,
         "trajectory_hz = 50 " => "trajectory_hz = 60 ",
-        "hand.toml:10:12: `servo_hz` of the hand is 400, which is not a multiple of 60, the trajectories' rate\n    400";
+        "hand.toml:10:12: `servo_hz` of the hand is 400; it must be a multiple of 60, the trajectories' rate\n    400";
     rate_of_a_processor: TRIPOD,
         "rate_hz = 2000" => "rate_hz = 1950",
-        "hand.toml:24:11: `rate_hz` of processor 7 is 1950, which is not a multiple of 100, the trajectories' rate\n    1950";
+        "hand.toml:24:11: `rate_hz` of processor 7 is 1950; it must be a multiple of 100, the trajectories' rate\n    1950";
     rate_zero: UTAH,
         "trajectory_hz = 50 " => "trajectory_hz = 0 ",
         "hand.toml:11:17: `trajectory_hz` of the hand is 0; it must be above 0\n    0";
     load: UTAH,
         "joint_us = 100.0" => "joint_us = 240.0",
-        "hand.toml:43:10: `budget` of processor 1 is 0.8, but the loop of the processor would take 0.828 of its time; give it fewer joints or axes, or a lower rate\n    0.8";
+        "hand.toml:43:10: `budget` of processor 1 is 0.8; it must be at least 0.828, which its loop takes of its time; give it fewer joints or axes, or a lower rate\n    0.8";
     same_adc_channel: UTAH,
         "adc = { board = 0, channel = 13 }" => "adc = { board = 0, channel = 2 }",
-        "hand.toml:261:30: `adc.channel` of joint `proximal` of finger `thumb` is A/D channel 2 of board 0, which joint `middle` of finger `index` has already; a channel has one wire\n    2";
+        "hand.toml:261:30: `adc.channel` of joint `proximal` of finger `thumb` is A/D channel 2 of board 0; `fingers[0].joints[2].adc.channel` is the same, and a channel has one wire\n    2";
     same_dac_channel: UTAH,
         "dac = { board = 1, channel = 23 }" => "dac = { board = 2, channel = 2 }",
-        "hand.toml:89:30: `dac.channel` of axis `z` is D/A channel 2 of board 2, which joint `distal` of finger `thumb` has already; a channel has one wire\n    2";
+        "hand.toml:89:30: `dac.channel` of axis `z` is D/A channel 2 of board 2; `fingers[3].joints[3].extensor.dac.channel` is the same, and a channel has one wire\n    2";
     own_flexor_arm: TRIPOD,
         "arm_m = 0.006, adc = { board = 0, channel = 4 }" => "arm_m = -0.006, adc = { board = 0, channel = 4 }",
         "hand.toml:66:20: `flexor.arm_m` of joint `bend` of finger `a` is -0.006; it must be above 0\n    -0.006";
@@ -245,31 +245,31 @@ cases! {
         "hand.toml:178:90: `extensor.arm_m` of joint `middle` of finger `index` is 0; it must be below 0\n    0.0";
     crosses_nothing: UTAH,
         "joint = \"middle\", flexor_m" => "joint = \"midle\", flexor_m",
-        "hand.toml:188:11: `crosses` of joint `distal` of finger `index` names joint `midle`, which the finger does not have\n    [";
+        "hand.toml:188:11: `crosses` of joint `distal` of finger `index`: a joint in it is `midle`; it must be a joint of the finger\n    [";
     crosses_distal: UTAH,
         "joint = \"proximal\", flexor_m = 0.0095" => "joint = \"distal\", flexor_m = 0.0095",
-        "hand.toml:179:11: `crosses` of joint `middle` of finger `index` names joint `distal`, which is not proximal to it\n    [{ joint = \"distal\", flexor_m = 0.0095, extensor_m = -0.0095 }]";
+        "hand.toml:179:11: `crosses` of joint `middle` of finger `index`: a joint in it is `distal`; it must be proximal to this one\n    [{ joint = \"distal\", flexor_m = 0.0095, extensor_m = -0.0095 }]";
     crosses_itself: TRIPOD,
         "joint = \"roll\", flexor_m" => "joint = \"bend\", flexor_m",
-        "hand.toml:68:11: `crosses` of joint `bend` of finger `a` names joint `bend`, which is not proximal to it\n    [{ joint = \"bend\", flexor_m = 0.001, extensor_m = 0.001 }]";
+        "hand.toml:68:11: `crosses` of joint `bend` of finger `a`: a joint in it is `bend`; it must be proximal to this one\n    [{ joint = \"bend\", flexor_m = 0.001, extensor_m = 0.001 }]";
     crosses_twice: UTAH,
         "joint = \"middle\", flexor_m" => "joint = \"proximal\", flexor_m",
-        "hand.toml:188:11: `crosses` of joint `distal` of finger `index` names joint `proximal`, which an entry before names too\n    [";
+        "hand.toml:188:11: `crosses` of joint `distal` of finger `index`: a joint in it is `proximal`; it must be there once\n    [";
     planar_joints: TRIPOD,
         "form = { chain = { tip = [0.02, 0.0, 0.0] } }" => "form = { planar = { lengths = [0.0, 0.03, 0.03, 0.02] } }",
-        "hand.toml:46:1: finger `a` is planar and has 3 joints, but a planar finger must have 4; for another number write `form = { chain = … }`\n    [[fingers]]";
+        "hand.toml:46:1: finger `a`: the number of its joints is 3; it must be 4 in a planar finger; for another number write `form = { chain = … }`\n    [[fingers]]";
     off_axis: UTAH,
         "center = [0.0216, 0.0, 0.0]" => "center = [0.0216, 0.001, 0.0]",
-        "hand.toml:167:35: `body.center` of joint `proximal` of finger `index` is not on the x axis; a planar finger's links are\n    [0.0216, 0.001, 0.0]";
+        "hand.toml:167:35: `body.center` of joint `proximal` of finger `index` is not on the x axis; the links of a planar finger are; write `form = { chain = … }` for others\n    [0.0216, 0.001, 0.0]";
     off_axis_inertia: UTAH,
         "shape = { cuboid = [0.0432, 0.018, 0.02] }" => "shape = { inertia = { moments = [4e-6, 1e-5, 1e-5], products = [1e-7, 0.0, 0.0] } }",
-        "hand.toml:167:118: `body.shape.inertia.products` of joint `proximal` of finger `index` is not on the x axis; a planar finger's links are\n    [1e-7, 0.0, 0.0]";
+        "hand.toml:167:118: `body.shape.inertia.products` of joint `proximal` of finger `index` is not on the x axis; the links of a planar finger are; write `form = { chain = … }` for others\n    [1e-7, 0.0, 0.0]";
     no_mount: TRIPOD,
         "mount = { motion = { revolute = [1.0, 0.0, 0.0] } }" => "#",
-        "hand.toml:51:1: joint `roll` of finger `a` has no `mount`, which a joint of a chain needs\n    [[fingers.joints]]";
+        "hand.toml:51:1: `mount` of joint `roll` of finger `a` is missing; a joint of a chain needs one\n    [[fingers.joints]]";
     needless_mount: UTAH,
         "adc = { board = 0, channel = 1 }" => "mount = { motion = { revolute = [0.0, 1.0, 0.0] } }\nadc = { board = 0, channel = 1 }",
-        "hand.toml:168:9: `mount` of joint `proximal` of finger `index` is needless: in a planar finger the lengths say where joints are\n    { motion = { revolute = [0.0, 1.0, 0.0] } }";
+        "hand.toml:168:9: `mount` of joint `proximal` of finger `index` is needless; in a planar finger the lengths say where joints are, so leave it out\n    { motion = { revolute = [0.0, 1.0, 0.0] } }";
     stop_zone: UTAH,
         "zone = 0.05235987755982988" => "zone = 0.5",
         "hand.toml:116:8: `stop.zone` of joint `abduction` of finger `index` is 0.5; it must be at most 0.436332312999\n    0.5";

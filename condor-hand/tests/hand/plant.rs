@@ -13,5 +13,4 @@ mod energy;
 mod grasp;
 mod mechanisms;
 mod replay;
-mod sensors;
 mod table;

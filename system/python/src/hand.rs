@@ -2,7 +2,7 @@
 
 use condor_hand::config::{self, Converter, Wire};
 use condor_hand::trajectory::Primitive;
-use condor_hand::trajectory::image::encode_for;
+use condor_hand::trajectory::image::encode;
 use condor_hand::trajectory::motion::load;
 use condor_host::robot::{Robot as _, Simulator as _};
 use condor_scene::HandView;
@@ -147,7 +147,7 @@ impl Hand {
             let names: Vec<_> = joints.iter().map(|joint| &joint.name).collect();
             let motions: Vec<Primitive<MOVED>> = load(motion, file, &names)?;
             let mut bytes = vec![0; BYTES];
-            let length = encode_for(joints.len(), &motions, &mut bytes)
+            let length = encode(joints.len(), &motions, &mut bytes)
                 .map_err(|error| Failure::refused(format!("{file}: {error}")))?;
             bytes.truncate(length);
             Ok::<_, Failure>(bytes)

@@ -10,7 +10,7 @@ use std::vec::Vec;
 
 use condor_hand::config::TextError;
 use condor_hand::grasp::distributed::GraspSettings;
-use condor_hand::trajectory::image::encode_for;
+use condor_hand::trajectory::image::encode;
 use condor_hand::trajectory::motion::load;
 use condor_platform::linux::{WholeFile, read_text};
 use thiserror::Error;
@@ -215,7 +215,7 @@ pub fn compile_motion(
 ) -> Result<Vec<u8>, CompileError> {
     let motions = load::<{ FINGERS * JOINTS }>(text, &path.to_string_lossy(), names)?;
     let mut bytes = vec![0; BYTES];
-    let len = encode_for(names.len(), &motions, &mut bytes).map_err(whole(path))?;
+    let len = encode(names.len(), &motions, &mut bytes).map_err(whole(path))?;
     bytes.truncate(len);
     Ok(bytes)
 }

@@ -167,7 +167,9 @@ impl<'de> Deserializer<'de> for Value<'de, '_> {
     ) -> Result<V::Value, Misreading> {
         if is_spanned(name) {
             let span = self.value.span();
-            return visitor.visit_map(SpannedDeserializer::new(self, span));
+            let spanned = SpannedDeserializer::new(self, span.clone());
+            let value = visitor.visit_map(spanned);
+            return value.map_err(|fault: Misreading| fault.within(&span));
         }
         self.deserialize_any(visitor)
     }

@@ -2,150 +2,202 @@
 
 use nalgebra::Matrix3;
 
-use super::place::{Examiner, NOT_NEGATIVE, POSITIVE, Root, join};
-use super::shared::ORTHONORMAL;
+use super::at::{At, NOT_NEGATIVE, ORTHONORMAL, POSITIVE};
 use crate::config::{
-    Finger, Form, Joint, JointMotion, LinkBody, Mistake, Problem, ProcessorKind, Rotation,
-    ServoLaw, Shape, Tendon,
+    Allowed, Finger, Form, Hand, Joint, JointMotion, LinkBody, Mistake, MistakeValue, Mount,
+    ProcessorKind, Rotation, ServoLaw, Shape, Tendon,
 };
 use crate::kinematics::body_inertia;
 use crate::math::{abs, is_finite, max};
+use crate::number::count;
 use crate::tendon::Rectification;
 use crate::{NumberError, Requirement, Subject};
 
-impl<const F: usize, const J: usize> Examiner<'_, F, J> {
-    pub(super) fn finger(&mut self, index: usize, finger: &Finger<J>) -> Result<(), Mistake> {
-        let root = Root::Finger(index);
-        let fingers = &self.hand.fingers;
-        self.name(
-            root,
-            &finger.name,
-            fingers.iter().take(index).map(|finger| &finger.name),
-        )?;
-        self.list(root, "base.position", &finger.base.position)?;
-        self.rotation(root, "base.rotation", &finger.base.rotation)?;
+impl<const F: usize, const J: usize> Hand<F, J> {
+    pub(super) fn check_finger(&self, index: usize) -> Result<(), Mistake> {
+        let Some(finger) = self.fingers.get(index) else {
+            return Ok(());
+        };
+        let at = At::finger(index, &finger.name);
+        let earlier = self.fingers.iter().take(index);
+        at.name(&finger.name, earlier.map(|finger| &finger.name))?;
+        let base = at.table("base");
+        base.list("position", &finger.base.position, Requirement::Finite)?;
+        finger.base.rotation.check(&base, "rotation")?;
         if let Some(touch) = &finger.touch {
-            let contact_n = touch.contact_n;
-            self.number(root, "touch.contact_n", contact_n, POSITIVE)?;
-            self.converters(root, "touch", (&touch.adc, [0.0, contact_n]), None)?;
+            let at = at.table("touch");
+            at.number("contact_n", touch.contact_n, POSITIVE)?;
+            at.input(&touch.adc, [0.0, touch.contact_n])?;
         }
-        self.not_empty(root, "joints", finger.joints.is_empty())?;
+        at.not_empty("joints", finger.joints.is_empty())?;
+        finger.check_form(&at)?;
         let first = finger.processor().unwrap_or(0);
-        self.form(index, finger)?;
         for (place, joint) in finger.joints.iter().enumerate() {
-            let root = Root::Joint(index, place);
+            let at = at.joint(place, &joint.name);
             let earlier = finger.joints.iter().take(place);
-            self.name(root, &joint.name, earlier.map(|joint| &joint.name))?;
-            let served = self.processor(root, joint.processor, ProcessorKind::Servo)?;
-            let rate_hz = self.hand.rate_hz(served);
-            let number = joint.processor;
-            if number != first {
-                let problem = Problem::SplitFinger { number, first };
-                return Err(self.wrong(root, "processor", problem));
+            at.name(&joint.name, earlier.map(|joint| &joint.name))?;
+            let served = at.served(self, joint.processor, ProcessorKind::Servo)?;
+            if joint.processor != first {
+                let must = Requirement::Equal(first.into());
+                let reason = " like that of the finger's first joint; tendons couple the joints of a finger, so give them all one processor";
+                return Err(at.off("processor", joint.processor.into(), must, reason));
             }
-            self.joint(root, joint, rate_hz)?;
-            self.stop(root, joint, rate_hz)?;
-            self.crossings(root, finger, place)?;
+            let rate_hz = self.rate_hz(served);
+            joint.check(&at, rate_hz)?;
+            joint.check_stop(&at, rate_hz)?;
+            finger.check_crossings(&at, place)?;
         }
-        self.arms(index, finger)
+        finger.check_arms(&at)
     }
+}
 
+impl<const J: usize> Finger<J> {
     /// Checks the joints against the conditions of the finger's mechanism.
-    fn form(&mut self, index: usize, finger: &Finger<J>) -> Result<(), Mistake> {
-        let planar = match finger.form {
+    fn check_form(&self, at: &At) -> Result<(), Mistake> {
+        let is_planar = match self.form {
             Form::Planar {
                 lengths: [l0, l1, l2, l3],
             } => {
-                let rows = [
+                at.table("form.planar").numbers([
                     ("lengths[0]", l0, NOT_NEGATIVE),
                     ("lengths[1]", l1, POSITIVE),
                     ("lengths[2]", l2, POSITIVE),
                     ("lengths[3]", l3, POSITIVE),
-                ];
-                self.numbers(Root::Finger(index), "form.planar", rows)?;
-                let joints = finger.joints.len();
-                if joints != 4 {
-                    let problem = Problem::PlanarJoints { joints };
-                    return Err(self.wrong(Root::Finger(index), "", problem));
-                }
+                ])?;
                 true
             }
             Form::Chain { tip } => {
-                self.list(Root::Finger(index), "form.chain.tip", &tip)?;
+                at.list("form.chain.tip", &tip, Requirement::Finite)?;
                 false
             }
         };
-        for (number, joint) in finger.joints.iter().enumerate() {
-            let root = Root::Joint(index, number);
+        let joints = self.joints.len();
+        if is_planar && joints != 4 {
+            let reason = " in a planar finger; for another number write `form = { chain = … }`";
+            let quantity = ": the number of its joints";
+            let wrong = at.off("", count(joints), Requirement::Equal(4.0), reason);
+            return Err(Mistake { quantity, ..wrong });
+        }
+        for (number, joint) in self.joints.iter().enumerate() {
+            let at = at.joint(number, &joint.name);
             match &joint.mount {
-                Some(_) if planar => {
-                    let problem =
-                        "is needless: in a planar finger the lengths say where joints are";
-                    return Err(self.wrong(root, "mount", Problem::Is(problem)));
+                Some(_) if is_planar => {
+                    let rule =
+                        "in a planar finger the lengths say where joints are, so leave it out";
+                    return Err(at.words("mount", "needless", rule));
                 }
-                None if !planar => {
-                    let problem = "has no `mount`, which a joint of a chain needs";
-                    return Err(self.wrong(root, "", Problem::Is(problem)));
+                None if !is_planar => {
+                    let rule = "a joint of a chain needs one";
+                    return Err(at.words("mount", "missing", rule));
                 }
-                Some(mount) => {
-                    self.list(root, "mount.position", &mount.position)?;
-                    self.rotation(root, "mount.rotation", &mount.rotation)?;
-                    match mount.motion {
-                        JointMotion::Revolute(axis) => {
-                            self.unit(root, "mount.motion.revolute", axis)?;
-                        }
-                        JointMotion::Prismatic(axis) => {
-                            self.unit(root, "mount.motion.prismatic", axis)?;
-                        }
-                    }
-                }
+                Some(mount) => mount.check(&at.table("mount"))?,
                 None => {}
             }
             if let Some(body) = &joint.body {
-                self.body(root, body, planar)?;
+                body.check(&at.table("body"), is_planar)?;
             }
         }
         Ok(())
     }
 
-    fn body(&mut self, root: Root, body: &LinkBody, planar: bool) -> Result<(), Mistake> {
-        let off_axis = Problem::Is("is not on the x axis; a planar finger's links are");
-        self.number(root, "body.mass_kg", body.mass_kg, POSITIVE)?;
-        self.list(root, "body.center", &body.center)?;
-        let shape = match body.shape {
-            Shape::Cuboid([x, y, z]) => {
-                let rows = [
-                    ("cuboid[0]", x, POSITIVE),
-                    ("cuboid[1]", y, POSITIVE),
-                    ("cuboid[2]", z, POSITIVE),
-                ];
-                self.numbers(root, "body.shape", rows)?;
-                "body.shape.cuboid"
+    /// Checks which joints the tendons of a joint cross.
+    fn check_crossings(&self, at: &At, index: usize) -> Result<(), Mistake> {
+        let crosses = self.joints.get(index).map(|joint| &joint.crosses);
+        let crosses = crosses.into_iter().flatten();
+        for (number, crossing) in crosses.clone().enumerate() {
+            let arms = [crossing.flexor_m, crossing.extensor_m];
+            at.list("crosses", &arms, Requirement::Finite)?;
+            let crossed = &crossing.joint;
+            let mut earlier = crosses.clone().take(number);
+            let mut joints = self.joints.iter();
+            let rule = match joints.position(|other| other.name == *crossed) {
+                None => "it must be a joint of the finger",
+                Some(place) if place >= index => "it must be proximal to this one",
+                Some(_) if earlier.any(|other| other.joint == *crossed) => "it must be there once",
+                Some(_) => continue,
+            };
+            let value = MistakeValue::Name(crossed.clone());
+            let quantity = ": a joint in it";
+            let wrong = at.wrong("crosses", value, Allowed::Words(rule));
+            return Err(Mistake { quantity, ..wrong });
+        }
+        Ok(())
+    }
+
+    /// Checks the moment arms against the conditions of the tendon level.
+    fn check_arms(&self, at: &At) -> Result<(), Mistake> {
+        let Err(NumberError {
+            at: arm,
+            value,
+            must,
+            ..
+        }) = self.moment_arms()
+        else {
+            return Ok(());
+        };
+        let (joint, field) = match arm {
+            Subject::Flexor(joint) => (joint, "flexor.arm_m"),
+            Subject::Extensor(joint) => (joint, "extensor.arm_m"),
+            // These are ruled out before: crossings are proximal, and all numbers finite.
+            Subject::Crossing { tendon, .. } => (tendon, "crosses"),
+            _ => (0, ""),
+        };
+        let joint = usize::from(joint);
+        let name = self.joints.get(joint).map(|joint| joint.name.clone());
+        let at = at.joint(joint, &name.unwrap_or_default());
+        Err(at.off(field, value, must, ""))
+    }
+}
+
+impl Mount {
+    fn check(&self, at: &At) -> Result<(), Mistake> {
+        at.list("position", &self.position, Requirement::Finite)?;
+        self.rotation.check(at, "rotation")?;
+        match self.motion {
+            JointMotion::Revolute(axis) => at.unit("motion.revolute", axis),
+            JointMotion::Prismatic(axis) => at.unit("motion.prismatic", axis),
+        }
+    }
+}
+
+impl LinkBody {
+    fn check(&self, at: &At, is_planar: bool) -> Result<(), Mistake> {
+        let off_axis = |field| {
+            let rule = "the links of a planar finger are; write `form = { chain = … }` for others";
+            Err(at.words(field, "not on the x axis", rule))
+        };
+        at.number("mass_kg", self.mass_kg, POSITIVE)?;
+        at.list("center", &self.center, Requirement::Finite)?;
+        let shape = match self.shape {
+            Shape::Cuboid(edges) => {
+                at.list("shape.cuboid", &edges, POSITIVE)?;
+                "shape.cuboid"
             }
             Shape::Inertia { moments, products } => {
-                self.list(root, "body.shape.inertia.moments", &moments)?;
-                let field = "body.shape.inertia.products";
-                self.list(root, field, &products)?;
-                if planar && products != [0.0; 3] {
-                    return Err(self.wrong(root, field, off_axis));
+                at.list("shape.inertia.moments", &moments, Requirement::Finite)?;
+                let field = "shape.inertia.products";
+                at.list(field, &products, Requirement::Finite)?;
+                if is_planar && products != [0.0; 3] {
+                    return off_axis(field);
                 }
-                "body.shape.inertia.moments"
+                "shape.inertia.moments"
             }
         };
-        let [_, y, z] = body.center;
-        if planar && (y != 0.0 || z != 0.0) {
-            return Err(self.wrong(root, "body.center", off_axis));
+        let [_, y, z] = self.center;
+        if is_planar && (y != 0.0 || z != 0.0) {
+            return off_axis("center");
         }
-        if possible(&body.rigid_body().inertia) {
+        if is_possible(&self.rigid_body().inertia) {
             return Ok(());
         }
-        Err(self.wrong(root, shape, Problem::Is("is no inertia of a body")))
+        let rule = "in any axes each moment must be above 0 and at most the sum of the two others";
+        Err(at.words(shape, "no inertia of a body", rule))
     }
 }
 
 /// Returns true if a body can have this inertia: positive definite, and no moment above the sum of the two
 /// others, both in any axes.
-fn possible(inertia: &Matrix3<f64>) -> bool {
+fn is_possible(inertia: &Matrix3<f64>) -> bool {
     let moments = inertia.diagonal();
     let (x, y, z) = (moments.x, moments.y, moments.z);
     let scale = x + y + z;
@@ -160,12 +212,12 @@ fn possible(inertia: &Matrix3<f64>) -> bool {
         && body_inertia(inertia, 1e-9).is_ok()
 }
 
-impl<const F: usize, const J: usize> Examiner<'_, F, J> {
-    fn joint(&mut self, root: Root, joint: &Joint<J>, rate_hz: u32) -> Result<(), Mistake> {
-        self.limits(root, &joint.limits)?;
-        let (servo, stop, friction) = (&joint.servo, &joint.stop, &joint.friction);
-        let range = joint.limits.high - joint.limits.low;
-        let rows = [
+impl<const J: usize> Joint<J> {
+    fn check(&self, at: &At, rate_hz: u32) -> Result<(), Mistake> {
+        at.limits(&self.limits)?;
+        let (servo, stop, friction) = (&self.servo, &self.stop, &self.friction);
+        let half = Requirement::AtMost(0.5 * (self.limits.high - self.limits.low));
+        at.numbers([
             ("servo.kp", servo.kp, NOT_NEGATIVE),
             ("servo.kv", servo.kv, NOT_NEGATIVE),
             ("servo.ki", servo.ki, NOT_NEGATIVE),
@@ -174,7 +226,7 @@ impl<const F: usize, const J: usize> Examiner<'_, F, J> {
             ("servo.zeta", servo.zeta, NOT_NEGATIVE),
             ("servo.k_tau", servo.k_tau, NOT_NEGATIVE),
             ("stop.zone", stop.zone, NOT_NEGATIVE),
-            ("stop.zone", stop.zone, Requirement::AtMost(0.5 * range)),
+            ("stop.zone", stop.zone, half),
             ("stop.bandwidth_hz", stop.bandwidth_hz, NOT_NEGATIVE),
             ("stop.damping_ratio", stop.damping_ratio, NOT_NEGATIVE),
             ("friction.armature", friction.armature, NOT_NEGATIVE),
@@ -182,155 +234,104 @@ impl<const F: usize, const J: usize> Examiner<'_, F, J> {
             ("friction.coulomb", friction.coulomb, NOT_NEGATIVE),
             ("friction.coulomb_rate", friction.coulomb_rate, NOT_NEGATIVE),
             ("friction.tendon", friction.tendon, NOT_NEGATIVE),
-        ];
-        self.numbers(root, "", rows)?;
+        ])?;
         // A law whose gain is zero or left out does nothing.
-        let (field, gain) = match servo.law {
-            ServoLaw::Pd => ("servo.kp", servo.kp),
-            ServoLaw::Decoupled => ("servo.bandwidth_hz", servo.bandwidth_hz),
-        };
-        self.number(root, field, gain, POSITIVE)?;
+        match servo.law {
+            ServoLaw::Pd => at.number("servo.kp", servo.kp, POSITIVE)?,
+            ServoLaw::Decoupled => at.number("servo.bandwidth_hz", servo.bandwidth_hz, POSITIVE)?,
+        }
         if friction.coulomb > 0.0 {
-            let rate = friction.coulomb_rate;
-            self.number(root, "friction.coulomb_rate", rate, POSITIVE)?;
+            at.number("friction.coulomb_rate", friction.coulomb_rate, POSITIVE)?;
         }
-        if let Some(cutoff_hz) = servo.position_cutoff_hz {
-            self.cutoff(root, "servo.position_cutoff_hz", cutoff_hz, rate_hz)?;
-        }
-        self.cutoff(
-            root,
-            "servo.velocity_cutoff_hz",
-            servo.velocity_cutoff_hz,
-            rate_hz,
-        )?;
-        let position = [joint.limits.low, joint.limits.high];
-        self.converters(root, "", (&joint.adc, position), None)?;
-        self.tendon(root, "flexor", &joint.flexor, rate_hz)?;
-        self.tendon(root, "extensor", &joint.extensor, rate_hz)?;
+        let cutoff_hz = servo.position_cutoff_hz;
+        at.cutoff("servo.position_cutoff_hz", cutoff_hz, rate_hz)?;
+        let cutoff_hz = Some(servo.velocity_cutoff_hz);
+        at.cutoff("servo.velocity_cutoff_hz", cutoff_hz, rate_hz)?;
+        at.input(&self.adc, [self.limits.low, self.limits.high])?;
+        let (flexor, extensor) = (&self.flexor, &self.extensor);
+        let (of_flexor, of_extensor) = (at.table("flexor"), at.table("extensor"));
+        flexor.check(&of_flexor, rate_hz)?;
+        extensor.check(&of_extensor, rate_hz)?;
         // Antagonists with different limits need tensions that both can have.
-        let (flexor, extensor) = (&joint.flexor, &joint.extensor);
-        let limit = ("extensor.max_n", extensor.max_n);
-        self.below(root, "flexor", ("min_n", flexor.min_n), limit)?;
-        let limit = ("flexor.max_n", flexor.max_n);
-        self.below(root, "extensor", ("min_n", extensor.min_n), limit)?;
-        let (least, largest) = joint.tension_range();
-        match joint.rectification {
+        of_flexor.below(("min_n", flexor.min_n), ("extensor.max_n", extensor.max_n))?;
+        of_extensor.below(("min_n", extensor.min_n), ("flexor.max_n", flexor.max_n))?;
+        let (least, largest) = self.tension_range();
+        match self.rectification {
             Rectification::Hard => Ok(()),
             Rectification::Mean {
                 co_contraction_n: mean,
             } => {
                 let field = "rectification.mean.co_contraction_n";
-                self.number(root, field, mean, Requirement::AtLeast(least))?;
-                self.number(root, field, mean, Requirement::AtMost(largest))
+                at.number(field, mean, Requirement::AtLeast(least))?;
+                at.number(field, mean, Requirement::AtMost(largest))
             }
             Rectification::Smooth {
                 softness_n: softness,
             } => {
                 let field = "rectification.smooth.softness_n";
-                self.number(root, field, softness, POSITIVE)?;
-                self.number(root, field, softness, Requirement::AtMost(largest - least))
+                at.number(field, softness, POSITIVE)?;
+                at.number(field, softness, Requirement::AtMost(largest - least))
             }
         }
     }
+}
 
-    fn tendon(
-        &mut self,
-        root: Root,
-        table: &'static str,
-        tendon: &Tendon,
-        rate_hz: u32,
-    ) -> Result<(), Mistake> {
-        let gains = &tendon.gains;
-        let rows = [
-            ("slack_n", tendon.slack_n, NOT_NEGATIVE),
-            ("actuator_hz", tendon.actuator_hz, POSITIVE),
+impl Tendon {
+    fn check(&self, at: &At, rate_hz: u32) -> Result<(), Mistake> {
+        let gains = &self.gains;
+        at.numbers([
+            ("slack_n", self.slack_n, NOT_NEGATIVE),
+            ("actuator_hz", self.actuator_hz, POSITIVE),
             ("gains.kt", gains.kt, NOT_NEGATIVE),
             ("gains.ki", gains.ki, NOT_NEGATIVE),
             ("gains.kd", gains.kd, NOT_NEGATIVE),
             ("gains.kv", gains.kv, NOT_NEGATIVE),
-            ("arm_m", tendon.arm_m, Requirement::Finite),
-        ];
-        self.numbers(root, table, rows)?;
-        let (slack, least) = (("slack_n", tendon.slack_n), ("min_n", tendon.min_n));
-        let (largest, breaking) = (("max_n", tendon.max_n), ("break_n", tendon.break_n));
-        self.below(root, table, slack, least)?;
-        self.below(root, table, least, largest)?;
-        self.below(root, table, largest, breaking)?;
-        if let Some(cutoff_hz) = tendon.cutoff_hz {
-            self.cutoff(root, &join(table, "cutoff_hz"), cutoff_hz, rate_hz)?;
-        }
-        let seen = [tendon.slack_n, tendon.break_n];
-        let made = [0.0, tendon.max_n];
-        self.converters(root, table, (&tendon.adc, seen), Some((&tendon.dac, made)))
+            ("arm_m", self.arm_m, Requirement::Finite),
+            ("min_n", self.min_n, Requirement::Finite),
+            ("max_n", self.max_n, Requirement::Finite),
+            ("break_n", self.break_n, Requirement::Finite),
+        ])?;
+        at.below(("slack_n", self.slack_n), ("min_n", self.min_n))?;
+        at.below(("min_n", self.min_n), ("max_n", self.max_n))?;
+        at.below(("max_n", self.max_n), ("break_n", self.break_n))?;
+        at.cutoff("cutoff_hz", self.cutoff_hz, rate_hz)?;
+        at.input(&self.adc, [self.slack_n, self.break_n])?;
+        at.output(&self.dac, [0.0, self.max_n])
     }
+}
 
-    /// Which joints the tendons of a joint cross.
-    fn crossings(&mut self, root: Root, finger: &Finger<J>, index: usize) -> Result<(), Mistake> {
-        let crosses = finger.joints.get(index).map(|joint| &joint.crosses);
-        let crosses = crosses.into_iter().flatten();
-        for (number, crossing) in crosses.clone().enumerate() {
-            self.list(root, "crosses", &[crossing.flexor_m, crossing.extensor_m])?;
-            let crossed = &crossing.joint;
-            let mut earlier = crosses.clone().take(number);
-            let place = finger
-                .joints
-                .iter()
-                .position(|other| other.name == *crossed);
-            let problem = match place {
-                None => "the finger does not have",
-                Some(place) if place >= index => "is not proximal to it",
-                Some(_) if earlier.any(|other| other.joint == *crossed) => {
-                    "an entry before names too"
-                }
-                Some(_) => continue,
-            };
-            let crossed = crossed.clone();
-            return Err(self.wrong(root, "crosses", Problem::Crosses { crossed, problem }));
-        }
-        Ok(())
-    }
-
-    /// Checks the moment arms against the conditions of the tendon level.
-    fn arms(&mut self, index: usize, finger: &Finger<J>) -> Result<(), Mistake> {
-        let Err(NumberError {
-            at, value, must, ..
-        }) = finger.moment_arms()
-        else {
-            return Ok(());
-        };
-        let (joint, field) = match at {
-            Subject::Flexor(joint) => (joint, "flexor.arm_m"),
-            Subject::Extensor(joint) => (joint, "extensor.arm_m"),
-            // These are ruled out before: crossings are proximal, and all numbers finite.
-            Subject::Crossing { tendon, .. } => (tendon, "crosses"),
-            _ => (0, ""),
-        };
-        let problem = Problem::Number { value, must };
-        Err(self.wrong(Root::Joint(index, joint.into()), field, problem))
-    }
-
-    fn rotation(&mut self, root: Root, field: &str, rotation: &Rotation) -> Result<(), Mistake> {
-        let numbers = match rotation {
-            Rotation::None => return Ok(()),
-            Rotation::Axis { axis, angle } => {
-                let angle = (&*join(field, "axis.angle"), *angle, Requirement::Finite);
-                self.numbers(root, "", [angle])?;
-                return self.unit(root, &join(field, "axis.axis"), *axis);
+impl Rotation {
+    fn check(&self, at: &At, field: &str) -> Result<(), Mistake> {
+        let numbers = match self {
+            Self::None => return Ok(()),
+            Self::Axis { axis, angle } => {
+                let at = at.table(field).table("axis");
+                at.number("angle", *angle, Requirement::Finite)?;
+                return at.unit("axis", *axis);
             }
-            Rotation::Rpy(angles) => &angles[..],
-            Rotation::Rows(rows) => rows.as_flattened(),
+            Self::Rpy(angles) => &angles[..],
+            Self::Rows(rows) => rows.as_flattened(),
         };
-        self.list(root, field, numbers)?;
-        let matrix = rotation.matrix();
+        at.list(field, numbers, Requirement::Finite)?;
+        let matrix = self.matrix();
         let products = matrix.transpose() * matrix - Matrix3::identity();
         let error = products
             .iter()
             .fold(0.0, |worst, &entry| max(abs(entry), worst));
         let determinant = matrix.determinant();
-        if error <= ORTHONORMAL && determinant > 0.0 {
+        let (quantity, wrong) = if error > ORTHONORMAL {
+            let quantity = ": the greatest difference of its axes from orthogonal unit vectors";
+            let must = Requirement::AtMost(ORTHONORMAL);
+            (quantity, at.off(field, error, must, ""))
+        } else if determinant > 0.0 {
             return Ok(());
-        }
-        let problem = Problem::NotRotation { error, determinant };
-        Err(self.wrong(root, field, problem))
+        } else {
+            let (must, reason) = (Requirement::Equal(1.0), "; a left-handed frame has -1");
+            (
+                ": its determinant",
+                at.off(field, determinant, must, reason),
+            )
+        };
+        Err(Mistake { quantity, ..wrong })
     }
 }

@@ -2,35 +2,31 @@
 
 use nalgebra::{SMatrix, SVector};
 
-use super::place::{Examiner, Root};
-use crate::config::{Joint, Mistake, Problem, ServoLaw, Tendon};
+use super::at::At;
+use crate::Requirement;
+use crate::config::{Joint, Mistake, ServoLaw, Tendon};
 use crate::math::exp;
 
 /// In this time, s, hardly anything may be left of a motion: this part of it.
 const REST_S: f64 = 4.0;
 const LEFT: f64 = 0.01;
 
-/// Refuses a stop in which the joint would swing for ever, or for too long.
-impl<const F: usize, const J: usize> Examiner<'_, F, J> {
-    pub(super) fn stop(
-        &mut self,
-        root: Root,
-        joint: &Joint<J>,
-        rate_hz: u32,
-    ) -> Result<(), Mistake> {
-        let bandwidth_hz = joint.stop.bandwidth_hz;
+impl<const J: usize> Joint<J> {
+    /// Refuses a stop in which the joint would swing for ever, or for too long.
+    pub(super) fn check_stop(&self, at: &At, rate_hz: u32) -> Result<(), Mistake> {
+        let bandwidth_hz = self.stop.bandwidth_hz;
         // A law that swings by itself does so everywhere, and is judged by whoever tunes it.
-        let law_hz = match joint.servo.law {
-            ServoLaw::Decoupled if rests(joint, joint.servo.bandwidth_hz, 0.0, rate_hz) => {
-                joint.servo.bandwidth_hz
+        let law_hz = match self.servo.law {
+            ServoLaw::Decoupled if rests(self, self.servo.bandwidth_hz, 0.0, rate_hz) => {
+                self.servo.bandwidth_hz
             }
             // Its gains are for some inertia, which is another in every posture.
             ServoLaw::Pd | ServoLaw::Decoupled => 0.0,
         };
         // In other modes than that of positions the stop is alone.
         let rests =
-            |stop_hz| rests(joint, law_hz, stop_hz, rate_hz) && rests(joint, 0.0, stop_hz, rate_hz);
-        if joint.stop.zone == 0.0 || bandwidth_hz == 0.0 || rests(bandwidth_hz) {
+            |stop_hz| rests(self, law_hz, stop_hz, rate_hz) && rests(self, 0.0, stop_hz, rate_hz);
+        if self.stop.zone == 0.0 || bandwidth_hz == 0.0 || rests(bandwidth_hz) {
             return Ok(());
         }
         let (mut most, mut beyond) = (0.0, bandwidth_hz);
@@ -42,8 +38,9 @@ impl<const F: usize, const J: usize> Examiner<'_, F, J> {
                 beyond = middle;
             }
         }
-        let problem = Problem::Restless { bandwidth_hz, most };
-        Err(self.wrong(root, "stop.bandwidth_hz", problem))
+        let must = Requirement::AtMost(most);
+        let reason = "; with its servo and its actuators the joint would swing on a stiffer stop instead of coming to rest";
+        Err(at.off("stop.bandwidth_hz", bandwidth_hz, must, reason))
     }
 }
 

@@ -283,7 +283,8 @@ proptest! {
         if least > -1e-14 {
             prop_assert!(gain.is_ok(), "{least}: {gain:?}");
         } else if least < -1e-3 {
-            let refused = matches!(gain, Err(GraspError::NotSemidefinite { .. }));
+            let least_pivot = condor_hand::Requirement::AtLeast(0.0);
+            let refused = matches!(gain, Err(GraspError::Number(error)) if error.must == least_pivot);
             prop_assert!(refused, "{least}: {gain:?}");
         }
     }

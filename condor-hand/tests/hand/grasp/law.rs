@@ -292,7 +292,7 @@ fn what_is_wrong_is_told_with_its_values_and_changes_nothing() {
     let line: [_; 4] = from_fn(|finger| vector![finger as f64, 0.0, 0.0]);
     assert!(matches!(
         grasp.set_desired(&line),
-        Err(GraspError::NearCollinear { .. })
+        Err(GraspError::Number(_))
     ));
     assert_eq!(*grasp.desired(), states.map(|state| state.tip));
 
@@ -309,6 +309,8 @@ fn what_is_wrong_is_told_with_its_values_and_changes_nothing() {
         limits: [TorqueLimits::none(); 2],
     };
     let told = GraspStiffness::engage(&pair, few).unwrap_err();
-    let (contacts, least) = (2, 3);
-    assert_eq!(told, GraspError::TooFewContacts { contacts, least });
+    assert_eq!(
+        told.to_string(),
+        "the number of contacts is 2; it must be at least 3"
+    );
 }

@@ -45,17 +45,15 @@ fn a_finger_has_the_numbers_of_its_configuration() {
     let parameters = machine().finger_parameters(finger).unwrap();
     assert_eq!(parameters.arms, geometry.symmetric_arms());
     for (joint, parameters) in parameters.joints.iter().enumerate() {
-        assert_eq!(parameters.armature, 1.6e-5);
-        assert_eq!(parameters.damping, 2e-3);
+        assert_eq!(parameters.friction.armature, 1.6e-5);
+        assert_eq!(parameters.friction.viscous, 2e-3);
         assert_eq!(
             parameters.range,
             (geometry.qmin[joint], geometry.qmax[joint])
         );
     }
-    assert_eq!(
-        (parameters.joints[1].coulomb, parameters.joints[1].fade),
-        (0.01, 0.2)
-    );
+    let friction = &parameters.joints[1].friction;
+    assert_eq!((friction.coulomb, friction.coulomb_rate), (0.01, 0.2));
     assert_eq!(parameters.drives[1].flexor.max_n, geometry.fmax);
     let pole_hz = |kind| match kind {
         DriveKind::Exact { time_constant_s } => 1.0 / (core::f64::consts::TAU * time_constant_s),
@@ -90,7 +88,7 @@ fn a_hand_rubs_as_its_configuration_says() {
     assert_eq!(parameters.gravity, Vector3::new(0.0, 0.0, -9.81));
     hand.contact = None;
     let parameters = machine().hand_parameters(&hand);
-    assert_eq!(parameters.tip_ground.friction, 0.1);
+    assert_eq!(parameters.tip_object.friction, 0.1);
 }
 
 #[test]

@@ -1,5 +1,6 @@
 //! What friction takes, and what an integration must neither give nor take.
 
+use condor_hand::config::JointFriction;
 use condor_hand::dynamics::Dynamics;
 use condor_hand::kinematics::PlanarFinger;
 use condor_hand::math::max;
@@ -51,7 +52,7 @@ fn a_pendulum_without_friction_keeps_its_energy() {
 #[test]
 fn viscous_friction_takes_what_the_equation_of_a_damped_swing_says() {
     let mut joint = free_joint();
-    joint.damping = 1e-3;
+    joint.friction.viscous = 1e-3;
     let right_angle = core::f64::consts::FRAC_PI_2;
     let mut finger = pendulum(joint, right_angle + 0.01);
     let before = energy(&finger);
@@ -59,7 +60,7 @@ fn viscous_friction_takes_what_the_equation_of_a_damped_swing_says() {
     finger.step(seconds, 20_000, &STILL, &down()).unwrap();
     // The energy of a small swing falls as exp(-b t / I), with a ripple of b / (I w).
     let inertia = finger.mechanism().inertia();
-    let expected = before * libm::exp(-joint.damping * seconds / inertia);
+    let expected = before * libm::exp(-joint.friction.viscous * seconds / inertia);
     let ratio = energy(&finger) / expected;
     assert!((ratio - 1.0).abs() < 0.12, "{ratio}");
 }
@@ -67,10 +68,10 @@ fn viscous_friction_takes_what_the_equation_of_a_damped_swing_says() {
 #[test]
 fn coulomb_friction_holds_a_pendulum_that_is_light_enough() {
     let mut joint = free_joint();
-    joint.fade = 1e-4;
+    joint.friction.coulomb_rate = 1e-4;
     // At zero the rod lies level: 98 mN m.
     for (coulomb, falls) in [(0.2, false), (0.05, true)] {
-        joint.coulomb = coulomb;
+        joint.friction.coulomb = coulomb;
         let mut finger = pendulum(joint, 0.0);
         finger.step(0.5, 5000, &STILL, &down()).unwrap();
         let moved = finger.q().x.abs();
@@ -82,8 +83,8 @@ fn coulomb_friction_holds_a_pendulum_that_is_light_enough() {
 #[test]
 fn friction_grows_with_the_tension_of_the_joints_own_tendons() {
     let mut joint = free_joint();
-    joint.fade = 1e-4;
-    joint.tendon_friction = 0.5;
+    joint.friction.coulomb_rate = 1e-4;
+    joint.friction.tendon = 0.5;
     let pulled = [Pair::both(20.0)];
     // Two tendons of 20 N at 10 mm rub with 0.2 N m, and hold 98 mN m.
     let mut finger = pendulum(joint, 0.0);
@@ -122,8 +123,11 @@ fn a_finger_on_springs_loses_energy_to_friction_alone() {
         let parameters = FingerParameters {
             arms: geometry.asymmetric_arms(),
             joints: [JointParameters {
-                armature: 1.6e-5,
-                damping,
+                friction: JointFriction {
+                    armature: 1.6e-5,
+                    viscous: damping,
+                    ..free_joint().friction
+                },
                 stiffness: 0.4,
                 ..free_joint()
             }; 4],

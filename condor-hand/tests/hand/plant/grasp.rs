@@ -3,9 +3,7 @@
 use condor_hand::dynamics::Dynamics;
 use condor_hand::grasp::Wrench;
 use condor_hand::kinematics::{Kinematics, PlanarFinger};
-use condor_hand::plant::{
-    FingerParameters, JointParameters, ObjectParameters, SimFinger, SimHand, SimObject,
-};
+use condor_hand::plant::{FingerParameters, ObjectParameters, SimFinger, SimHand, SimObject};
 use condor_hand::tendon::{Pair, TendonPairs};
 use nalgebra::{SVector, Vector3, Vector4};
 
@@ -28,11 +26,8 @@ fn start() -> Vector4<f64> {
 }
 
 fn plant(geometry: &Geometry, number: usize) -> SimFinger<PlanarFinger, 4> {
-    let joint = JointParameters {
-        armature: 1.6e-5,
-        damping: 2e-3,
-        ..free_joint()
-    };
+    let mut joint = free_joint();
+    (joint.friction.armature, joint.friction.viscous) = (1.6e-5, 2e-3);
     let parameters = FingerParameters {
         arms: geometry.symmetric_arms(),
         joints: [joint; 4],

@@ -1,6 +1,7 @@
 //! Mechanisms so simple that their motion is known on paper.
 
 use condor_hand::Pose;
+use condor_hand::config::JointFriction;
 use condor_hand::dynamics::Dynamics;
 use condor_hand::kinematics::{Jacobian, Kinematics};
 use condor_hand::plant::{
@@ -124,11 +125,10 @@ impl Dynamics<f64, 3> for Slider {
 /// A joint that nothing holds.
 pub(crate) fn free_joint() -> JointParameters {
     JointParameters {
-        armature: 0.0,
-        damping: 0.0,
-        coulomb: 0.0,
-        tendon_friction: 0.0,
-        fade: 0.01,
+        friction: JointFriction {
+            coulomb_rate: 0.01,
+            ..JointFriction::default()
+        },
         stiffness: 0.0,
         rest: 0.0,
         range: (-1e6, 1e6),
@@ -194,7 +194,5 @@ pub(crate) fn hand_parameters(gravity: Vector3<f64>, friction: f64) -> HandParam
         gravity,
         tip_radius: 0.0,
         tip_object: surface(friction),
-        tip_ground: surface(friction),
-        object_ground: surface(friction),
     }
 }

@@ -1,5 +1,6 @@
 //! A run of `MuJoCo` on the hand of the reference files, tension commands in, joints out.
 
+use condor_hand::config::JointFriction;
 use condor_hand::kinematics::PlanarFinger;
 use condor_hand::math::max;
 use condor_hand::plant::{
@@ -51,11 +52,12 @@ fn finger(
     let parameters = FingerParameters {
         arms: geometry.symmetric_arms(),
         joints: std::array::from_fn(|joint| JointParameters {
-            armature: meta.armature,
-            damping: meta.damping,
-            coulomb: 0.0,
-            tendon_friction: 0.0,
-            fade: 0.01,
+            friction: JointFriction {
+                armature: meta.armature,
+                viscous: meta.damping,
+                coulomb_rate: 0.01,
+                ..JointFriction::default()
+            },
             stiffness: meta.joint_stiffness,
             rest: meta.springref[joint],
             range: (geometry.qmin[joint], geometry.qmax[joint]),

@@ -1,8 +1,6 @@
 //! Motions as bytes.
 
-use condor_hand::trajectory::image::{
-    HEADER_BYTES, MotionSequence, append, append_for, encode, encode_for,
-};
+use condor_hand::trajectory::image::{HEADER_BYTES, MotionSequence, append, encode};
 use condor_hand::trajectory::{
     Begin, Guards, MotionError, OnEnd, Pace, Primitive, Profile, Target, Via,
 };
@@ -80,7 +78,7 @@ fn motion() -> impl Strategy<Value = Motion> {
 
 fn image(motions: &[Motion]) -> Vec<u8> {
     let mut bytes = vec![0xa5; 65_536];
-    let len = encode(motions, &mut bytes).unwrap();
+    let len = encode(J, motions, &mut bytes).unwrap();
     bytes.truncate(len);
     bytes
 }
@@ -107,23 +105,23 @@ proptest! {
     #[test]
     fn motions_come_back_from_their_bytes(motions in prop::collection::vec(motion(), 0..6)) {
         let bytes = image(&motions);
-        let read = MotionSequence::<J>::new(&bytes).unwrap();
+        let read = MotionSequence::<J>::new(J, &bytes).unwrap();
         prop_assert_eq!(read.len() as usize, motions.len());
         prop_assert_eq!(read.iter().collect::<Vec<_>>(), motions.clone());
         // One after another they are the same bytes.
         let mut buffer = vec![0; bytes.len()];
         let mut len = 0;
         for motion in &motions {
-            len = append(motion, &mut buffer, len).unwrap();
+            len = append(J, motion, &mut buffer, len).unwrap();
         }
         if !motions.is_empty() {
             prop_assert_eq!(&buffer[..len], &bytes[..]);
         }
         // Whatever is missing or turned is noticed.
         for cut in 0..bytes.len() {
-            prop_assert!(MotionSequence::<J>::new(&bytes[..cut]).is_err());
+            prop_assert!(MotionSequence::<J>::new(J, &bytes[..cut]).is_err());
             let mut short = vec![0; cut];
-            let refused = encode(&motions, &mut short);
+            let refused = encode(J, &motions, &mut short);
             prop_assert_eq!(refused, Err(ImageError::BufferTooShort { len: cut }));
         }
     }
@@ -135,7 +133,7 @@ proptest! {
         let mut bytes = image(&motions);
         let at = at.index(bytes.len());
         bytes[at] ^= 1 << bit;
-        prop_assert!(MotionSequence::<J>::new(&bytes).is_err());
+        prop_assert!(MotionSequence::<J>::new(J, &bytes).is_err());
     }
 
     #[test]
@@ -150,16 +148,16 @@ proptest! {
             body[..len].copy_from_slice(&head[..len]);
         }
         let bytes = sealed(count, &body);
-        if let Ok(read) = MotionSequence::<J>::new(&bytes) {
+        if let Ok(read) = MotionSequence::<J>::new(J, &bytes) {
             prop_assert_eq!(read.iter().count(), count as usize);
             let motions: Vec<_> = read.iter().collect();
             let again = image(&motions);
-            let again = MotionSequence::<J>::new(&again).unwrap();
+            let again = MotionSequence::<J>::new(J, &again).unwrap();
             prop_assert_eq!(again.iter().collect::<Vec<_>>(), motions);
         }
-        let _ = MotionSequence::<J>::new(&body);
+        let _ = MotionSequence::<J>::new(J, &body);
         let mut buffer = body.clone();
-        let _ = append(&one(), &mut buffer, body.len());
+        let _ = append(J, &one(), &mut buffer, body.len());
     }
 }
 
@@ -173,7 +171,7 @@ fn one() -> Motion {
 fn what_is_wrong_is_said() {
     let bytes = image(&[one()]);
     let len = bytes.len();
-    let error = |bytes: &[u8]| MotionSequence::<J>::new(bytes).unwrap_err().to_string();
+    let error = |bytes: &[u8]| MotionSequence::<J>::new(J, bytes).unwrap_err().to_string();
     assert_eq!(
         error(b"CNDHxxxxxxxxxxxxxxxx"),
         "the image begins with \"CNDH\" instead of \"CNDM\": it is another kind of file"
@@ -192,7 +190,7 @@ fn what_is_wrong_is_said() {
         "the image has version 9 of the format, this program has 2; make the image again"
     );
     assert_eq!(
-        MotionSequence::<7>::new(&bytes).unwrap_err(),
+        MotionSequence::<7>::new(7, &bytes).unwrap_err(),
         ImageError::Count {
             of: "joints",
             found: 6,
@@ -202,26 +200,26 @@ fn what_is_wrong_is_said() {
     // The duration is the eight bytes after the mask and the kind of pace, a byte each.
     let mut body = bytes[HEADER_BYTES..].to_vec();
     body[2..10].copy_from_slice(&(-0.5_f64).to_le_bytes());
-    let error = MotionSequence::<J>::new(&sealed(1, &body)).unwrap_err();
+    let error = MotionSequence::<J>::new(J, &sealed(1, &body)).unwrap_err();
     assert_eq!(
         error.to_string(),
         "motion 0: the duration, s, is -0.5; it must be above 0"
     );
     // The first mistake counts.
     assert_eq!(
-        MotionSequence::<J>::new(&sealed(2, &body)).unwrap_err(),
+        MotionSequence::<J>::new(J, &sealed(2, &body)).unwrap_err(),
         error
     );
     body[2..10].copy_from_slice(&0.5_f64.to_le_bytes());
     assert_eq!(
-        MotionSequence::<J>::new(&sealed(2, &body)).unwrap_err(),
+        MotionSequence::<J>::new(J, &sealed(2, &body)).unwrap_err(),
         ImageError::Malformed {
             at: Subject::Motion(1)
         }
     );
     let mut nothing = one();
     nothing.mask = 0;
-    let refused = append(&nothing, &mut bytes.clone(), bytes.len()).unwrap_err();
+    let refused = append(J, &nothing, &mut bytes.clone(), bytes.len()).unwrap_err();
     assert!(
         matches!(
             refused,
@@ -242,33 +240,33 @@ fn a_tool_writes_for_a_number_of_joints_that_it_learns_later() {
             .unwrap()
     };
     let (mut bytes, mut own) = ([0; 256], [0; 256]);
-    let len = encode_for(4, &[last(3)], &mut bytes).unwrap();
+    let len = encode(4, &[last(3)], &mut bytes).unwrap();
     let same = Primitive::<4>::new(Pace::Duration(1.0), Profile::Cubic);
     let same = same.with(3, Target::Absolute(0.5)).unwrap();
-    assert_eq!(encode(&[same], &mut own), Ok(len));
+    assert_eq!(encode(4, &[same], &mut own), Ok(len));
     assert_eq!(bytes[..len], own[..len]);
-    let error = encode_for(4, &[last(3), last(4)], &mut bytes).unwrap_err();
+    let error = encode(4, &[last(3), last(4)], &mut bytes).unwrap_err();
     let at = Subject::Motion(1);
     let (mask, joints) = (0b1_0000, 4);
     let beyond = MotionError::Mask { mask, joints };
     assert_eq!(error, ImageError::Content { at, error: beyond });
-    let error = encode_for(J + 1, &[last(3)], &mut bytes).unwrap_err();
+    let error = encode(J + 1, &[last(3)], &mut bytes).unwrap_err();
     assert_eq!(
         error.to_string(),
         "the image (the binary file) is for 7 joints, but this program for 6; build both for the same number"
     );
     // And a program that learns it later reads and appends.
-    let len = append_for(4, &last(2), &mut bytes, len).unwrap();
-    let motions = MotionSequence::<J>::for_joints(4, &bytes[..len]).unwrap();
+    let len = append(4, &last(2), &mut bytes, len).unwrap();
+    let motions = MotionSequence::<J>::new(4, &bytes[..len]).unwrap();
     assert!(motions.iter().eq([last(3), last(2)]));
-    let others = MotionSequence::<J>::for_joints(5, &bytes[..len]).unwrap_err();
+    let others = MotionSequence::<J>::new(5, &bytes[..len]).unwrap_err();
     let (of, found, wanted) = ("joints", 4, 5);
     assert_eq!(others, ImageError::Count { of, found, wanted });
-    let beyond = MotionSequence::<J>::for_joints(J + 1, &bytes[..len]).unwrap_err();
+    let beyond = MotionSequence::<J>::new(J + 1, &bytes[..len]).unwrap_err();
     let (found, wanted) = (7, 6);
     assert_eq!(beyond, ImageError::Count { of, found, wanted });
-    let refused = append_for(J + 1, &last(2), &mut bytes, len).unwrap_err();
+    let refused = append(J + 1, &last(2), &mut bytes, len).unwrap_err();
     assert_eq!(refused, beyond);
-    let error = append_for(4, &last(4), &mut bytes, len).unwrap_err();
+    let error = append(4, &last(4), &mut bytes, len).unwrap_err();
     assert!(matches!(error, ImageError::Content { .. }), "{error}");
 }

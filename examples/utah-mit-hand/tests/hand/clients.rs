@@ -81,7 +81,7 @@ fn small(position: f64) -> Vec<u8> {
     let motion = Primitive::<16>::new(Pace::Duration(0.3), Profile::MinimumJerk);
     let motion = motion.with(14, Target::Absolute(position)).unwrap();
     let mut image = vec![0; 480];
-    let len = append(&motion, &mut image, 0).unwrap();
+    let len = append(16, &motion, &mut image, 0).unwrap();
     image.truncate(len);
     image
 }

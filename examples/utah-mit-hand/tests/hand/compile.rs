@@ -37,7 +37,7 @@ fn motions_that_ship_stay_out_of_the_stops_and_fingertips_meet() {
     );
     for name in names {
         let bytes = fs::read(out.path().join(format!("{name}.motion"))).unwrap();
-        let motions = MotionSequence::<ALL>::new(&bytes).unwrap();
+        let motions = MotionSequence::<ALL>::new(ALL, &bytes).unwrap();
         assert!(!motions.is_empty());
         let mut last = [[0.0; JOINTS]; FINGERS];
         for motion in motions.iter() {

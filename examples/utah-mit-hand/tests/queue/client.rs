@@ -162,7 +162,7 @@ impl<M: Machine> Worker<'_, M> {
         let motion = Primitive::<16>::new(Pace::Duration(0.12), Profile::MinimumJerk);
         let motion = motion.with(self.joint, Target::Absolute(target(index)))?;
         let mut image = [0; 480];
-        let len = append(&motion, &mut image, 0)?;
+        let len = append(16, &motion, &mut image, 0)?;
         self.ask(|asks| match asks.offer(identity, &image[..len], ANSWER) {
             // A former incarnation's that the master has not got, and does not take any more.
             Err(ClientError::NotYours) => Ok(QueueAnswer::New),

@@ -73,7 +73,7 @@ impl Work {
                     // Names are short enough.
                     return Ok(Self::Named(MotionName::try_from(name).unwrap_or_default()));
                 }
-                let motions = MotionSequence::<ALL>::for_joints(numbers.count(), &bytes);
+                let motions = MotionSequence::<ALL>::new(numbers.count(), &bytes);
                 let fingers = check(hand, motions.map_err(Problem::Offered)?.iter())?;
                 Ok(Self::Motions(bytes, fingers))
             }

@@ -3,7 +3,7 @@
 use condor_fs::{Errno, FileError, OpenOptions};
 use condor_hand::ImageError;
 use condor_hand::trajectory::MotionError;
-use condor_hand::trajectory::image::{MotionSequence, append_for};
+use condor_hand::trajectory::image::{MotionSequence, append};
 use condor_rt::{FilesOf, Machine};
 
 use super::drive::{ALL, Motion};
@@ -69,7 +69,7 @@ impl Sequence {
     }
 
     pub(super) fn push(&mut self, motion: &Motion) -> Result<(), ImageError<MotionError>> {
-        self.len = append_for(self.joints, motion, &mut self.bytes, self.len)?;
+        self.len = append(self.joints, motion, &mut self.bytes, self.len)?;
         Ok(())
     }
 }
@@ -87,7 +87,7 @@ impl<M: Machine> Store<'_, M> {
             Ok(len) => len,
             Err(error) => return Err(Problem::File { name: path, error }),
         };
-        if let Err(error) = MotionSequence::<ALL>::for_joints(into.joints, into.bytes()) {
+        if let Err(error) = MotionSequence::<ALL>::new(into.joints, into.bytes()) {
             into.clear();
             return Err(Problem::Image { name: path, error });
         }

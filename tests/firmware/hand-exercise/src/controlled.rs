@@ -1,8 +1,8 @@
 use condor_hand::controller::FingerController;
 use condor_hand::dynamics::Dynamics;
 use condor_hand::plant::{
-    self, AxisParameters, DriveKind, Elastic, ObjectParameters, PlantModel, Pneumatic, Sensor,
-    SensorBank, SensorFault, SensorFaultKind, SimGround, SimObject, SimStop, SimSurface,
+    self, AxisParameters, DriveKind, ObjectParameters, PlantModel, Pneumatic, SimObject, SimStop,
+    SimSurface,
 };
 use condor_hand::servo::{FingerReadings, JointGains, JointTarget, PositionLaw, ServoMode};
 use condor_hand::tendon::Pair;
@@ -144,49 +144,24 @@ fn change<M: Dynamics<f64, 4>>(
 }
 
 const FINGERS: usize = 4;
-/// A position and two tensions of each joint of a finger.
-const CHANNELS: usize = 12;
 const LOOPS: u32 = 120;
 
 type Simulated = plant::SimHand<PlanarFinger, FINGERS, 4>;
 
-/// Controls four fingers on a table that close about a ball on the ground, by what converters read of them.
+/// Controls four fingers on a table that close about a ball, by what converters read of them.
 pub(crate) fn hand(digest: &mut Digest, hand: &Shipped) -> Option<()> {
     let mut simulated = simulated(hand)?;
     let mut fingers = hand.fingers.iter();
     let [first, second, third, fourth] = [(); FINGERS].map(|()| controller(hand, fingers.next()));
     let mut controllers = [first?, second?, third?, fourth?];
-    let script = [
-        SensorFault {
-            channel: 2,
-            from_s: 0.1,
-            until_s: 0.12,
-            kind: SensorFaultKind::NotANumber,
-        },
-        SensorFault {
-            channel: 5,
-            from_s: 0.05,
-            until_s: 0.2,
-            kind: SensorFaultKind::Dropout(0.1),
-        },
-    ];
-    let mut banks = [
-        bank(hand, &script, 1)?,
-        bank(hand, &script, 2)?,
-        bank(hand, &[], 3)?,
-        bank(hand, &[], 4)?,
-    ];
     let gravity = Vector3::from(hand.gravity);
     let period_s = 1.0 / f64::from(hand.servo_hz);
     let mut commands = [[Pair::both(4.0); 4]; FINGERS];
     for number in 0..LOOPS {
-        let now_s = simulated.time_s();
-        let parts = controllers
-            .iter_mut()
-            .zip(&mut banks)
-            .zip(simulated.fingers());
-        for (command, ((controller, bank), finger)) in commands.iter_mut().zip(parts) {
-            let sensed = sense(digest, bank, now_s, finger);
+        let parts = controllers.iter_mut().zip(&hand.fingers);
+        let parts = parts.zip(simulated.fingers());
+        for (command, ((controller, described), finger)) in commands.iter_mut().zip(parts) {
+            let sensed = sense(digest, described, finger);
             if number % 8 == 0 {
                 let closing = 0.002 * f64::from(number / 8);
                 let points = finger_points(closing);
@@ -224,29 +199,19 @@ fn controller(
 /// Returns the readings of the converters of a finger.
 fn sense(
     digest: &mut Digest,
-    bank: &mut SensorBank<'_, CHANNELS>,
-    now_s: f64,
+    described: &Finger,
     finger: &plant::SimFinger<PlanarFinger, 4>,
 ) -> FingerReadings<f64, 4> {
-    let mut values = [0.0; CHANNELS];
-    let (chunks, _) = values.as_chunks_mut::<3>();
-    for ((chunk, &q), tension) in chunks.iter_mut().zip(finger.q()).zip(finger.tensions()) {
-        *chunk = [q, tension.flexor, tension.extensor];
-    }
-    let readings = bank.read(now_s, &values);
-    for &reading in &readings {
-        digest.reading(reading);
-    }
-    let mut sensed = FingerReadings {
-        position: SVector::zeros(),
-        tension: [Pair::both(0.0); 4],
-        touch: 0.0,
-    };
-    let (chunks, _) = readings.as_chunks::<3>();
+    let mut sensed = finger.readings();
     let places = sensed.position.iter_mut().zip(&mut sensed.tension);
-    for ((position, tension), &[q, flexor, extensor]) in places.zip(chunks) {
-        *position = q;
-        *tension = Pair { flexor, extensor };
+    for (joint, (position, tension)) in described.joints.iter().zip(places) {
+        let (flexor, extensor) = (&joint.flexor.adc, &joint.extensor.adc);
+        *position = joint.adc.value(joint.adc.counts(*position));
+        tension.flexor = flexor.value(flexor.counts(tension.flexor));
+        tension.extensor = extensor.value(extensor.counts(tension.extensor));
+        digest.reading(*position);
+        digest.reading(tension.flexor);
+        digest.reading(tension.extensor);
     }
     sensed
 }
@@ -262,7 +227,6 @@ fn observe(digest: &mut Digest, simulated: &Simulated) {
         digest.bits(u64::from(contact.is_touching) | u64::from(contact.is_sliding) << 1);
         digest.numbers(&contact.force);
     }
-    digest.numbers(&simulated.object_ground_contact().force);
     if let Some(object) = simulated.object() {
         digest.numbers(&object.pose().position);
         digest.numbers(&object.orientation().coords);
@@ -300,14 +264,8 @@ fn simulated(hand: &Shipped) -> Option<Simulated> {
     let actuators: [fn(f64) -> DriveKind; FINGERS] = [
         DriveKind::euler,
         DriveKind::exact,
-        |_| cylinder(None),
-        |_| {
-            cylinder(Some(Elastic {
-                stiffness: 2e4,
-                damping: 20.0,
-                piston_kg: 0.02,
-            }))
-        },
+        |_| cylinder(2e-6),
+        |_| cylinder(1e-5),
     ];
     let described = hand.fingers.iter().zip(actuators).zip(POSTURES);
     let mut fingers = described.map(|((finger, actuator), posture)| {
@@ -329,18 +287,16 @@ fn simulated(hand: &Shipped) -> Option<Simulated> {
         ObjectParameters::ball(0.1, 0.03),
         Vector3::new(0.07, 0.005, -0.06),
     );
-    let ground = SimGround::new(Vector3::new(0.0, 0.0, -0.1), Vector3::z());
     let parameters = model(DriveKind::exact).hand_parameters(hand);
     let mut simulated = Simulated::new([first?, second?, third?, fourth?], parameters)
         .ok()?
         .with_object(ball.ok()?)
-        .with_ground(ground.ok()?)
         .with_table(plant::SimTable::new([axis; 3]).ok()?);
     simulated.drive_table(Vector3::new(3.0, -2.0, 500.0)).ok()?;
     Some(simulated)
 }
 
-fn cylinder(elastic: Option<Elastic>) -> DriveKind {
+fn cylinder(volume_m3: f64) -> DriveKind {
     DriveKind::Pneumatic(Pneumatic {
         area_m2: 2.355e-4,
         valve_hz: 60.0,
@@ -348,31 +304,9 @@ fn cylinder(elastic: Option<Elastic>) -> DriveKind {
         fill_s: 0.008,
         heat_ratio: 1.4,
         atmosphere_pa: 101_325.0,
-        volume_m3: 2e-6,
+        volume_m3,
         viscous: 5.0,
         coulomb_n: 0.3,
         fade: 0.01,
-        elastic,
     })
-}
-
-/// Returns the sensors of one finger: for each joint a position and two tensions.
-fn bank<'a>(
-    hand: &Shipped,
-    script: &'a [SensorFault],
-    seed: u64,
-) -> Option<SensorBank<'a, CHANNELS>> {
-    let finger = hand.fingers.first()?;
-    let newtons = finger.joints.first()?.flexor.adc;
-    let mut sensors = [Sensor {
-        adc: newtons,
-        noise: 0.05,
-    }; CHANNELS];
-    for (joint, sensor) in finger.joints.iter().zip(sensors.iter_mut().step_by(3)) {
-        *sensor = Sensor {
-            adc: joint.adc,
-            noise: 5e-4,
-        };
-    }
-    SensorBank::new(sensors, script, seed).ok()
 }

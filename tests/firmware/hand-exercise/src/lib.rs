@@ -79,7 +79,7 @@ const LEVELS: [Level; 12] = [
     level(
         "a simulated hand in closed loop",
         controlled::hand,
-        0x51de_09ac_c1a4_74c8,
+        0x015f_f1eb_bc24_55f4,
     ),
 ];
 

@@ -26,13 +26,7 @@ impl GraspSettings {
     /// short; its content is then useless.
     pub fn to_image(&self, buffer: &mut [u8]) -> Result<usize, ImageError<GraspError>> {
         self.check()?;
-        let too_short = ImageError::BufferTooShort { len: buffer.len() };
-        let Some((header, body)) = buffer.split_first_chunk_mut::<HEADER_BYTES>() else {
-            return Err(too_short);
-        };
-        let body = postcard::to_slice(self, body).map_err(|_| too_short)?;
-        FORMAT.seal([0; 6], header, body);
-        Ok(HEADER_BYTES + body.len())
+        FORMAT.write([0; 6], self, buffer)
     }
 
     /// Reads settings from an image that [`to_image`](Self::to_image) wrote, and checks them.
@@ -43,13 +37,10 @@ impl GraspSettings {
     /// bytes are no image of a grasp, [`ImageError::Malformed`] or [`ImageError::Content`] if it is not a
     /// possible one. No bytes make this panic.
     pub fn from_image(image: &[u8]) -> Result<Self, ImageError<GraspError>> {
-        let malformed = ImageError::Malformed { at: Subject::Whole };
-        let ([0, 0, 0, 0, 0, 0], body) = FORMAT.open::<GraspError>(image)? else {
-            return Err(malformed);
+        let ([0, 0, 0, 0, 0, 0], body) = FORMAT.open(image)? else {
+            return Err(ImageError::Malformed { at: Subject::Whole });
         };
-        let Ok((settings, [])) = postcard::take_from_bytes::<Self>(body) else {
-            return Err(malformed);
-        };
+        let settings: Self = Format::value(body)?;
         settings.check()?;
         Ok(settings)
     }

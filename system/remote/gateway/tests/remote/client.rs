@@ -32,7 +32,7 @@ pub(crate) fn motion(joint: usize, target: f64, seconds: f64) -> system::Outcome
     let motion = Primitive::<16>::new(Pace::Duration(seconds), Profile::MinimumJerk);
     let motion = motion.with(joint, Target::Absolute(target))?;
     let mut image = vec![0; 480];
-    let length = append(&motion, &mut image, 0)?;
+    let length = append(16, &motion, &mut image, 0)?;
     image.truncate(length);
     Ok(image)
 }
