@@ -156,7 +156,7 @@ impl<P, const N: usize> MotionQueue<P, N> {
         })
     }
 
-    /// Returns the ledger: its rows, which are to be stored all after a failed write, and the sessions with their owners.
+    /// Returns the ledger: its rows and the sessions with their owners. After a failed write, all rows must be stored.
     #[must_use]
     pub const fn ledger(&self) -> &Ledger<N> {
         &self.ledger

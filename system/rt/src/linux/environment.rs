@@ -9,11 +9,8 @@ use condor_mbox::linux::{LinuxWindow, WindowAccess};
 use condor_mbox::{Processor, Region};
 use serde::{Deserialize, Serialize};
 
-use super::error::ProcessError;
+use super::error::{ProcessError, VARIABLE};
 use crate::numbers::PROCESSORS;
-
-/// The environment variable with the settings.
-pub(super) const VARIABLE: &str = "CONDOR_PROCESS";
 
 /// The way in which the servo loops of a process run: in threads, in signal handlers, or where the
 /// background polls. [The module](super) compares these ways.

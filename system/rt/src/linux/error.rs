@@ -6,7 +6,8 @@ use std::path::PathBuf;
 use condor_dev::linux::BusMapError;
 use condor_mbox::linux::SystemError;
 
-use super::environment::VARIABLE;
+/// The environment variable with the settings.
+pub(super) const VARIABLE: &str = "CONDOR_PROCESS";
 
 /// The reason why a process of Linux cannot be a processor: its settings, its memory, its bus, its
 /// clock or its signals.
