@@ -175,6 +175,7 @@ impl<'s> Live<'s> {
         );
         let events = EventCollector::of(stage.directory, status, view)?;
         let parameter_worker = ParameterWorker::open(
+            scope,
             stage.directory.clone(),
             status.window_bytes,
             status.processors.clone(),

@@ -24,7 +24,7 @@ mod keys;
 mod model;
 mod numbers;
 mod prompt;
-mod scale;
+pub(crate) mod scale;
 mod trigger;
 
 pub(crate) use draw::draw;

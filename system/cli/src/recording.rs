@@ -35,10 +35,10 @@
 //! that were dropped. If the machine loses power, the file is complete up to the data that the operating system
 //! had written, which it does within about half a minute, and the count of dropped messages may be too small.
 //!
-//! [`complete`] also leaves out damaged parts: chunks whose checksums are wrong, and bytes that are not a
-//! record. It goes on with the next chunk whose checksum is right. [`RecordingReader`] refuses a damaged chunk,
-//! and reads chunks that other programs have compressed by lz4 or zstd. Neither holds more than 256 MiB of a
-//! chunk in memory.
+//! [`complete`] also leaves out chunks whose checksums are wrong. It ends at bytes that are not a record, such as one
+//! with a wrong length, since nothing says where the next one begins; the file is kept, and `mcap recover` may find
+//! more in it. [`RecordingReader`] refuses a damaged chunk, and reads chunks that other programs have compressed by lz4
+//! or zstd. Neither holds more than 256 MiB of a chunk in memory.
 
 mod completion;
 mod message_counts;

@@ -20,10 +20,11 @@ pub use client::{ControlClient, ControlClientError, ControlEvents, follow, from_
 use std::time::Duration;
 
 use condor_mbox::Processor;
+use condor_rt::linux::FileRange;
 use serde::{Deserialize, Serialize};
 
 use crate::names::word;
-use crate::system::{FindError, MemoryFile};
+use crate::system::FindError;
 
 /// The time within which a system has ended after it was told to go down, whatever its programs do. It is real time,
 /// also for a system with a simulated clock.
@@ -120,7 +121,7 @@ pub struct SystemStatus {
     pub window_bytes: u32,
     /// The shared memory that belongs to no processor; `None` if the system has none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub shared_memory: Option<MemoryFile>,
+    pub shared_memory: Option<FileRange>,
     /// The simulated clock; `None` if the system runs by the real one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub clock: Option<ClockStatus>,

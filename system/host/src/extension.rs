@@ -248,15 +248,14 @@ impl Extension for Processes {
     }
 
     fn read(&self, found: &mut ExtensionPart<'_, '_>) -> Option<Box<dyn Group>> {
-        let loops = LoopContext::ALL.map(|loops| (loops.word(), loops));
         let settings = found.processors.iter_mut().map(|processor| {
             let keys = &mut processor.keys;
-            let loops = keys.word("loops", &loops).unwrap_or_default();
+            let loops: Option<LoopContext> = keys.get("loops");
             let cpu: Option<WholeNumber<_, 0, 1023>> = keys.get("cpu");
             let priority: Option<WholeNumber<_, 1, 99>> = keys.get("priority");
             Settings {
                 number: processor.number,
-                loops,
+                loops: loops.unwrap_or_default(),
                 cpu: cpu.map(|cpu| cpu.0),
                 priority: priority.map(|priority| priority.0),
             }

@@ -37,7 +37,7 @@ use crate::control::{DOWN, SystemStatus};
 use crate::description::{ClockKind, OnFailure, SystemDescription};
 use crate::error::{AnyError, NamedFileError, me};
 use crate::services::terminals::{self, Script};
-use crate::system::{MemoryFile, SystemDirectory};
+use crate::system::SystemDirectory;
 use files::RunDirectory;
 pub use files::supervisor as process_of;
 pub use journal::last as last_lines;
@@ -571,7 +571,7 @@ impl Supervisor<'_> {
             system: self.description.name.clone(),
             file: self.description.file.display().to_string(),
             window_bytes: self.description.window_bytes,
-            shared_memory: self.shared.as_ref().map(MemoryFile::from),
+            shared_memory: self.shared.clone(),
             clock: self.pace.status(&self.mailbox),
             files_root: self
                 .description

@@ -29,11 +29,8 @@ use rustix::net::{AddressFamily, SocketAddrUnix, SocketFlags, SocketType};
 
 pub use crate::error::NamedFileError;
 use crate::error::me;
-use condor_mbox::Region;
-use condor_mbox::linux::LinuxWindow;
 use condor_rt::linux::{FileRange, MappedPage, ProcessError};
 use condor_rt::numbers::PROCESSORS;
-use serde::{Deserialize, Serialize};
 
 /// The time that a supervisor may take to answer a request that it answers at once.
 pub(crate) const ANSWER: Duration = Duration::from_secs(15);
@@ -150,8 +147,8 @@ impl SystemDirectory {
     pub fn clock_page(&self) -> Result<Option<MappedPage>, ProcessError> {
         let text = std::fs::read_to_string(self.clock());
         let place = text.ok().and_then(|text| serde_json::from_str(&text).ok());
-        let place: Option<MemoryFile> = place;
-        place.map(|it| MappedPage::open(&it.range())).transpose()
+        let place: Option<FileRange> = place;
+        place.as_ref().map(MappedPage::open).transpose()
     }
 
     /// Returns the path of the record of the characters that people type while the system runs in simulated time: see
@@ -224,49 +221,6 @@ impl SystemDirectory {
     pub(crate) fn connect(&self) -> Result<UnixStream, NamedFileError> {
         let path = self.control();
         connect(&path).map_err(|error| NamedFileError::at("connect to", path)(error.into()))
-    }
-}
-
-/// A memory that several programs map, such as the shared memory of a system: a file, or a part of one.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct MemoryFile {
-    /// The path of the file.
-    pub file: PathBuf,
-    /// The beginning of the memory, in bytes from the beginning of the file.
-    pub offset: u64,
-    /// The size of the memory, in bytes; `None` means up to the end of the file.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub bytes: Option<u64>,
-}
-
-impl MemoryFile {
-    /// Returns the same memory as a [`FileRange`], the type that programs of condor-rt take.
-    #[must_use]
-    pub fn range(&self) -> FileRange {
-        FileRange {
-            path: self.file.clone(),
-            offset: self.offset,
-            bytes: self.bytes,
-        }
-    }
-
-    /// Maps the memory into this process, for loads and stores.
-    ///
-    /// # Errors
-    /// [`ProcessError::Open`] if the file cannot be opened, [`ProcessError::MapShared`] if it
-    /// cannot be mapped.
-    pub fn window(&self) -> Result<Region<LinuxWindow>, ProcessError> {
-        self.range().window()
-    }
-}
-
-impl From<&FileRange> for MemoryFile {
-    fn from(range: &FileRange) -> Self {
-        Self {
-            file: range.path.clone(),
-            offset: range.offset,
-            bytes: range.bytes,
-        }
     }
 }
 

@@ -126,11 +126,6 @@ impl<W: Write> McapWriter<W> {
         Ok(self.to)
     }
 
-    /// Returns the destination to which the file is written.
-    pub const fn inner_mut(&mut self) -> &mut W {
-        &mut self.to
-    }
-
     fn record(&mut self, opcode: u8, parts: &[Part<'_>]) -> Result<(), W::Error> {
         let bytes = parts.iter().map(Part::bytes).sum();
         self.to.write_all(&head_of(opcode, bytes))?;

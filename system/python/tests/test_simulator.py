@@ -154,7 +154,7 @@ class SimulatorTest(unittest.TestCase):
     def test_a_simulator_is_a_processor_of_a_system(self) -> None:
         with self.assertRaises(condor.Error) as raised:
             condor.Simulator(1000)
-        self.assertIn("the environment has no CONDOR_SYSTEM", str(raised.exception))
+        self.assertIn("the environment has no CONDOR_PROCESS", str(raised.exception))
 
 
 class Memory:

@@ -1,8 +1,6 @@
 //! [`DesiredPositions`]: the set-points of the trajectories, which the master publishes for all processors.
 
-use core::mem::offset_of;
-
-use condor_vars::{CellField, CellStruct, ValueKind};
+use condor_vars::cell_struct;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 use crate::{FINGERS, JOINTS};
@@ -28,42 +26,10 @@ pub struct DesiredPositions {
     pub velocity: [[f64; JOINTS]; FINGERS],
 }
 
-impl CellStruct for DesiredPositions {
-    const FIELDS: &'static [CellField] = &[
-        CellField::new(
-            "ticks",
-            "",
-            ValueKind::U64,
-            offset_of!(DesiredPositions, ticks),
-        ),
-        CellField::new(
-            "loose",
-            "",
-            ValueKind::U64,
-            offset_of!(DesiredPositions, loose),
-        )
-        .about("A bit for each finger that does not follow."),
-        CellField::new(
-            "motion",
-            "",
-            ValueKind::U64,
-            offset_of!(DesiredPositions, motion),
-        )
-        .about("The request of the motion that runs; 0 for none."),
-        CellField::new(
-            "position",
-            "rad",
-            ValueKind::F64,
-            offset_of!(DesiredPositions, position),
-        )
-        .repeated(FINGERS * JOINTS)
-        .about("Targets of the joints at the next tick."),
-        CellField::new(
-            "velocity",
-            "rad/s",
-            ValueKind::F64,
-            offset_of!(DesiredPositions, velocity),
-        )
-        .repeated(FINGERS * JOINTS),
-    ];
-}
+cell_struct!(DesiredPositions {
+    "ticks": ticks, "";
+    "loose": loose, "", "A bit for each finger that does not follow.";
+    "motion": motion, "", "The request of the motion that runs; 0 for none.";
+    "position": position, "rad", "Targets of the joints at the next tick.";
+    "velocity": velocity, "rad/s";
+});

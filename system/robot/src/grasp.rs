@@ -7,8 +7,7 @@
 
 use condor_hand::grasp::distributed::HandJoints;
 use condor_hand::kinematics::Kinematics;
-use condor_vars::{CellField, CellStruct, ValueKind};
-use core::mem::offset_of;
+use condor_vars::cell_struct;
 use nalgebra::SVector;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
@@ -44,33 +43,14 @@ pub struct Joints {
     pub ticks: u64,
 }
 
-impl CellStruct for Joints {
-    const FIELDS: &'static [CellField] = &[
-        CellField::new(
-            "position",
-            "rad",
-            ValueKind::F64,
-            offset_of!(Joints, position),
-        )
-        .repeated(FINGERS * JOINTS)
-        .about("As measured; joints in the order of the fingers."),
-        CellField::new(
-            "velocity",
-            "rad/s",
-            ValueKind::F64,
-            offset_of!(Joints, velocity),
-        )
-        .repeated(FINGERS * JOINTS)
-        .about("Filtered."),
-        CellField::new("order", "", ValueKind::U64, offset_of!(Joints, order))
-            .repeated(FINGERS)
-            .about("The grasp order in force for each finger; 0 for none."),
-        CellField::new("served", "", ValueKind::U64, offset_of!(Joints, served))
-            .about("A bit for each finger of this processor; others do not count."),
-        CellField::new("due_ns", "ns", ValueKind::U64, offset_of!(Joints, due_ns)),
-        CellField::new("ticks", "", ValueKind::U64, offset_of!(Joints, ticks)),
-    ];
-}
+cell_struct!(Joints {
+    "position": position, "rad", "As measured; joints in the order of the fingers.";
+    "velocity": velocity, "rad/s", "Filtered.";
+    "order": order, "", "The grasp order in force for each finger; 0 for none.";
+    "served": served, "", "A bit for each finger of this processor; others do not count.";
+    "due_ns": due_ns, "ns";
+    "ticks": ticks, "";
+});
 
 impl Joints {
     /// The joints of the hand in a tick that was due at an instant, ns.

@@ -5,11 +5,9 @@
 //! [`Stops`] the joints that rest since then. The master checks in each of its own ticks the conditions on
 //! which a motion begins. It reads [`Felt`], which keeps the greatest values in between.
 
-use core::mem::offset_of;
-
 use condor_hand::controller::GuardStop;
 use condor_hand::trajectory::MotionGuard;
-use condor_vars::{CellField, CellStruct, ValueKind};
+use condor_vars::cell_struct;
 use zerocopy::{FromBytes, FromZeros, Immutable, IntoBytes};
 
 use crate::{FINGERS, JOINTS};
@@ -38,19 +36,12 @@ pub struct Felt {
     pub ticks: u64,
 }
 
-impl CellStruct for Felt {
-    const FIELDS: &'static [CellField] = &[
-        CellField::new("torque", "N m", ValueKind::F64, offset_of!(Felt, torque))
-            .repeated(FINGERS * JOINTS)
-            .about("Greatest recent value, to either side; joints in the order of the fingers."),
-        CellField::new("tension", "N", ValueKind::F64, offset_of!(Felt, tension))
-            .repeated(FINGERS * JOINTS)
-            .about("Greatest recent value of either tendon."),
-        CellField::new("contacts", "", ValueKind::U64, offset_of!(Felt, contacts))
-            .about("A bit for each finger in recent contact."),
-        CellField::new("ticks", "", ValueKind::U64, offset_of!(Felt, ticks)),
-    ];
-}
+cell_struct!(Felt {
+    "torque": torque, "N m", "Greatest recent value, to either side; joints in the order of the fingers.";
+    "tension": tension, "N", "Greatest recent value of either tendon.";
+    "contacts": contacts, "", "A bit for each finger in recent contact.";
+    "ticks": ticks, "";
+});
 
 /// The joints of a servo processor that rest because a guard (a torque, a tension or a contact) has stopped their
 /// motion. The processor publishes it when it changes: a `Published<Stops>`.
@@ -68,27 +59,12 @@ pub struct Stops {
     pub position: [[f64; JOINTS]; FINGERS],
 }
 
-impl CellStruct for Stops {
-    const FIELDS: &'static [CellField] = &[
-        CellField::new("motion", "", ValueKind::U32, offset_of!(Stops, motion))
-            .repeated(FINGERS * JOINTS)
-            .about("The motion that a guard has stopped; 0 for none."),
-        CellField::new("guard", "", ValueKind::U32, offset_of!(Stops, guard))
-            .repeated(FINGERS * JOINTS)
-            .about("1 torque, 2 tension, 3 contact, and 256 times the joint."),
-        CellField::new("value", "", ValueKind::F64, offset_of!(Stops, value))
-            .repeated(FINGERS * JOINTS)
-            .about("Measured value, N m or N."),
-        CellField::new(
-            "position",
-            "rad",
-            ValueKind::F64,
-            offset_of!(Stops, position),
-        )
-        .repeated(FINGERS * JOINTS)
-        .about("Position at which it stopped."),
-    ];
-}
+cell_struct!(Stops {
+    "motion": motion, "", "The motion that a guard has stopped; 0 for none.";
+    "guard": guard, "", "1 torque, 2 tension, 3 contact, and 256 times the joint.";
+    "value": value, "", "Measured value, N m or N.";
+    "position": position, "rad", "Position at which it stopped.";
+});
 
 const TORQUE: u32 = 1;
 const TENSION: u32 = 2;

@@ -38,150 +38,55 @@ pub fn servos<W: MemoryWindow>(
         .transpose()
 }
 
-/// Finds the measured positions and velocities of joints that a servo processor publishes. `region` is the users'
-/// region of that processor's `data`. Returns `None` while no such program runs there.
-///
-/// # Errors
-/// Returns [`AccessError`] if the memory cannot be accessed.
-pub fn joints<W: MemoryWindow>(
-    region: &Region<W>,
-) -> Result<Option<Published<Joints>>, AccessError> {
-    published(region, grasp::JOINTS_NAME)
+/// Makes a function for each object: what it finds, its name, the name of the object, its type, and how its offset
+/// makes it.
+macro_rules! finders {
+    ($($(#[$about:meta])* $finder:ident: $name:expr, $type:ty, $at:expr;)*) => {$(
+        $(#[$about])*
+        /// `region` is the users' region of that processor's `data`. Returns `None` while no such program runs there.
+        ///
+        /// # Errors
+        /// Returns [`AccessError`] if the memory cannot be accessed.
+        pub fn $finder<W: MemoryWindow>(region: &Region<W>) -> Result<Option<$type>, AccessError> {
+            let object = objects::find(region, $name, ObjectKind::Other)?;
+            Ok(object.map(|object| $at(object.offset)))
+        }
+    )*};
 }
 
-/// Finds the greatest recent torques and tensions of joints that a servo processor publishes. `region` is the users'
-/// region of that processor's `data`. Returns `None` while no such program runs there.
-///
-/// # Errors
-/// Returns [`AccessError`] if the memory cannot be accessed.
-pub fn felt<W: MemoryWindow>(region: &Region<W>) -> Result<Option<Published<Felt>>, AccessError> {
-    published(region, guards::FELT_NAME)
+finders! {
+    /// Finds the measured positions and velocities of joints that a servo processor publishes.
+    joints: grasp::JOINTS_NAME, Published<Joints>, Published::at;
+    /// Finds the greatest recent torques and tensions of joints that a servo processor publishes.
+    felt: guards::FELT_NAME, Published<Felt>, Published::at;
+    /// Finds the list of joints stopped by a guard that a servo processor publishes.
+    stops: guards::STOPS_NAME, Published<Stops>, Published::at;
+    /// Finds the tracking errors of joints that a servo processor publishes.
+    tracking: servo::TRACKING_NAME, Published<Tracking>, Published::at;
+    /// Finds the memory by which a servo processor takes orders for a grasp and reports on them.
+    grasp: grasp::NAME, GraspLayout, GraspLayout::at;
+    /// Finds the blocks by which requests are sent to the table, in the memory of its processor.
+    table: table::NAME, table::TableBlocks, blocks;
+    /// Finds the [`Palm`] that the table's processor publishes: the state of the table and the positions of its axes,
+    /// which carry the palm.
+    palm: table::PALM_NAME, Published<Palm>, Published::at;
+    /// Finds the blocks by which requests are sent to the simulated robot, in the memory of its processor.
+    plant: plant::NAME, plant::PlantBlocks, blocks;
+    /// Finds the blocks by which requests are sent to the master's queue of motions, in the memory of its processor.
+    motions: MOTIONS_NAME, MotionsBlocks, blocks;
+    /// Finds the set-points of all joints that the master publishes.
+    wanted: WANTED_NAME, Published<DesiredPositions>, Published::at;
+    /// Finds the report on the tracking errors of past motions that the master publishes.
+    followed: FOLLOWED_NAME, Published<TrackingReport>, Published::at;
+    /// Finds the true state of the simulated robot that its processor publishes.
+    truth: plant::TRUTH_NAME, Published<TrueState>, Published::at;
+    /// Finds the measured place of the ball that the camera of the simulated robot publishes.
+    object: plant::OBJECT_NAME, Published<plant::CameraObject>, Published::at;
 }
 
-/// Finds the list of joints stopped by a guard that a servo processor publishes. `region` is the users' region of that
-/// processor's `data`. Returns `None` while no such program runs there.
-///
-/// # Errors
-/// Returns [`AccessError`] if the memory cannot be accessed.
-pub fn stops<W: MemoryWindow>(region: &Region<W>) -> Result<Option<Published<Stops>>, AccessError> {
-    published(region, guards::STOPS_NAME)
-}
-
-/// Finds the tracking errors of joints that a servo processor publishes. `region` is the users' region of that
-/// processor's `data`. Returns `None` while no such program runs there.
-///
-/// # Errors
-/// Returns [`AccessError`] if the memory cannot be accessed.
-pub fn tracking<W: MemoryWindow>(
-    region: &Region<W>,
-) -> Result<Option<Published<Tracking>>, AccessError> {
-    published(region, servo::TRACKING_NAME)
-}
-
-/// Finds the memory by which a servo processor takes orders for a grasp and reports on them. `region` is the users'
-/// region of that processor's `data`. Returns `None` while no such program runs there.
-///
-/// # Errors
-/// Returns [`AccessError`] if the memory cannot be accessed.
-pub fn grasp<W: MemoryWindow>(region: &Region<W>) -> Result<Option<GraspLayout>, AccessError> {
-    let object = objects::find(region, grasp::NAME, ObjectKind::Other)?;
-    Ok(object.map(|object| GraspLayout::at(object.offset)))
-}
-
-/// Finds the blocks by which requests are sent to the table. `region` is the users' region of the `data` of the table's
-/// processor. Returns `None` while its program does not run there.
-///
-/// # Errors
-/// Returns [`AccessError`] if the memory cannot be accessed.
-pub fn table<W: MemoryWindow>(
-    region: &Region<W>,
-) -> Result<Option<table::TableBlocks>, AccessError> {
-    let object = objects::find(region, table::NAME, ObjectKind::Other)?;
-    Ok(object.map(|object| Blocks::at(object.offset, PROCESSORS as u8)))
-}
-
-/// Finds the [`Palm`] that the table's processor publishes: the state of the table and the positions of its axes, which
-/// carry the palm. `region` is the users' region of that processor's `data`. Returns `None` while the table's program
-/// does not run there.
-///
-/// # Errors
-/// Returns [`AccessError`] if the memory cannot be accessed.
-pub fn palm<W: MemoryWindow>(region: &Region<W>) -> Result<Option<Published<Palm>>, AccessError> {
-    published(region, table::PALM_NAME)
-}
-
-/// Finds the blocks by which requests are sent to the simulated robot. `region` is the users' region of the `data` of
-/// the robot's processor. Returns `None` while its program does not run there.
-///
-/// # Errors
-/// Returns [`AccessError`] if the memory cannot be accessed.
-pub fn plant<W: MemoryWindow>(
-    region: &Region<W>,
-) -> Result<Option<plant::PlantBlocks>, AccessError> {
-    let object = objects::find(region, plant::NAME, ObjectKind::Other)?;
-    Ok(object.map(|object| Blocks::at(object.offset, PROCESSORS as u8)))
-}
-
-/// Finds the blocks by which requests are sent to the master's queue of motions. `region` is the users' region of the
-/// master's `data`. Returns `None` while its program does not run there.
-///
-/// # Errors
-/// Returns [`AccessError`] if the memory cannot be accessed.
-pub fn motions<W: MemoryWindow>(region: &Region<W>) -> Result<Option<MotionsBlocks>, AccessError> {
-    let object = objects::find(region, MOTIONS_NAME, ObjectKind::Other)?;
-    Ok(object.map(|object| Blocks::at(object.offset, PROCESSORS as u8)))
-}
-
-/// Finds the set-points of all joints that the master publishes. `region` is the users' region of the master's `data`.
-/// Returns `None` while its program does not run there.
-///
-/// # Errors
-/// Returns [`AccessError`] if the memory cannot be accessed.
-pub fn wanted<W: MemoryWindow>(
-    region: &Region<W>,
-) -> Result<Option<Published<DesiredPositions>>, AccessError> {
-    published(region, WANTED_NAME)
-}
-
-/// Finds the report on the tracking errors of past motions that the master publishes. `region` is the users' region of
-/// the master's `data`. Returns `None` while its program does not run there.
-///
-/// # Errors
-/// Returns [`AccessError`] if the memory cannot be accessed.
-pub fn followed<W: MemoryWindow>(
-    region: &Region<W>,
-) -> Result<Option<Published<TrackingReport>>, AccessError> {
-    published(region, FOLLOWED_NAME)
-}
-
-/// Finds the true state of the simulated robot that its processor publishes. `region` is the users' region of that
-/// processor's `data`. Returns `None` while its program does not run there.
-///
-/// # Errors
-/// Returns [`AccessError`] if the memory cannot be accessed.
-pub fn truth<W: MemoryWindow>(
-    region: &Region<W>,
-) -> Result<Option<Published<TrueState>>, AccessError> {
-    published(region, plant::TRUTH_NAME)
-}
-
-/// Finds the measured place of the ball that the camera of the simulated robot publishes. `region` is the users' region
-/// of the `data` of the robot's processor. Returns `None` while its program does not run there.
-///
-/// # Errors
-/// Returns [`AccessError`] if the memory cannot be accessed.
-pub fn object<W: MemoryWindow>(
-    region: &Region<W>,
-) -> Result<Option<Published<plant::CameraObject>>, AccessError> {
-    published(region, plant::OBJECT_NAME)
-}
-
-fn published<W: MemoryWindow, T>(
-    region: &Region<W>,
-    name: &str,
-) -> Result<Option<Published<T>>, AccessError> {
-    let object = objects::find(region, name, ObjectKind::Other)?;
-    Ok(object.map(|object| Published::at(object.offset)))
+/// Returns the blocks, one for each processor, that begin at an offset.
+const fn blocks<Q, R>(offset: u32) -> Blocks<Q, R> {
+    Blocks::at(offset, PROCESSORS as u8)
 }
 
 /// Returns an allocator of the memory from an object on.

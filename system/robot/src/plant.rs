@@ -28,10 +28,9 @@
 //! | `object` | a published [`CameraObject`]: what the camera measures |
 //! | `plant` | the blocks of [`PLANT`] with [`PlantRequest`] and [`PlantResponse`]: [`PlantBlocks`] |
 
-use condor_vars::{CellField, CellStruct, ValueKind};
+use condor_vars::cell_struct;
 use core::cell::RefCell;
 use core::marker::PhantomData;
-use core::mem::offset_of;
 
 use condor_hand::grasp::Wrench;
 use condor_mbox::Vector;
@@ -102,72 +101,20 @@ pub struct TrueState {
     pub failed: u64,
 }
 
-impl CellStruct for TrueState {
-    const FIELDS: &'static [CellField] = &[
-        CellField::new("time_s", "s", ValueKind::F64, offset_of!(TrueState, time_s))
-            .about("Since the robot began."),
-        CellField::new(
-            "position",
-            "rad",
-            ValueKind::F64,
-            offset_of!(TrueState, position),
-        )
-        .repeated(FINGERS * JOINTS)
-        .about("Joints in the order of the fingers."),
-        CellField::new(
-            "velocity",
-            "rad/s",
-            ValueKind::F64,
-            offset_of!(TrueState, velocity),
-        )
-        .repeated(FINGERS * JOINTS),
-        CellField::new(
-            "tension",
-            "N",
-            ValueKind::F64,
-            offset_of!(TrueState, tension),
-        )
-        .repeated(2 * FINGERS * JOINTS)
-        .about("Tensions of flexor and extensor."),
-        CellField::new("table", "m", ValueKind::F64, offset_of!(TrueState, table)).repeated(3),
-        CellField::new("ball", "m", ValueKind::F64, offset_of!(TrueState, ball))
-            .repeated(3)
-            .about("Centre of the ball; NaN without one."),
-        CellField::new(
-            "orientation",
-            "",
-            ValueKind::F64,
-            offset_of!(TrueState, orientation),
-        )
-        .repeated(4)
-        .about("Of the ball: a unit quaternion, the real part first."),
-        CellField::new(
-            "touching",
-            "",
-            ValueKind::U64,
-            offset_of!(TrueState, touching),
-        )
-        .about("A bit for each finger that touches the ball."),
-        CellField::new(
-            "sliding",
-            "",
-            ValueKind::U64,
-            offset_of!(TrueState, sliding),
-        )
-        .about("A bit for each finger that slides on it."),
-        CellField::new(
-            "resting",
-            "",
-            ValueKind::U64,
-            offset_of!(TrueState, resting),
-        )
-        .about("A bit for each D/A board that rests."),
-        CellField::new("hash", "", ValueKind::U64, offset_of!(TrueState, hash))
-            .about("Of the positions of all joints in all ticks so far."),
-        CellField::new("failed", "", ValueKind::U64, offset_of!(TrueState, failed))
-            .about("Ticks in which the robot or its bus failed since it was mended."),
-    ];
-}
+cell_struct!(TrueState {
+    "time_s": time_s, "s", "Since the robot began.";
+    "position": position, "rad", "Joints in the order of the fingers.";
+    "velocity": velocity, "rad/s";
+    "tension": tension, "N", "Tensions of flexor and extensor.";
+    "table": table, "m";
+    "ball": ball, "m", "Centre of the ball; NaN without one.";
+    "orientation": orientation, "", "Of the ball: a unit quaternion, the real part first.";
+    "touching": touching, "", "A bit for each finger that touches the ball.";
+    "sliding": sliding, "", "A bit for each finger that slides on it.";
+    "resting": resting, "", "A bit for each D/A board that rests.";
+    "hash": hash, "", "Of the positions of all joints in all ticks so far.";
+    "failed": failed, "", "Ticks in which the robot or its bus failed since it was mended.";
+});
 
 /// The robot, between handlers and the loop.
 type SharedRobot = Mutex<RefCell<Robot>>;

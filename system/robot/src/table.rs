@@ -15,9 +15,8 @@
 use core::fmt;
 use core::marker::PhantomData;
 
-use condor_vars::{CellField, CellStruct, ValueKind};
+use condor_vars::cell_struct;
 use core::cell::RefCell;
-use core::mem::offset_of;
 
 use condor_hand::controller::{AXES, TableController, TableState, read_table, write_table};
 use condor_hand::trajectory::{MotionError, Pace, Primitive, Profile, Target};
@@ -67,26 +66,13 @@ impl TickTime for Palm {
     }
 }
 
-impl CellStruct for Palm {
-    const FIELDS: &'static [CellField] = &[
-        CellField::new(
-            "acceleration",
-            "m/s^2",
-            ValueKind::F64,
-            offset_of!(Palm, acceleration),
-        )
-        .repeated(3)
-        .about("Of the palm, in its own axes."),
-        CellField::new("position", "m", ValueKind::F64, offset_of!(Palm, position))
-            .repeated(AXES)
-            .about("Position of the axes."),
-        CellField::new("target", "m", ValueKind::F64, offset_of!(Palm, target))
-            .repeated(AXES)
-            .about("Target of the axes."),
-        CellField::new("state", "", ValueKind::U64, offset_of!(Palm, state)),
-        CellField::new("due_ns", "ns", ValueKind::U64, offset_of!(Palm, due_ns)),
-    ];
-}
+cell_struct!(Palm {
+    "acceleration": acceleration, "m/s^2", "Of the palm, in its own axes.";
+    "position": position, "m", "Position of the axes.";
+    "target": target, "m", "Target of the axes.";
+    "state": state, "";
+    "due_ns": due_ns, "ns";
+});
 
 /// The state of the table: whether it is off, goes home, takes motions, or has failed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]

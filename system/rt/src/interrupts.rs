@@ -1,9 +1,7 @@
 //! [`Interrupts`]: counts of a machine's interrupts.
 
-use core::mem::offset_of;
-
 use condor_dev::{InterruptCounts, InterruptVector};
-use condor_vars::{CellField, CellStruct, ValueKind};
+use condor_vars::cell_struct;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 /// The greatest number of vectors without a driver that are named.
@@ -62,27 +60,12 @@ impl Interrupts {
     }
 }
 
-impl CellStruct for Interrupts {
-    const FIELDS: &'static [CellField] = &[
-        CellField::new("served", "", ValueKind::U32, offset_of!(Self, served)),
-        CellField::new("spurious", "", ValueKind::U32, offset_of!(Self, spurious)),
-        CellField::new("unclaimed", "", ValueKind::U32, offset_of!(Self, unclaimed)),
-        CellField::new("unhandled", "", ValueKind::U32, offset_of!(Self, unhandled)),
-        CellField::new("stuck", "", ValueKind::U32, offset_of!(Self, stuck)),
-        CellField::new(
-            "unhandled_vector",
-            "",
-            ValueKind::I32,
-            offset_of!(Self, unhandled_vectors),
-        )
-        .repeated(NAMED)
-        .about("-1 is none."),
-        CellField::new(
-            "unhandled_causes",
-            "",
-            ValueKind::U32,
-            offset_of!(Self, unhandled_causes),
-        )
-        .about("Bits of the numbers of causes."),
-    ];
-}
+cell_struct!(Interrupts {
+    "served": served, "";
+    "spurious": spurious, "";
+    "unclaimed": unclaimed, "";
+    "unhandled": unhandled, "";
+    "stuck": stuck, "";
+    "unhandled_vector": unhandled_vectors, "", "-1 is none.";
+    "unhandled_causes": unhandled_causes, "", "Bits of the numbers of causes.";
+});

@@ -10,10 +10,32 @@
 use condor_mbox::published::{PublishedReadError, Publisher};
 use condor_mbox::{AccessError, Allocator, MemoryWindow, Published, Region};
 use condor_mos::{Rate, Statistics};
+use zerocopy::little_endian::U64;
+use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 use crate::objects::{ObjectError, ObjectKind, ObjectTable, SharedObject};
 
-type Row = [u32; 22];
+/// The words of the record.
+#[derive(Clone, Copy, Debug, FromBytes, IntoBytes, Immutable)]
+#[repr(C)]
+struct Row {
+    rate: [u32; 2],
+    frequency: [u32; 2],
+    flags: u32,
+    worst_lateness: u32,
+    worst_run: u32,
+    released: U64,
+    run: U64,
+    skipped: U64,
+    running: u32,
+    pending: u32,
+    total_run: U64,
+    released_before: U64,
+    total_before: U64,
+    zero: u32,
+}
+
+const _: () = assert!(size_of::<Row>() == 22 * 4);
 
 const ENABLED: u32 = 1 << 0;
 const FAULTED: u32 = 1 << 1;
@@ -47,7 +69,7 @@ impl<W: MemoryWindow + Clone> LoopReport<W> {
     /// # Errors
     /// [`AccessError`] if the memory cannot be written.
     pub fn publish(&mut self, counts: &Statistics) -> Result<(), AccessError> {
-        self.0.publish(&words(counts))?;
+        self.0.publish(&Row::of(counts))?;
         Ok(())
     }
 }
@@ -66,90 +88,51 @@ pub fn read<W: MemoryWindow + Clone>(
 ) -> Result<Option<Statistics>, AccessError> {
     let row = Published::<Row>::at(object.offset).subscriber(region.clone())?;
     match row.read() {
-        Ok(latest) => Ok(counts(&latest.value)),
+        Ok(latest) => Ok(latest.value.counts()),
         Err(PublishedReadError::Access(error)) => Err(error),
         Err(_) => Ok(None),
     }
 }
 
-fn words(counts: &Statistics) -> Row {
-    let low = |count: u64| count as u32;
-    let high = |count: u64| (count >> 32) as u32;
-    let flags = if counts.enabled { ENABLED } else { 0 } | if counts.faulted { FAULTED } else { 0 };
-    [
-        counts.rate.numerator(),
-        counts.rate.denominator(),
-        counts.frequency.numerator(),
-        counts.frequency.denominator(),
-        flags,
-        counts.worst_lateness,
-        counts.worst_run,
-        low(counts.released),
-        high(counts.released),
-        low(counts.run),
-        high(counts.run),
-        low(counts.skipped),
-        high(counts.skipped),
-        low(counts.running),
-        low(counts.pending),
-        low(counts.total_run),
-        high(counts.total_run),
-        low(counts.released_before),
-        high(counts.released_before),
-        low(counts.total_before),
-        high(counts.total_before),
-        0,
-    ]
-}
+impl Row {
+    fn of(counts: &Statistics) -> Self {
+        let flag = |is_set, flag| if is_set { flag } else { 0 };
+        Self {
+            rate: [counts.rate.numerator(), counts.rate.denominator()],
+            frequency: [counts.frequency.numerator(), counts.frequency.denominator()],
+            flags: flag(counts.enabled, ENABLED) | flag(counts.faulted, FAULTED),
+            worst_lateness: counts.worst_lateness,
+            worst_run: counts.worst_run,
+            released: counts.released.into(),
+            run: counts.run.into(),
+            skipped: counts.skipped.into(),
+            running: counts.running as u32,
+            pending: counts.pending as u32,
+            total_run: counts.total_run.into(),
+            released_before: counts.released_before.into(),
+            total_before: counts.total_before.into(),
+            zero: 0,
+        }
+    }
 
-/// None if no scheduler wrote these words.
-fn counts(row: &Row) -> Option<Statistics> {
-    let &[
-        rate,
-        per,
-        frequency,
-        in_,
-        flags,
-        worst_lateness,
-        worst_run,
-        ref counts @ ..,
-    ] = row;
-    let &[
-        released,
-        released_high,
-        run,
-        run_high,
-        skipped,
-        skipped_high,
-        ..,
-    ] = counts;
-    let &[
-        ..,
-        running,
-        pending,
-        total,
-        total_high,
-        former,
-        former_high,
-        before,
-        before_high,
-        _,
-    ] = counts;
-    let wide = |low: u32, high: u32| u64::from(high) << 32 | u64::from(low);
-    Some(Statistics {
-        rate: Rate::new(rate, per)?,
-        frequency: Rate::new(frequency, in_)?,
-        enabled: flags & ENABLED != 0,
-        faulted: flags & FAULTED != 0,
-        released: wide(released, released_high),
-        run: wide(run, run_high),
-        skipped: wide(skipped, skipped_high),
-        running: running.into(),
-        pending: pending.into(),
-        worst_lateness,
-        worst_run,
-        total_run: wide(total, total_high),
-        released_before: wide(former, former_high),
-        total_before: wide(before, before_high),
-    })
+    /// None if no scheduler wrote these words.
+    fn counts(&self) -> Option<Statistics> {
+        let rate = |[numerator, denominator]: [u32; 2]| Rate::new(numerator, denominator);
+        Some(Statistics {
+            rate: rate(self.rate)?,
+            frequency: rate(self.frequency)?,
+            enabled: self.flags & ENABLED != 0,
+            faulted: self.flags & FAULTED != 0,
+            released: self.released.get(),
+            run: self.run.get(),
+            skipped: self.skipped.get(),
+            running: self.running.into(),
+            pending: self.pending.into(),
+            worst_lateness: self.worst_lateness,
+            worst_run: self.worst_run,
+            total_run: self.total_run.get(),
+            released_before: self.released_before.get(),
+            total_before: self.total_before.get(),
+        })
+    }
 }

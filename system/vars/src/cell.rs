@@ -5,36 +5,19 @@ use condor_mbox::{Allocator, MemoryWindow, Published, Region};
 
 use crate::catalog::{self, Body, CatalogError, Item};
 use crate::kind::{AnyValue, ValueKind};
+use crate::scalar::Scalar;
 use crate::table::{TableEntry, VariableTable, VariableTableError};
 use crate::var::VarDescription;
 
 /// A struct whose latest value is published in a [`Published`] cell, and whose fields other
-/// programs can read by name.
-///
-/// ```
-/// use core::mem::offset_of;
-/// use condor_vars::{CellStruct, CellField, ValueKind};
-///
-/// #[repr(C)]
-/// struct Grasp {
-///     forces: [f32; 4],
-///     contacts: u32,
-/// }
-///
-/// impl CellStruct for Grasp {
-///     const FIELDS: &'static [CellField] = &[
-///         CellField::new("force", "N", ValueKind::F32, offset_of!(Grasp, forces)).repeated(4),
-///         CellField::new("contacts", "", ValueKind::U32, offset_of!(Grasp, contacts)),
-///     ];
-/// }
-/// ```
+/// programs can read by name. [`cell_struct!`](crate::cell_struct) implements it.
 pub trait CellStruct {
     /// The fields, in any order; some may be left out.
     const FIELDS: &'static [CellField];
 }
 
 /// The description of one field of a struct, for [`CellStruct::FIELDS`]: its name, unit, type and
-/// offset.
+/// offset. [`cell_struct!`](crate::cell_struct) makes it.
 #[derive(Clone, Copy, Debug)]
 pub struct CellField {
     name: &'static str,
@@ -47,48 +30,80 @@ pub struct CellField {
     count: Option<usize>,
 }
 
+/// A type that a field can have: a [`Scalar`], or an array of such fields. Elements of an array are shown as `name.0`,
+/// `name.1` and so on, also those of an array of arrays.
+pub trait CellValue {
+    /// The type of the value, or of each element.
+    type Element: Scalar;
+    /// The number of elements; `None` if the field is not an array.
+    const COUNT: Option<usize>;
+}
+
+impl<T: Scalar> CellValue for T {
+    type Element = T;
+    const COUNT: Option<usize> = None;
+}
+
+impl<T: CellValue, const N: usize> CellValue for [T; N] {
+    type Element = T::Element;
+    const COUNT: Option<usize> = match T::COUNT {
+        Some(count) => Some(N * count),
+        None => Some(N),
+    };
+}
+
+/// Implements [`CellStruct`](crate::CellStruct) for a struct: after the name of each field that is shown come its place
+/// in the struct, its unit, and a text for people, which may be left out.
+///
+/// A name has at most 96 bytes, a unit 32, and may be empty, a text 128. The type of a field is that of its place: see
+/// [`CellValue`](crate::CellValue). Places are those of fields of nested structs, too.
+///
+/// ```
+/// use condor_vars::cell_struct;
+///
+/// #[repr(C)]
+/// struct Grasp {
+///     forces: [f32; 4],
+///     contacts: u32,
+/// }
+///
+/// cell_struct!(Grasp {
+///     "force": forces, "N", "At the tips.";
+///     "contacts": contacts, "";
+/// });
+/// ```
+#[macro_export]
+macro_rules! cell_struct {
+    ($struct:ident { $($name:literal: $($place:ident).+, $unit:literal $(, $about:literal)?;)+ }) => {
+        impl $crate::CellStruct for $struct {
+            const FIELDS: &'static [$crate::CellField] = &[$(
+                $crate::CellField::of(
+                    [$name, $unit, concat!($($about)?)],
+                    ::core::mem::offset_of!($struct, $($place).+),
+                    |it: &$struct| &it.$($place).+,
+                )
+            ),+];
+        }
+    };
+}
+
 impl CellField {
-    /// Describes the field `name`, of the type `kind`, at `offset` bytes from the beginning of the
-    /// struct; `offset_of!` returns this offset. `name` has at most 96 bytes. `unit` has at most 32
-    /// bytes, and may be empty.
+    /// Describes the field that a function returns, with its name, unit and text, and its place in bytes.
+    #[doc(hidden)]
     #[must_use]
-    pub const fn new(
-        name: &'static str,
-        unit: &'static str,
-        kind: ValueKind,
+    pub const fn of<S, T: CellValue>(
+        [name, unit, about]: [&'static str; 3],
         offset: usize,
+        _: fn(&S) -> &T,
     ) -> Self {
         Self {
             name,
             unit,
-            about: "",
-            labels: &[],
-            kind,
+            about,
+            labels: T::Element::LABELS,
+            kind: T::Element::KIND,
             offset,
-            count: None,
-        }
-    }
-
-    /// Adds a text for people that describes the field, at most 128 bytes.
-    #[must_use]
-    pub const fn about(self, about: &'static str) -> Self {
-        Self { about, ..self }
-    }
-
-    /// Adds the names of the values of a field of the type [`ValueKind::Choice`]. The first name is
-    /// that of the value 0, the next that of 1, and so on.
-    #[must_use]
-    pub const fn labels(self, labels: &'static [&'static str]) -> Self {
-        Self { labels, ..self }
-    }
-
-    /// Makes the field an array of `count` elements, which programs see as `name.0`, `name.1` and
-    /// so on.
-    #[must_use]
-    pub const fn repeated(self, count: usize) -> Self {
-        Self {
-            count: Some(count),
-            ..self
+            count: T::COUNT,
         }
     }
 
@@ -121,8 +136,7 @@ impl CellField {
 /// `allocator` hands out the room for the table in it.
 ///
 /// # Errors
-/// Returns [`CatalogError::Block`] with the number of a field that is not inside of `T`,
-/// [`CatalogError::TooLong`] if a text or a list of labels is too long, [`CatalogError::TooMany`] if there are
+/// Returns [`CatalogError::TooLong`] if a text or a list of labels is too long, [`CatalogError::TooMany`] if there are
 /// too many fields, [`CatalogError::Access`] if there is no room for the table or its memory cannot be
 /// accessed.
 pub fn describe<T: CellStruct, W: MemoryWindow + Clone>(
@@ -130,17 +144,9 @@ pub fn describe<T: CellStruct, W: MemoryWindow + Clone>(
     own: &Region<W>,
     allocator: &mut Allocator,
 ) -> Result<u32, CatalogError> {
-    let bytes = size_of::<T>();
-    for (block, field) in T::FIELDS.iter().enumerate() {
-        let len = field.kind.bytes().saturating_mul(field.count.unwrap_or(1));
-        if field.offset.saturating_add(len) > bytes {
-            let words = bytes / 4;
-            return Err(CatalogError::Block { block, words });
-        }
-    }
     let items = |body: &mut Body<'_>| T::FIELDS.iter().try_for_each(|field| field.each(body));
     let (shape, _) = catalog::measure(items)?;
-    let cell = (cell.offset(), bytes as u32);
+    let cell = (cell.offset(), size_of::<T>() as u32);
     let (_, offset, _) = catalog::write(own, allocator, shape, (0, 0), cell, items)?;
     Ok(offset)
 }

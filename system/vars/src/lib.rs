@@ -42,7 +42,7 @@ pub use var::{Var, VarDescription, Vars, Watch};
 
 // The types of the program that owns a table.
 pub use catalog::{Catalog, CatalogError};
-pub use cell::{CellField, CellStruct, describe};
+pub use cell::{CellField, CellStruct, CellValue, describe};
 pub use ends::{Ends, VariableSettings};
 pub use sampler::Sampler;
 pub use selections::{MOST_WATCHERS, Selections};

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
-use std::thread::JoinHandle;
+use std::thread::Scope;
 use std::time::{Duration, Instant};
 
 use condor_mbox::exchange::ExchangeError;
@@ -48,19 +48,19 @@ pub(super) enum WorkerMessage {
 
 /// The way to the thread, which ends when this is dropped.
 pub(super) struct ParameterWorker {
-    orders: Option<Sender<Order>>,
+    orders: Sender<Order>,
     messages: Receiver<WorkerMessage>,
     /// Whether it has a question that is not answered yet.
     is_asked: bool,
     /// Ends the thread before its next parameter.
     is_over: Arc<AtomicBool>,
-    thread: Option<JoinHandle<()>>,
 }
 
 impl ParameterWorker {
     /// Starts the thread. `names` are the parameters of the processors `members`; `directory` is that
     /// of the system, in which the thread is a visitor of its own.
-    pub(super) fn open(
+    pub(super) fn open<'scope>(
+        scope: &'scope Scope<'scope, '_>,
         directory: SystemDirectory,
         window_bytes: u32,
         members: Vec<Member>,
@@ -71,7 +71,7 @@ impl ParameterWorker {
         let (opener, ready) = channel();
         let is_over = Arc::new(AtomicBool::new(false));
         let ends = is_over.clone();
-        let thread = std::thread::spawn(move || {
+        scope.spawn(move || {
             let view = View::open(&directory, window_bytes);
             let view = view.and_then(|mut view| view.join().map(drop).map(|()| view));
             let view = match view {
@@ -98,11 +98,10 @@ impl ParameterWorker {
         });
         ready.recv()??;
         Ok(Self {
-            orders: Some(orders),
+            orders,
             messages,
             is_asked: false,
             is_over,
-            thread: Some(thread),
         })
     }
 
@@ -123,10 +122,8 @@ impl ParameterWorker {
     }
 
     fn order(&self, order: Order) {
-        if let Some(orders) = &self.orders {
-            // The thread receives as long as `self` exists.
-            let _ = orders.send(order);
-        }
+        // The thread receives as long as `self` exists.
+        let _ = self.orders.send(order);
     }
 
     /// Returns what the thread has told since the last call.
@@ -140,11 +137,6 @@ impl ParameterWorker {
 impl Drop for ParameterWorker {
     fn drop(&mut self) {
         self.is_over.store(true, Ordering::Relaxed);
-        self.orders = None;
-        if let Some(thread) = self.thread.take() {
-            // A panic was told on standard error.
-            let _ = thread.join();
-        }
     }
 }
 

@@ -5,6 +5,7 @@ mod plan;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
+use nalgebra::{Isometry3, Quaternion, UnitQuaternion};
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use serde_json::{Value as Json, json};
@@ -173,7 +174,8 @@ impl<'s> Simulation<'s> {
         let frames = self.robot.frames(&positions);
         let origins = origins(&frames);
         let handles = tips(&frames).map(|tip| {
-            let at = origins.get(tip.name.as_str()).map(|(at, _)| at);
+            let place = origins.get(tip.name.as_str());
+            let at = place.map(|it| <[f64; 3]>::from(it.translation.vector));
             json!({ "name": tip.name, "at": at })
         });
         let mut clearances = self.simulator.clearances(&positions);
@@ -289,46 +291,17 @@ fn tips(frames: &[Frame]) -> impl Iterator<Item = &Frame> {
     frames.iter().filter(move |it| !parents.contains(&it.name))
 }
 
-type Vector = [f64; 3];
-/// A unit quaternion: its vector and its scalar part.
-type Rotation = (Vector, f64);
-
 /// Returns where frames are in the base, by their names. Parents come first.
-fn origins(frames: &[Frame]) -> BTreeMap<&str, (Vector, Rotation)> {
-    let mut all: BTreeMap<&str, (Vector, Rotation)> = BTreeMap::new();
+fn origins(frames: &[Frame]) -> BTreeMap<&str, Isometry3<f64>> {
+    let mut all: BTreeMap<&str, Isometry3<f64>> = BTreeMap::new();
     for frame in frames {
-        let base = ([0.0; 3], ([0.0; 3], 1.0));
-        let (at, turn) = all.get(frame.parent.as_str()).copied().unwrap_or(base);
-        let at = sum([(1.0, at), (1.0, turned(turn, frame.translation))]);
-        let [vector @ .., scalar] = frame.rotation;
-        all.insert(&frame.name, (at, product(turn, (vector, scalar))));
+        let parent = all.get(frame.parent.as_str()).copied().unwrap_or_default();
+        let [x, y, z, scalar] = frame.rotation;
+        let turn = UnitQuaternion::new_unchecked(Quaternion::new(scalar, x, y, z));
+        let own = Isometry3::from_parts(frame.translation.into(), turn);
+        all.insert(&frame.name, parent * own);
     }
     all
-}
-
-/// Returns a vector turned.
-fn turned((axis, scalar): Rotation, vector: Vector) -> Vector {
-    let half = sum([(scalar, vector), (1.0, cross(axis, vector))]);
-    sum([(1.0, vector), (2.0, cross(axis, half))])
-}
-
-/// Returns the turn by the second rotation, and then by the first.
-fn product((one, first): Rotation, (other, second): Rotation) -> Rotation {
-    let vector = sum([(first, other), (second, one), (1.0, cross(one, other))]);
-    let products = one.iter().zip(other).map(|(one, other)| one * other);
-    (vector, first * second - products.sum::<f64>())
-}
-
-/// Returns the sum of vectors with their factors.
-fn sum<const N: usize>(parts: [(f64, Vector); N]) -> Vector {
-    let parts = parts.map(|(factor, vector)| vector.map(|it| factor * it));
-    parts
-        .into_iter()
-        .fold([0.0; 3], |[x, y, z], [dx, dy, dz]| [x + dx, y + dy, z + dz])
-}
-
-fn cross([ax, ay, az]: Vector, [bx, by, bz]: Vector) -> Vector {
-    [ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx]
 }
 
 #[cfg(test)]
@@ -356,7 +329,7 @@ mod tests {
             ("b", [-1.0, 3.0, 6.0]),
             ("c", [2.0, 4.0, 8.0]),
         ] {
-            let (at, _) = origins[name];
+            let at = origins[name].translation.vector;
             let is_near = at
                 .iter()
                 .zip(wanted)

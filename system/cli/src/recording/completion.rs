@@ -333,9 +333,19 @@ impl Copy {
 
     fn all(&mut self, path: &Path, file: &File, new: &Path) -> Result<(), RecordingError> {
         let mut walk = walk(path, file)?;
+        let (mut is_first, mut has_chunks) = (true, false);
         while let Some(step) = walk.next().map_err(NamedFileError::at("read", path))? {
+            has_chunks |= matches!(step, Step::Chunk { .. });
             let copied = match step {
                 Step::Record { opcode, .. } if opcode == op::DATA_END => return Ok(()),
+                // A file begins with its header, and has either all messages in chunks or none: this is another
+                // record, whose opcode is damaged.
+                Step::Record { opcode, body }
+                    if opcode == op::MESSAGE && (is_first || has_chunks) =>
+                {
+                    self.damage.add(records::HEAD + body.len() as u64);
+                    Ok(())
+                }
                 Step::Record { opcode, body } => self.records([(opcode, body.as_slice())]),
                 Step::Chunk { content } => self.records(records::records(&content)),
                 Step::Damaged { bytes } => {
@@ -348,6 +358,7 @@ impl Copy {
                 }
             };
             copied.map_err(|error| NamedFileError::at("write", new)(error))?;
+            is_first = false;
         }
         Ok(())
     }

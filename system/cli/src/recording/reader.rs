@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::{self, Read, Seek, SeekFrom};
+use std::io::{self, Read, Seek};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -457,33 +457,21 @@ fn is_sound(file: &File, length: u64) -> io::Result<bool> {
 
 /// Returns true if the file ends as a complete one without a summary does: with the end of the data, the footer
 /// and the magic.
-pub(super) fn is_ended(path: &Path, mut file: &File) -> Result<bool, NamedFileError> {
-    const CRC: usize = 4;
-    const HEAD: usize = 9;
-    const FOOTER: usize = 20;
-    const BYTES: usize = 2 * HEAD + CRC + FOOTER + MAGIC.len();
-    let failed = NamedFileError::at("read", path);
-    let mut read = || {
-        let length = file.seek(SeekFrom::End(0))?;
-        part(
-            file,
-            length.saturating_sub(BYTES as u64),
-            length.min(BYTES as u64),
-        )
+pub(super) fn is_ended(path: &Path, file: &File) -> Result<bool, NamedFileError> {
+    const BYTES: u64 = 2 * records::HEAD + 4 + 20 + MAGIC.len() as u64;
+    let end = file.metadata().and_then(|metadata| {
+        let (length, all) = (metadata.len().min(BYTES), metadata.len());
+        part(file, all - length, length)
+    });
+    let end = end.map_err(NamedFileError::at("read", path))?;
+    let mut all = records::records(&end);
+    let mut is_next = |opcode, bytes, begin: &[u8]| {
+        all.next().is_some_and(|(found, body)| {
+            found == opcode && body.len() == bytes && body.starts_with(begin)
+        })
     };
-    let end = read().map_err(failed)?;
-    let record = |opcode: u8, bytes: usize| {
-        let mut head = vec![opcode];
-        head.extend((bytes as u64).to_le_bytes());
-        head
-    };
-    let footer = HEAD + CRC;
-    Ok(end.len() == BYTES
-        && end.starts_with(&record(op::DATA_END, CRC))
-        && end.get(footer..).is_some_and(|it| it.starts_with(&record(op::FOOTER, FOOTER)))
-        // No summary is where it begins at 0.
-        && end.get(footer + HEAD..footer + HEAD + 8) == Some(&[0; 8])
-        && end.ends_with(MAGIC))
+    // No summary is where it begins at 0.
+    Ok(is_next(op::DATA_END, 4, &[]) && is_next(op::FOOTER, 20, &[0; 8]) && end.ends_with(MAGIC))
 }
 
 /// Reads all metadata, by name; `None` if the summary is wrong about it.

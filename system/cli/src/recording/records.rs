@@ -5,7 +5,6 @@
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
 
-use mcap::MAGIC;
 use mcap::records::op;
 
 /// The bytes of the opcode and the length of a record.
@@ -18,8 +17,6 @@ pub(super) const OF_CHUNK: u64 = CHUNK_FIXED as u64 + 4 + 8;
 const CHUNK_FIXED: usize = 28;
 /// The first opcode of those that belong to applications.
 pub(super) const OF_APPLICATIONS: u8 = 0x80;
-/// The bytes that are searched at a time.
-const WINDOW: u64 = 1 << 20;
 
 /// Something that is in a file.
 pub(super) enum Step {
@@ -27,20 +24,18 @@ pub(super) enum Step {
     Record { opcode: u8, body: Vec<u8> },
     /// The records of a chunk, of which each is whole.
     Chunk { content: Vec<u8> },
-    /// Bytes that are no record, or a chunk that is not as it was written.
+    /// A chunk that is not as it was written; or bytes that are no record, and all that follow them.
     Damaged { bytes: u64 },
     /// A chunk that is compressed in a way of which nothing is known here.
     Unknown { compression: String },
 }
 
-/// The records of a part of a file, one after the other. Behind a place that is damaged it goes on with the next
-/// chunk whose checksum is right. A chunk is read, or is part of what is damaged.
+/// The records of a part of a file, one after the other. It ends behind bytes that are no record: where the next
+/// one begins is not known then.
 pub(super) struct Walk<'f> {
     file: &'f File,
     at: u64,
     end: u64,
-    /// Whether a message index comes next, if it is whole: after a chunk and after another index.
-    expects_index: bool,
 }
 
 /// The reason why a chunk has no content.
@@ -57,117 +52,48 @@ pub(super) enum ChunkError {
 impl<'f> Walk<'f> {
     /// Walks through the bytes from `at` to `end`, which the file has.
     pub(super) const fn new(file: &'f File, at: u64, end: u64) -> Self {
-        Self {
-            file,
-            at,
-            end,
-            expects_index: false,
-        }
+        Self { file, at, end }
     }
 
     /// Returns what comes next; `None` at the end.
     pub(super) fn next(&mut self) -> io::Result<Option<Step>> {
-        if self.at >= self.end {
+        let left = self.end.saturating_sub(self.at);
+        if left == 0 {
             return Ok(None);
         }
-        let Some((opcode, body)) = self.record(self.at)? else {
-            return self.skip().map(Some);
-        };
-        let bytes = HEAD + body.len() as u64;
-        if opcode == op::MESSAGE && self.is_other(&body) {
-            self.at += bytes;
-            return Ok(Some(Step::Damaged { bytes }));
-        }
-        let step = match opcode {
-            op::CHUNK => match content(&body) {
+        let record = self.record(left)?;
+        let bytes = record
+            .as_ref()
+            .map_or(left, |(_, body)| HEAD + body.len() as u64);
+        self.at += bytes;
+        Ok(Some(match record {
+            Some((op::CHUNK, body)) => match content(&body) {
                 Ok(content) => Step::Chunk { content },
-                Err(ChunkError::Invalid) => return self.skip().map(Some),
-                Err(ChunkError::Damaged) => Step::Damaged { bytes },
+                Err(ChunkError::Invalid | ChunkError::Damaged) => Step::Damaged { bytes },
                 Err(ChunkError::Unknown(compression)) => Step::Unknown { compression },
             },
-            opcode => {
-                // The opcode of a chunk may be damaged.
-                if has_checksum(&body) && content(&body).is_ok() {
-                    self.at += bytes;
-                    return Ok(Some(Step::Damaged { bytes }));
-                }
-                // A length may be damaged: then the record has swallowed what follows it.
-                let end = self.at + bytes;
-                let unknown = surplus(opcode, &body).map_or(0, <[u8]>::len) as u64;
-                if self.sure_chunk(end - unknown, end)?.is_some() {
-                    return self.skip().map(Some);
-                }
-                Step::Record { opcode, body }
+            // The opcode of a chunk may be damaged.
+            Some((_, body)) if has_checksum(&body) && content(&body).is_ok() => {
+                Step::Damaged { bytes }
             }
-        };
-        self.expects_index = matches!(opcode, op::CHUNK | op::MESSAGE_INDEX);
-        self.at += bytes;
-        Ok(Some(step))
+            Some((opcode, body)) => Step::Record { opcode, body },
+            None => Step::Damaged { bytes },
+        }))
     }
 
-    /// Returns true if a message, which is not in a chunk, is another record whose opcode is damaged: the header, with
-    /// which a file begins, or a message index.
-    fn is_other(&self, body: &[u8]) -> bool {
-        let is_index = || surplus(op::MESSAGE_INDEX, body).is_some_and(<[u8]>::is_empty);
-        self.at == MAGIC.len() as u64 || self.expects_index && is_index()
-    }
-
-    /// Reads the record at a place; `None` if there is none that is whole.
-    fn record(&self, at: u64) -> io::Result<Option<(u8, Vec<u8>)>> {
-        let left = self.end.saturating_sub(at);
+    /// Reads the next record, if the `left` bytes begin with one that is whole.
+    fn record(&self, left: u64) -> io::Result<Option<(u8, Vec<u8>)>> {
         if left < HEAD {
             return Ok(None);
         }
-        let Some((opcode, length)) = head(&part(self.file, at, HEAD)?) else {
+        let Some((opcode, length)) = head(&part(self.file, self.at, HEAD)?) else {
             return Ok(None);
         };
         if length > (left - HEAD).min(MOST) {
             return Ok(None);
         }
-        let body = part(self.file, at + HEAD, length)?;
+        let body = part(self.file, self.at + HEAD, length)?;
         Ok(fits(opcode, &body).then_some((opcode, body)))
-    }
-
-    /// Goes to the next chunk whose checksum is right, or to the end.
-    fn skip(&mut self) -> io::Result<Step> {
-        let begin = self.at;
-        self.at = self.sure_chunk(begin + 1, self.end)?.unwrap_or(self.end);
-        Ok(Step::Damaged {
-            bytes: self.at - begin,
-        })
-    }
-
-    /// Returns the first place from `at` on and before `end` where a chunk begins whose checksum is right.
-    fn sure_chunk(&self, mut at: u64, end: u64) -> io::Result<Option<u64>> {
-        while at < end {
-            let window = part(self.file, at, (end - at).min(WINDOW))?;
-            for place in memchr::memchr_iter(op::CHUNK, &window) {
-                let place = at + place as u64;
-                if self.is_sure_chunk(place)? {
-                    return Ok(Some(place));
-                }
-            }
-            at += window.len() as u64;
-        }
-        Ok(None)
-    }
-
-    /// Returns true if there is a chunk with a checksum, which is right.
-    fn is_sure_chunk(&self, at: u64) -> io::Result<bool> {
-        let left = self.end.saturating_sub(at);
-        let begin = part(self.file, at, left.min(HEAD + CHUNK_FIXED as u64 + 4))?;
-        // Few places have a length that can be true: no others are read.
-        let can_be = head(&begin).is_some_and(|(_, length)| length <= left - HEAD)
-            && begin.get(HEAD as usize..).is_some_and(|body| {
-                let compression = body.get(CHUNK_FIXED..).and_then(|it| it.first_chunk());
-                // No name of a compression is long.
-                has_checksum(body) && compression.is_some_and(|it| u32::from_le_bytes(*it) <= 16)
-            });
-        if !can_be {
-            return Ok(false);
-        }
-        let found = self.record(at)?;
-        Ok(found.is_some_and(|(opcode, body)| opcode == op::CHUNK && content(&body).is_ok()))
     }
 }
 
@@ -268,27 +194,20 @@ enum Part {
     Texts,
     /// Bytes with their count, in 64 bits, before them.
     Long,
-    /// The content of the record: all bytes that are left.
-    Data,
-    /// Fields that are not known here: all bytes that are left.
+    /// All bytes that are left: the content of the record, or fields that are not known here.
     Rest,
 }
 
 /// Returns true if a record has the fields of its kind, with lengths that it has room for: only then the crate
 /// `mcap` takes no more memory for them than the record has.
 pub(super) fn fits(opcode: u8, body: &[u8]) -> bool {
-    surplus(opcode, body).is_some()
-}
-
-/// Returns what a record has behind the fields that are known of its kind; `None` if it does not have these fields.
-fn surplus(opcode: u8, body: &[u8]) -> Option<&[u8]> {
-    use Part::{Data, Fixed, Long, Rest, Text, Texts};
+    use Part::{Fixed, Long, Rest, Text, Texts};
     let parts: &[Part] = match opcode {
         op::HEADER => &[Text, Text, Rest],
         op::FOOTER => &[Fixed(20)],
         op::SCHEMA => &[Fixed(2), Text, Text, Text, Rest],
         op::CHANNEL => &[Fixed(4), Text, Text, Texts, Rest],
-        op::MESSAGE => &[Fixed(22), Data],
+        op::MESSAGE => &[Fixed(22), Rest],
         op::CHUNK => &[Fixed(CHUNK_FIXED), Text, Long, Rest],
         op::MESSAGE_INDEX => &[Fixed(2), Text, Rest],
         op::CHUNK_INDEX => &[Fixed(32), Text, Fixed(8), Text, Fixed(16), Rest],
@@ -301,18 +220,14 @@ fn surplus(opcode: u8, body: &[u8]) -> Option<&[u8]> {
         op::DATA_END => &[Fixed(4)],
         _ => &[Rest],
     };
-    let mut left = body;
-    for part in parts {
-        left = match part {
-            Fixed(bytes) => left.get(*bytes..)?,
-            Text => counted(left, 4)?.1,
-            Texts => counted(left, 4).filter(|(texts, _)| are_texts(texts))?.1,
-            Long => counted(left, 8)?.1,
-            Data => &[],
-            Rest => return Some(left),
-        };
-    }
-    left.is_empty().then_some(left)
+    let left = parts.iter().try_fold(body, |left, part| match part {
+        Fixed(bytes) => left.get(*bytes..),
+        Text => Some(counted(left, 4)?.1),
+        Texts => Some(counted(left, 4).filter(|(texts, _)| are_texts(texts))?.1),
+        Long => Some(counted(left, 8)?.1),
+        Rest => Some(Default::default()),
+    });
+    left.is_some_and(<[u8]>::is_empty)
 }
 
 fn are_texts(mut bytes: &[u8]) -> bool {

@@ -65,7 +65,7 @@ fn a_kind_of_processors_and_a_service_run_like_those_of_condor() {
     let environment = std::fs::read(format!("/proc/{}/environ", polite.pid.unwrap())).unwrap();
     let environment = String::from_utf8_lossy(&environment);
     assert!(
-        environment.contains("CONDOR_SHARED_MEMORY=/"),
+        environment.contains(r#""shared_memory":{"file":"/"#),
         "{environment}"
     );
 

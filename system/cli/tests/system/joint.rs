@@ -5,8 +5,7 @@ use std::time::Duration;
 use condor_mbox::Vector;
 use condor_mos::Rate;
 use condor_rt::{Machine, Program, ProgramError, Setup};
-use condor_vars::{CellField, CellStruct, Param, ValueKind, Var, choice};
-use core::mem::offset_of;
+use condor_vars::{Param, Var, cell_struct, choice};
 use embedded_io::Read;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
@@ -70,13 +69,10 @@ struct Contact {
     fingers: u32,
 }
 
-impl CellStruct for Contact {
-    const FIELDS: &'static [CellField] = &[
-        CellField::new("force", "N", ValueKind::F32, offset_of!(Contact, force))
-            .about("At the tip."),
-        CellField::new("fingers", "", ValueKind::U32, offset_of!(Contact, fingers)),
-    ];
-}
+cell_struct!(Contact {
+    "force": force, "N", "At the tip.";
+    "fingers": fingers, "";
+});
 
 /// A joint whose position is half the number of the tick.
 pub(crate) struct Joint;

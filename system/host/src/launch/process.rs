@@ -58,7 +58,7 @@ impl ChildProcess {
         let mut command = Command::new(&image.file);
         image
             .environment
-            .pass_to(&mut command)
+            .pass_to(&mut command)?
             .args(&image.arguments)
             .stdin(Stdio::null())
             .stdout(writer.try_clone()?)

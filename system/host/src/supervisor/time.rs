@@ -14,7 +14,7 @@ use super::mailbox::SupervisorMailbox;
 use crate::control::ClockStatus;
 use crate::description::{ClockSpeed, SystemDescription};
 use crate::error::NamedFileError;
-use crate::system::{MemoryFile, SystemDirectory};
+use crate::system::SystemDirectory;
 
 /// The longest wait for the turn, in looks of 10 ms.
 const LOOKS: u32 = 100;
@@ -41,7 +41,7 @@ pub(super) fn furnish(
     let numbers = numbers.chain([SUPERVISOR.0]);
     page.reset(numbers.fold(0, |bits, number| bits | 1_u32.wrapping_shl(number.into())));
     let path = directory.clock();
-    let text = serde_json::to_string(&MemoryFile::from(range)).map_err(std::io::Error::other);
+    let text = serde_json::to_string(range).map_err(std::io::Error::other);
     let written = text.and_then(|text| WholeFile::write(&path, text));
     written.map_err(NamedFileError::at("write", &path))?;
     Ok(Some(page))

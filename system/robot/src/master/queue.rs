@@ -207,7 +207,7 @@ impl<'r, M: Machine> Requests<'r, M> {
     /// Returns the owner of the session of a request.
     pub(super) fn owner(&self, identity: RequestIdentity) -> Option<SessionOwner> {
         self.server
-            .look(|queue| queue.owner(identity.session))
+            .look(|queue| queue.ledger().owner(identity.session))
             .flatten()
     }
 

@@ -150,11 +150,12 @@ impl<P, const N: usize> MotionsState<P, N> {
             return MotionResponse::Busy;
         };
         let is_of_sender = |queue: &MotionQueue<P, N>, session| {
-            queue.owner(session) == Some(sender) && !queue.is_closed(session)
+            queue.ledger().owner(session) == Some(sender) && !queue.ledger().is_closed(session)
         };
         // False for a session that is gone: the queue answers that it is.
         let is_of_other = request.session().is_some_and(|session| {
-            session == OWN || queue.owner(session).is_some() && !is_of_sender(queue, session)
+            session == OWN
+                || queue.ledger().owner(session).is_some() && !is_of_sender(queue, session)
         });
         match request {
             MotionRequest::Open => {
@@ -165,7 +166,7 @@ impl<P, const N: usize> MotionsState<P, N> {
                     Some(session) if session != 0 && is_of_sender(queue, session) => {
                         MotionResponse::Opened(session)
                     }
-                    _ if queue.is_exhausted() => MotionResponse::Exhausted,
+                    _ if queue.ledger().is_exhausted() => MotionResponse::Exhausted,
                     _ => {
                         *opened = Some(0);
                         MotionResponse::Pending

@@ -127,7 +127,7 @@ impl<'p, P, L: LedgerStore, const N: usize> MotionsServer<'p, P, L, N> {
     ) -> Result<Option<MotionsEvent>, RestoreError<L::Error>> {
         // Motion ends whether the ledger can be written or not.
         let ends_motion = self.look(|queue| {
-            let mut owners = queue.bound_requests();
+            let mut owners = queue.ledger().bound_requests();
             owners.any(|owner| incarnation(owner.processor) != Some(owner.incarnation))
         });
         if ends_motion == Some(true) {
@@ -187,7 +187,7 @@ impl<'p, P, L: LedgerStore, const N: usize> MotionsServer<'p, P, L, N> {
                     // An abort has come meanwhile.
                     return Ok(());
                 }
-                let is_of_sender = queue.owner(identity.session) == Some(sender);
+                let is_of_sender = queue.ledger().owner(identity.session) == Some(sender);
                 // An offer of an incarnation that has ended since then is dropped.
                 if !is_of_sender || incarnation != Some(sender.incarnation) {
                     return Ok(());
@@ -217,7 +217,10 @@ impl<'p, P, L: LedgerStore, const N: usize> MotionsServer<'p, P, L, N> {
         incarnation: &impl Fn(u32) -> Option<u32>,
     ) -> Result<Option<u32>, L::Error> {
         let gone = self.look(|queue| {
-            let mut sessions = queue.sessions().filter(|it| !queue.is_closed(it.0));
+            let mut sessions = queue
+                .ledger()
+                .sessions()
+                .filter(|it| !queue.ledger().is_closed(it.0));
             sessions.find(|(_, owner)| incarnation(owner.processor) != Some(owner.incarnation))
         });
         let Some((session, _)) = gone.flatten() else {
@@ -255,7 +258,7 @@ impl<'p, P, L: LedgerStore, const N: usize> MotionsServer<'p, P, L, N> {
         } else {
             return Ok(());
         };
-        let replaced = self.store.replace(queue.rows());
+        let replaced = self.store.replace(queue.ledger().rows());
         if replaced.is_ok() {
             self.condition = Condition::Whole;
         }

@@ -1,9 +1,7 @@
 //! [`Camera`]: what a camera over the palm measures of the ball.
 
-use core::mem::offset_of;
-
 use condor_hand::plant::{Noise, SimObject as Body};
-use condor_vars::{CellField, CellStruct, ValueKind};
+use condor_vars::cell_struct;
 use nalgebra::{Quaternion, Vector3};
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
@@ -24,39 +22,12 @@ pub struct CameraObject {
     pub radius_m: f64,
 }
 
-impl CellStruct for CameraObject {
-    const FIELDS: &'static [CellField] = &[
-        CellField::new(
-            "time_s",
-            "s",
-            ValueKind::F64,
-            offset_of!(CameraObject, time_s),
-        )
-        .about("Time of the picture."),
-        CellField::new(
-            "position",
-            "m",
-            ValueKind::F64,
-            offset_of!(CameraObject, position),
-        )
-        .repeated(3)
-        .about("Centre of the ball."),
-        CellField::new(
-            "orientation",
-            "",
-            ValueKind::F64,
-            offset_of!(CameraObject, orientation),
-        )
-        .repeated(4)
-        .about("A unit quaternion, the real part first."),
-        CellField::new(
-            "radius_m",
-            "m",
-            ValueKind::F64,
-            offset_of!(CameraObject, radius_m),
-        ),
-    ];
-}
+cell_struct!(CameraObject {
+    "time_s": time_s, "s", "Time of the picture.";
+    "position": position, "m", "Centre of the ball.";
+    "orientation": orientation, "", "Of the ball: a unit quaternion, the real part first.";
+    "radius_m": radius_m, "m";
+});
 
 /// A camera, whose pictures have noise that follows from a seed.
 pub(super) struct Camera {

@@ -3,7 +3,8 @@ use core::fmt;
 use condor_hand::ImageError;
 use crc::{CRC_32_ISO_HDLC, Crc};
 use serde::{Deserialize, Serialize};
-use zerocopy::{Immutable, IntoBytes, TryFromBytes};
+use zerocopy::little_endian::U64;
+use zerocopy::{FromBytes, Immutable, IntoBytes, TryFromBytes};
 
 /// The size of a row of a [`Ledger`], in bytes.
 pub const ROW_BYTES: usize = 32;
@@ -259,7 +260,7 @@ impl<const N: usize> Ledger<N> {
         }
         let (rows, _) = bytes.as_chunks::<ROW_BYTES>();
         if let Some(head) = rows.first() {
-            let [magic, version, sessions, requests, ..] = words_of(head);
+            let [magic, version, sessions, requests, ..]: [u32; 8] = zerocopy::transmute!(*head);
             if magic != MAGIC {
                 let [found, wanted] = [magic, MAGIC].map(u32::to_le_bytes);
                 return Err(ImageError::Magic { found, wanted });
@@ -284,32 +285,22 @@ impl<const N: usize> Ledger<N> {
         let mut rows = rows.iter().skip(1);
         let mut is_damaged = false;
         for (place, row) in ledger.sessions.as_flattened_mut().iter_mut().zip(&mut rows) {
-            match unpack(row) {
-                Some(
-                    [
-                        kind @ (SESSION | CLOSED),
-                        number,
-                        answered,
-                        low,
-                        high,
-                        processor,
-                        incarnation,
-                    ],
-                ) => {
+            match unpack::<SessionRow>(row) {
+                Some(it) if matches!(it.kind, SESSION | CLOSED) => {
                     *place = Session {
-                        number,
-                        answered,
-                        used: whole(low, high),
+                        number: it.number,
+                        answered: it.answered,
+                        used: it.used.get(),
                         owner: SessionOwner {
-                            processor,
-                            incarnation,
+                            processor: it.processor,
+                            incarnation: it.incarnation,
                         },
-                        is_closed: kind == CLOSED,
+                        is_closed: it.kind == CLOSED,
                         is_bound: false,
                     };
                     ledger.changes = ledger.changes.max(place.used);
                 }
-                Some([EMPTY, ..]) => {}
+                Some(it) if it.kind == EMPTY => {}
                 _ => is_damaged = true,
             }
         }
@@ -319,7 +310,7 @@ impl<const N: usize> Ledger<N> {
                 request.state = request.state.afterwards();
                 ledger.changes = ledger.changes.max(request.entered);
             } else {
-                is_damaged |= !matches!(unpack(row), Some([EMPTY, ..]));
+                is_damaged |= unpack::<SessionRow>(row).is_none_or(|it| it.kind != EMPTY);
             }
         }
         if is_damaged {
@@ -333,18 +324,11 @@ impl<const N: usize> Ledger<N> {
     /// Returns all rows of the ledger in the order of their indices. Store them after [`read`](Self::read), which may
     /// have changed states.
     pub fn rows(&self) -> impl Iterator<Item = LedgerRow> + '_ {
-        let head = pack([
-            MAGIC,
-            VERSION,
-            Self::SESSIONS as u32,
-            Self::REQUESTS as u32,
-            0,
-            0,
-            0,
-        ]);
+        let (sessions, requests) = (Self::SESSIONS as u32, Self::REQUESTS as u32);
+        let head = pack(&[MAGIC, VERSION, sessions, requests, 0, 0, 0]);
         let sessions = self.sessions.as_flattened().iter().map(Session::pack);
         let requests = self.requests.as_flattened().iter();
-        let requests = requests.map(|it| it.map_or(pack([EMPTY; 7]), |it| it.pack()));
+        let requests = requests.map(|it| it.map_or(pack(&[EMPTY; 7]), |it| it.pack()));
         core::iter::once(head).chain(sessions).chain(requests)
     }
 
@@ -608,91 +592,86 @@ impl<const N: usize> Ledger<N> {
 
 impl Session {
     fn pack(&self) -> LedgerRow {
-        match self.number {
-            0 => pack([EMPTY; 7]),
-            number => {
-                let [low, high] = halves(self.used);
-                let SessionOwner {
-                    processor,
-                    incarnation,
-                } = self.owner;
-                let kind = if self.is_closed { CLOSED } else { SESSION };
-                pack([
-                    kind,
-                    number,
-                    self.answered,
-                    low,
-                    high,
-                    processor,
-                    incarnation,
-                ])
-            }
+        if self.number == 0 {
+            return pack(&[EMPTY; 7]);
         }
+        pack(&SessionRow {
+            kind: if self.is_closed { CLOSED } else { SESSION },
+            number: self.number,
+            answered: self.answered,
+            used: self.used.into(),
+            processor: self.owner.processor,
+            incarnation: self.owner.incarnation,
+        })
     }
 }
 
 impl Request {
     fn pack(&self) -> LedgerRow {
         let RequestIdentity { session, number } = self.identity;
-        let (state, reason) = (self.state as u32, self.reason as u32);
-        let [low, high] = halves(self.entered);
-        pack([REQUEST, session, number, state, reason, low, high])
+        pack(&RequestRow {
+            kind: REQUEST,
+            session,
+            number,
+            state: self.state,
+            reason: self.reason,
+            entered: self.entered.into(),
+        })
     }
 
     fn unpack(row: &LedgerRow) -> Option<Self> {
-        let [REQUEST, session, number, state, reason, low, high] = unpack(row)? else {
-            return None;
-        };
+        let row = unpack::<RequestRow>(row).filter(|it| it.kind == REQUEST)?;
+        let (session, number) = (row.session, row.number);
         Some(Self {
             identity: RequestIdentity { session, number },
-            state: known(state)?,
-            reason: known(reason)?,
-            entered: whole(low, high),
+            state: row.state,
+            reason: row.reason,
+            entered: row.entered.get(),
         })
     }
 }
 
-/// Returns the value of this number; `None` if no value has it.
-fn known<E: TryFromBytes>(number: u32) -> Option<E> {
-    E::try_read_from_bytes(number.as_bytes()).ok()
+/// The words of the row of a session, before the checksum.
+#[derive(FromBytes, IntoBytes, Immutable)]
+#[repr(C)]
+struct SessionRow {
+    kind: u32,
+    number: u32,
+    answered: u32,
+    used: U64,
+    processor: u32,
+    incarnation: u32,
 }
 
-/// Returns a number of 64 bits as two words, the low one first.
-const fn halves(number: u64) -> [u32; 2] {
-    [number as u32, (number >> 32) as u32]
+/// The words of the row of a request, before the checksum.
+#[derive(TryFromBytes, IntoBytes, Immutable)]
+#[repr(C)]
+struct RequestRow {
+    kind: u32,
+    session: u32,
+    number: u32,
+    state: RequestState,
+    reason: RefusalReason,
+    entered: U64,
 }
 
-fn whole(low: u32, high: u32) -> u64 {
-    u64::from(high) << 32 | u64::from(low)
-}
-
-fn pack(words: [u32; 7]) -> LedgerRow {
+/// Returns a row of these words, and of their checksum.
+fn pack(words: &(impl IntoBytes + Immutable)) -> LedgerRow {
+    let words = words.as_bytes();
+    let sum = CRC.checksum(words).to_le_bytes();
     let mut row = [0; ROW_BYTES];
-    let (places, _) = row.as_chunks_mut::<4>();
-    for (place, word) in places.iter_mut().zip(words) {
-        *place = word.to_le_bytes();
-    }
-    let sum = checksum(&row).to_le_bytes();
-    let (places, _) = row.as_chunks_mut::<4>();
-    if let Some(place) = places.last_mut() {
-        *place = sum;
+    for (place, byte) in row.iter_mut().zip(words.iter().chain(&sum)) {
+        *place = *byte;
     }
     row
 }
 
-/// Returns the words of a row without the checksum; `None` if the checksum is wrong.
-fn unpack(row: &LedgerRow) -> Option<[u32; 7]> {
-    let [words @ .., sum] = words_of(row);
-    (sum == checksum(row)).then_some(words)
+/// Returns the words of a row; `None` if the checksum is wrong, or a word has a value that is none of its type.
+fn unpack<T: TryFromBytes>(row: &LedgerRow) -> Option<T> {
+    let (words, sum) = row.split_last_chunk()?;
+    let is_whole = CRC.checksum(words) == u32::from_le_bytes(*sum);
+    T::try_read_from_bytes(words).ok().filter(|_| is_whole)
 }
 
-fn words_of(row: &LedgerRow) -> [u32; 8] {
-    let (words, _) = row.as_chunks::<4>();
-    let mut words = words.iter();
-    core::array::from_fn(|_| words.next().map_or(0, |word| u32::from_le_bytes(*word)))
-}
-
-fn checksum(row: &LedgerRow) -> u32 {
-    let (words, _) = row.split_at(ROW_BYTES - 4);
-    CRC.checksum(words)
-}
+const _: () = assert!(size_of::<SessionRow>() == ROW_BYTES - 4);
+const _: () = assert!(size_of::<RequestRow>() == ROW_BYTES - 4);

@@ -114,7 +114,7 @@ pub enum RestoreError<E> {
 /// about 250 bytes of memory, and its ledger `192 * N + 32` bytes.
 ///
 /// The argument `write` of the methods is a function that stores one row of the ledger: it gets the index and the bytes
-/// of the row. After an error, store all [rows](Self::rows) anew; then the method can be called again.
+/// of the row. After an error, store all [rows](Ledger::rows) anew; then the method can be called again.
 #[derive(Clone, Debug)]
 pub struct MotionQueue<P, const N: usize> {
     ledger: Ledger<N>,
@@ -156,9 +156,10 @@ impl<P, const N: usize> MotionQueue<P, N> {
         })
     }
 
-    /// Returns all rows of the ledger in order. Store them all after a failed write.
-    pub fn rows(&self) -> impl Iterator<Item = LedgerRow> + '_ {
-        self.ledger.rows()
+    /// Returns the ledger: its rows and the sessions with their owners. After a failed write, all rows must be stored.
+    #[must_use]
+    pub const fn ledger(&self) -> &Ledger<N> {
+        &self.ledger
     }
 
     /// Opens a session for `owner`, and returns its number.
@@ -166,7 +167,7 @@ impl<P, const N: usize> MotionQueue<P, N> {
     /// If there are too many sessions, one of them ends: a closed one, or else one of the same owner, or else any one;
     /// of several, the one that was used longest ago. A session that is in control, or whose requests have not ended,
     /// does not end. Returns `None` if no session can end, or if the numbers of sessions are
-    /// [exhausted](Self::is_exhausted).
+    /// [exhausted](Ledger::is_exhausted).
     ///
     /// # Errors
     /// Returns the error of `write` if a row cannot be written.
@@ -178,12 +179,6 @@ impl<P, const N: usize> MotionQueue<P, N> {
         let in_control = self.in_control;
         self.ledger
             .open(owner, write, |session| in_control != Some(session))
-    }
-
-    /// Returns true if all session numbers are used, up to the greatest one, so that no session can be opened any more.
-    #[must_use]
-    pub fn is_exhausted(&self) -> bool {
-        self.ledger.is_exhausted()
     }
 
     /// Puts `session` in control, if no other session is in control or if `from_other` is true. Returns true if
@@ -205,33 +200,10 @@ impl<P, const N: usize> MotionQueue<P, N> {
         self.in_control = self.in_control.filter(|it| *it != session);
     }
 
-    /// Iterates over all sessions, also closed ones; each item is the session's number and owner.
-    pub fn sessions(&self) -> impl Iterator<Item = (u32, SessionOwner)> + '_ {
-        self.ledger.sessions()
-    }
-
-    /// Returns the owner of session number `session`; `None` if there is no such session.
-    #[must_use]
-    pub fn owner(&self, session: u32) -> Option<SessionOwner> {
-        self.ledger.owner(session)
-    }
-
-    /// Returns true if session number `session` was [closed](Self::close); false also if there is
-    /// no such session.
-    #[must_use]
-    pub fn is_closed(&self, session: u32) -> bool {
-        self.ledger.is_closed(session)
-    }
-
     /// Binds the requests of a session to it, until the program ends: if the session is [closed](Self::close) while one
-    /// of them waits or runs, all motion must end. Before that, [`bound_requests`](Self::bound_requests) names them.
+    /// of them waits or runs, all motion must end. Before that, [`Ledger::bound_requests`] names them.
     pub fn bind(&mut self, session: u32) {
         self.ledger.bind(session);
-    }
-
-    /// Iterates over the requests of [bound](Self::bind) sessions that wait or run; each item is the session's owner.
-    pub fn bound_requests(&self) -> impl Iterator<Item = SessionOwner> + '_ {
-        self.ledger.bound_requests()
     }
 
     /// Closes a session whose owner has ended: the session can offer no more requests, and is not in control any more.

@@ -2,8 +2,7 @@
 
 use condor_hand::config::Finger;
 use condor_hand::math::{abs, max, sqrt};
-use condor_vars::{CellField, CellStruct, ValueKind};
-use core::mem::offset_of;
+use condor_vars::cell_struct;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 use crate::{FINGERS, JOINTS};
@@ -46,44 +45,19 @@ pub struct Figures {
     ticks: [[u64; JOINTS]; FINGERS],
 }
 
-impl CellStruct for Tracking {
-    const FIELDS: &'static [CellField] = &[
-        squares("squares", offset_of!(Tracking, whole))
-            .about("Sums of the squares of the distances, since the loop began."),
-        peak("peak", offset_of!(Tracking, whole)).about("The largest distance."),
-        ticks("ticks", offset_of!(Tracking, whole)).about("Number of counted ticks."),
-        CellField::new("motion", "", ValueKind::U64, offset_of!(Tracking, motion))
-            .about("The number of the motion that runs; 0 for none."),
-        squares("motion.squares", offset_of!(Tracking, present)).about("Since this motion began."),
-        peak("motion.peak", offset_of!(Tracking, present)),
-        ticks("motion.ticks", offset_of!(Tracking, present)),
-        CellField::new(
-            "last",
-            "",
-            ValueKind::U64,
-            offset_of!(Tracking, last_motion),
-        )
-        .about("Number of the last motion; 0 for none."),
-        squares("last.squares", offset_of!(Tracking, last)).about("Of the last motion."),
-        peak("last.peak", offset_of!(Tracking, last)),
-        ticks("last.ticks", offset_of!(Tracking, last)),
-    ];
-}
-
-const fn squares(name: &'static str, at: usize) -> CellField {
-    let at = at + offset_of!(Figures, squares);
-    CellField::new(name, "rad^2", ValueKind::F64, at).repeated(FINGERS * JOINTS)
-}
-
-const fn peak(name: &'static str, at: usize) -> CellField {
-    CellField::new(name, "rad", ValueKind::F64, at + offset_of!(Figures, peak))
-        .repeated(FINGERS * JOINTS)
-}
-
-const fn ticks(name: &'static str, at: usize) -> CellField {
-    CellField::new(name, "", ValueKind::U64, at + offset_of!(Figures, ticks))
-        .repeated(FINGERS * JOINTS)
-}
+cell_struct!(Tracking {
+    "squares": whole.squares, "rad^2", "Sums of the squares of the distances, since the loop began.";
+    "peak": whole.peak, "rad", "The largest distance.";
+    "ticks": whole.ticks, "", "Number of counted ticks.";
+    "motion": motion, "", "The number of the motion that runs; 0 for none.";
+    "motion.squares": present.squares, "rad^2", "Since this motion began.";
+    "motion.peak": present.peak, "rad";
+    "motion.ticks": present.ticks, "";
+    "last": last_motion, "", "Number of the last motion; 0 for none.";
+    "last.squares": last.squares, "rad^2", "Of the last motion.";
+    "last.peak": last.peak, "rad";
+    "last.ticks": last.ticks, "";
+});
 
 /// The joint with the largest tracking error, and its errors. [`Figures::worst`] returns it.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -143,7 +143,9 @@ impl Arm {
             && self.server.begin() == Ok(true)
         {
             if let Work::Stream(mask) = work {
-                let owner = self.server.look(|queue| queue.owner(identity.session));
+                let owner = self
+                    .server
+                    .look(|queue| queue.ledger().owner(identity.session));
                 let stream = JointStream::new(mask, [LIMITS; 2], [0.0; 2], 0.02, 50).unwrap();
                 let request = StreamRequest::new(identity, owner.flatten().unwrap(), stream);
                 *self.stream.lock().unwrap() = Some(request);
@@ -618,7 +620,7 @@ fn a_session_that_was_taken_away_is_not_given() {
     other.open(SOON).unwrap();
     let taken = newer[0] - 1;
     assert_eq!(
-        rig.arm(|arm| arm.server.look(|queue| queue.owner(taken))),
+        rig.arm(|arm| arm.server.look(|queue| queue.ledger().owner(taken))),
         Some(None)
     );
     assert_eq!(rig.raw(first, &open), MotionResponse::Pending);
@@ -686,7 +688,7 @@ fn a_ledger_that_fails_is_told_once_and_delays_everything_but_loses_nothing() {
     other
         .open(SessionOwner::default(), |_, _| Ok::<_, Infallible>(()))
         .unwrap();
-    *rig.rows.bytes.lock().unwrap() = other.rows().collect();
+    *rig.rows.bytes.lock().unwrap() = other.ledger().rows().collect();
     let closed = Rig::with(rig.rows.clone());
     let mailbox = closed.mailbox(FIRST);
     assert!(closed.client(mailbox).open(SOON).is_err());
@@ -936,7 +938,7 @@ fn whatever_a_peer_writes_is_answered() {
     )| {
         let newest = rig.arm(|arm| {
             let of_first = |(_, owner): &(u32, SessionOwner)| owner.processor == u32::from(FIRST.0);
-            let session = |queue: &Queue| queue.sessions().filter(of_first).map(|it| it.0).max();
+            let session = |queue: &Queue| queue.ledger().sessions().filter(of_first).map(|it| it.0).max();
             arm.server.look(session).flatten()
         });
         let session = session.or(newest).unwrap_or(0);

@@ -145,7 +145,7 @@ impl<const N: usize> World<N> {
                     incarnation: self.opened.len() as u32,
                 };
                 if let Some(session) = self.queue.open(owner, write)? {
-                    assert_eq!(self.queue.owner(session), Some(owner));
+                    assert_eq!(self.queue.ledger().owner(session), Some(owner));
                     assert!(!self.opened.contains(&session), "session {session} again");
                     self.opened.push(session);
                     self.clients[client] = Some(RequestIdentity { session, number: 0 });
@@ -285,7 +285,7 @@ fn run<const N: usize>(steps: &[Step]) {
                 world.restart();
             } else {
                 // As a program must that goes on.
-                world.store.bytes = world.queue.rows().collect::<Vec<_>>().concat();
+                world.store.bytes = world.queue.ledger().rows().collect::<Vec<_>>().concat();
             }
         }
         world.ask();
@@ -413,7 +413,12 @@ fn open(world: &mut World, processor: u32) -> u32 {
 
 /// The numbers of all sessions.
 fn sessions(world: &World) -> Vec<u32> {
-    world.queue.sessions().map(|(number, _)| number).collect()
+    world
+        .queue
+        .ledger()
+        .sessions()
+        .map(|(number, _)| number)
+        .collect()
 }
 
 #[test]
@@ -590,7 +595,7 @@ fn changes_are_counted_beyond_32_bits() {
 fn requests_of_the_program_itself_run_and_leave_no_row() {
     let none = |_: usize, _: &LedgerRow| -> Result<(), Ended> { panic!("a row is written") };
     let mut queue = MotionQueue::<u32, 1>::restore(&[], 1000, |_, _| Ok::<_, Ended>(())).unwrap();
-    let before: Vec<_> = queue.rows().collect();
+    let before: Vec<_> = queue.ledger().rows().collect();
     assert_eq!(queue.enqueue(1), Err(RefusalReason::NotInControl));
     assert!(queue.take_control(OWN, false));
     assert_eq!(queue.in_control(), InControl::Program);
@@ -607,5 +612,5 @@ fn requests_of_the_program_itself_run_and_leave_no_row() {
         .unwrap();
     assert_eq!((queue.running(), queue.waiting()), (None, 0));
     assert_eq!(queue.answer(identity), QueueAnswer::NoSession);
-    assert_eq!(queue.rows().collect::<Vec<_>>(), before);
+    assert_eq!(queue.ledger().rows().collect::<Vec<_>>(), before);
 }

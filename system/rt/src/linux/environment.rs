@@ -1,37 +1,21 @@
 //! [`Environment`]: the settings that a supervisor passes to a process.
 
-use std::ffi::{OsStr, OsString};
 use std::fs::File;
+use std::io;
 use std::path::PathBuf;
 use std::process::Command;
-use std::str::FromStr;
 
 use condor_mbox::linux::{LinuxWindow, WindowAccess};
 use condor_mbox::{Processor, Region};
+use serde::{Deserialize, Serialize};
 
-use super::error::ProcessError;
+use super::error::{ProcessError, VARIABLE};
 use crate::numbers::PROCESSORS;
-
-const SYSTEM: &str = "CONDOR_SYSTEM";
-const WINDOW_BYTES: &str = "CONDOR_WINDOW_BYTES";
-const PROCESSOR: &str = "CONDOR_PROCESSOR";
-/// Of a range of a file: path, offset and bytes.
-type RangeVariables = [&'static str; 3];
-const BUS: RangeVariables = ["CONDOR_BUS", "CONDOR_BUS_OFFSET", "CONDOR_BUS_BYTES"];
-const SHARED: RangeVariables = [
-    "CONDOR_SHARED_MEMORY",
-    "CONDOR_SHARED_MEMORY_OFFSET",
-    "CONDOR_SHARED_MEMORY_BYTES",
-];
-const CLOCK: RangeVariables = ["CONDOR_CLOCK", "CONDOR_CLOCK_OFFSET", "CONDOR_CLOCK_BYTES"];
-const WORK: &str = "CONDOR_LOOP_TIMES_NS";
-pub(super) const LOOPS: &str = "CONDOR_LOOPS";
-const CPU: &str = "CONDOR_CPU";
-const PRIORITY: &str = "CONDOR_PRIORITY";
 
 /// The way in which the servo loops of a process run: in threads, in signal handlers, or where the
 /// background polls. [The module](super) compares these ways.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum LoopContext {
     /// Each loop runs in a thread of its own.
     #[default]
@@ -42,31 +26,16 @@ pub enum LoopContext {
     Spin,
 }
 
-impl LoopContext {
-    /// All ways in which loops can run, for example to find the one with a given
-    /// [`word`](Self::word).
-    pub const ALL: [Self; 3] = [Self::Threads, Self::Signals, Self::Spin];
-
-    /// Returns the value of the environment variable `CONDOR_LOOPS` that selects this way:
-    /// `threads`, `signals` or `spin`.
-    #[must_use]
-    pub const fn word(self) -> &'static str {
-        match self {
-            Self::Threads => "threads",
-            Self::Signals => "signals",
-            Self::Spin => "spin",
-        }
-    }
-}
-
 /// A file, or a part of a file, that processes map into their memory.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct FileRange {
     /// The path of the file.
+    #[serde(rename = "file")]
     pub path: PathBuf,
     /// The beginning of the part, in bytes from the beginning of the file.
     pub offset: u64,
     /// The length of the part in bytes; `None` means up to the end of the file.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bytes: Option<u64>,
 }
 
@@ -121,295 +90,164 @@ impl FileRange {
 }
 
 /// The settings of a process that is a processor: its number, its memory, its clock, and the way in
-/// which its loops run. A supervisor passes them in variables of the environment, which [the
-/// module](super) lists.
-#[derive(Clone, Debug, PartialEq, Eq)]
+/// which its loops run. A supervisor passes them in the environment variable `CONDOR_PROCESS`: a JSON object with the
+/// names of these fields, of which optional ones may be left out.
+///
+/// ```
+/// use condor_rt::linux::{Environment, LoopContext};
+///
+/// let text = r#"{"system": "/run/condor/hand/mailbox", "window_bytes": 65536, "processor": 3, "loops": "spin"}"#;
+/// assert_eq!(Environment::from_json(text)?.loops, LoopContext::Spin);
+/// # Ok::<(), condor_rt::linux::ProcessError>(())
+/// ```
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Environment {
-    /// The directory of the mailbox system.
+    /// The directory of the mailbox system, as an absolute path.
     pub system: PathBuf,
-    /// The size of the users' region of each processor's `data`, in bytes.
+    /// The size of the users' region of each processor's `data`, in bytes: a multiple of 4.
     pub window_bytes: u32,
-    /// The number of the processor that this process implements.
+    /// The number of the processor that this process implements, 0 to 31.
+    #[serde(with = "Number")]
     pub processor: Processor,
     /// The file that is the bus of the boards, if there is one; its first byte has the bus address
-    /// 0.
+    /// 0. If there is none, nothing answers on the bus.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bus: Option<FileRange>,
     /// The memory that belongs to no processor, if there is one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub shared_memory: Option<FileRange>,
-    /// The page of the system's simulated clock; `None` if the clock is the real one.
+    /// The page of the system's [simulated clock](condor_clock); `None` if the clock is the real one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub clock: Option<FileRange>,
     /// The simulated duration of one run of each loop, in nanoseconds, the loop of the highest rate
     /// first.
+    #[serde(default)]
     pub work_ns: [u64; condor_clock::LOOPS],
     /// The way in which the loops run by the real clock.
+    #[serde(default)]
     pub loops: LoopContext,
     /// The core on which the program runs; `None` means any core.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cpu: Option<usize>,
     /// A priority of the policy `SCHED_FIFO`, 1 to 99; `None` means the ordinary policy. [The
     /// module](super) says which thread gets it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub priority: Option<u8>,
 }
+
+/// A processor as its number.
+#[derive(Serialize, Deserialize)]
+#[serde(remote = "Processor")]
+struct Number(u8);
 
 impl Environment {
     /// Reads the settings of this process from its environment.
     ///
     /// # Errors
-    /// [`ProcessError::Missing`] if a required variable is not set or empty,
-    /// [`ProcessError::Wrong`] if a variable has a value that is not allowed.
+    /// [`ProcessError::Missing`] if the variable is not set, [`ProcessError::Wrong`] if it has a setting that is not
+    /// allowed.
     pub fn read() -> Result<Self, ProcessError> {
-        Self::from_variables(|variable| std::env::var_os(variable))
+        let text = std::env::var_os(VARIABLE).ok_or(ProcessError::Missing)?;
+        Self::from_json(&text.to_string_lossy())
     }
 
-    /// Sets environment variables of `command`, so that the process that it starts
-    /// [reads](Self::read) these settings. Removes the variables of optional settings that are
-    /// absent here. Returns `command`.
-    pub fn pass_to<'c>(&self, command: &'c mut Command) -> &'c mut Command {
-        command
-            .env(SYSTEM, &self.system)
-            .env(WINDOW_BYTES, self.window_bytes.to_string())
-            .env(PROCESSOR, self.processor.0.to_string())
-            .env(LOOPS, self.loops.word());
-        let range = |[path, offset, bytes]: RangeVariables, range: Option<&FileRange>| {
-            let begins = range.map(|range| range.offset).filter(|&it| it > 0);
-            let len = range.and_then(|range| range.bytes);
-            [
-                (path, range.map(|range| range.path.clone().into())),
-                (offset, begins.map(|begins| begins.to_string().into())),
-                (bytes, len.map(|len| len.to_string().into())),
-            ]
-        };
-        let ranges = [
-            range(BUS, self.bus.as_ref()),
-            range(SHARED, self.shared_memory.as_ref()),
-            range(CLOCK, self.clock.as_ref()),
-        ];
-        let work = self.work_ns.map(|ns| ns.to_string()).join(",");
-        let work = self.work_ns.iter().any(|&ns| ns > 0).then(|| work.into());
-        let optional = [
-            (WORK, work),
-            (CPU, self.cpu.map(|cpu| OsString::from(cpu.to_string()))),
-            (PRIORITY, self.priority.map(|one| one.to_string().into())),
-        ];
-        for (variable, value) in ranges.into_iter().flatten().chain(optional) {
-            match value {
-                Some(value) => command.env(variable, value),
-                None => command.env_remove(variable),
-            };
-        }
-        command
-    }
-
-    fn from_variables(get: impl Fn(&str) -> Option<OsString>) -> Result<Self, ProcessError> {
-        let optional = |variable| get(variable).filter(|value| !value.is_empty());
-        let needed = |variable, expected| {
-            optional(variable).ok_or(ProcessError::Missing { variable, expected })
-        };
-        let path = "an absolute path of a directory";
-        let system = PathBuf::from(needed(SYSTEM, path)?);
-        if !system.is_absolute() {
-            return Err(ProcessError::Wrong {
-                variable: SYSTEM,
-                value: system.into(),
-                expected: path,
-            });
-        }
-        let bytes = "a number of bytes that is a multiple of 4";
-        let window_bytes = needed(WINDOW_BYTES, bytes)?;
-        let window_bytes = number(WINDOW_BYTES, window_bytes, bytes, |&bytes: &u32| {
-            bytes.is_multiple_of(4)
-        })?;
-        let below = "a number of a processor, 0 to 31";
+    /// Reads settings from the text of the variable.
+    ///
+    /// # Errors
+    /// [`ProcessError::Wrong`] with the first setting that is missing or not allowed.
+    pub fn from_json(text: &str) -> Result<Self, ProcessError> {
+        let read: Self = serde_json::from_str(text).map_err(|error| ProcessError::wrong(&error))?;
         const { assert!(PROCESSORS == 32, "the text says 0 to 31") };
-        let processor = number(
-            PROCESSOR,
-            needed(PROCESSOR, below)?,
-            below,
-            |&number: &u8| usize::from(number) < PROCESSORS,
-        )?;
-        let loops = optional(LOOPS).map_or(Ok(LoopContext::default()), |value| {
-            let known = LoopContext::ALL.into_iter().find(|one| value == one.word());
-            known.ok_or(ProcessError::Wrong {
-                variable: LOOPS,
-                value,
-                expected: "`threads`, `signals` or `spin`",
-            })
-        })?;
-        let cpu = optional(CPU)
-            .map(|value| number(CPU, value, "a number of a core, from 0 on", |_| true))
-            .transpose()?;
-        let priority = optional(PRIORITY)
-            .map(|value| {
-                let expected = "a priority of SCHED_FIFO, 1 to 99";
-                number(PRIORITY, value, expected, |one| (1..=99).contains(one))
-            })
-            .transpose()?;
-        let range = |[path, offset, len]: RangeVariables| {
-            let count = |variable| {
-                let value = optional(variable);
-                let read = |value| number(variable, value, bytes, |it: &u64| it.is_multiple_of(4));
-                value.map(read).transpose()
-            };
-            let (offset, bytes) = (count(offset)?.unwrap_or(0), count(len)?);
-            Ok::<_, ProcessError>(optional(path).map(|path| FileRange {
-                path: path.into(),
-                offset,
-                bytes,
-            }))
+        let is_aligned = |range: &Option<FileRange>| {
+            let numbers = range.iter().flat_map(|it| [Some(it.offset), it.bytes]);
+            numbers.flatten().all(|number| number.is_multiple_of(4))
         };
-        let mut work_ns = [0; condor_clock::LOOPS];
-        if let Some(value) = optional(WORK) {
-            let text = value.to_string_lossy();
-            let times: Result<Vec<u64>, _> = text.split(',').map(str::parse).collect();
-            let times = times.ok().filter(|times| times.len() <= work_ns.len());
-            let Some(times) = times else {
-                return Err(ProcessError::Wrong {
-                    variable: WORK,
-                    value,
-                    expected: "at most 8 numbers of nanoseconds with commas between them",
-                });
-            };
-            for (place, time) in work_ns.iter_mut().zip(times) {
-                *place = time;
+        let ranges = [&read.bus, &read.shared_memory, &read.clock];
+        let priority = read.priority.unwrap_or(1);
+        for (is_right, problem) in [
+            (
+                read.system.is_absolute(),
+                "`system` must be an absolute path",
+            ),
+            (
+                read.window_bytes.is_multiple_of(4) && ranges.into_iter().all(is_aligned),
+                "numbers of bytes must be multiples of 4",
+            ),
+            (
+                usize::from(read.processor.0) < PROCESSORS,
+                "`processor` must be 0 to 31",
+            ),
+            ((1..=99).contains(&priority), "`priority` must be 1 to 99"),
+        ] {
+            if !is_right {
+                return Err(ProcessError::wrong(&problem));
             }
         }
-        Ok(Self {
-            system,
-            window_bytes,
-            processor: Processor(processor),
-            bus: range(BUS)?,
-            shared_memory: range(SHARED)?,
-            clock: range(CLOCK)?,
-            work_ns,
-            loops,
-            cpu,
-            priority,
-        })
+        Ok(read)
     }
-}
 
-fn number<T: FromStr>(
-    variable: &'static str,
-    value: OsString,
-    expected: &'static str,
-    is_right: impl Fn(&T) -> bool,
-) -> Result<T, ProcessError> {
-    let number = OsStr::to_str(&value).and_then(|text| text.parse().ok());
-    number.filter(is_right).ok_or(ProcessError::Wrong {
-        variable,
-        value,
-        expected,
-    })
+    /// Sets the environment variable of `command`, so that the process that it starts [reads](Self::read) these
+    /// settings. Returns `command`.
+    ///
+    /// # Errors
+    /// Returns an error of the kind `InvalidData` if a path is not UTF-8.
+    pub fn pass_to<'c>(&self, command: &'c mut Command) -> io::Result<&'c mut Command> {
+        Ok(command.env(VARIABLE, serde_json::to_string(self)?))
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    const ALL: [(&str, &str); 16] = [
-        (SYSTEM, "/run/condor/mailbox"),
-        (WINDOW_BYTES, "4096"),
-        (PROCESSOR, "3"),
-        (BUS[0], "/run/condor/bus"),
-        (BUS[1], "8192"),
-        (BUS[2], "4096"),
-        (SHARED[0], "/run/condor/shared"),
-        (SHARED[1], "16384"),
-        (SHARED[2], "8192"),
-        (CLOCK[0], "/run/condor/clock"),
-        (CLOCK[1], "24576"),
-        (CLOCK[2], "4096"),
-        (WORK, "500000,0,0,0,0,0,0,7"),
-        (LOOPS, "spin"),
-        (CPU, "1"),
-        (PRIORITY, "80"),
-    ];
-
-    /// With one variable changed, or left out.
-    fn with(changed: &str, value: Option<&str>) -> Result<Environment, ProcessError> {
-        Environment::from_variables(|variable| {
-            let usual = ALL.iter().find(|(name, _)| *name == variable);
-            let usual = usual.map(|(_, value)| *value);
-            let value = if variable == changed { value } else { usual };
-            value.map(OsString::from)
-        })
-    }
+    const ALL: &str = r#"{
+        "system": "/run/condor/mailbox", "window_bytes": 4096, "processor": 3,
+        "bus": { "file": "/run/condor/bus", "offset": 8192, "bytes": 4096 },
+        "shared_memory": { "file": "/run/condor/shared", "offset": 0 },
+        "clock": { "file": "/run/condor/clock", "offset": 24576, "bytes": 4096 },
+        "work_ns": [500000, 0, 0, 0, 0, 0, 0, 7], "loops": "spin", "cpu": 1, "priority": 80
+    }"#;
 
     #[test]
     fn what_is_passed_is_read() {
-        let all = with("", None).unwrap();
-        let mut command = Command::new("program");
-        all.pass_to(&mut command);
-        let read = Environment::from_variables(|variable| {
-            let mut variables = command.get_envs();
-            let (_, value) = variables.find(|(name, _)| *name == variable)?;
-            value.map(OsStr::to_owned)
-        });
-        assert_eq!(read.unwrap(), all);
-        let least = Environment {
-            bus: None,
-            shared_memory: None,
-            clock: None,
-            work_ns: [0; condor_clock::LOOPS],
-            loops: LoopContext::Threads,
-            cpu: None,
-            priority: None,
-            ..all
-        };
-        for (variable, part) in [
-            (BUS[0], "bus"),
-            (BUS[1], "offset"),
-            (BUS[2], "bytes"),
-            (SHARED[0], "shared memory"),
-            (SHARED[1], "its offset"),
-            (SHARED[2], "its bytes"),
-            (CLOCK[0], "clock"),
-            (CLOCK[1], "its offset"),
-            (CLOCK[2], "its bytes"),
-            (WORK, "times of loops"),
-            (CPU, "cpu"),
-            (PRIORITY, "priority"),
-            (LOOPS, "loops"),
-        ] {
-            let read = with(variable, None).unwrap();
-            assert_ne!(read, with("", None).unwrap(), "{part}");
+        let all = Environment::from_json(ALL).unwrap();
+        let least = r#"{ "system": "/m", "window_bytes": 4, "processor": 0 }"#;
+        let least = Environment::from_json(least).unwrap();
+        assert_eq!(least.loops, LoopContext::Threads);
+        for passed in [all, least] {
+            let mut command = Command::new("program");
+            passed.pass_to(&mut command).unwrap();
+            let (name, text) = command.get_envs().next().unwrap();
+            assert_eq!(name, VARIABLE);
+            let text = text.unwrap().to_str().unwrap();
+            assert_eq!(Environment::from_json(text).unwrap(), passed);
         }
-        least.pass_to(&mut command);
-        let gone = command.get_envs().filter(|(_, value)| value.is_none());
-        assert_eq!(gone.count(), 12);
     }
 
     #[test]
     fn what_is_missing_or_wrong_is_named() {
-        for (variable, value, text) in [
+        for (from, to, text) in [
+            ("\"system\": \"/run/condor/mailbox\",", "", "`system`"),
+            ("\"/run/condor/mailbox\"", "\"mailbox\"", "an absolute path"),
             (
-                SYSTEM,
-                None,
-                "the environment has no CONDOR_SYSTEM: it must be an absolute path",
+                "4096, \"processor\"",
+                "4097, \"processor\"",
+                "multiples of 4",
             ),
-            (
-                SYSTEM,
-                Some("2 64 family"),
-                "CONDOR_SYSTEM is \"2 64 family\"",
-            ),
-            (
-                WINDOW_BYTES,
-                Some("4097"),
-                "\"4097\" in the environment: it must be a number of bytes that is a multiple of 4",
-            ),
-            (WINDOW_BYTES, None, "no CONDOR_WINDOW_BYTES"),
-            (PROCESSOR, Some("32"), "0 to 31"),
-            (PROCESSOR, Some(""), "no CONDOR_PROCESSOR"),
-            (BUS[1], Some("2"), "a multiple of 4"),
-            (SHARED[2], Some("all"), "a multiple of 4"),
-            (WORK, Some("1,x"), "numbers of nanoseconds"),
-            (WORK, Some("1,2,3,4,5,6,7,8,9"), "at most 8"),
-            (LOOPS, Some("fibres"), "`threads`, `signals` or `spin`"),
-            (CPU, Some("-1"), "from 0 on"),
-            (PRIORITY, Some("0"), "1 to 99"),
-            (PRIORITY, Some("100"), "1 to 99"),
+            ("8192", "2", "multiples of 4"),
+            ("\"processor\": 3", "\"processor\": 32", "0 to 31"),
+            ("[500000,", "[\"x\",", "u64"),
+            ("[500000,", "[", "an array of length 8"),
+            ("\"spin\"", "\"fibres\"", "`threads`, `signals`, `spin`"),
+            ("\"cpu\": 1", "\"cpu\": -1", "usize"),
+            ("80", "0", "1 to 99"),
+            ("80", "100", "1 to 99"),
+            ("\"cpu\"", "\"core\"", "`core`"),
         ] {
-            let error = with(variable, value).unwrap_err().to_string();
-            assert!(error.contains(text) && error.contains(variable), "{error}");
+            let error = Environment::from_json(&ALL.replace(from, to)).unwrap_err();
+            let error = error.to_string();
+            assert!(error.contains(text) && error.contains(VARIABLE), "{error}");
         }
     }
 }

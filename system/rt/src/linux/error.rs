@@ -1,35 +1,27 @@
 //! Errors of the machine of a process.
 
-use std::ffi::OsString;
 use std::io;
 use std::path::PathBuf;
 
 use condor_dev::linux::BusMapError;
 use condor_mbox::linux::SystemError;
 
+/// The environment variable with the settings.
+pub(super) const VARIABLE: &str = "CONDOR_PROCESS";
+
 /// The reason why a process of Linux cannot be a processor: its settings, its memory, its bus, its
 /// clock or its signals.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ProcessError {
-    /// A required variable of the environment is not set.
-    #[error("the environment has no {variable}: it must be {expected}")]
-    Missing {
-        /// The name of the variable.
-        variable: &'static str,
-        /// The values that are allowed.
-        expected: &'static str,
-    },
-    /// A variable of the environment has a value that is not allowed.
-    #[error("{variable} is {value:?} in the environment: it must be {expected}")]
-    Wrong {
-        /// The name of the variable.
-        variable: &'static str,
-        /// The value that is not allowed.
-        value: OsString,
-        /// The values that are allowed.
-        expected: &'static str,
-    },
+    /// The environment has no settings of a process.
+    #[error(
+        "the environment has no {VARIABLE}: a supervisor such as `condor up` starts this program with it"
+    )]
+    Missing,
+    /// A setting is missing, or has a value that is not allowed.
+    #[error("{VARIABLE} in the environment is wrong: {0}")]
+    Wrong(String),
     /// The processor's number could not be claimed, or the memory of the processors could not be
     /// opened.
     #[error(transparent)]
@@ -79,4 +71,10 @@ pub enum ProcessError {
     /// Handlers for SIGTERM and SIGINT could not be registered.
     #[error("cannot handle SIGTERM and SIGINT: {0}")]
     Stopping(io::Error),
+}
+
+impl ProcessError {
+    pub(super) fn wrong(problem: &impl ToString) -> Self {
+        Self::Wrong(problem.to_string())
+    }
 }

@@ -1,26 +1,12 @@
 //! Programs as processes of Linux.
 //!
-//! Most programs need [`run`] alone. It reads the processor's number and its other settings from
-//! the environment, where a supervisor has set them, runs the program, and prints why it failed.
-//!
-//! | variable | meaning |
-//! |---|---|
-//! | `CONDOR_SYSTEM` | the directory of the mailbox system, as in [`VirtualSystem::at`](condor_mbox::linux::LinuxSystem::at) |
-//! | `CONDOR_WINDOW_BYTES` | the size of the users' region of each processor's `data`, in bytes |
-//! | `CONDOR_PROCESSOR` | the processor's number |
-//! | `CONDOR_BUS` | the file that is mapped as the bus; if it is not set, nothing answers on the bus |
-//! | `CONDOR_BUS_OFFSET`, `CONDOR_BUS_BYTES` | the part of that file that is the bus, in bytes; by default the whole file |
-//! | `CONDOR_SHARED_MEMORY`, `…_OFFSET`, `…_BYTES` | the file with the memory that belongs to no processor, and the part of that file; if it is not set, there is none |
-//! | `CONDOR_CLOCK`, `…_OFFSET`, `…_BYTES` | the file with the page of the system's [simulated clock](condor_clock), and the part of that file; if it is not set, the clock is the real one |
-//! | `CONDOR_LOOP_TIMES_NS` | how long each loop takes in simulated time, in nanoseconds with commas between them, the fastest first; by default no time |
-//! | `CONDOR_LOOPS` | `threads` (default), `spin` or `signals` |
-//! | `CONDOR_CPU` | the core on which the program runs; by default any |
-//! | `CONDOR_PRIORITY` | a priority of `SCHED_FIFO`, 1 to 99; by default the ordinary policy |
+//! Most programs need [`run`] alone. It reads the processor's number and its other settings, an [`Environment`], from
+//! the environment variable `CONDOR_PROCESS`, which a supervisor has set, runs the program, and prints why it failed.
 //!
 //! # Simulated time
 //!
-//! With `CONDOR_CLOCK`, the clock, the timer and all deadlines of the program are those of the
-//! system's simulated clock, and `CONDOR_LOOPS` has no meaning: loops run where the background waits.
+//! With a [`clock`](Environment::clock), the clock, the timer and all deadlines of the program are those of the
+//! system's simulated clock, and [`loops`](Environment::loops) has no meaning: loops run where the background waits.
 //! Programs do not differ; what takes time is said in the [module of virtual time](crate::sim).
 //!
 //! # Threads, spinning or signals
@@ -32,7 +18,7 @@
 //! | messages are served | by a thread of their own, even while the background computes | while the background waits | while the background waits |
 //! | a loop that panics | is disabled, and counts as `faulted` | ends the program | ends the program |
 //! | `main` calls | [`run`] | [`run`] | [`run_allowing_signals`], which is `unsafe` |
-//! | `CONDOR_PRIORITY` applies to | the fastest loop; each slower loop has the next lower priority | the program | the program |
+//! | the [`priority`](Environment::priority) applies to | the fastest loop; each slower loop has the next lower priority | the program | the program |
 //!
 //! With `threads`, a loop, a message handler and the background can run at the same time. Data that
 //! they share must lie in the windows, in an atomic or in a [`Latest`](crate::Latest), or be used only

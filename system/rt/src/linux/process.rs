@@ -17,7 +17,7 @@ use signal_hook::consts::{SIGINT, SIGTERM};
 use super::bell::{ProcessBell, Ringing};
 use super::bus::ProcessBus;
 use super::clock::{Bells, MappedPage, ProcessClock};
-use super::environment::{self, Environment, FileRange};
+use super::environment::{Environment, FileRange, LoopContext};
 use super::error::ProcessError;
 use super::sections::{ProcessSections, Sections, Server};
 use super::spinner::Spinner;
@@ -85,12 +85,9 @@ impl LinuxProcess {
         environment: &Environment,
         arguments: impl IntoIterator<Item = String>,
     ) -> Result<Self, ProcessError> {
-        if environment.loops == environment::LoopContext::Signals {
-            return Err(ProcessError::Wrong {
-                variable: environment::LOOPS,
-                value: environment::LoopContext::Signals.word().into(),
-                expected: "`threads` or `spin`, since this program's `main` does not allow signals",
-            });
+        if environment.loops == LoopContext::Signals {
+            let problem = "`loops` must be `threads` or `spin`, since this program's `main` does not allow signals";
+            return Err(ProcessError::wrong(&problem));
         }
         Self::of(environment, arguments)
     }
@@ -142,14 +139,12 @@ impl LinuxProcess {
                 let clock = LocalClock::new(number.0, page, by, environment.work_ns);
                 (LoopPlatform::Simulated(Arc::new(clock)), None)
             }
-            (None, environment::LoopContext::Threads) => (
+            (None, LoopContext::Threads) => (
                 LoopPlatform::Threads(environment.priority, Arc::default()),
                 None,
             ),
-            (None, environment::LoopContext::Signals) => {
-                (LoopPlatform::Signals, environment.priority)
-            }
-            (None, environment::LoopContext::Spin) => (
+            (None, LoopContext::Signals) => (LoopPlatform::Signals, environment.priority),
+            (None, LoopContext::Spin) => (
                 LoopPlatform::Spin(Arc::new(Spinner::new())),
                 environment.priority,
             ),

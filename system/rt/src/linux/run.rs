@@ -8,14 +8,14 @@ use super::error::ProcessError;
 use super::process::LinuxProcess;
 use crate::machine::{Machine as _, Program};
 
-/// Runs `program` on the processor that variables of the environment describe, until the program
+/// Runs `program` on the processor that the [environment](Environment) describes, until the program
 /// ends. A `main` has to do nothing else.
 ///
 /// `arguments` are the program's arguments, without its name. If the program fails, the reason is printed to standard
 /// error, and the result is the [exit status of the error](crate::ProgramError::exit_status). Each privilege that the
 /// kernel refuses, such as the priority, is printed, too.
 ///
-/// If the environment has `CONDOR_LOOPS=signals`, the result is a failure, and `program` does not
+/// If its [`loops`](Environment::loops) are `signals`, the result is a failure, and `program` does not
 /// run: only [`run_allowing_signals`] permits loops in signal handlers.
 #[must_use]
 pub fn run<P: Program>(program: &P, arguments: impl IntoIterator<Item = String>) -> ExitCode {
@@ -25,7 +25,7 @@ pub fn run<P: Program>(program: &P, arguments: impl IntoIterator<Item = String>)
 }
 
 /// Runs `program` as [`run`] does, and also permits loops in signal handlers. They run there if the
-/// environment has `CONDOR_LOOPS=signals`.
+/// [`loops`](Environment::loops) of its environment are `signals`.
 ///
 /// # Safety
 /// If loops run in signal handlers, the loops of `program` must keep the contract of

@@ -136,7 +136,7 @@ fn signals_must_be_allowed() {
     let refused = LinuxProcess::new(&environment, []).map(drop).unwrap_err();
     assert_eq!(
         refused.to_string(),
-        "CONDOR_LOOPS is \"signals\" in the environment: it must be `threads` or `spin`, since this \
-         program's `main` does not allow signals"
+        "CONDOR_PROCESS in the environment is wrong: `loops` must be `threads` or `spin`, since this program's `main` \
+         does not allow signals"
     );
 }

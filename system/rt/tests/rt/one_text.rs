@@ -47,7 +47,7 @@ fn the_program_in_virtual_time() {
 /// Not a test, but the process that the tests below start.
 #[test]
 fn small_process() {
-    if std::env::var_os("CONDOR_PROCESSOR").is_none() {
+    if std::env::var_os("CONDOR_PROCESS").is_none() {
         return;
     }
     // SAFETY: its loop adds and stores.
@@ -73,7 +73,7 @@ fn environment(directory: &Path, loops: LoopContext) -> Environment {
 fn start(environment: &Environment, change: impl FnOnce(&mut Command)) -> Child {
     let mut command = Command::new(std::env::current_exe().unwrap());
     command.args(["one_text::small_process", "--exact", "--nocapture"]);
-    environment.pass_to(&mut command);
+    environment.pass_to(&mut command).unwrap();
     change(&mut command);
     command.stdout(Stdio::null()).stderr(Stdio::piped());
     command.spawn().unwrap()
@@ -218,7 +218,10 @@ fn a_successor_waits_for_the_number_and_a_bus_must_be_there() {
     let text = says(start(&environment, |_| ()));
     assert!(text.contains("cannot map the bus"), "{text}");
     let text = says(start(&environment, |command| {
-        command.env("CONDOR_PROCESSOR", "sixteen");
+        command.env("CONDOR_PROCESS", "{}");
     }));
-    assert!(text.contains("CONDOR_PROCESSOR is \"sixteen\""), "{text}");
+    assert!(
+        text.contains("CONDOR_PROCESS in the environment is wrong: missing field `system`"),
+        "{text}"
+    );
 }

@@ -12,10 +12,8 @@ use condor_rt::objects;
 use condor_rt::{HANDLERS, LOOPS, Machine, PROCESSORS, Program, ProgramError, ServoLoop, Setup};
 use condor_rt::{loops, sim, users};
 use condor_vars::{
-    AnyValue, Cell, CellField, CellStruct, Param, VARS, ValueKind, Var, VariableClient,
-    VariableTable, Vars,
+    AnyValue, Cell, Param, VARS, ValueKind, Var, VariableClient, VariableTable, Vars, cell_struct,
 };
-use core::mem::offset_of;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 const ADD: Vector = Vector(1);
@@ -118,12 +116,10 @@ struct Contact {
     fingers: u32,
 }
 
-impl CellStruct for Contact {
-    const FIELDS: &'static [CellField] = &[
-        CellField::new("force", "N", ValueKind::F32, offset_of!(Contact, force)),
-        CellField::new("fingers", "", ValueKind::U32, offset_of!(Contact, fingers)),
-    ];
-}
+cell_struct!(Contact {
+    "force": force, "N";
+    "fingers": fingers, "";
+});
 
 impl Program for Joint {
     fn run<M: Machine>(&self, machine: &M) -> Result<(), ProgramError> {

@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 use std::ops::Range;
 
 use super::curve::Curve;
+use crate::plot::scale::Scale;
 
 /// Sizes in pixels.
 const WIDTH: f64 = 960.0;
@@ -17,8 +18,8 @@ const NAMES: f64 = 18.0;
 const NAMES_IN_LINE: usize = 3;
 /// The number of colours.
 const COLOURS: usize = 8;
-/// The greatest number of marks on an axis.
-const MARKS: u32 = 6;
+/// The number of marks on an axis, about.
+const MARKS: u16 = 6;
 
 const STYLE: &str = "\
 text{font:12px sans-serif;fill:#333}.title{font-size:15px}
@@ -58,39 +59,13 @@ pub(super) fn draw(title: &str, shown: Range<f64>, curves: &[Curve]) -> String {
 
 /// An axis: what it shows, and where.
 struct Axis {
-    shown: Range<f64>,
+    scale: Scale,
     pixels: Range<f64>,
 }
 
 impl Axis {
     fn at(&self, value: f64) -> f64 {
-        let part = (value - self.shown.start) / (self.shown.end - self.shown.start);
-        self.pixels.start + part * (self.pixels.end - self.pixels.start)
-    }
-
-    /// Returns round values within the axis, and the number of decimal places that they need.
-    fn marks(&self) -> (Vec<f64>, usize) {
-        let length = self.shown.end - self.shown.start;
-        let rough = length / f64::from(MARKS);
-        let power = 10_f64.powi(rough.log10().floor() as i32);
-        let step = [1.0, 2.0, 5.0, 10.0].map(|factor| factor * power);
-        let step = step.into_iter().find(|step| *step >= rough);
-        let step = step.unwrap_or(10.0 * power);
-        let first = (self.shown.start / step).ceil();
-        let values = (0..=MARKS).map(|number| (first + f64::from(number)) * step);
-        let within = values.filter(|value| *value <= self.shown.end + step * 1e-6);
-        // Some 1e-7 away from 0 comes of the multiplication.
-        let within = within.map(|value| {
-            if value.abs() < step * 1e-6 {
-                0.0
-            } else {
-                value
-            }
-        });
-        let places = (-step.log10().floor()).clamp(0.0, 9.0);
-        #[expect(clippy::cast_sign_loss, reason = "it is not negative")]
-        let places = places as usize;
-        (within.collect(), places)
+        self.pixels.start + self.scale.part(value) * (self.pixels.end - self.pixels.start)
     }
 }
 
@@ -114,34 +89,38 @@ fn panel(text: &mut String, top: f64, unit: &str, shown: &Range<f64>, curves: &[
     let ranges = curves.iter().filter_map(|curve| curve.range());
     let values = ranges.reduce(|a, b| a.start.min(b.start)..a.end.max(b.end));
     let bottom = top + PANEL;
+    let times = if shown.start < shown.end {
+        Scale::of
+    } else {
+        Scale::around
+    };
     let across = Axis {
-        shown: padded(shown.clone(), 0.0),
+        scale: times(shown.start, shown.end, MARKS),
         pixels: LEFT..WIDTH - RIGHT,
     };
+    let values = values.unwrap_or(0.0..1.0);
     let up = Axis {
-        shown: padded(values.unwrap_or(0.0..0.0), 0.05),
+        scale: Scale::around(values.start, values.end, MARKS),
         pixels: bottom..top,
     };
     let (width, middle) = (WIDTH - RIGHT - LEFT, top + PANEL / 2.0);
-    let (marks, places) = across.marks();
-    for mark in marks {
+    for (mark, label) in across.scale.marks() {
         let (x, y) = (across.at(mark), bottom + 16.0);
         add(
             text,
             format_args!(
                 "<path class=\"grid\" d=\"M{x:.1} {top}V{bottom}\"/>\
-                 <text x=\"{x:.1}\" y=\"{y}\" text-anchor=\"middle\">{mark:.places$}</text>\n"
+                 <text x=\"{x:.1}\" y=\"{y}\" text-anchor=\"middle\">{label}</text>\n"
             ),
         );
     }
-    let (marks, places) = up.marks();
-    for mark in marks {
+    for (mark, label) in up.scale.marks() {
         let (x, y) = (LEFT - 6.0, up.at(mark));
         add(
             text,
             format_args!(
                 "<path class=\"grid\" d=\"M{LEFT} {y:.1}h{width}\"/>\
-                 <text x=\"{x}\" y=\"{:.1}\" text-anchor=\"end\">{mark:.places$}</text>\n",
+                 <text x=\"{x}\" y=\"{:.1}\" text-anchor=\"end\">{label}</text>\n",
                 y + 4.0
             ),
         );
@@ -188,22 +167,6 @@ fn float(count: usize) -> f64 {
     f64::from(count as u32)
 }
 
-/// Widens a range by a part of its length, and one without length to something that can be shown.
-fn padded(range: Range<f64>, part: f64) -> Range<f64> {
-    let length = range.end - range.start;
-    let least = 1e-9 * range.start.abs().max(range.end.abs()).max(1e-3);
-    if length > least {
-        range.start - part * length..range.end + part * length
-    } else {
-        let more = if range.start == 0.0 {
-            1.0
-        } else {
-            0.1 * range.start.abs()
-        };
-        range.start - more..range.end + more
-    }
-}
-
 fn escaped(text: &str) -> String {
     let text = text.replace('&', "&amp;").replace('<', "&lt;");
     // XML has no other control characters, not even as references.
@@ -242,18 +205,5 @@ mod tests {
             assert_eq!(text.matches("<polyline class=\"dot").count(), 1);
         }
         assert!(draw("", 0.0..0.0, &[]).ends_with("</svg>\n"));
-    }
-
-    #[test]
-    fn marks_are_round() {
-        let axis = |shown| Axis {
-            shown,
-            pixels: 0.0..1.0,
-        };
-        let expected = vec![-0.2, 0.0, 0.2, 0.4];
-        let (marks, places) = axis(-0.21..0.59).marks();
-        assert_eq!((marks, places), (expected, 1));
-        let (marks, places) = axis(0.0..3e6).marks();
-        assert_eq!((marks.len(), places), (7, 0));
     }
 }

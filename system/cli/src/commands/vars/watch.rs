@@ -170,7 +170,7 @@ struct Lines<'s> {
     width: usize,
     is_json: bool,
     /// The time of the first row.
-    begin_ns: Option<i128>,
+    begin: Option<condor_mbox::Instant>,
 }
 
 impl<'s> Lines<'s> {
@@ -186,7 +186,7 @@ impl<'s> Lines<'s> {
             width: loops.iter().map(String::len).max().unwrap_or(0),
             loops,
             is_json,
-            begin_ns: None,
+            begin: None,
         }
     }
 
@@ -206,7 +206,9 @@ impl<'s> Lines<'s> {
                 text += &plain_json(&self.object(row, &owner))?;
                 text.push('\n');
             } else {
-                let since = row.at_ns - *self.begin_ns.get_or_insert(row.at_ns);
+                let begin = *self.begin.get_or_insert(row.at);
+                // A row that comes late may be before the first.
+                let since = row.at.as_ns().wrapping_sub(begin.as_ns()).cast_signed();
                 #[expect(clippy::cast_precision_loss, reason = "microseconds are shown")]
                 let time = format!("{:.6}", since as f64 / 1e9);
                 let values = self.columns.iter().zip(&row.item.values);
