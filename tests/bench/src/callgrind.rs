@@ -13,22 +13,22 @@ const CALLS: usize = 4096;
 /// The argument by which the program is asked to go down one path and nothing else.
 pub(crate) const PATH: &str = "path";
 
-/// Writes a table of the instructions of calls, on average, of paths with their descriptions; returns them.
+/// Counts the instructions of calls, on average, of paths with their descriptions; returns a table of them, and
+/// the counts.
 ///
 /// # Errors
 /// Returns an error if valgrind is missing or fails, or has counted nothing.
 pub(crate) fn table<const N: usize>(
-    text: &mut String,
     head: &str,
     paths: [(&str, &str); N],
-) -> Result<[f64; N]> {
-    writeln!(text, "\n{head:52} {:>12}", "instructions")?;
+) -> Result<(String, [f64; N])> {
+    let mut text = format!("{head:52} {:>12}\n", "instructions");
     let mut counts = [0.0; N];
     for (count, (name, about)) in counts.iter_mut().zip(paths) {
         *count = instructions(name)?;
         writeln!(text, "{about:52} {count:12.1}")?;
     }
-    Ok(counts)
+    Ok((text, counts))
 }
 
 fn instructions(name: &str) -> Result<f64> {

@@ -20,8 +20,6 @@ mod results;
 mod riscv_instructions;
 mod rounds;
 mod simulated;
-mod swing;
-mod system;
 mod vars;
 mod watchers;
 
@@ -46,17 +44,17 @@ struct Command {
 const COMMANDS: &[Command] = &[
     Command {
         name: "dev",
-        about: "instructions of a device's write by condor-dev, trait objects, vm-device, write(2)",
+        about: "instructions of a device's write by condor-dev beside the driver called directly",
         run: dev::run,
     },
     Command {
         name: "fs",
-        about: "reads and writes of condor-fs beside native ones, a socket protocol and chunks",
+        about: "reads and writes of condor-fs beside native ones",
         run: fs::run,
     },
     Command {
         name: "hand",
-        about: "laws of condor-hand beside k, nalgebra's decompositions and Pinocchio",
+        about: "laws of condor-hand beside Pinocchio",
         run: hand::run,
     },
     Command {
@@ -73,11 +71,6 @@ const COMMANDS: &[Command] = &[
         name: "mos",
         about: "servo loops of condor-mos beside FIFO threads",
         run: mos::run,
-    },
-    Command {
-        name: "system",
-        about: "how fast a servo processor of 16 joints runs, beside an empty loop",
-        run: system::run,
     },
     Command {
         name: "simulated",
@@ -101,7 +94,7 @@ const COMMANDS: &[Command] = &[
     },
     Command {
         name: "vars",
-        about: "rows of condor-vars beside memcpy, and instructions of a tick that nobody watches",
+        about: "rows of condor-vars beside memcpy",
         run: vars::run,
     },
 ];
@@ -112,9 +105,7 @@ fn go_down_one_path(mut arguments: impl Iterator<Item = String>) -> Result<()> {
     let (Some(name), Some(calls)) = (name, calls) else {
         return Err("a path and a number of calls are needed".into());
     };
-    let calls = calls.parse()?;
-    let gone = mbox::go(&name, calls).or_else(|| vars::go(&name, calls));
-    gone.unwrap_or_else(|| dev::go(&name, calls))
+    dev::go(&name, calls.parse()?)
 }
 
 fn measure(options: &Options) -> Result<()> {

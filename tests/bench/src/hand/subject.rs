@@ -1,11 +1,9 @@
 //! The hand that all contestants have, and the states in which they see it.
 
-use std::fmt::Write as _;
-
 use condor_hand::config;
 use condor_hand::kinematics::PlanarFinger;
 use fastrand::Rng;
-use nalgebra::{Matrix3, SVector, Vector3};
+use nalgebra::{SVector, Vector3};
 
 use crate::Result;
 
@@ -14,9 +12,6 @@ pub(super) const JOINTS: usize = 4;
 
 /// States that calls go through in turn, so that no branch is foretold by the last call.
 pub(super) const STATES: usize = 64;
-
-/// The name of our kinematics and dynamics in the tables.
-pub(super) const OURS: &str = "PlanarFinger";
 
 /// m/s².
 pub(super) const GRAVITY: Vector3<f64> = Vector3::new(0.0, 0.0, -9.80665);
@@ -92,62 +87,6 @@ impl Subject {
     pub(super) fn state(&self, call: usize) -> &State {
         &self.states[call % STATES]
     }
-
-    /// Returns the hand as URDF: a palm, and links `finger.joint` and `finger.tip`.
-    pub(super) fn urdf(&self) -> String {
-        let mut text = String::from("<robot name=\"hand\">\n<link name=\"palm\"/>\n");
-        for (finger, planar) in self.planar.iter().enumerate() {
-            let chain = planar.chain();
-            let mut parent = String::from("palm");
-            for (number, (joint, body)) in chain.joints().iter().zip(chain.bodies()).enumerate() {
-                let placement = if number == 0 {
-                    chain.base().then(&joint.placement)
-                } else {
-                    joint.placement
-                };
-                let link = format!("{finger}.{number}");
-                let axis = if number == 0 { "0 0 1" } else { "0 1 0" };
-                let [[ixx, ..], [_, iyy, _], [.., izz]] = body.inertia.data.0;
-                // Writing to a string does not fail.
-                let _ = write!(
-                    text,
-                    "<link name=\"{link}\"><inertial><origin xyz=\"{}\" rpy=\"0 0 0\"/>\
-                     <mass value=\"{}\"/><inertia ixx=\"{ixx}\" ixy=\"0\" ixz=\"0\" iyy=\"{iyy}\" \
-                     iyz=\"0\" izz=\"{izz}\"/></inertial></link>\n\
-                     <joint name=\"joint {link}\" type=\"revolute\"><parent link=\"{parent}\"/>\
-                     <child link=\"{link}\"/><origin xyz=\"{}\" rpy=\"{}\"/><axis xyz=\"{axis}\"/>\
-                     <limit lower=\"-3\" upper=\"3\" effort=\"10\" velocity=\"100\"/></joint>\n",
-                    list(&body.center),
-                    body.mass,
-                    list(&placement.position),
-                    list(&roll_pitch_yaw(&placement.rotation)),
-                );
-                parent = link;
-            }
-            let _ = writeln!(
-                text,
-                "<link name=\"{finger}.tip\"/><joint name=\"joint {finger}.tip\" type=\"fixed\">\
-                 <parent link=\"{parent}\"/><child link=\"{finger}.tip\"/>\
-                 <origin xyz=\"{}\" rpy=\"0 0 0\"/></joint>",
-                list(chain.tip_point()),
-            );
-        }
-        text + "</robot>\n"
-    }
-}
-
-fn list(vector: &Vector3<f64>) -> String {
-    format!("{} {} {}", vector.x, vector.y, vector.z)
-}
-
-/// Returns the angles of URDF: about the fixed x, y and z axes, one after the other.
-fn roll_pitch_yaw(rotation: &Matrix3<f64>) -> Vector3<f64> {
-    let across = rotation.m11.hypot(rotation.m21);
-    Vector3::new(
-        rotation.m32.atan2(rotation.m33),
-        (-rotation.m31).atan2(across),
-        rotation.m21.atan2(rotation.m11),
-    )
 }
 
 /// Returns all joints of the hand in one list.
@@ -188,12 +127,5 @@ mod tests {
         assert!(agree("x", &[1.0, 2.0], &[1.0, 2.1], 1e-12).is_err());
         assert!(agree("x", &[1.0, 2.0], &[1.0, f64::NAN], 1e-12).is_err());
         assert!(agree("x", &[1.0, 2.0], &[1.0], 1e-12).is_err());
-    }
-
-    #[test]
-    fn angles_make_the_rotation() {
-        let rotation = nalgebra::Rotation3::from_euler_angles(0.3, -1.1, 2.0);
-        let angles = roll_pitch_yaw(rotation.matrix());
-        assert!((angles - Vector3::new(0.3, -1.1, 2.0)).norm() < 1e-14);
     }
 }

@@ -8,25 +8,21 @@
 mod contestant;
 mod files;
 mod iceoryx;
-mod instructions;
 mod mapping;
 mod ours;
 mod raw;
 mod round;
 mod samples;
 
-pub(crate) use instructions::go;
 pub(crate) use mapping::Mapping;
 pub(crate) use raw::spinning;
 
 use contestant::{Cores, Entry};
 use files::Files;
-use instructions::{MESSAGE_2, MESSAGE_16};
 use round::Plan;
 
 use crate::Result;
-use crate::callgrind;
-use crate::measure::{Estimate, Goal, Report};
+use crate::measure::{Goal, Report};
 use crate::options::Options;
 use crate::process::CorePair;
 use crate::rounds::{self, Column, Tables};
@@ -34,11 +30,6 @@ use crate::rounds::{self, Column, Tables};
 const RAW: &str = "raw ping-pong";
 const OURS_SPINNING: &str = "condor-mbox, spinning";
 const OURS_OF_16: &str = "condor-mbox, spinning, 16 processors";
-const OURS_NESTED: [&str; 3] = [
-    "condor-mbox, nested once",
-    "condor-mbox, nested twice",
-    "condor-mbox, nested three times",
-];
 const ICEORYX_REQUEST: &str = "iceoryx2 request-response";
 const FUTEX: &str = "raw futex ping-pong";
 const OURS_BLOCKING: &str = "condor-mbox, blocking";
@@ -53,9 +44,6 @@ fn entries() -> Vec<Entry> {
         two(CONTROL, raw::open_spinning),
         two(OURS_SPINNING, ours::open_spinning),
         two(OURS_OF_16, ours::open_spinning_of_16),
-        two(OURS_NESTED[0], ours::open_nested::<1>),
-        two(OURS_NESTED[1], ours::open_nested::<2>),
-        two(OURS_NESTED[2], ours::open_nested::<3>),
         two(ICEORYX_REQUEST, iceoryx::open_request_response),
         one(FUTEX, raw::open_futex),
         one(CONTROL, raw::open_futex),
@@ -105,32 +93,21 @@ pub(crate) fn run(options: &Options) -> Result<Report> {
         // SAFETY: nothing before this has started a thread.
         unsafe { round::play(&entries, &plan, number, files.directory(), files.prefix()) }
     })?);
-    let mut text = format!(
+    let text = format!(
         "{rounds} rounds, a fresh mapping and two fresh processes in each; medians over the rounds of\n\
          per-round ratios, with the interval that holds the true median in 95 of 100 runs.\n\
          Medians are of timed batches, 99th percentiles of round trips timed one by one.\n{tables}",
     );
     let ratio = |of, to, column| tables.ratio(&[(&two, of, column)], &[(&two, to, column)]);
     let to_raw = |of| ratio(of, RAW, MEDIAN);
-    let to_flat = |of| ratio(of, OURS_SPINNING, MEDIAN);
+    let iceoryx = ratio(ICEORYX_REQUEST, OURS_SPINNING, MEDIAN)?;
     let to_futex = tables.ratio(&[(&one, OURS_BLOCKING, MEDIAN)], &[(&one, FUTEX, MEDIAN)])?;
-    let [nested_once, twice, thrice] = OURS_NESTED;
-    let [instructions, of_16] = callgrind::table(
-        &mut text,
-        "a call with reply, both ends",
-        [(MESSAGE_2, "2 processors"), (MESSAGE_16, "16 processors")],
-    )?;
     let goals = vec![
         Goal::most("spin_vs_raw", to_raw(OURS_SPINNING)?, 1.15),
         Goal::most("spin16_vs_raw", to_raw(OURS_OF_16)?, 1.35),
         Goal::most("spin_p99_vs_raw_p99", ratio(OURS_SPINNING, RAW, P99)?, 1.3),
-        Goal::least("iceoryx2_reqresp_vs_spin", to_flat(ICEORYX_REQUEST)?, 10.0),
+        Goal::least("iceoryx2_reqresp_vs_spin", iceoryx, 10.0),
         Goal::most("blocking_vs_futex", to_futex, 1.1),
-        Goal::most("nested1_vs_flat", to_flat(nested_once)?, 2.2),
-        Goal::most("nested2_vs_flat", to_flat(twice)?, 3.3),
-        Goal::most("nested3_vs_flat", to_flat(thrice)?, 4.4),
-        Goal::most("instructions", Estimate::exactly(instructions), 480.0),
-        Goal::most("instructions_of_16", Estimate::exactly(of_16), 620.0),
     ];
     Ok(Report { text, goals })
 }

@@ -16,37 +16,32 @@ use crate::Result;
 const CLIENT: Processor = Processor(0);
 const SERVER: Processor = Processor(1);
 
+const ECHO: Vector = Vector(0);
+
 /// Deadline of every call.
 const TIMEOUT: Duration = Duration::from_secs(5);
 
 /// Opens mailboxes that spin and belong to one thread each.
 pub(super) fn open_spinning<'m>(_: &Setup<'m>) -> Result<Ends<'m>> {
-    open::<2>(Waiting::Spin, 0)
+    open::<2>(Waiting::Spin)
 }
 
 /// Opens mailboxes of a system of 16 that spin; the other 14 processors have not joined.
 pub(super) fn open_spinning_of_16<'m>(_: &Setup<'m>) -> Result<Ends<'m>> {
-    open::<16>(Waiting::Spin, 0)
+    open::<16>(Waiting::Spin)
 }
 
 /// Opens mailboxes that sleep.
 pub(super) fn open_blocking<'m>(_: &Setup<'m>) -> Result<Ends<'m>> {
-    open::<2>(Waiting::Sleep, 0)
+    open::<2>(Waiting::Sleep)
 }
 
-/// Opens mailboxes whose handlers call each other back `DEPTH` times before they reply.
-pub(super) fn open_nested<'m, const DEPTH: u8>(_: &Setup<'m>) -> Result<Ends<'m>> {
-    open::<2>(Waiting::Spin, DEPTH)
-}
-
-fn open<'m, const N: usize>(waiting: Waiting, depth: u8) -> Result<Ends<'m>> {
+fn open<'m, const N: usize>(waiting: Waiting) -> Result<Ends<'m>> {
     let system = Rc::new(LinuxSystem::<N>::family(0)?);
     let join = move |number| -> Result<LinuxMailbox<'static, N, SingleContext>> {
         let mut mailbox = system.claim(number)?.mailbox_with(SingleContext::new())?;
         mailbox.set_waiting(waiting);
-        for vector in 0..=depth {
-            mailbox.set_vector(Vector(vector), &answer, "answer")?;
-        }
+        mailbox.set_vector(ECHO, &|call: &Call<'_>| call.data(), "echo")?;
         mailbox.join()?;
         Ok(mailbox)
     };
@@ -54,13 +49,12 @@ fn open<'m, const N: usize>(waiting: Waiting, depth: u8) -> Result<Ends<'m>> {
     Ok(Ends::new(
         move || {
             let mailbox = join(CLIENT)?;
-            Ok(move |value| Ok(mailbox.send_with_reply(SERVER, Vector(depth), value, TIMEOUT)?))
+            Ok(move |value| Ok(mailbox.send_with_reply(SERVER, ECHO, value, TIMEOUT)?))
         },
         move || {
             let mailbox = join_server(SERVER)?;
             Ok(move |count: u32| {
-                // Of the calls of one round trip, every other is to the server.
-                let mut left = count as usize * usize::from(depth / 2 + 1);
+                let mut left = count as usize;
                 while left > 0 {
                     left = left.saturating_sub(mailbox.serve(TIMEOUT)?);
                 }
@@ -68,15 +62,4 @@ fn open<'m, const N: usize>(waiting: Waiting, depth: u8) -> Result<Ends<'m>> {
             })
         },
     ))
-}
-
-/// Returns the data of the call, after a call to the sender's next lower vector if there is one.
-fn answer(call: &Call<'_>) -> u32 {
-    match call.vector().0.checked_sub(1) {
-        None => call.data(),
-        // Zero is never the right answer, so that the error is found.
-        Some(lower) => call
-            .send_with_reply(call.sender(), Vector(lower), call.data(), TIMEOUT)
-            .unwrap_or(0),
-    }
 }

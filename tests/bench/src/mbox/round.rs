@@ -1,7 +1,6 @@
 //! A round: one fresh mapping, one client, one server, and every contestant in short turns.
 
-use std::io::{Read as _, Write as _};
-use std::os::unix::net::UnixStream;
+use std::cell::Cell;
 use std::path::Path;
 use std::time::Duration;
 
@@ -12,7 +11,7 @@ use super::mapping::Mapping;
 use super::samples::{Samples, Slice};
 use crate::Result;
 use crate::clock::Calibration;
-use crate::process::{Child, CorePair, pin};
+use crate::process::{self, CorePair, Orders, pin};
 
 /// The length of a round, and its cores.
 #[derive(Clone, Copy, Debug)]
@@ -58,61 +57,40 @@ pub(super) unsafe fn play(
         .enumerate()
         .map(open)
         .collect::<Result<Vec<_>>>()?;
-    let (orders, taken) = UnixStream::pair()?;
-
     // Either process takes its copy of every contestant apart; this one only drops them.
-    let mut contestants = Some(contestants);
+    let contestants = Cell::new(contestants);
     // SAFETY: one thread only, by this function's contract.
-    let server = unsafe {
-        Child::fork("server", ROUND_LIMIT, || {
-            serve(&taken, contestants.take().unwrap_or_default(), plan)?;
-            Ok(Vec::new())
-        })
-    }?;
-    // SAFETY: as above.
-    let client = unsafe {
-        Child::fork("client", ROUND_LIMIT, || {
-            let contestants = contestants.take().unwrap_or_default();
-            compete(&orders, entries, contestants, plan, number as u64)
-        })
-    }?;
-    let figures = client.figures()?;
-    server.figures()?;
-    Ok(figures)
+    unsafe {
+        process::part(
+            plan.cores,
+            ROUND_LIMIT,
+            |orders| serve(orders, contestants.take()),
+            |orders| compete(orders, entries, contestants.take(), plan, number as u64),
+        )
+    }
 }
 
-/// An order of the client to the server: a contestant, the core where it has to be, and the number of
-/// requests to answer. The server says when it is ready, and when it has answered them.
-type Order = [u32; 3];
 /// The value in place of a contestant after which the server may go.
 const END: u32 = u32::MAX;
 
-/// Waits until the other process says that it has come so far.
-fn await_word(mut from: &UnixStream) -> Result<()> {
-    Ok(from.read_exact(&mut [0])?)
-}
-
-/// Runs the server's process: carries out orders until the last.
-fn serve(mut orders: &UnixStream, contestants: Vec<Ends<'_>>, plan: &Plan) -> Result<()> {
-    pin(plan.cores.second)?;
+/// Runs the server's process: carries out orders until the last. An order is a contestant, the core where it has to
+/// be, and the number of requests to answer; the server says when it is ready, and when it has answered them.
+fn serve(orders: &Orders, contestants: Vec<Ends<'_>>) -> Result<()> {
     let servers = contestants
         .into_iter()
         .map(|contestant| (contestant.server)());
     let mut servers = servers.collect::<Result<Vec<_>>>()?;
-    orders.write_all(&[0])?;
+    orders.say()?;
     loop {
-        let mut words = [0; size_of::<Order>()];
-        orders.read_exact(&mut words)?;
-        let (words, _) = words.as_chunks();
-        let [contestant, core, count] = [0, 1, 2].map(|word| u32::from_ne_bytes(words[word]));
+        let [contestant, core, count] = orders.take()?;
         if contestant == END {
             return Ok(());
         }
         pin(core as usize)?;
-        orders.write_all(&[0])?;
+        orders.say()?;
         let server = servers.get_mut(contestant as usize);
         server.ok_or("an order for nobody")?(count)?;
-        orders.write_all(&[0])?;
+        orders.say()?;
     }
 }
 
@@ -128,15 +106,14 @@ struct Turn<'a> {
 
 /// Runs the client's process: every contestant has its slices, in an order that changes.
 fn compete<'a>(
-    orders: &UnixStream,
+    orders: &Orders,
     entries: &'a [Entry],
     contestants: Vec<Ends<'a>>,
     plan: &Plan,
     seed: u64,
 ) -> Result<Vec<f64>> {
-    pin(plan.cores.first)?;
     let calibration = Calibration::begin();
-    await_word(orders)?;
+    orders.hear()?;
     let mut turns = Vec::new();
     for ((index, entry), contestant) in entries.iter().enumerate().zip(contestants) {
         let client = (contestant.client)().map_err(|error| format!("{}: {error}", entry.name))?;
@@ -172,23 +149,18 @@ fn compete<'a>(
     for turn in &mut turns {
         figures.extend([turn.samples.median(), turn.samples.p99()]);
     }
-    referee.order([END, 0, 0])?;
+    orders.give([END, 0, 0])?;
     let ns = calibration.ns_per_tick();
     Ok(figures.iter().map(|ticks| ticks * ns).collect())
 }
 
 /// Brings client and server of a contestant together.
 struct Referee<'a> {
-    orders: &'a UnixStream,
+    orders: &'a Orders,
     cores: CorePair,
 }
 
 impl Referee<'_> {
-    fn order(&self, order: Order) -> Result<()> {
-        let mut orders = self.orders;
-        Ok(orders.write_all(order.map(u32::to_ne_bytes).as_flattened())?)
-    }
-
     /// Plays one slice, for which the server is where the contestant wants it.
     fn play(&self, turn: &mut Turn<'_>) -> Result<()> {
         let core = match turn.entry.cores {
@@ -196,11 +168,12 @@ impl Referee<'_> {
             Cores::One => self.cores.first,
         };
         let count = turn.slice.round_trips();
-        self.order([u32::try_from(turn.index)?, u32::try_from(core)?, count])?;
-        await_word(self.orders)?;
+        self.orders
+            .give([u32::try_from(turn.index)?, u32::try_from(core)?, count])?;
+        self.orders.hear()?;
         turn.client
             .play(&turn.slice, &mut turn.values, &mut turn.samples)
             .map_err(|error| format!("{}: {error}", turn.entry.name))?;
-        await_word(self.orders)
+        self.orders.hear()
     }
 }

@@ -1,8 +1,7 @@
-//! The two backends of condor-mos for Linux, and what its schedules are off in virtual time.
+//! The two backends of condor-mos for Linux.
 
 use condor_mos::linux::{CLOCK, RealTime, SignalPlatform, Threads};
-use condor_mos::sim::worst_release_error;
-use condor_mos::{ClockSpec, EventTable, LoopId, Loops, Overrun, Platform as _, Rate, Scheduler};
+use condor_mos::{EventTable, LoopId, Loops, Overrun, Platform as _, Rate, Scheduler};
 
 use super::turn::{LOOPS, Loop, Turn};
 use crate::Result;
@@ -54,13 +53,4 @@ fn body(servo_loop: &'static Loop) -> impl FnMut(u64) + Send {
         servo_loop.run(release);
         release += 1;
     }
-}
-
-/// Returns the largest distance, in ticks, between a release and its exact instant, over 10^6 hyperperiods
-/// of 400, 60 and 7 Hz in ticks that none of them divides.
-pub(super) fn drift_ticks() -> Result<f64> {
-    let clock = ClockSpec::of::<u64>(Rate::fraction(14_318_180, 12));
-    let rates = [Rate::hz(400), Rate::hz(60), Rate::hz(7)];
-    let mut table = EventTable::<3, 512>::try_new(&rates, clock)?;
-    Ok(worst_release_error(&mut table, 1_000_000))
 }

@@ -18,7 +18,7 @@ use round::{Entry, Plan};
 use system::Rank;
 
 use crate::Result;
-use crate::measure::{Estimate, Goal, Report};
+use crate::measure::{Goal, Report};
 use crate::options::Options;
 use crate::process::CorePair;
 use crate::rounds::{self, Column, Tables};
@@ -74,13 +74,11 @@ pub(crate) fn run(options: &Options) -> Result<Report> {
         Ok(()) => String::new(),
         Err(error) => format!("SCHED_FIFO is not permitted, all are SCHED_OTHER: {error}\n"),
     };
-    let drift = condor::drift_ticks()?;
     let text = format!(
         "{rounds} rounds on core {}; medians over the rounds of per-round ratios to the baseline, with\n\
          the interval that holds the true median in 95 of 100 runs. Lateness of the 400 Hz loop;\n\
          CPU that a release takes from the background.\n\
-         {refused}{tables}\n\
-         Largest error of a release in 10^6 hyperperiods of virtual time: {drift:.3} ticks\n",
+         {refused}{tables}",
         plan.core
     );
     let to_fifo = |ours, column| {
@@ -94,7 +92,6 @@ pub(crate) fn run(options: &Options) -> Result<Report> {
             1.05,
         ),
         Goal::most("stolen_cpu_vs_fifo", to_fifo(OURS_SIGNALS, STOLEN)?, 0.85),
-        Goal::most("drift_ticks", Estimate::exactly(drift), 1.0),
     ];
     Ok(Report { text, goals })
 }

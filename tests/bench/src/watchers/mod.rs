@@ -2,31 +2,32 @@
 //! again, and one with watchers.
 
 pub(crate) mod page;
-mod process;
 pub(crate) mod remote;
 
+use std::fs::{self, File};
 use std::path::{Path, PathBuf};
+use std::process::Command;
 use std::thread;
 use std::time::{Duration, Instant};
 
 use fastrand::Rng;
-
-use process::System;
+use serde_json::Value;
 
 use crate::Result;
 use crate::build::programs;
 use crate::measure::{Estimate, Goal};
 use crate::options::Options;
+use crate::process::{Running, cpu_of};
 use crate::rounds;
 
 /// The time for which everything runs before it is measured.
 const WARM_UP: Duration = Duration::from_secs(1);
+/// The time that the system may take to come up, and that between two looks whether it has.
+const PATIENCE: Duration = Duration::from_secs(30);
+const LOOK: Duration = Duration::from_millis(20);
 
 /// All that watches the hand in a turn.
-trait Watchers: Sized {
-    /// The figures of a turn.
-    type Figures: Default;
-
+trait Watchers {
     /// Begins to count, after the warm-up.
     fn count(&mut self) -> Result<()>;
 
@@ -34,7 +35,86 @@ trait Watchers: Sized {
     fn cpu(&self) -> Result<[f64; 2]>;
 
     /// Ends the watchers after so many seconds; returns what they got.
-    fn end(self, seconds: f64) -> Result<Self::Figures>;
+    fn end(self: Box<Self>, seconds: f64) -> Result<Figures>;
+}
+
+/// The figures of watchers in a turn.
+#[derive(Default)]
+struct Figures {
+    /// Rows or messages a second that a client gets, and those that were lost of all.
+    got: f64,
+    lost: f64,
+    /// Ages of rows at the clients, ms.
+    median: f64,
+    p99: f64,
+}
+
+/// A system on the real clock.
+struct System {
+    program: PathBuf,
+    /// The directory of its socket and of the recordings.
+    place: PathBuf,
+    up: Running,
+}
+
+impl System {
+    fn start(program: &Path, description: &Path, place: &Path) -> Result<Self> {
+        let log = File::create(place.join("log"))?;
+        let mut command = Command::new(program);
+        command.env("XDG_RUNTIME_DIR", place).arg("up");
+        command
+            .arg(description)
+            .args(["--headless", "--clock", "real"]);
+        command.stdout(log.try_clone()?).stderr(log);
+        let system = Self {
+            program: program.into(),
+            place: place.into(),
+            up: Running::of(&mut command)?,
+        };
+        let begun = Instant::now();
+        while system.overruns().is_err() {
+            if begun.elapsed() > PATIENCE {
+                let told = fs::read_to_string(place.join("log"))?;
+                return Err(format!("the system does not come up: {told}").into());
+            }
+            thread::sleep(LOOK);
+        }
+        Ok(system)
+    }
+
+    /// Returns a command for another program, which finds the system.
+    fn other(&self, program: &Path) -> Command {
+        let mut command = Command::new(program);
+        command.env("XDG_RUNTIME_DIR", &self.place);
+        command
+    }
+
+    /// Returns the objects in a list of the answer to a command.
+    fn ask(&self, arguments: &[&str], list: &str) -> Result<Vec<Value>> {
+        let output = self.other(&self.program).args(arguments).output()?;
+        let mut answer: Value = serde_json::from_slice(&output.stdout)?;
+        match answer[list].take() {
+            Value::Array(objects) if !objects.is_empty() => Ok(objects),
+            _ => Err(format!("no {list}: {answer}").into()),
+        }
+    }
+
+    /// Returns the time on a core that the supervisor and the processors have had, in s.
+    fn cpu(&self) -> Result<f64> {
+        let processors = self.ask(&["ps", "--json"], "processors")?;
+        let pids = processors.iter().filter_map(|it| it["pid"].as_u64());
+        let processors = pids.map(cpu_of).sum::<Result<f64>>()?;
+        Ok(processors + self.up.cpu()?)
+    }
+
+    /// Returns the overruns of all loops since they began.
+    fn overruns(&self) -> Result<f64> {
+        let loops = self.ask(&["top", "--once", "--json"], "loops")?;
+        let overruns = loops.iter().map(|it| it["overruns"].as_f64());
+        Ok(overruns
+            .sum::<Option<f64>>()
+            .ok_or("a loop without overruns")?)
+    }
 }
 
 /// The watchers of a turn.
@@ -47,29 +127,31 @@ enum Way {
 
 /// The results of a round.
 #[derive(Default)]
-struct Round<F> {
+struct Round {
     /// Overruns of the turns in the order of [`Way`].
     overruns: [f64; 3],
     /// Percents of a core of the system's processes, in the same order.
     system: [f64; 3],
     /// Percents of a core: of the server, and of all its clients.
     cpu: [f64; 2],
-    watchers: F,
+    watchers: Figures,
 }
 
-impl<F: Default> Round<F> {
-    fn play<W: Watchers<Figures = F>>(
+impl Round {
+    fn play(
         system: &System,
         seconds: u64,
         order: &mut Rng,
-        start: impl Fn(&System) -> Result<W>,
+        start: impl Fn(&System) -> Result<Box<dyn Watchers>>,
     ) -> Result<Self> {
         let mut ways = [Way::Nobody, Way::NobodyAgain, Way::Watchers];
         order.shuffle(&mut ways);
         let mut round = Self::default();
         for way in ways {
             let mut watchers = (way == Way::Watchers).then(|| start(system)).transpose()?;
-            let cpu = |watchers: &Option<W>| watchers.as_ref().map_or(Ok([0.0; 2]), W::cpu);
+            let cpu = |watchers: &Option<Box<dyn Watchers>>| {
+                watchers.as_ref().map_or(Ok([0.0; 2]), |it| it.cpu())
+            };
             thread::sleep(WARM_UP);
             if let Some(watchers) = &mut watchers {
                 watchers.count()?;
@@ -91,17 +173,17 @@ impl<F: Default> Round<F> {
 }
 
 /// Rounds of the hand on the real clock.
-struct Played<F>(Vec<Round<F>>);
+struct Played(Vec<Round>);
 
-impl<F: Default> Played<F> {
+impl Played {
     /// Plays the rounds.
     ///
     /// # Errors
     /// Returns an error if the hand does not build or come up, or that of the first turn that fails.
-    fn new<W: Watchers<Figures = F>>(
+    fn new(
         options: &Options,
         seconds: u64,
-        start: impl Fn(&System) -> Result<W>,
+        start: impl Fn(&System) -> Result<Box<dyn Watchers>>,
     ) -> Result<Self> {
         let tree = tree();
         let program = programs(&tree, &["-p", "utah-mit-hand"])?.join("utah-mit-hand");
@@ -114,7 +196,7 @@ impl<F: Default> Played<F> {
     }
 
     /// Returns the estimate of one figure of each round.
-    fn of(&self, figure: impl Fn(&Round<F>) -> f64) -> Estimate {
+    fn of(&self, figure: impl Fn(&Round) -> f64) -> Estimate {
         Estimate::of(self.0.iter().map(figure))
     }
 
@@ -140,12 +222,9 @@ impl<F: Default> Played<F> {
 
     /// Returns the goal that watchers cause no more overruns than chance does.
     fn goal(&self) -> Goal {
-        let (more, control) = (self.more(Way::Watchers), self.more(Way::NobodyAgain));
-        Goal::most(
-            "more_overruns_than_control_has",
-            more,
-            control.high.max(0.0),
-        )
+        let chance = self.more(Way::NobodyAgain).high.max(0.0);
+        let more = self.more(Way::Watchers);
+        Goal::most("more_overruns_than_control_has", more, chance)
     }
 }
 

@@ -1,19 +1,18 @@
 //! `remote`: how old rows are when clients get them over zenoh, and what the clients cost the hand's loops.
 
 use std::fs;
-use std::io::{BufRead as _, BufReader, Write as _};
 use std::net::TcpListener;
 use std::path::{Path, PathBuf};
-use std::process::{ChildStdin, ChildStdout, Stdio};
+use std::process::Stdio;
 
 use serde_json::Value;
 
-use super::process::{Running, System};
-use super::{Played, Watchers, Way, tree};
+use super::{Figures, Played, System, Watchers, Way, tree};
 use crate::Result;
 use crate::build::programs;
 use crate::measure::{Goal, Report};
 use crate::options::Options;
+use crate::process::{Asked, Running};
 
 /// The clients, each a process.
 const CLIENTS: [&str; 3] = ["lab", "desk", "night"];
@@ -28,17 +27,6 @@ const VARIABLES: [&str; 6] = [
 ];
 /// The line that a client prints when it receives its streams.
 const TAKEN: &str = "2 streams of 100 variables\n";
-
-/// The figures of the clients in a turn.
-#[derive(Default)]
-struct Figures {
-    /// Rows a second that a client gets, and those that were lost of all.
-    rows: f64,
-    lost: f64,
-    /// Ages of rows at the clients, ms.
-    median: f64,
-    p99: f64,
-}
 
 /// The programs, and the configuration of the gateway.
 struct Programs {
@@ -57,7 +45,9 @@ pub(crate) fn run(options: &Options) -> Result<Report> {
     let release = programs(&workspace, &gateway)?;
     let place = tempfile::tempdir()?;
     let programs = Programs::new(&release, place.path())?;
-    let start = |system: &System| Remote::start(system, &programs);
+    let start = |system: &System| -> Result<Box<dyn Watchers>> {
+        Ok(Box::new(Remote::start(system, &programs)?))
+    };
     let played = Played::new(options, seconds, start)?;
     Ok(report(&played, seconds))
 }
@@ -86,13 +76,7 @@ impl Programs {
 /// The gateway with its clients.
 struct Remote {
     gateway: Running,
-    clients: Vec<Client>,
-}
-
-struct Client {
-    running: Running,
-    go: ChildStdin,
-    told: BufReader<ChildStdout>,
+    clients: Vec<Asked>,
 }
 
 impl Remote {
@@ -104,29 +88,20 @@ impl Remote {
         for name in CLIENTS {
             let mut command = system.other(&programs.client);
             command.args([&programs.place, name, "hand"]);
-            command.stdin(Stdio::piped()).stdout(Stdio::piped());
-            let mut running = Running::of(&mut command)?;
-            let (go, told) = running.pipes()?;
-            let mut told = BufReader::new(told);
-            let mut line = String::new();
-            told.read_line(&mut line)?;
+            let mut client = Asked::of(&mut command)?;
+            let line = client.line()?;
             if line != TAKEN {
                 return Err(format!("a client takes other streams: {line}").into());
             }
-            clients.push(Client { running, go, told });
+            clients.push(client);
         }
         Ok(Self { gateway, clients })
     }
 }
 
 impl Watchers for Remote {
-    type Figures = Figures;
-
     fn count(&mut self) -> Result<()> {
-        for client in &mut self.clients {
-            client.go.write_all(b"\n")?;
-        }
-        Ok(())
+        self.clients.iter_mut().try_for_each(|it| it.tell(""))
     }
 
     fn cpu(&self) -> Result<[f64; 2]> {
@@ -134,36 +109,28 @@ impl Watchers for Remote {
         Ok([self.gateway.cpu()?, clients.sum::<Result<f64>>()?])
     }
 
-    fn end(self, seconds: f64) -> Result<Figures> {
+    fn end(self: Box<Self>, seconds: f64) -> Result<Figures> {
         let mut all = Figures::default();
-        for client in self.clients {
-            let Client {
-                running,
-                go,
-                mut told,
-            } = client;
-            drop(go);
-            let mut line = String::new();
-            told.read_line(&mut line)?;
+        for mut client in self.clients {
+            client.end_input();
+            let line = client.line()?;
             let answer: Value = serde_json::from_str(&line)?;
             let number = |key: &str| {
-                answer[key]
-                    .as_f64()
-                    .ok_or_else(|| format!("no {key}: {line}"))
+                let number = answer[key].as_f64();
+                number.ok_or_else(|| format!("no {key}: {line}"))
             };
             let share = 1.0 / CLIENTS.len() as f64;
-            all.rows += share * number("rows")? / seconds;
+            all.got += share * number("rows")? / seconds;
             all.lost += number("lost")?;
             all.median += share * number("median_us")? / 1000.0;
             all.p99 = all.p99.max(number("p99_us")? / 1000.0);
-            drop(running);
         }
         self.gateway.end()?;
         Ok(all)
     }
 }
 
-fn report(played: &Played<Figures>, seconds: u64) -> Report {
+fn report(played: &Played, seconds: u64) -> Report {
     let system = |way: Way| played.of(|it| it.system[way as usize]);
     let lost = played.of(|it| it.watchers.lost);
     let text = format!(
@@ -180,7 +147,7 @@ fn report(played: &Played<Figures>, seconds: u64) -> Report {
          a client, percent of a core:          {}\n",
         played.0.len(),
         played.overruns("clients"),
-        played.of(|it| it.watchers.rows),
+        played.of(|it| it.watchers.got),
         played.of(|it| it.watchers.median),
         played.of(|it| it.watchers.p99),
         system(Way::Watchers),
