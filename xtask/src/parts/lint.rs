@@ -1,6 +1,6 @@
 use crate::Result;
 use crate::context::{Context, OTHER_WORKSPACES};
-use crate::firmware;
+use crate::firmware::{self, MACHINES, Machine};
 use crate::parts::Summary;
 use crate::parts::loom;
 use crate::tools::{need_component, need_target};
@@ -26,20 +26,18 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
             .run()?;
     }
     let mut groups = Vec::new();
-    for group in firmware::groups() {
-        let mut packages = vec!["checks", "machine"];
-        packages.extend(group.iter().flat_map(|one| [one.exercise, one.package]));
-        groups.push((group[0].target, packages, "--all-features"));
+    for machine in &MACHINES {
+        let programs = Machine::selection(machine.programs);
+        groups.push((machine.target, programs + " --lib --all-features"));
     }
-    groups.push((firmware::COUNTED_TARGET, firmware::COUNTED.to_vec(), ""));
-    let mut harts = firmware::HART_IMAGES.to_vec();
-    harts.push("qemu-virt-board");
-    groups.push((firmware::HARTS_TARGET, harts, ""));
-    for (target, packages, features) in &groups {
+    groups.push((firmware::HARTS_TARGET, "-p hand-exercise".into()));
+    let counted = firmware::packages(&firmware::COUNTED);
+    groups.push((firmware::COUNTED_TARGET, counted));
+    let harts = firmware::packages(&firmware::HART_IMAGES);
+    groups.push((firmware::HARTS_TARGET, harts + " -p qemu-virt-board"));
+    for (target, selection) in &groups {
         need_target(context, target)?;
-        let packages = packages.join(" -p ");
-        let line =
-            format!("cargo clippy -p {packages} --target {target} {features} -- -D warnings");
+        let line = format!("cargo clippy {selection} --target {target} -- -D warnings");
         let line = context.command(&line).dir(firmware::WORKSPACE);
         line.sharing_target().run()?;
     }

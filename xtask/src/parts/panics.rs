@@ -1,4 +1,4 @@
-//! A library of generics emits no code: the search is made in firmwares that use every call, and in the
+//! A library of generics emits no code: the search is made in firmwares that contain every call, and in the
 //! images of harts, which are whole programs.
 //!
 //! Their panic handler calls a function of a name of its own. The linker drops what nothing
@@ -7,7 +7,7 @@
 
 use crate::Result;
 use crate::context::Context;
-use crate::firmware::{self, HART_IMAGES};
+use crate::firmware::{self, HART_IMAGES, HARTS_TARGET, MACHINES, Machine};
 use crate::image::{Image, Origin};
 use crate::parts::Summary;
 use crate::tools::need_target;
@@ -19,31 +19,39 @@ const ON_PURPOSE: &str = "may_panic";
 
 pub(crate) fn run(context: &Context) -> Result<Summary> {
     let (mut images, mut functions) = (0, 0);
-    let mut look = |packages: &[&str], target, profile| -> Result<()> {
+    let mut look = |programs: &[&str], select: fn(&[&str]) -> String, target, profile| {
         need_target(context, target)?;
-        functions += search(context, packages, target, profile)?;
-        images += packages.len();
-        Ok(())
+        functions += search(context, programs, select, target, profile)?;
+        images += programs.len();
+        Ok::<(), Box<dyn std::error::Error>>(())
     };
-    for group in firmware::groups() {
-        let packages: Vec<_> = group.iter().map(|firmware| firmware.package).collect();
-        look(&packages, group[0].target, "small")?;
+    for machine in &MACHINES {
+        look(
+            machine.programs,
+            Machine::selection,
+            machine.target,
+            "small",
+        )?;
     }
-    look(&HART_IMAGES, firmware::HARTS_TARGET, "release")?;
+    look(&HART_IMAGES, firmware::packages, HARTS_TARGET, "release")?;
     Ok(Summary::of(format!(
         "{images} images, {functions} functions"
     )))
 }
 
-/// Searches packages, which are linked alike, and returns the number of their functions.
-fn search(context: &Context, packages: &[&str], target: &str, profile: &str) -> Result<usize> {
-    let build = |packages: &[&str], features: &[String]| {
-        firmware::build(context, packages, target, profile, features)
-    };
+/// Searches programs that are linked alike, and returns the number of their functions.
+fn search(
+    context: &Context,
+    programs: &[&str],
+    select: fn(&[&str]) -> String,
+    target: &str,
+    profile: &str,
+) -> Result<usize> {
+    let build = |selection: &str| firmware::build(context, selection, target, profile);
     // One control for all that a linker makes in one way.
-    let control = packages[0];
-    let panicking = build(&[control], &[format!("{control}/panicking")])?.join(control);
-    let found = Image::read(&panicking)?
+    let control = programs[0];
+    let panicking = select(&[control]) + " --features panicking";
+    let found = Image::read(&build(&panicking)?.join(control))?
         .origins_of(PANICKED)?
         .unwrap_or_default();
     if !found.iter().any(|origin| origin.what.contains(ON_PURPOSE)) {
@@ -54,11 +62,11 @@ fn search(context: &Context, packages: &[&str], target: &str, profile: &str) -> 
         .into());
     }
     let mut functions = 0;
-    let images = build(packages, &[])?;
-    for package in packages {
-        let image = Image::read(&images.join(package))?;
+    let images = build(&select(programs))?;
+    for program in programs {
+        let image = Image::read(&images.join(program))?;
         if let Some(origins) = image.origins_of(PANICKED)? {
-            return Err(format!("{package} for {target} can panic: {}", list(&origins)).into());
+            return Err(format!("{program} for {target} can panic: {}", list(&origins)).into());
         }
         functions += image.functions();
     }

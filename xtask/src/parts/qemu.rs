@@ -3,7 +3,7 @@
 //! A line `echo` with a number asks for so many bytes, each of which the firmware sends back.
 
 use std::io::{BufRead, BufReader, Read as _, Write};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Command, ExitStatus, Stdio};
 use std::sync::mpsc::{self, RecvTimeoutError};
 use std::thread;
@@ -12,7 +12,7 @@ use std::time::Duration;
 use crate::Result;
 use crate::command::{side_by_side, timed};
 use crate::context::Context;
-use crate::firmware::{self, FIRMWARES, Firmware};
+use crate::firmware::{self, MACHINES, Machine};
 use crate::parts::Summary;
 use crate::tools::{need_qemu, need_target};
 
@@ -23,53 +23,43 @@ const LIMIT: Duration = Duration::from_secs(120);
 const PROFILE: &str = "emulated";
 
 pub(crate) fn run(context: &Context) -> Result<Summary> {
-    for firmware in &FIRMWARES {
-        need_qemu(context, firmware.qemu())?;
-        need_target(context, firmware.target)?;
+    for machine in &MACHINES {
+        need_qemu(context, machine.qemu)?;
+        need_target(context, machine.target)?;
     }
     let mut images = Vec::new();
-    for group in firmware::groups() {
-        let folder = build(context, &group)?;
-        images.extend(group.into_iter().map(|it| (it, folder.join(it.package))));
+    for machine in &MACHINES {
+        // With every check.
+        let selection = Machine::selection(machine.programs) + " --features conformance,values";
+        let folder = firmware::build(context, &selection, machine.target, PROFILE)?;
+        let programs = machine.programs.iter();
+        images.extend(programs.map(|program| (machine, program, folder.join(program))));
     }
-    let checked = side_by_side(&images, |(firmware, image)| {
-        timed(&firmware.package, || check(firmware, image))
+    let checked = side_by_side(&images, |(machine, program, image)| {
+        timed(program, || check(machine, program, image))
     })?;
     Ok(Summary::of(checked.join(", ")))
 }
 
-/// Builds firmwares that are linked alike, with every check, and returns the folder of their images.
-fn build(context: &Context, group: &[&Firmware]) -> Result<PathBuf> {
-    let packages: Vec<_> = group.iter().map(|firmware| firmware.package).collect();
-    let features = packages.iter().flat_map(|package| {
-        ["conformance", "values"].map(|feature| format!("{package}/{feature}"))
-    });
-    let features: Vec<_> = features.collect();
-    let target = group[0].target;
-    firmware::build(context, &packages, target, PROFILE, &features)
-}
-
-/// Runs a firmware, and tells how many checks it has made.
-fn check(firmware: &Firmware, image: &Path) -> Result<String> {
-    let Firmware {
-        package, target, ..
-    } = firmware;
-    let (output, ended) = emulate(firmware, image)?;
+/// Runs a program, and tells how many checks it has made.
+fn check(machine: &Machine, program: &str, image: &Path) -> Result<String> {
+    let target = machine.target;
+    let (output, ended) = emulate(machine, image)?;
     match judge(&output, ended) {
-        Ok(passed) => Ok(format!("{package} for {target} with {passed} checks")),
+        Ok(passed) => Ok(format!("{program} for {target} with {passed} checks")),
         Err(problem) => {
             eprintln!("{output}");
-            Err(format!("{package} for {target}: {problem}").into())
+            Err(format!("{program} for {target}: {problem}").into())
         }
     }
 }
 
 /// Returns the output of the firmware, and how QEMU ended; `None` if it had to be stopped.
-fn emulate(firmware: &Firmware, image: &Path) -> Result<(String, Option<ExitStatus>)> {
-    let (qemu, machine) = (firmware.qemu(), firmware.machine());
-    eprintln!("$ {qemu} {machine} -kernel {}", image.display());
+fn emulate(machine: &Machine, image: &Path) -> Result<(String, Option<ExitStatus>)> {
+    let Machine { qemu, options, .. } = machine;
+    eprintln!("$ {qemu} {options} -kernel {}", image.display());
     let mut child = Command::new(qemu)
-        .args(machine.split_whitespace())
+        .args(options.split_whitespace())
         .arg("-kernel")
         .arg(image)
         .stdin(Stdio::piped())

@@ -39,7 +39,8 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
     }
     need_debian(context, "gdb-multiarch", "gdb-multiarch")?;
     // The images that `panics` searches, and the programs of `test`.
-    let images = firmware::build(context, &HART_IMAGES, HARTS_TARGET, "release", &[])?;
+    let harts = firmware::packages(&HART_IMAGES);
+    let images = firmware::build(context, &harts, HARTS_TARGET, "release")?;
     let mut tests = test::build(context)?;
     let hand = format!(
         "target/debug/utah-mit-hand up examples/utah-mit-hand/harts.toml --clock real --headless --for {HAND_SECONDS}s"

@@ -79,7 +79,7 @@ fn check(context: &Context, outside: &Path) -> Result<&'static str> {
     if need_qemu(context, "qemu-system-riscv64").is_err() && env::var_os("CI").is_none() {
         return Ok(", not in QEMU, which is not here");
     }
-    firmware::build(context, &["monitor"], HARTS_TARGET, "release", &[])?;
+    firmware::build(context, "-p monitor", HARTS_TARGET, "release")?;
     project.bring_up("harts.toml", &format!("{NAME}-on-harts"), false)?;
     Ok(" and on a hart")
 }

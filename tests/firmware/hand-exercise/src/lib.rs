@@ -25,7 +25,6 @@ mod numbers;
 mod tendons;
 mod trajectories;
 
-use checks::Checks;
 use condor_hand::config::Hand;
 use digest::Digest;
 
@@ -91,34 +90,15 @@ const fn level(
     Level { name, run, hash }
 }
 
-/// Runs the corpus through all levels and compares; `print` puts text on the console.
-pub fn same_bits(checks: &mut Checks<'_>, print: &dyn Fn(&str)) {
-    checks.group("the same bits as everywhere");
+/// Runs the corpus through all levels. `compare` gets the name of each, the hash of its answers, which is `None`
+/// if it refused what it takes elsewhere or answered a NaN where none may be, and the committed hash.
+pub fn same_bits(compare: &mut dyn FnMut(&str, Option<u64>, u64)) {
     let Ok(hand) = Shipped::from_image(IMAGE) else {
-        checks.that(false);
-        return;
+        return compare("the image of the hand", None, 0);
     };
     for Level { name, run, hash } in &LEVELS {
         let mut digest = Digest::new();
-        let complete = run(&mut digest, &hand).is_some();
-        if !complete || digest.is_spoilt() {
-            checks.that(false);
-        }
-        compare(checks, print, name, digest.hash(), *hash);
+        let complete = run(&mut digest, &hand).is_some() && !digest.is_spoilt();
+        compare(name, complete.then_some(digest.hash()), *hash);
     }
-}
-
-fn compare(checks: &mut Checks<'_>, print: &dyn Fn(&str), what: &str, found: u64, expected: u64) {
-    checks.group(what);
-    print("  0x");
-    let digits = found.to_be_bytes().map(|byte| [byte >> 4, byte & 15]);
-    for digit in digits.as_flattened() {
-        let digit = [if *digit < 10 {
-            b'0' + digit
-        } else {
-            b'a' - 10 + digit
-        }];
-        print(core::str::from_utf8(&digit).unwrap_or_default());
-    }
-    checks.same(found, expected);
 }

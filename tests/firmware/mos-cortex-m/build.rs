@@ -1,5 +1,0 @@
-//! Links as riscv-rt and cortex-m-rt want it.
-
-fn main() {
-    link::firmware();
-}

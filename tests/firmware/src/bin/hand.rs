@@ -1,0 +1,14 @@
+//! `condor-hand`: the controller hierarchy of a hand, to the last bit. A hart has 64-bit floating-point
+//! registers; a Cortex-M4 has 32-bit ones, and 64 bits in software.
+#![no_std]
+#![no_main]
+
+#[firmware::entry]
+fn main() -> ! {
+    firmware::check(|checks| {
+        hand_exercise::same_bits(&mut |level, found, committed| {
+            checks.group(level);
+            checks.same(found, Some(committed));
+        });
+    })
+}
