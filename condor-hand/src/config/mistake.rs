@@ -20,7 +20,7 @@ pub struct Mistake {
     pub path: MistakePath,
     /// The place, by names.
     pub place: MistakePlace,
-    /// What is wrong about the value, such as `": its length"`; empty for the value itself.
+    /// The quantity that is wrong, such as `": its length"`; empty for the value itself.
     pub quantity: &'static str,
     /// The value that is wrong.
     pub value: MistakeValue,
@@ -31,13 +31,13 @@ pub struct Mistake {
 /// A value that breaks a rule.
 #[derive(Clone, Debug, PartialEq)]
 pub enum MistakeValue {
-    /// A number.
+    /// A number, in the unit of its place.
     Number(f64),
     /// The name of a joint.
     Name(Name),
     /// The channel at the end of a wire.
     Channel(Channel),
-    /// A value that is no number, in words.
+    /// A description of the value in words, such as "empty".
     Words(&'static str),
 }
 
