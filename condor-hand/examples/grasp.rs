@@ -18,7 +18,7 @@ use condor_hand::grasp::{
     ContactFriction, FingerState, GraspStiffness, GraspTuning, Posture, SpatialGain, Squeeze,
     TorqueLimits, TuningSurface, Wrench,
 };
-use condor_hand::kinematics::{JointLimits, PlanarFinger, Redundancy};
+use condor_hand::kinematics::{JointLimits, PlanarFinger};
 use condor_hand::math;
 use condor_hand::plant::{self, ObjectParameters, PlantModel, SimObject, SimStop};
 use condor_hand::servo::JointTarget;
@@ -141,8 +141,9 @@ impl<const M: usize> Bench<M> {
             let limits = JointLimits::new(limits.low, limits.high)?;
             let direction = Vector3::from(TIPS[number]).normalize();
             let target = center + direction * (RADIUS_M + 1e-3);
-            let present = (limits.lower() + limits.upper()) / 2.0;
-            let q = mechanism.inverse(&target, Redundancy::Roomiest, &present, &limits)?;
+            // Well bent, the joints are far from their stops.
+            let present = Vector4::new(0.0, 0.9, 0.8, 0.5);
+            let q = finger.chain().nearest(&target, &present, &limits)?.posture;
             plants.push(machine.finger(finger, mechanism, q)?);
             controllers.push(FingerController::new(&hand, finger, mechanism)?);
         }

@@ -5,7 +5,6 @@
 mod chain;
 mod check;
 mod finger;
-mod inverse;
 mod limits;
 mod nearest;
 mod null;
@@ -14,7 +13,6 @@ mod product;
 pub use chain::{Chain, ChainBody, ChainJoint, ChainMotion};
 pub(crate) use check::body_inertia;
 pub use finger::{PlanarFinger, Rod};
-pub use inverse::{Branches, InverseError, Reach, Redundancy};
 pub use limits::JointLimits;
 pub use nearest::{Nearest, Side};
 

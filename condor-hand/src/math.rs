@@ -68,7 +68,6 @@ macro_rules! functions {
 functions! {
     sin_cos_() -> (Self, Self) = libm::sincos, libm::sincosf;
     atan2_(x) -> Self = libm::atan2, libm::atan2f;
-    acos_() -> Self = libm::acos, libm::acosf;
     sqrt_() -> Self = libm::sqrt, libm::sqrtf;
     exp_() -> Self = libm::exp, libm::expf;
     tanh_() -> Self = libm::tanh, libm::tanhf;
@@ -96,14 +95,6 @@ pub fn sin_cos<T: Real>(angle: T) -> (T, T) {
 #[must_use]
 pub fn atan2<T: Real>(y: T, x: T) -> T {
     y.atan2_(x)
-}
-
-/// Returns the arc cosine: the angle in 0..=pi radians whose cosine is `cosine`, which is first
-/// limited to -1..=1.
-#[inline(always)]
-#[must_use]
-pub fn acos<T: Real>(cosine: T) -> T {
-    clamp(cosine, -T::one(), T::one()).acos_()
 }
 
 /// Returns the square root of `x`; zero if `x` is below zero or NaN.
@@ -178,17 +169,6 @@ pub(crate) fn of_sum<T: Real>((s, c): (T, T), (sine, cosine): (T, T)) -> (T, T) 
     (s * cosine + c * sine, c * cosine - s * sine)
 }
 
-/// Returns the angle in -pi..=pi that differs from `angle` by whole turns, in radians.
-#[inline]
-#[must_use]
-pub fn wrap<T: Real>(angle: T) -> T {
-    if -T::pi() <= angle && angle <= T::pi() {
-        return angle;
-    }
-    let (sine, cosine) = sin_cos(angle);
-    atan2(sine, cosine)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -205,12 +185,5 @@ mod tests {
         assert!(max(-0.0_f64, 0.0).is_sign_positive());
         assert!(max(0.0_f64, -0.0).is_sign_negative());
         assert!(min(-0.0_f64, 0.0).is_sign_positive());
-    }
-
-    #[test]
-    fn wrapping_keeps_what_is_within_half_a_turn() {
-        assert_eq!(wrap(3.0_f64), 3.0);
-        assert!((wrap(7.0_f64) - (7.0 - core::f64::consts::TAU)).abs() < 1e-15);
-        assert!((wrap(-7.0_f64) - (core::f64::consts::TAU - 7.0)).abs() < 1e-15);
     }
 }

@@ -122,14 +122,6 @@ impl<T: Real> PlanarFinger<T> {
         &self.bodies
     }
 
-    /// Returns the angle of the last link in the plane of the finger, rad: the sum of the three
-    /// flexion angles in `q`. It is 0 for the straight finger and positive for a flexed one.
-    #[inline]
-    #[must_use]
-    pub fn pitch(q: &SVector<T, 4>) -> T {
-        q.y + q.z + q.w
-    }
-
     /// Returns the same mechanism as a general [`Chain`].
     #[must_use]
     pub fn chain(&self) -> Chain<T, 4> {

@@ -3,9 +3,9 @@
 use nalgebra::{SMatrix, SVector, Vector3};
 
 use super::{Chain, Jacobian, JointLimits, Kinematics};
-use crate::NumberError;
 use crate::control::linear::Ldl;
 use crate::math::{Real, is_finite, max, min, real};
+use crate::number::{NumberError, finite};
 
 /// Steps of one search: within reach a few are enough, at the edge of the reach some dozens.
 const STEPS: u32 = 100;
@@ -54,8 +54,12 @@ impl<T: Real, const N: usize> Chain<T, N> {
         present: &SVector<T, N>,
         limits: &JointLimits<T, N>,
     ) -> Result<Nearest<T, N>, NumberError> {
-        super::inverse::check_finite("a coordinate of the target", target.iter())?;
-        super::inverse::check_finite("a position of the present posture", present.iter())?;
+        for &coordinate in target {
+            finite("a coordinate of the target", coordinate)?;
+        }
+        for &position in present {
+            finite("a position of the present posture", position)?;
+        }
         let first = self.descend(target, limits.clamp(present), limits);
         if first.distance <= reached() {
             return Ok(first);

@@ -9,7 +9,6 @@ mod config_hands;
 mod config_mistakes;
 mod dynamics;
 mod dynamics_physics;
-mod inverse;
 mod kinematics;
 mod nearest;
 mod tendons;

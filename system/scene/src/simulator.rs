@@ -1,7 +1,7 @@
 //! A hand that moves without any processor.
 
 use condor_hand::Pose;
-use condor_hand::kinematics::{JointLimits, Redundancy, Side};
+use condor_hand::kinematics::{JointLimits, Side};
 use condor_hand::math::clamp;
 use condor_host::error::AnyError;
 use condor_host::robot::{Clearance, DragResult, LimitedJoint, LimitedPosture, Plan, Simulator};
@@ -67,16 +67,7 @@ impl<const FINGERS: usize, const JOINTS: usize> Simulator for HandView<FINGERS, 
             Some(place) => entry.chain().up_to(place),
             None => entry.chain(),
         };
-        let mut nearest = chain.nearest(&to, &present, &limits)?;
-        // The closed form knows of every way to the point.
-        if let (None, true, Some(planar)) = (place, nearest.distance > REACHED_M, entry.planar()) {
-            let ends = JointLimits::new(planar_of(&low), planar_of(&high))?;
-            let way = planar.inverse(&to, Redundancy::Roomiest, &planar_of(&present), &ends);
-            if let Ok(way) = way {
-                let from = SVector::from_fn(|row, _| way.get(row).copied().unwrap_or(0.0));
-                nearest = chain.nearest(&to, &from, &limits)?;
-            }
-        }
+        let nearest = chain.nearest(&to, &present, &limits)?;
         let found = nearest.posture.iter().take(own.len());
         for (position, found) in positions.iter_mut().skip(first).zip(found) {
             *position = *found;
@@ -198,11 +189,6 @@ fn least(first: &[Part<'_>], second: &[Part<'_>]) -> Option<Clearance> {
         points: points.map(Into::into),
         distance_m,
     })
-}
-
-/// The four joints of a planar finger.
-fn planar_of<const JOINTS: usize>(joints: &SVector<f64, JOINTS>) -> SVector<f64, 4> {
-    SVector::from_fn(|row, _| joints.get(row).copied().unwrap_or(0.0))
 }
 
 fn no_frame(frame: &str) -> AnyError {

@@ -1,10 +1,10 @@
 //! The whole hand in virtual time: its robot, both servo processors, the table, and a small master.
 
 use condor_hand::grasp::distributed::{GraspOrder, GraspReason, GraspState};
-use condor_hand::kinematics::{JointLimits, Redundancy};
+use condor_hand::kinematics::JointLimits;
 use condor_robot::plant::PlantRequest;
 use condor_robot::table::{TableRefusal, TableRequest, TableStatus};
-use nalgebra::{Vector3, Vector4};
+use nalgebra::Vector3;
 
 use crate::rig::{FIRST, Master, Posture, SECOND, TWO, hand, run, run_with};
 
@@ -184,11 +184,9 @@ pub(crate) fn apart(far_m: [f64; 4]) -> Posture {
         let limits = JointLimits::new(entry.limits().low, entry.limits().high).unwrap();
         let middle = (limits.lower() + limits.upper()) / 2.0;
         let to = Vector3::from(BALL) + Vector3::from(TIPS[finger]).normalize() * far_m[finger];
-        let mechanism = entry.planar().unwrap();
-        let q: Vector4<f64> = mechanism
-            .inverse(&to, Redundancy::Roomiest, &middle, &limits)
-            .unwrap();
-        q.into()
+        let nearest = entry.chain().nearest(&to, &middle, &limits).unwrap();
+        assert!(nearest.distance < 1e-8);
+        nearest.posture.into()
     })
 }
 

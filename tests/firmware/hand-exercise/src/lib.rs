@@ -48,13 +48,13 @@ const LEVELS: [Level; 12] = [
     level(
         "elementary functions",
         numbers::functions,
-        0xf2ba_708f_b9d9_b0f3,
+        0x5ce0_51b3_f444_fc66,
     ),
     level("kinematics", mechanism::kinematics, 0x8ba7_8e3a_df03_a745),
     level(
-        "inverse kinematics",
-        mechanism::inverse,
-        0xeb67_3fd7_ce18_a016,
+        "nearest postures",
+        mechanism::nearest,
+        0x6518_f624_558a_d2bf,
     ),
     level("dynamics", mechanism::dynamics, 0x4341_c450_a41c_0e91),
     level("filters", control::control, 0x77e5_c25e_2732_4850),

@@ -1,5 +1,5 @@
 use condor_hand::dynamics::Dynamics;
-use condor_hand::kinematics::{JointLimits, Kinematics, PlanarFinger, Redundancy, Rod};
+use condor_hand::kinematics::{JointLimits, Kinematics, PlanarFinger, Rod};
 use condor_hand::math::real;
 use condor_hand::{Pose, Real};
 use nalgebra::{SVector, Vector3};
@@ -53,42 +53,23 @@ fn moved<T: Real>(digest: &mut Digest, finger: &impl Kinematics<T, 4>) {
 
 /// Computes postures for points: reachable ones, ones too far, ones on the first axis, and no points at
 /// all.
-pub(crate) fn inverse(digest: &mut Digest, hand: &Shipped) -> Option<()> {
-    postures_for::<f64>(digest, hand)?;
-    postures_for::<f32>(digest, hand)
-}
-
-fn postures_for<T: Real>(digest: &mut Digest, hand: &Shipped) -> Option<()> {
-    let finger = planar::<T>(hand, 0)?;
+pub(crate) fn nearest(digest: &mut Digest, hand: &Shipped) -> Option<()> {
+    let finger = hand.fingers.first()?.chain();
     let configured = hand.fingers.first()?.limits();
-    let limits = JointLimits::new(configured.low.map(real), configured.high.map(real)).ok()?;
-    let present = SVector::repeat(real(0.3));
+    let limits = JointLimits::new(configured.low, configured.high).ok()?;
+    let present = SVector::repeat(0.3);
     let within = postures().map(|q| finger.tip(&limits.clamp(&q)).position);
     let reached = postures().map(|q| finger.tip(&q).position);
-    let hostile = HOSTILE.map(|x| Vector3::new(real(0.1), real(x), T::zero()));
+    let hostile = HOSTILE.map(|x| Vector3::new(0.1, x, 0.0));
     let base = finger.base().position;
-    let on_axis = [0.0, -0.0, 0.05, -0.05, 10.0]
-        .map(|height| base + Vector3::new(T::zero(), T::zero(), real(height)));
+    let on_axis =
+        [0.0, -0.0, 0.05, -0.05, 10.0].map(|height| base + Vector3::new(0.0, 0.0, height));
     let targets = within.chain(reached).chain(hostile).chain(on_axis);
     for target in targets {
-        for redundancy in [
-            Redundancy::Pitch(real(1.5)),
-            Redundancy::Coupled(real(1.0)),
-            Redundancy::Coupled(real(0.7)),
-            Redundancy::Roomiest,
-        ] {
-            let found = finger.inverse(&target, redundancy, &present, &limits).ok();
-            if let Some(q) = digest.answer(found) {
-                digest.numbers(&q);
-            }
-        }
-        for branches in [
-            finger.pitch_branches(&target, real(-0.4), &present),
-            finger.coupled_branches(&target, real(1.3), &present),
-        ] {
-            for q in digest.answer(branches.ok()).iter().flatten() {
-                digest.numbers(q);
-            }
+        let found = finger.nearest(&target, &present, &limits).ok();
+        if let Some(found) = digest.answer(found) {
+            digest.numbers(&found.posture);
+            digest.number(found.distance);
         }
     }
     Some(())
