@@ -31,7 +31,6 @@ mod squeeze;
 // The law, in one servo loop or in those of several processors.
 pub mod distributed;
 mod gain;
-mod joint_stiffness;
 mod law;
 mod limits;
 mod tuning;
@@ -39,7 +38,7 @@ mod tuning;
 pub use contacts::{Contacts, FingerForces};
 pub use error::GraspError;
 use error::{quantity, too_large};
-pub use friction::{ContactFriction, SqueezeRange};
+pub use friction::ContactFriction;
 pub use gain::SpatialGain;
 pub use law::{FingerState, GraspOutput, GraspStiffness};
 pub use limits::{TorqueExcess, TorqueLimits};
