@@ -141,7 +141,8 @@ impl<const M: usize> Bench<M> {
             let limits = JointLimits::new(limits.low, limits.high)?;
             let direction = Vector3::from(TIPS[number]).normalize();
             let target = center + direction * (RADIUS_M + 1e-3);
-            let present = (limits.lower() + limits.upper()) / 2.0;
+            // Well bent, the joints are far from their stops.
+            let present = Vector4::new(0.0, 0.9, 0.8, 0.5);
             let q = finger.chain().nearest(&target, &present, &limits)?.posture;
             plants.push(machine.finger(finger, mechanism, q)?);
             controllers.push(FingerController::new(&hand, finger, mechanism)?);

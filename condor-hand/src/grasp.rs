@@ -38,7 +38,7 @@ mod tuning;
 pub use contacts::{Contacts, FingerForces};
 pub use error::GraspError;
 use error::{coincident, off, quantity, too_few, too_large};
-pub use friction::{ContactFriction, SqueezeRange};
+pub use friction::ContactFriction;
 pub use gain::SpatialGain;
 pub use law::{FingerState, GraspOutput, GraspStiffness};
 pub use limits::{TorqueExcess, TorqueLimits};

@@ -183,10 +183,14 @@ impl<T: Real, const L: usize> Derivative<T, L> {
             let sample = samples[lane];
             if self.primed[lane] {
                 let periods = self.waited[lane] + elapsed.periods;
-                let before = self.rate[lane];
-                let slope = (sample - self.last[lane]) * (self.sample_hz / periods);
                 // One that comes early says less.
-                let weight = min(periods, T::one());
+                let (hz, weight) = if self.waited[lane] > T::zero() {
+                    (self.sample_hz / periods, min(periods, T::one()))
+                } else {
+                    (elapsed.hz, elapsed.weight)
+                };
+                let before = self.rate[lane];
+                let slope = (sample - self.last[lane]) * hz;
                 let rate = before + self.alpha[lane] * weight * (slope - before);
                 if is_finite(rate) {
                     self.begin(lane, sample, flush(rate));

@@ -16,7 +16,6 @@ pub(super) mod quantity {
     pub(in crate::grasp) const JOINT_POSITION: &str = "the joint position, rad,";
     pub(in crate::grasp) const JOINT_RATE: &str = "the joint rate, rad/s,";
     pub(in crate::grasp) const FORCE: &str = "the force, N,";
-    pub(in crate::grasp) const SQUEEZE_DIRECTION: &str = "the direction of the squeeze";
     pub(in crate::grasp) const TORQUE: &str = "the torque, N m,";
 }
 
@@ -67,22 +66,6 @@ pub enum GraspError {
     /// that determine no rotation.
     #[error(transparent)]
     Number(#[from] NumberError),
-    /// No squeeze of this shape keeps every contact inside its friction cone.
-    #[error(
-        "no squeeze keeps all contacts inside their friction cones: those before contact {contact} need at least \
-         {least} N, and contact {contact} allows {low} to {high} N",
-        least = Decimal(*.least), low = Decimal(*.low), high = Decimal(*.high),
-    )]
-    NoSqueeze {
-        /// The first contact whose range has nothing in common with those before it.
-        contact: usize,
-        /// The least squeeze that the contacts before it permit, N.
-        least: f64,
-        /// The least squeeze that this contact permits, N; NaN if there is none.
-        low: f64,
-        /// The greatest squeeze that the contacts up to this one permit, N; NaN if there is none.
-        high: f64,
-    },
     /// A matrix of gains is not symmetric: its spring would be a source of energy.
     #[error(
         "the gains are not symmetric: {value} in row {}, column {}, is not {mirrored} in row {}, column {}; make them \

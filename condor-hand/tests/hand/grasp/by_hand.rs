@@ -192,59 +192,6 @@ fn friction_is_measured_from_the_cone() {
 }
 
 #[test]
-fn two_tips_that_lift_a_block_need_the_weight_over_twice_the_friction() {
-    let tips = [vector![-0.03, 0.0, 0.0], vector![0.03, 0.0, 0.0]];
-    let contacts = Contacts::new(tips).unwrap();
-    let normals = Normals::new([vector![1.0, 0.0, 0.0], vector![-1.0, 0.0, 0.0]]).unwrap();
-    let lift = pull(vector![0.0, 0.0, 3.0], ORIGIN);
-    let forces = contacts.forces(&lift, &ORIGIN).unwrap().forces;
-    let direction = contacts
-        .internal_forces(&Squeeze::equal(1.0).unwrap())
-        .unwrap();
-    let friction = ContactFriction::<f64>::point(0.5).unwrap();
-    let range = friction
-        .squeeze_range(&normals, &forces, &direction)
-        .unwrap();
-    assert!((range.least - 3.0).abs() < 1e-14 && range.greatest.is_none());
-    // A surface that faces away is pulled off by any squeeze.
-    let away = Normals::new([vector![1.0, 0.0, 0.0], vector![1.0, 0.0, 0.0]]).unwrap();
-    let Err(GraspError::NoSqueeze { contact, least, .. }) =
-        friction.squeeze_range(&away, &forces, &direction)
-    else {
-        panic!("no force holds from outside");
-    };
-    assert!(contact == 1 && (least - 3.0).abs() < 1e-14);
-}
-
-#[test]
-fn a_squeeze_off_the_normal_has_a_greatest_too() {
-    // Unit normal z, friction 0.5: the direction has slope 1 and leaves the cone at last.
-    let normals = Normals::new([vector![0.0, 0.0, 1.0]]).unwrap();
-    let friction = ContactFriction::<f64>::point(0.5).unwrap();
-    let range =
-        |force, direction: Vector3<f64>| friction.squeeze_range(&normals, &[force], &[direction]);
-    let cut = range(vector![-4.0, 0.0, 4.0], vector![1.0, 0.0, 1.0]).unwrap();
-    // x = s - 4, z = s + 4: |x| = z / 2 at s = 4/3 and at s = 12.
-    assert!((cut.least - 4.0 / 3.0).abs() < 1e-14);
-    assert!((cut.greatest.unwrap() - 12.0).abs() < 1e-13);
-    // Along the cone itself the condition is linear: x = s, z = 2 s + 1 at most 0.
-    let along = range(vector![0.0, 0.0, 1.0], vector![1.0, 0.0, 2.0]).unwrap();
-    assert_eq!((along.least, along.greatest), (0.0, None));
-    let toward = range(vector![1.0, 0.0, 0.0], vector![-1.0, 0.0, 2.0]).unwrap();
-    assert!((toward.least - 0.5).abs() < 1e-15 && toward.greatest.is_none());
-    // A direction that pulls off.
-    let off = range(vector![0.0, 0.0, 3.0], vector![0.0, 0.0, -1.0]).unwrap();
-    assert_eq!((off.least, off.greatest), (0.0, Some(3.0)));
-    // No direction at all.
-    assert_eq!(range(vector![0.0, 0.1, 1.0], ORIGIN).unwrap().least, 0.0);
-    assert!(range(vector![0.0, 0.6, 1.0], ORIGIN).is_err());
-    // The cone is missed.
-    assert!(range(vector![0.0, 5.0, 1.0], vector![1.0, 0.0, 1.0]).is_err());
-    // Only its mirror image is met.
-    assert!(range(vector![0.0, 0.0, -1.0], vector![1.0, 0.0, 0.0]).is_err());
-}
-
-#[test]
 fn gains_are_refused_that_are_no_spring() {
     let told = |matrix: Matrix6<f64>| SpatialGain::new(&matrix).unwrap_err();
     let diagonal = [200.0, 250.0, 150.0, 0.1, 0.1, 0.1];

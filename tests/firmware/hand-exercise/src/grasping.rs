@@ -97,11 +97,10 @@ fn squeezes<T: Real>(
     let normals = digest.answer(normals)?;
     let directions = contacts.internal_forces(&tuning.squeeze).ok();
     let directions = digest.answer(directions)?;
-    let range = tuning.friction.squeeze_range(&normals, forces, &directions);
-    let range = digest.answer(range.ok())?;
-    digest.number(range.least);
-    let greatest = digest.answer(range.greatest)?;
-    digest.number(greatest);
+    directions.iter().for_each(|force| digest.numbers(force));
+    let margins = tuning.friction.margins(&normals, forces).ok();
+    let margins = digest.answer(margins)?;
+    digest.numbers(&margins);
     Some(())
 }
 

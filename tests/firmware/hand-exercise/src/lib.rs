@@ -69,7 +69,7 @@ const LEVELS: [Level; 12] = [
         trajectories::motion,
         0xfeb5_ee00_c291_0cfa,
     ),
-    level("grasps", grasping::grasps, 0x8cc0_efba_4b71_7ed6),
+    level("grasps", grasping::grasps, 0xffe8_21c3_1578_06ed),
     level(
         "a finger's controller",
         controlled::finger,
