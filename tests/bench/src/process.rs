@@ -138,8 +138,8 @@ pub(crate) unsafe fn part(
     server: impl FnOnce(&Orders) -> Result<()>,
     client: impl FnOnce(&Orders) -> Result<Vec<f64>>,
 ) -> Result<Vec<f64>> {
-    let (given, taken) = UnixStream::pair()?;
-    let (given, taken) = (Orders(given), Orders(taken));
+    let (sent, taken) = UnixStream::pair()?;
+    let (sent, taken) = (Orders(sent), Orders(taken));
     // SAFETY: one thread only, by this function's contract.
     let server = unsafe {
         Child::fork("server", limit, || {
@@ -152,7 +152,7 @@ pub(crate) unsafe fn part(
     let client = unsafe {
         Child::fork("client", limit, || {
             pin(cores.first)?;
-            client(&given)
+            client(&sent)
         })
     }?;
     let figures = client.figures()?;
@@ -164,8 +164,8 @@ pub(crate) unsafe fn part(
 pub(crate) struct Orders(UnixStream);
 
 impl Orders {
-    /// Gives an order.
-    pub(crate) fn give(&self, order: [u32; 3]) -> Result<()> {
+    /// Sends an order.
+    pub(crate) fn send(&self, order: [u32; 3]) -> Result<()> {
         Ok((&self.0).write_all(order.map(u32::to_ne_bytes).as_flattened())?)
     }
 

@@ -76,8 +76,6 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
     let exact =
         format!("target/debug/drills exact {images}/monitor {images}/drills-hart {EXACT_SECONDS}");
     context.command(&exact).run()?;
-    let stack = format!("target/debug/drills stack {images}/monitor {images}/drills-hart");
-    context.command(&stack).run()?;
     tests.retain(|program| program.name == "harts");
     let passed = programs::run(&tests, &["--ignored"])?;
     if passed == 0 {

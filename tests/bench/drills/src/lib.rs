@@ -5,7 +5,7 @@
 //! * [`Table`]: how long a message takes, with and without reply; with [`Echo`] at its other end.
 //!
 //! What harts alone can run is in the image `tests/bench/drills/hart`; what it leaves behind is here:
-//! [`instructions`], [`stack`].
+//! [`instructions`].
 #![cfg_attr(not(feature = "alone"), no_std)]
 #![forbid(unsafe_code)]
 
@@ -13,7 +13,6 @@
 pub mod alone;
 pub mod instructions;
 pub mod order;
-pub mod stack;
 pub mod stress;
 pub mod table;
 

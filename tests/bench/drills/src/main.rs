@@ -1,10 +1,8 @@
 //! Drills: `condor` with programs that put mailbox and servo loops to the proof.
 //!
 //! `drills` brings up the stress of `stress.toml`, on processes of this machine; `drills exact` plays a
-//! stress of harts alone, in which time counts instructions, and `drills stack` has one measure how deep
-//! its stack gets.
+//! stress of harts alone, in which time counts instructions.
 
-mod depths;
 mod exact;
 mod summary;
 
@@ -61,7 +59,6 @@ fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let outcome = match arguments.split_first() {
         Some((word, rest)) if word == "exact" => exact::run(rest),
-        Some((word, rest)) if word == "stack" => depths::run(rest),
         _ => return condor_cli::main(&Drills),
     };
     match outcome {

@@ -47,7 +47,6 @@ pub(crate) fn of(
     Ok(())
 }
 
-/// Prints verdicts.
 /// Prints the verdicts of processors.
 ///
 /// # Errors

@@ -63,7 +63,7 @@ impl Turn {
     /// Asks the server for this turn, of so many exchanges, which raw ones have to know; the server is there
     /// when this returns.
     pub(super) fn begin(self, orders: &Orders, exchanges: u32) -> Result<()> {
-        orders.give([self as u32, exchanges, 0])?;
+        orders.send([self as u32, exchanges, 0])?;
         orders.hear()
     }
 }

@@ -149,7 +149,7 @@ fn compete<'a>(
     for turn in &mut turns {
         figures.extend([turn.samples.median(), turn.samples.p99()]);
     }
-    orders.give([END, 0, 0])?;
+    orders.send([END, 0, 0])?;
     let ns = calibration.ns_per_tick();
     Ok(figures.iter().map(|ticks| ticks * ns).collect())
 }
@@ -169,7 +169,7 @@ impl Referee<'_> {
         };
         let count = turn.slice.round_trips();
         self.orders
-            .give([u32::try_from(turn.index)?, u32::try_from(core)?, count])?;
+            .send([u32::try_from(turn.index)?, u32::try_from(core)?, count])?;
         self.orders.hear()?;
         turn.client
             .play(&turn.slice, &mut turn.values, &mut turn.samples)

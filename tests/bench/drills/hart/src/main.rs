@@ -3,7 +3,6 @@
 #![no_main]
 
 mod debugged;
-mod depths;
 mod faulty;
 mod instructions;
 
@@ -26,7 +25,6 @@ fn main(mut hart: Hart) -> u32 {
         Some("stress") => board::run(&Stress(|| stack::deepest(&hart)), &hart),
         Some("table") => board::run(&Table, &hart),
         Some("instructions") => status(&instructions::run(&hart), &hart),
-        Some("stack") => status(&depths::run(&hart), &hart),
         Some("faulty") => board::run(&faulty::Faulty, &hart),
         _ => NO_PROGRAM,
     }

@@ -250,35 +250,6 @@ fn two_processors_are_threads_of_one_session() {
 
 #[test]
 #[ignore = "needs the images of tests/firmware, QEMU and gdb-multiarch"]
-fn a_program_starts_with_a_debugger() {
-    let up = up("");
-    let seen = gdb(
-        &up,
-        &["two", "--start"],
-        "print drills_hart::debugged::WATCHED.fast.v.value\n\
-         break drills_hart::main\n\
-         continue\n\
-         delete\n\
-         tbreak drills_hart::debugged::torque\n\
-         continue\n\
-         print drills_hart::debugged::WATCHED.fast.v.value\n\
-         detach\n",
-    );
-    contains(
-        &seen,
-        &[
-            " = 0\n",
-            "drills_hart::main (",
-            "drills_hart::debugged::torque",
-            " = 0\n",
-            "detached",
-        ],
-    );
-    both_run(&up);
-}
-
-#[test]
-#[ignore = "needs the images of tests/firmware, QEMU and gdb-multiarch"]
 fn a_fatal_exception_waits_for_a_debugger_while_others_go_on() {
     let up = up("hold_exceptions = true\n");
     // Attached.
@@ -374,8 +345,30 @@ fn a_handler_of_interrupts_is_stepped_through() {
 
 #[test]
 #[ignore = "needs the images of tests/firmware, QEMU and gdb-multiarch"]
-fn programs_are_started_from_the_debugger() {
+fn programs_are_started_with_a_debugger_and_from_it() {
     let up = up("");
+    let seen = gdb(
+        &up,
+        &["two", "--start"],
+        "print drills_hart::debugged::WATCHED.fast.v.value\n\
+         break drills_hart::main\n\
+         continue\n\
+         delete\n\
+         tbreak drills_hart::debugged::torque\n\
+         continue\n\
+         print drills_hart::debugged::WATCHED.fast.v.value\n\
+         detach\n",
+    );
+    contains(
+        &seen,
+        &[
+            " = 0\n",
+            "drills_hart::main (",
+            "drills_hart::debugged::torque",
+            " = 0\n",
+            "detached",
+        ],
+    );
     let image = crate::running::image("drills-hart");
     let again = "maintenance flush register-cache\n\
          print drills_hart::debugged::WATCHED.slow.v.value\n\
