@@ -3,6 +3,12 @@
 // What is shared.
 mod support;
 
+// The building blocks.
+mod decimal;
+mod friction;
+mod linear;
+mod math;
+
 // The robot.
 mod config_files;
 mod config_hands;
@@ -12,6 +18,7 @@ mod dynamics_physics;
 mod kinematics;
 mod nearest;
 mod tendons;
+mod wiring;
 
 // Its control.
 mod control;
@@ -21,6 +28,7 @@ mod faults;
 mod grasp;
 mod impedance;
 mod servo_closed_loop;
+mod soft_stop;
 mod table;
 mod tension_servo;
 mod trajectory;

@@ -38,7 +38,7 @@ use std::io::Write;
 use clap::Args;
 use serde::Serialize;
 
-use condor_host::error::{AnyError, me};
+use condor_host::error::AnyError;
 use condor_host::plain::plain_json;
 
 /// Which of the running systems is meant.
@@ -57,11 +57,6 @@ pub(crate) struct How {
     /// Prints JSON
     #[arg(long)]
     json: bool,
-}
-
-/// Tells on standard error what is no output, and does not end the command.
-pub(crate) fn tell(text: impl core::fmt::Display) {
-    eprintln!("{}: {text}", me());
 }
 
 /// Prints `text`; returns an error if standard output is closed.

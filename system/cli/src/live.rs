@@ -23,10 +23,9 @@ use std::net::{Ipv4Addr, SocketAddr};
 use std::thread::Scope;
 use std::time::{Duration, Instant};
 
-use crate::commands::tell;
 use crate::listening::{Rules, Token};
 use condor_host::control::SystemStatus;
-use condor_host::error::{AnyError, me};
+use condor_host::error::{AnyError, me, tell};
 use condor_host::events::EventCollector;
 use condor_host::messages::wall_ns;
 use condor_host::names::VariableName;

@@ -30,6 +30,11 @@ impl NamedFileError {
     }
 }
 
+/// Prints a line on standard error that begins with the name of this program, such as a warning.
+pub fn tell(text: impl core::fmt::Display) {
+    eprintln!("{}: {text}", me());
+}
+
 /// Returns the name by which this program was called, without its directory. Hints use it to tell people what to type.
 #[must_use]
 pub fn me() -> String {

@@ -77,36 +77,3 @@ impl<T: Real, const N: usize> Ldl<T, N> {
         }
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use nalgebra::{Matrix4, Vector4};
-
-    use super::*;
-
-    #[test]
-    fn solves_what_is_positive_definite() {
-        let root = Matrix4::new(
-            1.0, 0.2, -0.5, 3.0, 0.0, 2.0, 0.7, -1.0, 0.3, 0.1, 1.5, 0.4, 0.9, -0.6, 0.8, 1.0,
-        );
-        let matrix = root * root.transpose();
-        let right = Vector4::new(1.0, -2.0, 0.5, 4.0);
-        let factors = Ldl::new(&matrix).unwrap();
-        assert!((matrix * factors.solve(&right) - right).amax() < 1e-12);
-        let mut lower = matrix;
-        lower.fill_upper_triangle(f64::NAN, 1);
-        let from_lower = Ldl::new(&lower).unwrap();
-        assert_eq!(from_lower.solve(&right), factors.solve(&right));
-    }
-
-    #[test]
-    fn refuses_what_is_not() {
-        assert!(Ldl::new(&Matrix4::<f64>::zeros()).is_none());
-        let indefinite = Matrix4::from_diagonal(&Vector4::new(1.0, 2.0, -1e-9, 1.0));
-        assert!(Ldl::new(&indefinite).is_none());
-        assert!(Ldl::new(&Matrix4::from_element(f64::NAN)).is_none());
-        assert!(Ldl::new(&Matrix4::from_element(f64::INFINITY)).is_none());
-        // The reciprocal of the pivot overflows.
-        assert!(Ldl::new(&Matrix4::from_diagonal_element(1e-310)).is_none());
-    }
-}

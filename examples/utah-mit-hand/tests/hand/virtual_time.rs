@@ -4,7 +4,7 @@ use condor_hand::grasp::distributed::{GraspOrder, GraspReason, GraspState};
 use condor_hand::kinematics::JointLimits;
 use condor_robot::plant::PlantRequest;
 use condor_robot::table::{TableRefusal, TableRequest, TableStatus};
-use nalgebra::Vector3;
+use nalgebra::{Vector3, Vector4};
 
 use crate::rig::{FIRST, Master, Posture, SECOND, TWO, hand, run, run_with};
 
@@ -182,9 +182,10 @@ pub(crate) fn apart(far_m: [f64; 4]) -> Posture {
     std::array::from_fn(|finger| {
         let entry = &hand.fingers[finger];
         let limits = JointLimits::new(entry.limits().low, entry.limits().high).unwrap();
-        let middle = (limits.lower() + limits.upper()) / 2.0;
+        // Bent behind the proximal joint, as fingers are that close on something: they meet the ball nearly head-on.
+        let present = Vector4::new(0.0, 0.1, 1.2, 1.3);
         let to = Vector3::from(BALL) + Vector3::from(TIPS[finger]).normalize() * far_m[finger];
-        let nearest = entry.chain().nearest(&to, &middle, &limits).unwrap();
+        let nearest = entry.chain().nearest(&to, &present, &limits).unwrap();
         assert!(nearest.distance < 1e-8);
         nearest.posture.into()
     })

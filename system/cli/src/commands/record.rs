@@ -11,13 +11,13 @@ use serde_json::json;
 
 use super::number::duration;
 use super::running::Running;
-use super::{How, print, print_json, tell};
+use super::{How, print, print_json};
 use crate::recording::{
     self, AttachedFile, Damage, Former, Origin, RecordedTopic, RecordingError, TopicCounts, Writer,
 };
 use condor_host::application::Application;
 use condor_host::description::SystemDescription;
-use condor_host::error::AnyError;
+use condor_host::error::{AnyError, tell};
 use condor_host::events::EventCollector;
 use condor_host::messages::{
     DESCRIPTION, FRAMES, JOINTS, PoseMessages, STATIC_FRAMES, field, wall_ns,

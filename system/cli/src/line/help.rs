@@ -118,8 +118,8 @@ const GROUPS: [(&str, &[Examples]); 7] = [
 /// The heading of the commands that an application adds.
 const OWN: &str = "Robot";
 
-/// Gives each command its examples, and `command` a list of all commands in groups. Commands in no group are those of
-/// an application.
+/// Returns `command` with examples for each of its commands, and with a list of these in groups. Commands in no group are
+/// those of an application.
 pub(super) fn with_help(mut command: Command, me: &str) -> Command {
     for (name, examples) in GROUPS.iter().flat_map(|(_, commands)| *commands) {
         if command.find_subcommand(name).is_some() {

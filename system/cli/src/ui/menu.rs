@@ -295,7 +295,7 @@ fn carry_out(model: &mut Model, doer: &Doer) {
     }
 }
 
-/// Gives an order to the processor of this place.
+/// Sends an order to the processor at a place in the list.
 fn give(model: &mut Model, doer: &Doer, member: usize, order: &'static str) {
     if let Some(member) = model.members.get(member) {
         model.notice = Some(format!("{}: {order} …", member.name));

@@ -504,7 +504,7 @@ impl<const N: usize> Ledger<N> {
     /// Records the state of a request, and the reason for it. `write` stores a row.
     ///
     /// A request that has no row yet takes a free row, or else that of the request that ended first; if more than half
-    /// of the rows are of refused requests, that of the oldest of these, so that somebody who is refused again and
+    /// of the rows are of refused requests, that of the oldest of these, so that a client that is refused again and
     /// again cannot have the others forgotten. Returns `false` if there is no such row.
     ///
     /// # Errors

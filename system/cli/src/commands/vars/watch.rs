@@ -9,8 +9,8 @@ use serde_json::{Map, Value as Json, json};
 
 use crate::commands::number::duration;
 use crate::commands::running::Running;
-use crate::commands::{How, print, tell};
-use condor_host::error::AnyError;
+use crate::commands::{How, print};
+use condor_host::error::{AnyError, tell};
 use condor_host::plain::{plain, plain_json};
 use condor_host::signals;
 use condor_host::view::View;
