@@ -1,9 +1,9 @@
 use nalgebra::Vector3;
 
-use super::{Contacts, GraspError, coincident, quantity, too_large};
+use super::{Contacts, GraspError, coincident, off, quantity, too_large};
+use crate::Requirement;
 use crate::math::{Real, max, real, sqrt};
-use crate::number::{NumberError, count, not_negative};
-use crate::{Requirement, Subject};
+use crate::number::{count, not_negative};
 
 /// Internal forces of a grasp: each pair of fingers presses on the object from both ends of the line between the two
 /// tips, which is called an edge.
@@ -61,12 +61,14 @@ impl<T: Real, const M: usize> Squeeze<T, M> {
                 *edge = force;
                 Ok(())
             }
-            _ => Err(GraspError::Number(NumberError {
-                at: Subject::Contact(low as u16),
-                what: "the other contact of its edge",
-                value: count(high),
-                must: Requirement::Within(count(low + 1), count(M) - 1.0),
-            })),
+            Some(_) => {
+                let contacts = "the number of contacts of an edge";
+                Err(off(contacts, 1.0, Requirement::Equal(2.0)))
+            }
+            None => {
+                let must = Requirement::Below(count(M));
+                Err(off("the number of a contact of an edge", count(high), must))
+            }
         }
     }
 }

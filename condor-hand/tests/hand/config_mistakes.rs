@@ -26,6 +26,19 @@ fn check(file: &str, from: &str, to: &str, expected: &str) {
     );
 }
 
+#[test]
+fn a_long_name_leaves_room_for_the_others() {
+    let long = "x".repeat(64);
+    let text = UTAH.replace("\"index\"", &format!("\"{long}\""));
+    let text = broken(&text, "bandwidth_hz = 8.0", "bandwidth_hz = 80.0");
+    let error = Hand::<4, 4>::from_toml(&text, "hand.toml").unwrap_err();
+    let place = format!(
+        "`stop.bandwidth_hz` of joint `abduction` of finger `{}` is 80",
+        &long[..40]
+    );
+    assert!(error.to_string().contains(&place), "{error}");
+}
+
 macro_rules! cases {
     ($($name:ident: $file:expr, $from:expr => $to:expr, $expected:expr;)*) => {
         $(#[test]

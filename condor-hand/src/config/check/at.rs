@@ -21,7 +21,7 @@ const MOST: f64 = 1e15;
 pub(super) const ORTHONORMAL: f64 = 1e-9;
 
 /// The way to a table within its owner.
-type Table = heapless::String<39, u8>;
+pub(super) type Table = heapless::String<39, u8>;
 
 /// A table of a hand: its owner, such as a joint, and the way from there.
 pub(super) struct At {
@@ -30,11 +30,26 @@ pub(super) struct At {
     table: Table,
 }
 
-/// A text, or as much of it as there is room for: then a place is what is around the value.
+/// A text, without the parts for which there is no room.
 fn text<const N: usize>(text: fmt::Arguments<'_>) -> heapless::String<N, u8> {
     let mut all = heapless::String::new();
     let _ = all.write_fmt(text);
     all
+}
+
+/// A name in a place, or the beginning of a long one: two of them and a field have room there.
+fn short(name: &Name) -> &str {
+    const BYTES: usize = 40;
+    let ends = name
+        .char_indices()
+        .map(|(at, letter)| at + letter.len_utf8());
+    let end = ends.take_while(|&end| end <= BYTES).last();
+    name.get(..end.unwrap_or(0)).unwrap_or_default()
+}
+
+/// The way to an entry of a list.
+pub(super) fn entry(list: &str, index: usize) -> Table {
+    text(format_args!("{list}[{index}]"))
 }
 
 impl At {
@@ -49,25 +64,33 @@ impl At {
     }
 
     pub(super) fn processor(index: usize, number: u8) -> Self {
-        let way = format_args!("processors[{index}].");
-        Self::new(way, format_args!("processor {number}"))
+        Self::new(
+            format_args!("processors[{index}]."),
+            format_args!("processor {number}"),
+        )
     }
 
     pub(super) fn axis(index: usize, name: &Name) -> Self {
-        let way = format_args!("table.axes[{index}].");
-        Self::new(way, format_args!("axis `{name}`"))
+        Self::new(
+            format_args!("table.axes[{index}]."),
+            format_args!("axis `{}`", short(name)),
+        )
     }
 
     pub(super) fn finger(index: usize, name: &Name) -> Self {
-        let way = format_args!("fingers[{index}].");
-        Self::new(way, format_args!("finger `{name}`"))
+        Self::new(
+            format_args!("fingers[{index}]."),
+            format_args!("finger `{}`", short(name)),
+        )
     }
 
     /// A joint of this finger.
     pub(super) fn joint(&self, index: usize, name: &Name) -> Self {
         let (way, finger) = (&self.way, &self.owner);
-        let way = format_args!("{way}joints[{index}].");
-        Self::new(way, format_args!("joint `{name}` of {finger}"))
+        Self::new(
+            format_args!("{way}joints[{index}]."),
+            format_args!("joint `{}` of {finger}", short(name)),
+        )
     }
 
     /// A table in this one.
@@ -81,7 +104,12 @@ impl At {
 
     /// The way to a value of this table from the top of the file.
     pub(super) fn path(&self, field: &str) -> MistakePath {
-        text(format_args!("{}{}{field}", self.way, self.table))
+        let mut path: MistakePath = text(format_args!("{}{}{field}", self.way, self.table));
+        // The mistake of a whole table.
+        if path.ends_with('.') {
+            path.pop();
+        }
+        path
     }
 
     /// The mistake of a value, or of the whole table if `field` is empty.
@@ -146,8 +174,7 @@ impl At {
     /// Refuses a list with a number that cannot be computed with, or that is not what it must be.
     pub(super) fn list(&self, field: &str, list: &[f64], must: Requirement) -> Result<(), Mistake> {
         for (index, &value) in list.iter().enumerate() {
-            let entry: Table = text(format_args!("{field}[{index}]"));
-            self.number(&entry, value, must)?;
+            self.number(&entry(field, index), value, must)?;
         }
         Ok(())
     }

@@ -2,7 +2,7 @@
 
 use nalgebra::Matrix3;
 
-use super::at::{At, NOT_NEGATIVE, ORTHONORMAL, POSITIVE};
+use super::at::{At, NOT_NEGATIVE, ORTHONORMAL, POSITIVE, entry};
 use crate::config::{
     Allowed, Finger, Form, Hand, Joint, JointMotion, LinkBody, Mistake, MistakeValue, Mount,
     ProcessorKind, Rotation, ServoLaw, Shape, Tendon,
@@ -105,8 +105,10 @@ impl<const J: usize> Finger<J> {
         let crosses = self.joints.get(index).map(|joint| &joint.crosses);
         let crosses = crosses.into_iter().flatten();
         for (number, crossing) in crosses.clone().enumerate() {
-            let arms = [crossing.flexor_m, crossing.extensor_m];
-            at.list("crosses", &arms, Requirement::Finite)?;
+            at.table(&entry("crosses", number)).numbers([
+                ("flexor_m", crossing.flexor_m, Requirement::Finite),
+                ("extensor_m", crossing.extensor_m, Requirement::Finite),
+            ])?;
             let crossed = &crossing.joint;
             let mut earlier = crosses.clone().take(number);
             let mut joints = self.joints.iter();

@@ -128,13 +128,25 @@ fn a_squeeze_pushes_both_ends_of_an_edge() {
             0,
             0,
             1.0,
-            "contact 0: the other contact of its edge is 0; it must be from 1 to 2",
+            "the number of contacts of an edge is 1; it must be 2",
+        ),
+        (
+            2,
+            2,
+            1.0,
+            "the number of contacts of an edge is 1; it must be 2",
+        ),
+        (
+            5,
+            usize::MAX,
+            1.0,
+            "the number of a contact of an edge is 4294967295; it must be below 3",
         ),
         (
             0,
             3,
             1.0,
-            "contact 0: the other contact of its edge is 3; it must be from 1 to 2",
+            "the number of a contact of an edge is 3; it must be below 3",
         ),
         (
             0,

@@ -127,7 +127,7 @@ impl<'p, P, L: LedgerStore, const N: usize> MotionsServer<'p, P, L, N> {
     ) -> Result<Option<MotionsEvent>, RestoreError<L::Error>> {
         // Motion ends whether the ledger can be written or not.
         let ends_motion = self.look(|queue| {
-            let mut owners = queue.ledger().bound_requests();
+            let mut owners = queue.ledger().owners_of_bound_requests();
             owners.any(|owner| incarnation(owner.processor) != Some(owner.incarnation))
         });
         if ends_motion == Some(true) {

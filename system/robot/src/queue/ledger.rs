@@ -451,8 +451,8 @@ impl<const N: usize> Ledger<N> {
         }
     }
 
-    /// Iterates over the requests of [bound](Self::bind) sessions that wait or run; each item is the session's owner.
-    pub fn bound_requests(&self) -> impl Iterator<Item = SessionOwner> + '_ {
+    /// Iterates over the requests of [bound](Self::bind) sessions that wait or run; each item is the owner of the session.
+    pub fn owners_of_bound_requests(&self) -> impl Iterator<Item = SessionOwner> + '_ {
         let requests = self.requests.as_flattened().iter().flatten();
         let unfinished = requests.filter(|it| !it.state.is_final());
         let sessions = unfinished.filter_map(|it| self.session(it.identity.session));

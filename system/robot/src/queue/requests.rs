@@ -201,7 +201,8 @@ impl<P, const N: usize> MotionQueue<P, N> {
     }
 
     /// Binds the requests of a session to it, until the program ends: if the session is [closed](Self::close) while one
-    /// of them waits or runs, all motion must end. Before that, [`Ledger::bound_requests`] names them.
+    /// of them waits or runs, all motion must end. Before that, [`Ledger::owners_of_bound_requests`]
+    /// tells of which sessions that is so.
     pub fn bind(&mut self, session: u32) {
         self.ledger.bind(session);
     }

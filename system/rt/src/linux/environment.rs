@@ -149,7 +149,8 @@ impl Environment {
     /// allowed.
     pub fn read() -> Result<Self, ProcessError> {
         let text = std::env::var_os(VARIABLE).ok_or(ProcessError::Missing)?;
-        Self::from_json(&text.to_string_lossy())
+        let text = text.to_str();
+        Self::from_json(text.ok_or_else(|| ProcessError::wrong(&"it is not UTF-8"))?)
     }
 
     /// Reads settings from the text of the variable.
@@ -159,30 +160,37 @@ impl Environment {
     pub fn from_json(text: &str) -> Result<Self, ProcessError> {
         let read: Self = serde_json::from_str(text).map_err(|error| ProcessError::wrong(&error))?;
         const { assert!(PROCESSORS == 32, "the text says 0 to 31") };
-        let is_aligned = |range: &Option<FileRange>| {
-            let numbers = range.iter().flat_map(|it| [Some(it.offset), it.bytes]);
-            numbers.flatten().all(|number| number.is_multiple_of(4))
-        };
-        let ranges = [&read.bus, &read.shared_memory, &read.clock];
-        let priority = read.priority.unwrap_or(1);
-        for (is_right, problem) in [
-            (
-                read.system.is_absolute(),
-                "`system` must be an absolute path",
-            ),
-            (
-                read.window_bytes.is_multiple_of(4) && ranges.into_iter().all(is_aligned),
-                "numbers of bytes must be multiples of 4",
-            ),
-            (
-                usize::from(read.processor.0) < PROCESSORS,
-                "`processor` must be 0 to 31",
-            ),
-            ((1..=99).contains(&priority), "`priority` must be 1 to 99"),
-        ] {
-            if !is_right {
-                return Err(ProcessError::wrong(&problem));
-            }
+        if !read.system.is_absolute() {
+            let (path, must) = (read.system.display(), "must be an absolute path");
+            return Err(ProcessError::wrong(&format_args!(
+                "`system` is {path}; it {must}"
+            )));
+        }
+        let ranges = [
+            ("bus", &read.bus),
+            ("shared_memory", &read.shared_memory),
+            ("clock", &read.clock),
+        ];
+        let bytes = ranges.iter().flat_map(|(name, range)| {
+            let numbers =
+                |it: &FileRange| [("offset", it.offset), ("bytes", it.bytes.unwrap_or(0))];
+            let numbers = range.iter().flat_map(numbers);
+            numbers.map(move |(field, bytes)| (format!("{name}.{field}"), bytes))
+        });
+        let window = ("window_bytes".to_owned(), u64::from(read.window_bytes));
+        let mut all = core::iter::once(window).chain(bytes);
+        if let Some((name, bytes)) = all.find(|(_, bytes)| !bytes.is_multiple_of(4)) {
+            let text = format!("`{name}` is {bytes}; it must be a multiple of 4");
+            return Err(ProcessError::wrong(&text));
+        }
+        let processor = read.processor.0;
+        if usize::from(processor) >= PROCESSORS {
+            let text = format!("`processor` is {processor}; it must be 0 to 31");
+            return Err(ProcessError::wrong(&text));
+        }
+        if let Some(priority) = read.priority.filter(|it| !(1..=99).contains(it)) {
+            let text = format!("`priority` is {priority}; it must be 1 to 99");
+            return Err(ProcessError::wrong(&text));
         }
         Ok(read)
     }
@@ -229,20 +237,28 @@ mod tests {
     fn what_is_missing_or_wrong_is_named() {
         for (from, to, text) in [
             ("\"system\": \"/run/condor/mailbox\",", "", "`system`"),
-            ("\"/run/condor/mailbox\"", "\"mailbox\"", "an absolute path"),
+            (
+                "\"/run/condor/mailbox\"",
+                "\"mailbox\"",
+                "`system` is mailbox; it",
+            ),
             (
                 "4096, \"processor\"",
                 "4097, \"processor\"",
-                "multiples of 4",
+                "`window_bytes` is 4097; it must be a multiple of 4",
             ),
-            ("8192", "2", "multiples of 4"),
-            ("\"processor\": 3", "\"processor\": 32", "0 to 31"),
+            ("8192", "2", "`bus.offset` is 2"),
+            (
+                "\"processor\": 3",
+                "\"processor\": 32",
+                "is 32; it must be 0 to 31",
+            ),
             ("[500000,", "[\"x\",", "u64"),
             ("[500000,", "[", "an array of length 8"),
             ("\"spin\"", "\"fibres\"", "`threads`, `signals`, `spin`"),
             ("\"cpu\": 1", "\"cpu\": -1", "usize"),
-            ("80", "0", "1 to 99"),
-            ("80", "100", "1 to 99"),
+            ("80", "0", "is 0; it must be 1 to 99"),
+            ("80", "100", "is 100; it must be 1 to 99"),
             ("\"cpu\"", "\"core\"", "`core`"),
         ] {
             let error = Environment::from_json(&ALL.replace(from, to)).unwrap_err();

@@ -97,7 +97,9 @@ fn squeezes<T: Real>(
     let normals = digest.answer(normals)?;
     let directions = contacts.internal_forces(&tuning.squeeze).ok();
     let directions = digest.answer(directions)?;
-    directions.iter().for_each(|force| digest.numbers(force));
+    for force in &directions {
+        digest.numbers(force);
+    }
     let margins = tuning.friction.margins(&normals, forces).ok();
     let margins = digest.answer(margins)?;
     digest.numbers(&margins);
