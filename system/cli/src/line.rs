@@ -19,7 +19,7 @@ use clap_complete::Shell;
 use crate::commands::{self, SystemChoice};
 use condor_host::application::Application;
 use condor_host::description::{SystemDescription, find_program};
-use condor_host::error::{AnyError, me};
+use condor_host::error::{AnyError, me, tell};
 use condor_host::gateway::INSTALL;
 use condor_host::plain::plain_lines;
 use condor_host::services;
@@ -160,7 +160,7 @@ pub fn main(application: &dyn Application) -> ExitCode {
         Err(error) if is_broken_pipe(&*error) => ExitCode::SUCCESS,
         Err(error) => {
             // Names that programs have chosen may be in it.
-            eprintln!("{}: {}", me(), plain_lines(&error.to_string()));
+            tell(plain_lines(&error.to_string()));
             ExitCode::FAILURE
         }
     }
@@ -197,7 +197,7 @@ fn remote(words: Vec<OsString>) -> ExitCode {
         }
         Err(error) => format!("{error}; {INSTALL}"),
     };
-    eprintln!("{}: {error}", me());
+    tell(error);
     ExitCode::FAILURE
 }
 
@@ -231,12 +231,11 @@ fn run(line: Line, application: &dyn Application) -> Result<ExitCode, AnyError> 
         Some(Command::Down(which)) => requests::down(&which)?,
         Some(Command::Log(log)) => requests::log(&log)?,
         Some(Command::Completions { shell }) => {
-            let mut command = command(application);
-            clap_complete::generate(shell, &mut command, me(), &mut std::io::stdout());
+            let out = &mut std::io::stdout();
+            help::complete(command(application), &me(), shell, out)?;
         }
         Some(Command::Man { directory }) => {
-            clap_mangen::generate_to(command(application).display_name(me()), &directory)
-                .map_err(|error| format!("{}: {error}", directory.display()))?;
+            help::write_pages(command(application), &me(), &directory)?;
         }
         Some(Command::Ui(ui)) => ui.run(application)?,
         Some(Command::Ps(ps)) => ps.run()?,
@@ -257,7 +256,7 @@ fn run(line: Line, application: &dyn Application) -> Result<ExitCode, AnyError> 
         Some(Command::Service { words }) => services::run(&words, application)?,
         Some(Command::Program { name, arguments }) => {
             if !application.programs().contains(&name.as_str()) {
-                eprintln!("{}: this binary contains no program `{name}`", me());
+                tell(format_args!("this binary contains no program `{name}`"));
                 return Ok(ExitCode::from(2));
             }
             return Ok(application.run_program(&name, arguments));

@@ -31,6 +31,6 @@ pub(crate) use draw::draw;
 pub(crate) use feed::PlotFeed;
 pub(crate) use feed_event::FeedEvent;
 pub(crate) use figure::Figure;
-pub(crate) use keys::{PlotRequest, press};
+pub(crate) use keys::{PlotRequest, insert, paste, press};
 pub(crate) use model::{Plot, Prompt};
 pub(crate) use trigger::Condition;

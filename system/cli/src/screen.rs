@@ -33,8 +33,13 @@ pub(crate) struct Screen {
 /// Returns true if this process has a terminal on which a picture can be drawn: not one of which `TERM` says that it is
 /// `dumb`, as in some editors.
 pub(crate) fn is_possible() -> bool {
+    io::stdin().is_terminal() && can_repaint()
+}
+
+/// Returns true if this process writes to a terminal whose lines can be written anew.
+pub(crate) fn can_repaint() -> bool {
     let is_dumb = std::env::var_os("TERM").is_some_and(|term| term == "dumb");
-    io::stdin().is_terminal() && io::stdout().is_terminal() && !is_dumb
+    io::stdout().is_terminal() && !is_dumb
 }
 
 impl Screen {
@@ -101,6 +106,9 @@ pub(crate) fn keyboard(tell: impl Fn(io::Result<Event>) -> bool) {
     }
 }
 
+/// Columns of the frame of a popup.
+const FRAME: u16 = 4;
+
 /// Shows lines in front of everything, in the middle of `area`, as large as needed and at least `least`
 /// columns wide.
 pub(crate) fn popup(
@@ -111,8 +119,9 @@ pub(crate) fn popup(
     buffer: &mut Buffer,
 ) {
     let widest = lines.iter().map(Line::width).max().unwrap_or(0);
-    let width = u16::try_from(widest + 4)
+    let width = u16::try_from(widest)
         .unwrap_or(u16::MAX)
+        .saturating_add(FRAME)
         .clamp(least.min(area.width), area.width);
     let height = u16::try_from(lines.len() + 2)
         .unwrap_or(u16::MAX)
@@ -131,11 +140,15 @@ pub(crate) fn popup(
     Paragraph::new(lines).block(block).render(area, buffer);
 }
 
-/// A text that is being typed, with its cursor.
-pub(crate) fn field(typed: &Input) -> Line<'static> {
-    let letters = || typed.value().chars();
-    let before: String = letters().take(typed.cursor()).collect();
-    let behind: String = letters().skip(typed.cursor()).collect();
+/// A text that is being typed, with its cursor: as much of it as a popup in `area` has room for.
+pub(crate) fn field(typed: &Input, area: Rect) -> Line<'static> {
+    let room = usize::from(area.width.saturating_sub(FRAME + 1)).max(1);
+    let (first, cursor) = (typed.visual_scroll(room), typed.cursor());
+    let letters = |from: usize, to: usize| -> String {
+        let letters = typed.value().chars().skip(from);
+        letters.take(to.saturating_sub(from)).collect()
+    };
+    let (before, behind) = (letters(first, cursor), letters(cursor, first + room));
     Line::raw(format!("{}▏{}", plain(&before), plain(&behind)))
 }
 

@@ -35,7 +35,7 @@ use feed::{UiEvent, UiFeeds};
 use input::Situation;
 use look::Look;
 use menu::Doer;
-use model::{Leaving, Model};
+use model::{Leaving, Model, Page};
 pub use tool::Tool;
 
 /// The least time between two pictures.
@@ -120,10 +120,11 @@ fn show(
             }
             next = news.try_recv().ok();
             if drawn.is_none_or(|at| at.elapsed() >= FRAME) {
-                if let Some(one) = next
-                    && let Some(leaving) = take(model, one, doer)?
-                {
-                    return Ok(leaving);
+                if let Some(one) = next {
+                    changed |= model.is_seen(&one);
+                    if let Some(leaving) = take(model, one, doer)? {
+                        return Ok(leaving);
+                    }
                 }
                 break;
             }
@@ -136,11 +137,18 @@ fn take(model: &mut Model, news: UiEvent, doer: &Doer) -> io::Result<Option<Leav
     match news {
         UiEvent::Input(event) => {
             let action = input::action(&Situation::of(model), &event);
-            Ok(action.and_then(|action| menu::act(model, action, doer)))
+            let leaving = action.and_then(|action| menu::act(model, action, doer));
+            if model.focus == Page::Plots && model.plot.begin() {
+                doer.fetch_plots(model);
+            }
+            Ok(leaving)
         }
         UiEvent::NoInput(error) => Err(error),
         other => {
             model.hear(other);
+            if model.plot.choose_first() {
+                doer.fetch_plots(model);
+            }
             Ok(None)
         }
     }

@@ -72,7 +72,9 @@ impl Tmux {
         // The page of plots is the last one.
         self.send(
             "ui",
-            &["F3", "n", POSITIONS, "Enter", "p", TENSIONS, "Enter", "r"],
+            &[
+                "F3", "n", "C-u", POSITIONS, "Enter", "p", TENSIONS, "Enter", "r",
+            ],
         )?;
         self.wave()?;
         thread::sleep(SPAN);

@@ -25,7 +25,7 @@ use crate::peek;
 use condor_host::application::Application;
 use condor_host::control::{ControlClient, ControlRequest, Member, MemberState};
 use condor_host::description::beside;
-use condor_host::error::{AnyError, me};
+use condor_host::error::{AnyError, tell};
 use condor_host::system::SystemDirectory;
 use condor_host::view::View;
 
@@ -320,7 +320,7 @@ fn serve(
     let served = serve_while(running, members, session, listener, is_there);
     if let Err(error) = &served {
         // Its user reads it, and ends it.
-        eprintln!("{}: {error}", me());
+        tell(error);
     }
     gdb.wait()?;
     served
@@ -350,7 +350,7 @@ fn serve_while(
                 return Ok(());
             }
             // The next debugger may do better.
-            Err(SessionError::Connection(error)) => eprintln!("{}: {error}", me()),
+            Err(SessionError::Connection(error)) => tell(error),
             Err(error) => return Err(error.into()),
         }
     }

@@ -16,7 +16,7 @@ use condor_platform::linux::WholeFile;
 
 use super::number::duration;
 use crate::recording::{Column, RecordingReader};
-use condor_host::error::{AnyError, NamedFileError};
+use condor_host::error::{AnyError, NamedFileError, tell};
 use condor_host::watching::{Type, float};
 use curve::Curve;
 
@@ -52,7 +52,13 @@ impl Export {
         let columns = Columns::of(&reader, &columns, labels);
         let span = self.span(reader.span());
         if let Some(path) = &self.csv {
-            written(path, |out| table(&reader, &columns, span.clone(), out))?;
+            let mut rows = 0;
+            written(path, |out| {
+                rows = table(&reader, &columns, span.clone(), out)?;
+                Ok(())
+            })?;
+            let (path, count) = (path.display(), columns.all.len());
+            tell(format_args!("{path}: {rows} rows, variables: {count}"));
         }
         if let Some(path) = &self.svg {
             let curves = curves(&reader, &columns, span.clone())?;
@@ -64,6 +70,8 @@ impl Export {
                 &curves,
             );
             written(path, |out| Ok(out.write_all(drawing.as_bytes())?))?;
+            let (path, count) = (path.display(), columns.all.len());
+            tell(format_args!("{path}: a drawing, variables: {count}"));
         }
         Ok(())
     }
@@ -164,7 +172,7 @@ fn table(
     columns: &Columns<'_>,
     span: Range<u64>,
     out: &mut dyn Write,
-) -> Result<(), AnyError> {
+) -> Result<u64, AnyError> {
     let titles = columns.all.iter().map(|(label, column, _)| {
         let unit = &column.variable.unit;
         let title = if unit.is_empty() {
@@ -178,6 +186,7 @@ fn table(
     let titles: Vec<_> = head.into_iter().chain(titles).collect();
     writeln!(out, "{}", titles.join(","))?;
     let mut cells = vec![String::new(); columns.all.len()];
+    let mut rows = 0;
     reader.rows(&columns.chosen(), span, |source, at_ns, row| {
         cells.iter_mut().for_each(String::clear);
         for (place, field) in columns.of_sources.get(&source).into_iter().flatten() {
@@ -192,9 +201,11 @@ fn table(
         let owner = columns.sources.get(source).map(|name| quoted(name));
         let (owner, head) = (owner.unwrap_or_default(), row.head());
         let (tick, lost) = (head.tick, head.lost);
+        rows += 1;
         writeln!(out, "{at_ns},{owner},{tick},{lost},{}", cells.join(","))?;
         Ok::<_, AnyError>(())
-    })
+    })?;
+    Ok(rows)
 }
 
 /// Returns a cell of a table, in quotes if it needs them.

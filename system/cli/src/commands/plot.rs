@@ -87,6 +87,7 @@ impl Plot {
             let time = reader.span();
             let span = Duration::from_nanos(time.end.saturating_sub(time.start));
             plot = self.plot(names, span, application.description(), application)?;
+            plot.zero_ns = Some(time.start);
             if self.panes.is_empty() && names.is_empty() && !self.robot {
                 plot.prompt = Some(Prompt::Names);
             }
@@ -208,6 +209,7 @@ fn show(
                         None => {}
                     }
                 }
+                PlotEvent::Input(Event::Paste(text)) => plot::paste(plot, &text),
                 PlotEvent::Input(_) => {}
             }
             next = events.try_recv().ok();

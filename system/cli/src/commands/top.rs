@@ -40,7 +40,7 @@ impl Top {
         let running = Running::find(&self.how.which)?;
         let view = running.view()?;
         let end = signals::flag()?;
-        let repaint = !self.once && !self.how.json && screen::is_possible();
+        let repaint = !self.once && !self.how.json && screen::can_repaint();
         let (mut last, processors) = (LastLook::default(), &running.status.processors);
         last.since(&view, processors)?;
         loop {

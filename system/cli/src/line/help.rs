@@ -1,8 +1,12 @@
 //! The help of the command line: its commands in groups, each with examples.
 
 use core::fmt::Write as _;
+use std::path::Path;
+use std::{fs, io};
 
 use clap::Command;
+use clap_complete::{Generator as _, Shell};
+use condor_host::error::NamedFileError;
 
 /// A command, and examples: what is typed behind the name of the program.
 type Examples = (&'static str, &'static [&'static str]);
@@ -135,6 +139,36 @@ pub(super) fn with_help(mut command: Command, me: &str) -> Command {
     ))
 }
 
+/// Writes the script by which `shell` completes the commands of the program `me`.
+///
+/// # Errors
+/// Returns the error of `out`.
+pub(super) fn complete(
+    mut command: Command,
+    me: &str,
+    shell: Shell,
+    out: &mut impl io::Write,
+) -> io::Result<()> {
+    command.set_bin_name(me);
+    command.build();
+    shell.try_generate(&command, out)
+}
+
+/// Writes a manual page for each command of the program `me` into a directory, and makes that if necessary.
+///
+/// # Errors
+/// Returns an error with the directory if it cannot be made or written to.
+pub(super) fn write_pages(
+    command: Command,
+    me: &str,
+    directory: &Path,
+) -> Result<(), NamedFileError> {
+    let made = fs::create_dir_all(directory);
+    made.map_err(NamedFileError::at("make", directory))?;
+    let written = clap_mangen::generate_to(command.display_name(me.to_owned()), directory);
+    written.map_err(NamedFileError::at("write to", directory))
+}
+
 fn list(command: &Command) -> String {
     let about = |name: &str| {
         let found = command.find_subcommand(name)?.get_about()?;
@@ -184,6 +218,27 @@ mod tests {
         let list = help.split("Options:").next().unwrap_or_default();
         for line in list.lines() {
             assert!(line.chars().count() <= 80, "{line}");
+        }
+    }
+
+    #[test]
+    fn commands_are_completed_and_have_pages() {
+        let command = || with_help(Line::command(), "robot");
+        for shell in [Shell::Bash, Shell::Fish, Shell::Zsh] {
+            let mut script = Vec::new();
+            complete(command(), "robot", shell, &mut script).unwrap();
+            let script = String::from_utf8(script).unwrap();
+            for word in ["robot", "vectors", "speed"] {
+                assert!(script.contains(word), "{shell}: {word}");
+            }
+        }
+        let mut full = fs::File::options().write(true).open("/dev/full").unwrap();
+        assert!(complete(command(), "robot", Shell::Bash, &mut full).is_err());
+        let place = tempfile::tempdir().unwrap();
+        let pages = place.path().join("man/man1");
+        write_pages(command(), "robot", &pages).unwrap();
+        for page in ["robot.1", "robot-vars.1", "robot-clock-step.1"] {
+            assert!(pages.join(page).is_file(), "{page}");
         }
     }
 

@@ -14,7 +14,7 @@ use super::{AnyError, Application, code, description};
 use crate::commands::number::duration;
 use crate::screen;
 use condor_host::description::{ProcessorEntry, SystemDescription};
-use condor_host::error::me;
+use condor_host::error::{me, tell};
 use condor_host::plain::plain_lines;
 use condor_host::reading::robot_of;
 use condor_host::services::terminals;
@@ -192,7 +192,9 @@ fn type_lines(description: &SystemDescription, directory: &SystemDirectory) {
     for ProcessorEntry { name, headless, .. } in typed_at(description) {
         let text = headless.join("\n") + "\n";
         if let Err(error) = terminals::type_in(directory, name, text.as_bytes()) {
-            eprintln!("{}: cannot type at the terminal of {name}: {error}", me());
+            tell(format_args!(
+                "cannot type at the terminal of {name}: {error}"
+            ));
         }
     }
 }

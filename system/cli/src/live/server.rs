@@ -17,7 +17,7 @@ use super::parameter_worker::WorkerMessage;
 use super::protocol::Level;
 use super::session::{Ask, Catalog, Channel, Session};
 use crate::listening::Rules;
-use condor_host::error::{AnyError, me};
+use condor_host::error::{AnyError, tell};
 use condor_host::plain::plain;
 
 /// The greatest number of clients.
@@ -164,7 +164,7 @@ impl Server {
                 // An error such as too many open files: the clients that are connected go on.
                 Err(error) => {
                     if self.reported.is_none_or(|at| now - at >= REPORT) {
-                        eprintln!("{}: cannot accept a connection: {error}", me());
+                        tell(format_args!("cannot accept a connection: {error}"));
                         self.reported = Some(now);
                     }
                     return Ok(());

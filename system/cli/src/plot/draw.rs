@@ -35,7 +35,7 @@ pub(crate) fn draw(plot: &Plot, area: Rect, buffer: &mut Buffer) {
         for (number, area) in areas.iter().enumerate() {
             pane::draw(plot, number, time, *area, buffer);
         }
-        time.draw_axis(axis, buffer);
+        time.draw_axis(plot, axis, buffer);
     }
     front::draw(plot, area, buffer);
 }

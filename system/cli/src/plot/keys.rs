@@ -2,6 +2,7 @@
 
 use crossterm::event::{Event, KeyCode, KeyEvent, KeyModifiers};
 use tui_input::backend::crossterm::EventHandler as _;
+use tui_input::{Input, InputRequest};
 
 use super::curve::Pane;
 use super::draw::seen;
@@ -31,6 +32,20 @@ pub(crate) fn press(plot: &mut Plot, key: &KeyEvent) -> Option<PlotRequest> {
         }
         Some(prompt) => in_prompt(plot, prompt, key),
         None => in_plot(plot, key),
+    }
+}
+
+/// Inserts a text that a person pastes, if one is being typed.
+pub(crate) fn paste(plot: &mut Plot, text: &str) {
+    if plot.prompt.is_some_and(|prompt| prompt != Prompt::Help) {
+        insert(&mut plot.typed, text);
+    }
+}
+
+/// Inserts a text into one that is being typed.
+pub(crate) fn insert(typed: &mut Input, text: &str) {
+    for letter in text.chars() {
+        typed.handle(InputRequest::InsertChar(letter));
     }
 }
 

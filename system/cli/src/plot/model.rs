@@ -40,6 +40,9 @@ pub(crate) enum RobotPane {
     Alone,
 }
 
+/// The number of curves with which it begins.
+const FIRST: usize = 4;
+
 /// Plots of variables in several panes, with one axis of time.
 #[derive(Debug)]
 pub(crate) struct Plot {
@@ -50,6 +53,8 @@ pub(crate) struct Plot {
     /// The end of the time that is seen, and 0 on the axis of time, if time does not go on.
     held: Option<(u64, u64)>,
     pub(crate) cursor_ns: Option<u64>,
+    /// The instant that is 0 on the axis of time, such as the beginning of a recording; by default the newest one.
+    pub(crate) zero_ns: Option<u64>,
     trigger: Option<ArmedTrigger>,
     pub(crate) figure: Option<Figure>,
     pub(crate) place: RobotPane,
@@ -57,6 +62,9 @@ pub(crate) struct Plot {
     pub(crate) typed: Input,
     /// The names that may be typed.
     pub(crate) known: Vec<String>,
+    /// Whether it chooses some variables by itself as soon as it knows names.
+    is_beginning: bool,
+    has_begun: bool,
     /// The description of the last failure, until the next key. It is drawn with the text that is typed, or
     /// otherwise by the owner of the plot.
     pub(crate) notice: Option<String>,
@@ -86,12 +94,15 @@ impl Plot {
             span_ns: span_ns.clamp(shortest, longest),
             held: None,
             cursor_ns: None,
+            zero_ns: None,
             trigger: None,
             figure,
             place: RobotPane::Hidden,
             prompt: None,
             typed: Input::default(),
             known: Vec::new(),
+            is_beginning: false,
+            has_begun: false,
             notice: None,
             has_colors,
         }
@@ -140,6 +151,32 @@ impl Plot {
             }
         }
         self.find_names();
+    }
+
+    /// Asks for names, when a person first looks and has chosen nothing; returns true if it does.
+    pub(crate) fn begin(&mut self) -> bool {
+        if core::mem::replace(&mut self.has_begun, true) {
+            return false;
+        }
+        self.is_beginning = self.panes.iter().all(|pane| pane.names.is_empty());
+        self.is_beginning
+    }
+
+    /// Chooses the positions that are named first, or any variables, once names are known; returns true if it does.
+    pub(crate) fn choose_first(&mut self) -> bool {
+        if self.known.is_empty() || !core::mem::take(&mut self.is_beginning) {
+            return false;
+        }
+        let Some(pane) = self.panes.first_mut().filter(|it| it.names.is_empty()) else {
+            return false;
+        };
+        let is_position = |name: &&String| name.ends_with(".position");
+        let positions = self.known.iter().filter(is_position);
+        pane.names = positions.take(FIRST).cloned().collect();
+        if pane.names.is_empty() {
+            pane.names = self.known.iter().take(FIRST).cloned().collect();
+        }
+        true
     }
 
     /// Takes what came.
@@ -195,7 +232,7 @@ impl Plot {
         let shown = self.trigger.as_ref().and_then(|armed| armed.shown_ns);
         let following = shown.map_or(newest, |shown| shown.saturating_add(after(self.span_ns)));
         let (end, zero) = self.held.unwrap_or((following, newest));
-        (end, shown.unwrap_or(zero))
+        (end, shown.or(self.zero_ns).unwrap_or(zero))
     }
 
     fn hold(&mut self, end_ns: u64) {

@@ -1,11 +1,14 @@
 //! The texts that are typed into a [`Plot`]: names, and the condition of the trigger.
 
+use tui_input::Input;
+
 use super::model::{Plot, Prompt};
 
 impl Plot {
     /// Returns the names that contain the word that is being typed; none without a word.
     pub(crate) fn fitting(&self) -> Vec<&str> {
-        let word = word(self.typed.value());
+        let before = self.before_cursor();
+        let word = word(&before);
         let names = self.known.iter().map(String::as_str);
         let fits = |name: &&str| !word.is_empty() && name.contains(word) && *name != word;
         names.filter(fits).collect()
@@ -14,7 +17,8 @@ impl Plot {
     /// Completes the word that is being typed as far as all names that begin with it agree; if none
     /// does, with the only name that contains it.
     pub(crate) fn complete(&mut self) {
-        let word = word(self.typed.value());
+        let typed = self.before_cursor();
+        let word = word(&typed);
         let fitting = self.fitting();
         let begun = fitting.iter().filter(|name| name.starts_with(word));
         let common = begun.copied().reduce(|common, name| {
@@ -28,9 +32,19 @@ impl Plot {
             _ => None,
         };
         if let Some(whole) = common.or(only).map(str::to_owned) {
-            let before = self.typed.value().strip_suffix(word).unwrap_or_default();
-            self.typed = format!("{before}{whole}").into();
+            let before = typed.strip_suffix(word).unwrap_or_default();
+            let behind = self.typed.value().chars().skip(self.typed.cursor());
+            let behind: String = behind.collect();
+            let cursor = before.chars().count() + whole.chars().count();
+            let typed = Input::new(format!("{before}{whole}{behind}"));
+            self.typed = typed.with_cursor(cursor);
         }
+    }
+
+    /// Returns the text before the cursor.
+    fn before_cursor(&self) -> String {
+        let letters = self.typed.value().chars();
+        letters.take(self.typed.cursor()).collect()
     }
 
     /// Does what was typed.

@@ -66,7 +66,10 @@ fn draw_pane(frame: &mut Frame<'_>, model: &Model, page: Page, area: Rect, borde
     let title = title(model, page);
     let mut block = Block::new().borders(borders).title(title);
     if is_focus {
-        block = block.border_type(BorderType::Thick).bold();
+        // The text of a window has styles of its own.
+        let bold = Style::new().bold();
+        block = block.border_type(BorderType::Thick).border_style(bold);
+        block = block.title_style(bold);
     }
     let inner = block.inner(area);
     frame.render_widget(block, area);

@@ -84,7 +84,7 @@ pub(super) fn action(situation: &Situation, event: &Event) -> Option<Action> {
         Event::Paste(text) => {
             let typed = || Action::Type(text.replace('\n', "\r").into_bytes());
             match (situation.popup, situation.focus) {
-                (Some(Popup::Program { .. } | Popup::Step), _) => {
+                (Some(Popup::Program { .. } | Popup::Step), _) | (None, Page::Plots) => {
                     Some(Action::Insert(text.clone()))
                 }
                 (None, Page::Window(_)) => Some(typed()),

@@ -4,7 +4,6 @@ use std::sync::mpsc::Sender;
 use std::thread;
 
 use crossterm::event::Event;
-use tui_input::InputRequest;
 use tui_input::backend::crossterm::EventHandler as _;
 
 use super::feed::UiEvent;
@@ -84,6 +83,11 @@ impl Doer {
         }
     }
 
+    /// Fetches the values that the plots wish.
+    pub(super) fn fetch_plots(&self, model: &Model) {
+        self.plots.wish(model.plot.wish());
+    }
+
     /// Sends a request about `processor`, which is called `order`.
     fn order(&self, order: &'static str, processor: &str, request: ControlRequest) {
         let (directory, news) = (self.directory.clone(), self.news.clone());
@@ -142,11 +146,8 @@ pub(super) fn act(model: &mut Model, action: Action, doer: &Doer) -> Option<Leav
         Action::Edit(key) => {
             model.typed.handle_event(&Event::Key(key));
         }
-        Action::Insert(text) => {
-            for letter in text.chars() {
-                model.typed.handle(InputRequest::InsertChar(letter));
-            }
-        }
+        Action::Insert(text) if model.popup.is_some() => plot::insert(&mut model.typed, &text),
+        Action::Insert(text) => plot::paste(&mut model.plot, &text),
         Action::Confirm => {
             if let Some(Popup::Confirm { member, order }) = model.popup.take() {
                 give(model, doer, member, order);
@@ -160,7 +161,7 @@ pub(super) fn act(model: &mut Model, action: Action, doer: &Doer) -> Option<Leav
             }
         }
         Action::Plot(key) => match plot::press(&mut model.plot, &key) {
-            Some(PlotRequest::Fetch) => doer.plots.wish(model.plot.wish()),
+            Some(PlotRequest::Fetch) => doer.fetch_plots(model),
             Some(PlotRequest::Leave) => model.popup = Some(Popup::Leave),
             None => {}
         },

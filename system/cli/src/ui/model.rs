@@ -163,7 +163,18 @@ impl Model {
         self.clock.clone_from(&status.clock);
         self.files_root.clone_from(&status.files_root);
         self.processors = status.processors.len();
+        let state = |members: &[Member]| match self.popup {
+            Some(Popup::Menu { member, .. } | Popup::Confirm { member, .. }) => {
+                members.get(member).map(|member| member.state)
+            }
+            _ => None,
+        };
+        let before = state(&self.members);
         self.members = status.members().cloned().collect();
+        if state(&self.members) != before {
+            // The actions that it shows may be others now.
+            self.popup = None;
+        }
     }
 
     /// Takes what came from outside.

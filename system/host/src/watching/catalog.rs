@@ -7,7 +7,7 @@ use condor_vars::{TableEntry, VariableTable, VariableTableError};
 
 use super::types::Type;
 use crate::control::Member;
-use crate::error::{AnyError, me};
+use crate::error::{AnyError, tell};
 use crate::names::{self, VariableName};
 use crate::plain::plain;
 use crate::view::{View, ViewError};
@@ -159,7 +159,7 @@ impl VariableCatalog {
     /// Prints the [`troubles`](Self::troubles) on standard error, one per line.
     pub fn tell_troubles(&self) {
         for trouble in &self.troubles {
-            eprintln!("{}: {}", me(), plain(trouble));
+            tell(plain(trouble));
         }
     }
 

@@ -44,7 +44,7 @@ pub(super) fn draw(plot: &Plot, area: Rect, buffer: &mut Buffer) {
         Some(Prompt::NewPane) => (" A further pane ", "names, or patterns with * and ?"),
         Some(Prompt::Trigger) => (" Trigger ", "NAME>LEVEL or NAME<LEVEL; ~WIDTH: hysteresis"),
     };
-    let mut lines = vec![Line::raw(about).dim(), field(&plot.typed)];
+    let mut lines = vec![Line::raw(about).dim(), field(&plot.typed, area)];
     let fitting = plot.fitting();
     lines.extend(
         fitting

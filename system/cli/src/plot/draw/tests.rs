@@ -193,6 +193,42 @@ fn panes_have_legends_axes_and_curves_at_both_sizes() {
 }
 
 #[test]
+fn it_begins_with_positions_unless_somebody_has_chosen() {
+    let known = || {
+        ["a.ticks", "a.position", "b.position"]
+            .map(String::from)
+            .to_vec()
+    };
+    let names = |known| {
+        let mut plot = Plot::new(Duration::from_secs(1), None, true);
+        assert!(plot.begin() && !plot.begin());
+        assert!(!plot.choose_first());
+        plot.known = known;
+        assert!(plot.choose_first() && !plot.choose_first());
+        plot.wish().panes
+    };
+    assert_eq!(names(known()), [["a.position", "b.position"]]);
+    assert_eq!(names(vec!["beats".into()]), [["beats"]]);
+    let mut chosen = plot();
+    assert!(!chosen.begin());
+    chosen.known = known();
+    assert!(!chosen.choose_first());
+}
+
+#[test]
+fn the_time_of_a_recording_begins_at_zero() {
+    let mut plot = plot();
+    ramp(&mut plot);
+    plot.zero_ns = Some(1000 * MS);
+    let lines = picture(&plot, SMALL);
+    let axis = lines.last().unwrap();
+    assert!(
+        axis.contains(" 0.5 ") && axis.trim_end().ends_with(" 1.0 s"),
+        "{axis}"
+    );
+}
+
+#[test]
 fn curves_have_letters_and_colours() {
     let mut plot = plot();
     ramp(&mut plot);
@@ -243,7 +279,7 @@ fn the_cursor_tells_the_values_of_its_instant() {
         key(&mut plot, KeyCode::Left);
     }
     let lines = picture(&plot, SMALL);
-    expect(&lines, &["a elbow.position  1.400 rad", "│"]);
+    expect(&lines, &["a elbow.position  1.400 rad", "│-0.600 s"]);
     // What comes does not move it.
     plot.take(&[Sample {
         curve: 0,

@@ -62,9 +62,12 @@ impl Time {
         2 * usize::from(self.columns)
     }
 
-    pub(super) fn draw_axis(self, area: Rect, buffer: &mut Buffer) {
+    /// Draws the axis, and before it the instant of the cursor.
+    pub(super) fn draw_axis(self, plot: &Plot, area: Rect, buffer: &mut Buffer) {
         let span = self.end_ns.saturating_sub(self.begin_ns);
-        let (unit_ns, unit) = match span {
+        let ends = [self.begin_ns, self.end_ns];
+        let times = ends.map(|it| it.abs_diff(self.zero_ns));
+        let (unit_ns, unit) = match times.into_iter().fold(span, u64::max) {
             900_000_000.. => (1e9, "s"),
             900_000.. => (1e6, "ms"),
             _ => (1e3, "µs"),
@@ -74,10 +77,28 @@ impl Time {
             at(self.end_ns) - since(self.end_ns, self.begin_ns) / unit_ns,
             at(self.end_ns),
         );
+        if let Some(cursor) = plot.cursor_ns {
+            // To the nanosecond: the marks are at whole dots.
+            let (_, zero) = plot.end_and_zero_ns();
+            let time = since(cursor, zero) / unit_ns;
+            let width = usize::from(AXIS.min(area.width));
+            let texts = (0..4)
+                .rev()
+                .map(|digits| format!("│{time:.digits$} {unit}"));
+            let fitting = texts.into_iter().find(|it| it.chars().count() <= width);
+            let text = fitting.unwrap_or_default();
+            buffer.set_stringn(area.x, area.y, text, width, Style::new());
+        }
         let scale = Scale::of(begin, end, self.columns / MARK);
-        for (value, text) in scale.marks() {
-            let text = if value.abs() < scale.step / 2.0 {
-                format!("0 {unit}")
+        let is_zero = |value: f64| value.abs() < scale.step / 2.0;
+        let marks: Vec<_> = scale.marks().collect();
+        // The unit is at 0, or at the last one.
+        let zero = marks.iter().position(|(value, _)| is_zero(*value));
+        let with_unit = zero.unwrap_or(marks.len().saturating_sub(1));
+        for (place, (value, text)) in marks.into_iter().enumerate() {
+            let text = if is_zero(value) { "0".into() } else { text };
+            let text = if place == with_unit {
+                format!("{text} {unit}")
             } else {
                 text
             };
@@ -86,6 +107,9 @@ impl Time {
             let column = (AXIS + column as u16).saturating_sub(width / 2);
             // The last one ends with the axis.
             let column = column.min((AXIS + self.columns).saturating_sub(width));
+            if plot.cursor_ns.is_some() && column < AXIS {
+                continue;
+            }
             let room = area.width.saturating_sub(column);
             let style = Style::new();
             buffer.set_stringn(area.x + column, area.y, text, room.into(), style);

@@ -67,7 +67,7 @@ pub(super) fn draw(frame: &mut Frame<'_>, model: &Model, popup: Popup) {
         Popup::Step => {
             let lines = vec![
                 Line::raw("Type how much time passes, such as 2500us or 10s").bold(),
-                field(&model.typed),
+                field(&model.typed, frame.area()),
                 Line::raw("Enter: step, then stop the time; Esc: cancel").dim(),
             ];
             show(frame, " Step ", lines);
@@ -113,7 +113,7 @@ fn program(frame: &mut Frame<'_>, model: &Model, member: usize) {
             member.name
         ))
         .bold(),
-        field(&model.typed),
+        field(&model.typed, frame.area()),
         Line::raw("Enter: load and start it; Esc: cancel").dim(),
     ];
     show(frame, " Load ", lines);

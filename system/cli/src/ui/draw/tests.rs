@@ -2,6 +2,7 @@ use std::os::fd::OwnedFd;
 
 use ratatui::Terminal;
 use ratatui::backend::TestBackend;
+use ratatui::buffer::Buffer;
 
 use super::*;
 use crate::counts::Row;
@@ -100,12 +101,17 @@ fn model() -> Model {
     model
 }
 
-/// The lines of a picture of this size.
-fn picture(model: &mut Model, (columns, rows): (u16, u16)) -> Vec<String> {
+/// The cells of a picture of this size.
+fn cells(model: &mut Model, (columns, rows): (u16, u16)) -> Buffer {
     layout::resize(model, columns, rows);
     let mut terminal = Terminal::new(TestBackend::new(columns, rows)).unwrap();
     terminal.draw(|frame| draw(frame, model)).unwrap();
-    let buffer = terminal.backend().buffer();
+    terminal.backend().buffer().clone()
+}
+
+/// The lines of a picture of this size.
+fn picture(model: &mut Model, (columns, rows): (u16, u16)) -> Vec<String> {
+    let buffer = cells(model, (columns, rows));
     let line = |row| -> String {
         (0..columns)
             .map(|column| buffer[(column, row)].symbol())
@@ -329,6 +335,21 @@ fn nothing_that_a_program_chose_commands_the_terminal() {
             assert!(matches!(plain, std::borrow::Cow::Borrowed(_)), "{plain}");
         }
     }
+}
+
+#[test]
+fn only_what_a_program_writes_bold_is_bold() {
+    let mut model = model();
+    model.focus = Page::Window(WindowId(1));
+    let text = b"plain \x1b[1mloud".to_vec();
+    model.hear(UiEvent::Output(WindowId(1), text));
+    let buffer = cells(&mut model, SMALL);
+    let bold = buffer
+        .content
+        .iter()
+        .filter(|cell| cell.modifier.contains(Modifier::BOLD));
+    let bold: String = bold.map(ratatui::buffer::Cell::symbol).collect();
+    assert!(bold.contains("loud") && !bold.contains("plain"), "{bold}");
 }
 
 #[test]
