@@ -27,11 +27,7 @@ const SUITES: [Suite; 8] = [
         units: true,
         program: "mos",
         modules: &["scope::", "latest::"],
-        skipped: &[
-            "interrupted::",
-            "a_million_instants",
-            "the_largest_numbers_end",
-        ],
+        skipped: &["interrupted::", "the_largest_numbers_end"],
     },
     Suite {
         package: "condor-dev",
