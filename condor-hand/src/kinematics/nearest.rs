@@ -88,7 +88,9 @@ impl<T: Real, const N: usize> Chain<T, N> {
             let held = held(&jacobian, &error, &q, limits);
             let (slope, mut curvature) = downhill(&jacobian, &error, &held);
             for place in 0..N {
-                curvature[(place, place)] += damping;
+                if let Some(entry) = curvature.get_mut((place, place)) {
+                    *entry += damping;
+                }
             }
             let way = Ldl::new(&curvature).map(|factors| factors.solve(&slope));
             let longest = way.map_or(T::zero(), |way| way.amax());
@@ -172,20 +174,22 @@ fn downhill<T: Real, const N: usize>(
     held: &[Option<Side>; N],
 ) -> (SVector<T, N>, SMatrix<T, N, N>) {
     let mut columns = [(Vector3::zeros(), Vector3::zeros()); N];
-    for ((place, held), column) in columns.iter_mut().zip(held).zip(jacobian.column_iter()) {
+    for ((place, held), &[x, y, z, a, b, c]) in columns.iter_mut().zip(held).zip(&jacobian.data.0) {
         if held.is_none() {
-            let (linear, angular) = (column.fixed_rows::<3>(0), column.fixed_rows::<3>(3));
-            *place = (linear.into_owned(), angular.into_owned());
+            *place = (Vector3::new(x, y, z), Vector3::new(a, b, c));
         }
     }
     let mut slope = SVector::<T, N>::zeros();
     let mut curvature = SMatrix::<T, N, N>::zeros();
-    for (j, (linear, _)) in columns.iter().enumerate() {
-        slope[j] = linear.dot(error);
+    for ((j, (linear, _)), slope) in columns.iter().enumerate().zip(slope.iter_mut()) {
+        *slope = linear.dot(error);
         for (i, (before, angular)) in columns.iter().enumerate().take(j + 1) {
             let entry = before.dot(linear) - error.dot(&angular.cross(linear));
-            curvature[(i, j)] = entry;
-            curvature[(j, i)] = entry;
+            for place in [(i, j), (j, i)] {
+                if let Some(place) = curvature.get_mut(place) {
+                    *place = entry;
+                }
+            }
         }
     }
     (slope, curvature)

@@ -426,17 +426,25 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
         let loads =
             self.mechanism.gravity_torque(position, gravity) + self.stops(position, velocity);
         let mut kept = self.desired;
-        for (joint, (servo, hold)) in self.joints.iter_mut().zip(&mut self.holds).enumerate() {
+        for ((((((servo, hold), &position), &mean), kept), &torque), &loads) in self
+            .joints
+            .iter_mut()
+            .zip(&mut self.holds)
+            .zip(position)
+            .zip(&means)
+            .zip(&mut kept)
+            .zip(&torque)
+            .zip(&loads)
+        {
             // There is no position to hold yet.
             if matches!(hold, Some(ServoMode::Position | ServoMode::Impedance)) && !servo.seen {
                 continue;
             }
             if let Some(mode) = hold.take() {
-                let mean = means[joint];
-                servo.take(servo.hold(mode, position[joint], mean, torque[joint], loads[joint]));
+                servo.take(servo.hold(mode, position, mean, torque, loads));
                 self.changed = true;
                 if !matches!(mode, ServoMode::Off | ServoMode::Position) {
-                    kept[joint] = mean;
+                    *kept = mean;
                 }
             }
         }
