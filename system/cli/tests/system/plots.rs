@@ -144,8 +144,9 @@ fn a_page_of_the_user_interface_has_plots() {
     shown.expect("F10");
     // The page before the first one.
     shown.press("\x1b[13~");
-    shown.expect("no variables: n chooses some");
-    shown.press("nb:bea");
+    shown.expect("F1 keys");
+    // It has begun with some variables.
+    shown.press("n\x15b:bea");
     shown.expect("  b:beats");
     shown.press("\t");
     shown.expect("b:beats▏");
