@@ -101,7 +101,7 @@ enum Command {
     Tty(commands::Tty),
     /// Prints static variables of a running program
     ///
-    /// They are found by their names in the debug information of the program.
+    /// Each is given by its name in the source; the debug information of the program tells where it is.
     Print(commands::Print),
     /// Starts GDB on the program of a processor
     ///

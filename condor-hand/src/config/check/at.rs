@@ -30,7 +30,7 @@ pub(super) struct At {
     table: Table,
 }
 
-/// A text, without the parts for which there is no room.
+/// Formats a text; a part that does not fit is left out.
 fn text<const N: usize>(text: fmt::Arguments<'_>) -> heapless::String<N, u8> {
     let mut all = heapless::String::new();
     let _ = all.write_fmt(text);

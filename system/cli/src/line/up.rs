@@ -14,7 +14,7 @@ use super::{AnyError, Application, code, description};
 use crate::commands::number::duration;
 use crate::screen;
 use condor_host::description::{ProcessorEntry, SystemDescription};
-use condor_host::error::{me, tell};
+use condor_host::error::tell;
 use condor_host::plain::plain_lines;
 use condor_host::reading::robot_of;
 use condor_host::services::terminals;
@@ -69,10 +69,9 @@ fn keep() -> Result<ExitCode, AnyError> {
     supervisor.arg("--kept").args(words);
     let status = reaper::keep(supervisor)?;
     if status.code().is_none() {
-        eprintln!(
-            "{}: the supervisor was killed ({status}), and so were all programs",
-            me()
-        );
+        tell(format_args!(
+            "the supervisor was killed ({status}), and so were all programs"
+        ));
     }
     Ok(code(status.success()))
 }
@@ -137,10 +136,9 @@ pub(super) fn run(
             match Summary::look(directory, status) {
                 Ok(summary) => seen.set(summary),
                 Err(error) => {
-                    eprintln!(
-                        "{}: cannot read loops and messages for the summary: {error}",
-                        me()
-                    );
+                    tell(format_args!(
+                        "cannot read loops and messages for the summary: {error}"
+                    ));
                 }
             }
             if how.json {
@@ -150,10 +148,9 @@ pub(super) fn run(
                 print_answers(&description, directory);
             }
             if let Err(error) = application.summarize(&description, directory) {
-                eprintln!(
-                    "{}: cannot print the summary of the programs: {error}",
-                    me()
-                );
+                tell(format_args!(
+                    "cannot print the summary of the programs: {error}"
+                ));
             }
         },
     )?;
@@ -178,10 +175,9 @@ fn print_answers(description: &SystemDescription, directory: &SystemDirectory) {
                 println!("terminal of {name}:\n{said}\n");
             }
             Err(error) => {
-                eprintln!(
-                    "{}: cannot read the log of the terminal of {name}: {error}",
-                    me()
-                );
+                tell(format_args!(
+                    "cannot read the log of the terminal of {name}: {error}"
+                ));
             }
         }
     }
