@@ -2,7 +2,7 @@
 
 use core::fmt::{self, Write};
 
-/// The columns of a line that are shown at a time: a terminal of 80 columns never wraps it.
+/// The columns of a prompt and a line that are shown at a time: a terminal of 80 columns never wraps it.
 const WIDTH: usize = 79;
 
 /// An editor for the line that a person types at a program's terminal: it takes one typed byte at a time, and writes
@@ -25,7 +25,7 @@ const WIDTH: usize = 79;
 ///
 /// Other control characters and escape sequences have no effect. The Escape key alone has no effect either, except that
 /// a `[` or `O` typed after it, however much later, counts as the sequence of another key. A line begins in the first
-/// column. If a line is longer than 79 columns, only a part of it is shown while it is edited. Each character counts as
+/// column. If a line with its prompt is longer than 79 columns, only a part of it is shown while it is edited. Each character counts as
 /// one column.
 ///
 /// ```
@@ -63,6 +63,7 @@ pub struct LineEditor<const LINE: usize, const LINES: usize> {
     escape: Escape,
     /// The beginning of a character of several bytes.
     begun: InputLine<4>,
+    prompt: &'static str,
 }
 
 /// A line of at most `LINE` bytes, which a [`LineEditor`] returns when the person ends it.
@@ -205,7 +206,17 @@ impl<const LINE: usize, const LINES: usize> LineEditor<LINE, LINES> {
             draft: InputLine::EMPTY,
             escape: Escape::None,
             begun: InputLine::EMPTY,
+            prompt: "",
         }
+    }
+
+    /// Returns the editor with a text that stands before each line, of at most 40 columns, such as `"> "`. Call
+    /// [`show`](Self::show) before the person types the first line, and after each line that [`feed`](Self::feed)
+    /// returns.
+    #[must_use]
+    pub const fn with_prompt(mut self, prompt: &'static str) -> Self {
+        self.prompt = prompt;
+        self
     }
 
     /// Returns the line that is being typed, as far as it has come.
@@ -341,7 +352,7 @@ impl<const LINE: usize, const LINES: usize> LineEditor<LINE, LINES> {
             return out.write_char('\x07');
         }
         self.cursor = self.cursor.saturating_add(text.len());
-        if at_end && self.left == 0 && columns(self.line()) <= WIDTH {
+        if at_end && self.left == 0 && columns(self.line()) <= self.width() {
             return out.write_str(text);
         }
         self.show(out)
@@ -350,7 +361,7 @@ impl<const LINE: usize, const LINES: usize> LineEditor<LINE, LINES> {
     /// Ends the line.
     fn end(&mut self, out: &mut dyn Write) -> Result<InputLine<LINE>, fmt::Error> {
         let line = self.line;
-        let is_cut = columns(line.as_str()) > WIDTH;
+        let is_cut = columns(line.as_str()) > self.width();
         self.clear();
         let newest = self.history.first().filter(|_| self.kept > 0);
         if line.len > 0 && newest != Some(&line) {
@@ -362,7 +373,7 @@ impl<const LINE: usize, const LINES: usize> LineEditor<LINE, LINES> {
         }
         if is_cut {
             // A line that is ended is shown as a whole.
-            write!(out, "\r{}", line.as_str())?;
+            write!(out, "\r{}{}", self.prompt, line.as_str())?;
         }
         out.write_str("\n")?;
         Ok(line)
@@ -464,24 +475,39 @@ impl<const LINE: usize, const LINES: usize> LineEditor<LINE, LINES> {
         }
     }
 
-    /// Shows the line anew, with the cursor where it is.
-    fn show(&mut self, out: &mut dyn Write) -> fmt::Result {
-        let (before, _) = self.line.split(self.cursor);
-        let column = columns(before);
-        if columns(self.line()) <= WIDTH {
+    /// Writes the prompt and the line again, with the cursor where it is, over what stands in the terminal's present
+    /// line. Call it when the program has written lines of its own. Before that, `"\r\x1b[K"` removes the line that was
+    /// being typed.
+    ///
+    /// # Errors
+    /// Returns the error of `out` if it fails.
+    pub fn show(&mut self, out: &mut dyn Write) -> fmt::Result {
+        let (before, after) = self.line.split(self.cursor);
+        let (column, is_at_end) = (columns(before), after.is_empty());
+        let width = self.width();
+        if columns(self.line()) <= width {
             self.left = 0;
-        } else if column < self.left || column > self.left.saturating_add(WIDTH) {
-            self.left = column.saturating_sub(WIDTH / 2);
+        } else if column < self.left || column > self.left.saturating_add(width) {
+            self.left = column.saturating_sub(width / 2);
         }
-        out.write_char('\r')?;
-        for character in self.line().chars().skip(self.left).take(WIDTH) {
+        write!(out, "\r{}", self.prompt)?;
+        for character in self.line().chars().skip(self.left).take(width) {
             out.write_char(character)?;
         }
-        out.write_str("\x1b[K\r")?;
-        match column.saturating_sub(self.left) {
-            0 => Ok(()),
-            right => write!(out, "\x1b[{right}C"),
+        out.write_str("\x1b[K")?;
+        if is_at_end {
+            return Ok(());
         }
+        let right = columns(self.prompt).saturating_add(column.saturating_sub(self.left));
+        match right {
+            0 => out.write_char('\r'),
+            right => write!(out, "\r\x1b[{right}C"),
+        }
+    }
+
+    /// Returns the columns of a line that are shown at a time.
+    fn width(&self) -> usize {
+        WIDTH.saturating_sub(columns(self.prompt))
     }
 }
 

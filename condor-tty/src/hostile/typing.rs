@@ -98,23 +98,26 @@ impl fmt::Write for Screen {
     }
 }
 
-/// Checks that the line in `editor` is valid, and that `screen` shows the part of the line around the cursor.
+/// Checks that the line in `editor` is valid, and that `screen` shows `prompt`, and the part of the line around the
+/// cursor.
 ///
 /// # Panics
 /// Panics if the line or the screen is wrong.
 pub fn check<const LINE: usize, const LINES: usize>(
     editor: &LineEditor<LINE, LINES>,
     screen: &Screen,
+    prompt: &str,
 ) {
     let line = editor.line();
     assert!(line.len() <= LINE, "{line:?}");
     assert!(!line.chars().any(char::is_control), "{line:?}");
     let before = line.get(..editor.cursor());
     let before = before.expect("the cursor is between characters of the line");
-    let left = before.chars().count().checked_sub(screen.column);
+    let left = (prompt.len() + before.chars().count()).checked_sub(screen.column);
     let left = left.expect("the cursor is in the line that is shown");
-    let shown: String = line.chars().skip(left).take(Screen::COLUMNS - 1).collect();
-    assert_eq!(screen.last(), shown.trim_end());
+    let width = Screen::COLUMNS - 1 - prompt.len();
+    let shown: String = line.chars().skip(left).take(width).collect();
+    assert_eq!(screen.last(), format!("{prompt}{shown}").trim_end());
 }
 
 /// Runs a fuzz test of a [`LineEditor`]: `bytes` are the characters that are typed, and decide the sizes of the editor.
@@ -145,18 +148,23 @@ fn types<const LINE: usize, const LINES: usize>(script: &Script<'_>) {
         calls.set(calls.get() + usize::from(offers_others));
         words.iter().skip(calls.get() % 2).for_each(|it| offer(it));
     };
-    let (mut editor, mut screen) = (LineEditor::<LINE, LINES>::new(), Screen::new());
+    let prompt = ["", "> "][script.below(2)];
+    let mut editor = LineEditor::<LINE, LINES>::new().with_prompt(prompt);
+    let mut screen = Screen::new();
+    editor.show(&mut screen).unwrap();
     while !script.is_over() {
         let byte = script.byte();
         if byte == 0xff {
             // No text has this byte: here it stands for an interrupt.
             editor.clear();
             screen.write_char('\n').unwrap();
+            editor.show(&mut screen).unwrap();
         } else if let Some(line) = editor.feed(byte, &mut complete, &mut screen).unwrap() {
             assert!(line.as_str().len() <= LINE, "{line:?}");
             assert!(!line.as_str().chars().any(char::is_control), "{line:?}");
             assert_eq!((editor.line(), editor.cursor()), ("", 0));
+            editor.show(&mut screen).unwrap();
         }
-        check(&editor, &screen);
+        check(&editor, &screen, prompt);
     }
 }

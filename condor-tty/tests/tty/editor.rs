@@ -1,6 +1,8 @@
 //! The line editor against a reference model, and what it shows against a small terminal of 80 columns.
 #![cfg(feature = "hostile")]
 
+use std::fmt::Write as _;
+
 use condor_tty::LineEditor;
 use proptest::prelude::*;
 
@@ -222,9 +224,12 @@ fn a_line_that_is_entered_again_is_kept_once() {
 proptest! {
     #[test]
     fn what_is_typed_is_what_the_model_has_and_what_the_terminal_shows(
+        prompt in prop_oneof![Just(""), Just("> ")],
         all in prop::collection::vec((typed(), any::<bool>()), 1..60),
     ) {
-        let (mut editor, mut model, mut screen) = (Editor::new(), Model::default(), Screen::new());
+        let mut editor = Editor::new().with_prompt(prompt);
+        let (mut model, mut screen) = (Model::default(), Screen::new());
+        editor.show(&mut screen).unwrap();
         for (one, way) in all {
             let expected = model.types(&one);
             let mut ended = None;
@@ -239,11 +244,13 @@ proptest! {
             if let Some(expected) = expected {
                 // Its last rows are the line that was ended, and an empty one.
                 let shown: String = screen.rows.iter().rev().skip(1)
-                    .take(expected.chars().count().div_ceil(Screen::COLUMNS).max(1))
+                    .take((prompt.len() + expected.chars().count()).div_ceil(Screen::COLUMNS).max(1))
                     .collect::<Vec<_>>().into_iter().rev().flatten().collect();
+                let expected = format!("{prompt}{expected}");
                 prop_assert_eq!(shown.trim_end(), expected.trim_end());
+                editor.show(&mut screen).unwrap();
             }
-            check(&editor, &screen);
+            check(&editor, &screen, prompt);
         }
     }
 
@@ -307,6 +314,23 @@ fn a_sequence_that_does_not_end_swallows_no_line() {
     assert_eq!(editor.line(), "");
     let rows: Vec<String> = screen.rows.iter().map(|row| row.iter().collect()).collect();
     assert_eq!(rows, ["a", "b", ""]);
+}
+
+#[test]
+fn a_program_writes_above_the_line_that_is_being_typed() {
+    let mut editor = Editor::new().with_prompt("> ");
+    let mut screen = Screen::new();
+    editor.show(&mut screen).unwrap();
+    for byte in *b"stop\x02" {
+        editor.feed(byte, &mut words, &mut screen).unwrap();
+    }
+    screen.write_str("\r\x1b[Ksaid\n").unwrap();
+    editor.show(&mut screen).unwrap();
+    for byte in *b"-\r" {
+        editor.feed(byte, &mut words, &mut screen).unwrap();
+    }
+    let rows: Vec<String> = screen.rows.iter().map(|row| row.iter().collect()).collect();
+    assert_eq!(rows, ["said", "> sto-p", ""]);
 }
 
 #[test]
