@@ -7,10 +7,11 @@
 // * `listening`, `live`: what viewers on a network get of a system, or of a robot alone;
 // * `guard`, `screen`: this terminal, taken over by a picture;
 // * `peek`, `plot`: variables over time and the robot, drawn;
-// * `counts`, `ui`, `commands`, `line`: what people use.
+// * `demo`, `counts`, `ui`, `commands`, `line`: what people use.
 
 mod commands;
 mod counts;
+mod demo;
 mod guard;
 // Functions that fuzz targets call with arbitrary bytes.
 #[cfg(feature = "hostile")]
@@ -24,7 +25,7 @@ mod plot;
 pub mod recording;
 mod screen;
 mod table;
-pub mod ui;
+mod ui;
 
 pub use condor_host::application::{Application, ProgramFunction, Programs};
 pub use condor_host::error::AnyError;

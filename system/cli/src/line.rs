@@ -1,6 +1,7 @@
 //! The command line of `condor`, and of programs that are `condor` with programs of their own.
 
 mod clock;
+mod demo;
 mod help;
 mod new;
 mod requests;
@@ -45,6 +46,11 @@ enum Command {
     },
     /// Starts a system: its services and the programs of its processors
     Up(up::Up),
+    /// Starts a system and shows what it can do, step by step
+    ///
+    /// It shows the user interface, types at terminals, and says what it does, as the file demo.toml beside the description
+    /// of the system prescribes. A person can type meanwhile. F10 leaves, as in the user interface.
+    Demo(demo::DemoArguments),
     /// Stops the program of a processor, or a service
     Stop(requests::OneProcessor),
     /// Starts a program or service that was stopped or has failed
@@ -224,6 +230,7 @@ fn run(line: Line, application: &dyn Application) -> Result<ExitCode, AnyError> 
         Some(Command::New(new)) => new.run()?,
         Some(Command::Check { file }) => check(&description(file, application), application)?,
         Some(Command::Up(up)) => return up::run(up.file, &up.how, application),
+        Some(Command::Demo(demo)) => return demo.run(application),
         Some(Command::Stop(one)) => requests::stop(one)?,
         Some(Command::Start(one)) => requests::start(one)?,
         Some(Command::Restart(one)) => requests::restart(one)?,

@@ -140,6 +140,38 @@ pub(crate) fn popup(
     Paragraph::new(lines).block(block).render(area, buffer);
 }
 
+/// Breaks a text between words into lines of at most `width` columns; all but the first begin with `indent` blanks. A
+/// word that is longer than a line is cut.
+pub(crate) fn wrapped(text: &str, width: u16, indent: usize) -> Vec<String> {
+    let width = usize::from(width);
+    let (mut lines, mut line, mut room) = (Vec::new(), String::new(), width);
+    for mut word in text.split_inclusive(' ') {
+        loop {
+            let len = word.trim_end().chars().count();
+            if len <= room {
+                line += word;
+                room = room.saturating_sub(word.chars().count());
+                break;
+            }
+            let is_begun = line.len() > indent;
+            if !is_begun {
+                // No line is long enough for this word.
+                let at = word
+                    .char_indices()
+                    .nth(room.max(1))
+                    .map_or(word.len(), |it| it.0);
+                let (part, rest) = word.split_at(at);
+                line += part;
+                word = rest;
+            }
+            lines.push(core::mem::replace(&mut line, " ".repeat(indent)));
+            room = width.saturating_sub(indent);
+        }
+    }
+    lines.push(line);
+    lines
+}
+
 /// A text that is being typed, with its cursor: as much of it as a popup in `area` has room for.
 pub(crate) fn field(typed: &Input, area: Rect) -> Line<'static> {
     let room = usize::from(area.width.saturating_sub(FRAME + 1)).max(1);

@@ -7,6 +7,7 @@
 //! The state is in `model`; `draw` only reads it, and `input` translates keys and the mouse into
 //! requests.
 
+mod choices;
 mod draw;
 mod feed;
 mod input;
@@ -15,6 +16,7 @@ mod log;
 mod look;
 mod menu;
 mod model;
+mod search;
 mod terminal;
 mod tool;
 mod window;
@@ -22,11 +24,14 @@ mod window;
 use std::io;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc;
+use std::thread;
 use std::time::{Duration, Instant};
 
+use crate::demo::Demo;
 use crate::plot::Figure;
 use crate::screen::{self, Screen};
 use condor_host::control::{ControlClient, ControlClientError, told_of};
+use condor_host::error::me;
 use condor_host::extension::Extension;
 use condor_host::robot::Robot;
 use condor_host::signals;
@@ -35,8 +40,8 @@ use feed::{UiEvent, UiFeeds};
 use input::Situation;
 use look::Look;
 use menu::Doer;
-use model::{Leaving, Model, Page};
-pub use tool::Tool;
+use model::{Leaving, Model};
+pub(crate) use tool::Tool;
 
 /// The least time between two pictures.
 const FRAME: Duration = Duration::from_millis(40);
@@ -45,8 +50,7 @@ const LOOK: Duration = Duration::from_millis(500);
 
 /// The reason why the user interface did not start, or has ended.
 #[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum UiError {
+pub(crate) enum UiError {
     /// The supervisor did not answer, or refused.
     #[error(transparent)]
     Supervisor(#[from] ControlClientError),
@@ -57,27 +61,45 @@ pub enum UiError {
 
 /// Shows the running system in `directory` on this terminal, until a person leaves or SIGHUP, SIGINT or SIGTERM comes.
 /// `tools` are programs that the person can start on a processor. `robot` is drawn beside plots. `extensions` are those
-/// of the application; plots read static variables of their processors' programs by them.
+/// of the application; plots read static variables of their processors' programs by them. `demo` is carried out beside.
 ///
 /// # Errors
 /// Returns [`UiError`] if the supervisor or the terminal fails; the terminal is restored then.
-pub fn run(
+pub(crate) fn run(
     directory: &SystemDirectory,
     tools: Vec<Tool>,
     robot: Option<Box<dyn Robot>>,
     extensions: &[&'static dyn Extension],
+    demo: Option<Demo>,
 ) -> Result<(), UiError> {
     let status = ControlClient::connect(directory)?.status()?;
     let mut model = Model::new(&status, tools);
     model.plot.figure = robot.map(Figure::new);
     model.plot.has_colors = screen::has_colors();
+    let kept = directory.path().join(choices::FILE);
+    choices::restore(&mut model, &kept);
     let end = signals::flag()?;
     let (sender, news) = mpsc::channel();
     let feed = UiFeeds::start(directory, &model.windows, &sender);
+    if let Some(demo) = demo {
+        let (place, captions) = (directory.clone(), sender.clone());
+        thread::spawn(move || {
+            demo.play(&place, |caption| {
+                captions.send(UiEvent::Caption(caption)).is_ok()
+            })
+        });
+    }
     let mut screen = Screen::open()?;
     let doer = Doer::new(directory, extensions, sender);
     let outcome = show(&mut screen, &mut model, &news, &feed, &doer, &end);
     drop(screen);
+    // A directory of a system that has ended belongs to the next one.
+    if model.gone.is_none()
+        && let Err(error) = choices::keep(&model, &kept)
+    {
+        let (me, kept) = (me(), kept.display());
+        eprintln!("{me}: layout and plots are not kept: {kept}: {error}");
+    }
     if outcome? == Leaving::Down {
         let killed = ControlClient::connect(directory)?.down()?;
         if let Some(text) = told_of(&killed) {
@@ -107,6 +129,9 @@ fn show(
         if changed && drawn.is_none_or(|at| at.elapsed() >= FRAME) {
             let size = screen.size()?;
             layout::resize(model, size.width, size.height);
+            if model.begin_plots() {
+                doer.fetch_plots(model);
+            }
             screen.draw(|frame| draw::draw(frame, model))?;
             drawn = Some(Instant::now());
             changed = false;
@@ -137,11 +162,7 @@ fn take(model: &mut Model, news: UiEvent, doer: &Doer) -> io::Result<Option<Leav
     match news {
         UiEvent::Input(event) => {
             let action = input::action(&Situation::of(model), &event);
-            let leaving = action.and_then(|action| menu::act(model, action, doer));
-            if model.focus == Page::Plots && model.plot.begin() {
-                doer.fetch_plots(model);
-            }
-            Ok(leaving)
+            Ok(action.and_then(|action| menu::act(model, action, doer)))
         }
         UiEvent::NoInput(error) => Err(error),
         other => {

@@ -16,6 +16,7 @@
 //! | `lock` | is locked (`flock`) by the supervisor as long as it runs |
 //! | `pids` | lists the supervisor's process, and then those that it started |
 //! | `log` | lists events with their times; `log.old` is the log of the previous run, or of this run before the log reached 1 MiB |
+//! | `ui` | has the choices that a person has made in the user interface; it stays |
 //! | `tty/` | has the terminals, see [`services`](crate::services) |
 
 use std::os::unix::fs::{DirBuilderExt, MetadataExt};

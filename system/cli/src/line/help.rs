@@ -32,6 +32,7 @@ const GROUPS: [(&str, &[Examples]); 7] = [
                     "up --headless --for 20s",
                 ],
             ),
+            ("demo", &["demo"]),
             ("down", &["down"]),
             ("start", &["start servo-a"]),
             ("stop", &["stop servo-a"]),

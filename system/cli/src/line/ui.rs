@@ -10,6 +10,7 @@ use clap::Args;
 
 use super::{AnyError, Application, code};
 use crate::commands::SystemChoice;
+use crate::demo::Demo;
 use crate::screen;
 use crate::ui::{self, Tool};
 use condor_host::control::ControlClient;
@@ -21,6 +22,8 @@ use condor_host::robot::Robot;
 use condor_host::supervisor::{self, stat};
 use condor_host::system::{self, SystemDirectory};
 
+/// The reason why nothing is shown.
+pub(super) const NO_SCREEN: &str = "the user interface needs a terminal, and TERM must not be `dumb`; without one, use `ps` and `top`";
 /// Lines of the log that are shown if the system fails.
 const LAST: usize = 20;
 /// The time between two looks whether the supervisor is there.
@@ -53,10 +56,7 @@ impl Ui {
     pub(super) fn run(&self, application: &dyn Application) -> Result<(), AnyError> {
         let directory = system::find(self.which.system.as_deref())?;
         if !screen::is_possible() {
-            return Err(
-                "the user interface needs a terminal, and TERM must not be `dumb`; without one, use `ps` and `top`"
-                    .into(),
-            );
+            return Err(NO_SCREEN.into());
         }
         let status = ControlClient::connect(&directory)?.status()?;
         let robot = robot_of(Path::new(&status.file), application)?;
@@ -65,6 +65,7 @@ impl Ui {
             self.tools.all(),
             robot,
             application.extensions(),
+            None,
         )?)
     }
 }
@@ -78,6 +79,7 @@ pub(super) fn up(
     tools: &Tools,
     robot: Option<Box<dyn Robot>>,
     extensions: &[&'static dyn Extension],
+    demo: Option<Demo>,
 ) -> Result<ExitCode, AnyError> {
     let directory = SystemDirectory::of(name)?;
     let output = directory.path().join("output");
@@ -100,7 +102,7 @@ pub(super) fn up(
         }
         std::thread::sleep(LOOK);
     }
-    let outcome = ui::run(&directory, tools.all(), robot, extensions);
+    let outcome = ui::run(&directory, tools.all(), robot, extensions, demo);
     if is_supervisor(&directory, pid) {
         outcome?;
         let me = me();

@@ -105,6 +105,7 @@ pub(super) fn run(
             &how.tools,
             robot,
             application.extensions(),
+            None,
         );
     }
     if !how.kept {

@@ -1,5 +1,7 @@
 //! Curves and panes: what is drawn, and where.
 
+use serde::{Deserialize, Serialize};
+
 use super::history::History;
 use condor_host::names::VariableName;
 
@@ -37,7 +39,8 @@ pub(crate) struct Curve {
 }
 
 /// The part of the range of values that a pane shows.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub(crate) enum Range {
     /// All values that are seen.
     Auto,
@@ -46,10 +49,12 @@ pub(crate) enum Range {
 }
 
 /// Curves on one axis of values.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub(crate) struct Pane {
     /// The names and patterns that were asked for.
     pub(crate) names: Vec<String>,
+    #[serde(skip)]
     pub(crate) curves: Vec<usize>,
     pub(crate) range: Range,
 }

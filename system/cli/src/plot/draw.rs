@@ -37,7 +37,8 @@ pub(crate) fn draw(plot: &Plot, area: Rect, buffer: &mut Buffer) {
         }
         time.draw_axis(plot, axis, buffer);
     }
-    front::draw(plot, area, buffer);
+    // Popups have all of the screen, since a tile may have too few lines.
+    front::draw(plot, *buffer.area(), buffer);
 }
 
 /// Returns the areas of the plots and of the robot.

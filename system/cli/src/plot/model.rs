@@ -3,6 +3,7 @@
 use core::fmt::Write as _;
 use core::time::Duration;
 
+use serde::{Deserialize, Serialize};
 use tui_input::Input;
 
 use super::curve::{ChosenCurves, Curve, Pane, Range, Sample, Wish};
@@ -13,7 +14,7 @@ use super::trigger::{Condition, Trigger};
 use condor_host::names::VariableName as _;
 
 /// The shortest and the longest time that is seen at once.
-const SPANS_NS: [u64; 2] = [1_000_000, 1_800_000_000_000];
+pub(super) const SPANS_NS: [u64; 2] = [1_000_000, 1_800_000_000_000];
 /// The part of the time that is before the instant of a trigger: one in so many.
 const BEFORE: u64 = 4;
 /// The part of the time, or of a range of values, by which a key moves.
@@ -33,7 +34,8 @@ pub(crate) enum Prompt {
 }
 
 /// The part of the screen that the robot has.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub(crate) enum RobotPane {
     Hidden,
     Beside,
@@ -153,13 +155,17 @@ impl Plot {
         self.find_names();
     }
 
-    /// Asks for names, when a person first looks and has chosen nothing; returns true if it does.
-    pub(crate) fn begin(&mut self) -> bool {
+    /// Asks for values, when a person first looks; returns true if it does. If nothing has been chosen, it also shows
+    /// the robot where there `is_room`.
+    pub(crate) fn begin(&mut self, is_room: bool) -> bool {
         if core::mem::replace(&mut self.has_begun, true) {
             return false;
         }
         self.is_beginning = self.panes.iter().all(|pane| pane.names.is_empty());
-        self.is_beginning
+        if self.is_beginning && is_room && self.figure.is_some() {
+            self.show_robot(false);
+        }
+        true
     }
 
     /// Chooses the positions that are named first, or any variables, once names are known; returns true if it does.

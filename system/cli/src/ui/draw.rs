@@ -7,19 +7,37 @@ use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout as Split, Position, Rect};
 use ratatui::style::{Color, Modifier, Style, Stylize};
 use ratatui::text::{Line, Span};
-use ratatui::widgets::{Block, BorderType, Borders, Paragraph};
+use ratatui::widgets::{Block, BorderType, Borders, Clear, Paragraph};
 
 use super::layout::{self, Layout};
-use super::model::{Model, Page};
+use super::log::Level;
+use super::model::{Model, Page, Popup};
+use super::search;
 use super::terminal;
 use super::window::Window;
 use crate::plot;
+use crate::screen::{field, wrapped};
 use condor_host::control::{ClockStatus, MemberState};
 use condor_host::plain::plain;
 
+/// The columns and rows of the smallest screen on which pages are drawn.
+const LEAST: (u16, u16) = (40, 10);
+
 pub(super) fn draw(frame: &mut Frame<'_>, model: &Model) {
-    let layout = layout::layout(frame.area(), model);
+    let area = frame.area();
+    let (columns, rows) = LEAST;
+    if area.width < columns || area.height < rows {
+        let text = format!("Too small: this terminal needs {columns} × {rows} characters.");
+        let lines = wrapped(&text, area.width, 0).into_iter().map(Line::raw);
+        return frame.render_widget(Paragraph::new(lines.collect::<Vec<_>>()), area);
+    }
+    let layout = layout::layout(area, model);
     draw_tabs(frame, model, &layout);
+    let caption = wrapped(&model.caption, area.width, 0)
+        .into_iter()
+        .map(Line::raw);
+    let caption = Paragraph::new(caption.collect::<Vec<_>>());
+    frame.render_widget(caption.bold().reversed(), layout.caption);
     let is_alone = layout.panes.len() == 1;
     for (page, area) in &layout.panes {
         draw_pane(frame, model, *page, *area, layout::borders(*page, is_alone));
@@ -73,15 +91,21 @@ fn draw_pane(frame: &mut Frame<'_>, model: &Model, page: Page, area: Rect, borde
     }
     let inner = block.inner(area);
     frame.render_widget(block, area);
-    if let Page::Window(id) = page {
-        if let Some(window) = model.window(id) {
-            draw_window(frame, window, inner, is_focus && model.popup.is_none());
+    match page {
+        Page::Window(id) => {
+            if let Some(window) = model.window(id) {
+                draw_window(frame, window, inner, is_focus && model.popup.is_none());
+            }
         }
-        return;
+        Page::Plots => plot::draw(&model.plot, inner, frame.buffer_mut()),
+        _ => draw_table(frame, model, page, inner),
     }
-    if page == Page::Plots {
-        return plot::draw(&model.plot, inner, frame.buffer_mut());
+    if is_focus && model.popup == Some(Popup::Search) {
+        search::mark(model.typed.value(), inner, frame.buffer_mut());
     }
+}
+
+fn draw_table(frame: &mut Frame<'_>, model: &Model, page: Page, inner: Rect) {
     let (head, rows) = tables::lines(model, page, inner.width);
     let split = [Constraint::Length(head.len() as u16), Constraint::Fill(1)];
     let [above, below] = Split::vertical(split).areas(inner);
@@ -122,7 +146,11 @@ fn title(model: &Model, page: Page) -> Line<'static> {
         Page::Loops => " Servo loops ".into(),
         Page::Messages => " Messages per vector ".into(),
         Page::Files => " File service ".into(),
-        Page::Log => " Log ".into(),
+        Page::Log => match model.least {
+            Level::Information => " Log ".into(),
+            Level::Warning => " Log: warnings and failures ".into(),
+            Level::Failure => " Log: failures ".into(),
+        },
         Page::Plots => plain(&format!(" Plots: {}, F1 keys ", model.plot.state())).into_owned(),
     };
     Line::raw(text)
@@ -138,27 +166,62 @@ fn draw_window(frame: &mut Frame<'_>, window: &Window, area: Rect, has_cursor: b
     }
 }
 
+/// Draws the line at the bottom. A notice that is longer covers the lines above it.
 fn draw_status(frame: &mut Frame<'_>, model: &Model, area: Rect) {
-    let line = if let Some(why) = &model.gone {
-        Line::raw(format!("No supervisor (F10 leaves): {why}")).red()
-    } else if let Some(notice) = &model.notice {
-        Line::raw(notice.as_str()).yellow()
-    } else if let (Page::Plots, Some(notice)) = (model.focus, &model.plot.notice) {
-        Line::raw(plain(notice)).yellow()
-    } else {
-        let system = &model.system;
-        let text = match &model.clock {
-            None => format!(
-                "{system} {:.0} s  F1 help  F2 actions  F3 F4 windows  F5 zoom  F10 leave",
-                model.uptime
-            ),
-            Some(clock) => format!(
-                "{system} {}  F1 help  F2 actions  F10 leave",
-                self::clock(clock)
-            ),
-        };
-        Line::raw(text).dim()
+    if model.popup == Some(Popup::Search) {
+        return draw_search(frame, model, area);
+    }
+    let Some((text, color)) = notice(model) else {
+        return frame.render_widget(Line::raw(hint(model)).dim(), area);
     };
+    let lines = wrapped(&text, area.width, 0).into_iter().map(Line::raw);
+    let lines: Vec<Line<'_>> = lines.collect();
+    let height = (lines.len() as u16).min(area.bottom());
+    let area = Rect {
+        y: area.bottom() - height,
+        height,
+        ..area
+    };
+    frame.render_widget(Clear, area);
+    frame.render_widget(Paragraph::new(lines).fg(color), area);
+}
+
+fn notice(model: &Model) -> Option<(String, Color)> {
+    if let Some(why) = &model.gone {
+        return Some((format!("No supervisor (F10 leaves): {why}"), Color::Red));
+    }
+    let of_plots = model.plot.notice.as_ref();
+    let of_plots = of_plots.filter(|_| model.focus == Page::Plots);
+    let notice = model.notice.as_ref().or(of_plots)?;
+    Some((plain(notice).into_owned(), Color::Yellow))
+}
+
+fn hint(model: &Model) -> String {
+    let system = &model.system;
+    match &model.clock {
+        None => format!(
+            "{system} {:.0} s  F1 help  F2 actions  F3 F4 windows  F5 zoom  F10 leave",
+            model.uptime
+        ),
+        Some(clock) => format!(
+            "{system} {}  F1 help  F2 actions  F10 leave",
+            self::clock(clock)
+        ),
+    }
+}
+
+/// Draws the text that is searched for, and how.
+fn draw_search(frame: &mut Frame<'_>, model: &Model, area: Rect) {
+    let mut line = Line::raw("Search: ");
+    let half = Rect {
+        width: area.width / 2,
+        ..area
+    };
+    line.extend(field(&model.typed, half));
+    line.push_span(match &model.notice {
+        Some(notice) => Span::raw(format!("  {notice}")).yellow(),
+        None => Span::raw("  ↑ Enter: earlier; ↓: later; Esc: close").dim(),
+    });
     frame.render_widget(line, area);
 }
 

@@ -40,6 +40,8 @@ pub(super) enum UiEvent {
     /// The outcome of a request.
     Notice(String),
     Plot(plot::FeedEvent),
+    /// What a demonstration does now.
+    Caption(String),
 }
 
 /// The threads end with the process, or when the receiver of their news is gone.

@@ -50,6 +50,12 @@ pub(super) enum Action {
     Scroll(Page, i32),
     Zoom,
     Show(Popup),
+    /// The typed text is searched for above the lines that are seen, or below them.
+    Search {
+        is_up: bool,
+    },
+    /// The log shows lines from the next level on.
+    NextLevel,
     Menu,
     /// The actions of what a page shows.
     MenuOf(Page),
@@ -84,9 +90,8 @@ pub(super) fn action(situation: &Situation, event: &Event) -> Option<Action> {
         Event::Paste(text) => {
             let typed = || Action::Type(text.replace('\n', "\r").into_bytes());
             match (situation.popup, situation.focus) {
-                (Some(Popup::Program { .. } | Popup::Step), _) | (None, Page::Plots) => {
-                    Some(Action::Insert(text.clone()))
-                }
+                (Some(Popup::Program { .. } | Popup::Step | Popup::Search), _)
+                | (None, Page::Plots) => Some(Action::Insert(text.clone())),
                 (None, Page::Window(_)) => Some(typed()),
                 _ => None,
             }
@@ -106,6 +111,9 @@ fn key(situation: &Situation, key: &KeyEvent) -> Option<Action> {
         KeyCode::F(3) => Action::Step(-1),
         KeyCode::F(4) => Action::Step(1),
         KeyCode::F(5) => Action::Zoom,
+        KeyCode::F(6) if matches!(situation.focus, Page::Window(_) | Page::Log) => {
+            Action::Show(Popup::Search)
+        }
         KeyCode::F(10) => Action::Show(Popup::Leave),
         KeyCode::PageUp => Action::Scroll(situation.focus, PAGE),
         KeyCode::PageDown => Action::Scroll(situation.focus, -PAGE),
@@ -132,6 +140,8 @@ fn in_page(situation: &Situation, key: &KeyEvent) -> Option<Action> {
     Some(match key.code {
         KeyCode::Char('?') => Action::Show(Popup::Help),
         KeyCode::Char('q') => Action::Show(Popup::Leave),
+        KeyCode::Char('/') if page == Page::Log => Action::Show(Popup::Search),
+        KeyCode::Char('l') if page == Page::Log => Action::NextLevel,
         KeyCode::Char('a') | KeyCode::Enter => Action::Menu,
         KeyCode::Tab | KeyCode::Right => Action::Step(1),
         KeyCode::BackTab | KeyCode::Left => Action::Step(-1),
@@ -149,6 +159,8 @@ fn in_popup(popup: Popup, key: &KeyEvent) -> Option<Action> {
         (Popup::Menu { .. }, KeyCode::Left) => menu(-1, 0),
         (Popup::Menu { .. }, KeyCode::Right) => menu(1, 0),
         (Popup::Menu { .. }, KeyCode::Enter) => Some(Action::MenuDo),
+        (Popup::Search, KeyCode::Enter | KeyCode::Up) => Some(Action::Search { is_up: true }),
+        (Popup::Search, KeyCode::Down) => Some(Action::Search { is_up: false }),
         (Popup::Step, KeyCode::Enter) => Some(Action::StepClock),
         (Popup::Program { .. }, KeyCode::Enter) => Some(Action::Load),
         (Popup::Leave, KeyCode::Char('l') | KeyCode::Enter) => {
@@ -157,7 +169,7 @@ fn in_popup(popup: Popup, key: &KeyEvent) -> Option<Action> {
         (Popup::Leave, KeyCode::Char('d')) => Some(Action::Leave(Leaving::Down)),
         (Popup::Confirm { .. }, KeyCode::Char('y')) => Some(Action::Confirm),
         (_, KeyCode::Esc | KeyCode::F(_)) | (Popup::Help, _) => Some(Action::ClosePopup),
-        (Popup::Program { .. } | Popup::Step, _) => Some(Action::Edit(*key)),
+        (Popup::Program { .. } | Popup::Step | Popup::Search, _) => Some(Action::Edit(*key)),
         _ => None,
     }
 }

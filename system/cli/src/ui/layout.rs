@@ -4,17 +4,21 @@ use ratatui::layout::{Constraint, Layout as Split, Rect};
 use ratatui::widgets::{Block, Borders};
 
 use super::model::{Model, Page};
+use crate::screen::wrapped;
 
-/// From this size on all windows and tables are seen at once; plots are alone.
-const WIDE: u16 = 160;
-const HIGH: u16 = 40;
-/// Columns of the tables beside windows.
+/// From this size on, plots, the page in front and the log are seen at once.
+const TILED: (u16, u16) = (120, 36);
+/// From this size on, plots, the window in front and all tables are seen at once.
+const LARGE: (u16, u16) = (166, 40);
+/// Columns of the tables beside others, or of the page in front beside the log.
 const TABLES: u16 = 84;
 
 /// The places of all parts of the screen.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Layout {
     pub(super) tabs: Vec<(Page, String, Rect)>,
+    /// What a demonstration does; without one there is no room.
+    pub(super) caption: Rect,
     pub(super) panes: Vec<(Page, Rect)>,
     pub(super) status: Rect,
 }
@@ -50,28 +54,45 @@ pub(super) fn borders(page: Page, is_alone: bool) -> Borders {
 }
 
 pub(super) fn layout(area: Rect, model: &Model) -> Layout {
+    let caption = match model.caption.as_str() {
+        "" => 0,
+        caption => wrapped(caption, area.width, 0).len(),
+    };
     let rows = [
         Constraint::Length(1),
+        Constraint::Length(u16::try_from(caption).unwrap_or(u16::MAX)),
         Constraint::Min(1),
         Constraint::Length(1),
     ];
-    let [bar, body, status] = Split::vertical(rows).areas(area);
-    let is_large =
-        area.width >= WIDE && area.height >= HIGH && !model.zoomed && model.focus != Page::Plots;
+    let [bar, caption, body, status] = Split::vertical(rows).areas(area);
+    let has = |(columns, rows)| area.width >= columns && area.height >= rows;
     Layout {
         tabs: tabs(bar, model),
-        panes: if is_large {
-            tiled(body, model)
-        } else {
+        caption,
+        panes: if model.zoomed || !has(TILED) {
             vec![(model.focus, body)]
+        } else if has(LARGE) {
+            all(body, model)
+        } else {
+            some(body, model)
         },
         status,
     }
 }
 
+/// Returns the area of a page inside of its borders; that of a small screen if it is not seen.
+pub(super) fn inside(page: Page, model: &Model) -> Rect {
+    let layout = layout(model.area, model);
+    let found = layout.insides().find(|(other, _)| *other == page);
+    found.map_or(Rect::new(0, 0, 80, 20), |(_, area)| area)
+}
+
 /// Sets the sizes of the windows for a screen of this size.
 pub(super) fn resize(model: &mut Model, columns: u16, rows: u16) {
     model.area = Rect::new(0, 0, columns, rows);
+    if matches!(model.focus, Page::Window(_)) {
+        model.front = model.focus;
+    }
     for (page, inner) in layout(model.area, model).insides() {
         if let Page::Window(id) = page {
             model.with(id, |window| window.resize(inner.width, inner.height));
@@ -111,38 +132,46 @@ fn place(bar: Rect, labels: Vec<(Page, String)>) -> Vec<(Page, String, Rect)> {
 }
 
 fn label(model: &Model, page: Page, longest: usize) -> String {
-    let name = match page {
-        Page::Window(id) => {
-            let place = model.windows.iter().position(|window| window.id == id);
-            let window = place.and_then(|place| model.windows.get(place));
-            let name = window.map_or("", |window| window.title.as_str());
-            let name: String = name.chars().take(longest).collect();
-            return format!("{}:{name}", place.unwrap_or(0) + 1);
-        }
+    let name = name(model, page).chars();
+    let Page::Window(id) = page else {
+        return name.take(longest.max(3)).collect();
+    };
+    let place = model.windows.iter().position(|window| window.id == id);
+    let name: String = name.take(longest).collect();
+    format!("{}:{name}", place.unwrap_or(0) + 1)
+}
+
+/// Returns the name of a page, which is the title of a window.
+pub(super) fn name(model: &Model, page: Page) -> &str {
+    match page {
+        Page::Window(id) => model.window(id).map_or("", |window| &window.title),
         Page::Loops => "Loops",
         Page::Messages => "Messages",
         Page::Files => "Files",
         Page::Log => "Log",
         Page::Plots => "Plots",
-    };
-    name.chars().take(longest.max(3)).collect()
+    }
 }
 
-fn tiled(body: Rect, model: &Model) -> Vec<(Page, Rect)> {
+/// Plots above the page in front and the log.
+fn some(body: Rect, model: &Model) -> Vec<(Page, Rect)> {
+    let rows = [Constraint::Fill(2), Constraint::Fill(3)];
+    let [plots, below] = Split::vertical(rows).areas(body);
+    let columns = [Constraint::Length(TABLES), Constraint::Min(1)];
+    let [front, log] = Split::horizontal(columns).areas(below);
+    let page = match model.focus {
+        Page::Log | Page::Plots => model.front,
+        page => page,
+    };
+    // Plots come last, because their popups are in front of all.
+    vec![(page, front), (Page::Log, log), (Page::Plots, plots)]
+}
+
+/// Plots above the window in front, and all tables beside them.
+fn all(body: Rect, model: &Model) -> Vec<(Page, Rect)> {
     let columns = [Constraint::Min(1), Constraint::Length(TABLES)];
     let [left, right] = Split::horizontal(columns).areas(body);
-    let mut panes = Vec::new();
-    let across = if model.windows.len() <= 2 { 1 } else { 2 };
-    // The first has a row alone if the number is odd: it is where people type.
-    let (first, others) = model.windows.split_at(model.windows.len() % across);
-    let groups = first.chunks(1).chain(others.chunks(across));
-    let rows = Split::vertical(vec![Constraint::Fill(1); groups.clone().count()]).split(left);
-    for (windows, row) in groups.zip(rows.iter()) {
-        let cells = Split::horizontal(vec![Constraint::Fill(1); windows.len()]).split(*row);
-        for (window, cell) in windows.iter().zip(cells.iter()) {
-            panes.push((Page::Window(window.id), *cell));
-        }
-    }
+    let [plots, front] = Split::vertical([Constraint::Fill(1); 2]).areas(left);
     let loops = u16::try_from(model.loops.len()).unwrap_or(u16::MAX);
     let rows = [
         Constraint::Length(loops.saturating_add(3).clamp(4, 12)),
@@ -151,6 +180,8 @@ fn tiled(body: Rect, model: &Model) -> Vec<(Page, Rect)> {
         Constraint::Fill(1),
     ];
     let areas: [Rect; 4] = Split::vertical(rows).areas(right);
+    let mut panes = vec![(model.front, front)];
     panes.extend(Page::TABLES.into_iter().zip(areas));
+    panes.push((Page::Plots, plots));
     panes
 }

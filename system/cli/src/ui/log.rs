@@ -1,55 +1,91 @@
-//! The log, as lines that fit a width.
+//! The log, as lines that fit a width, with their levels.
 
 use std::collections::VecDeque;
 
+use serde::{Deserialize, Serialize};
+
+use crate::screen::wrapped;
+
 /// Columns of the time of day, and of the blank behind it.
 const TIME: usize = 13;
+/// Words of the supervisor and of programs by which a line tells of a failure.
+const FAILURES: [&str; 6] = [
+    "failed",
+    "cannot ",
+    "is killed",
+    "ended before it joined",
+    "error:",
+    "panicked",
+];
+/// Words by which a line is a warning.
+const WARNINGS: [&str; 6] = [
+    "warning",
+    "stalled",
+    "is held",
+    "left out",
+    "all programs but",
+    "does not wait any longer",
+];
 
-/// The lines of the log, with the time of day to the millisecond; long ones go on below, beside the
-/// time.
-pub(super) fn rows(log: &VecDeque<String>, width: u16) -> Vec<String> {
-    let width = usize::from(width);
-    let mut rows = Vec::new();
-    for line in log {
-        let mut room = width;
-        let mut row = String::new();
-        for word in brief(line).split_inclusive(' ') {
-            let mut word = word;
-            loop {
-                let len = word.trim_end().chars().count();
-                if len <= room {
-                    row += word;
-                    room = room.saturating_sub(word.chars().count());
-                    break;
-                }
-                let is_begun = row.len() > TIME;
-                if !is_begun {
-                    // No line is long enough for this word.
-                    let at = word
-                        .char_indices()
-                        .nth(room.max(1))
-                        .map_or(word.len(), |it| it.0);
-                    let (part, rest) = word.split_at(at);
-                    row += part;
-                    word = rest;
-                }
-                rows.push(core::mem::replace(&mut row, " ".repeat(TIME)));
-                room = width.saturating_sub(TIME);
-            }
-        }
-        rows.push(row);
-    }
-    rows
+/// The importance of a line of the log.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub(super) enum Level {
+    Information,
+    Warning,
+    Failure,
 }
 
-/// A line of the log with the time of day to the millisecond in place of its first word.
-fn brief(line: &str) -> String {
-    let Some((time, text)) = line.split_once(' ') else {
-        return line.into();
-    };
+impl Level {
+    fn of(line: &str) -> Self {
+        let line = line.to_lowercase();
+        let has = |words: &[&str]| words.iter().any(|word| line.contains(word));
+        if has(&FAILURES) {
+            Self::Failure
+        } else if has(&WARNINGS) {
+            Self::Warning
+        } else {
+            Self::Information
+        }
+    }
+
+    /// The level that follows; the first follows the last.
+    pub(super) const fn next(self) -> Self {
+        match self {
+            Self::Information => Self::Warning,
+            Self::Warning => Self::Failure,
+            Self::Failure => Self::Information,
+        }
+    }
+
+    /// The mark in front of a line, which does not need colours.
+    const fn mark(self) -> &'static str {
+        match self {
+            Self::Information => "",
+            Self::Warning => "! ",
+            Self::Failure => "✗ ",
+        }
+    }
+}
+
+/// The lines of the log from a level on, with the time of day to the millisecond; long ones go on below, beside the
+/// time.
+pub(super) fn rows(log: &VecDeque<String>, least: Level, width: u16) -> Vec<(Level, String)> {
+    let lines = log.iter().map(|line| (Level::of(line), line));
+    let lines = lines.filter(|(level, _)| *level >= least);
+    let rows = lines.flat_map(|(level, line)| {
+        let rows = wrapped(&brief(line, level.mark()), width, TIME);
+        rows.into_iter().map(move |row| (level, row))
+    });
+    rows.collect()
+}
+
+/// A line of the log with the time of day to the millisecond, and a mark, in place of its first word.
+fn brief(line: &str, mark: &str) -> String {
+    let (time, text) = line.split_once(' ').unwrap_or_default();
     match time.split_once('T').and_then(|(_, time)| time.get(..12)) {
-        Some(time) => format!("{time} {text}"),
-        None => line.into(),
+        Some(time) => format!("{time} {mark}{text}"),
+        None => format!("{mark}{line}"),
     }
 }
 
@@ -59,8 +95,10 @@ mod tests {
 
     fn rows_of(text: &str, width: u16) -> Vec<String> {
         let line = format!("2026-11-21T15:28:52.078621Z {text}");
-        let rows = rows(&VecDeque::from([line]), width);
-        rows.iter().map(|row| row.trim_end().to_owned()).collect()
+        let rows = rows(&VecDeque::from([line]), Level::Information, width);
+        rows.iter()
+            .map(|(_, row)| row.trim_end().to_owned())
+            .collect()
     }
 
     #[test]

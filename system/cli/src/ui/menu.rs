@@ -4,13 +4,15 @@ use std::sync::mpsc::Sender;
 use std::thread;
 
 use crossterm::event::Event;
+use ratatui::layout::Rect;
 use tui_input::backend::crossterm::EventHandler as _;
 
 use super::feed::UiEvent;
 use super::input::Action;
-use super::layout::layout;
+use super::layout::inside;
 use super::log;
 use super::model::{Leaving, Model, Page, Popup};
+use super::search::search;
 use super::tool::{self, Tool};
 use crate::commands::number::duration;
 use crate::counts::note_of_loops;
@@ -134,7 +136,12 @@ pub(super) fn act(model: &mut Model, action: Action, doer: &Doer) -> Option<Leav
         Action::Step(tabs) => model.step(tabs),
         Action::Scroll(page, lines) => scroll(model, page, lines),
         Action::Zoom => model.zoomed = !model.zoomed,
-        Action::Show(popup) => model.popup = Some(popup),
+        Action::Show(popup) => {
+            model.typed.reset();
+            model.popup = Some(popup);
+        }
+        Action::Search { is_up } => search(model, is_up),
+        Action::NextLevel => model.show_from(model.least.next()),
         Action::Menu => open_menu(model),
         Action::MenuOf(page) => {
             model.focus = page;
@@ -144,6 +151,7 @@ pub(super) fn act(model: &mut Model, action: Action, doer: &Doer) -> Option<Leav
         Action::MenuMove { members, entries } => move_by(model, members, entries),
         Action::MenuDo => carry_out(model, doer),
         Action::Edit(key) => {
+            model.notice = None;
             model.typed.handle_event(&Event::Key(key));
         }
         Action::Insert(text) if model.popup.is_some() => plot::insert(&mut model.typed, &text),
@@ -181,9 +189,7 @@ pub(super) fn scroll(model: &mut Model, page: Page, lines: i32) {
     }
     // The log is scrolled from its end on, and tables from their beginning.
     let lines = if page == Page::Log { lines } else { -lines };
-    let layout = layout(model.area, model);
-    let inside = layout.insides().find(|(other, _)| *other == page);
-    let (width, height) = inside.map_or((80, 20), |(_, area)| (area.width, area.height));
+    let Rect { width, height, .. } = inside(page, model);
     let (rows, titles) = match page {
         Page::Loops => {
             let note = note_of_loops(&model.loops).lines().count();
@@ -191,7 +197,7 @@ pub(super) fn scroll(model: &mut Model, page: Page, lines: i32) {
         }
         Page::Messages => (model.vectors.len(), 1),
         Page::Files => (0, 0),
-        _ => (log::rows(&model.log, width).len(), 0),
+        _ => (log::rows(&model.log, model.least, width).len(), 0),
     };
     let most = (rows + titles).saturating_sub(height.into());
     let place = Page::TABLES.iter().position(|table| *table == page);

@@ -7,6 +7,8 @@ use ratatui::layout::Rect;
 use tui_input::Input;
 
 use super::feed::UiEvent;
+use super::layout::layout;
+use super::log::Level;
 use super::tool::Tool;
 use super::window::{Window, WindowId};
 use crate::counts::Row;
@@ -40,6 +42,8 @@ impl Page {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Popup {
     Help,
+    /// A text is being typed that is searched for in the page in front.
+    Search,
     /// The actions on the processor of this place, and the chosen one of them.
     Menu {
         member: usize,
@@ -94,10 +98,19 @@ pub(super) struct Model {
     /// The reason why there are no counts.
     pub(super) blind: Option<String>,
     pub(super) log: VecDeque<String>,
+    /// A line of this program for the log, until the log begins.
+    pub(super) own_line: Option<String>,
+    /// Lines of the log below this level are not shown.
+    pub(super) least: Level,
     pub(super) focus: Page,
+    /// The window that was in focus last.
+    pub(super) front: Page,
+    /// Whether the page in focus is alone on any screen.
     pub(super) zoomed: bool,
     pub(super) popup: Option<Popup>,
     pub(super) notice: Option<String>,
+    /// What a demonstration does now; empty without one.
+    pub(super) caption: String,
     /// The text that is typed into the popup in front.
     pub(super) typed: Input,
     /// The number of lines by which each table is scrolled.
@@ -125,10 +138,14 @@ impl Model {
             served: FileServiceState::default(),
             blind: None,
             log: VecDeque::new(),
+            own_line: None,
+            least: Level::Information,
             focus: Page::Loops,
+            front: Page::Loops,
             zoomed: false,
             popup: None,
             notice: None,
+            caption: String::new(),
             typed: Input::default(),
             scrolled: [0; 4],
             tools,
@@ -142,6 +159,7 @@ impl Model {
             let id = model.open_window(processor.name.clone(), processor.number, false);
             if model.ids == 1 {
                 model.focus = Page::Window(id);
+                model.front = model.focus;
             }
         }
         model.take_status(status);
@@ -183,12 +201,14 @@ impl Model {
             UiEvent::Status(status) => self.take_status(&status),
             UiEvent::Gone(why) => self.gone = Some(plain(&why).into_owned()),
             UiEvent::LogBegins(lines) => {
-                self.log = lines.iter().map(|line| plain(line).into_owned()).collect();
+                let lines = lines.into_iter().chain(self.own_line.take());
+                self.log = lines.map(|line| plain(&line).into_owned()).collect();
             }
             UiEvent::Log(line) => self.log.push_back(plain(&line).into_owned()),
             UiEvent::Opened(id, input) => self.with(id, |window| window.open(input)),
             UiEvent::Output(id, bytes) => self.with(id, |window| window.write(&bytes)),
             UiEvent::Closed(id) => self.closed(id),
+            UiEvent::Caption(text) => self.caption = plain(&text).into_owned(),
             UiEvent::Notice(text) => self.notice = Some(plain(&text).into_owned()),
             UiEvent::Plot(news) => self.plot.hear(news),
             UiEvent::Input(_) | UiEvent::NoInput(_) => {}
@@ -200,7 +220,18 @@ impl Model {
 
     /// Whether what came changes what is on the screen.
     pub(super) fn is_seen(&self, news: &UiEvent) -> bool {
-        self.focus == Page::Plots || !matches!(news, UiEvent::Plot(_))
+        !matches!(news, UiEvent::Plot(_)) || self.sees_plots()
+    }
+
+    fn sees_plots(&self) -> bool {
+        let panes = layout(self.area, self).panes;
+        panes.iter().any(|(page, _)| *page == Page::Plots)
+    }
+
+    /// Has the plots begin when a person first sees them; returns true if they do.
+    pub(super) fn begin_plots(&mut self) -> bool {
+        let is_tile = self.focus != Page::Plots;
+        self.sees_plots() && self.plot.begin(is_tile)
     }
 
     pub(super) fn with(&mut self, id: WindowId, act: impl FnOnce(&mut Window)) {
@@ -249,6 +280,13 @@ impl Model {
         if let Some(page) = page.and_then(|place| pages.get(place)) {
             self.focus = *page;
         }
+    }
+
+    /// Has the log show its lines from a level on.
+    pub(super) fn show_from(&mut self, least: Level) {
+        self.least = least;
+        let [.., log] = &mut self.scrolled;
+        *log = 0;
     }
 
     /// Returns the number of lines of a table that are above the visible ones.

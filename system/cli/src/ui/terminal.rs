@@ -8,9 +8,15 @@ use ratatui::style::{Color, Modifier, Style};
 
 use condor_host::plain::plain;
 
-/// Draws what is on `screen` into `area`; without a cursor, which the caller places.
+/// The beginning of a line by which a program says that a command failed.
+const ERROR: &str = "error: ";
+
+/// Draws what is on `screen` into `area`, errors in red; without a cursor, which the caller places.
 pub(super) fn draw(screen: &vt100::Screen, area: Rect, buffer: &mut Buffer) {
-    for row in 0..area.height {
+    let mut is_error = false;
+    for (row, text) in (0..area.height).zip(screen.rows(0, area.width)) {
+        let goes_on = row > 0 && screen.row_wrapped(row - 1);
+        is_error = text.starts_with(ERROR) || (is_error && goes_on);
         for column in 0..area.width {
             let Some(cell) = screen.cell(row, column) else {
                 continue;
@@ -24,7 +30,11 @@ pub(super) fn draw(screen: &vt100::Screen, area: Rect, buffer: &mut Buffer) {
                 // A screen keeps what it does not obey itself.
                 let is_shown = !text.is_empty() && matches!(plain(text), Cow::Borrowed(_));
                 to.set_symbol(if is_shown { text } else { " " });
-                to.set_style(style(cell));
+                let mut style = style(cell);
+                if is_error && cell.fgcolor() == vt100::Color::Default {
+                    style = style.fg(Color::Red);
+                }
+                to.set_style(style);
             }
         }
     }

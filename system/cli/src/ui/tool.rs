@@ -18,13 +18,13 @@ const PID: &str = "{pid}";
 
 /// A program, such as a debugger, that a person can start from the user interface for the program of a processor.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Tool {
+pub(crate) struct Tool {
     /// The name of the tool, under which the user interface shows it.
-    pub name: String,
+    pub(crate) name: String,
     /// A shell command, in which `{pid}` stands for the process id of the processor's program, `{number}`
     /// for the number of the processor, `{system}` for the name of the system, and `{condor}` for this
     /// program.
-    pub command: String,
+    pub(crate) command: String,
 }
 
 impl std::str::FromStr for Tool {
@@ -46,7 +46,7 @@ impl std::str::FromStr for Tool {
 impl Tool {
     /// Returns the tool `debugger`, which starts GDB on the program of a processor.
     #[must_use]
-    pub fn debugger() -> Self {
+    pub(crate) fn debugger() -> Self {
         Self {
             name: "debugger".into(),
             command: "{condor} gdb {number} --system {system}".into(),

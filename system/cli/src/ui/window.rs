@@ -149,6 +149,22 @@ impl Window {
         screen.set_scrollback(to);
     }
 
+    /// Returns all rows that are kept, the oldest first.
+    pub(super) fn rows(&mut self) -> Vec<String> {
+        let (columns, screen) = (self.size.0, self.screen.screen_mut());
+        let at = screen.scrollback();
+        screen.set_scrollback(usize::MAX);
+        let mut rows = Vec::new();
+        for above in (1..=screen.scrollback()).rev() {
+            screen.set_scrollback(above);
+            rows.extend(screen.rows(0, columns).next());
+        }
+        screen.set_scrollback(0);
+        rows.extend(screen.rows(0, columns));
+        screen.set_scrollback(at);
+        rows
+    }
+
     /// A pseudo-terminal has a size, a socket has none.
     fn tell_size(&self) {
         if let Some(Input::Tool(input)) = &self.input {

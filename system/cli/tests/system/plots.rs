@@ -1,4 +1,4 @@
-//! `condor plot` and the plots of `condor ui`, on a terminal.
+//! `condor plot`, the plots of `condor ui`, and `condor demo`, on a terminal.
 
 use std::fs::File;
 use std::io::{Read, Write};
@@ -157,6 +157,53 @@ fn a_page_of_the_user_interface_has_plots() {
     shown.press("q");
     shown.expect("keeps running");
     shown.press("l");
+    shown.leaves();
+    // The next one begins with the same page and the same curves.
+    let mut shown = Shown::start(&up, &["ui"]);
+    shown.expect("a beats ");
+    shown.press("q");
+    shown.expect("keeps running");
+    shown.press("l");
+    shown.leaves();
+}
+
+/// Something is typed at one processor; another one is killed, and comes back.
+const DEMO: &str = r#"
+    [[step]]
+    caption = "Somebody types."
+    at = "b"
+    type = "this"
+    until = "typed this"
+    seconds = 0
+    [[step]]
+    caption = "A program is killed."
+    at = "a"
+    kill = "a"
+    until = "hello"
+    seconds = 0
+    [[step]]
+    caption = "The end."
+    seconds = 0
+"#;
+
+#[test]
+fn a_demonstration_types_and_kills_and_says_what_it_does() {
+    // A description whose system does not run.
+    let up = start_one();
+    up.run(&["down"]);
+    up.wait_for_end();
+    std::fs::write(up.path("demo.toml"), DEMO).unwrap();
+    let file = up.path("tested.toml");
+    let mut shown = Shown::start(&up, &["demo", file.to_str().unwrap()]);
+    shown.expect("3/3  The end.");
+    let status = up.status();
+    let killed = status.members().find(|it| it.name == "a").unwrap();
+    assert_eq!(killed.restarts, 1);
+    assert_eq!(killed.last_exit.as_deref(), Some("killed by SIGKILL"));
+    // F10.
+    shown.press("\x1b[21~");
+    shown.expect("d  stop the system and leave");
+    shown.press("d");
     shown.leaves();
 }
 

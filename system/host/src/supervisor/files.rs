@@ -135,7 +135,8 @@ impl RunDirectory {
         self.silence()
     }
 
-    /// Removes everything but the lock, the logs, of the terminals too, and the record of typing.
+    /// Removes everything but the lock, the logs, of the terminals too, the record of typing, and the choices in the
+    /// user interface.
     pub(super) fn clear_but_logs(&self) -> Result<(), NamedFileError> {
         let path = self.directory.mailbox();
         absent(std::fs::remove_dir_all(&path)).map_err(NamedFileError::at("remove", &path))?;
@@ -149,14 +150,14 @@ impl RunDirectory {
         self.silence()
     }
 
-    /// Removes what makes others believe that the system runs: all files but the lock, the logs and
-    /// the record of typing.
+    /// Removes what makes others believe that the system runs: all files but the lock, the logs, the
+    /// record of typing, and the choices in the user interface.
     fn silence(&self) -> Result<(), NamedFileError> {
         let path = self.directory.path();
         for entry in std::fs::read_dir(path).map_err(NamedFileError::at("read", path))? {
             let entry = entry.map_err(NamedFileError::at("read", path))?;
             let name = entry.file_name();
-            let stays = ["lock", "log", "log.old", "typing"]
+            let stays = ["lock", "log", "log.old", "typing", "ui"]
                 .iter()
                 .any(|it| name == *it);
             let path = entry.path();

@@ -6,7 +6,7 @@ use ratatui::style::Stylize;
 use ratatui::text::Line;
 
 use crate::plot::model::{Plot, Prompt};
-use crate::screen::{field, popup};
+use crate::screen::{field, popup, wrapped};
 use condor_host::plain::plain;
 
 /// The least columns of what is in front.
@@ -56,7 +56,8 @@ pub(super) fn draw(plot: &Plot, area: Rect, buffer: &mut Buffer) {
         lines.push(Line::raw(format!("  … {} more", fitting.len() - NAMES)).dim());
     }
     if let Some(notice) = &plot.notice {
-        lines.push(Line::raw(plain(notice)).yellow());
+        let notice = wrapped(&plain(notice), area.width.saturating_sub(4), 0);
+        lines.extend(notice.into_iter().map(|line| Line::raw(line).yellow()));
     }
     lines.push(Line::raw("Enter: take it; Tab: complete; Esc: cancel").dim());
     popup(title, lines, LEAST, area, buffer);

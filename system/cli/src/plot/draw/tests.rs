@@ -201,7 +201,7 @@ fn it_begins_with_positions_unless_somebody_has_chosen() {
     };
     let names = |known| {
         let mut plot = Plot::new(Duration::from_secs(1), None, true);
-        assert!(plot.begin() && !plot.begin());
+        assert!(plot.begin(true) && !plot.begin(true));
         assert!(!plot.choose_first());
         plot.known = known;
         assert!(plot.choose_first() && !plot.choose_first());
@@ -210,7 +210,7 @@ fn it_begins_with_positions_unless_somebody_has_chosen() {
     assert_eq!(names(known()), [["a.position", "b.position"]]);
     assert_eq!(names(vec!["beats".into()]), [["beats"]]);
     let mut chosen = plot();
-    assert!(!chosen.begin());
+    assert!(chosen.begin(true) && chosen.place == RobotPane::Hidden);
     chosen.known = known();
     assert!(!chosen.choose_first());
 }

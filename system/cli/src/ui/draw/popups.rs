@@ -18,6 +18,7 @@ What you type goes to the window in front, except
  F3  F4      window to the left, to the right
  Alt-1 …     window of this number
  F5          show this window alone, or all again
+ F6          search in a window or the log
  PgUp PgDn   scroll in earlier output
  F10         leave; also q in tables
 
@@ -26,6 +27,8 @@ What you type goes to the window in front, except
 
  In tables: arrows or j k scroll, Tab shows
  the next page, a opens actions
+ In the log: l chooses the level (! warning,
+ ✗ failure), / searches
  In plots: F1 lists their keys
 
 Any key closes this help.";
@@ -53,6 +56,8 @@ pub(super) fn draw(frame: &mut Frame<'_>, model: &Model, popup: Popup) {
             };
             show(frame, " Leave ", lines);
         }
+        // Its line is the status line.
+        Popup::Search => {}
         Popup::Menu { member, entry } => menu(frame, model, member, entry),
         Popup::Program { member } => program(frame, model, member),
         Popup::Confirm { member, order } => {

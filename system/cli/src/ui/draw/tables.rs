@@ -5,15 +5,20 @@ use ratatui::text::Line;
 
 use crate::counts::{note_of_loops, table_of_loops, table_of_vectors};
 use crate::table::or_dash;
-use crate::ui::log;
+use crate::ui::log::{self, Level};
 use crate::ui::model::{Model, Page};
 use condor_rt::numbers::FILES;
 
 /// Returns the lines that stay above a table, and its rows, for a table of `width` columns.
 pub(super) fn lines(model: &Model, page: Page, width: u16) -> (Vec<Line<'_>>, Vec<Line<'_>>) {
     if page == Page::Log {
-        let rows = log::rows(&model.log, width).into_iter();
-        return (Vec::new(), rows.map(Line::raw).collect());
+        let rows = log::rows(&model.log, model.least, width).into_iter();
+        let rows = rows.map(|(level, row)| match level {
+            Level::Information => Line::raw(row),
+            Level::Warning => Line::raw(row).yellow(),
+            Level::Failure => Line::raw(row).red(),
+        });
+        return (Vec::new(), rows.collect());
     }
     let mut head = Vec::new();
     if let Some(why) = &model.blind {

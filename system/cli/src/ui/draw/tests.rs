@@ -15,6 +15,11 @@ use condor_host::control::{ClockStatus, Member, SystemStatus};
 use condor_host::error::me;
 use condor_host::view::{LoopRates, VectorCounts};
 
+mod choices;
+mod log;
+mod status;
+mod tiles;
+
 const SMALL: (u16, u16) = (80, 24);
 const LARGE: (u16, u16) = (200, 50);
 const NAMES: [&str; 5] = ["master", "servo-a", "servo-b", "table", "plant"];
@@ -173,25 +178,6 @@ fn each_page_is_legible_on_a_small_terminal() {
         model.focus = page;
         expect(&picture(&mut model, SMALL), texts);
     }
-}
-
-#[test]
-fn everything_is_seen_at_once_on_a_large_terminal() {
-    let mut model = model();
-    let lines = picture(&mut model, LARGE);
-    for name in NAMES {
-        expect(
-            &lines,
-            &[&format!("{name}: running"), &format!("this is {name}")],
-        );
-    }
-    for texts in [&LOOPS[..], &MESSAGES, &FILES, &LOG] {
-        expect(&lines, texts);
-    }
-    model.zoomed = true;
-    let lines = picture(&mut model, LARGE);
-    expect(&lines, &["this is master"]);
-    assert!(!lines.join("\n").contains("this is servo-a"));
 }
 
 #[test]
@@ -423,21 +409,6 @@ fn the_titles_of_a_table_stay() {
 }
 
 #[test]
-fn the_first_of_an_odd_number_of_windows_has_all_columns() {
-    let mut model = model();
-    let row = "0123456789".repeat(11);
-    model.hear(UiEvent::Output(
-        WindowId(1),
-        format!("\r\n{row}").into_bytes(),
-    ));
-    let lines = picture(&mut model, LARGE);
-    expect(&lines, &[&row]);
-    let place = |name: &str| lines.iter().position(|line| line.contains(name));
-    assert_eq!(place("servo-a: running"), place("servo-b: running"));
-    assert_eq!(place("table: running"), place("plant: running"));
-}
-
-#[test]
 fn a_service_that_comes_again_repeats_nothing_on_the_screen() {
     let mut model = model();
     model.hear(UiEvent::Closed(WindowId(1)));
@@ -468,27 +439,4 @@ fn pages_follow_each_other_in_the_order_of_their_names() {
     model.focus = Page::Window(id);
     model.forget(id);
     assert_eq!(model.focus, Page::Window(WindowId(5)));
-}
-
-#[test]
-fn plots_are_alone_at_both_sizes() {
-    let mut model = model();
-    model.focus = Page::Plots;
-    for size in [SMALL, LARGE] {
-        let lines = picture(&mut model, size);
-        let seen = [
-            "Plots: 10 s, F1 keys",
-            "no variables: n chooses some",
-            "0 s",
-        ];
-        expect(&lines, &seen);
-        assert!(!lines.join("\n").contains("this is"));
-    }
-    assert!(model.is_seen(&UiEvent::Plot(crate::plot::FeedEvent::Samples(Vec::new()))));
-    model.focus = Page::Log;
-    assert!(!model.is_seen(&UiEvent::Plot(crate::plot::FeedEvent::Samples(Vec::new()))));
-    model.focus = Page::Plots;
-    let trouble = crate::plot::FeedEvent::Trouble("the system has ended".into());
-    model.hear(UiEvent::Plot(trouble));
-    expect(&picture(&mut model, SMALL), &["the system has ended"]);
 }

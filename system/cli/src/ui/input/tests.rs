@@ -16,6 +16,7 @@ fn situation(focus: Page) -> Situation {
                 (WINDOW, "1:a".into(), Rect::new(0, 0, 3, 1)),
                 (Page::Loops, "Loops".into(), Rect::new(4, 0, 5, 1)),
             ],
+            caption: Rect::new(0, 1, 80, 0),
             panes: vec![(focus, Rect::new(0, 1, 80, 22))],
             status: Rect::new(0, 23, 80, 1),
         },
@@ -73,6 +74,34 @@ fn tables_have_keys_of_their_own_and_type_nothing() {
     assert_eq!(asked(KeyCode::Tab), Some(Action::Step(1)));
     assert_eq!(asked(KeyCode::Char('x')), None);
     assert_eq!(action(&tables, &Event::Paste("x".into())), None);
+}
+
+#[test]
+fn the_log_and_windows_are_searched() {
+    let search = Some(Action::Show(Popup::Search));
+    for page in [WINDOW, Page::Log] {
+        assert_eq!(action(&situation(page), &plain(KeyCode::F(6))), search);
+    }
+    let (log, loops) = (situation(Page::Log), situation(Page::Loops));
+    let asked = |here, letter| action(here, &plain(KeyCode::Char(letter)));
+    assert_eq!(asked(&log, '/'), search);
+    assert_eq!(asked(&log, 'l'), Some(Action::NextLevel));
+    assert_eq!(asked(&loops, '/'), None);
+    assert_eq!(asked(&loops, 'l'), None);
+    let mut here = log;
+    here.popup = Some(Popup::Search);
+    let asked = |code| action(&here, &plain(code));
+    assert!(matches!(asked(KeyCode::Char('q')), Some(Action::Edit(_))));
+    let pasted = action(&here, &Event::Paste("a b".into()));
+    assert_eq!(pasted, Some(Action::Insert("a b".into())));
+    for (code, is_up) in [
+        (KeyCode::Enter, true),
+        (KeyCode::Up, true),
+        (KeyCode::Down, false),
+    ] {
+        assert_eq!(asked(code), Some(Action::Search { is_up }));
+    }
+    assert_eq!(asked(KeyCode::Esc), Some(Action::ClosePopup));
 }
 
 #[test]
