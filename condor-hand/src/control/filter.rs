@@ -69,6 +69,7 @@ impl<T: Real, const L: usize> LowPass<T, L> {
     }
 
     /// The same for signals that have a sample; the others answer with what was given for them.
+    #[inline(always)]
     pub(crate) fn update_seen(&mut self, samples: &[T; L], sampled: &[bool; L]) -> [T; L] {
         let mut outputs = *samples;
         for (lane, output) in outputs.iter_mut().enumerate() {
@@ -169,6 +170,7 @@ impl<T: Real, const L: usize> Derivative<T, L> {
 
     /// The same at samples so long after the last ones, for signals that have a sample; the others have no
     /// rate. A sample that is not finite leaves the rate as it is.
+    #[inline(always)]
     pub(crate) fn update_after(
         &mut self,
         samples: &[T; L],

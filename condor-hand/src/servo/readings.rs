@@ -56,6 +56,7 @@ impl<T: Real, const N: usize> Readings<T, N> {
     /// Takes the believed readings of joints that were `seen` once, and replaces the others by the position that
     /// the joint would have. `targets` are the desired positions, NaN for joints that follow nothing. Returns the
     /// rates of joints whose sensors turn out to have stood.
+    #[inline(always)]
     pub(super) fn take(
         &mut self,
         positions: &mut [T; N],

@@ -102,6 +102,7 @@ impl<T: Real, const L: usize> TensionServos<T, L> {
     }
 
     /// The same for samples so long after the last ones.
+    #[inline(always)]
     pub(crate) fn update_after(
         &mut self,
         asked: &[T; L],

@@ -178,7 +178,7 @@ pub struct SupervisorTicket(u32);
 #[non_exhaustive]
 pub enum SupervisorError {
     /// No supervisor runs: `condor` did not bring the system up.
-    #[error("there is no supervisor: only a system that `condor` has brought up has one")]
+    #[error("there is no supervisor: only a system that `condor up` has brought up has one")]
     Absent,
     /// The words do not fit into a request, or one of them contains a zero byte.
     #[error("the names and arguments are too long for a request, which has room for {WORDS} bytes")]

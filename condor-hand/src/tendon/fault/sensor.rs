@@ -99,7 +99,7 @@ impl<T: Real, const OWN: usize> Sensor<T, OWN> {
     }
 
     /// Judges a sample. One that is not finite, or not possible, does not count for the other checks.
-    #[inline]
+    #[inline(always)]
     pub(super) fn update(
         &mut self,
         limits: &impl Limits<T, OWN>,
@@ -117,16 +117,30 @@ impl<T: Real, const OWN: usize> Sensor<T, OWN> {
         let far = of_all.tracking.is_below(abs(error));
         let fails = [of_all.range.excludes(measured), stays, far];
         let own = limits.fails(measured);
-        if self.quiet && !fails.iter().chain(&own).any(|&fails| fails) {
-            return;
+        // In most ticks none fails, and nothing is counted.
+        let any = |all: &[bool]| all.iter().fold(false, |any, &fails| any | fails);
+        if !self.quiet | any(&fails) | any(&own) {
+            self.count(limits, [measured, measured, error], fails, own, latch);
         }
+    }
+
+    /// Counts the checks that a sample fails, and ends the counts of the others.
+    #[cold]
+    fn count(
+        &mut self,
+        limits: &impl Limits<T, OWN>,
+        values: [T; 3],
+        fails: [bool; 3],
+        own: [bool; OWN],
+        latch: &mut Latch<'_>,
+    ) {
         self.lost = Run(0);
+        let (of_all, [measured, ..]) = (limits.sensor(), values);
         let checks = [
             (FaultCode::OutOfRange, of_all.range.samples),
             (FaultCode::Stuck, of_all.stuck.samples),
             (FaultCode::Tracking, of_all.tracking.samples),
         ];
-        let values = [measured, measured, error];
         let (runs, own_runs) = &mut self.runs;
         for (((run, (code, samples)), fails), value) in
             runs.iter_mut().zip(checks).zip(fails).zip(values)

@@ -45,6 +45,16 @@ pub(crate) enum RobotPane {
 /// The number of curves with which it begins.
 const FIRST: usize = 4;
 
+/// How far a plot has come in showing some variables by itself.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Beginning {
+    /// No person has looked.
+    Unseen,
+    /// Nothing is chosen, and no names are known yet.
+    AwaitsNames,
+    Over,
+}
+
 /// Plots of variables in several panes, with one axis of time.
 #[derive(Debug)]
 pub(crate) struct Plot {
@@ -64,9 +74,7 @@ pub(crate) struct Plot {
     pub(crate) typed: Input,
     /// The names that may be typed.
     pub(crate) known: Vec<String>,
-    /// Whether it chooses some variables by itself as soon as it knows names.
-    is_beginning: bool,
-    has_begun: bool,
+    beginning: Beginning,
     /// The description of the last failure, until the next key. It is drawn with the text that is typed, or
     /// otherwise by the owner of the plot.
     pub(crate) notice: Option<String>,
@@ -103,8 +111,7 @@ impl Plot {
             prompt: None,
             typed: Input::default(),
             known: Vec::new(),
-            is_beginning: false,
-            has_begun: false,
+            beginning: Beginning::Unseen,
             notice: None,
             has_colors,
         }
@@ -158,11 +165,15 @@ impl Plot {
     /// Asks for values, when a person first looks; returns true if it does. If nothing has been chosen, it also shows
     /// the robot where there `is_room`.
     pub(crate) fn begin(&mut self, is_room: bool) -> bool {
-        if core::mem::replace(&mut self.has_begun, true) {
+        if self.beginning != Beginning::Unseen {
             return false;
         }
-        self.is_beginning = self.panes.iter().all(|pane| pane.names.is_empty());
-        if self.is_beginning && is_room && self.figure.is_some() {
+        self.beginning = if self.panes.iter().all(|pane| pane.names.is_empty()) {
+            Beginning::AwaitsNames
+        } else {
+            Beginning::Over
+        };
+        if self.beginning == Beginning::AwaitsNames && is_room && self.figure.is_some() {
             self.show_robot(false);
         }
         true
@@ -170,9 +181,10 @@ impl Plot {
 
     /// Chooses the positions that are named first, or any variables, once names are known; returns true if it does.
     pub(crate) fn choose_first(&mut self) -> bool {
-        if self.known.is_empty() || !core::mem::take(&mut self.is_beginning) {
+        if self.known.is_empty() || self.beginning != Beginning::AwaitsNames {
             return false;
         }
+        self.beginning = Beginning::Over;
         let Some(pane) = self.panes.first_mut().filter(|it| it.names.is_empty()) else {
             return false;
         };

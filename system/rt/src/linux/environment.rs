@@ -28,6 +28,7 @@ pub enum LoopContext {
 
 /// A file, or a part of a file, that processes map into their memory.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct FileRange {
     /// The path of the file.
     #[serde(rename = "file")]

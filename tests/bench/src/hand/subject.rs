@@ -98,7 +98,7 @@ pub(super) fn flat(joints: &Joints) -> [f64; FINGERS * JOINTS] {
 ///
 /// # Errors
 /// Returns an error if the distance exceeds `limit`, or if the lengths differ.
-pub(super) fn agree(what: &str, ours: &[f64], theirs: &[f64], limit: f64) -> Result<f64> {
+pub(super) fn agree(what: &str, ours: &[f64], theirs: &[f64], limit: f64) -> Result<()> {
     if ours.len() != theirs.len() {
         return Err(format!("{what}: {} numbers, not {}", theirs.len(), ours.len()).into());
     }
@@ -111,7 +111,7 @@ pub(super) fn agree(what: &str, ours: &[f64], theirs: &[f64], limit: f64) -> Res
         if apart <= most { most } else { apart }
     });
     if apart <= limit {
-        Ok(apart)
+        Ok(())
     } else {
         Err(format!("{what} is another: {apart:e} of the largest number, not {limit:e}").into())
     }
