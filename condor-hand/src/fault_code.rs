@@ -45,11 +45,11 @@ impl FaultCode {
         Self::StaleSetPoint,
         Self::Jump,
     ];
-}
 
-impl fmt::Display for FaultCode {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
+    /// Returns the kind of fault in a word or two, such as "slack".
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
             Self::NotFinite => "not finite",
             Self::OutOfRange => "out of range",
             Self::Stuck => "stuck",
@@ -60,6 +60,30 @@ impl fmt::Display for FaultCode {
             Self::MissedDeadline => "missed deadline",
             Self::StaleSetPoint => "stale set-point",
             Self::Jump => "jumped",
-        })
+        }
+    }
+
+    /// Returns what a person can do about such a fault.
+    #[must_use]
+    pub const fn remedy(self) -> &'static str {
+        match self {
+            Self::NotFinite | Self::OutOfRange => "check the sensor and its wires",
+            Self::Jump => "check the sensor and its wires, and whether something hit the joint",
+            Self::Stuck => "check the sensor, and whether something blocks the joint",
+            Self::Tracking => "see whether something blocks the joint, or its load is too large",
+            Self::Slack => "check the tendon and the sensor of its tension",
+            Self::OverTension => "reduce the load, or the stiffness",
+            Self::JointLimit => "bring the joint back within its limits",
+            Self::MissedDeadline => "see whether its processor has too much to do",
+            Self::StaleSetPoint => {
+                "see whether the program that sends set-points has ended, or was too slow"
+            }
+        }
+    }
+}
+
+impl fmt::Display for FaultCode {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
     }
 }

@@ -257,10 +257,8 @@ fn faults_stay_until_they_are_cleared() {
     broken.tensions[0].flexor = 160.0;
     broken.set_point_age_s = 1.0;
     let first = monitor.update(&broken).unwrap();
-    assert_eq!(
-        first.to_string(),
-        "the flexor of joint 0: over-tension (160)"
-    );
+    let (code, site, value) = (FaultCode::OverTension, FaultSite::Flexor(0), 160.0);
+    assert_eq!(first, FingerFault { code, site, value });
     for _ in 0..50 {
         assert_eq!(monitor.update(&good()), Some(first));
     }
@@ -344,5 +342,50 @@ proptest! {
         prop_assert!(ramp.is_done());
         prop_assert_eq!(last, Pair::both(to));
         prop_assert_eq!(ramp.update(), [Pair::both(to)]);
+    }
+}
+
+#[test]
+fn the_readme_explains_every_fault_in_the_words_of_programs() {
+    let readme = include_str!("../../README.md");
+    for code in FaultCode::ALL {
+        let (begin, end) = (format!("| {code} | "), format!(" | {} |", code.remedy()));
+        let is_row = |line: &str| line.starts_with(&begin) && line.ends_with(&end);
+        assert!(readme.lines().any(is_row), "{begin}…{end}");
+    }
+}
+
+#[test]
+fn a_fault_is_told_with_the_names_of_its_parts() {
+    let hand = include_str!("../../hands/utah-mit.toml");
+    let hand = condor_hand::config::Hand::<4, 4>::from_toml(hand, "utah-mit.toml").unwrap();
+    for (code, site, value, said) in [
+        (
+            FaultCode::Slack,
+            FaultSite::Flexor(2),
+            0.0,
+            "the flexor of index.middle is slack: it pulls 0.000 N",
+        ),
+        (
+            FaultCode::Tracking,
+            FaultSite::Joint(3),
+            0.25,
+            "index.distal is 0.250 rad away from its set-point",
+        ),
+        (
+            FaultCode::StaleSetPoint,
+            FaultSite::Finger,
+            0.06,
+            "index has no new set-point: the last one is 0.060 s old",
+        ),
+        (
+            FaultCode::Jump,
+            FaultSite::Joint(9),
+            0.5,
+            "index.9 jumped: it suddenly reads 0.500 rad",
+        ),
+    ] {
+        let fault = FingerFault { code, site, value };
+        assert_eq!(fault.of(&hand.fingers[0]).to_string(), said);
     }
 }

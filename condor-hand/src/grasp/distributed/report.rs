@@ -44,12 +44,18 @@ impl GraspReason {
     pub const fn as_str(self) -> &'static str {
         match self {
             Self::None => "no reason",
-            Self::Fingers => "a grasp has three fingers or more that the hand has",
-            Self::Tuning => "a number that no grasp can have",
-            Self::Law => "the tips determine no motion of the object",
-            Self::Partner => "another finger does not take part",
-            Self::Fault => "a finger has a fault",
-            Self::Switched => "a joint was given another mode",
+            Self::Fingers => "a grasp needs at least three fingers of the hand",
+            Self::Tuning => {
+                "a number of the grasp is not possible; gains are at least 0, friction above 0, all finite"
+            }
+            Self::Law => {
+                "no torques hold the object so: move the fingertips apart, or reduce the gains"
+            }
+            Self::Partner => {
+                "another finger does not take part; see whether it has a fault or another mode"
+            }
+            Self::Fault => "a finger has a fault; enable it again",
+            Self::Switched => "a joint was given another mode; order the grasp again",
         }
     }
 }
